@@ -94,6 +94,16 @@ SWEEPS: Mapping[str, str] = {
     "current_half": "Where the curve between the branches passes the middle of the pressures at both ends.",
     "slope_largest": "Steepest slope of the curve between the branches.",
 }
+THRESHOLDS: Mapping[str, str] = {
+    "threshold_onward": (
+        "ISO 10770-1 threshold (recollection), onward: least change of command, in % of full command, that changes the "
+        "response by more than `counted_change`, in the direction it came from. Ramps of at most 1 % a second from a "
+        "stop, mean of both directions and all repeats, delay taken out. `<` where a valve without friction would need "
+        "as much, `>` the reach where the response did not change by so much."
+    ),
+    "threshold_reversal": "The same against the direction in which the command came to the stop.",
+    "counted_change": "Three standard uncertainties of the averaged change of the response.",
+}
 FREQUENCIES: Mapping[str, str] = {
     "gain": (
         "Amplitude of the response's fundamental over that of the command at the reference frequency, without the "

@@ -1,4 +1,4 @@
-"""Positions of a cylinder over time with the straight lines that were fitted to them: velocity steps and drift."""
+"""Motions: positions over time with the lines that were fitted to them; how a response sets out after a stop."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 STEPS_NEEDED = ("time_s", "measured", "fitted", "from_s", "to_s", "speed_per_s")
+THRESHOLD_NEEDED = ("command", "measured")
 DRIFT_NEEDED = ("time_s", "position", "fitted")
 _MOST = 12
 _COLUMNS = 3
@@ -42,6 +43,20 @@ def drift_section(curves: Sequence[Curve]) -> Section:
     """The position at every level at which the command stands."""
     caption = _("Means over one second, and the straight line whose slope is the rate of the drift.")
     return Section(_("Drift"), figures=(_picture("drift", curves, "position", caption),))
+
+
+def threshold_section(curves: Sequence[Curve]) -> Section:
+    """How the response sets out after each kind of stop."""
+
+    def draw(axes: Axes, curve: Curve) -> None:
+        axes.plot(*thinned(needed(curve, "command"), needed(curve, "measured")), color=BLUE, lw=1.0)
+        axes.set_title(label_of(curve), fontweight="normal", loc="right", pad=3.0)
+        axes.margins(x=0.0)
+
+    caption = _("Change of the response since a stop, mean of both directions and all repeats; its delay is taken out.")
+    units = [unit_of(curves[0], key) for key in ("command_unit", "response_unit")]
+    labels = _("change of command") + units[0], _("change of response") + units[1]
+    return Section(_("Threshold"), figures=(small_multiples("threshold", curves[:_MOST], 2, draw, labels, caption),))
 
 
 def _picture(name: str, curves: Sequence[Curve], position: str, caption: str) -> Picture:

@@ -23,6 +23,7 @@ WITHOUT_TRUTH = {
     "deviation_from_good": "the thesis's own number; it grows with noise and duration, and is stated with both",
     "pressure_drop_high": "no shipped bench reads a return pressure; held in tests/unit/test_flow_curve_null.py",
     "pressure_drop_low": "the same",
+    "counted_change": "three standard uncertainties of a mean: it says how well this recording can be read",
     "reading": "what an input showed while an output was moved by hand",
 }
 MADE_OF = {
@@ -93,6 +94,7 @@ CASES = (
     Case("efc_frequency_response", ACCEPTANCE, {}, truth_sines.of_frequency_response),
     Case("leakage_check", ACCEPTANCE, {}, truth_others.of_leakage_check),
     Case("electrical_check", ACCEPTANCE, {}, truth_others.of_electrical_check),
+    Case("threshold", HPV41, {"rate_hz": "250"}, truth_static.of_threshold),
 )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from tests.coverage_study.situations import EFC, HPV41, Situation
 Truths = dict[str, Truth]
 
 _POINTS = 200_001
+_COUNTED_L_MIN = (0.005, 0.5)  # what three standard uncertainties may come to, from little noise to coarse codes
 _HALF_HOLD_MS = 0.5  # a command held for a millisecond comes half of it late
 
 
@@ -184,6 +185,26 @@ def pressure(static: Static) -> Truths:
 def of_flow_curve(_clean: Recording, bench: str, situation: Situation) -> Truths:
     """By the bench."""
     return two_sided(hpv41(situation)) if bench == HPV41 else one_sided(efc(situation))
+
+
+def of_threshold(clean: Recording, _bench: str, situation: Situation) -> Truths:
+    """What moves the response by any change that noise may let count, after each stop of the run without noise."""
+    late, flow, command = hpv41(situation).lag_ms / 1e3, clean.values("flow"), clean.values("command")
+    found: dict[str, list[tuple[Array, Array]]] = {}
+    for part in clean.meta["parts"]:
+        if part.get("way") in ("onward", "reversal"):
+            at, stop = part["first"] + part["waited"], part["first"] + part["count"]
+            change = np.abs(command[at:stop] - command[at - 1])
+            moved = np.maximum.accumulate(np.abs(flow[at:stop] - flow[at - 1]))
+            speed = float(change[-1]) / (stop - at) / clean.interval_s
+            found.setdefault(f"threshold_{part['way']}, {part['label']}", []).append((change - speed * late, moved))
+    return {name: _moved_by(rows) for name, rows in found.items()}
+
+
+def _moved_by(rows: list[tuple[Array, Array]]) -> Truth:
+    change, moved = np.mean([c for c, _ in rows], axis=0), np.mean([m for _, m in rows], axis=0)
+    low, high = (float(np.interp(counted, moved, change)) for counted in _COUNTED_L_MIN)
+    return max(low, 0.0), high
 
 
 def of_pressure_current(_clean: Recording, bench: str, situation: Situation) -> Truths:

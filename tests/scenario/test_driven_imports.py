@@ -17,6 +17,7 @@ ALL = [
     "step_response brevini-hpv41 levels=40,80",
     "large_sine brevini-hpv41 frequencies=0.5 cycles=1",
     "jog brevini-hpv41 value=20",
+    "threshold brevini-hpv41 speed=1 reach=2",
     "efc_acceptance cummins-efc-acceptance",
     "efc_frequency_response cummins-efc",
     "efc_step_response cummins-efc",

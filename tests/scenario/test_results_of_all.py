@@ -28,6 +28,7 @@ SHORT = {
     "pressure_current": ("cummins-efc", {}),
     "sine_position": ("hydraforce-open-loop", {"frequency_rad_s": 8}),
     "step_response": ("brevini-hpv41", {"levels": (0, 80)}),
+    "threshold": ("brevini-hpv41", {"speed": 1, "reach": 2, "biases": (60,), "rate_hz": 200}),
     "velocity_steps": ("hydraforce-open-loop", {}),
 }
 ELSEWHERE = {"efc_acceptance"}  # takes long, and is checked where it is run: tests/unit/test_efc_acceptance.py
