@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import cache
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
 from hil.diagnosis.changed import Changed
+from hil.diagnosis.choice import OPEN, Choice, has_drifted
 from hil.diagnosis.corrected import beyond_noise, corrected, standard_uncertainties
 from hil.diagnosis.coverage import Limit, limits
-from hil.diagnosis.decide import OPEN, has_drifted
 from hil.diagnosis.diagnosis import (
     Candidate,
     ChangedParameter,
@@ -26,39 +25,30 @@ from hil.diagnosis.diagnosis import (
     Verdict,
 )
 from hil.diagnosis.events.event import Events
-from hil.diagnosis.events.recognise import TOLERANCE_OF_EVENTS
-from hil.diagnosis.evidence import (
-    Judged,
-    calibrated,
-    indistinguishable,
-    judge,
-    probabilities,
-    training_half,
-)
+from hil.diagnosis.evidence import Judged, judge, training_half
 from hil.diagnosis.false_alarms import FalseAlarms, false_alarms
-from hil.diagnosis.happened import Happened
 from hil.diagnosis.kept_back import fit_kept_back, kept_back, predicted
 from hil.diagnosis.locate import StageShare, Where, locate, stages
-from hil.diagnosis.measures import LAW_TOLERANCE, excess, share_left
 from hil.diagnosis.named import predicted as predicted_change
 from hil.diagnosis.never_worse import why_not_better
 from hil.diagnosis.next_test import Span, next_test
 from hil.diagnosis.pictures import spectra, strips
+from hil.diagnosis.problem import Problem
 from hil.diagnosis.question import Question
 from hil.diagnosis.search.around import around
+from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fitted import Fitted, change_without, output_of
-from hil.diagnosis.search.polish import roughly
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.wording import (
     drifted,
     headline,
     nothing_can_be_said,
-    quantity_text,
     sentence,
     told_only_together,
     unlikely,
 )
-from hil.diagnosis.yardsticks import FEW, LISTED, MOST, PLAINLY
+from hil.diagnosis.yardsticks import FEW, LISTED, MOST
+from hil.identification.evidence import bic_of_known_noise
 from hil.identification.fit import fit_ceiling, fit_percent
 from hil.physics.compose import effect as installed_effect
 from hil.physics.compose import effects as installed_effects
@@ -66,8 +56,8 @@ from hil.physics.model import Model
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
-# Judgement, not measurement; how often such probabilities were right is in docs/explanation/proof.md.
-_MOST_SURE, _NOTHING_KNOWN, _ONE_IN_FIVE = 0.99, 0.95, 0.2
+# Nothing is said to be surer.
+_MOST_SURE = 0.99
 
 
 class Answer:
@@ -77,40 +67,23 @@ class Answer:
     """
 
     def __init__(
-        self, found: Happened, warnings: tuple[str, ...], span: Span | None, asked: Question,
+        self, problem: Problem, choice: Choice, warnings: tuple[str, ...], span: Span | None, asked: Question,
         changed: Changed | None = None,
     ) -> None:  # fmt: skip
         self.asked, self.changed = asked, changed
-        self.found, self.warnings, self.span = found, warnings, span
-        self.problem, self.choice, self.events = found.problem, found.choice, found.events
+        self.warnings, self.span = warnings, span
+        self.problem, self.choice, self.events = problem, choice, choice.events
+        self.verdict = choice.verdict
         self.judged = self._judged()
-        self.verdict = _verdict(found)
-        self.alike = found.choice.alike if self.verdict == "unexplained" else ()
-        if not found.events and changed is None and self._is_doubted():
-            self.alike = self._as_good() if self.verdict == "explained" else ()
-            self.verdict = "unexplained"
-        beside = not found.replaces_laws and found.choice.verdict != "unexplained"
-        self.by_law = not found.events or beside
-        self.named = found.choice.chosen if self.verdict != "unexplained" and self.by_law else found.choice.baseline
+        self.alike = choice.alike if self.verdict == "unexplained" else ()
+        self.named = choice.chosen if self.verdict != "unexplained" else choice.baseline
         self.kept = kept_back(self.problem, self.choice.chosen)
         self.used, self.held_out, self.why_nominal = self._used()
 
     @property
     def has_drifted(self) -> bool:
         """Whether the verdict is `consistent` because base parameters may wander."""
-        consistent = self.verdict == "consistent"
-        return consistent and has_drifted(self.problem, self.choice.nominal, self.choice.baseline)
-
-    def _is_doubted(self) -> bool:
-        """Whether what was chosen is improbable, as others are as good or data kept back speak against it."""
-        names = self.choice.chosen.names
-        likely = max((self._probability(name) for name in names), default=1.0)
-        return likely < min(_ONE_IN_FIVE, self._none_of_these())
-
-    def _as_good(self) -> tuple[str, ...]:
-        """Names that would each explain everything, where there are several and none is more probable."""
-        alike = [name for pair in self.choice.rivals for name in pair]
-        return tuple(dict.fromkeys(alike))
+        return has_drifted(self.problem, self.choice)
 
     def _used(self) -> tuple[Fitted, Fit, str]:
         """What the corrected model holds, with the fits on data kept back, and why it is the nominal model, if it is.
@@ -145,12 +118,16 @@ class Answer:
         return sum(float(error @ error) for error in errors)
 
     def _judged(self) -> list[Judged]:
-        """The chosen explanation and its closest competitors on data kept back, the chosen one first."""
-        fits: list[Fitted] = [self.choice.chosen] if self.choice.chosen.terms else []
-        names = {_name(f) for f in fits}
-        for f in self.choice.candidates:
-            if len(fits) < FEW and _name(f) not in names:
-                names.add(_name(f))
+        """The chosen explanation and its closest competitors on data kept back, the chosen one first.
+
+        What another one needs all of adds nothing to it; and where laws only describe, the closest of them is one.
+        """
+        lasting = [f for f in self.choice.candidates if not _runs_by_clock(f)]
+        closest = min(lasting, key=lambda f: bic_of_known_noise(f.chi2, self.problem.size, f.unknowns), default=None)
+        fits: list[Fitted] = []
+        for f in (self.choice.chosen, *self.choice.candidates):
+            is_news = len(fits) < FEW and not any(_labels(g) <= _labels(f) for g in fits)
+            if f.terms and (is_news or f is closest):
                 fits.append(f)
         return [judge(self.problem, f) for f in fits]
 
@@ -171,7 +148,7 @@ class Answer:
         left = self._left(drawn)
         shares = self._stage_shares(nominal) if mismatch else ()
         named = {f.name for f in found}
-        everywhere = limits(around(problem, self.named), self.choice.terms, self._twins())
+        everywhere = limits(around(problem, self.named), self.choice.terms, self.choice.twins if mismatch else ())
         unseen = tuple(limit for limit in everywhere if limit.effect not in named)
         rivals = self._not_separable()
         return Diagnosis(
@@ -202,22 +179,16 @@ class Answer:
             question=self.asked.asked,
             why_asked=self.asked.why,
             gate=self._gate(),
-            table=self.choice.table,
+            table=self._table(),
             left_out=self._left_out(fits),
             corrected_is="nominal" if self.used is nominal else "named",
             work=problem.work.as_dict(),
             why_corrected=self.why_nominal or "it is better than the nominal model on parts that no fit has seen",
         )
 
-    def _twins(self) -> list[Fitted]:
-        """Other explanations that these data do not exclude: what the chosen one leaves says how true laws are here."""
-        if self.verdict == "consistent":
-            return []
-        least = self.choice.chosen.chi2
-        most = max(least + indistinguishable(least), least + (PLAINLY - 1.0) * max(least - self.problem.size, 0.0))
-        choice = self.choice
-        found = (choice.chosen, *choice.candidates, *choice.descriptions, *choice.pairs)
-        return [f for f in found if f.chi2 <= most]
+    def _table(self) -> dict[str, Any] | None:
+        table = self.choice.table
+        return None if table is None else {**table.as_dict(LISTED), "effort": asdict(EFFORT)}
 
     def _headline(self, found: Sequence[Finding], changed: Sequence[ChangedParameter], left: Left, hidden: str) -> str:
         is_cut = bool(self.problem.work.left_out)
@@ -226,19 +197,13 @@ class Answer:
     # -- findings ----------------------------------------------------------------------------------------
 
     def _findings(self) -> tuple[Finding, ...]:
-        laws = self._law_findings()
-        events = self._told_events()
-        told = {name for e in events for name in e.told}
-        return (*(self._event_finding(e) for e in events), *(law for law in laws if law.name not in told))
-
-    def _told_events(self) -> list[Events]:
-        """All but those that a law of their name is told instead of."""
-        laws = self.choice.chosen.names if self.by_law and self.verdict != "unexplained" else ()
-        return [e for e in self.events if e.name not in laws or not e.gives_way]
+        events = [self._event_finding(e) for e in self.events]
+        hidden = {name for e in self.events for name in e.told}
+        return (*events, *(law for law in self._law_findings() if law.name not in hidden))
 
     def _law_findings(self) -> list[Finding]:
         """The greatest change first."""
-        if self.verdict == "unexplained" or not self.by_law:
+        if self.verdict == "unexplained":
             return []
         f = self.choice.chosen
         changes = [change_without(self.problem, f, k) for k in range(len(f.terms))]
@@ -255,7 +220,7 @@ class Answer:
         quantities = self._quantities(f, term, values)
         where = locate(self.problem, self.problem.outputs_of(change))
         return Finding(
-            name, effect.title, self._told_probability(name), term.stage, term.hook,
+            name, effect.title, self._probability(name), term.stage, term.hook,
             quantities, where, sentence(effect, term, quantities), effect.equation, effect.source,
         )  # fmt: skip
 
@@ -285,14 +250,14 @@ class Answer:
         if spells:
             where = replace(where, time_s=spells, recording=events.spells[0].recording)
         return Finding(
-            events.name, effect.title if effect else events.name, calibrated(self._event_probability(events)),
+            events.name, effect.title if effect else events.name, self._probability(events.name),
             events.stage, events.hook,
             {name: Quantity(v, beyond_noise(std, v), unit) for name, (v, std, unit) in events.values.items()},
             where, events.sentence, events.equation, effect.source if effect else "",
         )  # fmt: skip
 
     def _changed(self) -> tuple[ChangedParameter, ...]:
-        if self.verdict == "unexplained" or not self.by_law:
+        if self.verdict == "unexplained":
             return ()
         f = self.choice.chosen
         stds = standard_uncertainties(f)
@@ -307,56 +272,9 @@ class Answer:
 
     # -- evidence ----------------------------------------------------------------------------------------
 
-    def _none_of_these(self) -> float:
-        """The probability that no explanation of the library is the true one."""
-        if self.verdict == "unexplained":
-            return _NOTHING_KNOWN
-        return _something_else(self.choice.left, LAW_TOLERANCE)
-
-    def _event_probability(self, events: Events) -> float:
-        """Of events that were read off the recordings themselves, next to certain; else from what they leave."""
-        if events is not self.choice.events:
-            return _MOST_SURE
-        return round(1.0 - _something_else(self._left_by(events), TOLERANCE_OF_EVENTS[events.name]), 3)
-
-    def _left_by(self, events: Events) -> float:
-        """The share of the misfit that events leave."""
-        return share_left(self.problem, events.chi2, excess(self.problem, self.choice.baseline.chi2))
-
-    def _chances(self) -> list[float]:
-        return probabilities(self.judged, self._none_of_these())
-
     def _probability(self, name: str) -> float:
-        """That an effect is there, whatever else is: over all explanations that have it, and not something unknown in
-        its place.
-        """
-        if self.choice.chances:
-            return round(min(self.choice.chances.get(name, 0.0), _MOST_SURE), 3)
-        total = sum(p for p, j in zip(self._chances(), self.judged, strict=True) if name in j.fitted.names)
-        total /= 1.0 - self._none_of_these()
-        return round(min(total * (1.0 - self._something_instead(name)), _MOST_SURE), 3)
-
-    def _told_probability(self, name: str) -> float:
-        """As it is told: that of one score as it is, any other as often as such were right."""
-        said = self._probability(name)
-        return said if self.choice.chances else calibrated(said)
-
-    def _something_instead(self, name: str) -> float:
-        """The probability that what one member of the chosen explanation takes is something unknown's: the more of its
-        own part of the misfit stays, the greater. For a single cause that part is the whole.
-        """
-        f = self.choice.chosen
-        others = [k for k, (t, v) in enumerate(zip(f.terms, f.values, strict=True)) if t.effect_name(v) != name]
-        if self.verdict == "unexplained" or not others or len(others) == len(f.terms):
-            return self._none_of_these()
-        return _something_else(self.choice.left / max(self._left_by_others(tuple(others)), 1e-12), LAW_TOLERANCE)
-
-    @cache  # noqa: B019  lives as long as the answer
-    def _left_by_others(self, keep: tuple[int, ...]) -> float:
-        """The share of the misfit that some members of the chosen explanation leave without the others, at most all."""
-        without = roughly(self.problem, self.choice.chosen.only(keep))
-        left = share_left(self.problem, without.chi2, excess(self.problem, self.choice.baseline.chi2))
-        return min(max(left, self.choice.left), 1.0)
+        """That an effect is there, whatever else is: over all rows of the table."""
+        return round(min(self.choice.chances.get(name, _MOST_SURE), _MOST_SURE), 3)
 
     def _candidates(self) -> tuple[Candidate, ...]:
         if not self.judged:
@@ -367,18 +285,17 @@ class Answer:
         rows = [
             Candidate(
                 _name(j.fitted), ", ".join(t.stage for t in j.fitted.terms),
-                round(j.fit_held_out, 3), round(0.5 * (nothing - j.chi2_held_out), 1), round(p, 3),
-                j.fitted.unknowns,
+                round(j.fit_held_out, 3), round(0.5 * (nothing - j.chi2_held_out), 1),
+                min(map(self._probability, j.fitted.names), default=0.0), j.fitted.unknowns,
             )
-            for j, p in zip(self.judged, self._chances(), strict=True)
+            for j in self.judged
         ]  # fmt: skip
         return tuple(sorted(rows, key=lambda c: -c.evidence))
 
     def _not_separable(self) -> tuple[tuple[str, ...], ...]:
-        if (self.verdict == "unexplained" and not self.alike) or not self.by_law:
-            return ()
-        told = {name for e in self._told_events() for name in e.told}
-        return tuple(names for names in self.choice.rivals if names[0] not in told)
+        if self.verdict == "unexplained":
+            return (self.alike,) if len(self.alike) > 1 else ()
+        return self.choice.rivals
 
     def _gate(self) -> Mapping[str, Any] | None:
         """The statistic that says whether the unit has changed; None where the search itself says so."""
@@ -437,8 +354,7 @@ class Answer:
 
     def _left(self, drawn: Sequence[Strip]) -> Left:
         problem, noise = self.problem, self.problem.noises[0]
-        r = self.found.residuals if self.events else self.used.residuals
-        share = self._left_by(self.events[-1]) if self.events else self.choice.left
+        r, share = self.used.residuals if self.choice.residuals is None else self.choice.residuals, self.choice.left
         parts = enumerate(problem.output_slices())
         after = np.concatenate([problem.errors(i, r[part])[e.told] for (i, part), e in
                                 zip(parts, problem.experiments, strict=True)])  # fmt: skip
@@ -460,13 +376,10 @@ class Answer:
 
     def _all_warnings(self, changed: Sequence[ChangedParameter]) -> tuple[str, ...]:
         f = self.choice.chosen
-        bounds = f.on_bound() if self.by_law else ()
-        said = [f"{name} ended on a bound of its range: a warning, not physics" for name in bounds]
-        if self.verdict == "unexplained" and f.terms:
-            left = quantity_text(100 * self.choice.left, None, "%")
-            said.append(
-                f"the closest description ({_labels(f)}) leaves {left} of the misfit and is not named as the cause"
-            )
+        said = [f"{name} ended on a bound of its range: a warning, not physics" for name in f.on_bound()]
+        if self.verdict == "unexplained" and self.judged:
+            closest = min(self.judged, key=lambda j: j.chi2_held_out).fitted
+            said.append(f"the closest description ({', '.join(sorted(_labels(closest)))}) is not named as the cause")
         if self.has_drifted and not self.events and self.used is self.choice.baseline:
             said.append(self._drifted())
         said += [
@@ -489,12 +402,6 @@ class Answer:
         return drifted(told, model.values, after)
 
 
-def _verdict(found: Happened) -> Verdict:
-    if not found.events:
-        return found.choice.verdict
-    return "partly_explained" if found.choice.verdict in OPEN and not found.replaces_laws else "explained"
-
-
 def _reaches(fits: Mapping[str, Fit]) -> str:
     """How far the nominal model comes, on the recording that it fits worst."""
     worst = min(fits.values(), key=lambda fit: np.nan_to_num(fit.nominal, nan=np.inf))
@@ -507,16 +414,13 @@ def _rounded(nominal: float, corrected: float, most: float) -> Fit:
     return Fit(round(nominal, 3), round(corrected, 3), round(float(np.fmax(most, reached)), 3))
 
 
-def _labels(f: Fitted) -> str:
-    return ", ".join(term.label for term in f.terms)
+def _labels(f: Fitted) -> frozenset[str]:
+    return frozenset(term.label for term in f.terms)
 
 
-def _something_else(left: float, tolerance: float) -> float:
-    """The probability that the truth is something else, from the share of the misfit that an explanation leaves.
-
-    `tolerance`: the share at which it would no longer have been accepted; one in five of those at it may be wrong.
-    """
-    return float(np.clip(1.0 - _MOST_SURE + _ONE_IN_FIVE * left / tolerance, 0.0, 0.6))
+def _runs_by_clock(f: Fitted) -> bool:
+    """Whether it describes one recording and no other."""
+    return not f.terms or any(term.by_clock for term in f.terms)
 
 
 def _name(f: Fitted) -> str:

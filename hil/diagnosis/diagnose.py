@@ -11,13 +11,12 @@ from typing import Any
 from hil.diagnosis.answer import Answer
 from hil.diagnosis.changed import Changed
 from hil.diagnosis.check import Checked, check
-from hil.diagnosis.decide import OPEN, decide
+from hil.diagnosis.choice import OPEN, Choice
 from hil.diagnosis.diagnosis import Diagnosis
-from hil.diagnosis.events.coarse import coarse_step
-from hil.diagnosis.events.event import Spell
+from hil.diagnosis.events.coarse import coarse, coarse_step
+from hil.diagnosis.events.event import Events, Spell
 from hil.diagnosis.events.repeats import stale_outputs, without_stale
-from hil.diagnosis.happened import Happened, happened, posed_again
-from hil.diagnosis.levels import read_coarsely
+from hil.diagnosis.explain import explained, posed_again
 from hil.diagnosis.measures import CONSISTENT_EXCESS
 from hil.diagnosis.named import named, unchanged
 from hil.diagnosis.next_test import Span
@@ -29,6 +28,7 @@ from hil.diagnosis.wording import quantity_text
 from hil.diagnosis.work import Progress, Work
 from hil.identification.experiment import Experiment
 from hil.physics.model import Model
+from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 
 
@@ -104,13 +104,11 @@ def _diagnose(
     warnings = [*asked.warnings, *checked.warnings, *solver_warnings, *_known_hum(model)]
     changed = _beyond_noise(problem, asked)
     if changed is None:
-        found, said = _searched(problem, checked, kept)
+        problem, choice, said = _searched(problem, checked, kept, stale)
     else:
-        found, said = _judged(changed)
-    if stale:
-        found = _with_stale(found, stale)
+        problem, choice, said = _judged(changed)
     work.at(0.6, "judging on data kept back")
-    answer = Answer(found, (*warnings, *said, *work.warnings), span, asked, changed)
+    answer = Answer(problem, choice, (*warnings, *said, *work.warnings), span, asked, changed)
     work.at(0.8, "locating the mismatch")
     diagnosis = answer.diagnosis(time.perf_counter() - started)
     work.at(1.0, "done")
@@ -132,41 +130,57 @@ def _beyond_noise(problem: Problem, asked: Question) -> Changed | None:
     return Changed(problem, table, table.rows(problem.model, problem.experiments))
 
 
-def _judged(changed: Changed) -> tuple[Happened, list[str]]:
+def _judged(changed: Changed) -> tuple[Problem, Choice, list[str]]:
     """One gate before any name."""
     if not changed.is_alarm:
-        return Happened((), changed.problem, unchanged(changed)), []
-    return Happened((), changed.problem, named(changed)), [said for said in [changed.unsure()] if said]
+        return changed.problem, unchanged(changed), []
+    return changed.problem, named(changed), [said for said in [changed.unsure()] if said]
 
 
-def _searched(problem: Problem, checked: Checked, kept: Sequence[Experiment]) -> tuple[Happened, list[str]]:
+def _searched(
+    problem: Problem, checked: Checked, kept: Sequence[Experiment], stale: Sequence[Spell]
+) -> tuple[Problem, Choice, list[str]]:
     """What the model leaves out, by the search over the whole library and for events."""
-    warnings: list[str] = []
     problem.work.at(0.1, "searching for the cause")
-    choice = decide(problem)
+    coarsely = coarse_step(problem, kept)
+    if coarsely is not None:
+        problem = replace(problem, step=coarsely[0])
+    known = [*(["dropout"] if stale else []), *(["quantisation"] if coarsely else [])]
+    posed, choice = explained(problem, known)
+    warnings: list[str] = []
     if checked.clocks_set and choice.verdict in OPEN:  # one clock is less to believe than many lost commands
         set_right = posed_again(problem, without_stale(checked.clocks_set)[0])
-        second = decide(set_right)
+        again, second = explained(set_right, known)
         if second.verdict not in OPEN:
-            problem, choice = set_right, second
+            problem, posed, choice = set_right, again, second
             warnings += checked.clock_warnings
     problem, no_news = as_in_this_unit(problem, choice)
     if no_news:
-        choice = decide(problem)
+        posed, choice = explained(problem, known)
         warnings += no_news
-    found = happened(problem, choice)
-    if (step := coarse_step(problem, kept)) is not None:
-        found = read_coarsely(found, *step)
-    return found, warnings
+    if stale:
+        choice = _with_stale(posed, choice, stale)
+    if coarsely is not None:
+        choice = _with(choice, coarse(posed, *coarsely, choice.chosen, _residuals(choice)))
+    return posed, choice, warnings
 
 
-def _with_stale(found: Happened, stale: Sequence[Spell]) -> Happened:
+def _with_stale(problem: Problem, choice: Choice, stale: Sequence[Spell]) -> Choice:
     """Samples that were seen at once to repeat, and those that only a model showed, as one."""
-    sensor, problem = found.problem.plant.hooks[-1].name, found.problem
-    shown = next((e for e in found.events if e.name == "dropout" and e.hook == sensor), None)
-    spells = (*stale, *shown.spells) if shown is not None else stale
-    every = stale_outputs(spells, problem, found.residuals, problem.experiments)
-    return found.also(every) if shown is None else found.with_another(every, shown)
+    sensor = problem.plant.hooks[-1].name
+    shown = [e for e in choice.events if e.name == "dropout" and e.hook == sensor]
+    spells = [*stale, *(spell for e in shown for spell in e.spells)]
+    others = tuple(e for e in choice.events if e not in shown)
+    every = stale_outputs(spells, problem, _residuals(choice), problem.experiments)
+    return _with(replace(choice, events=others), every)
+
+
+def _with(choice: Choice, events: Events) -> Choice:
+    return replace(choice, events=(*choice.events, events))
+
+
+def _residuals(choice: Choice) -> Array:
+    return choice.chosen.residuals if choice.residuals is None else choice.residuals
 
 
 def _known_hum(model: Model) -> tuple[str, ...]:

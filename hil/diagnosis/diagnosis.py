@@ -186,8 +186,8 @@ class Diagnosis:
         kept_back: what `held_out` was judged on.
         question: what was asked, and `why_asked`. `gate`: the statistic that says whether the unit has changed, where
             the model left more than noise. `left_out`: the other question's answer, where *changed* was asked.
-        table: every hypothesis with its score, the best first, where one score has weighed them: the first is the
-            verdict (see `hil.diagnosis.score`).
+        table: every hypothesis with its score, the best first; the first is the verdict (see `hil.diagnosis.score`).
+            None below the gate of *changed*.
         corrected_is: what the corrected model holds, and `why_corrected`. `work`: simulations and their samples.
         simulated: whether a recording is of a simulated valve.
         false_alarms: how often a unit without any effect is called anything but consistent, and where that was counted.

@@ -12,9 +12,10 @@ from hil.cores import spread
 from hil.diagnosis.evidence import Mask, held_out_fit
 from hil.diagnosis.measures import CONSISTENT_EXCESS
 from hil.diagnosis.problem import Problem
+from hil.diagnosis.search.effort import EFFORT
+from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted
-from hil.diagnosis.search.polish import fit
-from hil.diagnosis.yardsticks import AT_A_GLANCE, FEW
+from hil.diagnosis.yardsticks import FEW
 from hil.identification.time_constant import time_constant_s
 from hil.record.recording import Array
 
@@ -71,7 +72,7 @@ def predicted(problem: Problem, f: Fitted, kept: KeptBack) -> Array:
     folds = [k for k in np.unique(kept.fold) if np.any(kept.scored[kept.fold == k])]
 
     def without(k: int) -> Array:
-        refitted = fit(problem, f, keep=kept.fold != k, effort=AT_A_GLANCE)
+        refitted = fit(problem, f, keep=kept.fold != k, steps=EFFORT.rough)
         return np.where(kept.fold == k, refitted.residuals, 0.0)
 
     made: Array = np.sum(spread(without, folds), axis=0)

@@ -10,12 +10,12 @@ import numpy as np
 
 from hil.cores import spread
 from hil.diagnosis.changed import Changed
-from hil.diagnosis.decide import Choice
+from hil.diagnosis.choice import Choice
 from hil.diagnosis.kept_back import NOTHING, KeptBack
 from hil.diagnosis.score import UNKNOWN, Hypothesis, Noise, Table, table, verdict
+from hil.diagnosis.search.effort import EFFORT, Steps
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing, starting
 from hil.diagnosis.search.terms import Term, all_terms
-from hil.diagnosis.yardsticks import AT_A_GLANCE, LISTED, ROUGHLY, Effort
 from hil.identification.estimate import estimate
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
@@ -51,8 +51,7 @@ def named(changed: Changed) -> Choice:
     shown = [evaluated(problem, f) for f in (best, *(f for f in ranked if f is not best))]
     return Choice(
         told, shown[0], nominal, nominal, tuple(shown), tuple((names[0], name) for name in others),
-        terms, left / max(whole, 1e-9), alike=tuple(names), chances=chances,
-        table=scores.as_dict(LISTED),
+        terms, left / max(whole, 1e-9), alike=tuple(names), chances=chances, table=scores,
     )  # fmt: skip
 
 
@@ -63,7 +62,7 @@ def predicted(changed: Changed, f: Fitted, kept: KeptBack) -> Array:
     fold = changed.folds(kept.fold)
     made = np.zeros(len(f.residuals))
     for k in np.unique(kept.fold):
-        refitted = _fit(changed, f.terms[0], f.values[0], AT_A_GLANCE, fold != k)
+        refitted = _fit(changed, f.terms[0], f.values[0], EFFORT.rough, fold != k)
         made += np.where(kept.fold == k, evaluated(changed.problem, refitted).residuals, 0.0)
     return made
 
@@ -88,12 +87,12 @@ def _causes(h: Hypothesis) -> tuple[str, ...]:
 def _fitted(changed: Changed, terms: Sequence[Term]) -> list[Fitted]:
     """The terms that could leave least from any of their starts, each at its best; the best of each place first."""
     tried = spread(partial(_nearer, changed), _likely(changed, terms))
-    roughly = spread(lambda one: _fit(changed, *one, AT_A_GLANCE), tried)
+    roughly = spread(lambda one: _fit(changed, *one, EFFORT.rough), tried)
     first: dict[str, Fitted] = {}
     for f in sorted(roughly, key=lambda f: f.chi2):
         first.setdefault(f.terms[0].label, f)
     fits = list(first.values())
-    further = spread(lambda f: _fit(changed, f.terms[0], f.values[0], ROUGHLY), fits[:_FURTHER])
+    further = spread(lambda f: _fit(changed, f.terms[0], f.values[0], EFFORT.fine), fits[:_FURTHER])
     return sorted((*further, *fits[_FURTHER:]), key=lambda f: f.chi2)
 
 
@@ -143,13 +142,13 @@ def _residuals(changed: Changed, term: Term, values: Sequence[float]) -> Array:
     return changed.residuals(parameters, effects)
 
 
-def _fit(changed: Changed, term: Term, start: Sequence[float], effort: Effort, keep: Array | None = None) -> Fitted:
+def _fit(changed: Changed, term: Term, start: Sequence[float], steps: Steps, keep: Array | None = None) -> Fitted:
     def residuals(values: Array) -> Array:
         r = _residuals(changed, term, values.tolist())
         return r if keep is None else np.where(keep, r, 0.0)
 
     found = estimate(
-        residuals, starting(term.unknowns, start), max_evaluations=effort.evaluations, tolerance=effort.tolerance
+        residuals, starting(term.unknowns, start), max_evaluations=steps.evaluations, tolerance=steps.tolerance
     )
     values = tuple(found.values.tolist())
     moved = dict(changed.problem.model.values) | ({term.name: values[0]} if term.kind == "parameter" else {})

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.diagnosis.decide import OPEN, Choice
+from hil.diagnosis.choice import OPEN, Choice
 from hil.diagnosis.diagnosis import NextTest, Verdict
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of

@@ -89,6 +89,19 @@ class Problem:
         return len(self.nominal_residuals) - silent
 
     @cached_property
+    def expected(self) -> float:
+        """χ² that noise alone leaves.
+
+        Of a sample at a distance d from the end of its level, where all distances are as likely, noise of variance σ²
+        makes d² with the probability Φ(−d/σ): 2/q·∫d²Φ(−d/σ)dd = ⅔·√(2/π)·σ³/q.
+        """
+        known = self.model.noise
+        if self.step <= 0.0 or known is None:
+            return float(self.size)
+        told = sum(int(e.told.sum()) for e in self.experiments)
+        return self.size - told + told * 2.0 / 3.0 * math.sqrt(2.0 / math.pi) * known.std / self.step
+
+    @cached_property
     def is_short(self) -> bool:
         """Whether fits are so quick that hundreds of them are affordable: by what one simulation has to work out.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from hil.diagnosis.decide import Choice
+from hil.diagnosis.choice import Choice
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.wording import quantity_text
@@ -20,7 +20,7 @@ def as_in_this_unit(problem: Problem, choice: Choice) -> tuple[Problem, tuple[st
     The same question and no words where there are none.
     """
     found = zip(choice.chosen.terms, choice.chosen.values, strict=True) if choice.verdict != "unexplained" else ()
-    near = [(term, values) for term, values in found if _is_no_news(problem.model, term, values)]
+    near = [(term, values) for term, values in found if is_no_news(problem.model, term, values)]
     if not near:
         return problem, ()
     moved = {(term.name, term.hook): (term, values) for term, values in near}
@@ -31,7 +31,8 @@ def as_in_this_unit(problem: Problem, choice: Choice) -> tuple[Problem, tuple[st
     return replace(problem, model=replace(problem.model, effects=effects)), said
 
 
-def _is_no_news(model: Model, term: Term, values: Sequence[float]) -> bool:
+def is_no_news(model: Model, term: Term, values: Sequence[float]) -> bool:
+    """Whether these sizes of an effect that the model has are no farther off than was known."""
     if not term.held:
         return False
     had = next(e for e in model.effects if (e.name, e.hook) == (term.name, term.hook))

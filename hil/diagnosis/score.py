@@ -29,6 +29,7 @@ class Criteria:
         parts: m, from where on what is left counts by its logarithm. `cause`: γ, what a cause costs, in parts.
         unknown: what something unknown leaves of what its partner leaves, and its `unknowns`.
         temper: τ; odds of two rows are exp(ΔS/2τ). `odds`: rows within these odds of the first are not told apart.
+        scale: the noise's variance is no better known than to this share, within 95 %.
     """
 
     parts: float = 100.0
@@ -37,6 +38,7 @@ class Criteria:
     unknowns: int = 3
     temper: float = 10.0
     odds: float = 20.0
+    scale: float = 0.06
 
 
 CRITERIA = Criteria()
@@ -50,6 +52,7 @@ class Hypothesis:
         names: of effects and events. `changed`: of parameters. Neither: the unit as it was.
         chi2: sum of squared whitened residuals, the prior of the base parameters included.
         causes, unknowns: c and k.
+        is_open: whether something beside them is only described: it is something unknown, which leaves as much.
     """
 
     names: tuple[str, ...]
@@ -57,6 +60,7 @@ class Hypothesis:
     causes: int = 0
     unknowns: int = 0
     changed: tuple[str, ...] = ()
+    is_open: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +77,15 @@ class Noise:
     most: float
     samples: float
     names: int
+
+    def chi2(self, least: float) -> float:
+        """χ₀², from the least χ² of any hypothesis."""
+        return float(np.clip(least, self.least * self.count, self.most * self.count))
+
+    def left(self, chi2: float, least: float) -> float:
+        """E of what leaves χ²."""
+        noise = self.chi2(least)
+        return max(chi2 - noise, 0.0) * self.count / noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +105,12 @@ class Row:
         """As a table says it: `friction + something unknown`."""
         h = self.hypothesis
         return " + ".join((*h.names, *h.changed, *((UNKNOWN,) if self.is_open else ()))) or "nothing"
+
+    @property
+    def reported(self) -> tuple[str, ...]:
+        """Its names; that parameters have changed is one."""
+        h = self.hypothesis
+        return (*h.names, *(("parameter_change",) if h.changed else ()))
 
     @property
     def verdict(self) -> Verdict:
@@ -123,6 +142,24 @@ class Table:
     def without(self, told: Verdict) -> Table:
         """The same without rows that are told so, where something else has refuted them."""
         return replace(self, rows=_with_odds([r for r in self.rows if r.verdict != told]))
+
+    @property
+    def alternatives(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of names, one of the first row and one of another that is not told apart from it."""
+        ours = self.first.reported
+        found: dict[tuple[str, str], None] = {}
+        for row in self.ambiguous:
+            mine = [name for name in ours if name not in row.reported]
+            other = [name for name in row.reported if name not in ours]
+            if mine and other:
+                found[mine[0], other[0]] = None
+        return tuple(sorted(found))
+
+    @property
+    def alike(self) -> tuple[str, ...]:
+        """Names of sets that are not told apart from the first row."""
+        sets = (" + ".join(row.reported) for row in self.ambiguous if row.reported and not row.is_open)
+        return tuple(dict.fromkeys(sets))
 
     def chance(self, name: str) -> float:
         """How probable it is that a name is there, whatever else is."""
@@ -156,24 +193,23 @@ def table(noise: Noise, hypotheses: Iterable[Hypothesis]) -> Table:
 
     Args:
         noise: what it leaves alone.
-        hypotheses: those that were fitted, the unit as it was among them.
+        hypotheses: those that were fitted, the unit as it was among them; of equal ones the earlier goes first.
     """
     found = list(hypotheses)
-    chi2 = float(np.clip(min(h.chi2 for h in found), noise.least * noise.count, noise.most * noise.count))
-    best: dict[str, Row] = {}
+    least = min(h.chi2 for h in found)
+    best: dict[tuple[frozenset[str], bool], Row] = {}
     for h in found:
-        for row in _rows(noise, h, max(h.chi2 - chi2, 0.0) * noise.count / chi2):
-            if row.label not in best or row.score < best[row.label].score:
-                best[row.label] = row
-    return Table(noise, chi2, _with_odds(sorted(best.values(), key=lambda r: r.score)))
+        for row in _rows(noise, h, noise.left(h.chi2, least)):
+            key = frozenset((*h.names, *h.changed)), row.is_open
+            if key not in best or row.score < best[key].score:
+                best[key] = row
+    return Table(noise, noise.chi2(least), _with_odds(sorted(best.values(), key=lambda r: r.score)))
 
 
-def _rows(noise: Noise, h: Hypothesis, left: float) -> tuple[Row, Row]:
+def _rows(noise: Noise, h: Hypothesis, left: float) -> tuple[Row, ...]:
     causes, unknowns, less = h.causes + 1, h.unknowns + CRITERIA.unknowns, CRITERIA.unknown * left
-    return (
-        Row(h, False, h.causes, h.unknowns, left, score(noise, left, h.causes, h.unknowns)),
-        Row(h, True, causes, unknowns, less, score(noise, less, causes, unknowns)),
-    )
+    own = Row(h, h.is_open, h.causes, h.unknowns, left, score(noise, left, h.causes, h.unknowns))
+    return (own,) if h.is_open else (own, Row(h, True, causes, unknowns, less, score(noise, less, causes, unknowns)))
 
 
 def _with_odds(rows: Sequence[Row]) -> tuple[Row, ...]:

@@ -7,15 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.causes import Causes
 from hil.diagnosis.check import check
-from hil.diagnosis.decide import Choice, decide
+from hil.diagnosis.choice import Choice
 from hil.diagnosis.diagnose import diagnose
-from hil.diagnosis.events.recognise import recognised
-from hil.diagnosis.measures import Measures, excess
+from hil.diagnosis.events.tone import tone
+from hil.diagnosis.explain import explained
 from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.search.fits import fit, with_known_start
 from hil.diagnosis.search.fitted import Fitted, nothing, output_of
-from hil.diagnosis.search.polish import polish, roughly, with_known_start
 from hil.diagnosis.search.terms import all_terms
 from hil.errors import FileError
 from hil.identification.experiment import Experiment, experiment
@@ -41,7 +40,7 @@ def moved(kind: int, *effects: ActiveEffect, humming_n: float = 0.0) -> Experime
 
 
 def answer(*effects: ActiveEffect) -> Choice:
-    return decide(pose(MODEL, [moved(kind, *effects) for kind in range(3)]))
+    return explained(pose(MODEL, [moved(kind, *effects) for kind in range(3)]))[1]
 
 
 def fitted(problem: Problem, *effects: ActiveEffect) -> Fitted:
@@ -85,27 +84,13 @@ def raw_rms(problem: Problem, f: Fitted) -> float:
 def test_a_start_does_not_bend_to_laws_that_are_off_by_much_more_than_noise() -> None:
     """A tone that is no part of the explanation; without friction in it, a start of a few noises would hide some."""
     problem = pose(MODEL, [moved(0, FRICTION, humming_n=20.0)])
-    bent = polish(problem, fitted(problem, FRICTION))
+    bent = fit(problem, fitted(problem, FRICTION))
     known = with_known_start(problem, bent)
     assert raw_rms(problem, known) < raw_rms(problem, bent) - 1.0
     assert known.chi2 >= bent.chi2
     within_noise = pose(MODEL, [moved(0, FRICTION)])
-    exact = polish(within_noise, fitted(within_noise, FRICTION))
+    exact = fit(within_noise, fitted(within_noise, FRICTION))
     assert with_known_start(within_noise, exact) is exact
-
-
-@pytest.mark.parametrize(
-    ("effects", "beside"),
-    [((FRICTION,), ActiveEffect("hysteresis", "command", {"width": 0.5, "reach": 300.0, "least": 0.1, "closing": 0.1})),
-     ((LIMITED,), UNEVEN)],
-    ids=["not there", "there"],
-)  # fmt: skip
-def test_a_second_cause_is_kept_where_it_is_needed(effects: tuple[ActiveEffect, ...], beside: ActiveEffect) -> None:
-    is_there = beside is UNEVEN
-    problem = pose(MODEL, [moved(kind, *effects, *([beside] if is_there else [])) for kind in range(3)])
-    both = polish(problem, fitted(problem, *effects, beside))
-    causes = Causes(Measures(problem, roughly(problem, nothing(problem))), both.terms)
-    assert causes.needed(both).names == (both.names if is_there else both.names[:1])
 
 
 @pytest.mark.parametrize("factor", [1000.0, 100.0, 0.1])
@@ -126,8 +111,7 @@ def test_swapped_columns_are_refused_though_free_simulations_fit_nothing() -> No
 
 def test_a_tone_that_enters_as_a_force_is_told_beside_its_start() -> None:
     problem = pose(MODEL, [moved(kind, humming_n=3.0) for kind in range(3)])
-    start = nothing(problem)
-    events, _ = recognised(problem, (start,), excess(problem, start.chi2), commands=False)
+    events = tone(problem, nothing(problem))
     assert events is not None
     assert events.name == "periodic_disturbance"
     assert events.values["frequency"][0] == pytest.approx(2.3, abs=0.005)

@@ -10,12 +10,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from hil.diagnosis.events.coarse import all_rounding, lattice
-from hil.diagnosis.levels import Levels
-from hil.diagnosis.measures import excess
+from hil.diagnosis.events.coarse import lattice
 from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.search.effort import EFFORT
+from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
-from hil.diagnosis.search.polish import polish
 from hil.diagnosis.search.terms import all_terms
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
@@ -54,22 +53,10 @@ def read_in_steps(
     return pose(nominal(), bound(nominal(), made))
 
 
-@pytest.mark.parametrize(
-    ("effects", "to_whole", "is_all"),
-    [
-        ((), np.round, True),
-        ((), np.floor, False),  # half a step away: its own sentence
-        ((ActiveEffect("saturation", "flow", {"limit": 40.0, "knee": 0.05, "slope": 0.0}),), np.round, False),
-    ],
-    ids=["rounds", "cuts off", "something else too"],
-)
-def test_a_healthy_unit_read_coarsely_leaves_nothing_but_rounding(
-    effects: tuple[ActiveEffect, ...], to_whole: Callable[[np.ndarray], np.ndarray], is_all: bool
-) -> None:
-    problem = read_in_steps(effects, to_whole)
-    left = all_rounding(problem, nothing(problem), STEP)
-    assert (left is not None) == is_all
-    assert left is None or excess(problem, left.chi2) == 0.0
+def off(problem: Problem, step: float, f: Fitted) -> float:
+    """By how much a law, fitted to the levels, is further from them than noise makes the truth."""
+    read = replace(problem, step=step)
+    return fit(read, f, steps=EFFORT.fine, from_here=True).chi2 - read.expected
 
 
 RINGING = ActiveEffect("resonance", "sensor", {"share": 0.25, "period": 0.19, "damping": 0.06})
@@ -80,7 +67,7 @@ def with_a_law(problem: Problem, name: str) -> Fitted:
     start = nothing(problem)
     terms = [t for t in all_terms(problem, start.residuals) if t.name == name]
     tried = [replace(start, terms=(t,), values=(values,)) for t in terms for values in t.starts]
-    return polish(problem, min((evaluated(problem, f) for f in tried), key=lambda f: f.chi2))
+    return fit(problem, min((evaluated(problem, f) for f in tried), key=lambda f: f.chi2))
 
 
 @pytest.mark.parametrize("effects", [(RINGING,), ()], ids=["rings too", "is healthy"])
@@ -89,26 +76,24 @@ def test_only_a_law_that_is_there_passes_from_level_to_level_when_the_recordings
     effects: tuple[ActiveEffect, ...], name: str
 ) -> None:
     problem = read_in_steps(effects, np.round)
-    levels, start = Levels(problem, STEP), nothing(problem)
-    law = with_a_law(problem, name)
+    start, law = nothing(problem), with_a_law(problem, name)
     assert law.chi2 < start.chi2
-    off = levels.off(law)
+    beyond = off(problem, STEP, law)
     if effects and name == "resonance":
-        assert off < 0.01 * levels.off(start)
+        assert beyond < 0.01 * off(problem, STEP, start)
     elif effects:
-        assert off > 0.95 * levels.off(start)
+        assert beyond > 0.95 * off(problem, STEP, start)
     else:
-        assert abs(off - levels.off(start)) < 0.2 * levels.by_noise
+        assert abs(beyond - off(problem, STEP, start)) < 0.2 * replace(problem, step=STEP).expected
 
 
 @pytest.mark.parametrize("effects", [(RINGING,), ()], ids=["rings too", "is healthy"])
 def test_noise_puts_the_truth_as_far_off_the_levels_as_it_is_said_to(effects: tuple[ActiveEffect, ...]) -> None:
     """On average over steps: in a single one the output may rest near the end of a level, or far from it."""
-    off = []
+    beyond = []
     for step in (3.0, 3.3, 3.7, 4.0, 4.4, 5.0, 6.0):
         problem = read_in_steps(effects, np.round, step)
-        levels = Levels(problem, step)
         truth = with_a_law(problem, "resonance") if effects else nothing(problem)
-        off.append(levels.off(truth) / levels.by_noise)
-    assert abs(np.mean(off)) < 0.2
-    assert np.max(np.abs(off)) < 0.5  # what a law must take away at least
+        beyond.append(off(problem, step, truth) / replace(problem, step=step).expected)
+    assert abs(np.mean(beyond)) < 0.2
+    assert np.max(np.abs(beyond)) < 0.5

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.measures import Measures
+from hil.diagnosis.measures import excess
 from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.search.fits import finished, fit
 from hil.diagnosis.search.fitted import Fitted, nothing, residuals_of
-from hil.diagnosis.search.polish import finished, polish, roughly
 from hil.diagnosis.search.terms import all_terms
 from hil.diagnosis.solver import settled
 from hil.physics.model import Value
@@ -31,7 +31,7 @@ def fitted(problem: Problem, effect: ActiveEffect) -> Fitted:
     start = nothing(problem)
     term = next(t for t in all_terms(problem, start.residuals) if (t.name, t.hook) == effect.key)
     values = tuple(effect.parameters[u.name] for u in term.unknowns)
-    return polish(problem, replace(start, terms=(term,), values=(values,)))
+    return fit(problem, replace(start, terms=(term,), values=(values,)))
 
 
 def test_half_the_steps_are_taken_where_they_change_next_to_nothing() -> None:
@@ -39,7 +39,7 @@ def test_half_the_steps_are_taken_where_they_change_next_to_nothing() -> None:
     taken, warnings = settled(problem)
     assert (taken.factor, warnings) == (0.5, ())
     assert np.sum((taken.nominal_residuals - problem.nominal_residuals) ** 2) < 10.0
-    assert Measures(taken, roughly(taken, nothing(taken))).excess(nothing(taken)) < 0.03
+    assert excess(taken, nothing(taken).chi2) < 0.03
 
 
 def test_a_short_recording_keeps_the_steps_of_its_plant() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.diagnosis.decide import decide
+from hil.diagnosis.explain import explained
 from hil.diagnosis.problem import pose
 from hil.identification.experiment import Experiment, experiment
 from hil.identification.first_reading import start_slope, with_free_start
@@ -102,7 +102,7 @@ def test_a_plant_that_does_not_start_from_its_reading_has_no_free_start() -> Non
 
 
 def test_a_healthy_axis_is_consistent_whatever_its_first_reading() -> None:
-    assert decide(pose(healthy(), [axis(seed) for seed in (11, 12)])).verdict == "consistent"
+    assert explained(pose(healthy(), [axis(seed) for seed in (11, 12)]))[1].verdict == "consistent"
 
 
 def test_hum_that_the_healthy_unit_had_is_no_news_and_more_of_it_is() -> None:
@@ -112,9 +112,9 @@ def test_hum_that_the_healthy_unit_had_is_no_news_and_more_of_it_is() -> None:
     assert np.isclose(model.noise.hum, 2.0 * NOISE_M, rtol=0.1)
     assert abs(model.noise.std / NOISE_M - 1.0) < 0.1
     same = pose(model, [axis(seed, 2.0 * NOISE_M) for seed in (21, 22)])
-    assert decide(same).verdict == "consistent"
-    more = decide(pose(model, [axis(seed, 20.0 * NOISE_M) for seed in (21, 22)]))
-    assert more.events is not None and more.events.name == "periodic_disturbance"
+    assert explained(same)[1].verdict == "consistent"
+    _, more = explained(pose(model, [axis(seed, 20.0 * NOISE_M) for seed in (21, 22)]))
+    assert [e.name for e in more.events] == ["periodic_disturbance"]
 
 
 def test_no_line_is_found_in_noise() -> None:

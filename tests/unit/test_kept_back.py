@@ -16,8 +16,8 @@ from hil.diagnosis.false_alarms import false_alarms
 from hil.diagnosis.kept_back import kept_back, predicted
 from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.search.around import around
+from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
-from hil.diagnosis.search.polish import roughly
 from hil.diagnosis.search.terms import all_terms
 from hil.identification.experiment import Experiment, experiment
 from hil.physics.compose import plant
@@ -80,7 +80,7 @@ def test_a_prediction_is_of_a_fit_without_what_it_predicts() -> None:
     object.__setattr__(asked.experiments[1], "output", shifted)
     term = next(t for t in all_terms(asked, nothing(asked).residuals) if t.name == "sensor_offset")
     start = Fitted((term,), (term.starts[0],), asked.model.values, 0.0, asked.nominal_residuals)
-    fitted = roughly(asked, start)
+    fitted = fit(asked, start)
     told = predicted(asked, fitted, kept_back(asked, fitted))
     assert told @ told > 1.5 * fitted.residuals @ fitted.residuals
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hil.diagnosis.answer import Answer
-from hil.diagnosis.decide import Choice, decide
-from hil.diagnosis.happened import Happened
+from hil.diagnosis.choice import Choice
+from hil.diagnosis.explain import explained
 from hil.diagnosis.never_worse import by_sign_changes
 from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.question import Question
@@ -37,11 +37,11 @@ def test_many_blocks_are_drawn() -> None:
 def uneven() -> tuple[Problem, Choice]:
     effect = ActiveEffect("asymmetry", "flow", {"ratio": 0.85, "gain": 1.0})
     problem = pose(nominal(), bound(nominal(), records((effect,), seed=9)))
-    return problem, decide(problem)
+    return explained(problem)
 
 
 def answer_of(problem: Problem, choice: Choice) -> Answer:
-    return Answer(Happened((), problem, choice), (), None, Question("left_out", "no table"))
+    return Answer(problem, choice, (), None, Question("left_out", "no table"))
 
 
 def test_what_predicts_better_is_named_and_stands_in_the_file(uneven: tuple[Problem, Choice]) -> None:

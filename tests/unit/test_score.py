@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from hil.diagnosis.score import Hypothesis, Noise, Table, score, table, verdict
@@ -98,3 +99,19 @@ def test_verdict_what_a_gate_has_refuted_does_not_compete() -> None:
     assert "nothing" not in {row.label for row in left.rows}
     assert left.first.label == "friction"
     assert sum(row.probability for row in left.rows) == pytest.approx(1.0)
+
+
+def test_reader_finds_the_first_row_by_causes_and_what_is_left() -> None:
+    def case(k: int) -> bool:
+        rng = np.random.default_rng(k)
+        nothing = 10.0 ** rng.uniform(2.0, 6.0)
+        shares = [rng.uniform(1 / 6, 1 / 2.7), 0.1] if k < 5 else 10.0 ** -rng.uniform(0.0, 4.0, 2)
+        one = max((nothing + 100.0) * shares[0] - 100.0, 0.0)  # five within half as much again of the border
+        laws = law("friction", left=one), law("friction", "leakage", left=one * shares[1])
+        noise = replace(NOISE, most=1.0, names=int(rng.integers(20, 40)))
+        rows = table(noise, [Hypothesis((), noise.count + nothing), *laws, exact]).as_dict(12)["rows"]
+        seen = [(row["causes"], row["unknowns"], row["left"]) for row in rows]
+        return seen.index(min(seen, key=lambda row: (row[2] + 100.0) * 4.0 ** row[0])) == 0
+
+    exact = law("backlash", "dead_time", "asymmetry", left=0.0)
+    assert sum(map(case, range(20))) >= 19

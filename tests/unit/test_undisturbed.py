@@ -8,8 +8,8 @@ import numpy as np
 
 from hil.diagnosis.events.undisturbed import quiet, undisturbed
 from hil.diagnosis.problem import pose
+from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted, nothing
-from hil.diagnosis.search.polish import fit
 from hil.diagnosis.search.terms import all_terms
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
-from scipy.special import ndtr
 
 from hil.diagnosis.events.event import Events
-from hil.diagnosis.problem import Problem, beyond_rounding
-from hil.diagnosis.search.fitted import Fitted, output_of
-from hil.diagnosis.yardsticks import FAR, MOST, SELDOM_BY_CHANCE
+from hil.diagnosis.problem import Problem
+from hil.diagnosis.search.fitted import Fitted
+from hil.diagnosis.yardsticks import FAR, MOST
 from hil.identification.experiment import Experiment
 from hil.identification.noise import resolution
 from hil.record.recording import Array
@@ -41,26 +39,6 @@ def coarse_step(problem: Problem, recorded: Sequence[Experiment]) -> tuple[float
     return lattice(np.unique(np.concatenate([e.output for e in recorded])), step, before)
 
 
-def all_rounding(problem: Problem, unit: Fitted, step: float) -> Fitted | None:
-    """A unit with what rounding to a step cannot have done to its output, where that is all there is; None elsewhere.
-
-    What rounding leaves follows what the output does, and may look like many a law. A converter that cuts off is half a
-    step away.
-    """
-    known = problem.model.noise
-    assert known is not None  # noqa: S101 - without it there is no coarse step
-    residuals, off = unit.residuals.copy(), []
-    for e, part, noise in zip(problem.experiments, problem.output_slices(), problem.noises, strict=True):
-        by = e.output - output_of(problem, unit, e)
-        residuals[part] = e.telling(beyond_rounding(by, step) / noise.std)
-        off.append(by[e.told])
-    every = np.concatenate(off)
-    near = np.abs(every) <= _NO_FURTHER * step + SELDOM_BY_CHANCE * known.std
-    if not (np.mean(near) > 1.0 - 2.0 * ndtr(-SELDOM_BY_CHANCE) and abs(np.median(every)) < _CENTRED * step):
-        return None
-    return replace(unit, residuals=residuals, chi2=float(residuals @ residuals))
-
-
 def coarse(problem: Problem, step: float, std: float, chosen: Fitted, residuals: Array) -> Events:
     """The finding for an output that comes in coarse steps of this size, beside what was chosen.
 
@@ -77,7 +55,6 @@ def coarse(problem: Problem, step: float, std: float, chosen: Fitted, residuals:
         "quantisation", last.stage, last.name, (), {"step": (step, std, unit)}, residuals, problem.experiments,
         f"The signal comes in steps of {step:.3g} {unit}, far coarser than when the model was identified{how}.",
         "y = q·⌊u/q⌋" if cut and offset < 0.0 else "y = q·⌈u/q⌉" if cut else "y = q·round(u/q)",
-        waves=1,
         shows_as="sensor_offset" if cut else "",
     )  # fmt: skip
 

@@ -30,9 +30,7 @@ class Events:
         residuals: whitened, with the events taken into account, shape (n,).
         rest: the experiments without the events, to look at again.
         sentence: for the operator. `equation`: for the engineer.
-        waves: how many numbers were fitted beside where spells begin and end.
         shows_as: an effect of the library that is there beside them and only another side of them.
-        gives_way: whether a law of the same name is told instead: it foresees them, and they are what it leaves.
     """
 
     name: str
@@ -44,19 +42,12 @@ class Events:
     rest: tuple[Experiment, ...]
     sentence: str
     equation: str
-    waves: int = 0
     shows_as: str = ""
-    gives_way: bool = False
 
     @property
     def told(self) -> tuple[str, str]:
         """Effects that need no telling beside these events."""
         return self.name, self.shows_as
-
-    @property
-    def unknowns(self) -> int:
-        """How many numbers were fitted."""
-        return 2 * len(self.spells) + self.waves
 
     @property
     def chi2(self) -> float:

@@ -57,7 +57,6 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
         f"A disturbance of {frequency:.4g} Hz with amplitude {size:.3g} {unit} runs through everything, whatever the "
         "command does.",
         "y = y₀ + a·sin(2πft + φ), φ by chance in each recording",
-        waves=1 + sum(map(len, waves)), gives_way=True,
     )  # fmt: skip
 
 
@@ -103,7 +102,11 @@ def _tone_fit(problem: Problem, residuals: Array, frequency_hz: float) -> tuple[
     left, found = residuals.copy(), []
     for e, parts in zip(problem.experiments, problem.channel_slices(), strict=True):
         columns = _waves(e, frequency_hz)
-        shares = [np.asarray(np.linalg.lstsq(columns, left[part], rcond=None)[0], dtype=np.float64) for part in parts]
+        products = columns.T @ columns  # a tone is tried at more than a hundred frequencies
+        shares = [
+            np.asarray(np.linalg.lstsq(products, columns.T @ left[part], rcond=None)[0], dtype=np.float64)
+            for part in parts
+        ]
         for part, share in zip(parts, shares, strict=True):
             left[part] -= columns @ share
         found.append(shares[0])

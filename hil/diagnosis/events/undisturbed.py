@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from hil.cores import spread
 from hil.diagnosis.events.bursts import block_power, block_size
 from hil.diagnosis.problem import Problem
+from hil.diagnosis.search.effort import EFFORT
+from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted
-from hil.diagnosis.search.polish import fit
-from hil.diagnosis.yardsticks import A_GOOD_PART, AT_A_GLANCE, FEW
+from hil.diagnosis.yardsticks import A_GOOD_PART, FEW
 from hil.record.recording import Array
 
 # The best law is fitted again to what it leaves undisturbed, so often.
@@ -42,7 +43,7 @@ def undisturbed(problem: Problem, laws: Sequence[Fitted]) -> Fitted | None:
 
 def _refitted(problem: Problem, f: Fitted) -> Fitted:
     keep = quiet(problem, f.residuals)
-    return fit(problem, f, keep=keep, effort=AT_A_GLANCE, from_here=True)
+    return fit(problem, f, keep=keep, steps=EFFORT.rough, from_here=True)
 
 
 def _misfit_when_quiet(problem: Problem, f: Fitted) -> float:

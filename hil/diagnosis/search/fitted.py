@@ -22,7 +22,7 @@ class Fitted:
         parameters: every base parameter, moved as far as its prior lets it.
         chi2: sum of squared residuals, the cost of moving base parameters included.
         residuals: whitened, shape (n,).
-        estimate: of terms and base parameters together; None before `polish`.
+        estimate: of terms and base parameters together; None before a fit.
     """
 
     terms: tuple[Term, ...]

@@ -12,8 +12,8 @@ import numpy as np
 from hil.diagnosis.corrected import corrected as corrected_model
 from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.problem import pose
+from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import nothing
-from hil.diagnosis.search.polish import polish, roughly
 from hil.diagnosis.search.terms import all_terms
 from hil.errors import FileError, HilError
 from hil.identification.experiment import Experiment, experiment
@@ -117,10 +117,8 @@ def fitted_by_hand(real: RealSet, nominal: Model, used: Sequence[Experiment]) ->
     f = nothing(problem)
     for key in real.by_hand:
         term = {(t.name, t.hook): t for t in all_terms(problem, f.residuals)}[key]
-        tried = [
-            roughly(problem, replace(f, terms=(*f.terms, term), values=(*f.values, start))) for start in term.starts
-        ]
-        f = polish(problem, min(tried, key=lambda each: each.chi2))
+        tried = [fit(problem, replace(f, terms=(*f.terms, term), values=(*f.values, start))) for start in term.starts]
+        f = fit(problem, min(tried, key=lambda each: each.chi2))
     return corrected_model(problem, f, "explained")
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from hil.diagnosis.search.joint import _gains
+from hil.diagnosis.search.probes import gains
 
 
 @given(seed=st.integers(0, 10_000), alike=st.floats(0.0, 0.95))
@@ -18,7 +18,7 @@ def test_two_changes_take_as_much_as_bounded_least_squares_says(seed: int, alike
     changes = (alike * common + (1.0 - alike) * rng.standard_normal((4, 60))).astype(np.float32)
     residuals = (rng.uniform(-4.0, 4.0, 4) @ changes + rng.standard_normal(60)).astype(np.float32)
     most = np.array([3.0, 3.0, 1.0, 1.0])
-    gain, first, second = _gains(changes, residuals, most)
+    gain, first, second = gains(changes, residuals, most)
     for i, j in ((0, 1), (0, 2), (2, 3)):
         best = lsq_linear(changes[[i, j]].T.astype(float), -residuals.astype(float), (0.0, most[[i, j]]))
         assert gain[i, j] == pytest.approx(float(residuals @ residuals) - 2.0 * best.cost, rel=1e-3, abs=1e-2)

@@ -1,4 +1,4 @@
-"""Fit terms and base parameters together, nothing linearised."""
+"""Fit a set of terms: one more given that all else is linear, or everything together with nothing linearised."""
 
 from __future__ import annotations
 
@@ -9,27 +9,42 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.cores import spread
 from hil.diagnosis.problem import Problem
+from hil.diagnosis.search.around import Around, adapt, adapted_residuals, with_term
+from hil.diagnosis.search.effort import EFFORT, Steps
 from hil.diagnosis.search.fitted import Fitted, evaluated, residuals_of, simulated, starting
-from hil.diagnosis.yardsticks import FAR, LEADING, ROUGHLY, SELDOM_BY_CHANCE, TO_THE_END, Effort
+from hil.diagnosis.search.terms import Term
+from hil.diagnosis.yardsticks import FAR, SELDOM_BY_CHANCE
 from hil.identification.estimate import Unknown, estimate
 from hil.record.recording import Array
 
 
-def polish(problem: Problem, fitted: Fitted, *, from_here: bool = False) -> Fitted:
-    """Fit terms and base parameters together to the end, nothing linearised; `from_here` as in `fit`.
+def fit_given(place: Around, term: Term, start: tuple[float, ...]) -> Fitted:
+    """One term from a start, everything else adapting linearly, in coarse sub-steps."""
 
-    A rugged term that pulled base parameters far off is fitted once more from their nominal values: it may have ended
-    in a valley from which only they had a way on.
-    """
-    found = fit(problem, fitted, from_here=from_here)
-    bent = set(problem.prior.moved(found.parameters)) - {term.name for term in found.terms if term.kind == "parameter"}
-    if not (bent and any(term.rugged for term in found.terms)):
-        return found
-    nominal = found.parameters | {p.name: problem.model.values[p.name] for p in problem.base}
-    again = roughly(problem, replace(found, parameters=nominal))
-    return min(found, fit(problem, again), key=lambda f: f.chi2) if again.chi2 < found.chi2 else found
+    def residuals(values: Array) -> Array:
+        return adapted_residuals(place, (term, values.tolist()), coarse=True)
+
+    steps = EFFORT.linear
+    unknowns = starting(term.unknowns, start)
+    found = estimate(residuals, unknowns, max_evaluations=steps.evaluations, tolerance=steps.tolerance)
+    values = tuple(float(v) for v in found.values)
+    _, moves = adapt(place, with_term(place, term, values, coarse=True), term)
+    return _moved(place, (*place.accepted.terms, term), values, moves, found.chi2)
+
+
+def _moved(place: Around, terms: tuple[Term, ...], last: tuple[float, ...], moves: Array, chi2: float) -> Fitted:
+    """The point that the linear moves lead to; its residuals are those before them."""
+    accepted, base = place.accepted, place.problem.base
+    parameters = dict(accepted.parameters)
+    for p, move in zip(base, moves, strict=False):
+        parameters[p.name] = float(np.clip(parameters[p.name] + move, p.low, p.high))
+    values, at = [], len(base)
+    for term, own in zip(accepted.terms, accepted.values, strict=True):
+        bounded = zip(own, moves[at : at + len(own)], term.unknowns, strict=True)
+        values.append(tuple(float(np.clip(v + m, u.low, u.high)) for v, m, u in bounded))
+        at += len(own)
+    return Fitted(terms, (*values, last), parameters, chi2, accepted.residuals)
 
 
 def fit(
@@ -38,7 +53,7 @@ def fit(
     *,
     base_free: bool = False,
     keep: NDArray[np.bool_] | None = None,
-    effort: Effort = TO_THE_END,
+    steps: Steps = EFFORT.end,
     from_here: bool = False,
 ) -> Fitted:
     """Fit terms and base parameters together from one start, nothing linearised.
@@ -48,7 +63,7 @@ def fit(
         fitted: terms and where to start.
         base_free: let base parameters go as far as they like instead of as far as their prior lets them.
         keep: which residuals count, shape (n,); the others are for judging.
-        effort: how far to go.
+        steps: how far to go.
         from_here: start with base parameters as they are, even where their nominal values would be a better start.
     """
     taken = {term.name for term in fitted.terms if term.kind == "parameter"}
@@ -79,8 +94,8 @@ def fit(
         residuals,
         unknowns if from_here else _better_start(residuals, unknowns, nominal),
         sketch=partial(residuals, factor=problem.coarse_factor),
-        max_evaluations=effort.evaluations,
-        tolerance=effort.tolerance,
+        max_evaluations=steps.evaluations,
+        tolerance=steps.tolerance,
     )
     parameters, own = split(found.values)
     r = simulated(problem, parameters, fitted.terms, own)
@@ -96,15 +111,20 @@ def finished(problem: Problem, f: Fitted) -> Fitted:
     Sub-steps whose error is next to nothing for a verdict may still move a value by its uncertainty, as where a command
     that arrives within a sub-step meets a limit. It is fitted at those that the plant asks for, or at finer ones, where
     these change χ² by what one standard uncertainty does; its residuals are those at these steps. Rugged terms, whose
-    laws are less exact than their steps, go no finer than the plant.
+    laws are less exact than their steps, go finer than the plant only where less is left there.
     """
+    if not f.terms:
+        return f
+    f = fit(problem, f, from_here=True)
     is_rugged = any(term.rugged for term in f.terms)
-    for factor in (1.0,) if is_rugged else (1.0, FAR) if f.terms else ():
+    for factor in (1.0, FAR):
         if problem.factor < factor:
             finer = replace(problem, factor=factor)
             change = residuals_of(finer, f) - residuals_of(problem, f)
-            if is_rugged or change @ change > 1.0:
-                problem, f = finer, fit(finer, f, from_here=True)
+            if (is_rugged and factor == 1.0) or change @ change > 1.0:
+                again = fit(finer, f, from_here=True)
+                if not (is_rugged and factor > 1.0 and again.chi2 > f.chi2):
+                    problem, f = finer, again
     return with_known_start(problem, f)
 
 
@@ -123,19 +143,6 @@ def with_known_start(problem: Problem, f: Fitted) -> Fitted:
     return replace(seen, chi2=seen.chi2 + moving, estimate=again.estimate)
 
 
-def roughly(problem: Problem, start: Fitted, *, base_free: bool = False) -> Fitted:
-    """A first look, which need not creep along a valley to its end."""
-    return fit(problem, start, base_free=base_free, effort=ROUGHLY)
-
-
-def from_other_shapes(problem: Problem, f: Fitted) -> Fitted:
-    """The same explanation, every rugged term fitted once more from the shapes of its starts; the lowest of all."""
-    for k, term in enumerate(f.terms):
-        if term.rugged:
-            f = _lowest_valley(problem, f, k)
-    return f
-
-
 def _better_start(residuals: Callable[[Array], Array], unknowns: list[Unknown], nominal: Array) -> list[Unknown]:
     """The unknowns as they are, or with base parameters at their nominal values: linear moves may have gone too far."""
     moved = np.array([u.start for u in unknowns])
@@ -146,17 +153,3 @@ def _better_start(residuals: Callable[[Array], Array], unknowns: list[Unknown], 
     if not near < far:
         return unknowns
     return [replace(u, start=float(v)) for u, v in zip(unknowns, back, strict=True)]
-
-
-def _lowest_valley(problem: Problem, f: Fitted, k: int) -> Fitted:
-    size = f.values[k][0]
-    shapes = dict.fromkeys((size, *shape) for _, *shape in f.terms[k].starts)
-    tried = [(*f.values[:k], own, *f.values[k + 1 :]) for own in shapes]
-
-    def chi2(values: tuple[tuple[float, ...], ...]) -> float:
-        r = simulated(problem, f.parameters, f.terms, values)
-        return float(r @ r)
-
-    nearest = [values for _, values in sorted(zip(spread(chi2, tried), tried, strict=True))[:LEADING]]
-    best = min((roughly(problem, replace(f, values=values)) for values in nearest), key=lambda other: other.chi2)
-    return min(f, polish(problem, best), key=lambda other: other.chi2) if best.chi2 < f.chi2 else f

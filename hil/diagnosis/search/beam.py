@@ -1,0 +1,276 @@
+"""The search: every term alone, then sets that grow, drop and swap one term, the best few at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from hil.cores import spread
+from hil.diagnosis.problem import Problem
+from hil.diagnosis.search.around import Around, around
+from hil.diagnosis.search.effort import EFFORT
+from hil.diagnosis.search.fits import finished, fit, fit_given
+from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
+from hil.diagnosis.search.probes import Probe, keys, pairs, predicted_probes, simulated_probes, sketch
+from hil.diagnosis.search.terms import Term, all_terms
+
+
+class Worth(Protocol):
+    """What sets are worth."""
+
+    def of(self, f: Fitted, least: float) -> float:
+        """Of a set among those of which the best leaves `least`; less is better."""
+
+    def is_enough(self, f: Fitted, size: int) -> bool:
+        """Whether no set of so many causes could be worth more."""
+
+    def leaves_noise(self, f: Fitted) -> bool:
+        """Whether what it leaves may be noise alone."""
+
+
+@dataclass(slots=True)
+class Pool:
+    """Every set that was fitted to its end, the lowest of each."""
+
+    fits: dict[frozenset[tuple[str, str]], Fitted] = field(default_factory=dict)
+
+    def add(self, f: Fitted) -> Fitted:
+        """Keep a fit where it is the lowest of its set; the lowest."""
+        known = self.fits.get(keys(f))
+        if known is None or f.chi2 < known.chi2:
+            self.fits[keys(f)] = f
+        return self.fits[keys(f)]
+
+    @property
+    def least(self) -> float:
+        """The least χ²."""
+        return min(f.chi2 for f in self.fits.values())
+
+
+def labels(f: Fitted) -> frozenset[tuple[str, str]]:
+    """What a set is told as: effects by name, those that a parameter has grown into apart, parameters as parameters."""
+    return frozenset((t.kind, t.effect_name(v) or t.name) for t, v in zip(f.terms, f.values, strict=True))
+
+
+class Search:
+    """One search, by batches; it knows no other number of worth than the one that it is given."""
+
+    def __init__(self, problem: Problem, worth: Worth) -> None:
+        self.problem, self.worth = problem, worth
+        self.pool = Pool()
+        self.probes: list[Probe] = []
+        self._ended: set[frozenset[tuple[str, str]]] = set()
+        self.terms = all_terms(problem, problem.nominal_residuals)
+
+    def also(self, sets: Sequence[Fitted]) -> None:
+        """Sets from elsewhere, fitted; where a term of one ended at nothing, the others alone from there too."""
+        found = spread(lambda f: fit(self.problem, f, steps=EFFORT.fine), sets)
+        for f in found:
+            self.pool.add(f)
+            there = [k for k, (t, v) in enumerate(zip(f.terms, f.values, strict=True)) if not t.is_nothing(v)]
+            if len(there) < len(f.terms):
+                self.pool.add(fit(self.problem, f.only(there), steps=EFFORT.fine))
+
+    def run(self) -> Pool:
+        """Search from nothing on."""
+        unit = self.pool.add(fit(self.problem, nothing(self.problem), steps=EFFORT.fine))
+        if self.worth.is_enough(unit, 1):
+            return self.pool
+        place = around(self.problem, nothing(self.problem))
+        self.probes = simulated_probes(place, [(t, start) for t in self.terms for start in t.starts])
+        self._grow(place, self.probes, EFFORT.alone, 2 * EFFORT.finished)
+        self._parameters(unit)
+        for size in range(1, EFFORT.causes):
+            if self._is_done(size):
+                break
+            first = self._first
+            # One law that leaves what may be noise imitates no other two: only a small cause more may hide beside it.
+            is_alone = size == 1 and self.worth.leaves_noise(first)
+            if size == 1 and not is_alone:
+                self._couples(place)
+            for parent in self._best(size)[: 1 if is_alone else EFFORT.beam - size + 1]:
+                self._extend(parent)
+            if is_alone and self._first is first:
+                break
+            self._unions(size + 1)
+            self._drop_and_swap(size + 1)
+        if (
+            self.problem.is_short
+            and not self.problem.following
+            and not self._is_enough(1 + max(len(self._first.terms), 1))
+        ):
+            self._from_other_units()
+        return self.pool
+
+    @property
+    def _first(self) -> Fitted:
+        return min(self.pool.fits.values(), key=self._score)
+
+    def _from_other_units(self) -> None:
+        """Sets that grow with nothing linearised, from the nominal unit and from one as they usually are.
+
+        Where the nominal model is far off, a cause shows only after all else has moved; the model may even have bent so
+        far to what it lacks that no cause has a way on from there. In short recordings that is affordable.
+        """
+        nominal = nothing(self.problem)
+        usual = nominal.parameters | {p.name: p.typical for p in self.problem.base}
+        for unit in (nominal.parameters, usual)[: 1 + (usual != nominal.parameters)]:
+            level = [evaluated(self.problem, replace(nominal, parameters=unit))]
+            for _ in range(EFFORT.causes):
+                if self.problem.work.leaves_out("starts from another unit"):
+                    return
+                children = [child for parent in level for child in self._children(parent)]
+                level = self._lowest(children)
+
+    def _lowest(self, found: Iterable[Fitted]) -> list[Fitted]:
+        """The lowest few that are not the same terms."""
+        distinct: dict[frozenset[tuple[str, str]], Fitted] = {}
+        for f in sorted(found, key=lambda f: f.chi2):
+            distinct.setdefault(keys(f), f)
+        return list(distinct.values())[: EFFORT.beam]
+
+    def _children(self, parent: Fitted) -> list[Fitted]:
+        """A set with each effect more that it does not have yet, fitted from where it is."""
+        effects = [t for t in all_terms(self.problem, parent.residuals) if t.kind == "effect" and not t.by_clock]
+        jobs = [(t, start) for t in effects if (t.name, t.hook) not in keys(parent) for start in t.starts]
+        best: dict[int, Probe] = {}
+        for probe in simulated_probes(around(self.problem, parent), jobs):
+            best.setdefault(id(probe.term), probe)
+        promising = [probe for probe in best.values() if np.isfinite(probe.chi2)]
+        grown = [
+            Fitted((*parent.terms, x.term), (*parent.values, x.at), parent.parameters, np.inf, parent.residuals)
+            for x in promising[: EFFORT.tried if parent.terms else EFFORT.alone]
+        ]
+        found = spread(lambda f: fit(self.problem, f, from_here=True), grown)
+        return [self.pool.add(f) for f in found]
+
+    def _is_done(self, size: int) -> bool:
+        """Whether larger sets than of this size are not looked for: the best is enough, or smaller already."""
+        smaller = size > 1 and len(self._first.terms) < size
+        return smaller or self._is_enough(size + 1) or self.problem.work.leaves_out("sets of more causes")
+
+    def _is_enough(self, size: int) -> bool:
+        """Whether no set of so many causes could be worth more than the best, as exact as it can be told."""
+        best = self._first
+        if self.worth.is_enough(best, size):
+            return True
+        if keys(best) in self._ended or self.problem.step > 0.0:
+            return False
+        self._ended.add(keys(best))
+        return self.worth.is_enough(self.pool.add(finished(self.problem, best)), size)
+
+    def _score(self, f: Fitted) -> float:
+        return self.worth.of(f, self.pool.least)
+
+    def _best(self, size: int) -> list[Fitted]:
+        """The best sets of a size that are told differently."""
+        distinct: dict[frozenset[tuple[str, str]], Fitted] = {}
+        own = (f for f in self.pool.fits.values() if len(f.terms) == size)
+        for f in sorted(own, key=self._score):
+            distinct.setdefault(labels(f), f)
+        return list(distinct.values())
+
+    def _parameters(self, unit: Fitted) -> None:
+        """Base parameters that moved farther than they may wander: freed, and put back one by one, dearest last."""
+        free = fit(self.problem, unit, base_free=True, steps=EFFORT.fine)
+        names = self.problem.prior.moved(free.parameters)
+        effects = [f.chi2 for f in self.pool.fits.values() if f.terms]
+        at = free
+        if free.chi2 > min(effects, default=np.inf):
+            return
+        while names:
+            terms = tuple(t for t in self.terms if t.kind == "parameter" and t.name in names)
+            values = tuple((at.parameters[t.name],) for t in terms)
+            at = fit(self.problem, Fitted(terms, values, at.parameters, at.chi2, at.residuals), steps=EFFORT.fine)
+            self.pool.add(at)
+            away = {t.name: _away(at, t, v[0]) for t, v in zip(at.terms, at.values, strict=True)}
+            names = [n for n in names if n != min(away, key=lambda name: away[name])]
+
+    def _extend(self, parent: Fitted) -> None:
+        """One term more: predicted, simulated where promising, fitted given the rest, the best to its end."""
+        place = around(self.problem, parent)
+        predicted = predicted_probes(place, self.probes)[: 4 * EFFORT.tried]
+        lines = [t for t in all_terms(self.problem, parent.residuals) if t.by_clock]
+        jobs = [(probe.term, probe.at) for probe in predicted]
+        jobs += [(t, s) for t in lines if (t.name, t.hook) not in keys(parent) for s in t.starts[: EFFORT.starts]]
+        self._grow(place, simulated_probes(place, jobs), EFFORT.tried, EFFORT.finished)
+
+    def _grow(self, place: Around, probes: Sequence[Probe], tried: int, finished: int) -> None:
+        starts: dict[tuple[str, str], list[Probe]] = {}
+        for probe in probes:
+            if np.isfinite(probe.chi2):
+                starts.setdefault((probe.term.name, probe.term.hook), []).append(probe)
+        jobs = [
+            probe
+            for rank, own in enumerate(list(starts.values())[:tried])
+            for probe in own[: EFFORT.starts if rank < finished or own[0].term.rugged else 1]
+        ]
+        self._to_the_end(spread(lambda probe: fit_given(place, probe.term, probe.at), jobs), finished)
+
+    def _to_the_end(self, grown: Iterable[Fitted], most: int) -> None:
+        """The best of different names, fitted to their end where they may turn out best."""
+        distinct: dict[frozenset[tuple[str, str]], Fitted] = {}
+        for f in sorted(grown, key=self._score):
+            if keys(f) not in self.pool.fits:
+                distinct.setdefault(labels(f), f)
+        hopeful = list(distinct.values())[:most]
+        self.also(hopeful[:1])
+        self.also([f for f in hopeful[1:] if self._may_win(f)])
+
+    def _may_win(self, f: Fitted) -> bool:
+        """Whether a set may turn out best when its fit goes on; noise may then turn out to be less, too."""
+        noise = self.problem.expected
+        further = replace(f, chi2=min(f.chi2, noise + max(f.chi2 - noise, 0.0) / EFFORT.far))
+        least = min(self.pool.least, further.chi2)
+        return self.worth.of(further, least) < min(self.worth.of(g, least) for g in self.pool.fits.values())
+
+    def _couples(self, place: Around) -> None:
+        """Pairs by the sum of what each changes alone: a third that is not there may imitate two that are."""
+        found = pairs(self.probes, sketch(place.residuals_without), 2 * EFFORT.finished)
+        sets = [
+            Fitted((a, b), (at, there), place.accepted.parameters, np.inf, place.accepted.residuals)
+            for (a, at), (b, there) in found
+        ]
+        new = [f for f in sets if keys(f) not in self.pool.fits]
+        self._to_the_end(spread(lambda f: fit(self.problem, f, steps=EFFORT.rough), new), EFFORT.finished)
+
+    def _unions(self, size: int) -> None:
+        """Sets of this size that share all but one term, together."""
+        found: dict[frozenset[tuple[str, str]], Fitted] = {}
+        best = self._best(size)[: EFFORT.beam]
+        for k, a in enumerate(best):
+            for b in best[k + 1 :]:
+                new = [i for i, t in enumerate(b.terms) if (t.name, t.hook) not in keys(a)]
+                if len(new) == 1 and size < EFFORT.causes:
+                    terms, values = (*a.terms, b.terms[new[0]]), (*a.values, b.values[new[0]])
+                    both = Fitted(terms, values, a.parameters, np.inf, a.residuals)
+                    found.setdefault(keys(both), both)
+        new_sets = [f for key, f in found.items() if key not in self.pool.fits]
+        for f in spread(lambda f: fit(self.problem, f, steps=EFFORT.fine), new_sets):
+            self.pool.add(f)
+
+    def _drop_and_swap(self, size: int) -> None:
+        """From the best sets of a size all but each term; of the best one also what then comes in its place."""
+        best, tried = self._best(size)[: EFFORT.beam], set()
+        for f in best:
+            for k in range(size):
+                rest = f.only([i for i in range(size) if i != k])
+                if keys(rest) in tried:
+                    continue
+                tried.add(keys(rest))
+                smaller = fit(self.problem, rest, steps=EFFORT.rough)
+                before = self.pool.fits.get(keys(smaller))
+                if before is not None and before.chi2 <= smaller.chi2:
+                    continue
+                found = self.pool.add(fit(self.problem, smaller, steps=EFFORT.fine))
+                if f is best[0] and (before is None or found.chi2 < EFFORT.again * before.chi2):
+                    self._extend(found)
+
+
+def _away(f: Fitted, term: Term, value: float) -> float:
+    """How many standard uncertainties a parameter is from its nominal value."""
+    assert f.estimate is not None  # noqa: S101
+    return abs(value - term.nominal) / max(float(f.estimate.std[f.estimate_index(term)]), 1e-300)
