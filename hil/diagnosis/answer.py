@@ -192,7 +192,8 @@ class Answer:
 
     def _headline(self, found: Sequence[Finding], changed: Sequence[ChangedParameter], left: Left, hidden: str) -> str:
         is_cut = bool(self.problem.work.left_out)
-        return headline(self.verdict, found, changed, left, hidden, self.alike, is_cut=is_cut)
+        is_change = self.changed is not None
+        return headline(self.verdict, found, changed, left, hidden, self.alike, is_cut=is_cut, is_change=is_change)
 
     # -- findings ----------------------------------------------------------------------------------------
 

@@ -13,6 +13,8 @@ from hil.physics.plant import Parameter
 
 _PLACE = re.compile(r"\{(\w+)(:%|:\?)?\}")
 _NOT_REACHED = "none that was reached"
+_LEFT_OUT, _NEW = "The model leaves out", "New since identification:"
+_NO_PHYSICS = "No physics is missing, but the unit has changed."
 # Differences of the laws that stay below this share of the noise do not show in a recording.
 _HIDDEN_IN_NOISE = 0.25
 # No wear makes a parameter so many times what it was; a heading or a time in a wrong unit does.
@@ -88,24 +90,31 @@ def headline(
     alike: Sequence[str] = (),
     *,
     is_cut: bool = False,
+    is_change: bool = False,
 ) -> str:
     """The verdict in one sentence.
 
     `hidden`: why an agreement would mean nothing, if it would; `alike`: effects that would each explain everything,
     where none is named because the data do not tell them apart. `is_cut`: whether the budget was spent before all
-    causes were looked at.
+    causes were looked at. `is_change`: whether it is of what has changed since identification; shares are of that.
     """
     if verdict == "consistent" and hidden:
         return hidden
     if verdict == "consistent":
         return "The model agrees with the recordings within their noise."
     if verdict == "parameter_change":
-        return " ".join(["No physics is missing, but the unit has changed.", *(_change(c) for c in changed)])
+        first = "The unit has changed since identification." if is_change else _NO_PHYSICS
+        return " ".join([first, *(_change(c) for c in changed)])
     if verdict == "explained":
         them = "it" if len(found) == 1 else "them"
-        return f"{_what(found)} With {them} {_how_far(left)}."
+        how_far = f"{100.0 * (1.0 - left.share):.4g} % of the change is explained" if is_change else _how_far(left)
+        return f"{_what(found, is_change=is_change)} With {them} {how_far}."
     if verdict == "partly_explained":
-        return f"{_what(found)} Something more is missing: {100 * left.share:.3g} % of the misfit stays."
+        more = "has changed" if is_change else "is missing"
+        whole = "change" if is_change else "misfit"
+        return (
+            f"{_what(found, is_change=is_change)} Something more {more}: {100 * left.share:.3g} % of the {whole} stays."
+        )
     differ = (
         f"The model and the recordings differ by {left.nominal_rms:.2g}{_unit_text(left.unit)} (rms) beyond the noise"
     )
@@ -119,10 +128,10 @@ def headline(
     return f"{differ}, and nothing in the library explains it."
 
 
-def _what(found: Sequence[Finding]) -> str:
-    """What the model leaves out, and what in it has changed, a sentence each."""
+def _what(found: Sequence[Finding], *, is_change: bool) -> str:
+    """What the model leaves out, or what is new in the unit, and what in the model has changed, a sentence each."""
     new, held = ([_placed(f) for f in found if f.is_new is wanted] for wanted in (True, False))
-    said = [f"The model leaves out {_listed(new)}."] if new else []
+    said = [f"{_NEW if is_change else _LEFT_OUT} {_listed(new)}."] if new else []
     return " ".join([*said, *([f"What the model has of {_listed(held)} has changed."] if held else [])])
 
 

@@ -210,7 +210,7 @@ def _left_sentence(d: Diagnosis, *, corrected: bool) -> str:
         if corrected
         else _("The model leaves {rms} (rms) beyond the noise of {noise}{share}.")
     )
-    known = d.verdict != "consistent" and math.isfinite(left.share)
+    known = d.verdict != "consistent" and math.isfinite(left.share) and d.gate is None  # else it is of the change
     share = _(": {share} of the misfit").format(share=f"{number(100.0 * left.share, 2)} %") if known else ""
     return text.format(rms=with_unit(left.rms, left.unit), noise=with_unit(left.noise_std, left.unit), share=share)
 

@@ -70,6 +70,10 @@ def test_the_headline_says_what_stays_beside_the_noise() -> None:
         "The model leaves out drooping supply (supply) and lag of the sensor (sensor). With them 97.8 % of the misfit "
         "is explained: 4.3 l/min (rms) stay beside noise of 0.3 l/min."
     )
+    new = headline("partly_explained", (lag,), (), Left(0.022, 4.3, 0.3, "l/min", None, (), 2.5), is_change=True)
+    assert new.startswith(
+        "New since identification: lag of the sensor (sensor). Something more has changed: 2.2 % of the "
+    )
     three = headline("explained", (droop, lag, droop), (), Left(0.001, 0.05, 0.3, "l/min", None, (), 2.5))
     assert "drooping supply (supply), lag of the sensor (sensor) and drooping supply (supply)" in three
 
@@ -92,13 +96,15 @@ def test_an_effect_is_told_in_sentences_that_can_be_read(each: Effect) -> None:
     assert longest(sentence(each, Term("effect", each.name, "", "", (), ()), told)) <= 25
 
 
+@pytest.mark.parametrize("is_change", [False, True])
 @pytest.mark.parametrize("count", [1, 3])
 @pytest.mark.parametrize("verdict", get_args(Verdict))
-def test_a_verdict_is_told_in_sentences_that_can_be_read(verdict: Verdict, count: int) -> None:
+def test_a_verdict_is_told_in_sentences_that_can_be_read(verdict: Verdict, count: int, is_change: bool) -> None:
     where = Where("", (), (0.0, 1.0), "", {})
     found = [Finding("friction", "friction with sticking", 0.9, "spool", "force", {}, where, "", "", "")] * count
     changed = [ChangedParameter("mass", 3.0, 4.0, 0.1, "kg", "moved mass, motor and screw included")] * count
-    assert longest(headline(verdict, found, changed, Left(0.022, 4.3, 0.3, "l/min", None, (), 2.5))) <= 25
+    left = Left(0.022, 4.3, 0.3, "l/min", None, (), 2.5)
+    assert longest(headline(verdict, found, changed, left, is_change=is_change)) <= 25
     assert longest(nothing_can_be_said(4.0)) <= 25
 
 
