@@ -5,6 +5,7 @@ from __future__ import annotations
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+_KEPT = "private, max-age=31536000, immutable"
 _LOOPBACK = "http://127.0.0.1:* http://localhost:*"
 
 
@@ -34,12 +35,15 @@ class Headers:
             await self._app(scope, receive, send)
             return
 
+        # Pages ask for scripts by their contents: kept by the browser, the stop key works as soon as a page begins.
+        is_marked = scope["path"].startswith("/static/") and bool(scope["query_string"])
+
         async def answered(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 for name, value in self._always.items():
                     headers.setdefault(name, value)
-                headers.setdefault("Cache-Control", "no-store")
+                headers.setdefault("Cache-Control", _KEPT if is_marked and message["status"] == 200 else "no-store")
             await send(message)
 
         await self._app(scope, receive, answered)

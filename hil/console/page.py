@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
+from hashlib import sha256
 from http import HTTPStatus
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +51,7 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
     with speaking(language):
         text = templates("hil.console", "templates").get_template(template).render(
             **values, language=spoken(), languages=languages(), version=__version__, pages=PAGES, request=request,
-            place=request.url.path.split("/")[1] or "bench", controls=controls_of(request),
+            place=request.url.path.split("/")[1] or "bench", controls=controls_of(request), static=static_mark(),
             words={text: _(text) for text in SCRIPT_MESSAGES} if language != ENGLISH else {},
             account=request.scope.get("hil.account"),
             logged_in=bool(getattr(request.scope.get("hil.session"), "name", "")),
@@ -57,6 +60,14 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
     if request.query_params.get("lang") in languages():
         response.set_cookie(COOKIE, language, max_age=31_536_000, samesite="strict", httponly=True)
     return response
+
+
+@cache
+def static_mark() -> str:
+    """The hash of all scripts and styles, which pages ask for them by: so browsers may keep them for good."""
+    folder = files("hil.console") / "static"
+    contents = sorted((one.name, one.read_bytes()) for one in folder.iterdir())
+    return sha256(repr(contents).encode()).hexdigest()[:12]
 
 
 def file_of(root: Path, name: str, kind: str, headers: Mapping[str, str] | None = None) -> Response:

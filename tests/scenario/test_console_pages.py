@@ -224,6 +224,14 @@ def test_hostile_uploads_and_names_reach_no_file(page: Page, lab: Lab) -> None:
     assert answer.status in (400, 404)
 
 
+def test_browsers_keep_scripts_by_their_contents_and_nothing_else(page: Page) -> None:
+    page.goto("/bench")
+    script = page.locator('script[src*="/static/stop.js"]').get_attribute("src") or ""
+    kept = [page.request.get(path).headers["cache-control"]
+            for path in (script, "/static/stop.js", "/static/none.js?x", "/bench")]  # fmt: skip
+    assert "immutable" in kept[0] and kept[1:] == ["no-store"] * 3
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_pages_have_no_serious_finding_of_axe_and_fit_a_telephone(page: Page, scheme: str) -> None:
     page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]

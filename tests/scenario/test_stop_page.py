@@ -27,7 +27,7 @@ from tests.waits import PATIENCE_S
 SCRIPT = (files("hil") / "console" / "static" / "stop.js").read_text(encoding="utf-8")
 PAGE = """<!DOCTYPE html><html lang="en"><head><title>t</title><script type="application/json" id="controls">%s</script>
 <script type="application/json" id="words">{}</script>
-<script src="/stop.js" defer></script></head><body><input id="field"><iframe id="frame" src="/empty"></iframe>
+<script src="/stop.js"></script></head><body><input id="field"><iframe id="frame" src="/empty"></iframe>
 <section id="stop"></section></body></html>"""
 CSP = "default-src 'none'; script-src 'self'; style-src 'self'; frame-src 'self'; connect-src 'self' http://127.0.0.1:*"
 COUNT_BEEPS = """window.beeps = 0; const start = OscillatorNode.prototype.start;
@@ -48,8 +48,10 @@ def browser() -> Iterator[Browser]:
 
 
 @contextmanager
-def web_server(runs: Sequence[dict[str, Any]]) -> Iterator[ThreadingHTTPServer]:
-    """Serves one page with these runs, announced as a console."""
+def web_server(
+    runs: Sequence[dict[str, Any]], body_may_come: threading.Event | None = None
+) -> Iterator[ThreadingHTTPServer]:
+    """Serves one page with these runs, announced as a console; its body only when it may come."""
     answer = {"pressed": None, "answers": {}, "starting": []}  # as a console that leaves all to the page
     contents = {
         "/": ("text/html", PAGE % json.dumps({"runs": runs, "pressed": None})), "/stop.js": ("text/javascript", SCRIPT),
@@ -63,7 +65,11 @@ def web_server(runs: Sequence[dict[str, Any]]) -> Iterator[ThreadingHTTPServer]:
             for name, value in (("Content-Type", f"{kind}; charset=utf-8"), ("Content-Security-Policy", CSP)):
                 self.send_header(name, value)
             self.end_headers()
-            self.wfile.write(text.encode())
+            head, mark, body = text.partition("<body>")
+            self.wfile.write(head.encode())
+            if mark and body_may_come is not None:
+                body_may_come.wait(PATIENCE_S)
+            self.wfile.write((mark + body).encode())
 
         def do_POST(self) -> None:
             self.send_response(200)
@@ -105,7 +111,7 @@ def shown(page: Page) -> str:
 def waited(page: Page, text: str, within_s: float) -> float:
     """How long it took until a text was shown."""
     begun_s = time.monotonic()
-    page.wait_for_function("text => document.getElementById('stop').innerText.includes(text)", arg=text, polling=10,
+    page.wait_for_function("text => document.getElementById('stop')?.innerText.includes(text)", arg=text, polling=10,
                            timeout=1000.0 * within_s)  # fmt: skip
     return time.monotonic() - begun_s
 
@@ -124,6 +130,19 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
                 page.keyboard.press("F12")
                 waited(page, "hpv41-7: stop confirmed, outputs read back safe after ", PATIENCE_S)
                 assert "valve 0 V" in shown(page) and "UNCONFIRMED" not in shown(page) and wishes == ["stop"]
+
+        with subtests.test("F12 while the page is still being read"):
+            early, wishes = stack.enter_context(listening(tell_safe))
+            body_may_come = threading.Event()
+            with web_server([run_at(early)], body_may_come) as server, chromium.new_page() as page:
+                page.add_init_script(PATIENT)
+                page.goto(f"http://127.0.0.1:{server.server_port}/", wait_until="commit")
+                page.wait_for_function("window.hilStop", polling=10, timeout=1000.0 * PATIENCE_S)
+                # A browser gives keys to a page from its first paint on; this one comes with it.
+                page.evaluate("window.dispatchEvent(new KeyboardEvent('keydown', {key: 'F12'}))")
+                body_may_come.set()
+                waited(page, "hpv41-7: stop confirmed", PATIENCE_S)
+                assert wishes == ["stop"]
 
         with subtests.test("the web server is dead"):
             two, wishes = stack.enter_context(listening(tell_safe))

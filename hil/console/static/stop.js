@@ -26,7 +26,8 @@ window.hilStop = (() => {
       #stop .unconfirmed { font-size: 1rem; padding: .1rem .4rem; } }
     @media print { #stop { display: none; } }`;
 
-  let words = {}, runs = [], pressed = null, offline = false, begun = 0, asked = new Map(), press_ = null, sound = null, beeping = 0;
+  let words = {}, runs = [], pressed = null, offline = false, begun = 0, asked = new Map(), press_ = null, sound = null, beeping = 0,
+    isDrawn = false, pressedEarly = false;
   const parts = {};
 
   function say(text, values) {
@@ -159,7 +160,7 @@ window.hilStop = (() => {
   function sounds() { alarm([...asked.values()].some(one => one.state === "unconfirmed" && !one.muted)); }
 
   async function posted(url, body, more) {
-    const answer = await fetch(url, {method: "POST", body, cache: "no-store", signal: AbortSignal.timeout(2 * ANSWER_MS), ...more});
+    const answer = await fetch(url, {method: "POST", body, cache: "no-store", keepalive: true, signal: AbortSignal.timeout(2 * ANSWER_MS), ...more});
     if (!answer.ok) throw new Error(String(answer.status));
     return answer.json();
   }
@@ -246,7 +247,8 @@ window.hilStop = (() => {
     if (event.key !== "F12" && event.code !== "F12") return;
     event.preventDefault();
     event.stopImmediatePropagation();
-    if (!event.repeat) press();
+    if (event.repeat) return;
+    if (isDrawn) press(); else pressedEarly = true;
   }
 
   function mute() {
@@ -288,16 +290,18 @@ window.hilStop = (() => {
     parts.button.addEventListener("click", press);
     parts.mute.addEventListener("click", mute);
     parts.keys.addEventListener("click", () => { window.focus(); parts.button.focus({preventScroll: true}); look(); });
-    window.addEventListener("keydown", onKey, true);
     window.addEventListener("pointerdown", tuned, {once: true, capture: true});
     for (const event of ["focus", "blur", "visibilitychange", "focusin"]) window.addEventListener(event, look, true);
     document.addEventListener("hil:controls", event => show(event.detail));
     document.addEventListener("hil:connection", event => { offline = !event.detail; draw(); });
     setInterval(look, LOOK_MS);
+    isDrawn = true;
     show(json("controls", {runs: [], pressed: null}));
     look();
+    if (pressedEarly) press();
   }
 
-  if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", begin); else begin();
+  window.addEventListener("keydown", onKey, true);  // at once: a page that is still being read would lose the key
+  if (document.readyState === "loading") document.addEventListener("readystatechange", begin, {once: true}); else begin();
   return {show, press, expect};
 })();
