@@ -137,7 +137,7 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
             with web_server([run_at(early)], body_may_come) as server, chromium.new_page() as page:
                 page.add_init_script(PATIENT)
                 page.goto(f"http://127.0.0.1:{server.server_port}/", wait_until="commit")
-                page.wait_for_function("window.hilStop", polling=10, timeout=1000.0 * PATIENCE_S)
+                page.wait_for_function("() => window.hilStop", polling=10, timeout=1000.0 * PATIENCE_S)
                 # A browser gives keys to a page from its first paint on; this one comes with it.
                 page.evaluate("window.dispatchEvent(new KeyboardEvent('keydown', {key: 'F12'}))")
                 body_may_come.set()
