@@ -104,6 +104,13 @@ THRESHOLDS: Mapping[str, str] = {
     "threshold_reversal": "The same against the direction in which the command came to the stop.",
     "counted_change": "Three standard uncertainties of the averaged change of the response.",
 }
+FAIL_SAFES: Mapping[str, str] = {
+    "closing_time": (
+        "From the command's jump to its safe value until the response stays within the band (in % of the change) about "
+        "its final value for good; mean of the repeats. The meter's lag and half a hold of the command are in it."
+    ),
+    "left_open": "Mean of the second half of the time after the loss, less the response at neutral before the test.",
+}
 FREQUENCIES: Mapping[str, str] = {
     "gain": (
         "Amplitude of the response's fundamental over that of the command at the reference frequency, without the "

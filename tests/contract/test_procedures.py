@@ -28,6 +28,7 @@ SHORT = {
     "multisine_response": {"low_hz": "0.5", "high_hz": "4.5", "base_hz": "0.5", "amplitudes": "4", "periods": "3"},
     "step_response": {"levels": "40,80"},
     "large_sine": {"frequencies": "0.5", "cycles": "1"},
+    "fail_safe": {"levels": "80", "repeats": "2"},
     "threshold": {"speed": "1", "reach": "2"},
 }
 

@@ -95,6 +95,7 @@ CASES = (
     Case("leakage_check", ACCEPTANCE, {}, truth_others.of_leakage_check),
     Case("electrical_check", ACCEPTANCE, {}, truth_others.of_electrical_check),
     Case("threshold", HPV41, {"rate_hz": "250"}, truth_static.of_threshold),
+    Case("fail_safe", HPV41, {}, truth_steps.of_fail_safe),
 )  # fmt: skip
 
 

@@ -53,6 +53,23 @@ def of_step_response(clean: Recording, _bench: str, _situation: Situation) -> Tr
     return found
 
 
+def of_fail_safe(clean: Recording, _bench: str, _situation: Situation) -> Truths:
+    """The step to neutral from every level, and where it ends beside neutral; the mean over the repeats."""
+    response = clean.values(clean.meta["roles"]["response"])
+    band = float(clean.meta["settings"]["band"]) / 100.0
+    (rest,) = [part for part in clean.meta["parts"] if part["kind"] == "neutral"]
+    neutral = float(response[rest["first"] + rest["count"] // 2 : rest["first"] + rest["count"]].mean())
+    found = defaultdict(list)
+    for part in (part for part in clean.meta["parts"] if part["kind"] == "fail-safe"):
+        lost, stop = part["first"] + part["held"], part["first"] + part["count"]
+        step = read_step(
+            clean.time_s[lost:stop] - clean.time_s[lost], response[lost:stop], response[part["first"] : lost], band
+        )
+        found[f"closing_time, {part['label']}"].append(step["settling"])
+        found[f"left_open, {part['label']}"].append(float(response[(lost + stop) // 2 : stop].mean()) - neutral)
+    return {name: float(np.mean(values)) for name, values in found.items()}
+
+
 def of_efc_steps(clean: Recording, _bench: str, _situation: Situation) -> Truths:
     """The step up of every part, the mean over the repeats."""
     roles = clean.meta["roles"]

@@ -27,7 +27,7 @@ AS_INSTALLED = SITUATIONS[0]
 FIRST, SEEDS = 5000, 4
 PROCEDURES = (
     "flow_curve", "step_response", "multisine_response", "large_sine", "velocity_steps", "cylinder_drift",
-    "pressure_current", "leakage_check", "electrical_check", "threshold",
+    "pressure_current", "leakage_check", "electrical_check", "threshold", "fail_safe",
 )  # fmt: skip
 QUICK = [next(case for case in CASES if case.procedure == name) for name in PROCEDURES]
 

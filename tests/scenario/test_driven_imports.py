@@ -16,6 +16,7 @@ ALL = [
     "multisine_response brevini-hpv41 low_hz=0.5 high_hz=4.5 base_hz=0.5 amplitudes=4 periods=3 biases=60",
     "step_response brevini-hpv41 levels=40,80",
     "large_sine brevini-hpv41 frequencies=0.5 cycles=1",
+    "fail_safe brevini-hpv41 repeats=2",
     "jog brevini-hpv41 value=20",
     "threshold brevini-hpv41 speed=1 reach=2",
     "efc_acceptance cummins-efc-acceptance",

@@ -1,0 +1,146 @@
+"""Fail-safe: the command goes to its safe value at once; in what time the valve closes, and what is left open.
+
+It drives what a controller does that has lost its command. A broken wire, a lost supply of the electronics or a lost
+feedback are no commands: a bench cannot drive them through the valve's command.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
+import numpy as np
+
+from hil.errors import InputError, SettingError
+from hil.identification.characteristic import Read
+from hil.identification.step_estimate import measured_steps
+from hil.identification.threshold_estimate import Stop, drift_of
+from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.recording import Recording
+from hil.rig import Rig
+from hil.session.allowed import Allowed
+from procedures._characteristic import steady
+from procedures._course import Course, joined
+from procedures._definitions import FAIL_SAFES, defined
+from procedures._recorded import calibration_share, departures, parts_of, roles_of
+from procedures._scale import Scale, check_stands, scale_of
+from procedures._settings import NotNegative, Positive, Twice
+
+CLOSING = Measurement("closing_time", "ms", "from the loss of the command until the response stays at its final value")
+LEFT = Measurement("left_open", "", "response after the loss of the command, less that at neutral before")
+MEASUREMENTS = defined(FAIL_SAFES, CLOSING, LEFT)
+_HOLD_SETTLINGS = 2.0
+
+
+def run(
+    rig: Rig,
+    *,
+    levels: tuple[float, ...] | None = None,
+    band: Annotated[float, Allowed(above=0.0, below=50.0)] = 5.0,  # noqa: ARG001 — for the evaluation
+    hold_s: Positive | None = None,
+    repeats: Twice = 3,
+    warm_up_s: NotNegative = 0.0,
+    full_command: Positive | None = None,
+    rate_hz: Positive | None = None,
+) -> None:
+    """Drive each level, and from there the safe value.
+
+    Args:
+        rig: the bench.
+        levels: from which the command is lost, in % of full command from neutral; the ends of its range when not given.
+        band: about the final response within which the valve counts as closed, in % of the change.
+        hold_s: time at each level and after it, in s; twice the settling time of the valve when not given.
+        repeats: how often each is driven.
+        warm_up_s: time at the first level before anything is measured, in s.
+        full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
+        rate_hz: sample rate; that of the bench when not given.
+    """
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    scale = scale_of(rig, full_command)
+    check_stands(scale, "a fail-safe test")
+    held = max(2, round((hold_s or _HOLD_SETTLINGS * rig.settling_s) * rate_hz))
+    asked = _levels(scale, levels)
+    pieces = [np.repeat([level, scale.neutral], held) for level in asked]
+    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, pieces * repeats), {"levels": asked})
+    course.play(np.full(held, scale.neutral), "neutral", {"kind": "neutral"})
+    course.warm_up(asked[0], warm_up_s)
+    for _ in range(repeats):
+        for level, piece in zip(asked, pieces, strict=True):
+            course.go_to(level)
+            part = {"kind": "fail-safe", "level": level, "held": held, "label": f"{level:.4g} {rig.command.unit}"}
+            course.play(piece, f"command lost at {level:.4g} {rig.command.unit}", part)
+    course.finish()
+
+
+def _levels(scale: Scale, asked: Sequence[float] | None) -> list[float]:
+    if asked is None:
+        return [end for end in (scale.command.high, scale.command.low) if end != scale.neutral]
+    levels = [scale.level("levels", percent) for percent in asked]
+    if not levels or scale.neutral in levels:
+        raise SettingError("setting levels: each must differ from 0 %, and at least one is needed")
+    return levels
+
+
+def evaluate(recording: Recording) -> Findings:
+    """Closing time and what is left open, for each level the mean of the repeats."""
+    parts = parts_of(recording, "fail-safe")
+    _, response = roles_of(recording)
+    (before,) = parts_of(recording, "neutral")
+    neutral = _stop(recording, before["first"], before["count"])
+    by_level = {part["label"]: [one for one in parts if one["label"] == part["label"]] for part in parts}
+    after = {
+        label: [_stop(recording, one["first"] + one["held"], one["count"] - one["held"]) for one in mine]
+        for label, mine in by_level.items()
+    }
+    drift = drift_of(list(after.values()))
+    measured = [_closing(recording, label, mine) for label, mine in by_level.items()]
+    measured += [_left_open(recording, label, mine, neutral, drift) for label, mine in after.items()]
+    curves = []
+    for label, mine in by_level.items():
+        rows = slice(mine[0]["first"] + mine[0]["held"] // 2, mine[0]["first"] + mine[0]["count"])
+        every = max(1, (rows.stop - rows.start) // 1500)
+        lost_s = recording.time_s[mine[0]["first"] + mine[0]["held"]]
+        curves.append({
+            "label": label, "response_unit": response.unit,
+            "time_s": recording.time_s[rows][::every] - lost_s, "measured": response.values[rows][::every],
+        })  # fmt: skip
+    return Findings(tuple(measured), {"fail_safe": curves}, deviations=departures(recording))
+
+
+def _closing(recording: Recording, label: str, parts: Sequence[Mapping[str, Any]]) -> Measured:
+    command, response = roles_of(recording)
+    band = float(recording.meta["settings"]["band"]) / 100.0
+    found = []
+    for part in parts:
+        rows = recording.rows(part["first"], part["count"])
+        try:
+            (step,) = measured_steps(rows, command.name, response.name, band=band)
+        except InputError:
+            return CLOSING.at(label).of(None)
+        found.append((step.figures.settling_s, step.std.settling_s))
+    value, std = _mean(found)
+    return CLOSING.at(label).of(1e3 * value, 1e3 * std) if math.isfinite(value + std) else CLOSING.at(label).of(None)
+
+
+def _stop(recording: Recording, first: int, count: int) -> Stop:
+    """The steady response over the second half of a time at which the command stands."""
+    value, std = steady(recording, {"first": first, "count": count}, roles_of(recording)[1])
+    return Stop(value, std, float(recording.time_s[first + count // 2 : first + count].mean()))
+
+
+def _left_open(recording: Recording, label: str, after: Sequence[Stop], neutral: Stop, drift: Read) -> Measured:
+    """Less the drift of the reading since neutral, which the repeats show."""
+    _, response = roles_of(recording)
+    since = [stop.time_s - neutral.time_s for stop in after]
+    value, std = _mean([(stop.response - drift[0] * s, stop.std) for stop, s in zip(after, since, strict=True)])
+    left = value - neutral.response
+    whole = math.hypot(std, neutral.std, drift[1] * float(np.mean(since)))
+    return LEFT.at(label, response.unit).of(left, whole, calibration=calibration_share(response) * abs(left))
+
+
+def _mean(found: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Mean of repeats: as sure as each states, or as they scatter, whichever is less."""
+    values, stds = (np.array(each) for each in zip(*found, strict=True))
+    stated = float(np.sqrt(np.sum(stds**2))) / len(values)
+    return float(values.mean()), max(stated, float(np.std(values, ddof=1)) / math.sqrt(len(values)))
