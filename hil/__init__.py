@@ -32,8 +32,11 @@ if TYPE_CHECKING:
         diff,
         export,
         find_runs,
+        flow_curve,
+        frequency_response,
         identify,
         issue_passport,
+        learn_classes,
         linearise,
         load_model,
         open_bench,
@@ -49,8 +52,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Model", "Recording", "Results", "average", "compare", "compose", "diagnose", "diagnose_fleet", "diff", "export",
-    "find_runs", "identify", "issue_passport", "linearise", "load_model", "open_bench", "read", "results", "run",
-    "save_model", "simulate", "step_models", "typical_model", "write",
+    "find_runs", "flow_curve", "frequency_response", "identify", "issue_passport", "learn_classes", "linearise",
+    "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models",
+    "typical_model", "write",
 ]  # fmt: skip
 
 

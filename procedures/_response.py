@@ -55,12 +55,12 @@ class Evaluated:
     @property
     def follows(self) -> bool:
         """Whether the response at the reference stands out of its noise: else nothing can be counted from there."""
-        return COVERAGE_FACTOR * float(gain_std(self.response)[0]) < float(abs(self.response.response[0]))
+        return COVERAGE_FACTOR * float(self.response.gain_std[0]) < float(abs(self.response.response[0]))
 
     def measured(self) -> tuple[Measured, ...]:
         """The quantities of `MEASURED`."""
-        at, unit = self.response, gain_unit(self.response)
-        gain, std = float(abs(at.response[0])), float(gain_std(at)[0])
+        at, unit = self.response, self.response.gain_unit
+        gain, std = float(abs(at.response[0])), float(at.gain_std[0])
         known = GAIN.at(self.label, unit).size(gain, std, calibration=self.gain_share * gain)
         crossings = ((BANDWIDTH_3DB, self.bandwidth.amplitude), (BANDWIDTH_90DEG, self.bandwidth.phase))
         found = [
@@ -99,7 +99,7 @@ class Evaluated:
             "label": self.label, "amplitude": at.amplitude, "bias": at.bias,
             "command_unit": at.input_unit, "response_unit": at.output_unit,
             "frequency_hz": at.frequency_hz,
-            "gain": np.abs(at.response), "gain_std": gain_std(at), "gain_unit": gain_unit(at),
+            "gain": np.abs(at.response), "gain_std": at.gain_std, "gain_unit": at.gain_unit,
             "reference_hz": self.bandwidth.reference_hz,
             "magnitude_db": relative.magnitude_db, "magnitude_std_db": relative.magnitude_std_db,
             "phase_deg": at.phase_deg, "phase_std_deg": at.phase_std_deg,
@@ -119,7 +119,7 @@ def evaluated(recording: Recording, responses: Iterable[FrequencyResponse]) -> t
     made = []
     for raw in responses:
         response = corrected(raw, chain) if settings["correct_chain"] else raw
-        found = _with_model(response, settings, _least_fit(recording, label_of(response)))
+        found = _with_model(response, settings, _least_fit(recording, response.label))
         made.append(replace(found, gain_share=share))
     return tuple(made)
 
@@ -151,22 +151,6 @@ def reference_deviations(found: Sequence[Evaluated]) -> tuple[str, ...]:
     return tuple(f"{', '.join(where)}: {note}." for note, where in labels.items())
 
 
-def label_of(response: FrequencyResponse) -> str:
-    """`+50 ± 5 %`."""
-    return f"{response.bias:+.4g} ± {response.amplitude:.4g} {response.input_unit}"
-
-
-def gain_unit(response: FrequencyResponse) -> str:
-    """`l/min per %`."""
-    return f"{response.output_unit} per {response.input_unit}"
-
-
-def gain_std(response: FrequencyResponse) -> Array:
-    """Standard uncertainty of the gain, in its unit, shape (n,)."""
-    made: Array = np.abs(response.response) * (10.0 ** (response.magnitude_std_db / 20.0) - 1.0)
-    return made
-
-
 def crossed(measurement: Measurement, crossing: Crossing) -> Measured:
     """A crossing as a measured value; "above the top frequency" where it was not reached."""
     if crossing.frequency_hz is None:
@@ -193,7 +177,7 @@ def _least_fit(recording: Recording, label: str) -> float:
 
 def _with_model(response: FrequencyResponse, settings: Mapping[str, Any], least_percent: float) -> Evaluated:
     """The response with its bandwidths, and a transfer function where the lines bear one out."""
-    label, corners = label_of(response), bandwidth(response)
+    label, corners = response.label, bandwidth(response)
     try:
         fit, why, fewer = _borne_out(response, settings, least_percent)
     except InputError as error:
@@ -249,7 +233,7 @@ def _model(fit: TransferFunctionFit, response: FrequencyResponse) -> dict[str, A
     reference_db = 20.0 * math.log10(abs(response.response[0]))
     return {
         "text": fit.summary(), "formula": formula(fit.model), "fit_percent": fit.fit_percent,
-        "numerator": fit.model.numerator, "denominator": fit.model.denominator, "unit": gain_unit(response),
+        "numerator": fit.model.numerator, "denominator": fit.model.denominator, "unit": response.gain_unit,
         "coefficients": fit.coefficient_names, "covariance": fit.coefficient_covariance,
         "dead_time_s": fit.model.dead_time_s,
         "dead_time_std_s": float(fit.coefficient_std[-1]) if fit.form.dead_time else None, "frequency_hz": frequency_hz,

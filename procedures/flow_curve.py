@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import SettingError
-from hil.identification.flow_curve import polynomial, spline
+from hil.identification.flow_curve import monotone, polynomial, polynomial_text
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
@@ -147,8 +147,6 @@ def _curve(recording: Recording, curve: Characteristic) -> Mapping[str, Any]:
     command, response = roles_of(recording)
     nominal = (curve.rising + curve.falling) / 2.0
     fitted = polynomial(curve.command, nominal, _DEGREE)
-    sign = 1.0 if nominal[-1] > nominal[0] else -1.0
-    coefficients = np.polynomial.Polynomial.fit(curve.command, nominal, _DEGREE).convert().coef
     return {
         "command_unit": command.unit,
         "response_unit": response.unit,
@@ -156,9 +154,9 @@ def _curve(recording: Recording, curve: Characteristic) -> Mapping[str, Any]:
         "rising": curve.rising,
         "falling": curve.falling,
         "std": curve.std,
-        "spline": sign * spline(curve.command, sign * nominal)(curve.command),
+        "spline": monotone(curve.command, nominal)(curve.command),
         "polynomial": fitted(curve.command),
-        "polynomial_text": " ".join(f"{value:+.4g}·u^{power}" for power, value in enumerate(coefficients.tolist())),
+        "polynomial_text": polynomial_text(curve.command, nominal, _DEGREE),
         "dead_band": curve.dead_band,
         "half_speed": None
         if curve.half_speed is None

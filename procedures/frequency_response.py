@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hil.identification.frequency_response import DISTORTION_FLAG, FrequencyResponse
 from hil.identification.redrawn import DRAWS, draws_of
 from hil.identification.sine_segments import Segment, declared_segments, frequency_responses, hum_beneath
-from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, Measurement
+from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.stepped_sine import check_frequencies, even_frequencies
@@ -30,7 +30,6 @@ from procedures._response import (
     Evaluated,
     chain_notes,
     evaluated,
-    label_of,
     reference_deviations,
 )
 from procedures._scale import about_levels, check_form_asked, scale_of
@@ -168,20 +167,7 @@ def _curve(recording: Recording, one: Evaluated, segments: list[Segment]) -> dic
     mine.sort(key=lambda segment: segment.frequency_hz)
     shown = sorted({0, len(mine) // 2, len(mine) - 1})
     overlays = [overlay(recording, mine[i]) for i in shown]
-    return one.curve(thd_percent=100.0 * _thd(one.response)[0], overlays=overlays)
-
-
-def _thd(response: FrequencyResponse) -> tuple[Array, Array]:
-    """Distortion beyond what noise alone makes of four harmonics, and its standard uncertainty, shape (n,).
-
-    NaN where the fundamental itself is not known to better than its own size: there is nothing to compare with.
-    """
-    noise = np.trace(response.covariance, axis1=1, axis2=2) / np.abs(response.response) ** 2
-    beyond = np.maximum(response.distortion**2 - response.harmonics.shape[1] * noise, 0.0)
-    one = noise / 2.0  # variance of each of the components, and of the fundamental that they are compared with
-    squared = 4.0 * beyond * one * (1.0 + beyond) + 4.0 * response.harmonics.shape[1] * one**2
-    std = np.sqrt(squared / np.maximum(4.0 * beyond, 2.0 * np.sqrt(squared)))
-    return np.where(COVERAGE_FACTOR * np.sqrt(one) < 1.0, np.sqrt(beyond), np.nan), std
+    return one.curve(thd_percent=100.0 * one.response.distortion_beyond_noise[0], overlays=overlays)
 
 
 def _hummed(
@@ -208,8 +194,8 @@ def _hum_note(one: Evaluated, hummed: NDArray[np.bool_], hum_hz: float | None) -
 def _distortion(one: Evaluated, hummed: NDArray[np.bool_]) -> Measured:
     """The largest over the lines; what noise adds to the largest of many is taken off."""
     response = one.response
-    thd, line_std = _thd(response)
-    what = THD.at(label_of(response))
+    thd, line_std = response.distortion_beyond_noise
+    what = THD.at(response.label)
     if np.isnan(thd).all() or not one.follows:
         return what.of(None)
     largest = float(np.nanmax(thd))
@@ -229,7 +215,7 @@ def _distortion(one: Evaluated, hummed: NDArray[np.bool_]) -> Measured:
 
 
 def _distorted(one: Evaluated) -> tuple[str, ...]:
-    thd, _ = _thd(one.response)
+    thd, _ = one.response.distortion_beyond_noise
     over = one.response.frequency_hz[thd > DISTORTION_FLAG]
     if not over.size or not one.follows:
         return ()

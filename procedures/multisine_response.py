@@ -22,7 +22,7 @@ from procedures._course import Course, joined
 from procedures._definitions import FREQUENCIES, defined
 from procedures._extreme import extreme
 from procedures._recorded import departures, parts_of, roles_of
-from procedures._response import MEASURED, Evaluated, chain_notes, evaluated, label_of, reference_deviations
+from procedures._response import MEASURED, Evaluated, chain_notes, evaluated, reference_deviations
 from procedures._scale import about_levels, check_form_asked, scale_of
 from procedures._settings import NotNegative, Poles, Positive, Seed, Twice, Zeros
 
@@ -132,7 +132,7 @@ def _lead(wave: Multisine, settling_s: float) -> Array:
 
 def _levels(one: Evaluated, bla: BestLinearApproximation) -> tuple[Measured, ...]:
     """Noise with the uncertainty of how often it was seen, distortion with that of the noise redrawn."""
-    amplitude, label = bla.response.output_amplitude, label_of(one.response)
+    amplitude, label = bla.response.output_amplitude, one.response.label
 
     def share(level: Array) -> float:
         return 100.0 * float(np.median(level / amplitude))

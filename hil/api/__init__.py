@@ -20,7 +20,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from hil.api.by_hand import calibrate, demo, jog, watch
-from hil.api.calculations import compare, compose, diagnose, identify, linearise, simulate, step_models
+from hil.api.calculations import (
+    compare,
+    compose,
+    diagnose,
+    flow_curve,
+    frequency_response,
+    identify,
+    learn_classes,
+    linearise,
+    simulate,
+    step_models,
+)
 from hil.api.models import export, load_model, save_model, typical_model
 from hil.api.recordings import average, read, write
 from hil.api.runs import find_runs, open_bench, results, run
@@ -33,7 +44,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Model", "Recording", "Results", "average", "calibrate", "compare", "compose", "demo", "diagnose", "diagnose_fleet",
-    "diff", "export", "find_runs", "identify", "issue_passport", "jog", "linearise", "load_model", "open_bench", "read",
+    "diff", "export", "find_runs", "flow_curve", "frequency_response", "identify", "issue_passport", "jog",
+    "learn_classes", "linearise", "load_model", "open_bench", "read",
     "results", "run", "save_model", "simulate", "step_models", "typical_model", "watch", "write",
 ]  # fmt: skip
 

@@ -21,7 +21,10 @@ if TYPE_CHECKING:
     from hil.physics.model import Model
     from hil.record.reading import Reading
     from hil.record.recording import Recording
+    from hil.session.class_analysis import ClassAnalysis
+    from hil.session.flow_analysis import FlowAnalysis
     from hil.session.identification import Identified
+    from hil.session.sine_analysis import SineAnalysis
     from hil.session.sources import Source
 
 
@@ -270,6 +273,101 @@ def step_models(
     if recording is None:
         return [models_of_times(rise_s, settling_s, table, band)]
     return models_of_steps(samples_of(recording, reading or AS_IT_IS), input, output, table, band)
+
+
+@in_python_words
+def frequency_response(
+    recordings: Source | Iterable[Source], *, input: str = "", output: str = "", reading: Reading | None = None
+) -> SineAnalysis:
+    """Magnitude and phase of the sines that recordings hold, with uncertainty (`hil analyse sines`).
+
+    Args:
+        recordings: one of stepped sines, or one for each frequency.
+        input: name of the command, where the recording does not say it.
+        output: name of the response, likewise.
+        reading: how a path is read.
+
+    Returns:
+        `responses`, one for each amplitude and bias, with `bandwidths`, and as `tables` that `identify` takes.
+
+    Raises:
+        InputError: no sine in one of them.
+    """
+    from hil.record.reading import AS_IT_IS
+    from hil.session.sine_analysis import sine_analysis
+    from hil.session.sources import samples_of
+
+    sources: list[Source] = several(recordings)
+    return sine_analysis([samples_of(one, reading or AS_IT_IS) for one in sources], input, output)
+
+
+@in_python_words
+def flow_curve(
+    recordings: Source | Iterable[Source],
+    *,
+    input: str = "",
+    output: str = "",
+    degree: int = 9,
+    neutral: float = 0.0,
+    reading: Reading | None = None,
+) -> FlowAnalysis:
+    """Response over command of slow sweeps: dead band, hysteresis, gains, polynomial, spline (`hil analyse flow`).
+
+    Args:
+        recordings: one or several of one valve; sweeps at two speeds tell lag from hysteresis.
+        input: name of the command, where the recording does not say it.
+        output: name of the response, likewise.
+        degree: of the polynomial.
+        neutral: command from which both sides go.
+        reading: how a path is read.
+
+    Returns:
+        `figures`, the branches, `polynomial` and `spline` at levels of the command; `write` makes a CSV of them.
+
+    Raises:
+        InputError: no sweep up and down, or no response beyond the noise.
+    """
+    from hil.record.reading import AS_IT_IS
+    from hil.session.flow_analysis import flow_analysis
+    from hil.session.sources import samples_of
+
+    sources: list[Source] = several(recordings)
+    return flow_analysis([samples_of(one, reading or AS_IT_IS) for one in sources], input, output, degree, neutral)
+
+
+@in_python_words
+def learn_classes(
+    good: Source | Iterable[Source],
+    bad: Iterable[Source] = (),
+    others: Iterable[Source] = (),
+    *,
+    output: str = "",
+    names: tuple[str, str] = ("good", "bad"),
+    reading: Reading | None = None,
+) -> ClassAnalysis:
+    """Classes learnt from good and bad valves, and how often they err (`hil analyse classes`).
+
+    Args:
+        good: a recording of one test for each good valve; or the path of a CSV with a row for each valve.
+        bad: likewise of each bad valve; not with a CSV.
+        others: valves whose class is asked.
+        output: channel that is compared, where the recordings do not say it.
+        names: of the classes.
+        reading: how paths are read.
+
+    Raises:
+        InputError: fewer than five valves of a class.
+    """
+    from hil.record.reading import AS_IT_IS
+    from hil.session.analyses import channels_of
+    from hil.session.class_analysis import classes_of_recordings, classes_of_table
+    from hil.session.sources import samples_of
+
+    if isinstance(good, str | Path):
+        return classes_of_table(Path(good))
+    read = [[samples_of(one, reading or AS_IT_IS) for one in several(group)] for group in (good, bad, others)]
+    compared = output or channels_of(read[0][0])[1] if read[0] else output
+    return classes_of_recordings((names[0], read[0]), (names[1], read[1]), compared, read[2])
 
 
 @in_python_words

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +49,83 @@ def step(
         read, rise_s=rise, settling_s=settling, input=input_name, output=output_name, beside=beside, band=band / 100.0
     )
     _show([one.as_dict() for one in found], "\n".join(one.as_text() for one in found), as_json)
+
+
+@group.command("sines")
+@takes_reading
+def sines(
+    recordings: list[Path] = typer.Argument(..., metavar="RECORDING...", help="Stepped sines, in one file or several."),
+    input_name: str = _Input,
+    output_name: str = _Output,
+    out: Path | None = typer.Option(None, "--out", metavar="TABLE.csv", help="Table for `hil identify`, one each."),
+    as_json: Json = False,
+    *,
+    reading: Reading,
+) -> None:
+    """Magnitude and phase of stepped sines, with uncertainty: eqs 1 to 6 of the HPV41 paper."""
+    from hil import api
+
+    found = api.frequency_response([_read(one, reading) for one in recordings], input=input_name, output=output_name)
+    text = found.as_text()
+    if out is not None:
+        for path in found.files(out):
+            _check_out(path, recordings)
+        written = found.write(out)
+        text += "".join(f"\nnext: hil identify {shlex.quote(str(path))} --plant transfer-function" for path in written)
+    _show(found.as_dict(), text, as_json)
+
+
+@group.command("flow")
+@takes_reading
+def flow(
+    recordings: list[Path] = typer.Argument(..., metavar="RECORDING...", help="Slow sweeps up and down."),
+    input_name: str = _Input,
+    output_name: str = _Output,
+    degree: int = typer.Option(9, "--degree", min=1, max=30, help="Of the polynomial."),
+    neutral: float = typer.Option(0.0, "--neutral", metavar="U", help="Command from which both sides go."),
+    out: Path | None = typer.Option(None, "--out", metavar="CURVE.csv", help="Curve for `hil analyse compose`."),
+    as_json: Json = False,
+    *,
+    reading: Reading,
+) -> None:
+    """Flow curve of slow sweeps: dead band, hysteresis, gains, polynomial and spline: figure 6 of the HPV41 paper."""
+    from hil import api
+
+    read = [_read(one, reading) for one in recordings]
+    found = api.flow_curve(read, input=input_name, output=output_name, degree=degree, neutral=neutral)
+    text = found.as_text()
+    if out is not None:
+        _check_out(out, recordings)
+        found.write(out)
+        text += f"\n{out}: the curve; `hil analyse compose` makes a model of it"
+    _show(found.as_dict(), text, as_json)
+
+
+@group.command("classes")
+@takes_reading
+def classes(
+    valves: list[Path] = typer.Argument(
+        ..., metavar="GOOD BAD|TABLE.csv", help="Two folders of recordings of one test; or a row for each valve."
+    ),
+    output_name: str = typer.Option("", "--output", metavar="NAME", help="Channel that is compared."),
+    judge: list[Path] = typer.Option([], "--judge", metavar="RECORDING", help="A valve whose class is asked."),
+    as_json: Json = False,
+    *,
+    reading: Reading,
+) -> None:
+    """Classes learnt from good and bad valves: accepted bad and refused good, each with exact 95 % limits."""
+    from hil import api
+    from hil.errors import SettingError
+
+    if len(valves) == 1 and not valves[0].is_dir():
+        found = api.learn_classes(valves[0])
+    elif len(valves) == 2:
+        good, bad = (_folder(one, reading) for one in valves)
+        others = [_read(one, reading) for one in judge]
+        found = api.learn_classes(good, bad, others, output=output_name, names=(valves[0].name, valves[1].name))
+    else:
+        raise SettingError(f"{len(valves)} named; two folders are needed, the good valves' first, or one table")
+    _show(found.as_dict(), found.as_text(), as_json)
 
 
 @group.command("compose")
@@ -209,6 +287,21 @@ def _read(path: Path, reading: Reading) -> Recording:
     for note in notes_on([found]):
         teller(aside=True)(note)
     return found
+
+
+def _folder(folder: Path, reading: Reading) -> list[Recording]:
+    """The recordings in a folder, one for each valve, by name."""
+    from hil.errors import FileError
+
+    if not folder.is_dir():
+        raise FileError(f"{folder}: no folder; the recordings of a class lie in one, each of one valve")
+    return [_read(one, reading) for one in sorted(folder.iterdir()) if not one.name.startswith(".")]
+
+
+def _check_out(out: Path, read: list[Path]) -> None:
+    from hil.cli.places import check_file
+
+    check_file(out, read)
 
 
 def _numbers(text: str) -> list[float]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.flow_curve import spline
+from hil.identification.flow_curve import monotone
 from hil.physics.model import Model, Value
 from hil.physics.plants.curve_and_response import NODES, PLANT
 from hil.physics.transfer_function import TransferFunction
@@ -39,7 +39,7 @@ def curve_model(
     at = table_nodes(command, flow)
     values = PLANT.typical | _dynamics(linear)
     levels = at[np.minimum(np.arange(NODES), len(at) - 1)]
-    for k, (level, value) in enumerate(zip(levels, _curve(command, flow)(levels), strict=True), 1):
+    for k, (level, value) in enumerate(zip(levels, monotone(command, flow)(levels), strict=True), 1):
         values[f"command_{k}"], values[f"flow_{k}"] = float(level), float(value)
     units = PLANT.units(input_heading, output_heading)
     return Model(
@@ -50,7 +50,7 @@ def curve_model(
 
 def table_nodes(command: Array, flow: Array) -> Array:
     """Where a table of at most 24 nodes follows the spline: each new node where the table is farthest from it."""
-    curve = _curve(command, flow)
+    curve = monotone(command, flow)
     fine = np.linspace(command[0], command[-1], _FINE)
     wanted = curve(fine)
     near = _EXACT * float(np.ptp(wanted))
@@ -62,12 +62,6 @@ def table_nodes(command: Array, flow: Array) -> Array:
         chosen = sorted([*chosen, int(np.argmax(away))])
     made: Array = fine[chosen]
     return made
-
-
-def _curve(command: Array, flow: Array):  # type: ignore[no-untyped-def]
-    sign = 1.0 if flow[-1] >= flow[0] else -1.0
-    rising = spline(command, sign * flow)
-    return lambda values: sign * np.asarray(rising(values), dtype=np.float64)
 
 
 def _dynamics(linear: TransferFunction) -> dict[str, float]:

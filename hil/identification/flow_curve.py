@@ -27,6 +27,19 @@ def polynomial(command: Array, flow: Array, degree: int = 9) -> Callable[[Array]
     return curve
 
 
+def monotone(command: Array, flow: Array) -> Callable[[Array], Array]:
+    """The spline of a curve that rises or falls."""
+    sign = 1.0 if flow[-1] >= flow[0] else -1.0
+    rising = spline(command, sign * flow)
+    return lambda values: sign * np.asarray(rising(values), dtype=np.float64)
+
+
+def polynomial_text(command: Array, flow: Array, degree: int = 9) -> str:
+    """The polynomial as a sum of powers of u."""
+    coefficients = np.polynomial.Polynomial.fit(command, flow, degree).convert().coef
+    return " ".join(f"{value:+.4g}·u^{power}" for power, value in enumerate(coefficients.tolist()))
+
+
 def spline(command: Array, flow: Array) -> PchipInterpolator:
     """The monotone cubic through a flow curve (PCHIP): flat where the data are flat, never overshooting."""
     from scipy.interpolate import PchipInterpolator

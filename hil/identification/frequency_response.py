@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import InputError
+from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array
 from hil.signals.sine_fit import SineFit
 
@@ -55,6 +56,22 @@ class FrequencyResponse:
         return len(self.frequency_hz)
 
     @property
+    def label(self) -> str:
+        """`+50 ± 5 %`."""
+        return f"{self.bias:+.4g} ± {self.amplitude:.4g} {self.input_unit}"
+
+    @property
+    def gain_unit(self) -> str:
+        """`l/min per %`."""
+        return f"{self.output_unit} per {self.input_unit}"
+
+    @property
+    def gain_std(self) -> Array:
+        """Standard uncertainty of the gain, in its unit, shape (n,)."""
+        made: Array = np.abs(self.response) * (10.0 ** (self.magnitude_std_db / 20.0) - 1.0)
+        return made
+
+    @property
     def magnitude_db(self) -> Array:
         """20·lg of the raw ratio."""
         made: Array = 20.0 * np.log10(np.abs(self.response))
@@ -93,6 +110,20 @@ class FrequencyResponse:
         """THD of the output: rms of harmonics 2… over the fundamental."""
         made: Array = np.linalg.norm(self.harmonics, axis=1)
         return made
+
+    @property
+    def distortion_beyond_noise(self) -> tuple[Array, Array]:
+        """Distortion beyond what noise alone makes of the harmonics, and its standard uncertainty, shape (n,).
+
+        NaN where the fundamental itself is not known to better than its own size: there is nothing to compare with.
+        """
+        noise = np.trace(self.covariance, axis1=1, axis2=2) / np.abs(self.response) ** 2
+        count = self.harmonics.shape[1]
+        beyond = np.maximum(self.distortion**2 - count * noise, 0.0)
+        one = noise / 2.0  # variance of each of the components, and of the fundamental that they are compared with
+        squared = 4.0 * beyond * one * (1.0 + beyond) + 4.0 * count * one**2
+        std = np.sqrt(squared / np.maximum(4.0 * beyond, 2.0 * np.sqrt(squared)))
+        return np.where(COVERAGE_FACTOR * np.sqrt(one) < 1.0, np.sqrt(beyond), np.nan), std
 
     @property
     def coherence(self) -> Array:

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.identification.frequency_response import FrequencyResponse, from_fits
+from hil.identification.noise import white_floor
 from hil.record.recording import Array, Recording
 from hil.signals.frequency_fit import frequency_fit
 from hil.signals.rounding import rounding_step
@@ -19,7 +21,7 @@ from hil.signals.tone import standing_tone
 
 _SAME_PERIOD = 0.015  # relative difference up to which two periods belong to one frequency
 _SAME_LEVEL = 0.05  # of the amplitude: levels closer than that are one test
-_STRAIGHT_FLAT = 0.02  # share of a period's samples that may stand still before it counts as no sine
+_NOISES, _WIDEST = 5.0, 0.1  # standard deviations, and share of the range, about the middle within which noise turns
 _HARMONICS = 5
 _LEAST_SAMPLES = 16
 _LISTENED = 3  # of the longest sines: a hum may lie on a harmonic of one
@@ -41,40 +43,64 @@ class Segment:
         return slice(self.first, self.first + self.count)
 
 
-def frequency_responses(recording: Recording, input_name: str, output_name: str) -> tuple[FrequencyResponse, ...]:
-    """One frequency response for each amplitude and bias that a recording holds, in the order they were run.
+def frequency_responses(
+    recordings: Recording | Sequence[Recording], input_name: str, output_name: str
+) -> tuple[FrequencyResponse, ...]:
+    """One frequency response for each amplitude and bias that recordings hold together, in the order they were run.
 
     Sines come from `recording.meta["parts"]` (kind "sine") when the procedure wrote them, and are looked for
     in the input otherwise; then settling periods are cut off by the response itself.
 
     Raises:
-        InputError: no sine is found, or the input does not move.
+        InputError: no sine is found, the input does not move, or the recordings have other units than the first.
     """
-    u, y = recording.channel(input_name), recording.channel(output_name)
+    each = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    units = [(r.channel(input_name).unit, r.channel(output_name).unit) for r in each]
+    for recording, found in zip(each, units, strict=True):
+        if found != units[0]:
+            raise InputError(f"{recording.name}: in {found[1]} over {found[0]}, {each[0].name} in other units")
+    sines = [_Sine(recording, one) for recording in each for one in _segments(recording, input_name, output_name)]
+    made = []
+    for group in _by_level(sines):
+        harmonics = min(_harmonics(sine.recording.time_s, sine.segment) for sine in group)
+        fits = [_fitted(sine, input_name, output_name, harmonics) for sine in group]
+        first = group[0].segment
+        made.append(from_fits(each[0].name, fits, units[0], first.amplitude, first.bias))
+    return tuple(made)
+
+
+@dataclass(frozen=True, slots=True)
+class _Sine:
+    recording: Recording
+    segment: Segment
+
+
+def _segments(recording: Recording, input_name: str, output_name: str) -> list[Segment]:
+    """Settled sines of a recording."""
     declared = declared_segments(recording)
-    segments = declared or found_segments(recording.time_s, u.values)
-    if not segments:
+    if declared:
+        return declared
+    u, y = recording.channel(input_name), recording.channel(output_name)
+    found = found_segments(recording.time_s, u.values)
+    if not found:
         raise InputError(
             f"{recording.name}: no sine in channel '{u.heading}': neither written down in its parts nor two equal "
             "periods to be seen"
         )
-    made, grid = [], rounding_step(y.values)
-    for group in _by_level(segments):
-        kept = group if declared else [_settled(recording.time_s, y.values, segment) for segment in group]
-        harmonics = min(_harmonics(recording.time_s, segment) for segment in kept)
-        fits = []
-        for segment in kept:
-            part = segment.samples
-            given, answer = (
-                sine_fit(
-                    recording.stamps(c.name)[part], c.values[part], segment.frequency_hz,
-                    harmonics=harmonics, drift_order=order,
-                )
-                for c, order in ((u, 0), (y, 1))
-            )  # fmt: skip
-            fits.append((given, with_rounding(answer, grid)))
-        made.append(from_fits(recording.name, fits, (u.unit, y.unit), group[0].amplitude, group[0].bias))
-    return tuple(made)
+    return [_settled(recording.time_s, y.values, segment) for segment in found]
+
+
+def _fitted(sine: _Sine, input_name: str, output_name: str, harmonics: int) -> tuple[SineFit, SineFit]:
+    """The sine in input and output."""
+    recording, part = sine.recording, sine.segment.samples
+    given, answer = (
+        sine_fit(
+            recording.stamps(name)[part], recording.values(name)[part], sine.segment.frequency_hz,
+            harmonics=harmonics, drift_order=order,
+        )
+        for name, order in ((input_name, 0), (output_name, 1))
+    )  # fmt: skip
+    return given, with_rounding(answer, rounding_step(recording.values(output_name)))
 
 
 def hum_beneath(recording: Recording, output_name: str, segments: Sequence[Segment]) -> float | None:
@@ -130,8 +156,10 @@ def _within(time_s: Array, values: Array, start: int, stop: int) -> list[Segment
     if stop - start < 2 * _LEAST_SAMPLES or np.ptp(part) == 0.0:
         return []
     middle = (float(part.max()) + float(part.min())) / 2.0
-    above = part > middle
-    up = start + np.flatnonzero(~above[:-1] & above[1:])
+    above = _above(part, middle)
+    crossed = np.flatnonzero((part[:-1] <= middle) & (part[1:] > middle))
+    rises = np.flatnonzero(~above[:-1] & above[1:])  # the last passage before each counts
+    up = start + crossed[np.searchsorted(crossed, rises, side="right") - 1]
     share = (middle - values[up]) / (values[up + 1] - values[up])
     found = _of_equal_periods(time_s, values, time_s[up] + share * (time_s[up + 1] - time_s[up]))
     if found:
@@ -141,6 +169,15 @@ def _within(time_s: Array, values: Array, start: int, stop: int) -> list[Segment
         edges = [start, *(start + 1 + np.flatnonzero(above[:-1] != above[1:])).tolist(), stop]
         rest = list(pairwise(edges)) if len(edges) > 2 else []
     return found + [segment for first, last in rest for segment in _within(time_s, values, first, last)]
+
+
+def _above(part: Array, middle: float) -> NDArray[np.bool_]:
+    """Whether values are above a middle, or were when noise of a measured command last let it be seen."""
+    band = min(_NOISES * white_floor(part), _WIDEST * float(np.ptp(part)))
+    seen = np.abs(part - middle) > band
+    last = np.maximum.accumulate(np.where(seen, np.arange(len(part)), 0))
+    made: NDArray[np.bool_] = part[last] > middle
+    return made
 
 
 def _of_equal_periods(time_s: Array, values: Array, rises: Array) -> list[Segment]:
@@ -161,12 +198,24 @@ def _of_equal_periods(time_s: Array, values: Array, rises: Array) -> list[Segmen
 def _segment(time_s: Array, values: Array, start_s: float, stop_s: float) -> Segment | None:
     first, stop = (int(i) for i in np.searchsorted(time_s, [start_s, stop_s]))
     part = values[first:stop]
-    if stop - first < _LEAST_SAMPLES or np.mean(np.diff(part) == 0.0) > _STRAIGHT_FLAT:
+    if stop - first < _LEAST_SAMPLES:
         return None
     fit = frequency_fit(time_s[first:stop], part, None)
-    if fit.residual_std > 0.1 * fit.amplitude:
+    if fit.residual_std > 0.1 * fit.amplitude or _stands(part) > _at_peak(part, fit):
         return None  # periodic, but no sine
     return Segment(fit.frequency_hz, first, stop - first, fit.amplitude, fit.offset)
+
+
+def _stands(part: Array) -> int:
+    """The most samples one after another that have one value."""
+    changes = np.flatnonzero(np.diff(part) != 0.0)
+    return int(np.diff(np.concatenate(([-1], changes, [len(part) - 1]))).max())
+
+
+def _at_peak(part: Array, fit: SineFit) -> float:
+    """The most samples of a rounded sine that have one value: those within a step of its peak."""
+    step = min(rounding_step(part) / fit.amplitude, 1.0)
+    return float(np.arccos(1.0 - step)) / np.pi * len(part) / fit.periods + 2.0
 
 
 def _settled(time_s: Array, output: Array, segment: Segment) -> Segment:
@@ -194,15 +243,15 @@ def _harmonics(time_s: Array, segment: Segment) -> int:
     return max(1, min(_HARMONICS, int(0.499 * rate_hz / segment.frequency_hz)))
 
 
-def _by_level(segments: Sequence[Segment]) -> list[list[Segment]]:
-    groups: list[list[Segment]] = []
-    for segment in segments:
+def _by_level(sines: Sequence[_Sine]) -> list[list[_Sine]]:
+    groups: list[list[_Sine]] = []
+    for sine in sines:
         for group in groups:
-            if _same_level(group[0], segment):
-                group.append(segment)
+            if _same_level(group[0].segment, sine.segment):
+                group.append(sine)
                 break
         else:
-            groups.append([segment])
+            groups.append([sine])
     return groups
 
 

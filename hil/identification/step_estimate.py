@@ -81,7 +81,7 @@ def measured_steps(
         InputError: the command holds no step, or the response does not follow one.
     """
     command = recording.channel(input_name)
-    edges = _jumps(command.values)
+    edges = jumps(command.values)
     if not edges:
         raise InputError(f"{recording.name}: channel '{command.heading}' holds no step")
     output = recording.values(output_name)
@@ -297,7 +297,7 @@ def _straightened(values: Array) -> Array:
     return made
 
 
-def _jumps(values: Array) -> list[int]:
+def jumps(values: Array) -> list[int]:
     """Samples at which the command jumps from standing still to standing still."""
     change = np.abs(np.diff(values))
     still = np.concatenate(([True, True], change == 0.0, [True, True]))

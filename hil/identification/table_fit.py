@@ -135,6 +135,16 @@ def averaged(tables: Sequence[ResponseTable], *, normalised: bool = False) -> Re
     )  # fmt: skip
 
 
+def as_table(response: FrequencyResponse, input_name: str, output_name: str) -> ResponseTable:
+    """A measured frequency response as a table, with its uncertainty and the names of its channels."""
+    return ResponseTable(
+        f"{response.name}, {response.label}", response.frequency_hz, response.response,
+        response.output_unit if response.input_unit == "1" else f"{response.output_unit}/{response.input_unit}",
+        gain_std=response.gain_std / np.abs(response.response), phase_std_rad=np.radians(response.phase_std_deg),
+        meta={"roles": {"command": input_name, "response": output_name}},
+    )  # fmt: skip
+
+
 def as_response(tables: Sequence[ResponseTable]) -> FrequencyResponse:
     """The lines of tables, those of all of them together, as what a transfer function is fitted to.
 

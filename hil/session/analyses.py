@@ -45,6 +45,7 @@ from hil.record.response_table import ResponseTable
 
 _LINEAR = "transfer-function"
 _MEMBERSHIPS = ("left trapezoid", "left triangle", "right triangle", "right trapezoid")
+_TIMES = ("s", "ms", "min", "h")
 _EVEN = 1e-3  # of the interval, by which stamps of an even recording may differ
 
 
@@ -407,14 +408,16 @@ def flow_curve_of(path: Path) -> FlowCurve:
 
 
 def _between(path: Path, heads: Sequence[str], rows: Array) -> FlowCurve:
-    """The middle between the branches, levels rising."""
+    """The middle between the branches, levels rising; a column of time is none of them."""
+    kept = [k for k, head in enumerate(heads) if split_heading(head)[1] not in _TIMES]
+    heads, rows = [heads[k] for k in kept], rows[:, kept] if rows.ndim == 2 else rows
     names = [split_heading(head)[0] for head in heads]
     picked = [names.index(name) for name in ("rising", "falling") if name in names] or [1]
     if rows.ndim != 2 or rows.shape[1] <= max(picked) or not np.all(np.isfinite(rows[:, [0, *picked]])):
         raise FileError(f"{path}: not a flow curve: a command and a response are needed on every row")
     order = np.argsort(rows[:, 0], kind="stable")
     flow = rows[order][:, picked].mean(axis=1)
-    return FlowCurve(rows[order, 0], flow, heads[0], heads[picked[0]])
+    return FlowCurve(rows[order, 0], flow, heads[0], heads[1])
 
 
 def model_to_linearise(path: Path, changed: Sequence[str] = ()) -> Model:

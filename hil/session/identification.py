@@ -21,6 +21,7 @@ from hil.record.reading import Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
 from hil.record.simulated import SIMULATED, is_simulated, marked
+from hil.session.known_signal import command_for
 from hil.session.responses import holds_responses, speaks_of
 from hil.session.sources import Source, read_source
 
@@ -171,7 +172,10 @@ def identified(
         start, recordings, lambda one: _channels(one, plant_of, input_name, output_name)[0][0],
         lambda one: bound(one, plant_of, input_name, output_name),
     )  # fmt: skip
-    for note in (*assumed, *(note for one in experiments for note in one.notes)):
+    given = _channels(recordings[0], plant_of, input_name, output_name)[0][0]
+    known = [found] if plant == _LINEAR and (found := command_for(recordings[0], given)) else []
+    about = (f"{recordings[0].name}: {sentence}" for sentence in known)
+    for note in (*assumed, *(note for one in experiments for note in one.notes), *about):
         notes(note)
     is_long = sum(len(one.output) for one in experiments) >= _LONG
     found = fit_plant(start, experiments, free, progress if is_long else lambda _done, _text: None)

@@ -1,0 +1,224 @@
+"""The flow curve of recordings of one's own: what `hil run flow_curve` reads from its sweeps, from sweeps as found."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hil.errors import InputError, SettingError, StorageError
+from hil.identification.characteristic import largest_slope, level_at, loop, over_all, polyline, side
+from hil.identification.flow_curve import monotone, polynomial, polynomial_text
+from hil.identification.own_sweeps import OwnSweeps, own_sweeps
+from hil.identification.sweep_estimate import SweepEstimate, sweep_estimate
+from hil.record.durable import write_whole
+from hil.record.invalid_samples import measured_rows
+from hil.record.measurement import COVERAGE_FACTOR
+from hil.record.plain import plain
+from hil.record.recording import Array, Recording, split_heading
+from hil.session.analyses import channels_of
+from hil.signals.rounding import rounding_step
+
+DEGREE = 9
+_CERTAIN = 4.0  # standard uncertainties: the largest of many values by noise alone stays below
+_A_SIDE = 0.05  # of the sweep: less beyond neutral is no side of the valve
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A number of the curve; `std` is its standard uncertainty, from noise alone."""
+
+    name: str
+    value: float
+    std: float
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.name:20} {self.value:12.5g} ± {COVERAGE_FACTOR * self.std:.2g} {self.unit}"
+
+
+@dataclass(frozen=True, slots=True)
+class FlowAnalysis:
+    """A steady curve and what is read from it.
+
+    Attributes:
+        input, output: headings, `name [unit]`.
+        command: levels, rising, shape (n,).
+        rising, falling, std: the branches with the lag taken out, and the uncertainty of the curve between them.
+        figures: dead band, gains, hysteresis and so on, as the procedure `flow_curve` calls them.
+        polynomial, spline: of the curve between the branches, at the levels.
+        polynomial_text: the polynomial as a sum of powers. `degree`: of it.
+        notes: what the reader should know.
+    """
+
+    input: str
+    output: str
+    command: Array
+    rising: Array
+    falling: Array
+    std: Array
+    figures: tuple[Figure, ...]
+    polynomial: Array
+    spline: Array
+    polynomial_text: str
+    degree: int
+    notes: tuple[str, ...]
+
+    @property
+    def columns(self) -> dict[str, Array]:
+        """The curve as `hil analyse compose` takes it, by heading."""
+        unit = split_heading(self.output)[1]
+        curves = {"rising": self.rising, "falling": self.falling, "std": self.std,
+                  f"polynomial of degree {self.degree}": self.polynomial}  # fmt: skip
+        named = {f"{name} [{unit}]": values for name, values in curves.items()}
+        return {self.input: self.command, self.output: self.spline, **named}
+
+    def as_text(self) -> str:
+        """As lines for a terminal."""
+        rows = [f"{self.output} over {self.input}, {self.command[0]:g} … {self.command[-1]:g}"]
+        rows += [f"  {figure}" for figure in self.figures]
+        rows.append(f"  polynomial {self.polynomial_text}")
+        return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON values."""
+        made: dict[str, Any] = plain({
+            "schema": "hil.flow-curve/1", "input": self.input, "output": self.output,
+            "values": [{"name": f.name, "value": f.value, "std": f.std, "unit": f.unit} for f in self.figures],
+            "degree": self.degree, "polynomial": self.polynomial_text,
+            "curve": [{"name": name, "values": values} for name, values in self.columns.items()],
+            "notes": list(self.notes),
+        })  # fmt: skip
+        return made
+
+    def write(self, path: Path) -> None:
+        """The curve as CSV. Raises `StorageError`."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(self.columns)
+        writer.writerows(np.column_stack(list(self.columns.values())).tolist())
+        try:
+            write_whole(path, text.getvalue())
+        except OSError as error:
+            raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def flow_analysis(
+    recordings: Sequence[Recording],
+    input_name: str = "",
+    output_name: str = "",
+    degree: int = DEGREE,
+    neutral: float = 0.0,
+) -> FlowAnalysis:
+    """The curve of the sweeps that recordings hold.
+
+    Args:
+        recordings: of one valve; sweeps at two speeds tell lag from hysteresis.
+        input_name: the command; where not given, as the first recording declares it.
+        output_name: the response, likewise.
+        degree: of the polynomial.
+        neutral: command from which both sides go; a sweep that stays on one side of it goes one way.
+
+    Raises:
+        FileError: nobody says which channels they are. InputError: no sweep, or no response beyond the noise.
+        SettingError: a degree that is none.
+    """
+    if not 1 <= degree <= 30:
+        raise SettingError(f"degree {degree}: a polynomial of degree 1 to 30")
+    names = channels_of(recordings[0], input_name, output_name)
+    rows = [measured_rows(one, names) for one in recordings]
+    given, answer = (rows[0].channel(name) for name in names)
+    for one in rows[1:]:
+        for channel in (given, answer):
+            if one.channel(channel.name).unit != channel.unit:
+                raise InputError(f"{one.name}: '{channel.name}' is not in {channel.unit}, as in {rows[0].name}")
+    found = own_sweeps(rows, *names, neutral=neutral)
+    estimate = sweep_estimate(rows[0].name, found.sweeps, found.standing)
+    figures, notes = _figures(found, estimate, (given.unit, answer.unit), neutral, rounding_step(answer.values))
+    at = polyline()
+    command, response = estimate.command[at], estimate.response[at]
+    rising, falling = (_branch(estimate, sign)[at] for sign in (1, -1))
+    return FlowAnalysis(
+        given.heading, answer.heading, command, rising, falling, np.std(estimate.responses, axis=0)[at], figures,
+        polynomial(command, response, degree)(command), monotone(command, response)(command),
+        polynomial_text(command, response, degree), degree, notes,
+    )  # fmt: skip
+
+
+def _branch(estimate: SweepEstimate, sign: int) -> Array:
+    found = estimate.branch(sign)
+    made: Array = np.where(np.isnan(found), estimate.response, found)
+    return made
+
+
+def _figures(
+    found: OwnSweeps, estimate: SweepEstimate, units: tuple[str, str], neutral: float, step: float
+) -> tuple[tuple[Figure, ...], tuple[str, ...]]:
+    unit_in, unit_out = units
+    low, high = float(estimate.command[0]), float(estimate.command[-1])
+    ends = {sign: _end(found, estimate, sign) for sign in (1, -1)}
+    made = [Figure("response_high", *ends[1], unit_out), Figure("response_low", *ends[-1], unit_out)]
+    of_loop, notes = _loop(found, estimate, high - low, unit_in)
+    made += of_loop
+    if low < neutral - _A_SIDE * (high - low) and high > neutral + _A_SIDE * (high - low):
+        made += _both_ways(found, estimate, ends, units, neutral, step)
+    else:
+        half = over_all(estimate, lambda curve, _: level_at(estimate.command, curve, (ends[1][0] + ends[-1][0]) / 2.0))
+        gain, steepest = largest_slope(estimate, [sweep.speed_per_s for sweep in found.sweeps])
+        made += [Figure("command_half", *half, unit_in), Figure("gain_largest", *gain, f"{unit_out} per {unit_in}")]
+        notes.append(f"steepest at {steepest:.4g} {unit_in}: a good bias for dynamic tests")
+    return tuple(made), tuple(notes)
+
+
+def _end(found: OwnSweeps, estimate: SweepEstimate, sign: int) -> tuple[float, float]:
+    """(response at an end, its standard uncertainty): where the command waited there, else of the curve."""
+    waits = [one for one in found.standing if one.risen == (sign > 0)]
+    if waits:
+        weights = np.array([one.samples for one in waits], dtype=np.float64)
+        value = float(np.average([one.response for one in waits], weights=weights))
+        return value, float(np.sqrt(np.sum((weights * [one.std for one in waits]) ** 2)) / weights.sum())
+    place = -1 if sign > 0 else 0
+    return float(estimate.response[place]), float(np.std(estimate.responses[:, place]))
+
+
+def _loop(found: OwnSweeps, estimate: SweepEstimate, span: float, unit: str) -> tuple[list[Figure], list[str]]:
+    between = loop(estimate, _CERTAIN, tuple(sweep.speed_per_s for sweep in found.sweeps))
+    if between.width is None or between.lag is None:
+        width = 2.0 * abs(float(estimate.half_widths[0]))
+        std = 2.0 * float(np.std(estimate.redrawn_half_widths[:, 0]))
+        note = f"the loop is {width:.3g} {unit} wide; of one speed, how much of it is lag is not identifiable"
+        return [Figure("loop", 100.0 * width / span, 100.0 * std / span, "%")], [f"{note}: sweep at half the speed too"]
+    width, std = between.width
+    lag_s, lag_std_s = between.lag
+    return [
+        Figure("hysteresis", 100.0 * width / span, 100.0 * std / span, "%"),
+        Figure("lag", 1e3 * lag_s, 1e3 * lag_std_s, "ms"),
+    ], []
+
+
+def _both_ways(
+    found: OwnSweeps, estimate: SweepEstimate, ends: dict[int, tuple[float, float]], units: tuple[str, str],
+    neutral: float, step: float,
+) -> list[Figure]:  # fmt: skip
+    unit_in, unit_out = units
+    beside = over_all(estimate, lambda curve, _: float(np.interp(neutral, estimate.command, curve)))
+    zero, zero_std = found.at_rest or beside
+    sides = {sign: side(estimate, neutral, zero, ends[sign][0], sign, step) for sign in (1, -1)}
+    named = [(1, "positive"), (-1, "negative")]
+    made = [Figure(f"dead_band_{word}", *sides[sign].edge, unit_in) for sign, word in named]
+    made += [Figure(f"gain_{word}", *sides[sign].gain, f"{unit_out} per {unit_in}") for sign, word in named]
+    weak, strong = sorted((one.gain for one in sides.values()), key=lambda gain: abs(gain[0]))
+    ratio = abs(weak[0] / strong[0])
+    worse = max((one.departure for one in sides.values()), key=lambda read: read[0])
+    return [
+        *made,
+        Figure("symmetry", ratio, ratio * math.hypot(weak[1] / weak[0], strong[1] / strong[0]), "1"),
+        Figure("linearity", 100.0 * worse[0], 100.0 * worse[1], "%"),
+        Figure("leakage", zero, zero_std, unit_out),
+    ]

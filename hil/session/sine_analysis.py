@@ -1,0 +1,117 @@
+"""Frequency responses of recordings of one's own: what `hil run frequency_response` reads, from sines as found."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hil.errors import FileError
+from hil.identification.bandwidth import Bandwidth, bandwidth
+from hil.identification.frequency_response import FrequencyResponse
+from hil.identification.sine_segments import frequency_responses
+from hil.identification.table_fit import as_table
+from hil.record.invalid_samples import measured_rows
+from hil.record.measurement import COVERAGE_FACTOR
+from hil.record.plain import plain
+from hil.record.recording import Recording
+from hil.record.response_table import ResponseTable, write_response_table
+from hil.session.analyses import channels_of
+
+_RAW = "sensor, filter and hold of the command are in it: nothing of the measuring chain was taken out"
+
+
+@dataclass(frozen=True, slots=True)
+class SineAnalysis:
+    """The frequency responses that recordings hold, one for each amplitude and bias.
+
+    Attributes:
+        responses: lines with covariance and harmonics. `bandwidths`: of each.
+        input, output: names of the channels.
+    """
+
+    responses: tuple[FrequencyResponse, ...]
+    bandwidths: tuple[Bandwidth, ...]
+    input: str
+    output: str
+
+    @property
+    def tables(self) -> tuple[ResponseTable, ...]:
+        """The responses as `hil identify` takes them."""
+        return tuple(as_table(one, self.input, self.output) for one in self.responses)
+
+    def as_text(self) -> str:
+        """Magnitude, phase and distortion of every line, for a terminal."""
+        each = zip(self.responses, self.bandwidths, strict=True)
+        return "\n".join([*(row for one, corners in each for row in _rows(one, corners)), f"  note: {_RAW}"])
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON values."""
+        each = zip(self.responses, self.bandwidths, strict=True)
+        made: dict[str, Any] = plain({
+            "schema": "hil.sines/1", "input": self.input, "output": self.output,
+            "responses": [_entry(one, corners) for one, corners in each], "notes": [_RAW],
+        })  # fmt: skip
+        return made
+
+    def files(self, out: Path) -> list[Path]:
+        """The table of each response: `out`, or where there are several, each with its bias and amplitude behind."""
+        if len(self.responses) == 1:
+            return [out]
+        stems = [re.sub(r"[^0-9A-Za-z.+-]+", "_", one.label).strip("_") for one in self.responses]
+        return [out.with_name(f"{out.stem}_{stem}{out.suffix}") for stem in stems]
+
+    def write(self, out: Path) -> list[Path]:
+        """Write the tables as CSV.
+
+        Raises:
+            FileError: a response of one line is no table. StorageError: one cannot be written.
+        """
+        if short := next((one for one in self.responses if len(one) < 2), None):
+            raise FileError(f"{out}: {short.label} has one frequency; a table of a frequency response needs two")
+        for table, path in zip(self.tables, self.files(out), strict=True):
+            write_response_table(table, path)
+        return self.files(out)
+
+
+def sine_analysis(recordings: Sequence[Recording], input_name: str = "", output_name: str = "") -> SineAnalysis:
+    """The frequency responses of the sines that recordings hold together: one file for all, or one for each frequency.
+
+    Raises:
+        FileError: nobody says which channels they are. InputError: no sine in one of them.
+    """
+    names = channels_of(recordings[0], input_name, output_name)
+    found = frequency_responses([measured_rows(one, names) for one in recordings], *names)
+    return SineAnalysis(found, tuple(bandwidth(one) for one in found), *names)
+
+
+def _rows(one: FrequencyResponse, corners: Bandwidth) -> list[str]:
+    """A head, a line for each frequency, and where the response falls off."""
+    over = f"{one.output_unit}/{one.input_unit}"
+    rows = [f"{one.label}: {len(one)} frequencies", f"  {'Hz':>10} {over:>24} {'°':>20} {'distortion %':>14}"]
+    for frequency, gain, gain_std, phase, phase_std, thd in _lines(one):
+        rows.append(
+            f"  {frequency:10.5g} {gain:12.5g} ± {COVERAGE_FACTOR * gain_std:<9.2g} "
+            f"{phase:10.2f} ± {COVERAGE_FACTOR * phase_std:<7.2g} {100.0 * thd:14.3g}"
+        )
+    return [*rows, f"  {corners.amplitude}; {corners.phase}"]
+
+
+def _lines(one: FrequencyResponse) -> list[tuple[float, ...]]:
+    columns = (
+        one.frequency_hz, abs(one.response), one.gain_std, one.phase_deg, one.phase_std_deg,
+        one.distortion_beyond_noise[0],
+    )  # fmt: skip
+    return list(zip(*(column.tolist() for column in columns), strict=True))
+
+
+def _entry(one: FrequencyResponse, corners: Bandwidth) -> dict[str, Any]:
+    names = ("frequency_hz", "gain", "gain_std", "phase_deg", "phase_std_deg", "thd")
+    lines = [list(column) for column in zip(*_lines(one), strict=True)]
+    return {
+        "label": one.label, "amplitude": one.amplitude, "bias": one.bias, "gain_unit": one.gain_unit,
+        **dict(zip(names, lines, strict=True)), "bandwidth_3db_hz": corners.amplitude.frequency_hz,
+        "bandwidth_90deg_hz": corners.phase.frequency_hz,
+    }  # fmt: skip

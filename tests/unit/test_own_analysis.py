@@ -1,0 +1,199 @@
+"""`hil analyse sines`, `flow` and `classes`: recordings that no procedure wrote, against what made them."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import hil
+from hil.cli import app
+from hil.errors import InputError
+from hil.identification.classification import exact_limits
+from hil.identification.sine_segments import found_segments
+from hil.record.recording import recording
+from hil.session.known_signal import command_for
+
+RATE_HZ, LAG_S = 200.0, 0.08
+FREQUENCIES_HZ = (0.5, 1.0, 2.0, 4.0)
+
+
+def made(name, command, answer, noise=0.02, command_noise=0.0, seed=0):
+    rng = np.random.default_rng(seed)
+    columns = {
+        "valve [%]": command + command_noise * rng.standard_normal(len(command)),
+        "flow [l/min]": answer + noise * rng.standard_normal(len(answer)),
+    }
+    return recording(name, np.arange(len(command)) / RATE_HZ, columns)
+
+
+def lagged(command, gain):
+    decay = np.exp(-1.0 / RATE_HZ / LAG_S)
+    return gain * lfilter([0.0, 1.0 - decay], [1.0, -decay], command, zi=[decay * command[0] + (1 - decay) * 0.0])[0]
+
+
+def sines(bias, amplitude, frequencies=FREQUENCIES_HZ, **more):
+    parts = [np.full(100, bias)]
+    for frequency_hz in frequencies:
+        k = np.arange(round(max(5.0, 5.0 * frequency_hz) / frequency_hz * RATE_HZ))
+        parts.append(bias + amplitude * np.sin(2.0 * np.pi * frequency_hz * k / RATE_HZ))
+    command = np.concatenate(parts)
+    return made(f"about {bias:g}", command, lagged(command, 0.9), **more)
+
+
+def true_response(frequency_hz):
+    """Of the lag as sampled: what lies between the command of a sample and the reading of that sample."""
+    decay, z = np.exp(-1.0 / RATE_HZ / LAG_S), np.exp(2j * np.pi * np.asarray(frequency_hz) / RATE_HZ)
+    return 0.9 * (1.0 - decay) / (z - decay)
+
+
+@pytest.mark.parametrize("command_noise", [0.0, 0.05])
+def test_sines_of_two_files_are_one_response_for_each_level(command_noise):
+    recordings = [
+        sines(40.0, 5.0, FREQUENCIES_HZ[:2], command_noise=command_noise, seed=1),
+        sines(40.0, 5.0, FREQUENCIES_HZ[2:], command_noise=command_noise, seed=2),
+        sines(-30.0, 10.0, command_noise=command_noise, seed=3),
+    ]
+    found = hil.frequency_response(recordings, input="valve", output="flow")
+    levels = [(one.bias, one.amplitude) for one in found.responses]
+    assert levels == [pytest.approx((40.0, 5.0), rel=1e-3), pytest.approx((-30.0, 10.0), rel=1e-3)]
+    assert len(found.tables) == 2
+    for one in found.responses:
+        np.testing.assert_allclose(one.frequency_hz, FREQUENCIES_HZ, rtol=1e-3)
+        truth = true_response(one.frequency_hz)
+        away = np.abs(np.abs(one.response) - np.abs(truth)) / one.gain_std
+        turned = np.abs(np.degrees(np.angle(one.response / truth))) / one.phase_std_deg
+        assert max(away.max(), turned.max()) < 4.0
+        assert np.all(one.gain_std < 0.01)
+    model = hil.identify(found.tables[1], "transfer-function", poles=1, zeros=0).model
+    assert (model.input, model.output) == ("valve [%]", "flow [l/min]")
+    assert model.values["lag_time"] == pytest.approx(LAG_S, abs=4.0 * model.parameters["lag_time"].std)
+
+
+def sweep(cycle_s, width=2.0):
+    """A backlash, a lag and a dead band of 20 behind a triangle that begins and ends at neutral."""
+    quarter = np.linspace(0.0, 100.0, round(cycle_s * RATE_HZ / 4.0), endpoint=False)
+    up, wait = np.concatenate((quarter, 100.0 - quarter)), np.zeros(100)
+    command = np.concatenate((wait, up, -up, wait))
+    played, at = np.empty(len(command)), 0.0
+    for i, value in enumerate(command.tolist()):
+        at = min(max(at, value - width / 2.0), value + width / 2.0)
+        played[i] = at
+    spool = lagged(played, 1.0)
+    return made(f"{cycle_s:g} s", command, 0.875 * np.sign(spool) * np.maximum(np.abs(spool) - 20.0, 0.0), 0.1)
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return hil.flow_curve([sweep(10.0), sweep(20.0)], input="valve", output="flow", degree=11)
+
+
+def test_a_flow_curve_tells_hysteresis_from_lag(curve):
+    figures = {one.name: one for one in curve.figures}
+    truth = {"hysteresis": 1.0, "lag": 1e3 * LAG_S, "dead_band_positive": 20.0, "dead_band_negative": -20.0,
+             "gain_positive": 0.875, "gain_negative": 0.875, "leakage": 0.0}  # fmt: skip
+    for name, value in truth.items():
+        assert figures[name].value == pytest.approx(value, abs=4.0 * figures[name].std), name
+    assert figures["hysteresis"].std < 0.15
+    assert curve.polynomial_text.count("u^") == 12
+    assert np.all(np.diff(curve.spline) >= 0.0)
+
+
+def test_a_sweep_of_one_speed_does_not_call_lag_hysteresis():
+    found = hil.flow_curve(sweep(10.0), input="valve", output="flow")
+    assert "hysteresis" not in {one.name for one in found.figures}
+    assert any("of one speed" in note for note in found.notes)
+
+
+def test_flow_at_the_prompt_makes_a_curve_that_compose_takes(curve, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    hil.write(sweep(10.0), "sweep.csv")
+    hil.save_model(hil.identify(hil.frequency_response(sines(40.0, 5.0)).tables[0], "transfer-function", poles=1,
+                                zeros=0).model, "lag.json")  # fmt: skip
+    monkeypatch.setattr("sys.argv", ["hil", "analyse", "flow", "sweep.csv", "--out", "curve.csv", "--json"])
+    assert app.main() == 0
+    assert json.loads(capsys.readouterr().out)["schema"] == "hil.flow-curve/1"
+    monkeypatch.setattr("sys.argv", ["hil", "analyse", "compose", "curve.csv", "lag.json", "--out", "both.json"])
+    assert app.main() == 0
+    assert "valve [%] → flow [l/min]" in capsys.readouterr().out
+    text = (tmp_path / "curve.csv").read_text(encoding="utf-8").splitlines()
+    (tmp_path / "timed.csv").write_text(
+        "\n".join([f"time [s],{text[0]}", *(f"{i},{line}" for i, line in enumerate(text[1:]))]), encoding="utf-8"
+    )
+    assert hil.compose("timed.csv", "lag.json").values == hil.compose("curve.csv", "lag.json").values
+
+
+def test_sines_at_the_prompt_leave_a_table_for_each_level(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    hil.write(sines(40.0, 5.0), "a.csv")
+    hil.write(sines(-30.0, 10.0), "b.csv")
+    monkeypatch.setattr("sys.argv", ["hil", "analyse", "sines", "a.csv", "b.csv", "--out", "own.csv"])
+    assert app.main() == 0
+    assert "next: hil identify own_+40_5.csv --plant transfer-function" in capsys.readouterr().out
+    assert len(hil.read("own_-30_10.csv")) == len(FREQUENCIES_HZ)
+
+
+@pytest.mark.parametrize(("kind", "word"), [("sines", "no sine in channel"), ("flow", "no sweep in channel")])
+def test_a_recording_without_them_is_refused_in_one_line(kind, word, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    steps = np.repeat([0.0, 50.0, -20.0, 30.0], 200)
+    hil.write(made("steps", steps, lagged(steps, 1.0)), "steps.csv")
+    monkeypatch.setattr("sys.argv", ["hil", "analyse", kind, "steps.csv"])
+    assert app.main() == 2
+    error = capsys.readouterr().err
+    assert word in error and error.count("\n") == 1
+
+
+def test_a_sine_that_a_coarse_converter_rounds_is_one_and_a_clipped_one_is_not():
+    sine = sines(0.0, 5.0, (0.5,), noise=0.0)
+    time_s, values = sine.time_s, sine.values("valve")
+    rounded = np.round(values / 0.05) * 0.05
+    assert len(found_segments(time_s, rounded)) == 1
+    assert not found_segments(time_s, np.clip(values, -4.5, 4.5))
+
+
+def test_the_command_that_knows_more_is_named():
+    steps = np.repeat([0.0, 50.0, -20.0, 30.0], 200)
+    noise = np.random.default_rng(1).standard_normal(800)
+    assert "hil analyse step" in command_for(made("", steps, steps), "valve")
+    assert "hil analyse flow" in command_for(sweep(10.0), "valve")
+    assert "hil analyse sines" in command_for(sines(0.0, 5.0), "valve")
+    assert command_for(made("", noise, noise), "valve") == ""
+
+
+def valves(count, lag_s, seed):
+    rng = np.random.default_rng(seed)
+    command = np.where(np.arange(200) < 40, 0.0, 50.0)
+    decays = np.exp(-1.0 / (RATE_HZ * lag_s * (1.0 + 0.1 * rng.standard_normal(count))))
+    return [
+        made(f"{lag_s:g}/{k}", command, lfilter([1.0 - decay], [1.0, -decay], command), 0.2, seed=seed + k)
+        for k, decay in enumerate(decays.tolist())
+    ]
+
+
+def test_classes_count_what_they_get_wrong_with_exact_limits():
+    good, bad = valves(10, 0.05, 1), valves(5, 0.15, 100)
+    found = hil.learn_classes(good, bad, [bad[0]], output="flow")
+    assert (found.accepted_bad.count, found.accepted_bad.of) == (0, 5)
+    assert found.accepted_bad.limits == pytest.approx((0.0, 1.0 - 0.025**0.2))
+    assert found.refused_good.limits == pytest.approx((0.0, 1.0 - 0.025**0.1))
+    assert [one.found for one in found.others] == ["bad"]
+    alike = hil.learn_classes(good, valves(5, 0.05, 200), output="flow")
+    assert alike.accepted_bad.count + alike.refused_good.count >= 4
+    with pytest.raises(InputError, match="class 'bad': 4 valves; at least 5 are needed"):
+        hil.learn_classes(good, bad[:4], output="flow")
+    assert exact_limits(2, 10) == pytest.approx((0.0252, 0.5561), abs=1e-4)  # Clopper, Pearson 1934
+
+
+def test_classes_of_a_table(tmp_path):
+    rng = np.random.default_rng(3)
+    rows = [("g", "good", *rng.normal((0.1, 1.0), 0.02)) for _ in range(10)]
+    rows += [("b", "bad", *rng.normal((0.3, 1.0), 0.02)) for _ in range(6)]
+    path = tmp_path / "valves.csv"
+    path.write_text(
+        "\n".join(["serial,class,rise [s],leakage [l/min]", *(",".join(map(str, row)) for row in rows)]),
+        encoding="utf-8",
+    )
+    found = hil.learn_classes(path)
+    assert (found.good, found.bad) == ("good", "bad")
+    assert found.accepted_bad.count == found.refused_good.count == 0
