@@ -168,16 +168,16 @@ def classes_of_table(path: Path) -> ClassAnalysis:
     if len(names) != 2:
         raise FileError(f"{path}: column '{head[at]}' holds {len(names)} classes ({', '.join(names)}); two are needed")
     _check_count({name: classes.count(name) for name in names})
-    used = [k for k in range(len(head)) if k != at and _numbers(rows, k) is not None]
-    if not used:
+    numbers = {k: column for k in range(len(head)) if k != at and (column := _numbers(rows, k)) is not None}
+    if not numbers:
         raise FileError(f"{path}: no column of numbers beside '{head[at]}'")
-    features = np.column_stack([_numbers(rows, k) for k in used])
+    features = np.column_stack(list(numbers.values()))
     labels = np.array([names.index(name) for name in classes], dtype=np.int64)
     learn(features, labels, names)
     found: Labels = np.argmax(leave_one_out(features, labels, names), axis=1).astype(np.int64)
-    text = next((k for k in range(len(head)) if k != at and k not in used), None)
+    text = next((k for k in range(len(head)) if k != at and k not in numbers), None)
     called = [row[text] if text is not None else f"row {i + 2}" for i, row in enumerate(rows)]
-    rule = f"{names[1]}: by a Gaussian model of {', '.join(head[k] for k in used)}"
+    rule = f"{names[1]}: by a Gaussian model of {', '.join(head[k] for k in numbers)}"
     return ClassAnalysis(names[0], names[1], rule, _judged(called, (names[0], names[1]), labels, found))
 
 

@@ -173,10 +173,10 @@ def identified(
         lambda one: bound(one, plant_of, input_name, output_name),
     )  # fmt: skip
     given = _channels(recordings[0], plant_of, input_name, output_name)[0][0]
-    known = [found] if plant == _LINEAR and (found := command_for(recordings[0], given)) else []
-    about = (f"{recordings[0].name}: {sentence}" for sentence in known)
-    for note in (*assumed, *(note for one in experiments for note in one.notes), *about):
+    for note in (*assumed, *(note for one in experiments for note in one.notes)):
         notes(note)
+    if plant == _LINEAR and (better := command_for(recordings[0], given)):
+        notes(f"{recordings[0].name}: {better}")
     is_long = sum(len(one.output) for one in experiments) >= _LONG
     found = fit_plant(start, experiments, free, progress if is_long else lambda _done, _text: None)
     paths = {one.name: str(Path(one.name).resolve()) for one in recordings if Path(one.name).exists()}
