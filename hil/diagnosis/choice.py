@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.diagnosis import Verdict
 from hil.diagnosis.events.event import Events
-from hil.diagnosis.measures import CONSISTENT_EXCESS, excess
+from hil.diagnosis.measures import excess
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.score import Table
 from hil.diagnosis.search.fitted import Fitted
@@ -55,5 +56,5 @@ class Choice:
 
 def has_drifted(problem: Problem, choice: Choice) -> bool:
     """Whether the nominal model is consistent with the recordings only with base parameters moved."""
-    off = excess(problem, choice.nominal.chi2) >= CONSISTENT_EXCESS
-    return choice.verdict == "consistent" and off and excess(problem, choice.baseline.chi2) < CONSISTENT_EXCESS
+    off = excess(problem, choice.nominal.chi2) >= CRITERIA.scale
+    return choice.verdict == "consistent" and off and excess(problem, choice.baseline.chi2) < CRITERIA.scale

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hil.cores import spread
-from hil.diagnosis.measures import CONSISTENT_EXCESS, excess
+from hil.diagnosis.criteria import CRITERIA
+from hil.diagnosis.measures import excess
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.around import Around, adapted_residuals
 from hil.diagnosis.search.fitted import Fitted
@@ -105,4 +106,4 @@ def _limit(place: Around, term: Term, without: Array) -> Limit:
 def _left(problem: Problem, without: Array) -> float:
     """What is left beyond the noise, as a length of residuals; nothing where that is no more than noise."""
     beyond = excess(problem, float(without @ without))
-    return float(np.sqrt(beyond * problem.size)) if beyond >= CONSISTENT_EXCESS else 0.0
+    return float(np.sqrt(beyond * problem.size)) if beyond >= CRITERIA.scale else 0.0

@@ -12,12 +12,12 @@ from hil.diagnosis.answer import Answer
 from hil.diagnosis.changed import Changed
 from hil.diagnosis.check import Checked, check
 from hil.diagnosis.choice import OPEN, Choice
+from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.diagnosis import Diagnosis
 from hil.diagnosis.events.coarse import coarse, coarse_step
 from hil.diagnosis.events.event import Events, Spell
 from hil.diagnosis.events.repeats import stale_outputs, without_stale
 from hil.diagnosis.explain import explained, posed_again
-from hil.diagnosis.measures import CONSISTENT_EXCESS
 from hil.diagnosis.named import named, unchanged
 from hil.diagnosis.next_test import Span
 from hil.diagnosis.problem import Problem, pose
@@ -121,7 +121,7 @@ def _beyond_noise(problem: Problem, asked: Question) -> Changed | None:
     A model that left nothing but noise lacks nothing: there the search itself says what has changed.
     """
     table = asked.table
-    if table is None or table.before.beyond_noise < CONSISTENT_EXCESS:
+    if table is None or table.before.beyond_noise < CRITERIA.scale:
         return None
     problem.work.at(0.05, "has the unit changed?")
     count = 2 + len(table.columns)

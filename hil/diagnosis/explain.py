@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 
 from hil.diagnosis.choice import Choice
+from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.events.coarse import cuts_off
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.events.recognise import recognised
@@ -18,7 +19,7 @@ from hil.diagnosis.measures import is_another
 from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.refuted import refuted
 from hil.diagnosis.roughly_known import is_no_news
-from hil.diagnosis.score import CRITERIA, Hypothesis, Noise, Row, Table, score, table
+from hil.diagnosis.score import Hypothesis, Noise, Row, Table, score, table
 from hil.diagnosis.search.beam import Search
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import finished, fit

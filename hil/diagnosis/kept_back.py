@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.cores import spread
+from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.evidence import Mask, held_out_fit
-from hil.diagnosis.measures import CONSISTENT_EXCESS
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import fit
@@ -94,7 +94,7 @@ def _shows_in_one(problem: Problem, f: Fitted, fold: Folds) -> bool:
     """Whether an explanation changes nothing of consequence in the recordings that are left without some fold."""
     change = (f.residuals - problem.nominal_residuals) ** 2
     told = problem.size / len(change)
-    return any(float(np.mean(change[fold != k])) < CONSISTENT_EXCESS * told for k in np.unique(fold))
+    return any(float(np.mean(change[fold != k])) < CRITERIA.scale * told for k in np.unique(fold))
 
 
 def _tiled(problem: Problem, values: Sequence[Mask]) -> Mask:

@@ -8,18 +8,10 @@ from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.terms import Term
 from hil.identification.estimate import Unknown
 
-# What is consistent leaves less than this share of the noise's variance.
-CONSISTENT_EXCESS = 0.06
-
 
 def excess(problem: Problem, chi2: float) -> float:
     """Variance beyond the noise, as a share of it."""
     return max(chi2 / problem.size - 1.0, 0.0)
-
-
-def share_left(problem: Problem, chi2: float, beyond: float) -> float:
-    """The share that an explanation leaves of a misfit, given as variance beyond the noise."""
-    return excess(problem, chi2) / max(beyond, CONSISTENT_EXCESS)
 
 
 def is_another(term: Term, values: Sequence[float]) -> bool:

@@ -16,32 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from hil.diagnosis.criteria import CRITERIA, Criteria
 from hil.diagnosis.diagnosis import Verdict
 
 UNKNOWN = "something unknown"
-
-
-@dataclass(frozen=True, slots=True)
-class Criteria:
-    """Everything that decides between hypotheses.
-
-    Attributes:
-        parts: m, from where on what is left counts by its logarithm. `cause`: γ, what a cause costs, in parts.
-        unknown: what something unknown leaves of what its partner leaves, and its `unknowns`.
-        temper: τ; odds of two rows are exp(ΔS/2τ). `odds`: rows within these odds of the first are not told apart.
-        scale: the noise's variance is no better known than to this share, within 95 %.
-    """
-
-    parts: float = 100.0
-    cause: float = 1.1
-    unknown: float = 0.1
-    unknowns: int = 3
-    temper: float = 10.0
-    odds: float = 20.0
-    scale: float = 0.06
-
-
-CRITERIA = Criteria()
 
 
 @dataclass(frozen=True, slots=True)

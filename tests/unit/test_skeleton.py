@@ -10,10 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.diagnosis import Diagnosis
 from hil.diagnosis.question import question_of
-from hil.diagnosis.skeleton.gate import ALARM, before_of, later_of
+from hil.diagnosis.skeleton.gate import before_of, later_of
 from hil.diagnosis.skeleton.misfit import scattered
 from hil.diagnosis.skeleton.rows import Rows, row_s, rows_of
 from hil.diagnosis.skeleton.table import Table, read_table, table_of
@@ -63,8 +64,8 @@ def z_of(model: Model, table: Table, *later: Experiment) -> float:
 
 
 def test_an_unchanged_unit_stays_below_the_gate_and_a_worn_one_does_not(lacking: Model, table: Table) -> None:
-    assert z_of(lacking, table, recorded("a", FIRST, 7), recorded("b", FIRST, 8)) < ALARM
-    assert z_of(lacking, table, recorded("a", WORN, 7), recorded("b", WORN, 8)) > ALARM
+    assert z_of(lacking, table, recorded("a", FIRST, 7), recorded("b", FIRST, 8)) < CRITERIA.alarm
+    assert z_of(lacking, table, recorded("a", WORN, 7), recorded("b", WORN, 8)) > CRITERIA.alarm
 
 
 def test_a_model_file_holds_the_table(lacking: Model, table: Table) -> None:
@@ -169,7 +170,7 @@ def test_each_channel_has_a_skeleton_misfit_of_its_own() -> None:
 def test_no_alarm_below_what_recordings_of_before_reach_themselves(table: Table) -> None:
     """A cylinder of four edges, unchanged, reached 7.4; its own first recordings had reached 16.9."""
     assert replace(table.before, reach=(1.0, 16.9, 2.0)).needed == 16.9
-    assert replace(table.before, reach=(1.0, 2.0)).needed == ALARM
+    assert replace(table.before, reach=(1.0, 2.0)).needed == CRITERIA.alarm
 
 
 def test_the_question_follows_the_content_and_not_the_name(lacking: Model) -> None:

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri, stdtr, stdtrit
 
+from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.skeleton.misfit import Mask, Misfit, Remainder, learned, leaves, remainder
 from hil.diagnosis.skeleton.rows import Rows
 from hil.record.recording import Array
 
-# An unchanged unit of another structure stays below it (docs/explanation/diagnosis.md).
-ALARM = 5.5
 # A column counts where its information is at least this share of the median column's.
 _ENOUGH = 1e-3
 # Nothing left, and the logarithm of a factor that says that nothing is known.
@@ -55,7 +54,7 @@ class Before:
     @property
     def needed(self) -> float:
         """The z from which later recordings are an alarm: no less than pseudo-tests of before have reached."""
-        return max((ALARM, *self.reach))
+        return max((CRITERIA.alarm, *self.reach))
 
     def within(self, count: int) -> float:
         """By which factor what is left of so many unchanged recordings may be off, either way, in 95 % (Student)."""
