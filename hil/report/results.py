@@ -49,7 +49,7 @@ def verdict_box(findings: Findings, meta: Mapping[str, Any]) -> dict[str, Any]:
         details.append(_("The recording is incomplete: {missing}.").format(missing=missing))
     words = verdict_words(findings.verdict, finished=not details)
     details += [verdict_sentence(m) for m in findings.open_or_missed]
-    return {**words, "details": details, "beside": beside_good(findings)}
+    return {**words, "details": details, "next": next_step(findings.open_or_missed), "beside": beside_good(findings)}
 
 
 def beside_good(findings: Findings) -> list[str]:
@@ -87,6 +87,28 @@ def verdict_sentence(m: Measured) -> str:
         verdict=capital(_(str(m.verdict))), quantity=_(quantity_words(m.quantity)), place=place,
         value=value_text(m, m.unit), limit=limit, far=far,
     )  # fmt: skip
+
+
+def next_step(open_or_missed: Iterable[Measured]) -> str:
+    """What to do now about what keeps a run from passing: about its misses, or else the first that is open."""
+    found = list(open_or_missed)
+    if any(m.verdict == "fail" for m in found):
+        return _("Next: find the cause, or set the unit aside. A repeat is unlikely to change a certain miss.")
+    return _(_step_of(found[0])) if found else ""
+
+
+def _step_of(m: Measured) -> str:
+    """What would close a value that cannot be told."""
+    if m.value is None or m.std is None or not math.isfinite(m.std):
+        return marked("Next: see the notes for why a value or its uncertainty is missing, then repeat the test.")
+    if judge(m.value, m.std, m.low, m.high, m.relation) == "pass":
+        return marked("Next: run the test to its end.")
+    if m.relation != "=":
+        return marked("Next: repeat the test with a wider range or less noise. So far there is only a bound.")
+    near = min(abs(m.value - limit) for limit in (m.low, m.high) if limit is not None)
+    if COVERAGE_FACTOR * m.calibration_std >= near:
+        return marked("Next: use an instrument with a smaller calibration uncertainty. A repeat would not decide it.")
+    return marked("Next: repeat the test or measure for longer. Noise alone leaves it open.")
 
 
 def _how_far(m: Measured) -> str:

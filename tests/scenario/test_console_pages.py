@@ -184,6 +184,9 @@ def test_results_are_found_compared_and_followed(page: Page) -> None:
     assert box is not None
     assert box["height"] > 60.0
     expect(page.frame_locator("iframe").locator("h1")).to_contain_text("Step response")
+    page.keyboard.press("n")  # the same test, next unit
+    page.wait_for_url("**/run?procedure=step_response&bench=brevini-hpv41&operator=MK&**")
+    assert page.input_value("#serial") == ""
     page.goto("/results/trend?serial=SN-1")
     expect(page.locator("#trend")).to_be_visible()
     expect(page.locator("tbody .tag.bad")).to_have_count(2)

@@ -10,6 +10,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
+from hil.console.after import next_unit, reasons_of
 from hil.console.console import Console
 from hil.console.ending import ending_of
 from hil.console.page import page
@@ -97,6 +98,7 @@ def _state(console: Console, name: str) -> dict[str, Any]:
     return {
         **state, **_progress(done), **run.for_page, "ending": ending_of(folder), **evaluation, **_verdict(folder),
         "report": is_regular(folder, "report.html"),
+        "next_unit": next_unit(console.site, run.meta) if run.state == "ended" else "",
     }  # fmt: skip
 
 
@@ -109,15 +111,14 @@ def _progress(done: WrittenProgress | None) -> dict[str, Any]:
 
 
 def _verdict(folder: Path) -> dict[str, Any]:
-    """The verdict, whether there are results at all, and what is not met for certain."""
+    """The verdict, whether there are results at all, why it is no pass and what to do now."""
     if not is_regular(folder, RESULTS_FILE):
         return {}
     try:
         results = read_results(folder / RESULTS_FILE)
     except HilError:
         return {}
-    missed = [value.name for value in results.values if value.verdict in ("fail", "cannot tell")]
-    return {"verdict": results.verdict, "judged": True, "missed": missed}
+    return {"verdict": results.verdict, "judged": True, "missed": reasons_of(results)}
 
 
 ROUTES = [

@@ -17,6 +17,7 @@ from hil.archive.entry import Entry
 from hil.archive.pending import catch_up
 from hil.archive.trend import drift_of, points_of
 from hil.catalog import entries
+from hil.console.after import next_unit, reasons_of
 from hil.console.console import Console
 from hil.console.ending import ending_of
 from hil.console.page import file_of, page
@@ -74,6 +75,8 @@ def one(request: Request) -> Response:
         results=results,
         values=[_value(value) for value in results.values] if results else [],
         meta=_facts(meta),
+        reasons=reasons_of(results) if results else [],
+        next_unit=next_unit(console.site, meta),
         ending=ending_of(folder),
         simulated=is_simulated(meta),
         report=is_regular(folder, "report.html"),

@@ -169,7 +169,7 @@ function verdict(come) {
   else if (come.state === "ended" && !planned) [word, tone, details] = [(come.ending && come.ending.word) || names.stopped, "bad", (come.ending && come.ending.sentence) || come.outcome];
   else if (come.state === "ended" && come.judged) {
     [word, tone] = {pass: [names.pass, "good"], fail: [names.fail, "bad"], "cannot tell": [names.open, "open"]}[come.verdict] || [names.none, ""];
-    details = come.missed.join(" · ");
+    details = come.missed.join("\n");
   } else if (come.state === "ended" && come.exit_status) [word, tone, details] = [names.stopped, "bad", come.text];
   box.hidden = !word;
   box.className = "verdict " + tone + (word.length > 12 ? " long" : "");
@@ -180,6 +180,12 @@ function verdict(come) {
     const results = make("a", "", links.dataset.results);
     results.href = "/results/" + encodeURIComponent(come.run);
     links.append(results);
+    if (come.next_unit) {
+      const next = make("a", "", links.dataset.next);
+      next.href = come.next_unit;
+      next.accessKey = "n";
+      links.append(next);
+    }
   }
 }
 

@@ -1,0 +1,31 @@
+"""After a run: why it did not pass, what to do now, and the same test of the next unit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+from urllib.parse import urlencode
+
+from hil.console.site import Site
+from hil.findings.collect import measured_of
+from hil.findings.results import Results
+from hil.report.results import next_step, verdict_sentence
+from hil.session.setting import value_text
+
+
+def reasons_of(results: Results) -> list[str]:
+    """A sentence for each value that keeps a run from passing, misses first, then what to do; empty for none."""
+    values = [value for verdict in ("fail", "cannot tell") for value in results.values if value.verdict == verdict]
+    found = [measured_of(value) for value in values]
+    return [*map(verdict_sentence, found), *filter(None, [next_step(found)])]
+
+
+def next_unit(site: Site, meta: Mapping[str, Any]) -> str:
+    """The address of the form for the same test of another unit; empty where the bench is not here any more."""
+    driven = str(meta.get("bench_path") or "")
+    benches = [name for name, path in site.bench_files().items() if str(path.resolve()) == driven]
+    if not benches or not meta.get("procedure"):
+        return ""
+    settings = {f"set.{name}": value_text(value) for name, value in (meta.get("settings") or {}).items()}
+    asked = {"procedure": meta["procedure"], "bench": benches[0], "operator": meta.get("operator") or "", **settings}
+    return f"/run?{urlencode(asked)}"
