@@ -112,7 +112,7 @@ class ScpiLink(OnALine):
         self._written = Numbers(description.text.decimal, description.text.no_measurement)
         self._outputs = {c.terminal: description.whole[c.terminal] for c in wiring.outputs.values()}
         self._inputs = {c.terminal: description.whole[c.terminal] for c in wiring.inputs.values()}
-        self._elsewhere = f"{self._elsewhere}, or it sets in steps: then say step (now {settings.step:g})"
+        self._why_moved = f"{self._why_moved}, or it sets in steps: then say step (now {settings.step:g})"
         super().__init__(wiring, close=dict.fromkeys(self._outputs, max(_RESOLUTION, settings.step)))
         self._open()
 

@@ -99,7 +99,9 @@ def subject(
         served.behaviour.quirks = twin.quirks(quirks)
 
     try:
-        yield replace(examined, elsewhere=_nowhere(device.settings, served.where), side=side, spoil=spoil, responses=())
+        yield replace(
+            examined, another_address=_nowhere(device.settings, served.where), side=side, spoil=spoil, responses=()
+        )
     finally:
         served.close()
 
@@ -118,10 +120,10 @@ def _nowhere(settings: BaseModel, where: str) -> BaseModel:
     """The same settings, with which nothing is found."""
     if "port" in type(settings).model_fields and "address" not in type(settings).model_fields:
         return settings.model_copy(update={"port": 1})
-    return settings.model_copy(update={"address": _elsewhere(where)})
+    return settings.model_copy(update={"address": _unused_address(where)})
 
 
-def _elsewhere(address: str) -> str:
+def _unused_address(address: str) -> str:
     """An address of the same kind where nobody answers."""
     if address.startswith("virtual:"):
         return f"{address}-nobody"

@@ -52,7 +52,7 @@ def places_of(address: str) -> list[str]:
         return [_interface(address.partition(":")[2])]
     if address.startswith("slcan:"):
         return [_port(address.partition(":")[2].partition("@")[0])]
-    if address.startswith(_USB) or _looks_like_port(address):
+    if address.startswith(_USB) or _is_port(address):
         return [_port(address)]
     return _hosts(address) or [address]
 
@@ -86,14 +86,14 @@ class Port:
         try:
             path, identity = found(self._address)
         except DeviceLostError:
-            if elsewhere := _port_of(self._identity):
-                return elsewhere, True
+            if found := _port_of(self._identity):
+                return found, True
             raise
         if not self._identity or identity == self._identity:
             self._identity = identity
             return path, False
-        if elsewhere := _port_of(self._identity):
-            return elsewhere, True
+        if found := _port_of(self._identity):
+            return found, True
         raise DeviceLostError(
             f"{self._address}: another device has this name now ({identity}); the one that was opened "
             f"({self._identity}) is not there"
@@ -106,7 +106,7 @@ def found(address: str) -> tuple[str, str]:
     Raises:
         DeviceLostError: there is no such port.
     """
-    if not (address.startswith(_USB) or _looks_like_port(address)):
+    if not (address.startswith(_USB) or _is_port(address)):
         return address, ""
     path = _usb_port(address) if address.startswith(_USB) else address
     try:
@@ -125,10 +125,10 @@ def _hosts(text: str) -> list[str]:
     if not (colon and host and port.isdecimal()):
         return []
     try:
-        told = socket.getaddrinfo(host.strip("[]"), int(port), type=socket.SOCK_STREAM)
+        resolved = socket.getaddrinfo(host.strip("[]"), int(port), type=socket.SOCK_STREAM)
     except (OSError, UnicodeError, OverflowError):
         return [f"{host.lower()}:{int(port)}"]
-    return sorted({f"{_one_name(str(place[0]))}:{int(port)}" for *_, place in told})
+    return sorted({f"{_one_name(str(place[0]))}:{int(port)}" for *_, place in resolved})
 
 
 def _one_name(host: str) -> str:
@@ -155,7 +155,7 @@ def _interface(name: str) -> str:
         return f"socketcan:{name}"
 
 
-def _looks_like_port(address: str) -> bool:
+def _is_port(address: str) -> bool:
     return address.startswith(("/", "\\\\.\\", ".")) or re.fullmatch(r"COM\d+", address, re.IGNORECASE) is not None
 
 

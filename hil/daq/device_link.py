@@ -110,7 +110,7 @@ class DeviceLink(ABC):
         unmeasured: why inputs had no measurement when they were read last, by terminal.
     """
 
-    _elsewhere = "the device restarted, its watchdog expired, it does not obey, or another program drives it"
+    _why_moved = "the device restarted, its watchdog expired, it does not obey, or another program drives it"
     _identity = ""
     _remedy = "take watchdog_s away, or "
     _forgiving = True  # whether safe values are told also to a device that could not be made ready
@@ -133,7 +133,7 @@ class DeviceLink(ABC):
         self.keep_alive_s: float | None = self._watchdog.keep_alive_s
         self._safe = {c.terminal: c.safe for c in wiring.outputs.values()}
         self._units = {c.terminal: c.unit for c in wiring.outputs.values()}
-        self._told = dict(self._safe)
+        self._commanded = dict(self._safe)
         self._driven: dict[str, list[tuple[float, float]]] = {}
         self._away_s: dict[str, tuple[float, float]] = {}
         self._told_each_s, self._longest_reply_s = told_each_s, longest_reply_s
@@ -209,10 +209,10 @@ class DeviceLink(ABC):
         """
         if not self._is_clean:
             self._tell_blindly(values)
-        told = {**self._told, **values}
-        if told != self._safe:
+        commanded = {**self._commanded, **values}
+        if commanded != self._safe:
             self._refuse_after_silence()
-        self._told = told
+        self._commanded = commanded
         for name, level in self._put(values):
             self._driven[name] = [*self._recent(name), (time.monotonic(), level)]
 
@@ -266,7 +266,7 @@ class DeviceLink(ABC):
         return LinkError(text)
 
     def _refuse_after_silence(self) -> None:
-        if self._told != self._safe:
+        if self._commanded != self._safe:
             self._watchdog.check()
 
     def _outputs_stand(self) -> None:
@@ -284,7 +284,7 @@ class DeviceLink(ABC):
             if now_s - first_s >= patience_s:
                 raise LinkError(
                     f"{name} stands at {self._named(name, stands)}, not at {self._named(name, levels[-1])} as it was "
-                    f"driven: {self._elsewhere}"
+                    f"driven: {self._why_moved}"
                 )
 
     def _recent(self, name: str) -> list[tuple[float, float]]:

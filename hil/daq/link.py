@@ -152,8 +152,12 @@ class Member:
 
     def unmeasured(self) -> dict[str, str]:
         """Why inputs have no measurement, as far as the device says so."""
-        said: Mapping[str, str] = getattr(self.link, "unmeasured", {})
-        return {name: said[c.terminal] for name, c in self.wiring.inputs.items() if c.terminal in said} if said else {}
+        reasons: Mapping[str, str] = getattr(self.link, "unmeasured", {})
+        return (
+            {name: reasons[c.terminal] for name, c in self.wiring.inputs.items() if c.terminal in reasons}
+            if reasons
+            else {}
+        )
 
     def standing(self) -> dict[str, float]:
         """Where its outputs stand, by channel; at its safe value one that the device cannot be asked about."""
@@ -171,11 +175,11 @@ class Member:
         try:
             values = self._named(self.link.standing) if self.wiring.outputs else {}
             doubt = self.doubt(self.identity)
-            told = {terminal: _answer(float(value), rescue, doubt, late_s) for terminal, value in values.items()}
+            answers = {terminal: _answer(float(value), rescue, doubt, late_s) for terminal, value in values.items()}
         except Exception as error:
             return dict.fromkeys(self.wiring.outputs, ReadBack(why=str(error), rescue=rescue))
         unasked = replace(CANNOT_BE_ASKED, late_s=late_s)
-        return {name: told.get(channel.terminal, unasked) for name, channel in self.wiring.outputs.items()}
+        return {name: answers.get(channel.terminal, unasked) for name, channel in self.wiring.outputs.items()}
 
     def _named(self, call: Callable[..., Any], *values: Any) -> Any:
         self._answers = False

@@ -68,16 +68,16 @@ class Pin:
         """Why nothing is believed of who says that it is this; empty where there is no doubt."""
         if not self.identity or identity == self.identity:
             return ""
-        said = f"another device answers: it says that it is {identity}" if identity else "it does not say what it is"
-        return f"{said}; {self.identity} was opened before"
+        answer = f"another device answers: it says that it is {identity}" if identity else "it does not say what it is"
+        return f"{answer}; {self.identity} was opened before"
 
     def _known(self, wiring: Wiring) -> Wiring:
         return replace(wiring, known_as=self.identity)
 
     def _found(self) -> BaseModel:
         """Its settings, with the path at which its adapter is now where its name leads to another one."""
-        path, is_elsewhere = self._port.now()
-        return self.settings.model_copy(update={"address": path}) if is_elsewhere else self.settings
+        path, has_moved = self._port.now()
+        return self.settings.model_copy(update={"address": path}) if has_moved else self.settings
 
     def _recognise(self, opened: Any, identity: str, wiring: Wiring) -> None:
         try:

@@ -30,7 +30,7 @@ _PROBES = 8  # readings by which a link is measured when it is opened
 _FEWEST_PROBES, _PROBING_S = 3, 0.3  # but no longer than that once there are so many
 _JUDGING_S = 0.05  # so long the next sample waits for what is thought of a block that came late
 _OF_LATE = 3  # samples that say how long one takes now
-_UNDISTURBED = 0.25  # quantile of them that is the link's own time: a busy host makes readings slower, never faster
+_FASTEST = 0.25  # quantile of them that is the link's own time: a busy host makes readings slower, never faster
 _BEHIND = 1.5  # a sample that takes longer, in intervals, makes the next one late
 _SHORTEST_S = 1e-5  # no sample takes less
 _IDLE_S = 60.0  # a watchdog is kept quiet between tasks for so long; then the program counts as hung
@@ -84,10 +84,10 @@ class PolledDaq:
         self._lock = threading.Lock()
         self._task: Task | None = None
         self._failed: HardwareError | None = None
-        self._told_safe, self._only_safe = False, not measured
+        self._made_safe, self._only_safe = False, not measured
         self._ended = Flag()
         self._blind_s = 0.0
-        self._zero_s = self._used_s = self._told_s = self._clock.now_s
+        self._zero_s = self._used_s = self._sent_s = self._clock.now_s
         try:
             self.levels: Mapping[str, float] = _merged(self._standing(member, measured) for member in self._members)
             self._cycle_s = self._measured() if measured else _SHORTEST_S
@@ -145,10 +145,10 @@ class PolledDaq:
         with self._lock:
             left = self._driven_safe(self._members)
             left = self._driven_safe([member for member, _ in left])
-            self._told_safe = True
+            self._made_safe = True
             if left:  # said before the lock is given up: the keep-alive must not drive again what stood before
-                told = self._only_safe and all(isinstance(failure, LinkError) for _, failure in left)
-                self._failed = (UnansweredError if told else DeviceLostError)(
+                is_unanswered = self._only_safe and all(isinstance(failure, LinkError) for _, failure in left)
+                self._failed = (UnansweredError if is_unanswered else DeviceLostError)(
                     "; ".join(str(failure) for _, failure in left)
                 )
                 raise self._failed
@@ -178,7 +178,7 @@ class PolledDaq:
         if self._ended.is_set():
             return
         try:
-            if not self._told_safe:
+            if not self._made_safe:
                 self.make_safe()
         finally:
             self._let_go()
@@ -217,8 +217,8 @@ class PolledDaq:
                 member.standing()
                 probed_s.append(self._clock.now_s - begun_s)
                 member.read()
-            driving_s += float(np.quantile(probed_s, _UNDISTURBED))
-            reading_s.append(float(np.quantile(member.read_for_s, _UNDISTURBED)))
+            driving_s += float(np.quantile(probed_s, _FASTEST))
+            reading_s.append(float(np.quantile(member.read_for_s, _FASTEST)))
         asked_s = 0.5 * driving_s
         for member, takes_s in zip(self._members, reading_s, strict=True):  # until they are measured
             member.read_after_s.append(asked_s + 0.5 * takes_s - member.reading_age_s)
@@ -241,7 +241,7 @@ class PolledDaq:
         between a request and its answer: what counts is when it last began to say something. Whoever wakes first hears
         of it, and whoever comes next too, until the outputs were made safe.
         """
-        silent_s = self._clock.now_s - self._told_s - self._cycle_s
+        silent_s = self._clock.now_s - self._sent_s - self._cycle_s
         for member in self._members:
             watchdog_s, outputs = member.link.watchdog_s, member.wiring.outputs
             if watchdog_s is None or member.link.keep_alive_s is None or silent_s <= watchdog_s:
@@ -259,7 +259,7 @@ class PolledDaq:
         if all(self.levels.get(name) == channel.safe for name, channel in self.outputs.items()):
             for member in self._members:
                 member.renew()
-        self._told_safe = False
+        self._made_safe = False
         task = self._task = Task()
         thread = threading.Thread(target=self._poll, args=(task,), name="hil-poll", daemon=True)
         task.thread = thread
@@ -342,7 +342,7 @@ class PolledDaq:
         """Drive and read once; nothing is read any more when the task is stopped meanwhile."""
         refuse_after_sleep(self._clock)
         self._refuse_after_silence()
-        self._told_s = begun_s = self._clock.now_s
+        self._sent_s = begun_s = self._clock.now_s
         for member in self._members:
             member.drive(levels)
         self.levels = levels
@@ -399,7 +399,7 @@ class PolledDaq:
                 try:
                     refuse_after_sleep(self._clock)
                     self._refuse_after_silence()
-                    self._told_s = self._clock.now_s
+                    self._sent_s = self._clock.now_s
                     for member in self._members:
                         if member.link.keep_alive_s is not None:
                             member.drive(self.levels)

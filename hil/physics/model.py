@@ -234,13 +234,13 @@ def _checked(model: Model, path: Path) -> Model:
             )
     units = definition.units(model.input or "any [any]", model.output or "any [any]")
     missing = {name: Value(p.typical, units[name]) for name, p in known.items() if name not in model.parameters}
-    return _with_untold(replace(model, parameters={**model.parameters, **missing}))
+    return _with_unidentifiable(replace(model, parameters={**model.parameters, **missing}))
 
 
-def _with_untold(model: Model) -> Model:
+def _with_unidentifiable(model: Model) -> Model:
     """The model as it was before it was written: what was estimated but has no uncertainty was not told by the data."""
     estimated = () if model.covariance is None else model.covariance.names
-    untold = {
+    unidentifiable = {
         name: replace(v, std=math.inf) for name, v in model.parameters.items() if name in estimated and v.std is None
     }
-    return replace(model, parameters={**model.parameters, **untold}) if untold else model
+    return replace(model, parameters={**model.parameters, **unidentifiable}) if unidentifiable else model

@@ -180,8 +180,8 @@ class Watch:
         lock = self.interlock
         lasted = f" for {lock.for_s:g} s" if lock.for_s else ""
         condition = f" while {lock.only_while}" if lock.only_while else ""
-        said = (block.unmeasured.get(name or "", "") for name in (lock.allowed.channel, lock.allowed.minus))
-        reading = _reading(float(lock.allowed.values(block)[at]), next(filter(None, said), ""))
+        reasons = (block.unmeasured.get(name or "", "") for name in (lock.allowed.channel, lock.allowed.minus))
+        reading = _reading(float(lock.allowed.values(block)[at]), next(filter(None, reasons), ""))
         return f"{reading}{lasted}{condition}; allowed: {lock.allowed}"
 
     def _stale_text(self, block: Block, at: int) -> str:

@@ -37,7 +37,7 @@ class Operator:
         self.confirming: Callable[[], None] = lambda: None
         self._in_main_thread = threading.current_thread() is threading.main_thread()
         self._stop, self._hold = threading.Event(), threading.Event()
-        self._told = False
+        self._is_answered = False
         self.stopped_by = ""
 
     @property
@@ -53,7 +53,7 @@ class Operator:
     @property
     def waits(self) -> bool:
         """Whether a stop was asked for, and nothing was said of the outputs since."""
-        return self.stop_asked and not self._told
+        return self.stop_asked and not self._is_answered
 
     def ask(self, what: Asked, by: str = "") -> None:
         """Say what the run shall do; `by`: the account that wants it, where one is known."""
@@ -77,7 +77,7 @@ class Operator:
         """Tell who asked for a stop what is known of the outputs now; whether that was the first time."""
         first = self.waits
         if self.stop_asked:
-            self._told = True
+            self._is_answered = True
             self.tell(known)
         return first
 

@@ -31,12 +31,12 @@ class Tone:
         return made
 
 
-def standing_tone(stretches: Sequence[tuple[Array, Array]]) -> Tone | None:
+def standing_tone(segments: Sequence[tuple[Array, Array]]) -> Tone | None:
     """The tone that stretches of (time_s, samples about a steady level) share; None where noise explains them.
 
     Each stretch has samples about its own level, evenly spaced; the first line is looked for in the longest.
     """
-    time_s, values = max(stretches, key=lambda one: len(one[0]))
+    time_s, values = max(segments, key=lambda one: len(one[0]))
     n = len(values)
     if n < 8 * _LEAST_PERIODS:
         return None
@@ -47,16 +47,16 @@ def standing_tone(stretches: Sequence[tuple[Array, Array]]) -> Tone | None:
     if not len(beside) or power[peak] < math.log(n / _BY_CHANCE) * float(np.mean(beside)):
         return None
     resolved_hz = 1.0 / float(time_s[-1] - time_s[0])
-    whole_s = max(float(t[-1]) for t, _ in stretches) - min(float(t[0]) for t, _ in stretches)
+    whole_s = max(float(t[-1]) for t, _ in segments) - min(float(t[0]) for t, _ in segments)
     tried = peak * resolved_hz + np.arange(-resolved_hz, resolved_hz, 1.0 / (_FINE * whole_s))
-    found = [_fitted(stretches, float(frequency_hz)) for frequency_hz in tried]
+    found = [_fitted(segments, float(frequency_hz)) for frequency_hz in tried]
     return max(found, key=lambda one: one[1])[0]
 
 
-def _fitted(stretches: Sequence[tuple[Array, Array]], frequency_hz: float) -> tuple[Tone, float]:
+def _fitted(segments: Sequence[tuple[Array, Array]], frequency_hz: float) -> tuple[Tone, float]:
     """The tone of a frequency by least squares, and the power that it explains."""
-    turn = 2.0 * math.pi * frequency_hz * np.concatenate([t for t, _ in stretches])
-    columns, values = np.stack((np.cos(turn), np.sin(turn))), np.concatenate([v for _, v in stretches])
+    turn = 2.0 * math.pi * frequency_hz * np.concatenate([t for t, _ in segments])
+    columns, values = np.stack((np.cos(turn), np.sin(turn))), np.concatenate([v for _, v in segments])
     loads = columns @ values
     cosine, sine = np.linalg.solve(columns @ columns.T, loads)
     return Tone(frequency_hz, float(cosine), float(sine)), float(loads @ np.array([cosine, sine]))

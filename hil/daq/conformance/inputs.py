@@ -18,21 +18,21 @@ def reads_what_is_there(subject: Subject) -> None:
         raise LeftOut("no input in use")
     with subject.link() as link:
         for share in (0.5, 0.0):
-            told = subject.levels(share)
-            if told:
-                link.drive(told)
-            reads_the_truth(subject, link, side, told)
+            commanded = subject.levels(share)
+            if commanded:
+                link.drive(commanded)
+            reads_the_truth(subject, link, side, commanded)
 
 
-def reads_the_truth(subject: Subject, link: Any, side: Behind, told: Mapping[str, float]) -> None:
+def reads_the_truth(subject: Subject, link: Any, side: Behind, commanded: Mapping[str, float]) -> None:
     """What is read lies within what is there at the moment, or was there when a message of that age was sent."""
     time.sleep(0.01)
     for _ in range(1 if age_s(link) else 2):  # the second time finds an answer that is one behind
         there = [side.read()]
         until_s = time.monotonic() + 8.0 * age_s(link)
         while time.monotonic() < until_s:
-            if told:
-                link.drive(told)
+            if commanded:
+                link.drive(commanded)
             time.sleep(0.02)
             there.append(side.read())
         read = link.read()

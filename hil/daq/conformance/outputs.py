@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from hil.daq.conformance.subject import Subject, agree, expect, undisturbed_s
+from hil.daq.conformance.subject import Subject, agree, expect, quiet_s
 
 _COMMANDS, _FEWEST, _COMMANDING_S = 100, 20, 1.0  # so many, but no longer; so few in any case
 _KEPT_S = 0.5  # without a word
@@ -15,9 +15,9 @@ def drives_what_it_is_told(subject: Subject) -> None:
     lines = sum(c.kind == "digital" for c in subject.outputs)
     apart = [subject.nth(number) for number in range(2 * lines.bit_length() if lines > 1 else 0)]
     with subject.link() as link:
-        for told in (*(subject.levels(share) for share in (0.6, 0.25, -0.4, 0.0)), *apart):
-            subject.drive(link, told)
-            subject.stand_there(link, told)
+        for commanded in (*(subject.levels(share) for share in (0.6, 0.25, -0.4, 0.0)), *apart):
+            subject.drive(link, commanded)
+            subject.stand_there(link, commanded)
 
 
 def obeys_every_command(subject: Subject) -> str | None:
@@ -26,13 +26,13 @@ def obeys_every_command(subject: Subject) -> str | None:
     with subject.link() as link:
         until_s = time.monotonic() + _COMMANDING_S
         for number in range(_COMMANDS):
-            told = subject.nth(number)
-            subject.drive(link, told)
-            subject.stand_there(link, told)
+            commanded = subject.nth(number)
+            subject.drive(link, commanded)
+            subject.stand_there(link, commanded)
             if number + 1 >= _FEWEST and time.monotonic() > until_s:
                 break
-        time.sleep(min(_KEPT_S, undisturbed_s(link)))
-        subject.stand_there(link, told, 0.0)
+        time.sleep(min(_KEPT_S, quiet_s(link)))
+        subject.stand_there(link, commanded, 0.0)
     return None if number + 1 == _COMMANDS else f"tried {number + 1} of {_COMMANDS} commands, a link of this speed"
 
 
@@ -41,9 +41,9 @@ def reaches_its_limits(subject: Subject) -> str | None:
     _ = subject.outputs
     with subject.link() as link:
         for share in (0.7, 0.85, 1.0, -0.7, -0.85, -1.0, 0.0):
-            told = {c.terminal: subject.towards(c, share) for c in subject.outputs}
-            subject.drive(link, told)
-            subject.stand_there(link, told)
+            commanded = {c.terminal: subject.towards(c, share) for c in subject.outputs}
+            subject.drive(link, commanded)
+            subject.stand_there(link, commanded)
     return None if subject.reach >= 1.0 else f"tried {100.0 * subject.reach:.0f} % of the way to the bench's limits"
 
 
@@ -61,14 +61,14 @@ def goes_to_its_safe_value_when_told(subject: Subject) -> None:
 def stands_while_the_link_is_opened_again(subject: Subject) -> str | None:
     """A link that is opened anew, and so remembers nothing, finds outputs where they were driven, or safe."""
     _ = subject.outputs
-    told = subject.levels(0.5)
+    commanded = subject.levels(0.5)
     with subject.asking() as link:
-        subject.drive(link, told)
+        subject.drive(link, commanded)
     with subject.link() as again:
         found = subject.asked(again)
         stands = subject.seen(again)
     for channel in subject.outputs:
-        level, at = told[channel.terminal], found[channel.terminal]
+        level, at = commanded[channel.terminal], found[channel.terminal]
         expect(
             agree(channel, level, at) or agree(channel, channel.safe, at),
             f"'{channel.name}' was driven to {level:.4g} {channel.unit}; a link opened anew finds it at {at:.4g}",

@@ -72,9 +72,9 @@ def _spoiled(subject: Subject, **quirk: Any) -> None:
     if not subject.wiring.inputs:
         raise LeftOut("no input in use")
     with subject.link() as link:
-        if told := subject.levels(0.5):
-            link.drive(told)
-            reads_the_truth(subject, link, side, told)
+        if commanded := subject.levels(0.5):
+            link.drive(commanded)
+            reads_the_truth(subject, link, side, commanded)
         spoil(**quirk)
         begun_s = time.monotonic()
         patience_s = 0.0 if age_s(link) == 0.0 else 3.0 * _timeout_s(subject)
@@ -89,14 +89,14 @@ def _spoiled(subject: Subject, **quirk: Any) -> None:
         else:
             raise Broken("the answer was spoiled, and a reading came nevertheless")
         spoil()
-        if told := subject.levels(0.1):
-            link.drive(told)
-        _recovered(subject, link, side, told)
+        if commanded := subject.levels(0.1):
+            link.drive(commanded)
+        _recovered(subject, link, side, commanded)
 
 
-def _recovered(subject: Subject, link: Any, side: Behind, told: Mapping[str, float]) -> None:
+def _recovered(subject: Subject, link: Any, side: Behind, commanded: Mapping[str, float]) -> None:
     try:
-        reads_the_truth(subject, link, side, told)
+        reads_the_truth(subject, link, side, commanded)
     except HardwareError as error:
         raise Broken(f"one spoiled answer, and the next reading fails too: {error}") from None
 

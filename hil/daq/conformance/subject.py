@@ -79,7 +79,7 @@ class Subject:
         module: the driver.
         settings: its settings, with which the device is found.
         wiring: the channels in use.
-        elsewhere: settings with which nothing is found; None on hardware.
+        another_address: settings with which nothing is found; None on hardware.
         side, spoil: the twin's terminals, and what changes its quirks; None on hardware.
         room: by output, how far it may go (raw); its range where nothing is said.
         slew_per_s: by output, how fast it may go there (raw); where nothing is said it may jump.
@@ -93,7 +93,7 @@ class Subject:
     module: ModuleType
     settings: Any
     wiring: Wiring
-    elsewhere: Any = None
+    another_address: Any = None
     side: Behind | None = None
     spoil: Callable[..., None] | None = None
     room: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -186,18 +186,18 @@ class Subject:
         span = high - channel.safe if up == (share >= 0.0) else channel.safe - low
         return channel.safe + (abs(share) * span if up == (share >= 0.0) else -abs(share) * span)
 
-    def drive(self, link: Any, told: Mapping[str, float]) -> None:
+    def drive(self, link: Any, commanded: Mapping[str, float]) -> None:
         """Drive a link there, no faster than the outputs may go."""
-        self.alive(dict(told) != self.safe())
+        self.alive(dict(commanded) != self.safe())
         outputs = self.wiring.outputs
         slow = {c.terminal: self.slew_per_s[name] for name, c in outputs.items() if name in self.slew_per_s}
         if slow:
             stands = {**self.safe(), **link.standing()}
-            steps = max(math.ceil(abs(told[t] - stands[t]) / (slow[t] * _STEP_S)) for t in slow)
+            steps = max(math.ceil(abs(commanded[t] - stands[t]) / (slow[t] * _STEP_S)) for t in slow)
             for step in range(1, steps):
-                link.drive({t: told[t] + (stands[t] - told[t]) * (1.0 - step / steps) for t in told})
+                link.drive({t: commanded[t] + (stands[t] - commanded[t]) * (1.0 - step / steps) for t in commanded})
                 time.sleep(_STEP_S)
-        link.drive(told)
+        link.drive(commanded)
 
     def seen(self, link: Any) -> Mapping[str, float]:
         """Where outputs stand, by terminal: at the twin's terminals, else as the device itself says when asked."""
@@ -232,32 +232,32 @@ class Subject:
             raise LeftOut("cannot tell: this device cannot be asked where its outputs stand")
         return found
 
-    def stand_there(self, link: Any, told: Mapping[str, float], longest_s: float = SOON_S) -> None:
+    def stand_there(self, link: Any, commanded: Mapping[str, float], longest_s: float = SOON_S) -> None:
         """Wait until every output is seen where it was driven, but not for its watchdog to do it.
 
         Raises:
             Broken: one is not, in time.
         """
-        until_s = time.monotonic() + min(longest_s, undisturbed_s(link))
+        until_s = time.monotonic() + min(longest_s, quiet_s(link))
         while True:
             seen = self.seen(link)
-            away = [c for c in self.outputs if not agree(c, told[c.terminal], seen[c.terminal])]
+            away = [c for c in self.outputs if not agree(c, commanded[c.terminal], seen[c.terminal])]
             if not away:
                 return
             if time.monotonic() > until_s:
-                raise Broken("; ".join(_elsewhere(c, told[c.terminal], seen[c.terminal]) for c in away))
+                raise Broken("; ".join(_where_it_stands(c, commanded[c.terminal], seen[c.terminal]) for c in away))
             time.sleep(0.005)
 
 
-def undisturbed_s(link: Any) -> float:
+def quiet_s(link: Any) -> float:
     """For so long a device may be left alone."""
     watchdog_s = getattr(link, "watchdog_s", None)
     return math.inf if watchdog_s is None else 0.5 * float(watchdog_s)
 
 
-def _elsewhere(channel: OutputChannel, told: float, seen: float) -> str:
-    safe = ", its safe value," if told == channel.safe else ""
-    return f"'{channel.name}' was driven to {told:.4g} {channel.unit}{safe} and stands at {seen:.4g}"
+def _where_it_stands(channel: OutputChannel, commanded: float, seen: float) -> str:
+    safe = ", its safe value," if commanded == channel.safe else ""
+    return f"'{channel.name}' was driven to {commanded:.4g} {channel.unit}{safe} and stands at {seen:.4g}"
 
 
 def agree(channel: OutputChannel, one: float, other: float) -> bool:

@@ -26,8 +26,8 @@ def tells_where_outputs_stand(subject: Subject) -> None:
     with subject.daq() as daq:
         list(daq.play(Waveform(rate_of(daq), far(subject, daq, 3))))
         for name, channel in daq.outputs.items():
-            level, said = subject.towards(channel, 0.5), daq.levels[name]
-            expect(agree(channel, said, level), f"'{name}' was driven to {level:g} and is told at {said:g}")
+            level, reported = subject.towards(channel, 0.5), daq.levels[name]
+            expect(agree(channel, reported, level), f"'{name}' was driven to {level:g} and is told at {reported:g}")
             _stands(subject, daq, name, level)
 
 

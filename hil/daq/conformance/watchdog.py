@@ -41,15 +41,15 @@ def _left_alone(subject: Subject, link: Any) -> None:
         raise LeftOut("it promises none")
     if link.watchdog_s > LONGEST_S:
         raise LeftOut(f"{link.watchdog_s:g} s are too long to wait for")
-    told = subject.levels(0.5)
-    subject.drive(link, told)
+    commanded = subject.levels(0.5)
+    subject.drive(link, commanded)
     time.sleep(0.4 * link.watchdog_s)
-    subject.stand_there(link, told)
-    subject.drive(link, told)
+    subject.stand_there(link, commanded)
+    subject.drive(link, commanded)
     time.sleep(1.5 * link.watchdog_s + 0.05)
-    said = _said(link)
+    reported = _reports_expiry(link)
     _went_safe(subject, link)
-    if not said:
+    if not reported:
         raise Broken("the device made its outputs safe, and the next reading says nothing about it")
 
 
@@ -72,7 +72,7 @@ def _armed_by_itself(subject: Subject, watchdog_s: float) -> bool:
         return by_itself
 
 
-def _said(link: Any) -> bool:
+def _reports_expiry(link: Any) -> bool:
     try:
         link.read()
     except HardwareError:

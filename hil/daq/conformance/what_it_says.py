@@ -30,11 +30,11 @@ def says_what_it_is(subject: Subject) -> None:
 
 def says_soon_that_nobody_is_there(subject: Subject) -> None:
     """Without a device it raises a `HardwareError`, and soon."""
-    if subject.elsewhere is None:
+    if subject.another_address is None:
         raise LeftOut("real hardware is there")
     begun_s = time.monotonic()
     try:
-        link = opened_alone(subject.module, subject.elsewhere, subject.wiring)
+        link = opened_alone(subject.module, subject.another_address, subject.wiring)
     except HardwareError:
         taken_s = time.monotonic() - begun_s
         expect(taken_s < LONGEST_S, f"it took {taken_s:.1f} s to say so")

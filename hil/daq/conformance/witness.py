@@ -21,10 +21,10 @@ def an_input_sees_what_it_drives(subject: Subject) -> str | None:
     """An input that measures the output, or answers to it, sees it move: a device may repeat what it was told."""
     _ = subject.outputs
     if subject.witnesses:
-        said = [
+        notes = [
             _measured(subject, subject.wiring.outputs[name], witness) for name, witness in subject.witnesses.items()
         ]
-        return "; ".join(text for text in said if text) or None
+        return "; ".join(text for text in notes if text) or None
     if subject.side is not None:
         raise LeftOut("the twin's terminals were looked at instead")
     if not subject.responses:
@@ -32,7 +32,7 @@ def an_input_sees_what_it_drives(subject: Subject) -> str | None:
     return _answered(subject)
 
 
-def measured_at(subject: Subject, told: Callable[[OutputChannel], float], after: str) -> None:
+def measured_at(subject: Subject, commanded: Callable[[OutputChannel], float], after: str) -> None:
     """Every output that an input measures is seen where it should be, over a link that has driven nothing.
 
     Raises:
@@ -41,7 +41,7 @@ def measured_at(subject: Subject, told: Callable[[OutputChannel], float], after:
     for name, witness in subject.witnesses.items():
         channel = subject.wiring.outputs[name]
         with subject.asking() as link, witness.readings(link) as read:
-            _seen(witness, channel, told(channel), read, subject.settling_s, after)
+            _seen(witness, channel, commanded(channel), read, subject.settling_s, after)
 
 
 def _measured(subject: Subject, channel: OutputChannel, witness: Witness) -> str:
@@ -86,13 +86,13 @@ def _seen(
 
 def _answered(subject: Subject) -> str:
     """A response differs between one side of an output's safe value and the other; one output after the other."""
-    told = subject.levels(0.5)
+    commanded = subject.levels(0.5)
     answers: dict[str, str] = {}
     with subject.link() as link:
-        before = _told_twice(subject, link, told)
+        before = _commanded_twice(subject, link, commanded)
         for channel in subject.outputs:
-            told |= {channel.terminal: subject.levels(-0.5)[channel.terminal]}
-            subject.drive(link, told)
+            commanded |= {channel.terminal: subject.levels(-0.5)[channel.terminal]}
+            subject.drive(link, commanded)
             after = _settled(subject, link)
             answers |= {name: channel.name for name in subject.responses if _differ(subject, name, before, after)}
             before = after
@@ -110,12 +110,12 @@ def _answered(subject: Subject) -> str:
     return f"{pairs}{nothing}; by how much it should is not known (--measured-by OUTPUT=INPUT compares values)"
 
 
-def _told_twice(subject: Subject, link: Any, told: Mapping[str, float]) -> Readings:
+def _commanded_twice(subject: Subject, link: Any, commanded: Mapping[str, float]) -> Readings:
     """Drive there, and once more: what stood still must not move when it is told the same again."""
-    subject.drive(link, told)
+    subject.drive(link, commanded)
     first = _settled(subject, link)
     still = _settled(subject, link)
-    subject.drive(link, told)
+    subject.drive(link, commanded)
     again = _settled(subject, link)
     for name in subject.responses:
         if _differ(subject, name, still, again) and not _differ(subject, name, first, still):
