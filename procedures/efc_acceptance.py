@@ -33,8 +33,8 @@ from hil.identification.efc_condition import (
 from hil.identification.pressure_curve import PressureCurve, pressure_curve
 from hil.identification.sweep_estimate import Sweep
 from hil.physics.published.tugsal import CLASSIFIED_CURRENT_A
-from hil.record.likeness import Likeness
 from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.population_comparison import PopulationComparison
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.session.analyses import thesis_class, thesis_error
@@ -196,7 +196,7 @@ def evaluate(recording: Recording) -> Findings:
             notes.append(f"Not evaluated: {name}: {error}.")
     whole = len(done) + (function is not None) - bool(left_out and "frequency response" in done)
     complete = COMPLETE.of(float(whole), 0.0)
-    judged, condition_notes, likeness = _condition(recording, done)
+    judged, condition_notes, population = _condition(recording, done)
     notes += [f"Level {one['level']} of the frequency response left out: {one['reason']}." for one in left_out]
     return Findings(
         (complete, *(() if function is None else (function,)), *judged,
@@ -204,7 +204,7 @@ def evaluate(recording: Recording) -> Findings:
         {name: curve for found in done.values() for name, curve in found.curves.items()},
         tuple(dict.fromkeys([*notes, *condition_notes, *(n for found in done.values() for n in found.notes)])),
         tuple(dict.fromkeys([*(d for found in done.values() for d in found.deviations), *departures(recording)])),
-        likeness,
+        population,
     )  # fmt: skip
 
 
@@ -306,12 +306,18 @@ def judged_condition(
     ], notes
 
 
-def _condition(recording: Recording, done: dict[str, Findings]) -> tuple[list[Measured], list[str], Likeness]:
+def _condition(
+    recording: Recording, done: dict[str, Findings]
+) -> tuple[list[Measured], list[str], PopulationComparison]:
     """The condition, and the valve beside good ones; not determined where the tests that they need are missing."""
     try:
         test = _valve_test(recording, done)
     except InputError as error:
-        return [m.of(None) for m in _CONDITION], [f"Condition cannot be told: {error}."], Likeness(reason=str(error))
+        return (
+            [m.of(None) for m in _CONDITION],
+            [f"Condition cannot be told: {error}."],
+            PopulationComparison(reason=str(error)),
+        )
     settings = recording.meta["settings"]
     population = tuple(settings["frequencies"]), bool(settings["normally_open"])
     judged, notes = judged_condition(test, *population)
@@ -320,7 +326,7 @@ def _condition(recording: Recording, done: dict[str, Findings]) -> tuple[list[Me
     return [*judged, *errors], [*notes, *classes], beside
 
 
-def beside_good(test: ValveTest, leakage_std_ml_min: float | None, good: GoodRanges) -> Likeness:
+def beside_good(test: ValveTest, leakage_std_ml_min: float | None, good: GoodRanges) -> PopulationComparison:
     """The valve's four figures, each with the range of good valves."""
     ranges = good.by_feature
     figures = (
@@ -329,7 +335,7 @@ def beside_good(test: ValveTest, leakage_std_ml_min: float | None, good: GoodRan
         (Measurement("rise", "ms", ""), 1e3, test.rise_s, test.rise_std_s, ranges["rise"]),
         (Measurement("bandwidth_3db", "Hz", ""), 1.0, test.bandwidth_hz, test.bandwidth_std_hz, ranges["bandwidth"]),
     )
-    return Likeness(
+    return PopulationComparison(
         tuple(replace(m.of(scale * value, None if std is None else scale * std), low=scale * range_.low,
                       high=scale * range_.high) for m, scale, value, std, range_ in figures),
         good.count, BEYOND,

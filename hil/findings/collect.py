@@ -8,11 +8,11 @@ from dataclasses import asdict, fields
 from typing import Any
 
 from hil.findings.curves import FUNCTION_KEYS, curves_of, mappings_of
-from hil.findings.results import CauseOf, FittedFunction, LikenessOf, MovedOf, Results, SinceOf, Value
+from hil.findings.results import CauseOf, FittedFunction, MovedOf, PopulationComparisonOf, Results, SinceOf, Value
 from hil.record.cause import Cause, Found
-from hil.record.likeness import Likeness
 from hil.record.measurement import Findings, Measured
 from hil.record.plain import plain
+from hil.record.population_comparison import PopulationComparison
 from hil.record.recording import Recording
 from hil.record.simulated import is_simulated
 from hil.record.since import Since
@@ -35,7 +35,7 @@ def results_of(recording: Recording, findings: Findings) -> Results:
         transfer_functions=functions_of(findings.curves),
         notes=findings.notes,
         deviations=findings.deviations,
-        likeness=_likeness(findings.likeness),
+        likeness=_population(findings.likeness),
         since=_since(findings.since),
         cause=None if findings.cause is None else CauseOf(**asdict(findings.cause)),
         simulated=is_simulated(meta),
@@ -45,8 +45,8 @@ def results_of(recording: Recording, findings: Findings) -> Results:
 def findings_of(results: Results) -> Findings:
     """The measured values, notes and deviations as an evaluation gave them; curves stay where they are."""
     measured = tuple(measured_of(one) for one in results.values)
-    likeness, since = _likeness_of(results.likeness), _since_of(results.since)
-    return Findings(measured, {}, results.notes, results.deviations, likeness, since, _cause_of(results.cause))
+    population, since = _population_of(results.likeness), _since_of(results.since)
+    return Findings(measured, {}, results.notes, results.deviations, population, since, _cause_of(results.cause))
 
 
 def measured_of(found: Value) -> Measured:
@@ -56,19 +56,21 @@ def measured_of(found: Value) -> Measured:
     return Measured(**{**named, "unit": "" if found.unit == PURE else found.unit})
 
 
-def _likeness(found: Likeness | None) -> LikenessOf | None:
+def _population(found: PopulationComparison | None) -> PopulationComparisonOf | None:
     if found is None:
         return None
-    return LikenessOf(
+    return PopulationComparisonOf(
         figures=tuple(_value(m) for m in found.figures), good_units=found.good_units, beyond=found.beyond,
         reason=found.reason,
     )  # fmt: skip
 
 
-def _likeness_of(found: LikenessOf | None) -> Likeness | None:
+def _population_of(found: PopulationComparisonOf | None) -> PopulationComparison | None:
     if found is None:
         return None
-    return Likeness(tuple(measured_of(one) for one in found.figures), found.good_units, found.beyond, found.reason)
+    return PopulationComparison(
+        tuple(measured_of(one) for one in found.figures), found.good_units, found.beyond, found.reason
+    )
 
 
 def _since(found: Since | None) -> SinceOf | None:

@@ -41,7 +41,7 @@ class Value(_Strict):
     calibration_std: float = 0.0
 
 
-class LikenessOf(_Strict):
+class PopulationComparisonOf(_Strict):
     """Figures of the unit beside those of good units of its type; no part of the verdict.
 
     `low` and `high` of a figure are the ends of the range of good units, of which the share `beyond` lies beyond
@@ -210,7 +210,7 @@ class Results(_Strict):
     transfer_functions: tuple[FittedFunction, ...] = ()
     notes: tuple[str, ...] = ()
     deviations: tuple[str, ...] = ()
-    likeness: LikenessOf | None = None
+    likeness: PopulationComparisonOf | None = None
     since: SinceOf | None = None
     cause: CauseOf | None = None
     simulated: bool | None = None

@@ -19,7 +19,7 @@ from hil.record.plain import plain
 
 if TYPE_CHECKING:
     from hil.record.cause import Cause
-    from hil.record.likeness import Likeness
+    from hil.record.population_comparison import PopulationComparison
     from hil.record.since import Since
 
 Verdict = Literal["pass", "fail", "cannot tell"]
@@ -156,7 +156,7 @@ class Findings:
     curves: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     deviations: tuple[str, ...] = ()
-    likeness: Likeness | None = None
+    likeness: PopulationComparison | None = None
     since: Since | None = None
     cause: Cause | None = None
 

@@ -10,9 +10,9 @@ from typing import Any
 from hil.language.words import _, marked
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_of, is_accepted, judge
 from hil.report.cause import cause_sentences
-from hil.report.likeness import likeness_sentences
 from hil.report.name import capital, quantity_words
 from hil.report.number import label_text, limits_text, number, rounded, unit_text, with_uncertainty
+from hil.report.population_comparison import population_sentences
 from hil.report.since import since_sentences
 
 _WORDS = {
@@ -61,7 +61,7 @@ def beside_good(findings: Findings) -> list[str]:
         return []
     cause = [] if findings.cause is None else cause_sentences(findings.cause)
     since = [] if findings.since is None else since_sentences(findings.since)
-    return [*cause, *since, *([] if findings.likeness is None else likeness_sentences(findings.likeness))]
+    return [*cause, *since, *([] if findings.likeness is None else population_sentences(findings.likeness))]
 
 
 def value_text(m: Measured, unit: str = "") -> str:

@@ -13,11 +13,11 @@ from hil.errors import InputError
 from hil.record.frozen import frozen_channels
 from hil.record.invalid_samples import invalid_samples, sentence, supposed
 from hil.record.late_exchanges import late_exchanges, longest_exchange_s, with_supposed_times
-from hil.record.likeness import Likeness
 from hil.record.measurement import Findings, Limit, Measured
+from hil.record.population_comparison import PopulationComparison
 from hil.record.recording import Recording
 
-_UNTOLD = Likeness(reason="it rests on samples that are no measurements")
+_NOT_COMPARABLE = PopulationComparison(reason="it rests on samples that are no measurements")
 _EVENLY = 3.0**-0.5  # standard deviation of a moment anywhere within a time, in halves of that
 _MOSTLY = math.sqrt(2.0)  # a standard uncertainty that grows by more comes from what was added
 _ROUNDING = 1e-9  # relative: two evaluations of the same numbers agree better than that
@@ -105,7 +105,7 @@ def _common(near: Findings, far: Findings) -> Findings:
         measured, {name: curve for name, curve in curves.items() if curve is not None},
         tuple(note for note in near.notes if note in far.notes),
         tuple(text for text in near.deviations if text in far.deviations),
-        near.likeness if near.likeness == far.likeness else _UNTOLD,
+        near.likeness if near.likeness == far.likeness else _NOT_COMPARABLE,
     )  # fmt: skip
 
 

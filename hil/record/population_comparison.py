@@ -10,7 +10,7 @@ from hil.record.plain import plain
 
 
 @dataclass(frozen=True, slots=True)
-class Likeness:
+class PopulationComparison:
     """What is said beside a verdict that is no pass; it judges nothing itself.
 
     Attributes:

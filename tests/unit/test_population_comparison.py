@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from hil.findings.collect import findings_of, results_of
 from hil.identification.efc_condition import GoodRange, GoodRanges, ValveTest
-from hil.record.likeness import Likeness
 from hil.record.measurement import Findings, Measurement
+from hil.record.population_comparison import PopulationComparison
 from hil.report.results import beside_good, verdict_box
 from procedures.efc_acceptance import beside_good as likeness_of
 from tests.unit.test_report_run import a_recording
@@ -45,7 +45,7 @@ def test_it_is_silent_after_a_pass_and_leaves_every_verdict_as_it_is():
 
 
 def test_what_cannot_be_said_is_one_sentence():
-    (said,) = beside_good(Findings((MISSED,), likeness=Likeness(reason="not measured: steps")))
+    (said,) = beside_good(Findings((MISSED,), likeness=PopulationComparison(reason="not measured: steps")))
     assert said == "What differs from good units of its type cannot be told: not measured: steps."
 
 

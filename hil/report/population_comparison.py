@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from hil.language.words import _
-from hil.record.likeness import Likeness
 from hil.record.measurement import COVERAGE_FACTOR, Measured
+from hil.record.population_comparison import PopulationComparison
 from hil.report.name import quantity_words
 from hil.report.number import number, unit_text, with_uncertainty
 
 
-def likeness_sentences(found: Likeness) -> list[str]:
+def population_sentences(found: PopulationComparison) -> list[str]:
     """What differs, what does not and what cannot be told; then on what that rests."""
     if not found.figures:
         return [_("What differs from good units of its type cannot be told: {reason}.").format(reason=found.reason)]
