@@ -135,7 +135,7 @@ def reason(error: BaseException) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
-def told(error: BaseException) -> str:
+def with_notes(error: BaseException) -> str:
     """An error and what has been noted about it since, in one line."""
     return "; ".join(filter(None, (" ".join(str(error).split()), *getattr(error, "__notes__", ()))))
 

@@ -18,7 +18,7 @@ from unittest.mock import patch
 import numpy as np
 
 from hil.bench.read import BenchFile
-from hil.errors import HilError, exit_status_of, told
+from hil.errors import HilError, exit_status_of, with_notes
 from sim_devices._quirks import Quirks
 from tests.faults import Case, Observer, Seen, observed, samples_in, start_run, watchdog_of
 from tests.links import opened, served
@@ -133,7 +133,7 @@ def _driven(file: BenchFile, run: Path, observer: Observer, happen: Callable[[],
                 time_s = np.arange(round(rig.rate_hz)) / rig.rate_hz
                 rig.play(40.0 + 30.0 * np.sin(2.0 * np.pi * time_s))
     except HilError as error:
-        return f"{type(error).__name__}: {told(error)}", exit_status_of(error)
+        return f"{type(error).__name__}: {with_notes(error)}", exit_status_of(error)
     finally:
         if timer.is_alive():
             timer.join(PATIENCE_S)
@@ -175,7 +175,7 @@ def _of_the_watchdog(run: Path, process: Popen[str]) -> list[str]:
     deadline_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline_s:
         with suppress(OSError, ValueError):
-            told = json.loads(report.read_text(encoding="utf-8"))
-            return [f"{report}: {told['why']}; outputs made safe in {told['safe_after_s']:g} s"]
+            with_notes = json.loads(report.read_text(encoding="utf-8"))
+            return [f"{report}: {with_notes['why']}; outputs made safe in {with_notes['safe_after_s']:g} s"]
         time.sleep(0.02)
     return []

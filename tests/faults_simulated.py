@@ -28,7 +28,7 @@ from hil.errors import (
     OutputUnderflowError,
     OverrunError,
     exit_status_of,
-    told,
+    with_notes,
 )
 from hil.record.folder import read
 from hil.record.recording import Recording
@@ -244,7 +244,7 @@ def measure(case: Case, folder: Path) -> Seen:
             _drive(rig, case, opened[0])
     except (HilError, KeyboardInterrupt, Stop) as error:
         status = exit_status_of(error)
-        message = ": ".join(filter(None, (type(error).__name__, told(error))))
+        message = ": ".join(filter(None, (type(error).__name__, with_notes(error))))
     finally:
         patch.stopall()
     (daq,) = opened

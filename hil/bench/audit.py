@@ -199,14 +199,14 @@ def on_the_trail(
     """
     audit, operator, drives = Audit(), str(about.get("operator") or ""), False
     run = {"run": str(out.absolute()), "bench": file.bench.name, "pid": os.getpid()}
-    told = {name: about[name] for name in ("procedure", "commanding", "resumes", "limits given") if about.get(name)}
+    details = {name: about[name] for name in ("procedure", "commanding", "resumes", "limits given") if about.get(name)}
 
     def begins() -> None:
         nonlocal drives
         with suppress(*([StorageError] if file.is_simulated else [])):
             for name in resets:
                 audit.write(acting_account(), "reset", {**run, "interlock": name}, operator)
-            audit.write(acting_account(), "drives", {**run, **told}, operator)
+            audit.write(acting_account(), "drives", {**run, **details}, operator)
         drives = True
 
     try:
@@ -231,8 +231,8 @@ def evaluated_on_the_trail(folder: Path) -> None:
     seal = read_seal(folder)
     limits = {} if seal is None else {name: asdict(limit) for name, limit in seal.limits.items()}
     with suppress(StorageError):
-        told = {"run": str(folder.absolute()), "sha256": marks_of(folder), "limits": limits}
-        Audit().write(acting_account(), _EVALUATES, told)
+        details = {"run": str(folder.absolute()), "sha256": marks_of(folder), "limits": limits}
+        Audit().write(acting_account(), _EVALUATES, details)
 
 
 def issued_on_the_trail(file: Path, sha256: str, serial: str) -> None:

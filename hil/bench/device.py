@@ -181,12 +181,12 @@ def simulation_of(names: Collection[str], draft: Draft | Bench, folder: Path) ->
     The plant is the valve's own if nothing else is said, and the instrument on each channel is just what the
     channel's calibration says, unless `[simulation.instruments.NAME]` says otherwise.
     """
-    told = dict(draft.simulation)
-    plant = told.get("plant") or (draft.valve.plant if draft.valve else "")
-    own = told.get("instruments", {})
+    simulation = dict(draft.simulation)
+    plant = simulation.get("plant") or (draft.valve.plant if draft.valve else "")
+    own = simulation.get("instruments", {})
     instruments = {name: _instrument(name, channel, own.get(name, {}) if isinstance(own, dict) else {})
                    for name, channel in draft.channels.items() if channel.device in names}  # fmt: skip
-    return told | {"plant": model_path(plant, folder), "instruments": instruments}
+    return simulation | {"plant": model_path(plant, folder), "instruments": instruments}
 
 
 def own_settings(device: Device, folder: Path) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from typing import Any, NoReturn, TypeVar
 
-from hil.errors import StoppedError, StorageError, told
+from hil.errors import StoppedError, StorageError, with_notes
 from hil.record.folder import RunWriter
 from hil.safety.guard import Guard, is_end
 from hil.safety.interrupt import begin_ending, take_back_signals, uninterrupted
@@ -307,7 +307,7 @@ def recorded(writer: RunWriter, known: Outputs, stopped_by: Callable[[], str] = 
             known.check()
         except BaseException as error:
             known.mark(error)
-            outcome = f"{type(error).__name__}: {told(error)}"
+            outcome = f"{type(error).__name__}: {with_notes(error)}"
             raise
 
 
@@ -315,6 +315,6 @@ def _noting(error: BaseException, close: Callable[[], None]) -> None:
     try:
         close()
     except BaseException as second:
-        text = told(second)
+        text = with_notes(second)
         if text and second is not error and text != str(error):
             error.add_note(text)

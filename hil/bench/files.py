@@ -15,12 +15,12 @@ _SUFFIXES = (".toml", ".eds", ".dcf", ".dbc")
 _LONGEST = 100_000  # bytes that are kept word for word; of a longer file its hash
 
 
-def at_home(told: Any, folder: Path) -> Any:
+def at_home(given: Any, folder: Path) -> Any:
     """Settings in which such files stand as paths."""
-    if isinstance(told, Mapping):
+    if isinstance(given, Mapping):
         return {key: str(folder / value) if _is_file(key, value) else at_home(value, folder)
-                for key, value in told.items()}  # fmt: skip
-    return told
+                for key, value in given.items()}  # fmt: skip
+    return given
 
 
 def kept(settings: Mapping[str, Mapping[str, Any]]) -> str:
@@ -29,12 +29,12 @@ def kept(settings: Mapping[str, Mapping[str, Any]]) -> str:
     Args:
         settings: by device, with these files as paths.
     """
-    found = dict.fromkeys(path for told in settings.values() for path in _named(told))
+    found = dict.fromkeys(path for given in settings.values() for path in _named(given))
     return "".join(_as_comment(path) for path in found if path.is_file())
 
 
-def _named(told: Mapping[str, Any]) -> Iterator[Path]:
-    for key, value in told.items():
+def _named(given: Mapping[str, Any]) -> Iterator[Path]:
+    for key, value in given.items():
         if isinstance(value, Mapping):
             yield from _named(value)
         elif _is_file(key, value):

@@ -85,8 +85,8 @@ def _write(holder: Path) -> None:
 
 def _in_use(name: str, holder: Path) -> InUseError:
     try:
-        told = read_json(holder)
-        pid, since, program = int(told["pid"]), str(told["since"]), str(told["program"])
+        content = read_json(holder)
+        pid, since, program = int(content["pid"]), str(content["since"]), str(content["program"])
     except (OSError, FileError, ValueError, KeyError, TypeError):  # it has just been taken
         return InUseError(f"{name}: in use by another program; one at a time may drive it", None)
     return InUseError(

@@ -74,6 +74,6 @@ class Recorder:
         if channel.name not in self._lacking:
             at = int(np.argmax(lacking))
             event = NONE if np.isnan(values[at]) else AT_END
-            said = {"why": why} if why else {}
-            self.note(event, channel=channel.name, from_s=time_s[at], low=channel.low, high=channel.high, **said)
+            reason = {"why": why} if why else {}
+            self.note(event, channel=channel.name, from_s=time_s[at], low=channel.low, high=channel.high, **reason)
         self._lacking[channel.name] = self._lacking.get(channel.name, 0) + int(np.count_nonzero(lacking))

@@ -36,22 +36,24 @@ def twin_of(file: BenchFile, seed: int | None = None) -> BenchFile:
         SettingError: its plant cannot be simulated; names what is missing.
     """
     module = find("devices", _IN_PROCESS).load()
-    told = simulation_of(list(file.devices), file.bench, file.path.parent)
-    told |= {} if seed is None else {"seed": seed}
+    simulation = simulation_of(list(file.devices), file.bench, file.path.parent)
+    simulation |= {} if seed is None else {"seed": seed}
     alone = next(iter(file.devices.values()))
     if alone.module is module:
-        settings = _checked(file, module, {**alone.settings.model_dump(), "simulation": told, "time": "virtual"})
+        settings = _checked(file, module, {**alone.settings.model_dump(), "simulation": simulation, "time": "virtual"})
         return replace(file, devices={alone.name: replace(alone, settings=settings)})
     rate_hz = file.bench.sample_rate_hz
     clock_hz = rate_hz * max(1, math.ceil(_LEAST_CLOCK_HZ / rate_hz))
-    settings = _checked(file, module, {"simulation": told, "clock_hz": clock_hz, "bits": _BITS, "noise_v": _NOISE})
+    settings = _checked(
+        file, module, {"simulation": simulation, "clock_hz": clock_hz, "bits": _BITS, "noise_v": _NOISE}
+    )
     device = DeviceInUse(_TWIN, module, settings, _terminals(file))
     return replace(file, bench=_rewired(file.bench), devices={_TWIN: device})
 
 
-def _checked(file: BenchFile, module: ModuleType, told: Mapping[str, Any]) -> BaseModel:
+def _checked(file: BenchFile, module: ModuleType, given: Mapping[str, Any]) -> BaseModel:
     try:
-        settings: BaseModel = module.Settings.model_validate(told)
+        settings: BaseModel = module.Settings.model_validate(given)
     except ValidationError as error:
         first = error.errors()[0]
         raise _not_simulated(file, ".".join(map(str, first["loc"])), first["msg"]) from None

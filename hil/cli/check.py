@@ -24,7 +24,7 @@ def command(
     from datetime import UTC, datetime
 
     from hil.bench.find import find_bench
-    from hil.bench.nets.missing import missing_nets
+    from hil.bench.nets.missing import missing_protection
     from hil.bench.read import read_bench
     from hil.cli.faults import each_reported
     from hil.errors import FileError
@@ -32,7 +32,7 @@ def command(
     path = find_bench(bench)
     with each_reported(path):
         found = read_bench(path)
-    warnings = missing_nets(found, datetime.now(UTC).date())
+    warnings = missing_protection(found, datetime.now(UTC).date())
     if not as_json:
         typer.echo("\n".join([*_described(found), *(f"warning: {text}" for text in warnings)]))
     elif not live:

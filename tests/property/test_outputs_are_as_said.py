@@ -27,7 +27,7 @@ from hil.bench.read import BenchFile, read_bench
 from hil.clock import VirtualClock
 from hil.daq.channel import Wiring
 from hil.daq.polled import PolledDaq
-from hil.errors import DeviceLostError, FileError, LinkError, exit_status_of, told
+from hil.errors import DeviceLostError, FileError, LinkError, exit_status_of, with_notes
 from hil.record.header import read_end
 from hil.record.samples import RowsWriter
 from hil.safety.interrupt import terminable
@@ -201,7 +201,7 @@ def ended(devices: list[Device], blocks: int | None) -> Said:
                 for _ in rig.stream([np.full(10, 8.0), np.full(10, 6.0)]):
                     pass
         except BaseException as error:
-            status, text = exit_status_of(error), told(error)
+            status, text = exit_status_of(error), with_notes(error)
         try:
             end = read_end(folder / "run")
         except FileError:

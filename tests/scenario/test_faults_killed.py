@@ -22,7 +22,7 @@ import pytest
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.errors import LinkError, exit_status_of
-from hil.errors import told as said
+from hil.errors import with_notes as said
 from hil.record.folder import RunWriter
 from hil.record.header import read_end
 from hil.record.read import read_recording

@@ -19,7 +19,7 @@ import pytest
 from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
-from hil.errors import HilError, RangeError, StoppedError, StorageError, TrippedError, told
+from hil.errors import HilError, RangeError, StoppedError, StorageError, TrippedError, with_notes
 from hil.record.measurement import Findings
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
@@ -80,7 +80,7 @@ def ended(tmp_path: Path, act: Act, more: str = "") -> tuple[BaseException, dict
 def test_signal_that_a_procedure_swallows_ends_the_run(number: signal.Signals, tmp_path: Path) -> None:
     error, record, _ = ended(tmp_path, lambda _rig: signal.raise_signal(number))
     assert isinstance(error, KeyboardInterrupt)
-    assert "outputs are safe (read back)" in told(error)
+    assert "outputs are safe (read back)" in with_notes(error)
     assert record["outcome"].startswith(type(error).__name__)
 
 

@@ -15,7 +15,7 @@ import pytest
 from hil.bench.heartbeat import GIVE_UP_S, REPORT_FILE, SIGNALS, Heart, watched
 from hil.bench.read import BenchFile
 from hil.daq.channel import OutputChannel
-from hil.errors import LinkError, told
+from hil.errors import LinkError, with_notes
 from hil.safety.outputs import Outputs
 from tests.links import PATIENT, served
 
@@ -36,7 +36,7 @@ def test_a_run_that_lost_its_device_tells_who_goes_on_and_where_that_is_told(tmp
         with pytest.raises(LinkError) as raised:
             lose(file, run, known)
         says = rf"^gone; the watchdog process goes on trying for {GIVE_UP_S:g} s .*{run / REPORT_FILE}$"
-        assert re.match(says, told(raised.value))
+        assert re.match(says, with_notes(raised.value))
         deadline_s = time.monotonic() + GIVE_UP_S
         while not (run / REPORT_FILE).exists():
             assert time.monotonic() < deadline_s
@@ -69,7 +69,7 @@ def lost(file: BenchFile, run: Path, act: Callable[[int], None]) -> str:
     known = Outputs()
     with pytest.raises(LinkError) as raised:
         lose_after()
-    return told(raised.value)
+    return with_notes(raised.value)
 
 
 def wait_for_report(run: Path) -> None:

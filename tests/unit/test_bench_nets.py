@@ -15,7 +15,7 @@ import pytest
 
 from hil.bench.find import benches
 from hil.bench.nets import calibration, channels, devices, packages, times
-from hil.bench.nets.missing import RULES, contradicting_oil, missing_nets
+from hil.bench.nets.missing import RULES, contradicting_oil, missing_protection
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.cli.app import main
@@ -125,12 +125,12 @@ def test_every_rule_has_a_bench_on_which_it_speaks() -> None:
 
 @pytest.mark.parametrize("bench", sorted(benches()))
 def test_no_shipped_bench_lacks_a_net(bench: str) -> None:
-    assert missing_nets(read_bench(benches()[bench]), DAY) == []
+    assert missing_protection(read_bench(benches()[bench]), DAY) == []
 
 
 def test_simulated_bench_is_not_warned_of_what_it_cannot_have(tmp_path: Path) -> None:
     file = changed(tmp_path, "brevini-hpv41", [("[protection]\n", "[protection]\nwatchdog_s = 0\n")])
-    assert missing_nets(file, DAY) == []
+    assert missing_protection(file, DAY) == []
 
 
 def test_package_that_is_not_installed_is_told_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:

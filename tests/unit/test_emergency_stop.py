@@ -24,7 +24,7 @@ from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Block, Waveform
 from hil.daq.polled import PolledDaq
 from hil.daq.scaled import Scaled
-from hil.errors import LinkError, TrippedError, told
+from hil.errors import LinkError, TrippedError, with_notes
 from hil.record.folder import read
 from hil.safety.guard import Guard
 from hil.safety.interlock import Band, Interlock, Watch
@@ -119,9 +119,9 @@ def test_check_knows_the_role(
 ) -> None:
     monkeypatch.setattr("sys.argv", ["hil", "check", str(bench(tmp_path, "brevini-hpv41"))])
     assert main() == 0
-    told = capsys.readouterr().out
-    assert "emergency stop (emergency stop): -10 … 10 V" in told
-    assert "trip     emergency stop: pressed below 5" in told
+    with_notes = capsys.readouterr().out
+    assert "emergency stop (emergency stop): -10 … 10 V" in with_notes
+    assert "trip     emergency stop: pressed below 5" in with_notes
 
 
 def test_the_documented_bench_has_one(tmp_path: Path) -> None:
@@ -195,7 +195,7 @@ def test_a_stop_that_cuts_off_the_device_read_first_is_told_from_its_dead_link(
     door.left = 10**9 if contact_lives else 3
     with pytest.raises(kind) as raised:
         list(guard.play(Waveform(100.0, {"command": np.ones(20)})))
-    assert fnmatch(told(raised.value), says.format(s="*"))
+    assert fnmatch(with_notes(raised.value), says.format(s="*"))
     assert guard.latch.trips.keys() == ({"stop"} if presses else set())
     assert events == (["trip"] if presses else [])
     with pytest.raises(kind):

@@ -15,7 +15,7 @@ from wire import Wire
 
 from hil.clock import VirtualClock
 from hil.daq.contract import CANNOT_BE_ASKED, ReadBack, Waveform
-from hil.errors import DeviceLostError, HilError, LinkError, NotSafeError, RangeError, exit_status_of, told
+from hil.errors import DeviceLostError, HilError, LinkError, NotSafeError, RangeError, exit_status_of, with_notes
 from hil.language.words import languages, speaking
 from hil.safety.interrupt import Terminated
 from hil.safety.outputs import Output, Outputs, State, ending_words, outputs_in, record_of, sentence
@@ -101,7 +101,7 @@ def test_error_carries_status_and_sentence_once() -> None:
     known = after(SILENT, DeviceLostError("gone"))
     known.mark(error)
     known.mark(error)
-    assert exit_status_of(error) == 3 and told(error).count("NOT SAFE") == 1
+    assert exit_status_of(error) == 3 and with_notes(error).count("NOT SAFE") == 1
     with pytest.raises(NotSafeError):
         known.check()
 

@@ -63,7 +63,7 @@ def fit_line(points: Sequence[Point], reference_std: float | None = None) -> Lin
     """
     from scipy import special
 
-    raw, told, noise = (
+    raw, reference, noise = (
         np.array([getattr(p, name) for p in points], dtype=np.float64) for name in ("raw", "reference", "raw_std")
     )
     stated = reference_std is not None and reference_std > 0.0
@@ -79,9 +79,9 @@ def fit_line(points: Sequence[Point], reference_std: float | None = None) -> Lin
     for _ in range(_ROUNDS if stated else 1):
         if stated:
             std = np.hypot(reference_std or 0.0, slope * noise)
-        (slope, offset), *_ = np.linalg.lstsq(rows / std[:, None], told / std, rcond=None)
-    residuals = told - rows @ (slope, offset)
-    residuals[np.abs(residuals) <= _ROUNDED * np.abs(told).max()] = 0.0
+        (slope, offset), *_ = np.linalg.lstsq(rows / std[:, None], reference / std, rcond=None)
+    residuals = reference - rows @ (slope, offset)
+    residuals[np.abs(residuals) <= _ROUNDED * np.abs(reference).max()] = 0.0
     covariance = np.linalg.inv((rows / std[:, None]).T @ (rows / std[:, None]))
     square = float(np.sum((residuals / std) ** 2))
     exceeds = bool(stated and free and special.chdtrc(free, square) < _REFUSED)

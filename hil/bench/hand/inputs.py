@@ -91,8 +91,10 @@ class Inputs:
             if name not in self._under_way or self._under_way[name].done():
                 self._under_way[name] = self._pool.submit(device.step, duration_s)
         wait(self._under_way.values(), None if self._is_virtual else 2.0 * duration_s + 0.2)
-        told = {reading.name: reading for device in self._devices.values() for reading in device.readings(duration_s)}
-        return [told[name] for name in self._names]
+        by_name = {
+            reading.name: reading for device in self._devices.values() for reading in device.readings(duration_s)
+        }
+        return [by_name[name] for name in self._names]
 
     @property
     def _is_virtual(self) -> bool:

@@ -97,21 +97,23 @@ def look_at(file: BenchFile, for_s: float = 3.0) -> Live:
         promised = {name: daq.promises for name, daq in looked.devices.items() if daq is not None}
         inputs = tuple(_seen(file.bench, reading, looked) for reading in readings)
     with_outputs = {channel.device for channel in file.bench.channels.values() if channel.is_output}
-    links = tuple(_link(name, told, name in with_outputs) for name, told in promised.items())
+    links = tuple(_link(name, promises, name in with_outputs) for name, promises in promised.items())
     unseen = tuple(name for name in file.devices if name in with_outputs and name not in {*promised, *silent})
     return Live(links, inputs, _rate(promised, links), unseen, silent)
 
 
-def _link(name: str, told: Promises, drives: bool) -> Link:
-    if told.timing != "polled":
-        return Link(name, told.timing, told.latency_s, told.highest_rate_hz, 0.0)
-    reading_s = max(_SHARE / told.highest_rate_hz, told.latency_s or 0.0)  # the first is that of the opening
-    return Link(name, told.timing, told.latency_s, _SHARE / reading_s, (2.0 if drives else 1.0) * reading_s)
+def _link(name: str, promises: Promises, drives: bool) -> Link:
+    if promises.timing != "polled":
+        return Link(name, promises.timing, promises.latency_s, promises.highest_rate_hz, 0.0)
+    reading_s = max(_SHARE / promises.highest_rate_hz, promises.latency_s or 0.0)  # the first is that of the opening
+    return Link(name, promises.timing, promises.latency_s, _SHARE / reading_s, (2.0 if drives else 1.0) * reading_s)
 
 
 def _rate(promised: Mapping[str, Promises], links: tuple[Link, ...]) -> float:
     polled_s = sum(link.sample_s for link in links)
-    timed_hz = min((told.highest_rate_hz for told in promised.values() if told.timing != "polled"), default=math.inf)
+    timed_hz = min(
+        (promises.highest_rate_hz for promises in promised.values() if promises.timing != "polled"), default=math.inf
+    )
     return min(timed_hz, _SHARE / polled_s if polled_s else math.inf)
 
 

@@ -79,8 +79,8 @@ class Followed:
             silent: why none come any more, in words; empty while they come.
         """
         if not self._samples:
-            said = f"no measurement: {silent or 'no sample yet'}"
-            return Reading(self.name, None, self._raw_unit, None, self.entry.unit, None, age_s, said)
+            missing = f"no measurement: {silent or 'no sample yet'}"
+            return Reading(self.name, None, self._raw_unit, None, self.entry.unit, None, age_s, missing)
         raw = self._samples[-1][1]
         marked = float(self._marked([raw])[0])
         return Reading(

@@ -61,16 +61,16 @@ def narrowed(file: BenchFile, channel: str, new: CalibrationLine) -> Mapping[str
     terminal = file.devices[entry.device].terminals[entry.terminal]
     ends = [new.slope * raw + new.offset for raw in entry.range or (terminal.low, terminal.high)]
     low, high = math.ceil(min(ends) / _STEP) * _STEP, math.floor(max(ends) / _STEP) * _STEP
-    told = {"low": round(low, _PLACES)} if entry.limits.low < min(ends) else {}
-    return told | ({"high": round(high, _PLACES)} if entry.limits.high > max(ends) else {})
+    ends_beyond = {"low": round(low, _PLACES)} if entry.limits.low < min(ends) else {}
+    return ends_beyond | ({"high": round(high, _PLACES)} if entry.limits.high > max(ends) else {})
 
 
 def _refuse_faults(part: Path, path: Path) -> None:
     try:
         read_bench(part)
     except BenchError as error:
-        told = "; ".join(fault.replace(str(part), path.name) for fault in error.faults)
-        raise FileError(f"{path}: with this calibration it would have faults, nothing was written: {told}") from None
+        faults = "; ".join(fault.replace(str(part), path.name) for fault in error.faults)
+        raise FileError(f"{path}: with this calibration it would have faults, nothing was written: {faults}") from None
 
 
 def changed(
@@ -84,24 +84,24 @@ def changed(
     channels = content.setdefault("channels", tomlkit.table(is_super_table=True))
     entry = channels.setdefault(channel, tomlkit.table())
     if old is not None:
-        entry.setdefault(HISTORY, tomlkit.aot()).append(tomlkit.item(_told(old)))
+        entry.setdefault(HISTORY, tomlkit.aot()).append(tomlkit.item(_stated(old)))
     if "calibration" not in entry:
         entry["calibration"] = tomlkit.inline_table()
     calibration = entry["calibration"]
     if isinstance(calibration, InlineTable):  # made anew: what is put into one that is there runs together
-        kept = [key for key in calibration if key in _told(new)]
+        kept = [key for key in calibration if key in _stated(new)]
         calibration = tomlkit.inline_table()
-        calibration.update({key: _told(new)[key] for key in [*kept, *_told(new)]})
+        calibration.update({key: _stated(new)[key] for key in [*kept, *_stated(new)]})
         entry["calibration"] = calibration
-    for key, value in _told(new).items():
+    for key, value in _stated(new).items():
         calibration[key] = value
-    for key in [key for key in calibration if key not in _told(new)]:
+    for key in [key for key in calibration if key not in _stated(new)]:
         del calibration[key]
     for key, value in limits.items():
         entry.setdefault("limits", tomlkit.inline_table())[key] = value
     return tomlkit.dumps(content)
 
 
-def _told(line: CalibrationLine) -> Mapping[str, float | str | dt.date]:
+def _stated(line: CalibrationLine) -> Mapping[str, float | str | dt.date]:
     """What a calibration says, without what it leaves open."""
     return {key: value for key, value in line.model_dump().items() if value is not None and value != ""}

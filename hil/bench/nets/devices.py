@@ -38,7 +38,7 @@ def no_watchdog(file: BenchFile, _day: dt.date) -> Iterator[str]:
             )
 
 
-def watchdog_elsewhere(file: BenchFile, _day: dt.date) -> Iterator[str]:
+def watchdog_not_safe(file: BenchFile, _day: dt.date) -> Iterator[str]:
     """Device watchdogs that would put an output elsewhere than at its safe value."""
     for name, device in driving(file):
         goes_to: Mapping[str, float] = getattr(device.module, "watchdog_levels", lambda _settings: {})(device.settings)
@@ -122,10 +122,10 @@ def _in_numbers(host: str) -> str:
     """An address as numbers, also short ones such as `0`, and this computer's name. No other name is looked up."""
     is_ours = host.lower() == socket.gethostname().lower()
     try:
-        told = socket.getaddrinfo(host, None, flags=0 if is_ours else socket.AI_NUMERICHOST)
+        resolved = socket.getaddrinfo(host, None, flags=0 if is_ours else socket.AI_NUMERICHOST)
     except (OSError, UnicodeError):
         return ""
-    return str(told[0][4][0])
+    return str(resolved[0][4][0])
 
 
 def _is_own_and_open(host: str) -> bool:

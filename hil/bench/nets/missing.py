@@ -12,7 +12,7 @@ from hil.bench.nets.devices import (
     no_watchdog_process,
     not_read_back,
     open_to_others,
-    watchdog_elsewhere,
+    watchdog_not_safe,
     watchdog_off,
 )
 from hil.bench.nets.packages import packages_lacking
@@ -25,8 +25,8 @@ Rule = Callable[[BenchFile, dt.date], Iterator[str]]
 
 def contradicting_oil(file: BenchFile, _day: dt.date) -> Iterator[str]:
     """Conditions of which one is wrong."""
-    if said := oil_contradiction(file.bench.conditions.model_dump(), {}):
-        yield f"[conditions]: {said} Say fluid and viscosity_class of the oil that is in the bench"
+    if contradiction := oil_contradiction(file.bench.conditions.model_dump(), {}):
+        yield f"[conditions]: {contradiction} Say fluid and viscosity_class of the oil that is in the bench"
 
 
 def _packages(file: BenchFile, _day: dt.date) -> Iterator[str]:
@@ -34,12 +34,12 @@ def _packages(file: BenchFile, _day: dt.date) -> Iterator[str]:
 
 
 RULES: Sequence[Rule] = (
-    _packages, watchdog_off, no_watchdog, watchdog_elsewhere, not_read_back, no_watchdog_process, too_hasty,
+    _packages, watchdog_off, no_watchdog, watchdog_not_safe, not_read_back, no_watchdog_process, too_hasty,
     open_to_others, without_interlocks, live_zeros, without_limits, undated, dated_ahead, overdue_today,
     contradicting_oil,
 )  # fmt: skip
 
 
-def missing_nets(file: BenchFile, today: dt.date) -> list[str]:
+def missing_protection(file: BenchFile, today: dt.date) -> list[str]:
     """What a bench without faults still lacks, a sentence each with its remedy; `today` judges calibrations."""
     return [text for rule in RULES for text in rule(file, today)]

@@ -35,7 +35,7 @@ class Console(BaseModel):
     key: str = ""
 
     @property
-    def is_reached_from_elsewhere(self) -> bool:
+    def is_reached_from_network(self) -> bool:
         """Whether other computers reach it, over TLS."""
         return self.host not in LOOPBACK and bool(self.cert and self.key)
 

@@ -107,8 +107,8 @@ class Listener:
     def _account(self, fields: Mapping[str, str]) -> str:
         """Who asks, where a console vouches for it: whoever knows the token for a stop may say any name."""
         account = fields.get("account", "")
-        said = fields.get("vouched", "").encode()
-        return account if hmac.compare_digest(said, vouched(account, self._tokens.hold).encode()) else ""
+        voucher = fields.get("vouched", "").encode()
+        return account if hmac.compare_digest(voucher, vouched(account, self._tokens.hold).encode()) else ""
 
     async def _stopped(self, by: str) -> object:
         since_s = time.monotonic()
@@ -193,7 +193,7 @@ def _opened() -> tuple[list[Listening], tuple[str, ...]]:
     A console of which no more can be had keeps no run from being stopped: its pages ask its server to do that.
     """
     sockets, urls = [], []
-    away = {(console.host, console.cert): console for console in consoles() if console.is_reached_from_elsewhere}
+    away = {(console.host, console.cert): console for console in consoles() if console.is_reached_from_network}
     for console in (None, *away.values()):
         host = console.host if console else "127.0.0.1"
         try:

@@ -77,17 +77,17 @@ def response(status: int, content: Any, origin: str = "") -> bytes:
 def _length(headers: dict[str, str]) -> int:
     if "transfer-encoding" in headers:
         raise BadRequestError(411, "Content-Length is required")
-    said = headers.get("content-length", "0")
-    if not said.isascii() or not said.isdecimal():
-        raise BadRequestError(400, f"Content-Length {said:.20}: a number was expected")
-    if len(said) > 9 or int(said) > LONGEST_BODY:
+    length = headers.get("content-length", "0")
+    if not length.isascii() or not length.isdecimal():
+        raise BadRequestError(400, f"Content-Length {length:.20}: a number was expected")
+    if len(length) > 9 or int(length) > LONGEST_BODY:
         raise BadRequestError(413, f"a body of more than {LONGEST_BODY} bytes")
-    return int(said)
+    return int(length)
 
 
 def _fields(body: bytes) -> dict[str, str]:
     try:
-        told = parse_qs(body.decode("ascii"), keep_blank_values=True, max_num_fields=8)
+        form = parse_qs(body.decode("ascii"), keep_blank_values=True, max_num_fields=8)
     except ValueError as error:
         raise BadRequestError(400, f"no form: {error}") from None
-    return {name: values[0] for name, values in told.items()}
+    return {name: values[0] for name, values in form.items()}
