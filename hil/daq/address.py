@@ -86,14 +86,14 @@ class Port:
         try:
             path, identity = found(self._address)
         except DeviceLostError:
-            if found := _port_of(self._identity):
-                return found, True
+            if moved_to := _port_of(self._identity):
+                return moved_to, True
             raise
         if not self._identity or identity == self._identity:
             self._identity = identity
             return path, False
-        if found := _port_of(self._identity):
-            return found, True
+        if moved_to := _port_of(self._identity):
+            return moved_to, True
         raise DeviceLostError(
             f"{self._address}: another device has this name now ({identity}); the one that was opened "
             f"({self._identity}) is not there"
