@@ -58,7 +58,7 @@ def guard_port(port: Any, timeout_s: float) -> None:
         guard(behind, timeout_s)
 
 
-def given_up(port: Any) -> None:
+def discarded(port: Any) -> None:
     """Close a port of pyserial; what was not sent, or not acknowledged, is not sent any more."""
     behind = getattr(port, "_socket", None)
     if behind is not None:

@@ -6,7 +6,7 @@ import time
 from contextlib import suppress
 from typing import Any
 
-from drivers._edge import given_up, guard_port, wire_log
+from drivers._edge import discarded, guard_port, wire_log
 from drivers._meeting import Meeting
 from drivers._start_up import once_started
 from hil.daq.address import Port, address_fault
@@ -160,7 +160,7 @@ class Line:
         if port is None:
             return
         if not self.is_clean:
-            given_up(port)
+            discarded(port)
             return
         behind = getattr(port, "_socket", None)  # pyserial leaves it open when the other side is gone
         if behind is not None:
@@ -226,7 +226,7 @@ class Line:
 
     def _gone(self, error: Exception) -> DeviceLostError:
         port, self._port = self._port, None
-        given_up(port)
+        discarded(port)
         return DeviceLostError(f"{self._address}: the line is gone: {error or type(error).__name__}")
 
     def _wait_until_clean(self) -> None:

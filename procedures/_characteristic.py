@@ -22,7 +22,7 @@ from hil.identification.characteristic import (
     side,
 )
 from hil.identification.null import Null, null_of
-from hil.identification.redrawn import about
+from hil.identification.parametric_bootstrap import about
 from hil.identification.sweep_estimate import Standing, Sweep, SweepEstimate, sweep_estimate
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
@@ -211,7 +211,7 @@ def _of_loop(swept_: Swept, between: Loop, span: float, of: Mapping[str, Measure
     if not known:
         return [hysteresis.of(None), lag.of(None)] if len(swept_.speeds) > 1 else [hysteresis.of(None)]
     if between.width is None or between.lag is None:
-        half, halves = swept_.estimate.half_widths[0], swept_.estimate.redrawn_half_widths[:, 0]
+        half, halves = swept_.estimate.half_widths[0], swept_.estimate.resampled_half_widths[:, 0]
         whole = 2.0 * abs(float(half)) + COVERAGE_FACTOR * 2.0 * about(halves, float(half))
         return [hysteresis.of(rounded_up(100.0 * whole / span), 0.0, relation="<")]
     width, std = between.width
@@ -226,7 +226,7 @@ def _loop_note(swept_: Swept, between: Loop) -> str:
     widths = [2.0 * abs(float(half)) for half in estimate.half_widths]
     if between.lag is None:
         return f"The loop is {widths[0]:.3g} {unit} wide. One speed does not tell how much of that is lag."
-    expanded = COVERAGE_FACTOR * 2.0 * about(estimate.redrawn_half_widths[:, 0], float(estimate.half_widths[0]))
+    expanded = COVERAGE_FACTOR * 2.0 * about(estimate.resampled_half_widths[:, 0], float(estimate.half_widths[0]))
     digits = max(0, -math.floor(math.log10(expanded))) if expanded > 0.0 else 3
     text = (
         f"The loop is {widths[0]:.{digits}f} {unit} wide, at half speed {widths[1]:.{digits}f} {unit} (each ± "
@@ -341,8 +341,8 @@ def _edge(
 def _worse(sides: Collection[Side]) -> Read:
     """The worse departure of two sides; noise makes the worse of two equal ones larger, and no surer than either."""
     value = max(one.departure[0] for one in sides)
-    redrawn = np.max([one.departures for one in sides], axis=0)
-    return value, max(about(redrawn, value), *(one.departure[1] for one in sides))
+    resampled = np.max([one.departures for one in sides], axis=0)
+    return value, max(about(resampled, value), *(one.departure[1] for one in sides))
 
 
 def _one_way(swept_: Swept, part: Mapping[str, Any], of: Mapping[str, Measurement]) -> tuple[list[Measured], list[str]]:

@@ -16,7 +16,7 @@ from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.linear_evidence import LEAST_FIT_PERCENT, doubts
 from hil.identification.measuring_chain import check_chain, corrected
 from hil.identification.order_choice import fit_transfer_function
-from hil.identification.redrawn import DRAWS, about, draws_of
+from hil.identification.parametric_bootstrap import DRAWS, about, draws_of
 from hil.identification.transfer_function import TransferFunctionFit, fit_percent
 from hil.physics.formula import formula
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement

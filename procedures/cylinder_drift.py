@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from hil.errors import SettingError, UnitError
-from hil.identification.redrawn import DRAWS, about, draws_of
+from hil.identification.parametric_bootstrap import DRAWS, about, draws_of
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig

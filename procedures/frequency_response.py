@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.identification.frequency_response import DISTORTION_FLAG, FrequencyResponse
-from hil.identification.redrawn import DRAWS, draws_of
+from hil.identification.parametric_bootstrap import DRAWS, draws_of
 from hil.identification.sine_segments import Segment, declared_segments, frequency_responses, hum_beneath
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
@@ -206,10 +206,10 @@ def _distortion(one: Evaluated, hummed: NDArray[np.bool_]) -> Measured:
     parts = draws_of(response.harmonics).normal(size=(2, DRAWS, *clean.shape))
     drawn = clean + (parts[0] + 1j * parts[1]) * scale[:, None]
     power = np.linalg.norm(drawn, axis=2) ** 2 - clean.shape[1] * 2.0 * scale**2
-    redrawn = np.sqrt(np.max(np.maximum(power, 0.0), axis=1))
-    added = max(float(np.mean(redrawn)) - largest, 0.0)
+    resampled = np.sqrt(np.max(np.maximum(power, 0.0), axis=1))
+    added = max(float(np.mean(resampled)) - largest, 0.0)
     # where lines are nearly as large, the largest scatters less than each, but which it is changes from run to run
-    spread = max(float(np.std(redrawn)), float(line_std[np.nanargmax(thd)]))
+    spread = max(float(np.std(resampled)), float(line_std[np.nanargmax(thd)]))
     value, std = 100.0 * max(largest - added, 0.0), 100.0 * math.hypot(spread, added)
     return what.of(None) if hummed.any() else extreme(what, value, std)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from hil.errors import SettingError
 from hil.identification.best_linear_approximation import BestLinearApproximation, best_linear_approximation
-from hil.identification.redrawn import about
+from hil.identification.parametric_bootstrap import about
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
@@ -138,10 +138,10 @@ def _levels(one: Evaluated, bla: BestLinearApproximation) -> tuple[Measured, ...
         return 100.0 * float(np.median(level / amplitude))
 
     noise = share(bla.noise_std)
-    noise_std = about(np.array([share(again) for again in bla.redrawn_noise]), noise)
+    noise_std = about(np.array([share(again) for again in bla.resampled_noise]), noise)
     distortion = [
-        extreme(what.at(label), share(level), about(np.array([share(again) for again in redrawn]), share(level)))
-        for what, level, redrawn in ((ODD, bla.odd_std, bla.redrawn_odd), (EVEN, bla.even_std, bla.redrawn_even))
+        extreme(what.at(label), share(level), about(np.array([share(again) for again in resampled]), share(level)))
+        for what, level, resampled in ((ODD, bla.odd_std, bla.resampled_odd), (EVEN, bla.even_std, bla.resampled_even))
     ]
     return (NOISE.at(label).size(noise, noise_std), *distortion)
 

@@ -138,14 +138,14 @@ def simulate(
         notes: told what was assumed of the recording.
     """
     from hil.identification.experiment import for_model
-    from hil.identification.mistaken.look import looks_wrong
+    from hil.identification.plausibility.look import implausible_metadata
     from hil.record.reading import AS_IT_IS
     from hil.record.recording import recording as make
     from hil.session.sources import notes_on, samples_of
 
     simulated, read = model_of(model), samples_of(recording, reading or AS_IT_IS)
     bound = for_model(simulated, read, several(inputs), output, output_needed=False)
-    for note in (*notes_on([read], [bound]), *looks_wrong(simulated, bound)):
+    for note in (*notes_on([read], [bound]), *implausible_metadata(simulated, bound)):
         notes(note)
     response = bound.respond(simulated.definition, simulated.values, simulated.active_effects)[0]
     return make(f"{read.name}, simulated", bound.time_s, {simulated.output: response})

@@ -13,10 +13,10 @@ from hil.identification.clipped import without_clipped
 from hil.identification.content import is_of_its_origin
 from hil.identification.experiment import DEAD, Experiment, require_excitation
 from hil.identification.gaps import bridged
-from hil.identification.mistaken.look import mistaken
-from hil.identification.mistaken.suspicion import Suspicion, expected
-from hil.identification.mistaken.time_unit import wrong_time
 from hil.identification.noise import resolution, white_floor
+from hil.identification.plausibility.look import implausible
+from hil.identification.plausibility.suspicion import Suspicion, expected
+from hil.identification.plausibility.time_unit import wrong_time
 from hil.identification.repeated import without_held
 from hil.identification.time_constant import time_constant_s
 from hil.physics.model import Model
@@ -51,7 +51,7 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
     for e in alive:
         if e in strange:
             _refuse_short(model, e)
-            _refuse(mistaken(model, e))
+            _refuse(implausible(model, e))
     even, bridges = bridged(model, alive)
     warnings += bridges
     kept = []

@@ -14,7 +14,7 @@ from hil.diagnosis.work import Work
 from hil.diagnosis.yardsticks import PLAINLY
 from hil.identification.estimate import jacobian, side_by_side
 from hil.identification.experiment import Experiment
-from hil.identification.first_reading import start_slope, with_free_start
+from hil.identification.initial_condition import start_slope, with_free_start
 from hil.identification.lines import line_at
 from hil.identification.noise import channel_floors, noise_in, whiten
 from hil.physics.compose import kernel
@@ -117,7 +117,7 @@ class Problem:
 
     @cached_property
     def start_slopes(self) -> tuple[Array | None, ...]:
-        """Of each whitened output in what its first reading got wrong (see `hil.identification.first_reading`)."""
+        """Of each whitened output in what its first reading got wrong (see `hil.identification.initial_condition`)."""
         if self.following:  # the start is forgotten
             return (None,) * len(self.experiments)
         model, found = self.model, []

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.identification.frequency_response import FrequencyResponse
-from hil.identification.redrawn import DRAWS, draws_of
+from hil.identification.parametric_bootstrap import DRAWS, draws_of
 from hil.record.recording import Array, Recording
 from hil.signals.rounding import mean_rounding_std, rounding_step
 
@@ -40,7 +40,7 @@ class BestLinearApproximation:
         response: at the excited lines, covariance from noise and odd distortion together.
         noise_std: of the mean over periods, in the output's unit, at the excited lines, shape (n,).
         odd_std, even_std: level of odd and even distortion there, rms, in the output's unit, shape (n,).
-        redrawn_noise, redrawn_odd, redrawn_even: the same levels with the noise drawn again, shape (draws, n).
+        resampled_noise, resampled_odd, resampled_even: the same levels with the noise drawn again, shape (draws, n).
         verdicts: which of the three is largest, per line.
         periods: how many were averaged.
     """
@@ -49,9 +49,9 @@ class BestLinearApproximation:
     noise_std: Array
     odd_std: Array
     even_std: Array
-    redrawn_noise: Array
-    redrawn_odd: Array
-    redrawn_even: Array
+    resampled_noise: Array
+    resampled_odd: Array
+    resampled_even: Array
     verdicts: tuple[Verdict, ...]
     periods: int
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import InputError
-from hil.identification.redrawn import about, draws_of
+from hil.identification.parametric_bootstrap import about, draws_of
 from hil.identification.sweep_estimate import BINS, LEVELS, SweepEstimate
 from hil.record.recording import Array
 from hil.signals.rounding import rounding_of_means
@@ -61,8 +61,8 @@ class Loop:
 def over_all(estimate: SweepEstimate, figure: Callable[[Array, Array], float]) -> Read:
     """A figure of (response, slope) at the levels, with its uncertainty from the redrawn curves."""
     value = figure(estimate.response, estimate.slope)
-    redrawn = [figure(one, slope) for one, slope in zip(estimate.responses, estimate.slopes, strict=True)]
-    return value, about(np.array(redrawn), value)
+    resampled = [figure(one, slope) for one, slope in zip(estimate.responses, estimate.slopes, strict=True)]
+    return value, about(np.array(resampled), value)
 
 
 def loop(estimate: SweepEstimate, certain: float, speeds: tuple[float, ...]) -> Loop:
@@ -121,9 +121,9 @@ def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign:
         return gain, float(np.max(np.abs(left))) / abs(end - zero)
 
     found = line(estimate.response)
-    redrawn = np.array([line(one) for one in estimate.responses])
-    gain, departure = ((value, about(again, value)) for value, again in zip(found, redrawn.T, strict=True))
-    return Side(_edge(estimate, neutral, zero, end, sign, step), gain, departure, redrawn[:, 1])
+    resampled = np.array([line(one) for one in estimate.responses])
+    gain, departure = ((value, about(again, value)) for value, again in zip(found, resampled.T, strict=True))
+    return Side(_edge(estimate, neutral, zero, end, sign, step), gain, departure, resampled[:, 1])
 
 
 def line_through(command: Array, response: Array, first: float, last: float) -> tuple[float, float, float]:

@@ -20,19 +20,19 @@ def without_clipped(e: Experiment) -> tuple[Experiment, list[str]]:
     Samples at one extreme value, in runs, are a channel at the end of its range, not the valve. Those of a unit of
     which nothing is asked are its rest.
     """
-    said = []
+    notes = []
     clipped, at = clipped_samples(e.output)
     if clipped is not None:
         clipped = clipped & ~_rest(e, clipped)
     if clipped is not None and clipped.any():
-        said.append(_sentence(e.name, e.output_heading, clipped, at))
+        notes.append(_sentence(e.name, e.output_heading, clipped, at))
         e = e.without(clipped)
     for name, values in e.observed.items():
         clipped, at = clipped_samples(values)
         if clipped is not None:
-            said.append(_sentence(e.name, name, clipped, at))
+            notes.append(_sentence(e.name, name, clipped, at))
             e = e.without_inner(name, clipped)
-    return e, said
+    return e, notes
 
 
 def _rest(e: Experiment, clipped: NDArray[np.bool_]) -> NDArray[np.bool_]:

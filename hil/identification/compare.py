@@ -11,9 +11,9 @@ import numpy as np
 from hil.identification.experiment import DEAD, Experiment
 from hil.identification.fit import fit_ceiling, fit_percent
 from hil.identification.gaps import bridged
-from hil.identification.looks import without_unmeasured
-from hil.identification.mistaken.look import suspicions
 from hil.identification.noise import channel_floor, noise_in
+from hil.identification.plausibility.look import suspicions
+from hil.identification.recording_quality import without_invalid
 from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.record.simulated import marked
@@ -98,16 +98,18 @@ def compare_all(
         progress(i / (len(experiments) + 1), f"{e.name}: the model beside {len(e.output)} samples")
         found.append(compare(model, e))
     progress(len(experiments) / (len(experiments) + 1), "checking units, signs and channels")
-    looks_wrong = list(suspicions(model, experiments))
+    implausible_metadata = list(suspicions(model, experiments))
     return [
-        replace(one, notes=(*one.notes, *(wrong.sentence for wrong in looks_wrong if wrong.recording == one.name)))
+        replace(
+            one, notes=(*one.notes, *(wrong.sentence for wrong in implausible_metadata if wrong.recording == one.name))
+        )
         for one in found
     ]
 
 
 def compare(model: Model, experiment: Experiment) -> Comparison:
     """Simulate a model on a recording's input and measure the difference, where the recording says something."""
-    measured_only, left_out = without_unmeasured(experiment)
+    measured_only, left_out = without_invalid(experiment)
     (e,), notes = bridged(model, [measured_only])
     notes = (*left_out, *notes, *experiment.notes)
     response = e.respond(model.definition, model.values, model.active_effects)[0]

@@ -71,8 +71,8 @@ def _scatter(fit: TransferFunctionFit) -> float:
 
 
 def _noted(fit: TransferFunctionFit, late: float) -> TransferFunctionFit:
-    said = (
+    note = (
         f"a dead time has {100.0 * late:.0f} % of the evidence and a zero in the right half plane the rest: these "
         "lines do not tell which it is, and how long a dead time; lines at higher frequency, or a step, tell"
     )
-    return replace(fit, notes=(*fit.notes, said))
+    return replace(fit, notes=(*fit.notes, note))

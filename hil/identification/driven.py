@@ -90,8 +90,8 @@ def _waved(recording: Recording, mean: Recording, outputs: Mapping[str, Mapping[
 
 
 def _outputs(recording: Recording) -> dict[str, Mapping[str, Any]]:
-    told = recording.meta.get("driven")
-    return {n: how for n, how in told.items() if n in recording.channels} if isinstance(told, Mapping) else {}
+    by_name = recording.meta.get("driven")
+    return {n: how for n, how in by_name.items() if n in recording.channels} if isinstance(by_name, Mapping) else {}
 
 
 def _is_carried(how: Mapping[str, Any], recording: Recording) -> bool:

@@ -292,8 +292,8 @@ def tested(
               for at, s in zip(places["sweep"], _CYCLES_S, strict=True)]  # fmt: skip
     curve = pressure_curve("sweeps", sweeps, draws=_FEW_DRAWS)
     least, most = sorted((float(curve.nominal[0]), float(curve.nominal[-1])))  # a slow valve falls short of a pressure
-    swing = tuple(curve.current_at(min(max(psi, least), most)) for psi in SWEEPS_PSI["medium"])
-    bandwidth_hz = _bandwidth_hz(model, swing, frequencies_hz, rng, instruments.noise_psi)
+    sweep_a = tuple(curve.current_at(min(max(psi, least), most)) for psi in SWEEPS_PSI["medium"])
+    bandwidth_hz = _bandwidth_hz(model, sweep_a, frequencies_hz, rng, instruments.noise_psi)
     return evaluated_test(
         curve, {level: np.array([pressure[at] for at in places[level]]) for level in CLASSIFIED_CURRENT_A},
         leakage, (bandwidth_hz, 0.0), reference,
@@ -302,13 +302,13 @@ def tested(
 
 def _bandwidth_hz(
     model: Model,
-    swing_a: tuple[float, ...],
+    sweep_a: tuple[float, ...],
     frequencies_hz: tuple[float, ...],
     rng: np.random.Generator,
     noise_psi: float,
 ) -> float:
     """−3 dB of a simulated valve between two currents, the sensor's lag taken out as on the bench."""
-    low, high = sorted(swing_a)
+    low, high = sorted(sweep_a)
     test = _scaled(_unit_sines(frequencies_hz), (high - low) / 2.0, (low + high) / 2.0)
     h = test.response(model.definition, model.values | {"sensor_lag": 0.0}, model.active_effects)
     samples = _RATE_HZ * np.maximum(_SINE_S, _SINE_PERIODS / test.frequency_hz)

@@ -10,7 +10,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from hil.cores import spread
-from hil.identification.told import Slopes, Told, told
+from hil.identification.identifiability import Identifiability, Slopes, identifiability
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 
@@ -60,7 +60,7 @@ class Estimate:
     converged: bool
     sentence: str
     slopes_at_values: Callable[[], Slopes]
-    given_up: tuple[int, ...] = ()
+    fixed_at_bound: tuple[int, ...] = ()
 
     @cached_property
     def slopes(self) -> Slopes:
@@ -73,23 +73,23 @@ class Estimate:
         return self.slopes.slopes
 
     @cached_property
-    def told(self) -> Told:
+    def identifiability(self) -> Identifiability:
         """What the data tell of the values together."""
-        return self._told_of(range(len(self.unknowns)))
+        return self._identifiability_of(range(len(self.unknowns)))
 
-    def _told_of(self, places: Sequence[int]) -> Told:
+    def _identifiability_of(self, places: Sequence[int]) -> Identifiability:
         """Of some of them, the others given; times residual variance and the loss of independent samples by colour."""
         dof = max(len(self.residuals) - len(places), 1)
         variance = self.chi2 / dof * colour_factor(self.residuals)
         widths = np.array([self.unknowns[k].high - self.unknowns[k].low for k in places])
-        given_up = [i for i, k in enumerate(places) if k in self.given_up]
-        return told(self.slopes.of(places), variance, widths, given_up)
+        fixed_at_bound = [i for i, k in enumerate(places) if k in self.fixed_at_bound]
+        return identifiability(self.slopes.of(places), variance, widths, fixed_at_bound)
 
     @property
     def covariance(self) -> Array:
         """Shape (k, k), scaled by the residual's variance and its colour; infinite variances of what is not told."""
-        infinite: Array = np.diag(np.where(self.told.is_untold, np.inf, 0.0))
-        return self.told.whole + infinite
+        infinite: Array = np.diag(np.where(self.identifiability.is_unidentifiable, np.inf, 0.0))
+        return self.identifiability.whole + infinite
 
     @property
     def chi2(self) -> float:
@@ -108,7 +108,7 @@ class Estimate:
 
     def moved_by(self, change: Array) -> Array:
         """By how much the values would move if the residuals, shape (n,), changed by so much; shape (k,)."""
-        return -self.told.inverse @ (self.jacobian.T @ change)
+        return -self.identifiability.inverse @ (self.jacobian.T @ change)
 
     def sigmas_away(self, places: Sequence[int], away: Array, held: Collection[int]) -> float:
         """How many standard uncertainties some values together are away from others, if those that are held were known.
@@ -116,9 +116,9 @@ class Estimate:
         The root of awayᵀ·C⁻¹·away over those that the data tell, shape (places,); 0 where they tell none.
         """
         free = [i for i in range(len(self.unknowns)) if i not in held]
-        known = self._told_of(free)
+        known = self._identifiability_of(free)
         at = [free.index(k) for k in places]
-        seen = [i for i, k in enumerate(at) if not known.is_untold[k]]
+        seen = [i for i, k in enumerate(at) if not known.is_unidentifiable[k]]
         if not seen:
             return 0.0
         if not known.variance:

@@ -395,8 +395,8 @@ def _on_own_stamps(
     ignored = missing_of_even(grid_s, output.time_s, interval_s)
     if is_late and ignored is not None and not ignored[int(np.argmin(ignored)) :].any():
         ignored = None  # nothing is missing once it has begun
-    observed, said = _inner(recording, plant, output.time_s)
-    notes = [f"{recording.name}: {sentence}" for sentence in said]
+    observed, left_out = _inner(recording, plant, output.time_s)
+    notes = [f"{recording.name}: {sentence}" for sentence in left_out]
     at = declared_read_at(recording) if read_at is None else read_at
     headings = f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]"
     at_rest = _at_rest(np.array([one.held_at(output.time_s) for one in given]), output.values)
@@ -425,16 +425,16 @@ def _on_own_stamps(
 
 def _inner(recording: Recording, plant: Plant, output_s: Array) -> tuple[dict[str, Array], list[str]]:
     """Inner signals at the times of the output; slower ones, which would count more than once, are left out."""
-    found, said = {}, []
+    found, left_out = {}, []
     for signal in plant.observed:
         if signal.name not in recording.channels:
             continue
         taken = recording.samples(signal.name, signal.unit)
         if np.median(np.diff(taken.time_s)) > 1.05 * np.median(np.diff(output_s)):
-            said.append(f"'{signal.name}' is sampled more slowly than the output and is not compared")
+            left_out.append(f"'{signal.name}' is sampled more slowly than the output and is not compared")
         else:
             found[signal.name] = np.interp(output_s, taken.time_s, taken.values)
-    return found, said
+    return found, left_out
 
 
 def _at_rest(inputs: Array, output: Array) -> float:

@@ -32,7 +32,7 @@ def bridged(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Exper
         return list(experiments), ()
     constant_s = max(time_constant_s(model, e) for e in experiments)
     made = [filled(e, constant_s, model.definition.forgets(model.values)) for e in experiments]
-    return [e for e, _ in made], tuple(words for _, said in made for words in said)
+    return [e for e, _ in made], tuple(words for _, note in made for words in note)
 
 
 def filled(e: Experiment, constant_s: float, forgets: bool) -> tuple[Experiment, list[str]]:
@@ -63,25 +63,25 @@ def filled(e: Experiment, constant_s: float, forgets: bool) -> tuple[Experiment,
     even = _bridged(e, e.grid_s, at, missing)
     unknown = _unknown(even.drive.inputs, missing)
     share = 100.0 * float(missing.mean())
-    said = f"{e.name}: {_counted(gaps)}" if gaps else f"{e.name}: {share:.2g} % of its samples are missing"
+    note = f"{e.name}: {_counted(gaps)}" if gaps else f"{e.name}: {share:.2g} % of its samples are missing"
     if not unknown:
-        return even, [f"{said}; the command is drawn straight through"]
+        return even, [f"{note}; the command is drawn straight through"]
     if not forgets:
-        kept = _enough(_cut(even, missing, unknown), said)
-        return kept, [f"{said}; only {kept.duration_s:.4g} s from {kept.time_s[0]:.4g} s are used"]
+        kept = _enough(_cut(even, missing, unknown), note)
+        return kept, [f"{note}; only {kept.duration_s:.4g} s from {kept.time_s[0]:.4g} s are used"]
     settling_s = _SETTLED_AFTER * constant_s
     unsettled = np.zeros_like(missing)
     for start, stop in unknown:
         unsettled[start : stop + int(np.ceil(settling_s / even.drive.interval_s))] = True
     which = "hole" if len(unknown) == 1 else f"{len(unknown)} holes"
     what = f"the {which} in which the command is unknown and the {settling_s:.3g} s until it has settled are left out"
-    return _enough(even.without_all(unsettled), f"{said}; {what}"), [f"{said}; {what}"]
+    return _enough(even.without_all(unsettled), f"{note}; {what}"), [f"{note}; {what}"]
 
 
-def _enough(kept: Experiment, said: str) -> Experiment:
+def _enough(kept: Experiment, note: str) -> Experiment:
     left = int(kept.told.sum())
     if left < FEWEST_SAMPLES:
-        raise FileError(f"{said}: {left} samples are left; at least {FEWEST_SAMPLES} are needed")
+        raise FileError(f"{note}: {left} samples are left; at least {FEWEST_SAMPLES} are needed")
     return kept
 
 

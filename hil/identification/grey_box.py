@@ -13,19 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.catalog import entries, models
-from hil.identification.at_once import dead_time_std_s, follows_at_once
+from hil.identification.alternative_optima import alternative_optima
 from hil.identification.content import content_of
 from hil.identification.discrepancy import discrepancy_of, sentence_of
-from hil.identification.elsewhere import elsewhere
 from hil.identification.estimate import Estimate, Unknown, estimate
 from hil.identification.experiment import DEAD, Experiment, require_excitation, sample_intervals_s
-from hil.identification.far_starts import far_starts
-from hil.identification.first_reading import start_slope, with_free_start
 from hil.identification.fit import fit_percent
 from hil.identification.free import all_values, check_free, moved, moved_effects, unknown_of
 from hil.identification.gaps import bridged
+from hil.identification.initial_condition import start_slope, with_free_start
 from hil.identification.lines import common_line, line_at
-from hil.identification.looks import (
+from hil.identification.multistart import multistart
+from hil.identification.noise import COVERED, Measured, channel_floor, measured_noise, resolution
+from hil.identification.recording_quality import (
     LINEAR,
     believed,
     doubts,
@@ -34,9 +34,9 @@ from hil.identification.looks import (
     look,
     one_frequency,
 )
-from hil.identification.noise import COVERED, Measured, channel_floor, measured_noise, resolution
 from hil.identification.residuals import Residuals
 from hil.identification.structure import StructureChoice, choose_structure
+from hil.identification.sub_sample_response import dead_time_std_s, responds_within_sample
 from hil.identification.systematic import Systematic, systematic
 from hil.identification.witnesses import witnesses
 from hil.physics.model import Covariance, Model, Value, load_model, typical_model
@@ -154,21 +154,21 @@ def _fit_plant(
     still = tuple(f"{e.name}: {e.where_it_stands}: {DEAD}; it is left out" for e in experiments if e.stands_still)
     looked = look(model, [e for e in experiments if not e.stands_still])
     alive = looked.experiments
-    still = (*still, *looked.said)
-    even, said = bridged(model, alive)
+    still = (*still, *looked.notes)
+    even, remarks = bridged(model, alive)
     tick = _ticking(progress)
-    found = _fitted(model, even, also_free, (*still, *said), tick)
-    again, said = bridged(found.model, alive)
+    found = _fitted(model, even, also_free, (*still, *remarks), tick)
+    again, remarks = bridged(found.model, alive)
     lost, more_lost = (sum(e.count_lost for e in each) for each in (even, again))
     if more_lost > _LATE_SETTLING * lost:  # the start settles too soon to be left in
-        found = _fitted(model, again, also_free, (*still, *said), tick)
+        found = _fitted(model, again, also_free, (*still, *remarks), tick)
     progress(1.0, "fitted")
     found = replace(
         found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.estimate.on_bound)))
     )
     used = [e for e in experiments if not e.stands_still]
     found = replace(found, model=_with_content(found.model, used))
-    return _none_told(found) if model.definition.structures and one_frequency(alive) else found
+    return _none_identifiable(found) if model.definition.structures and one_frequency(alive) else found
 
 
 def _with_content(model: Model, experiments: Sequence[Experiment]) -> Model:
@@ -176,7 +176,7 @@ def _with_content(model: Model, experiments: Sequence[Experiment]) -> Model:
     return replace(model, origin={**model.origin, "content": {e.name: content_of(e) for e in experiments}})
 
 
-def _none_told(found: GreyBoxFit) -> GreyBoxFit:
+def _none_identifiable(found: GreyBoxFit) -> GreyBoxFit:
     """The same with no parameter told: of a linear plant one frequency tells two numbers, whatever its form."""
     parameters = {n: v if v.std is None else replace(v, std=np.inf) for n, v in found.model.parameters.items()}
     return replace(found, model=replace(found.model, parameters=parameters))
@@ -206,7 +206,7 @@ def _ticking(progress: Progress) -> Tick:
 
 
 def _fitted(
-    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], said: tuple[str, ...], tick: Tick
+    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], remarks: tuple[str, ...], tick: Tick
 ) -> GreyBoxFit:
     weights = [1.0 / max(channel_floor(e.told_output), _resolution(e.output)) for e in experiments]
     choice = _structure_of(model, experiments, weights)
@@ -219,7 +219,7 @@ def _fitted(
     if any(e.ripples is not None for e in used):  # what the phase of a dither does is only known about the fit itself
         near = moved(model, _merged(model, found))
         found = _fit_from(near, used, weights, _unknowns(model, names, _merged(model, found)), tick)
-    found = replace(found, given_up=_driven_out(found))
+    found = replace(found, fixed_at_bound=_driven_out(found))
     at = _merged(model, found)
     about = Residuals(plant, used, weights, near.values, moved_effects(model, at))
     beside = systematic(about, found, {p.name: at[p.name] for p in plant.parameters})
@@ -227,14 +227,14 @@ def _fitted(
     def fit_at(values: Mapping[str, float], names: Sequence[str]) -> Estimate:
         return _fit_from(moved(model, values), used, weights, _unknowns(model, names, dict(values)), tick)
 
-    other, said_of_others = elsewhere(found, at, fit_at)
-    beside = replace(beside, model=beside.model + other, notes=(*beside.notes, *said_of_others))
+    other, remarks_of_others = alternative_optima(found, at, fit_at)
+    beside = replace(beside, model=beside.model + other, notes=(*beside.notes, *remarks_of_others))
     if choice is not None:
         of_form = np.diag([choice.form_std(u.name) ** 2 for u in found.unknowns])
         beside = replace(beside, model=beside.model + of_form, notes=(*beside.notes, *_other_forms(choice)))
     if model.plant == LINEAR:
         beside = replace(beside, notes=(*_real_pairs(found, beside.model), *beside.notes))
-    return _result(model, plant, found, used, (*said, *note), beside)
+    return _result(model, plant, found, used, (*remarks, *note), beside)
 
 
 def _structure_of(model: Model, experiments: Sequence[Experiment], weights: Sequence[float]) -> StructureChoice | None:
@@ -269,7 +269,7 @@ def _real_pairs(found: Estimate, beside: Array) -> Iterator[str]:
         if len(places) < 2 or (damping := float(found.values[places[1]])) <= 1.0:
             continue
         time_s, root = float(found.values[places[0]]), math.sqrt(damping**2 - 1.0)
-        own = (found.told.whole + beside)[np.ix_(places, places)]
+        own = (found.identifiability.whole + beside)[np.ix_(places, places)]
         texts = []
         for sign in (1.0, -1.0):
             slope = np.array([damping + sign * root, time_s * (1.0 + sign * damping / root)])
@@ -354,7 +354,7 @@ def _restarted(
         return best
     others = [
         _fit_from(model, experiments, weights, start, tick)
-        for start in far_starts(_residuals(model, experiments, weights, first.unknowns, tick), first.unknowns)
+        for start in multistart(_residuals(model, experiments, weights, first.unknowns, tick), first.unknowns)
     ]
     return min([best, *others], key=lambda found: found.chi2)
 
@@ -425,7 +425,7 @@ def _noise(
     return replace(own, noise=replace(own.noise, hum_hz=hum_hz, hum=hum))
 
 
-def _as_if_told(errors: Array, told: NDArray[np.bool_]) -> Array:
+def _with_noise_where_invalid(errors: Array, told: NDArray[np.bool_]) -> Array:
     """Errors with white noise of their own size where the output says nothing: zeros would make it look less noisy."""
     if told.all():
         return errors
@@ -438,13 +438,17 @@ def _covariance(found: Estimate) -> Covariance:
 
     It is that of repeats: what the model lacks is lacking in them too, and cancels where units are compared.
     """
-    return Covariance(tuple(u.name for u in found.unknowns), tuple(tuple(row) for row in found.told.whole.tolist()))
+    return Covariance(
+        tuple(u.name for u in found.unknowns), tuple(tuple(row) for row in found.identifiability.whole.tolist())
+    )
 
 
-def _untold(found: Estimate) -> list[str]:
+def _unidentifiable(found: Estimate) -> list[str]:
     """What the recordings do not tell, or only together, in words."""
     shared = [
-        u.name for u, is_shared in zip(found.unknowns, found.told.is_shared_beyond_noise, strict=True) if is_shared
+        u.name
+        for u, is_shared in zip(found.unknowns, found.identifiability.is_shared_beyond_noise, strict=True)
+        if is_shared
     ]
     if len(shared) == 1:
         return [f"these recordings do not tell {shared[0]}; drive more levels, some of them near where it acts"]
@@ -464,14 +468,14 @@ def _wider_than_themselves(plant: Plant, values: Mapping[str, float], stds: Mapp
 
 
 def _result(
-    model: Model, plant: Plant, found: Estimate, experiments: Sequence[Experiment], said: tuple[str, ...],
+    model: Model, plant: Plant, found: Estimate, experiments: Sequence[Experiment], remarks: tuple[str, ...],
     beside: Systematic,
 ) -> GreyBoxFit:  # fmt: skip
     names = [u.name for u in found.unknowns]
     stds = dict(zip(names, np.sqrt(found.std**2 + np.diag(beside.model)).tolist(), strict=True))
     by_calibration = {} if beside.calibration is None else dict(zip(names, beside.calibration.tolist(), strict=True))
     values = _merged(model, found)
-    if "dead_time" in stds and follows_at_once(values):
+    if "dead_time" in stds and responds_within_sample(values):
         stds["dead_time"] = float(np.hypot(stds["dead_time"], dead_time_std_s(experiments)))
     wide = _wider_than_themselves(plant, values, stds)
     stds |= dict.fromkeys(wide, np.inf)
@@ -490,7 +494,7 @@ def _result(
         floor = channel_floor(e.told_output)
         slope = start_slope(e, plant, plain, active, floor, plain=simulated)
         error = floor * with_free_start(e.telling((e.output - simulated) / floor), slope)
-        errors.append(_as_if_told(error, e.told))
+        errors.append(_with_noise_where_invalid(error, e.told))
     made = Model(
         model.plant, parameters, effects, experiments[0].input, experiments[0].output_heading,
         experiments[0].drive.read_at,
@@ -506,19 +510,19 @@ def _result(
     measured = _noise(made, experiments, errors, answers)
     beyond = discrepancy_of(made, experiments, [-error for error in errors], measured)
     made = replace(made, noise=measured.noise, origin={**made.origin, **({"discrepancy": beyond} if beyond else {})})
-    given_up = [found.unknowns[k].name for k in found.given_up]
+    fixed_at_bound = [found.unknowns[k].name for k in found.fixed_at_bound]
     natural = [u.name for u, v in zip(found.unknowns, found.values.tolist(), strict=True) if u.at_natural_end(v)]
     ended = [name for name in found.on_bound if name not in natural]
     notes = [f"parameter '{name}' ended on a bound: a warning, not physics" for name in ended]
     notes += [
         f"parameter '{name}' cannot be told: the fit would have gone on beyond its bound; drive more levels, some of "
         "them near where it acts"
-        for name in given_up
+        for name in fixed_at_bound
     ]
     notes += [
         f"these recordings do not determine parameter '{name}': its interval would be wider than the value; drive more "
         "levels and faster changes, or record a signal nearer to where it acts"
         for name in wide
     ]
-    notes += [*([sentence_of(beyond)] if beyond else []), *_untold(found), *beside.notes]
-    return GreyBoxFit(made, found, fits, (*said, *notes, *doubts(made, experiments, fits)))
+    notes += [*([sentence_of(beyond)] if beyond else []), *_unidentifiable(found), *beside.notes]
+    return GreyBoxFit(made, found, fits, (*remarks, *notes, *doubts(made, experiments, fits)))

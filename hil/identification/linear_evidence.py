@@ -21,10 +21,10 @@ _COVERAGE = 1.96
 
 def doubts(fit: TransferFunctionFit, least_fit_percent: float = LEAST_FIT_PERCENT) -> tuple[str, ...]:
     """Why the fit is no linear model of what was measured; empty when the lines bear it out."""
-    return (*unmeasured(fit), *_poor(fit.fit_percent, least_fit_percent))
+    return (*unresolved(fit), *_poor(fit.fit_percent, least_fit_percent))
 
 
-def unmeasured(fit: TransferFunctionFit) -> tuple[str, ...]:
+def unresolved(fit: TransferFunctionFit) -> tuple[str, ...]:
     """What the fit states that its lines say nothing of."""
     return (*_poles(fit), *_gain_at_rest(fit), *_coefficients(fit))
 

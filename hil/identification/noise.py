@@ -110,21 +110,21 @@ def channel_floors(recorded: Sequence[Mapping[str, Array]]) -> tuple[dict[str, f
     return tuple({name: floor or largest[name] for name, floor in own.items() if largest[name]} for own in floors)
 
 
-def noise_of(stretches: Sequence[Array], interval_s: float) -> Noise:
+def noise_of(segments: Sequence[Array], interval_s: float) -> Noise:
     """Level, colour and uncertainty of stretches of noise about means of their own, by Yule–Walker.
 
     The order is the lowest from which a longer memory no longer makes the noise more predictable. Of noise that nobody
     has seen the level is 0.
     """
-    raw = _autocorrelation(stretches, _LONGEST_MEMORY)
+    raw = _autocorrelation(segments, _LONGEST_MEMORY)
     if raw[0] <= 0.0:
         return Noise(0.0)
     colour, correlation = _predictor(raw), raw
     for _ in range(_MEANS):  # a mean takes some of the noise with it, the more the longer its memory
-        correlation = raw + raw[0] * _share_of_means(colour, [len(r) for r in stretches])
+        correlation = raw + raw[0] * _share_of_means(colour, [len(r) for r in segments])
         colour = _predictor(correlation)
     std, one = float(np.sqrt(correlation[0])), _correlation_of(colour)
-    independent = sum(map(len, stretches)) / float(2.0 * one @ one - 1.0)
+    independent = sum(map(len, segments)) / float(2.0 * one @ one - 1.0)
     return Noise(std, colour, interval_s, std_uncertainty=std / math.sqrt(2.0 * independent))
 
 
@@ -184,7 +184,7 @@ def measured_noise(
 
 def _alike(witnesses: Sequence[Array], step_s: float) -> list[Array]:
     """Stretches that show no more than the median one: where a unit moves on while its model stands, they do."""
-    levels = [noise_of([stretch], step_s) for stretch in witnesses]
+    levels = [noise_of([segment], step_s) for segment in witnesses]
     median = sorted(levels, key=lambda level: level.std)[(len(levels) - 1) // 2 :][:1]
     return [s for s, level in zip(witnesses, levels, strict=True) if not _exceeds(level, *median)]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.identification.characteristic import Read, level_at, line_through
-from hil.identification.redrawn import about
+from hil.identification.parametric_bootstrap import about
 from hil.identification.sweep_estimate import SweepEstimate
 from hil.record.recording import Array
 

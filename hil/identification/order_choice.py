@@ -11,7 +11,7 @@ from hil.identification.dead_time import with_other_forms
 from hil.identification.evidence import VERY_STRONG, bic, bic_of_known_noise, simplest_good
 from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.held_out import held_out
-from hil.identification.linear_evidence import unmeasured
+from hil.identification.linear_evidence import unresolved
 from hil.identification.rational import Form
 from hil.identification.right_half_plane import with_alternative
 from hil.identification.transfer_function import Candidate, TransferFunctionFit, Weights, check_form, fit_form
@@ -36,7 +36,7 @@ def fit_transfer_function(
     The Bayesian criterion ranks the forms; it counts a χ² in units of what the best form leaves, so that a
     nonlinear valve with little noise does not buy poles. Among those that it does not rule out, the fewest
     unknowns win whose error on held-out lines is within one standard error of the least. A form that states what its
-    lines say nothing of (`linear_evidence.unmeasured`) is chosen only where every form does.
+    lines say nothing of (`linear_evidence.unresolved`) is chosen only where every form does.
 
     Args:
         response: the lines.
@@ -82,7 +82,7 @@ def _choose(
     response: FrequencyResponse, fits: list[TransferFunctionFit]
 ) -> tuple[TransferFunctionFit, tuple[Candidate, ...]]:
     criteria = _bic(fits)
-    sound = [i for i, fit in enumerate(fits) if not unmeasured(fit)] or list(range(len(fits)))
+    sound = [i for i, fit in enumerate(fits) if not unresolved(fit)] or list(range(len(fits)))
     first = min(sound, key=lambda i: criteria[i])
     errors = {i: held_out(response, fits[i]) for i in sound if criteria[i] <= criteria[first] + VERY_STRONG}
     means = {i: float(np.mean(e)) if e.size else math.nan for i, e in errors.items()}

@@ -13,7 +13,7 @@ import numpy as np
 
 from hil.errors import InputError
 from hil.identification.characteristic import Loop, loop
-from hil.identification.redrawn import DRAWS, about
+from hil.identification.parametric_bootstrap import DRAWS, about
 from hil.identification.sweep_estimate import Standing, Sweep, SweepEstimate, sweep_estimate
 from hil.record.recording import Array
 
@@ -67,8 +67,8 @@ class PressureCurve:
     @property
     def span_std(self) -> float:
         """Standard uncertainty of the span, of the noise alone."""
-        redrawn = self.estimate.responses[:, -1] - self.estimate.responses[:, 0]
-        return about(redrawn, self.span)
+        resampled = self.estimate.responses[:, -1] - self.estimate.responses[:, 0]
+        return about(resampled, self.span)
 
     def pressure_at(self, current: float) -> float:
         """Nominal pressure at a current."""

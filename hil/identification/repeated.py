@@ -62,11 +62,11 @@ def without_held(e: Experiment) -> tuple[Experiment, list[str]]:
         return e, []
     repeated = np.ones(len(e.output), dtype=np.bool_)
     repeated[starts] = False
-    said = (
+    note = (
         f"{e.name}: channel '{e.output_heading}' shows each value {usual} times: it was sampled every "
         f"{usual * e.interval_s:.4g} s and held in between; the repeats are left out"
     )
-    return e.without(repeated), [said]
+    return e.without(repeated), [note]
 
 
 def longer_than_by_chance(steps: Array, floor: float) -> int:

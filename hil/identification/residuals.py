@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.identification.estimate import side_by_side
 from hil.identification.experiment import Experiment
-from hil.identification.first_reading import start_slope, with_free_start
+from hil.identification.initial_condition import start_slope, with_free_start
 from hil.identification.noise import channel_floors
 from hil.physics.plant import Plant
 from hil.physics.simulate import ActiveEffect, simulate

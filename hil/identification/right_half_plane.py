@@ -100,7 +100,7 @@ def _note(fit: TransferFunctionFit, other: TransferFunctionFit, response: Freque
         f"wrong way (at {1e3 * start.time_s:.0f} ms). {_words(other.form)} and a dead time of "
         f"{1e3 * other.model.dead_time_s:.1f} ms fit {other.fit_percent:.1f} % against {fit.fit_percent:.1f} %, within "
         f"{decibel:.2f} dB and {degrees:.1f}°, without it; {_preference(fit, other, response)}. Their steps differ "
-        f"most {_told(when)} after the step, by {100 * apart:.1f} % of it: a step response decides"
+        f"most {_duration(when)} after the step, by {100 * apart:.1f} % of it: a step response decides"
     )
 
 
@@ -146,5 +146,5 @@ def _signed(root: complex) -> str:
     return f"{root.real:+.3g}" if abs(root.imag) < 1e-9 else f"{root.real:+.3g} ± {abs(root.imag):.3g}j"
 
 
-def _told(duration_s: float) -> str:
+def _duration(duration_s: float) -> str:
     return f"{1e3 * duration_s:.0f} ms" if duration_s < 1.0 else f"{duration_s:.3g} s"

@@ -15,7 +15,7 @@ from operator import attrgetter
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.redrawn import DRAWS, about, draws_of
+from hil.identification.parametric_bootstrap import DRAWS, about, draws_of
 from hil.identification.step_response import StepFigures, leaves, moves_once, step_figures
 from hil.record.recording import Array, Recording
 from hil.signals.products import one_blas_thread
@@ -250,10 +250,10 @@ def _sharper(
     """Times by the sharper reading where noise leaves it sure to within what sampling hides."""
     if sharp[0] is None or None in sharp:
         return figures, std
-    redrawn = np.array([_values(one) for one in sharp[1:] if one is not None])
+    resampled = np.array([_values(one) for one in sharp[1:] if one is not None])
     for i, name in enumerate(_NAMES):
         value = getattr(figures, name)
-        found = about(redrawn[:, i], value) if name.endswith("_s") and math.isfinite(value) else math.inf
+        found = about(resampled[:, i], value) if name.endswith("_s") and math.isfinite(value) else math.inf
         if found < interval_s / math.sqrt(12.0):
             figures = replace(figures, **{name: getattr(sharp[0], name)})
             std = replace(std, **{name: found})
@@ -271,8 +271,8 @@ def _without_tone(step: _Step) -> tuple[_Step, Tone | None]:
     interval_s = float(np.median(np.diff(step.time_s)))
     before_s = step.time_s[0] + interval_s * np.arange(-len(step.before), 0)
     tail_s = step.time_s[step.tail]
-    stretches = [(before_s[-len(step.rest) :], step.rest), (tail_s, step.response[step.tail])]
-    tone = standing_tone([(at_s, _straightened(values)) for at_s, values in stretches if len(values) > 2])
+    segments = [(before_s[-len(step.rest) :], step.rest), (tail_s, step.response[step.tail])]
+    tone = standing_tone([(at_s, _straightened(values)) for at_s, values in segments if len(values) > 2])
     if tone is None:
         return step, None
     before, response = step.before - tone.at(before_s), step.response - tone.at(step.time_s)
@@ -281,10 +281,10 @@ def _without_tone(step: _Step) -> tuple[_Step, Tone | None]:
 
 def _whitener(step: _Step) -> Array:
     """From the quieter of the stretches in which the response stands; what noise hides within a code has no colour."""
-    stretches = [_straightened(values) for values in (step.rest, step.response[step.tail]) if len(values) > 2]
-    if not stretches:
+    segments = [_straightened(values) for values in (step.rest, step.response[step.tail]) if len(values) > 2]
+    if not segments:
         return np.ones(1)
-    quietest = min(stretches, key=lambda values: float(np.std(values)))
+    quietest = min(segments, key=lambda values: float(np.std(values)))
     if before_rounding(float(np.std(quietest)), step.grid) == 0.0:
         return np.ones(1)
     return whitener_of(quietest)

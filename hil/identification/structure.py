@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hil.identification.estimate import Estimate, Unknown, estimate, side_by_side
 from hil.identification.evidence import VERY_STRONG, bic, odds, simplest_good
 from hil.identification.experiment import Experiment
-from hil.identification.first_reading import start_slope, with_free_start
+from hil.identification.initial_condition import start_slope, with_free_start
 from hil.identification.linear_starts import poles_rad_s
 from hil.identification.noise import COVERED
 from hil.physics.plant import Parameter, Plant, Structure

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.redrawn import DRAWS, draws_of
+from hil.identification.parametric_bootstrap import DRAWS, draws_of
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 from hil.signals.smooth_curve import Curves, Smoother
@@ -80,7 +80,7 @@ class SweepEstimate:
             explains, shape (LEVELS,). `responses`, `slopes`, `widths`: redrawn, shape (draws, LEVELS).
         lag_s, mean_width: what makes the loop wider with speed, and what does not; NaN for sweeps of one speed.
             `lags_s`, `mean_widths`: redrawn more often than curves are, shape (more,).
-        half_widths: of each sweep, lag included. `redrawn_half_widths`: shape (more, sweeps).
+        half_widths: of each sweep, lag included. `resampled_half_widths`: shape (more, sweeps).
         points: the means, commands shifted to where the curve is; `std` their standard uncertainty, shape (p,).
         covered: lowest and highest command of the curve that the moving command reached on both branches.
     """
@@ -97,7 +97,7 @@ class SweepEstimate:
     mean_width: float
     mean_widths: Array
     half_widths: Array
-    redrawn_half_widths: Array
+    resampled_half_widths: Array
     points: Points
     std: Array
     covered: tuple[float, float]

@@ -48,10 +48,10 @@ def systematic(residuals: Residuals, found: Estimate, parameters: Mapping[str, f
     if _is_coloured(found.residuals):
         lacking, share, stage = _lacking(residuals, found, parameters, base)
         covariance = covariance + lacking
-        said = (
+        cause = (
             f"the model lacks something, most likely at its {stage}: the residuals are no noise; intervals are widened"
         )
-        notes = (f"{said} by what that may have moved; hil diagnose looks for it",) if share > 0.0 else ()
+        notes = (f"{cause} by what that may have moved; hil diagnose looks for it",) if share > 0.0 else ()
     return Systematic(covariance, _calibrations(residuals, found, parameters, base), notes)
 
 
@@ -119,14 +119,14 @@ def _most_probable(alike: Array, along: Array, left: Array) -> tuple[float, floa
     values, vectors = np.linalg.eigh(alike)
     values, seen = np.maximum(values, 0.0), vectors.T @ along
 
-    def told(share: float) -> tuple[float, float]:
+    def explained(share: float) -> tuple[float, float]:
         inner = share / (1.0 + share * values)
         variance = max(total - float(np.sum(inner * seen**2)), 1e-12 * total) / count
         return -0.5 * (count * math.log(variance) + float(np.sum(np.log1p(share * values)))), variance
 
-    share = max(_SHARES, key=lambda s: told(float(s))[0])
+    share = max(_SHARES, key=lambda s: explained(float(s))[0])
     inner = float(share) / (1.0 + float(share) * values)
-    return float(share), told(float(share))[1], vectors @ (inner * -seen), (vectors * inner) @ vectors.T
+    return float(share), explained(float(share))[1], vectors @ (inner * -seen), (vectors * inner) @ vectors.T
 
 
 def _kinds(residuals: Residuals, passing: list[Array]) -> Iterator[tuple[str, list[Array]]]:

@@ -12,8 +12,8 @@ from hil.errors import FileError, InputError, SettingError
 from hil.identification.factored import model_of
 from hil.identification.frequency_response import FrequencyResponse, average, from_polar
 from hil.identification.linear_evidence import doubts
-from hil.identification.looks import runs_the_other_way
 from hil.identification.order_choice import fit_transfer_function
+from hil.identification.recording_quality import runs_the_other_way
 from hil.identification.transfer_function import TransferFunctionFit, Weights, fit_percent
 from hil.physics.model import Covariance, Model, Value
 from hil.physics.plants.transfer_function import PLANT

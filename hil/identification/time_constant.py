@@ -14,7 +14,7 @@ _STEPS = (0.05, 0.25, 0.6)
 _SAMPLES = 4000
 # Samples within a time constant below which finer ones are simulated, and the span of intervals that are tried. What
 # is a thousand times as fast as the recording's samples is at once, in any unit of time that they may be in.
-_RESOLVED, _AT_ONCE, _LONGEST_S = 20.0, 1e-3, 0.1
+_RESOLVED, _INSTANT, _LONGEST_S = 20.0, 1e-3, 0.1
 
 
 def time_constant_s(model: Model, e: Experiment) -> float:
@@ -26,7 +26,7 @@ def time_constant_s(model: Model, e: Experiment) -> float:
     found_s = _time_constant_s(model, e, interval_s)
     while found_s == 0.0 and (interval_s := _RESOLVED * interval_s) < _LONGEST_S:  # it may not have moved in time
         found_s = _time_constant_s(model, e, interval_s)
-    while 0.0 < found_s <= _RESOLVED * interval_s and interval_s > _AT_ONCE * e.interval_s:
+    while 0.0 < found_s <= _RESOLVED * interval_s and interval_s > _INSTANT * e.interval_s:
         interval_s /= _RESOLVED
         found_s = _time_constant_s(model, e, interval_s)
     return found_s

@@ -127,8 +127,8 @@ class TransferFunctionFit:
         """Coefficients with 95 % intervals, poles, zeros, fit and notes, for a terminal."""
         rows = [f"{self.form.poles} poles, {self.form.zeros} zeros, fit {self.fit_percent:.2f} %"]
         for name, value, std in zip(self.coefficient_names, self.coefficients, self.coefficient_std, strict=True):
-            told = f"± {1.96 * std:.2g}" if math.isfinite(std) else "cannot be told"
-            rows.append(f"  {name:12} {value:12.6g} {told}")
+            uncertainty = f"± {1.96 * std:.2g}" if math.isfinite(std) else "cannot be told"
+            rows.append(f"  {name:12} {value:12.6g} {uncertainty}")
         rows.append("  poles " + ", ".join(f"{p:.4g}" for p in self.model.poles) + " rad/s")
         if self.form.zeros:
             rows.append("  zeros " + ", ".join(f"{z:.4g}" for z in self.model.zeros) + " rad/s")

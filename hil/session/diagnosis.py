@@ -18,7 +18,7 @@ from hil.diagnosis.next_test import Span, span_within
 from hil.diagnosis.skeleton.table import library_of
 from hil.errors import SettingError, StorageError
 from hil.identification.experiment import Experiment, for_model
-from hil.identification.stretches import experiments_of
+from hil.identification.informative_segments import experiments_of
 from hil.physics.model import Model, save_model
 from hil.physics.other_plant import other_plants
 from hil.record.plain import plain

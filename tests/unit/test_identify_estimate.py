@@ -89,11 +89,11 @@ def along_a_bent_valley(*, careful: bool) -> Estimate:
 
 def test_the_bend_of_a_valley_is_no_information_about_the_way_along_it() -> None:
     found = along_a_bent_valley(careful=True)
-    assert found.told.is_shared.all()
+    assert found.identifiability.is_shared.all()
     assert found.std[0] == np.inf
     assert np.all(found.std[1:] > 0.1)
     # Without care the bend is a difference of rounded numbers, others on each BLAS; the samples alone give 1e-10.
-    assert np.all(along_a_bent_valley(careful=False).told.whole.diagonal()[1:] > 1e-3)
+    assert np.all(along_a_bent_valley(careful=False).identifiability.whole.diagonal()[1:] > 1e-3)
 
 
 def test_what_is_no_more_certain_than_its_bounds_is_not_told() -> None:

@@ -6,7 +6,7 @@ import pytest
 from hil.errors import InputError
 from hil.identification.characteristic import Side, largest_slope, loop, side
 from hil.identification.flow_curve import polynomial, spline
-from hil.identification.redrawn import DRAWS
+from hil.identification.parametric_bootstrap import DRAWS
 from hil.identification.sweep_estimate import Sweep, sweep_estimate
 from hil.record.measurement import Measurement
 from hil.signals.ramps import triangle
@@ -159,7 +159,7 @@ def test_half_widths_are_as_uncertain_as_the_slopes_and_the_noise_make_them():
     found = estimate(lag_s=0.2, draws=1000)
     points = found.points
     slopes = np.interp(points.command, found.command, found.slope)
-    for number, stated in enumerate(np.std(found.redrawn_half_widths, axis=0)):
+    for number, stated in enumerate(np.std(found.resampled_half_widths, axis=0)):
         mine = (points.sweep == number) & points.both
         closed = 0.3 / math.sqrt(float(np.sum(slopes[mine] ** 2 * points.count[mine])))
         assert stated == pytest.approx(closed, rel=0.12)

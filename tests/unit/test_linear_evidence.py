@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hil.identification.frequency_response import from_table
-from hil.identification.linear_evidence import doubts, unmeasured
+from hil.identification.linear_evidence import doubts, unresolved
 from hil.identification.order_choice import fit_transfer_function
 from hil.identification.rational import Form
 from hil.identification.transfer_function import fit_form
@@ -50,7 +50,7 @@ def test_a_response_that_is_linear_has_no_doubt():
     ],
 )
 def test_what_no_line_says_anything_of_is_named(model: TransferFunction, form: Form, says: str):
-    found = unmeasured(fit_form(noisy(model, 0.001), form))
+    found = unresolved(fit_form(noisy(model, 0.001), form))
     assert any(text.startswith(says) for text in found), found
 
 
@@ -66,7 +66,7 @@ def test_a_poor_fit_is_none(noise: float, says: tuple[str, ...]):
 
 def test_evidence_prefers_a_form_that_the_lines_bear_out():
     fast = noisy(transfer_function([3.0], np.polymul([0.2, 1.0], [1e-4, 1.0])), 0.002)
-    assert unmeasured(fit_transfer_function(fast)) == ()
+    assert unresolved(fit_transfer_function(fast)) == ()
 
 
 def sines(noise: float, limits: dict | None = None, poles: int | None = None) -> Findings:

@@ -16,9 +16,9 @@ from hil.identification.compare import compare_all
 from hil.identification.content import content_of
 from hil.identification.experiment import experiment
 from hil.identification.grey_box import fit_plant
-from hil.identification.looks import Looked, believed, doubts, look, runs_the_other_way
-from hil.identification.mistaken.suspicion import Suspicion
 from hil.identification.noise import channel_floor
+from hil.identification.plausibility.suspicion import Suspicion
+from hil.identification.recording_quality import Looked, believed, doubts, look, runs_the_other_way
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array, Recording, recording
@@ -105,7 +105,7 @@ def test_samples_further_apart_than_a_plant_takes_are_refused_before_any_fit() -
 
 def test_a_good_recording_of_a_unit_unlike_a_typical_one_is_not_suspected() -> None:
     found = looked_at(made_steps())
-    assert found.suspicions == () and found.said == ()
+    assert found.suspicions == () and found.notes == ()
 
 
 def test_a_fit_as_recorded_outweighs_a_suspicion_unless_it_halves_the_misfit() -> None:
@@ -136,10 +136,10 @@ def test_stale_and_held_samples_are_left_out_and_said() -> None:
     for start in (300, 900, 1700, 2500):
         flow[start : start + 40] = flow[start]
     stale = looked_at(with_values(one, flow=lambda _: flow))
-    assert any("was not measured anew 4 times, for 0.16 s on average" in text for text in stale.said)
+    assert any("was not measured anew 4 times, for 0.16 s on average" in text for text in stale.notes)
     assert stale.experiments[0].ignored is not None and stale.experiments[0].ignored.sum() == 4 * 39
     held = looked_at(with_values(one, flow=lambda r: np.repeat(r.values("flow")[::8], 8)))
-    assert any("shows each value 8 times" in text for text in held.said)
+    assert any("shows each value 8 times" in text for text in held.notes)
 
 
 def test_a_diagnosis_leaves_out_what_was_held_between_slower_samples() -> None:

@@ -17,7 +17,7 @@ from hil.record.recording import Array
 _PLACES, _FEWEST, _RESIDUALS, _FAR, _FITTED = 128, 8, 10_000_000, 30.0, 3
 
 
-def far_starts(residuals: Callable[[Array], Array], unknowns: Sequence[Unknown]) -> list[list[Unknown]]:
+def multistart(residuals: Callable[[Array], Array], unknowns: Sequence[Unknown]) -> list[list[Unknown]]:
     """The most promising of many starts all over the bounds, the best first; `residuals` as in `estimate`.
 
     Sizes are spread over orders of magnitude, what may have either sign evenly about its start.

@@ -17,7 +17,7 @@ from hil.record.recording import Array
 
 DRAWS = 64
 _HIDDEN = 2.0  # times the offset: the estimate that they are drawn from has been smoothed before, and lost less
-_TOLD = 1e6  # parts of the largest that seed the draws: the last bits of a calculation differ between processors
+_PARTS = 1e6  # parts of the largest that seed the draws: the last bits of a calculation differ between processors
 
 
 def draws_of(samples: NDArray[np.float64] | NDArray[np.complex128]) -> np.random.Generator:
@@ -28,15 +28,15 @@ def draws_of(samples: NDArray[np.float64] | NDArray[np.complex128]) -> np.random
     """
     parts = np.nan_to_num(np.ascontiguousarray(samples).view(np.float64))
     largest = float(np.max(np.abs(parts), initial=0.0))
-    told = np.rint(parts * (_TOLD / largest)).astype(np.int64) if largest else parts
-    return np.random.default_rng(zlib.crc32(told.tobytes()))
+    whole_parts = np.rint(parts * (_PARTS / largest)).astype(np.int64) if largest else parts
+    return np.random.default_rng(zlib.crc32(whole_parts.tobytes()))
 
 
-def about(redrawn: Array, value: float) -> float:
+def about(resampled: Array, value: float) -> float:
     """Standard uncertainty of a value: spread of the redrawn ones and their offset from it, together.
 
     Infinite where some of them do not exist.
     """
-    if not (math.isfinite(value) and np.all(np.isfinite(redrawn))):
+    if not (math.isfinite(value) and np.all(np.isfinite(resampled))):
         return math.inf
-    return math.hypot(float(np.std(redrawn, ddof=1)), _HIDDEN * (float(np.mean(redrawn)) - value))
+    return math.hypot(float(np.std(resampled, ddof=1)), _HIDDEN * (float(np.mean(resampled)) - value))

@@ -24,7 +24,7 @@ _FIRST_STEP, _DOUBLINGS = 4.0, 8  # standard uncertainties, and how often that i
 _ASIDE = 1.0 / math.sqrt(3.0)  # standard deviation of what lies anywhere up to so far, to one side
 
 
-def elsewhere(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> tuple[Array, tuple[str, ...]]:
+def alternative_optima(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> tuple[Array, tuple[str, ...]]:
     """Covariance of how far values that fit as well lie away, shape (k, k), and what to say of them.
 
     Args:
@@ -48,11 +48,11 @@ def _beyond_corners(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> 
         for sign in (1.0, -1.0):
             farthest = _walked(found, at, fit_at, k, sign * _FIRST_STEP * float(found.std[k]))
             if farthest is not None:
-                said = (
+                note = (
                     f"parameter '{found.unknowns[k].name}' rests where a range ends at a level that was driven; its "
                     "interval reaches as far as the fit stays as good; a level within the range would tell it"
                 )
-                yield 2.0 * _ASIDE * farthest, said
+                yield 2.0 * _ASIDE * farthest, note
 
 
 def _walked(found: Estimate, at: Mapping[str, float], fit_at: FitAt, k: int, step: float) -> Array | None:
@@ -72,7 +72,7 @@ def _walked(found: Estimate, at: Mapping[str, float], fit_at: FitAt, k: int, ste
 def _held(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[tuple[Array, str]]:
     """A value that only its bounds hold, at both ends of where it may lie: where the others go then, without it."""
     widths = np.array([u.high - u.low for u in found.unknowns])
-    for direction in found.told.untold:
+    for direction in found.identifiability.unidentifiable:
         k = int(np.argmax(np.abs(direction) / widths))
         u, reach = found.unknowns[k], abs(float(direction[k]))
         for value in (max(float(found.values[k]) - reach, u.low), min(float(found.values[k]) + reach, u.high)):
@@ -110,12 +110,12 @@ def _exchanged(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Itera
                     continue
                 again = fit_at({**at, **values}, names)
                 if _as_good(found, again):
-                    said = (
+                    note = (
                         f"these recordings do not tell {lag} from a lag of the {pair}: they may change places; a "
                         "channel between them would tell"
                     )
-                    yield _ASIDE * (again.values - found.values), said
+                    yield _ASIDE * (again.values - found.values), note
 
 
 def _as_good(found: Estimate, again: Estimate) -> bool:
-    return again.chi2 - found.chi2 <= _AS_GOOD * found.told.variance
+    return again.chi2 - found.chi2 <= _AS_GOOD * found.identifiability.variance

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 
 from hil.identification.content import is_of_its_origin
 from hil.identification.experiment import Experiment
-from hil.identification.mistaken.column import swapped_columns
-from hil.identification.mistaken.sign import reversed_sign
-from hil.identification.mistaken.suspicion import Suspicion, can_be_held_against, expected
-from hil.identification.mistaken.time_unit import wrong_time
-from hil.identification.mistaken.unit import wrong_unit
+from hil.identification.plausibility.column import swapped_columns
+from hil.identification.plausibility.sign import reversed_sign
+from hil.identification.plausibility.suspicion import Suspicion, can_be_held_against, expected
+from hil.identification.plausibility.time_unit import wrong_time
+from hil.identification.plausibility.unit import wrong_unit
 from hil.physics.model import Model
 
 
@@ -21,15 +21,15 @@ def suspicions(model: Model, experiments: Sequence[Experiment]) -> Iterator[Susp
     strange = [e for e in experiments if not (e.stands_still or is_of_its_origin(model, e))]
     yield from wrong_time(model, strange)
     for e in strange:
-        yield from mistaken(model, e)
+        yield from implausible(model, e)
 
 
-def looks_wrong(model: Model, e: Experiment) -> list[str]:
+def implausible_metadata(model: Model, e: Experiment) -> list[str]:
     """The same of one recording, in words; nothing of one without an output."""
     return [one.sentence for one in suspicions(model, [e])] if e.told.any() else []
 
 
-def mistaken(model: Model, e: Experiment) -> Iterator[Suspicion]:
+def implausible(model: Model, e: Experiment) -> Iterator[Suspicion]:
     """What looks wrong in one recording, one suspicion after another; another time is looked for in all together."""
     if not can_be_held_against(model):
         return

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hil.identification.experiment import Experiment
-from hil.identification.mistaken.suspicion import HALF, POOR_FIT, Suspicion, expected, good_fit, moves, spoken_of
+from hil.identification.plausibility.suspicion import HALF, POOR_FIT, Suspicion, expected, good_fit, moves, spoken_of
 from hil.identification.time_constant import time_constant_s
 from hil.physics.model import Model
 
@@ -61,8 +61,8 @@ def _fits_in_another_time(model: Model, e: Experiment) -> Suspicion | None:
     if fit < good_fit(model) or _vote(recorded, fit) != 1:
         return None
     by = f"divided by {factor:.4g}" if factor > 1.0 else f"multiplied by {1.0 / factor:.4g}"
-    looks = f"{spoken_of(model)} fits only with the time {by}; it looks like a wrong unit of time"
-    return Suspicion(e.name, f"{e.name}: {looks}, and --unit time=UNIT says the right one", fit)
+    cause = f"{spoken_of(model)} fits only with the time {by}; it looks like a wrong unit of time"
+    return Suspicion(e.name, f"{e.name}: {cause}, and --unit time=UNIT says the right one", fit)
 
 
 def _fit(model: Model, e: Experiment) -> float:

@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hil.identification.experiment import Experiment
-from hil.identification.mistaken.suspicion import can_be_held_against
 from hil.identification.noise import channel_floor
+from hil.identification.plausibility.suspicion import can_be_held_against
 from hil.identification.time_constant import time_constant_s
 from hil.physics.model import Model
 from hil.record.recording import Array, Recording
@@ -41,7 +41,7 @@ _FELT = 1.0  # of χ²: what the rest of a stretch may differ by, so that it mov
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class Segment:
     """So many samples from the first on."""
 
     first: int
@@ -70,13 +70,13 @@ def experiments_of(
     if total <= most:
         return [bind(one) for one in recordings], ()
     made: list[Experiment] = []
-    said = []
+    notes = []
     for one in recordings:
         own = max(int(most * len(one) / total), min(len(one), _SAMPLES, most))
-        found = telling_stretches(one.values(command(one)), own, _length(model, one, bind, own))
+        found = informative_segments(one.values(command(one)), own, _length(model, one, bind, own))
         made += _bound(model, one, found, bind)
-        said.append(_sentence(one, found))
-    return made, tuple(said)
+        notes.append(_sentence(one, found))
+    return made, tuple(notes)
 
 
 def _affordable(computing_s: float) -> int:
@@ -85,7 +85,7 @@ def _affordable(computing_s: float) -> int:
 
 
 def _bound(
-    model: Model, one: Recording, found: Sequence[Stretch], bind: Callable[[Recording], Experiment]
+    model: Model, one: Recording, found: Sequence[Segment], bind: Callable[[Recording], Experiment]
 ) -> list[Experiment]:
     cut = [_settling_left_out(model, bind(_named(one.rows(s.first, s.count)))) for s in found]
     if not any(e.observed for e in cut):
@@ -113,8 +113,8 @@ def _begun_as(model: Model, e: Experiment, rows: Array, reach: tuple[float, floa
     apart = _apart(model, found, rows)
     for name, felt in apart.items():
         moving = np.cumsum(felt[::-1])[::-1] > _FELT
-        told = (found.inner_tells(name) & ~moving).any()
-        found = found.without_inner(name, moving) if told else _without_signal(found, name)
+        informs = (found.inner_tells(name) & ~moving).any()
+        found = found.without_inner(name, moving) if informs else _without_signal(found, name)
     return found
 
 
@@ -154,10 +154,10 @@ def _without_signal(e: Experiment, name: str) -> Experiment:
     return replace(e, observed=observed, silent={n: samples for n, samples in e.silent.items() if n != name})
 
 
-def telling_stretches(command: Array, most: int, length: int) -> list[Stretch]:
+def informative_segments(command: Array, most: int, length: int) -> list[Segment]:
     """The stretches of a command, shape (n,), that tell most; no more samples than asked for, in order of time."""
     if len(command) <= most:
-        return [Stretch(0, len(command))]
+        return [Segment(0, len(command))]
     low, high = float(np.nanmin(command)), float(np.nanmax(command))
     informations = [
         _information(command[first : first + length], low, high - low or 1.0)
@@ -182,13 +182,13 @@ def _information(values: Array, low: float, span: float) -> Array:
     return found
 
 
-def _joined(chosen: Sequence[int], length: int) -> list[Stretch]:
-    found: list[Stretch] = []
+def _joined(chosen: Sequence[int], length: int) -> list[Segment]:
+    found: list[Segment] = []
     for k in chosen:
         if found and found[-1].first + found[-1].count == k * length:
             found[-1] = replace(found[-1], count=found[-1].count + length)
         else:
-            found.append(Stretch(k * length, length))
+            found.append(Segment(k * length, length))
     return found
 
 
@@ -215,7 +215,7 @@ def _named(recording: Recording) -> Recording:
     return replace(recording, name=f"{recording.name}, {start_s:.6g}…{stop_s:.6g} s")
 
 
-def _sentence(recording: Recording, found: Sequence[Stretch]) -> str:
+def _sentence(recording: Recording, found: Sequence[Segment]) -> str:
     if [s.count for s in found] == [len(recording)]:
         return f"{recording.name}: used whole, {len(recording)} samples"
     used = sum(s.count for s in found)

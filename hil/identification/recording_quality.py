@@ -9,15 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.errors import FileError
-from hil.identification.at_once import told_of_what_follows_at_once
 from hil.identification.clipped import without_clipped
 from hil.identification.content import is_of_its_origin
 from hil.identification.experiment import Experiment
 from hil.identification.feedback import runs_in_a_loop
-from hil.identification.mistaken.look import mistaken
-from hil.identification.mistaken.suspicion import Suspicion, can_be_held_against
-from hil.identification.mistaken.time_unit import wrong_time
+from hil.identification.plausibility.look import implausible
+from hil.identification.plausibility.suspicion import Suspicion, can_be_held_against
+from hil.identification.plausibility.time_unit import wrong_time
 from hil.identification.repeated import stale_sentence, without_held, without_stale
+from hil.identification.sub_sample_response import sub_sample_limits
 from hil.identification.time_constant import time_constant_s
 from hil.physics.model import Model
 from hil.physics.plant import Plant
@@ -26,7 +26,7 @@ from hil.record.recording import Array
 
 _SAME_FREQUENCY, _LEAST_PERIODS, _LINE_WIDTH, _ALL_POWER = 1.05, 3, 3, 0.999  # of a command that is one sine
 _GROWS, _LEAST_GROWN = 2.0, 40  # times from quarter to quarter: an integrator's grows by 3/2 or less; samples
-_TOLD = 3.0  # standard deviations
+_SIGNIFICANT = 3.0  # standard deviations
 LINEAR = "transfer-function"
 
 
@@ -39,7 +39,7 @@ class Looked:
     """
 
     experiments: tuple[Experiment, ...]
-    said: tuple[str, ...]
+    notes: tuple[str, ...]
     suspicions: tuple[Suspicion, ...] = ()
 
 
@@ -55,21 +55,21 @@ def look(model: Model, experiments: Sequence[Experiment]) -> Looked:
     slow = [sentence for e in held_against for sentence in _too_slow(model, e)]
     if slow and suspicions:
         raise FileError(suspicions[0].sentence)
-    kept, said = [], []
+    kept, notes = [], []
     for e in experiments:
-        suspicions += mistaken(model, e) if e in held_against else ()
-        told, left_out = without_unmeasured(e)
-        kept.append(told)
-        said += [*left_out, *_in_a_loop(e)]
-    return Looked(tuple(kept), (*said, *slow, *one_frequency(experiments)), tuple(suspicions))
+        suspicions += implausible(model, e) if e in held_against else ()
+        measured, left_out = without_invalid(e)
+        kept.append(measured)
+        notes += [*left_out, *_in_a_loop(e)]
+    return Looked(tuple(kept), (*notes, *slow, *one_frequency(experiments)), tuple(suspicions))
 
 
-def without_unmeasured(e: Experiment) -> tuple[Experiment, list[str]]:
+def without_invalid(e: Experiment) -> tuple[Experiment, list[str]]:
     """The experiment without samples that are no measurement (clipped, held, not measured anew), and that in words."""
-    told, clipped = without_clipped(e)
-    told, held = without_held(told)
-    told, repeated = without_stale(told)
-    return told, [*clipped, *held, *([stale_sentence(e, repeated)] if repeated else [])]
+    measured, clipped = without_clipped(e)
+    measured, held = without_held(measured)
+    measured, repeated = without_stale(measured)
+    return measured, [*clipped, *held, *([stale_sentence(e, repeated)] if repeated else [])]
 
 
 def believed(suspicions: Sequence[Suspicion], fits: Mapping[str, float], at_bounds: bool) -> tuple[str, ...]:
@@ -94,9 +94,9 @@ def doubts(model: Model, experiments: Sequence[Experiment], fits: Mapping[str, f
         if fit < 0.0
     ]
     away = [sentence for e in experiments for sentence in _runs_away(model, e)]
-    at_once = told_of_what_follows_at_once(model, experiments) if model.plant == LINEAR else ()
+    sub_sample = sub_sample_limits(model, experiments) if model.plant == LINEAR else ()
     beyond = _beyond_nyquist(model, experiments)
-    return (*below, *away, *at_once, *beyond, *_integrates(model), *runs_the_other_way(model))
+    return (*below, *away, *sub_sample, *beyond, *_integrates(model), *runs_the_other_way(model))
 
 
 def _runs_away(model: Model, e: Experiment) -> list[str]:
@@ -174,7 +174,7 @@ def _beyond_nyquist(model: Model, experiments: Sequence[Experiment]) -> tuple[st
 def runs_the_other_way(model: Model) -> tuple[str, ...]:
     """What is said of a transfer function with a gain below zero, beyond its uncertainty."""
     gains = [model.parameters[name] for name in ("gain", "integrator_gain")] if model.plant == LINEAR else []
-    if not any(gain.value < -_TOLD * gain.std for gain in gains if gain.std):
+    if not any(gain.value < -_SIGNIFICANT * gain.std for gain in gains if gain.std):
         return ()
     return ("the output falls where the input rises: is its sign right, or that of the input?",)
 

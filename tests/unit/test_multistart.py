@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hil.identification.experiment import experiment
-from hil.identification.far_starts import far_places
 from hil.identification.grey_box import fit_plant, unknown
+from hil.identification.multistart import far_places
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import Drive, simulate

@@ -9,7 +9,7 @@ import numpy as np
 from hil.errors import UnitError
 from hil.identification.experiment import Experiment
 from hil.identification.fit import fit_percent
-from hil.identification.mistaken.suspicion import (
+from hil.identification.plausibility.suspicion import (
     GOOD_FIT,
     HALF,
     POOR_FIT,
@@ -25,7 +25,7 @@ from hil.record.recording import Array, split_heading
 from hil.units import scale_and_offset
 
 # Units in which channels of one kind are written; one of them taken for another is off by their ratio.
-_MISTAKEN = (
+_CONFUSED = (
     ("l/min", "ml/min", "l/s", "m^3/h", "m^3/s", "gallon/minute", "cm^3/s"),
     ("bar", "mbar", "kPa", "MPa", "Pa", "psi"),
     ("m", "cm", "mm", "um", "inch"),
@@ -53,7 +53,7 @@ _TOO_SMALL, _TOO_LARGE = 0.12, 5.0
 def unit_factors(unit: str) -> tuple[float, ...]:
     """Factors that a wrong unit brings to a channel of this one."""
     factors = set(_DECIMALS)
-    for group in _MISTAKEN:
+    for group in _CONFUSED:
         try:
             sizes = [scale_and_offset(other, unit)[0] for other in group]
         except UnitError:
@@ -81,8 +81,8 @@ def wrong_unit(model: Model, e: Experiment, simulated: Array) -> Suspicion | Non
         factor = _unit_factor(e.output_heading, slope, np.inf if beyond_effects else _FACTOR_TOLERANCE)
         if factor and fit > GOOD_FIT:
             found = f"channel '{e.output_heading}' is {slope:.3g} times what {spoken_of(model)} gives"
-            looks = f"a factor near {factor:.4g} looks like a wrong unit"
-            sentence = f"{e.name}: {found}; {looks}. {_if_right(e.output_heading)}"
+            cause = f"a factor near {factor:.4g} looks like a wrong unit"
+            sentence = f"{e.name}: {found}; {cause}. {_if_right(e.output_heading)}"
             return Suspicion(e.name, sentence, fit)
     return _fits_in_another_unit(model, e, before)
 

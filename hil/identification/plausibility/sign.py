@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from hil.identification.experiment import Experiment
 from hil.identification.fit import fit_percent
-from hil.identification.mistaken.suspicion import POOR_FIT, Suspicion, fit_but_for_gain, moves, spoken_of
+from hil.identification.plausibility.suspicion import POOR_FIT, Suspicion, fit_but_for_gain, moves, spoken_of
 from hil.physics.model import Model
 from hil.record.recording import Array
 

@@ -52,27 +52,27 @@ class Slopes:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class Identifiability:
     """What data tell of k values together.
 
     Attributes:
         covariance: with values held that are known no better than by their bounds once the others may be anything,
             shape (k, k).
-        untold: directions in which the values give way to each other and the samples tell nothing, as far as one
-            standard deviation of what lies anywhere within the bounds, shape (m, k).
+        unidentifiable: directions in which the values give way to each other and the samples tell nothing, as far as
+            one standard deviation of what lies anywhere within the bounds, shape (m, k).
         widths: from bound to bound, shape (k,).
         variance: of the residuals, with their colour.
     """
 
     covariance: Array
-    untold: Array
+    unidentifiable: Array
     widths: Array
     variance: float
 
     @property
     def whole(self) -> Array:
         """The covariance with what the bounds alone say in the directions that are not told, shape (k, k)."""
-        made: Array = self.covariance + self.untold.T @ self.untold
+        made: Array = self.covariance + self.unidentifiable.T @ self.unidentifiable
         return made
 
     @property
@@ -81,29 +81,31 @@ class Told:
         return self.covariance / self.variance if self.variance else np.zeros_like(self.covariance)
 
     @property
-    def is_untold(self) -> NDArray[np.bool_]:
+    def is_unidentifiable(self) -> NDArray[np.bool_]:
         """Which values are known no better than by their bounds, shape (k,)."""
         return np.asarray(np.sqrt(np.diag(self.whole)) >= (1.0 - _ROUNDING) * _ANYWHERE * self.widths)
 
     @property
     def is_shared(self) -> NDArray[np.bool_]:
         """Which values are told only together with others, or not at all, shape (k,)."""
-        return np.asarray(np.any(self.untold != 0.0, axis=0))
+        return np.asarray(np.any(self.unidentifiable != 0.0, axis=0))
 
     @property
     def is_shared_beyond_noise(self) -> NDArray[np.bool_]:
         """Which values others that are not told leave less certain than noise does, shape (k,)."""
         own = np.sqrt(np.diag(self.covariance))
-        return np.asarray(np.any(np.abs(self.untold) > _SHARE_OF_OWN * own, axis=0))
+        return np.asarray(np.any(np.abs(self.unidentifiable) > _SHARE_OF_OWN * own, axis=0))
 
 
-def told(slopes: Slopes, variance: float, widths: Array, given_up: Sequence[int] = ()) -> Told:
+def identifiability(
+    slopes: Slopes, variance: float, widths: Array, fixed_at_bound: Sequence[int] = ()
+) -> Identifiability:
     """What residuals of a variance tell of values with these widths.
 
     A value is not told when the others give way to it: what is left of its slope then is no more than what slopes from
     differences leave along a valley that is bent, or it makes the value no more certain than its bounds do. Where
     little is left, a move of two standard deviations that way is tried; it may cost far less than the slopes promise.
-    Values that are `given_up` are not told, whatever their slopes say.
+    Values that are `fixed_at_bound` are not identifiable, whatever their slopes say.
     """
     sizes = np.linalg.norm(slopes.slopes, axis=0)
     unit, rise = np.where(sizes > 0.0, sizes, 1.0), slopes.rise
@@ -111,19 +113,19 @@ def told(slopes: Slopes, variance: float, widths: Array, given_up: Sequence[int]
         _products(slopes.slopes / unit), _products(slopes.bends / unit) if slopes.bends is not None else None,
         math.sqrt(variance), widths * unit, None if rise is None else (lambda move: rise(move / unit)),
     )  # fmt: skip
-    kept, untold = list(range(len(unit))), []
-    while (k := valley.least_told(kept)) is not None:
+    kept, unidentifiable = list(range(len(unit))), []
+    while (k := valley.least_identifiable(kept)) is not None:
         direction = valley.along(k, kept)
         kept.remove(k)
-        untold.append(direction * valley.reach(direction))
-    for place in (place for place in given_up if place in kept):
+        unidentifiable.append(direction * valley.reach(direction))
+    for place in (place for place in fixed_at_bound if place in kept):
         direction = valley.all_along(place, kept)
         kept.remove(place)
-        untold.append(direction * _ASIDE * valley.widths[place])
+        unidentifiable.append(direction * _ASIDE * valley.widths[place])
     covariance = np.zeros((len(unit), len(unit)))
     covariance[np.ix_(kept, kept)] = variance * np.linalg.inv(valley.alike[np.ix_(kept, kept)])
-    directions = np.array(untold).reshape(-1, len(unit)) / unit
-    return Told(covariance / np.outer(unit, unit), directions, widths, variance)
+    directions = np.array(unidentifiable).reshape(-1, len(unit)) / unit
+    return Identifiability(covariance / np.outer(unit, unit), directions, widths, variance)
 
 
 def _products(columns: Array) -> Array:
@@ -141,7 +143,7 @@ class _Valley:
     widths: Array
     rise: Callable[[Array], float] | None
 
-    def least_told(self, kept: Sequence[int]) -> int | None:
+    def least_identifiable(self, kept: Sequence[int]) -> int | None:
         """Of those that are not told, the one of whose slope least is left; None where all are told."""
         directions = {k: self._against(k, [j for j in kept if j != k]) for k in kept}
         left = {k: self._left(direction) for k, direction in directions.items()}

@@ -15,10 +15,10 @@ from hil.signals.colour import colour_factor
 _LAGS = ("lag_time", "pair1_time", "pair2_time", "integrator_gain")
 _RISES_BY = 3.84  # of χ²: 95 %, one number
 _SHORTEST, _LONGEST, _HALVINGS = 1e-2, 1e3, 12  # samples
-_TOLD = 2.0  # standard deviations
+_SIGNIFICANT = 2.0  # standard deviations
 
 
-def follows_at_once(values: Mapping[str, float]) -> bool:
+def responds_within_sample(values: Mapping[str, float]) -> bool:
     """Whether a transfer function is a gain, with a dead time or without."""
     return all(values.get(name) == 0.0 for name in _LAGS)
 
@@ -28,21 +28,21 @@ def dead_time_std_s(experiments: Sequence[Experiment]) -> float:
     return min(e.interval_s for e in experiments) / math.sqrt(3.0)
 
 
-def told_of_what_follows_at_once(model: Model, experiments: Sequence[Experiment]) -> tuple[str, ...]:
+def sub_sample_limits(model: Model, experiments: Sequence[Experiment]) -> tuple[str, ...]:
     """What is said of a transfer function without dynamics: why none were seen, and how they would be."""
     gain = model.parameters["gain"]
-    if not follows_at_once(model.values) or gain.std is None or not abs(gain.value) > _TOLD * gain.std:
+    if not responds_within_sample(model.values) or gain.std is None or not abs(gain.value) > _SIGNIFICANT * gain.std:
         return ()
     interval_s, hidden_s = min(e.interval_s for e in experiments), _longest_hidden_s(model, experiments)
-    told = "the gain at rest and, to one sample, the dead time" if model.values["dead_time"] else "the gain at rest"
+    known = "the gain at rest and, to one sample, the dead time" if model.values["dead_time"] else "the gain at rest"
     if hidden_s < interval_s:
-        over = f"the response is over within one sample, {interval_s:.3g} s: no more than {told} is told"
+        over = f"the response is over within one sample, {interval_s:.3g} s: no more than {known} is told"
         shown = f"A time constant above {hidden_s:.2g} s would have shown"
         return (f"{over}. {shown}: sample at {_rounded(1.0 / hidden_s)} Hz or faster to see a shorter one",)
     if not math.isfinite(hidden_s):
-        return (f"no more than {told} is told: the command is too slow for any time constant; add steps",)
+        return (f"no more than {known} is told: the command is too slow for any time constant; add steps",)
     hides = f"with this command a time constant below {hidden_s:.2g} s does not show"
-    return (f"no more than {told} is told: {hides}; faster changes of the command would tell",)
+    return (f"no more than {known} is told: {hides}; faster changes of the command would tell",)
 
 
 def _longest_hidden_s(model: Model, experiments: Sequence[Experiment]) -> float:

@@ -8,8 +8,8 @@ import numpy as np
 
 from hil.identification.experiment import Experiment
 from hil.identification.fit import fit_percent
-from hil.identification.mistaken.suspicion import GOOD_FIT, Suspicion, fit_but_for_gain, good_fit, spoken_of
 from hil.identification.noise import channel_floor, white_floor
+from hil.identification.plausibility.suspicion import GOOD_FIT, Suspicion, fit_but_for_gain, good_fit, spoken_of
 from hil.physics.model import Model
 from hil.record.invalid_samples import across
 from hil.record.recording import Array
@@ -33,10 +33,10 @@ def swapped_columns(model: Model, e: Experiment, simulated: Array) -> Suspicion 
     fit = fit_but_for_gain(model, turned)
     if not fit > max(enough, before + _FITS_BETTER):
         return None
-    looks = (
+    cause = (
         f"the columns '{e.input}' and '{e.output_heading}' look swapped: {spoken_of(model)} fits the other way round"
     )
-    return Suspicion(e.name, f"{e.name}: {looks}", fit)
+    return Suspicion(e.name, f"{e.name}: {cause}", fit)
 
 
 def _noise_share(floor: float, values: Array) -> float:
