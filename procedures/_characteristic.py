@@ -127,11 +127,11 @@ def characteristic(
         found, notes = _one_way(swept_, part, of)
     at = polyline()
     half = (estimate.branch(1, 1)[at], estimate.branch(-1, 1)[at]) if len(swept_.speeds) > 1 else None
-    said = [spoilt] if spoilt else [_loop_note(swept_, between)]
+    of_loop = [spoilt] if spoilt else [_loop_note(swept_, between)]
     return Characteristic(
         estimate.command[at], _branch(estimate, 1)[at], _branch(estimate, -1)[at],
         np.std(estimate.responses, axis=0)[at], half, (*measured, *found), dead_band,
-        tuple(text for text in (*said, *_uncovered(swept_), *notes) if text),
+        tuple(text for text in (*of_loop, *_uncovered(swept_), *notes) if text),
     )  # fmt: skip
 
 
@@ -158,10 +158,10 @@ def _waits(driven: Array, measured: Array) -> list[Standing]:
     found = []
     for level, risen in ((float(driven.min()), False), (float(driven.max()), True)):
         at = np.flatnonzero(driven == level)
-        for stretch in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
-            if len(stretch) > 1:
-                value, std = _settled(measured[stretch])
-                found.append(Standing(level, value, std, max(1, len(stretch) // 2), risen))
+        for wait in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
+            if len(wait) > 1:
+                value, std = _settled(measured[wait])
+                found.append(Standing(level, value, std, max(1, len(wait) // 2), risen))
     return found
 
 

@@ -110,11 +110,11 @@ def reading_step(recording: Recording, channel: Channel) -> float:
     Readings that stand on one code tell nothing of it: what the device says of its converter is taken then.
     """
     seen = rounding_step(channel.values)
-    said = recording.meta.get("read", {}).get(channel.name, {}).get("step")
-    if seen or not said:
+    step = recording.meta.get("read", {}).get(channel.name, {}).get("step")
+    if seen or not step:
         return seen
     per, _ = scale_and_offset(recording.channel(channel.name).unit, channel.unit)
-    return abs(per) * float(said)
+    return abs(per) * float(step)
 
 
 def calibration_std(channel: Channel) -> float:

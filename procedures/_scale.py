@@ -42,7 +42,7 @@ class Scale:
         return self.neutral if self.both_ways else (self.command.low + self.command.high) / 2.0
 
     @property
-    def swing(self) -> float:
+    def largest_amplitude(self) -> float:
         """The largest amplitude about the centre."""
         return min(self.command.high - self.centre, self.centre - self.command.low)
 

@@ -102,8 +102,8 @@ def listen(rig: Rig, course: Course, tone: Tone, patience: Patience, phase_rad: 
         if measured := ear.take(piece):
             heard = ear.heard()
             part = {"kind": "sine", "frequency_hz": tone.frequency_hz, "amplitude": tone.amplitude, "bias": tone.bias}
-            told = {"steady": heard.steady, "waited_s": round(heard.waited_s, 6), "response": heard.response}
-            rig.mark(measured, {**part, **told})
+            details = {"steady": heard.steady, "waited_s": round(heard.waited_s, 6), "response": heard.response}
+            rig.mark(measured, {**part, **details})
     return ear.heard()
 
 

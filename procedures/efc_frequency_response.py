@@ -112,34 +112,34 @@ def evaluate(recording: Recording) -> Findings:
     own = recording.meta.get("settings", {})
     settings: dict[str, Any] = {**_general_settings(), **own}
     found = frequency_response.evaluate(replace(recording, meta={**recording.meta, "settings": settings}))
-    told = [event["details"] for event in recording.meta.get("events", ()) if event.get("event") == "level"]
+    levels = [event["details"] for event in recording.meta.get("events", ()) if event.get("event") == "level"]
     notes = tuple(
         f"Level {one['level']}: {one['psi'][0]:g} to {one['psi'][1]:g} psi, {one['low_a']:.4g} to "
         f"{one['high_a']:.4g} A."
-        for one in told
+        for one in levels
     )
-    named = _named(found, told)
+    named = _named(found, levels)
     return replace(named, notes=(*notes, *named.notes))
 
 
-def _named(found: Findings, told: Sequence[Mapping[str, Any]]) -> Findings:
+def _named(found: Findings, levels: Sequence[Mapping[str, Any]]) -> Findings:
     """The same with the levels' names instead of the currents that this unit needed: names that stay."""
     names = {}
     for curve in found.curves["responses"]:
-        level = min(told, key=lambda one: abs((one["low_a"] + one["high_a"]) / 2.0 - curve["bias"]), default=None)
+        level = min(levels, key=lambda one: abs((one["low_a"] + one["high_a"]) / 2.0 - curve["bias"]), default=None)
         if level is not None:
             names[str(curve["label"])] = level_name(level["level"])
 
-    def said(text: str) -> str:
+    def renamed(text: str) -> str:
         for label, name in names.items():
             text = text.replace(label, name)
         return text
 
     return Findings(
-        tuple(replace(m, name=said(m.name)) for m in found.measured),
-        {"responses": [{**curve, "label": said(str(curve["label"]))} for curve in found.curves["responses"]]},
-        tuple(map(said, found.notes)),
-        tuple(map(said, found.deviations)),
+        tuple(replace(m, name=renamed(m.name)) for m in found.measured),
+        {"responses": [{**curve, "label": renamed(str(curve["label"]))} for curve in found.curves["responses"]]},
+        tuple(map(renamed, found.notes)),
+        tuple(map(renamed, found.deviations)),
     )
 
 
@@ -155,8 +155,8 @@ def bandwidth_at(recording: Recording, found: Findings, level: str) -> tuple[flo
     Raises:
         InputError: the level was not measured, or noise hides where it is.
     """
-    told = [event["details"] for event in recording.meta.get("events", ()) if event.get("event") == "level"]
-    swings = [(one["low_a"], one["high_a"]) for one in told if one["level"] == level]
+    levels = [event["details"] for event in recording.meta.get("events", ()) if event.get("event") == "level"]
+    swings = [(one["low_a"], one["high_a"]) for one in levels if one["level"] == level]
     if not swings:
         raise InputError(f"the frequency response at the {level} level was not measured")
     low, high = swings[-1]

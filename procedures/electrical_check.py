@@ -190,8 +190,8 @@ def _temperature(
         values = measured.values
         std = math.hypot(instrument_std(measured), 0.5)
         scatter = math.hypot(float(values.std()) / math.sqrt(len(values)), _rounding_std(samples, measured))
-        said = "Coil temperature measured at its housing; ± 0.5 K are granted to the copper."
-        return float(values.mean()), scatter, std, said
+        note = "Coil temperature measured at its housing; ± 0.5 K are granted to the copper."
+        return float(values.mean()), scatter, std, note
     if conditions.get("fluid_temperature_c") is not None:
         given = float(conditions["fluid_temperature_c"])
         return given, 0.0, _STATED_TEMPERATURE_STD_K, f"Coil temperature taken to be the fluid's, {given:g} °C."
