@@ -41,11 +41,6 @@ class Scale:
         """Neutral of a command that goes both ways, the middle of the range of one that does not."""
         return self.neutral if self.both_ways else (self.command.low + self.command.high) / 2.0
 
-    @property
-    def largest_amplitude(self) -> float:
-        """The largest amplitude about the centre."""
-        return min(self.command.high - self.centre, self.centre - self.command.low)
-
     def size(self, setting: str, percent: float) -> float:
         """A distance, an amplitude for example, in the unit of the command. Raises `SettingError` unless above 0."""
         if not percent > 0.0:
