@@ -1,4 +1,4 @@
-"""Frequency response by multisine: all frequencies at once, with noise and distortion told apart.
+"""Frequency response by multisine: all frequencies at once, with noise and distortion separated.
 
 Odd random-phase multisine about a bias, repeated: what changes between periods is noise, what answers on lines that
 were not driven is distortion, even or odd. It takes about a fifth of the bench time of stepped sines

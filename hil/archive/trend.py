@@ -50,9 +50,8 @@ class Drift:
     def sentence(self) -> str:
         """In words, with the rate of false alarms."""
         if self.per_year is None or self.std is None or self.chance is None:
-            return (
-                f"No drift can be told: at least {_FEWEST} values with an uncertainty, at different times, are needed."
-            )
+            needed = f"at least {_FEWEST} values with an uncertainty, at different times, are needed"
+            return f"No drift can be determined: {needed}."
         found = f"{self.per_year:+.3g} ± {2.0 * self.std:.2g} {self.unit} per year"
         rate = f"false-alarm rate {100.0 * FALSE_ALARM_RATE:g} %"
         return f"It drifts: {found} ({rate})." if self.is_drift else f"No drift: {found} ({rate})."

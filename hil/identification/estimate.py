@@ -50,7 +50,7 @@ class Estimate:
         values: shape (k,).
         residuals: weighted, shape (n,).
         converged: whether the optimiser met its tolerance. `sentence`: what it said.
-        given_up: places of values that are not told whatever their slopes say.
+        fixed_at_bound: places of values that are not identifiable whatever their slopes say.
         slopes_at_values: computes the `slopes`; most fits of a search are only compared, and none asks for them.
     """
 

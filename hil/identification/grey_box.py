@@ -97,7 +97,7 @@ def _interval(std: float | None) -> str:
     if std is None:
         return "held"
     if not np.isfinite(std):
-        return "not told"
+        return "not identifiable"
     return f"± {COVERED * std:.{_places(COVERED * std)}f}" if std else "± 0"
 
 

@@ -42,7 +42,7 @@ def _answer(cause: Cause) -> str:
         part = [_("This does not explain all of it.")] if _is_part(cause) else []
         return " ".join((sentence, *several, *part))
     if cause.verdict in ("consistent", "unchanged"):
-        return _("The cause cannot be told: the recorded answer agrees with {beside} within its noise.").format(
+        return _("The cause is not known: the recorded answer agrees with {beside} within its noise.").format(
             beside=beside
         )
     return _unexplained(cause, beside)
@@ -53,17 +53,17 @@ def _reason(cause: Cause) -> str:
         return _("The cause was not found within {budget} s.").format(budget=f"{cause.budget_s:.3g}")
     if cause.reason == "stopped by the operator":
         return _("The cause is not known: the search was stopped.")
-    return _("The cause cannot be told: {reason}.").format(reason=cause.reason.rstrip("."))
+    return _("The cause is not known: {reason}.").format(reason=cause.reason.rstrip("."))
 
 
 def _unexplained(cause: Cause, beside: str) -> str:
     if cause.untold:
-        return _("The cause was not found within {budget} s: {untold} were not looked at.").format(
-            budget=f"{cause.budget_s:.3g}", untold=cause.untold
+        return _("The cause was not found within {budget} s: {not_searched} were not looked at.").format(
+            budget=f"{cause.budget_s:.3g}", not_searched=cause.untold
         )
-    return _(
-        "The cause cannot be told: the answer differs from {beside}, and nothing that is known explains it."
-    ).format(beside=beside)
+    return _("The cause is not known: the answer differs from {beside}, and nothing that is known explains it.").format(
+        beside=beside
+    )
 
 
 def _is_part(cause: Cause) -> bool:

@@ -79,7 +79,7 @@ def _value_text(found: Value) -> str:
     if found.std is None:
         return _("{value} (held)").format(value=number(found.value))
     if not np.isfinite(found.std):
-        return _("{value} (not told)").format(value=number(found.value))
+        return _("{value} (not identifiable)").format(value=number(found.value))
     return with_uncertainty(found.value, COVERAGE_FACTOR * found.std)
 
 

@@ -12,7 +12,7 @@ from hil.report.number import number, unit_text, with_uncertainty
 def population_sentences(found: PopulationComparison) -> list[str]:
     """What differs, what does not and what cannot be told; then on what that rests."""
     if not found.figures:
-        return [_("What differs from good units of its type cannot be told: {reason}.").format(reason=found.reason)]
+        return [_("What differs from good units of its type is not known: {reason}.").format(reason=found.reason)]
     sentences = [
         (_("differs in {figures}"), [_beyond(m) for m in found.those("fail")]),
         (_("is like them in {figures}"), [_within(m) for m in found.those("pass")]),

@@ -32,9 +32,9 @@ def since_sentences(found: Since) -> list[str]:
         else _("Instruments or calibrations are others; these are in the uncertainty of each change.")
     )
     rests = _(
-        "{same} other values did not change beyond their uncertainty, {untold} cannot be compared. {instruments} "
+        "{same} other values did not change beyond their uncertainty, {not_compared} cannot be compared. {instruments} "
         "`hil diff {run} RUN --model MODEL.json` looks for the cause, in the valve or in the bench."
-    ).format(same=found.same, untold=found.untold, instruments=instruments, run=found.run)
+    ).format(same=found.same, not_compared=found.untold, instruments=instruments, run=found.run)
     return [sentence, rests]
 
 

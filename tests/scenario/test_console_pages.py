@@ -190,7 +190,7 @@ def test_results_are_found_compared_and_followed(page: Page) -> None:
     page.goto("/results/trend?serial=SN-1")
     expect(page.locator("#trend")).to_be_visible()
     expect(page.locator("tbody .tag.bad")).to_have_count(2)
-    expect(page.locator("main")).to_contain_text("No drift can be told")
+    expect(page.locator("main")).to_contain_text("No drift can be determined")
 
 
 def test_the_form_of_a_diagnosis_chooses_the_model_of_the_run_or_none(page: Page) -> None:

@@ -238,7 +238,7 @@ def test_false_alarms_of_the_drift_test_come_at_the_stated_rate(tmp_path):
 
 
 def test_two_values_tell_no_drift(tmp_path):
-    assert "No drift can be told" in drift_of(_points(tmp_path, [0.9, 1.9])).sentence
+    assert "No drift can be determined" in drift_of(_points(tmp_path, [0.9, 1.9])).sentence
 
 
 # -- at the prompt -----------------------------------------------------------------------------------------

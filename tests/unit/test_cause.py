@@ -109,7 +109,7 @@ def test_a_search_that_fails_says_why(tmp_path: Path, certifies: Procedure, monk
     answers(monkeypatch, "import sys; sys.exit('hil: run: needs a channel pressure')")
     made = with_cause(certifies, missed(tmp_path), str(tmp_path), 600.0, lambda _d, _t: None)
     (said,) = cause_sentences(found(made))
-    assert said.startswith("The cause cannot be told: run: needs a channel pressure.")
+    assert said.startswith("The cause is not known: run: needs a channel pressure.")
 
 
 @pytest.mark.parametrize("case", ["passed", "no certificate", "switched off"])

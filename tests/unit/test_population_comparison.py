@@ -46,7 +46,7 @@ def test_it_is_silent_after_a_pass_and_leaves_every_verdict_as_it_is():
 
 def test_what_cannot_be_said_is_one_sentence():
     (said,) = beside_good(Findings((MISSED,), likeness=PopulationComparison(reason="not measured: steps")))
-    assert said == "What differs from good units of its type cannot be told: not measured: steps."
+    assert said == "What differs from good units of its type is not known: not measured: steps."
 
 
 def test_it_is_handed_on_whole_with_the_results():

@@ -242,7 +242,7 @@ def _compared(console: Console, found: RunComparison) -> Path:
 
 
 _DRIFTS = (
-    marked("No drift can be told: at least {count} values with an uncertainty, at different times, are needed."),
+    marked("No drift can be determined: at least {count} values with an uncertainty, at different times, are needed."),
     marked("It drifts: {found} per year (false-alarm rate {rate})."),
     marked("No drift: {found} per year (false-alarm rate {rate})."),
 )
