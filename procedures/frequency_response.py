@@ -201,7 +201,7 @@ def _distortion(one: Evaluated, hummed: NDArray[np.bool_]) -> Measured:
     largest = float(np.nanmax(thd))
     scale = np.sqrt(np.trace(response.covariance, axis1=1, axis2=2) / 2.0) / np.abs(response.response)
     size = np.linalg.norm(response.harmonics, axis=1)
-    # redrawn about harmonics as large as they are without the noise in them
+    # resampled about harmonics as large as they are without the noise in them
     clean = response.harmonics * (np.nan_to_num(thd) / np.where(size > 0.0, size, 1.0))[:, None]
     parts = draws_of(response.harmonics).normal(size=(2, DRAWS, *clean.shape))
     drawn = clean + (parts[0] + 1j * parts[1]) * scale[:, None]

@@ -131,7 +131,7 @@ def _lead(wave: Multisine, settling_s: float) -> Array:
 
 
 def _levels(one: Evaluated, bla: BestLinearApproximation) -> tuple[Measured, ...]:
-    """Noise with the uncertainty of how often it was seen, distortion with that of the noise redrawn."""
+    """Noise with the uncertainty of how often it was seen, distortion with that of the noise resampled."""
     amplitude, label = bla.response.output_amplitude, one.response.label
 
     def share(level: Array) -> float:

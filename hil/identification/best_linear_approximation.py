@@ -205,7 +205,7 @@ def _distortion(
 ) -> tuple[Array, Array]:
     """Power on silent lines beyond noise, rounding and the input's own leakage, averaged around each excited line.
 
-    Shape (n,). The second is the root of it with the noise redrawn, shape (draws, n).
+    Shape (n,). The second is the root of it with the noise resampled, shape (draws, n).
     """
     if not silent.size:
         return np.zeros(len(excited)), np.zeros((DRAWS, len(excited)))
@@ -214,7 +214,7 @@ def _distortion(
     noise, mean = _noise(rest), rest.mean(axis=0)
     near = _near(silent, excited)
     power = np.maximum((np.abs(mean) ** 2 - noise - rounded) @ near, 0.0)
-    # redrawn about answers as large as they are without the noise in them; few periods tell the noise badly as well
+    # resampled about answers as large as they are without the noise in them; few periods tell the noise badly as well
     level = np.sqrt(np.interp(silent, excited, power)) * np.exp(1j * np.angle(mean))
     rng, pooled, freed = draws_of(answer[:, silent]), _pooled(noise), 2 * (len(rest) - 1)
     parts = rng.normal(size=(2, DRAWS, len(silent)))

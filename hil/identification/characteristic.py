@@ -36,7 +36,7 @@ Read = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """One side of a curve that goes both ways from neutral; `departures` are those of the redrawn curves."""
+    """One side of a curve that goes both ways from neutral; `departures` are those of the resampled curves."""
 
     edge: Read
     gain: Read
@@ -59,7 +59,7 @@ class Loop:
 
 
 def over_all(estimate: SweepEstimate, figure: Callable[[Array, Array], float]) -> Read:
-    """A figure of (response, slope) at the levels, with its uncertainty from the redrawn curves."""
+    """A figure of (response, slope) at the levels, with its uncertainty from the resampled curves."""
     value = figure(estimate.response, estimate.slope)
     resampled = [figure(one, slope) for one, slope in zip(estimate.responses, estimate.slopes, strict=True)]
     return value, about(np.array(resampled), value)

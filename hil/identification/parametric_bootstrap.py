@@ -33,7 +33,7 @@ def draws_of(samples: NDArray[np.float64] | NDArray[np.complex128]) -> np.random
 
 
 def about(resampled: Array, value: float) -> float:
-    """Standard uncertainty of a value: spread of the redrawn ones and their offset from it, together.
+    """Standard uncertainty of a value: spread of the resampled ones and their offset from it, together.
 
     Infinite where some of them do not exist.
     """

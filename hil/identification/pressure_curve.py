@@ -105,7 +105,7 @@ def pressure_curve(
         sweeps: at two speeds.
         standing: where the current waited until the pressure was steady.
         certain: standard uncertainties from which the width of the loop is no noise.
-        draws: how often it is redrawn for its uncertainty.
+        draws: how often it is resampled for its uncertainty.
 
     Raises:
         InputError: fewer than two sweeps, all of one speed, or a current that does not go up and down.

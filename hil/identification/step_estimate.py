@@ -32,7 +32,7 @@ _SHARP = 0.005  # of the time after the step, up to which time counts as it is
 # recordings drawn again from that estimate show. Undersmoothed, noise outweighs it (Hall: Ann. Statist. 20(2), 1992);
 # what the two read differently is granted.
 _FOOT_LOOSER = 100.0
-_SURE = 0.95  # of redrawn responses that must move once and for all
+_SURE = 0.95  # of resampled responses that must move once and for all
 _PARABOLA = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0  # Savitzky, Golay: Anal. Chem. 36(8), 1964
 _CLEAR = 2.0  # standard deviations from which the sharper reading tells more than noise
 _CROSSED = ("dead_time_s", "rise_s", "response_s")  # a level is passed once; bands are entered and left by noise
@@ -50,7 +50,7 @@ class MeasuredStep:
         std: standard uncertainty of each figure, infinite where the noise can move it past the record.
         change_std: of final less start.
         noise_std: of a sample, in the output's unit.
-        made_by_noise: the overshoot that the same evaluation reads, root mean square, from redrawn responses that never
+        made_by_noise: the overshoot that the same evaluation reads, root mean square, from resampled responses that never
             pass their final value: noise and a smoothed corner make it.
         moving: by how much the response still changes over the stretch that gives its final value; 0 for less than
             noise can make.
@@ -196,7 +196,7 @@ def _overshoot(changed: Array, tail: slice) -> float:
 def _read(
     step: _Step, curve: Array, start: float, final: float, band: float, foot: Array | None = None
 ) -> StepFigures | None:  # fmt: skip
-    """Figures of a redrawn response, the dead time from a looser estimate if there is one; None where it has none."""
+    """Figures of a resampled response, the dead time from a looser estimate if there is one; None where it has none."""
     try:
         figures = step_figures(step.time_s, curve, start=start, final=final, band=band)
     except InputError:
@@ -229,7 +229,7 @@ def _with_hidden(
 ) -> StepFigures:
     """The uncertainties with what the estimate has smoothed away of a corner.
 
-    A sharper reading of the samples departs from the estimate by noise, and by no more than noise makes of redrawn
+    A sharper reading of the samples departs from the estimate by noise, and by no more than noise makes of resampled
     samples; what it departs by beyond that is granted.
     """
     with np.errstate(invalid="ignore"):  # a time that is past the record in both

@@ -72,14 +72,14 @@ class Points:
 
 @dataclass(frozen=True, slots=True)
 class SweepEstimate:
-    """The characteristic; rows of redrawn arrays belong to the same redrawn recording.
+    """The characteristic; rows of resampled arrays belong to the same resampled recording.
 
     Attributes:
         command: levels, rising, shape (LEVELS,), from end to end of the sweeps.
         response, slope, width: of the curve there, and the width of the loop along the command that no speed
-            explains, shape (LEVELS,). `responses`, `slopes`, `widths`: redrawn, shape (draws, LEVELS).
+            explains, shape (LEVELS,). `responses`, `slopes`, `widths`: resampled, shape (draws, LEVELS).
         lag_s, mean_width: what makes the loop wider with speed, and what does not; NaN for sweeps of one speed.
-            `lags_s`, `mean_widths`: redrawn more often than curves are, shape (more,).
+            `lags_s`, `mean_widths`: resampled more often than curves are, shape (more,).
         half_widths: of each sweep, lag included. `resampled_half_widths`: shape (more, sweeps).
         points: the means, commands shifted to where the curve is; `std` their standard uncertainty, shape (p,).
         covered: lowest and highest command of the curve that the moving command reached on both branches.
@@ -133,7 +133,7 @@ def sweep_estimate(
         sweeps: at two speeds, or one.
         standing: where the command waited until the response was steady.
         waited_s: time after a turn that is left out while the lag is not known.
-        draws: how often it is redrawn; few where nobody asks how certain it is.
+        draws: how often it is resampled; few where nobody asks how certain it is.
 
     Raises:
         InputError: the command does not go both up and down over one range, or the response does not follow it.
