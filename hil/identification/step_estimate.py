@@ -50,8 +50,8 @@ class MeasuredStep:
         std: standard uncertainty of each figure, infinite where the noise can move it past the record.
         change_std: of final less start.
         noise_std: of a sample, in the output's unit.
-        made_by_noise: the overshoot that the same evaluation reads, root mean square, from resampled responses that never
-            pass their final value: noise and a smoothed corner make it.
+        made_by_noise: the overshoot that the same evaluation reads, root mean square, from resampled responses that
+            never pass their final value: noise and a smoothed corner make it.
         moving: by how much the response still changes over the stretch that gives its final value; 0 for less than
             noise can make.
         from_command, to_command: the step, in the command's unit.
