@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.identification import stretches
+from hil.identification import informative_segments as module
 from hil.identification.experiment import Experiment, experiment
 from hil.identification.grey_box import fit_plant, starting_model
 from hil.identification.informative_segments import Segment, experiments_of, informative_segments
@@ -20,8 +20,8 @@ INTERVAL_S = 0.01
 
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stretches, "MOST_SAMPLES", 6000)
-    monkeypatch.setattr(stretches, "_SAMPLES", 1000)
+    monkeypatch.setattr(module, "MOST_SAMPLES", 6000)
+    monkeypatch.setattr(module, "_SAMPLES", 1000)
 
 
 def long_command(count: int = 40_000) -> Array:
@@ -78,8 +78,8 @@ def test_a_recording_that_is_no_longer_than_that_is_used_as_it_is(few: None) -> 
 
 
 def test_a_stretch_begins_as_warm_as_the_whole_has_made_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stretches, "MOST_SAMPLES", 900)
-    monkeypatch.setattr(stretches, "_SAMPLES", 300)
+    monkeypatch.setattr(module, "MOST_SAMPLES", 900)
+    monkeypatch.setattr(module, "_SAMPLES", 300)
     start = starting_model("efc-drive")
     command = np.concatenate((np.full(1800, 1.9), np.tile(np.repeat([1.2, 1.7, 1.45], 40), 20)))
     true = start.definition.typical | {"warming_time": 60.0}
