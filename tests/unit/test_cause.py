@@ -142,7 +142,7 @@ FRICTION = Found("friction", "valve", 2.1, 0.1, 4.8, 0.1, "%", share=0.97)
         (replace(ASKED, verdict="unexplained"), "nothing that is known explains it"),
         (replace(ASKED, verdict="unexplained", untold="two causes"),
          "not found within 60 s: two causes were not looked at."),
-        (replace(ASKED, verdict="unchanged"), "cannot be told: the recorded answer agrees with the run A"),
+        (replace(ASKED, verdict="unchanged"), "not known: the recorded answer agrees with the run A"),
     ],
 )  # fmt: skip
 def test_a_cause_is_said_as_far_as_it_is_known(told: Cause, says: str) -> None:
