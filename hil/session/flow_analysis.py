@@ -191,7 +191,7 @@ def _loop(found: OwnSweeps, estimate: SweepEstimate, span: float, unit: str) -> 
     between = loop(estimate, _CERTAIN, tuple(sweep.speed_per_s for sweep in found.sweeps))
     if between.width is None or between.lag is None:
         width = 2.0 * abs(float(estimate.half_widths[0]))
-        std = 2.0 * float(np.std(estimate.redrawn_half_widths[:, 0]))
+        std = 2.0 * float(np.std(estimate.resampled_half_widths[:, 0]))
         note = f"the loop is {width:.3g} {unit} wide; of one speed, how much of it is lag is not identifiable"
         return [Figure("loop", 100.0 * width / span, 100.0 * std / span, "%")], [f"{note}: sweep at half the speed too"]
     width, std = between.width
