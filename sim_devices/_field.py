@@ -19,6 +19,7 @@ from sim_devices._world import Signals, World
 
 _BITS = 24  # the protocol rounds, not a converter
 _CHUNK_TICKS = 1 << 14
+_STILL = 1e-3  # of a terminal's unit: nearer than that to its safe value an output is there
 _LONGEST_S = 5.0  # a plant that nobody looked at has settled after so long; more is not computed
 
 
@@ -52,6 +53,8 @@ class Field:
             inputs, fitted, Settings.model_validate({"simulation": simulation, "bits": _BITS, "clock_hz": clock_hz})
         )
         self._levels = {name: _found(channel) for name, channel in outputs.items()}
+        self._safe = {name: channel.safe for name, channel in outputs.items()}
+        self._sticking: dict[str, float] = {}
         rest = {signal: values[0] for signal, values in self._driven(1, 0).items()}
         self._world = World(model, 1.0 / clock_hz, rest)
         self._zero_s = self.clock.now_s
@@ -67,10 +70,15 @@ class Field:
         with self._lock:
             return dict(self._levels)
 
-    def drive(self, values: Mapping[str, float]) -> None:
-        """Put outputs, by channel, at these values from now on."""
+    def drive(self, values: Mapping[str, float], *, sticks: bool = False) -> None:
+        """Put outputs, by channel, at these values from now on; one that `sticks` acts as before when that is safe."""
         with self._lock:
             self._catch_up()
+            for name, value in values.items():
+                if sticks and math.isclose(value, self._safe[name], abs_tol=_STILL):
+                    self._sticking.setdefault(name, self._levels[name])
+                else:
+                    self._sticking.pop(name, None)
             self._levels.update(values)
 
     def modulate(self, channel: str, pwm: Pwm | None) -> None:
@@ -102,7 +110,9 @@ class Field:
 
     def _driven(self, ticks: int, first: int) -> dict[str, np.ndarray]:
         return {
-            stage.signal: stage.drive(np.full(ticks, self._levels[name]), 1, first, 1.0 / self._hz)
+            stage.signal: stage.drive(
+                np.full(ticks, self._sticking.get(name, self._levels[name])), 1, first, 1.0 / self._hz
+            )
             for name, stage in self._stages.items()
             if stage.signal
         }
@@ -136,7 +146,7 @@ class Side:
         mine = {self._outputs[terminal]: value for terminal, value in values.items() if terminal in self._outputs}
         self._loose.update({terminal: value for terminal, value in values.items() if terminal not in self._outputs})
         if mine:
-            self._field.drive(mine)
+            self._field.drive(mine, sticks=self.quirks.sticks)
 
     def modulate(self, terminal: str, pwm: Pwm | None) -> None:
         """Give a PWM current output this carrier and dither; until then it has those that the bench file says."""

@@ -20,6 +20,7 @@ class Quirks(BaseModel):
         not_a_number: inputs read NaN (0 where the protocol has none).
         stuck: inputs keep their last value.
         frozen: outputs stay where they are, whatever they are told; the device agrees to everything.
+        sticks: the valve stays where it is when its output goes to its safe value; the device itself obeys.
         reboot: instead of an answer the device starts anew: outputs at their power-on values, no watchdog armed.
         baud: the line carries so many bits a second, ten for each byte; always on.
         after, answers: when it begins, and for how many answers; without end if not given.
@@ -35,6 +36,7 @@ class Quirks(BaseModel):
     not_a_number: bool = False
     stuck: bool = False
     frozen: bool = False
+    sticks: bool = False
     reboot: bool = False
     baud: PositiveFloat | None = None
     after: int = Field(default=0, ge=0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from hil.bench.check_interlocks import known_channel
 from hil.bench.device import DeviceInUse
 from hil.bench.draft import Draft
 from hil.bench.fault import Fault
@@ -20,6 +21,7 @@ def channel_faults(
     yield from _unit(name, channel)
     yield from _dates(name, channel)
     yield from _limits(name, channel)
+    yield from _witness(name, channel, draft)
     yield from _connection(name, channel, draft, devices)
 
 
@@ -80,7 +82,7 @@ def _dates(name: str, channel: ChannelEntry) -> Iterator[Fault]:
 def _limits(name: str, channel: ChannelEntry) -> Iterator[Fault]:
     place = ("channels", name)
     if not channel.is_output:
-        for key in ("on", "limits", "ramp_to_safe_per_s", "pwm"):
+        for key in ("on", "limits", "ramp_to_safe_per_s", "pwm", "witness"):
             if getattr(channel, key) is not None:
                 yield Fault(
                     (*place, key), "only an output has this; give the channel its safe value, or take this away"
@@ -97,6 +99,19 @@ def _limits(name: str, channel: ChannelEntry) -> Iterator[Fault]:
         yield Fault(
             (*place, "ramp_to_safe_per_s"), f"{ramp:g} is faster than limits.slew_per_s = {limits.slew_per_s:g}"
         )
+
+
+def _witness(name: str, channel: ChannelEntry, draft: Draft) -> Iterator[Fault]:
+    """Whether the witness of an output is an input."""
+    place = ("channels", name)
+    if channel.is_output and channel.settles_s is not None:
+        yield Fault((*place, "settles_s"), "only an input has this: the one that is the witness of an output")
+    if not channel.is_output or channel.witness is None:
+        return
+    yield from known_channel((*place, "witness"), channel.witness, draft)
+    by = draft.channels.get(channel.witness)
+    if by is not None and by.is_output:
+        yield Fault((*place, "witness"), f"'{channel.witness}' is an output; name an input that answers to '{name}'")
 
 
 def _connection(name: str, channel: ChannelEntry, draft: Draft, devices: Mapping[str, DeviceInUse]) -> Iterator[Fault]:

@@ -136,6 +136,8 @@ class ChannelEntry(_Strict):
         safe: where an output goes on every exit.
         on: where it stands while the bench is open: an enable relay, a pressure set point.
         ramp_to_safe_per_s: how fast it goes there; without, it jumps.
+        witness: the input that answers to an output; it is safe only when that is back at what it read at rest.
+        settles_s: of an input that is a witness: so long after the safe value it is back; 1 s if not given.
         source: the instrument, in words.
         calibration_history: what `calibration` said before, the oldest first.
     """
@@ -152,6 +154,8 @@ class ChannelEntry(_Strict):
     limits: OutputLimits | None = None
     ramp_to_safe_per_s: PositiveFloat | None = None
     pwm: PwmDrive | None = None
+    witness: str | None = None
+    settles_s: PositiveFloat | None = None
     pressed_below: FiniteFloat | None = None
     calibration_history: tuple[CalibrationLine, ...] = ()
 

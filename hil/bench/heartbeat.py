@@ -64,7 +64,7 @@ def watched(file: BenchFile, run: Path, known: Outputs, operator: Operator | Non
     That function raises `StoppedError` when the watchdog itself is gone or hangs. A simulated bench, and one whose file
     says `watchdog_s = 0`, has no watchdog; an operator who is to be heard there is heard in this process.
 
-    At the end the watchdog goes home when nothing is left to do for any output, and else goes on trying, whatever the
+    At the end the watchdog goes home when no command can do more for any output, and else goes on trying, whatever the
     error was; then the error says so.
 
     Raises:
@@ -81,11 +81,11 @@ def watched(file: BenchFile, run: Path, known: Outputs, operator: Operator | Non
         heart.wait_until_ready()
         yield Watch(heart.beat, heart.control, heart.deaf, heart.hand_over)
     except BaseException as error:
-        if not known.settled:
+        if not known.are_commanded:
             error.add_note(heart.hand_over())
         raise
     finally:
-        if known.settled:
+        if known.are_commanded:
             heart.say_outputs(known)
             heart.say_farewell()
         else:

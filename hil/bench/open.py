@@ -145,7 +145,7 @@ def _opened_rig(
     )  # fmt: skip
     if watch.note:
         recorder.note("no stop from a console", why=watch.note)
-    ending.enter(published(watch.control, out, lambda: not known.settled, recorder.note))
+    ending.enter(published(watch.control, out, lambda: not known.are_commanded, recorder.note))
     ending.enter(_left_to_the_watchdog(watch, known))
     ending.enter(closed_for_sure(guard.close))
     ending.guard = guard
@@ -162,7 +162,7 @@ def _left_to_the_watchdog(watch: Watch, known: Outputs) -> Iterator[None]:
     try:
         yield
     finally:
-        if not known.settled:
+        if not known.are_commanded:
             watch.hand_over()
 
 

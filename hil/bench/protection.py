@@ -8,6 +8,8 @@ from hil.bench.file import EMERGENCY_STOP, Bench, InterlockEntry, OutputLimits
 from hil.safety.envelope import Dwell, Envelope
 from hil.safety.interlock import Band, Interlock
 from hil.safety.protection import Protection
+from hil.safety.witness import SETTLES_S, Witness
+from hil.units import in_base_units
 
 
 def protection_of(bench: Bench, rate_hz: float) -> Protection:
@@ -23,7 +25,27 @@ def protection_of(bench: Bench, rate_hz: float) -> Protection:
         ],
         block_s=bench.protection.block_s,
         patience_s=bench.protection.patience_s,
+        witnesses=witnesses_of(bench),
     )
+
+
+def witnesses_of(bench: Bench) -> dict[str, Witness]:
+    """The input that answers to each output: as the file names it, else the response to the command."""
+    found = {}
+    for name, channel in bench.channels.items():
+        if by := channel.witness or (_response_at_rest(bench) if channel.role == "command" else ""):
+            entry = bench.channels[by]
+            uncertainty = 0.0 if entry.calibration is None else entry.calibration.uncertainty or 0.0
+            found[name] = Witness(by, bool(channel.witness), uncertainty, entry.settles_s or SETTLES_S)
+    return found
+
+
+def _response_at_rest(bench: Bench) -> str:
+    """The response, where it returns with the command; a place does not, whether a cylinder travels or is held."""
+    for name, channel in bench.channels.items():
+        if channel.role == "response" and not bench.valve.integrates and in_base_units(channel.unit)[2] != {"m": 1}:
+            return name
+    return ""
 
 
 def envelopes_of(bench: Bench) -> dict[str, Envelope]:

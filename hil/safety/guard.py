@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -10,7 +11,7 @@ import numpy as np
 
 from hil.clock import Clock, VirtualClock, refuse_after_sleep
 from hil.daq.channel import InputChannel, OutputChannel
-from hil.daq.contract import Block, Daq, Promises, ReadBack, Waveform, closing_blocks
+from hil.daq.contract import Block, Daq, Promises, ReadBack, Waveform, closing_blocks, joined
 from hil.errors import (
     DeviceLostError,
     HardwareError,
@@ -28,9 +29,10 @@ from hil.safety.interrupt import Halted, cut_by_halt, uninterrupted
 from hil.safety.latch import Latch
 from hil.safety.limits import Limits
 from hil.safety.operator import Operator, patience_over
-from hil.safety.outputs import Outputs
+from hil.safety.outputs import AGAIN_S, Outputs
 from hil.safety.protection import Protection
 from hil.safety.ramp import way_to
+from hil.safety.witness import Witnesses
 
 
 class Guard:
@@ -78,6 +80,7 @@ class Guard:
         self._daq = daq
         self._tell_safe()
         self.known.check()
+        self.known.witnesses = Witnesses(protection.witnesses, daq.inputs)
         self.latch = latch or Latch()
         self._protection = protection
         self._limits = Limits(daq, protection.envelopes, self._clock)
@@ -165,7 +168,7 @@ class Guard:
             self.latch.check()
             if not self._looked:
                 self._looked = True
-                self._stand(self._protection.look_s)
+                self.known.witnesses.rested(self._stand(self._protection.look_s))
             self._wait_for_holds()
 
     def play(self, waveform: Waveform, block_samples: int | None = None) -> Iterator[Block]:
@@ -293,14 +296,35 @@ class Guard:
 
     def _tell_safe(self) -> None:
         with uninterrupted():
-            self._confirming()
-            self.known.make_safe(self._daq, self._confirming, self._clock)
+            self._make_safe()
+            self.known.hear_witnesses(self._look, self._confirming, self._clock)
             is_stopped = self._operator.answer(self.known)  # before the sign that nothing is confirmed any more
-            if self.known.settled:
+            if self.known.are_commanded:
                 with suppress(Exception):
                     self._beat(False)
             if is_stopped:
                 self._note_if_possible("stop", by=self._operator.stopped_by or "operator")
+
+    def _make_safe(self) -> None:
+        self._confirming()
+        self.known.make_safe(self._daq, self._confirming, self._clock)
+
+    def _look(self, name: str) -> Block:
+        """A reading of an input while outputs are safe; one that times itself reads all of them, which is recorded."""
+        if self._daq.promises.timing == "polled":
+            return self._daq.look(name)  # type: ignore[attr-defined, no-any-return]
+        rate_hz = self._protection.rate_hz
+        samples = math.ceil(AGAIN_S * rate_hz)
+        safe = {output: np.full(samples, channel.safe) for output, channel in self.outputs.items()}
+        block = joined(list(self._daq.play(Waveform(rate_hz, safe))))
+        self._keep_if_possible(block)
+        return block
+
+    def _keep_if_possible(self, block: Block) -> None:
+        try:
+            self._keep(block)
+        except StorageError as error:  # said when the outputs are safe
+            self._unrecorded = error
 
     def _confirming(self) -> None:
         """A sign of life on a way that may take many time-outs: slow is not hung."""
@@ -349,7 +373,7 @@ class Guard:
         lock = violation.interlock
         if lock.action == "trip":
             with uninterrupted():
-                self._tell_safe()
+                self._make_safe()  # its witnesses are heard once the trip is kept
                 self.latch.trip(lock.name, violation.text)
         self._note_if_possible(lock.action, interlock=lock.name, text=violation.text)
         if lock.action in ("trip", "stop"):
@@ -391,14 +415,13 @@ class Guard:
             self._stand(self._protection.block_s)
             waited_s += self._protection.block_s
 
-    def _stand(self, duration_s: float) -> None:
+    def _stand(self, duration_s: float) -> Block:
         """Read one block with every output where it stands."""
         rate_hz = self._protection.rate_hz
         samples = max(1, round(duration_s * rate_hz))
         levels = {name: np.full(samples, level) for name, level in self.levels.items()}
         (still,) = self._limits.admit([Waveform(rate_hz, levels)])
-        for _ in self._played(still, samples):
-            pass
+        return joined(list(self._played(still, samples)))
 
     def _ramp_down(self) -> None:
         safe = {name: channel.safe for name, channel in self.outputs.items()}
@@ -414,10 +437,7 @@ class Guard:
                 if self._operator.stop_asked:
                     return
                 self._live()
-                try:
-                    self._keep(block)
-                except StorageError as error:  # said when the outputs are safe
-                    self._unrecorded = error
+                self._keep_if_possible(block)
                 for violation in self._watches.judge(block):
                     self._note_if_possible(violation.interlock.action, text=violation.text)
                     if violation.interlock.action == "trip":

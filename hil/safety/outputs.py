@@ -22,10 +22,10 @@ from hil.daq.contract import CANNOT_BE_ASKED, Daq, ReadBack, Waveform
 from hil.errors import HilError, NotSafeError, UnansweredError, marked, reason
 from hil.language.words import ENGLISH, _, speaking
 from hil.safety.interrupt import status_of
+from hil.safety.witness import AGREES, Look, Testimony, Witnesses
 
-_AGREES = 0.0025  # of the range: what a converter or a protocol may round
 _PATIENCE_S = 0.5  # for a device that obeys, and says so a little later
-_AGAIN_S, _AGAIN_LATE_S = 0.02, 0.1
+AGAIN_S, _AGAIN_LATE_S = 0.02, 0.1
 _MOST = 3.0  # answers that are lost again and again make it wait so many times as long, no longer
 
 
@@ -56,6 +56,7 @@ class Output:
         rescue: what makes it safe when nobody reaches it.
         confirmed_in_s: it was read back at its safe value, or told to be there where nobody can ask, and an earlier
             command that was not answered may arrive for so long: until then it is unconfirmed.
+        witness: what an input that answers to it has against it; None: nothing.
         at_utc: since when this is known, ISO 8601.
     """
 
@@ -66,12 +67,25 @@ class Output:
     why: str = ""
     rescue: str = ""
     confirmed_in_s: float = 0.0
+    witness: Testimony | None = None
     at_utc: str = field(default_factory=_now_utc, compare=False)
 
     @property
     def settled(self) -> bool:
         """Whether nothing is left to do: read back safe, or told to be safe where nobody can ask."""
-        return self.state is State.SAFE or (self.state is State.UNCONFIRMED and not self.can and not self.waits)
+        return self.state is State.SAFE or (self.is_commanded and not self.is_denied)
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether no command can do more: it is settled, or nothing but its witness disagrees."""
+        if self.state is State.SAFE:
+            return True
+        return self.state is State.UNCONFIRMED and not self.waits and (self.is_denied or not self.can)
+
+    @property
+    def is_denied(self) -> bool:
+        """Whether its device has nothing against calling it safe, and the witness that the bench file names has."""
+        return self.witness is not None and self.witness.is_named
 
     @property
     def waits(self) -> bool:
@@ -83,7 +97,8 @@ class Output:
         return {
             "state": str(self.state), "read_back": self.can, "at_utc": self.at_utc, "at": self.at, "unit": self.unit,
         } | {name: said for name, said in (
-            ("why", self.why), ("rescue", self.rescue), ("confirmed_in_s", round(self.confirmed_in_s, 3))) if said
+            ("why", self.why), ("rescue", self.rescue), ("confirmed_in_s", round(self.confirmed_in_s, 3)),
+            ("witness", self.witness and self.witness.as_dict())) if said
         }  # fmt: skip
 
     @classmethod
@@ -95,11 +110,16 @@ class Output:
         """
         return cls(
             State(record["state"]), record["unit"], record["at"], record["read_back"], record.get("why", ""),
-            record.get("rescue", ""), record.get("confirmed_in_s", 0.0), record.get("at_utc", ""),
+            record.get("rescue", ""), record.get("confirmed_in_s", 0.0),
+            Testimony.of(record["witness"]) if "witness" in record else None, record.get("at_utc", ""),
         )  # fmt: skip
 
     def described(self, name: str) -> str:
         """In words, for an output that is not settled."""
+        if self.is_denied and not self.waits:
+            return _("'{name}' was set to its safe value, and is NOT CONFIRMED by {witness}").format(
+                name=name, witness=_reading(self.witness)
+            )
         at = "" if self.at is None else f"{self.at:.4g}{'' if self.unit == '1' else f' {self.unit}'}"
         texts = {
             State.DRIVEN: _("'{name}' stands at {at}") if at else _("'{name}' is driven"),
@@ -111,13 +131,28 @@ class Output:
         return texts[self.state].format(name=name, at=at) + (f" ({self.why})" if self.why else "")
 
 
+def _reading(witness: Testimony | None) -> str:
+    """A witness with what it reads now and read at rest: `flow (41 l/min now, 0.12 l/min at rest)`."""
+    if witness is None:
+        return ""
+    unit = "" if witness.unit == "1" else f" {witness.unit}"
+    reads, at_rest = (_("no reading") if x is None else f"{x:.3g}{unit}" for x in (witness.reads, witness.at_rest))
+    return _("{channel} ({reads} now, {at_rest} at rest)").format(channel=witness.channel, reads=reads, at_rest=at_rest)
+
+
+def note_of(outputs: Mapping[str, Output]) -> str:
+    """What inputs have against outputs that the bench file does not name them as witnesses of; empty: nothing."""
+    notes = [_reading(o.witness) for o in outputs.values() if o.witness is not None and not o.is_denied]
+    return _("not back at rest: {readings}").format(readings=", ".join(notes)) if notes else ""
+
+
 def announcement(outputs: Mapping[str, Output]) -> str:
     """What may be said of outputs of which only time is missing, in the language that is spoken; empty where more is.
 
     Args:
         outputs: what is known of each, by name.
     """
-    left = [output for output in outputs.values() if not output.settled]
+    left = [output for output in outputs.values() if not output.is_commanded]
     if not left or not all(output.waits for output in left):
         return ""
     time_s = max(output.confirmed_in_s for output in left)
@@ -142,7 +177,8 @@ def sentence(outputs: Mapping[str, Output], *, moved: bool = True) -> str:
     unasked = ", ".join(f"'{name}'" for name, output in outputs.items() if output.state is not State.SAFE)
     if unasked:
         return _("outputs were told to be safe; {names} cannot be read back").format(names=unasked)
-    return _("outputs are safe (read back)")
+    note = note_of(outputs)
+    return _("outputs are safe (read back)") + (f"; {note}" if note else "")
 
 
 def ending_words(outcome: str, record: Mapping[str, Any]) -> str:
@@ -169,12 +205,14 @@ class Outputs:
     Attributes:
         moved: whether any was ever sent away from its safe value.
         asked: whether they were told to be safe and asked about it since they were driven last.
+        witnesses: inputs that answer to them, heard before they are called safe (see `hear_witnesses`).
         announce: told once when they were read back safe and only time is missing (see `announcement`).
     """
 
     def __init__(self) -> None:
         self.announce: Callable[[str], object] = lambda _text: None
         self.moved = self.asked = False
+        self.witnesses = Witnesses()
         self._channels: Mapping[str, OutputChannel] = {}
         self._known: dict[str, Output] = {}
 
@@ -192,6 +230,11 @@ class Outputs:
     def settled(self) -> bool:
         """Whether nothing is left to do for any of them."""
         return all(output.settled for output in self._known.values())
+
+    @property
+    def are_commanded(self) -> bool:
+        """Whether no command can do more for any of them (see `Output.is_commanded`)."""
+        return all(output.is_commanded for output in self._known.values())
 
     @property
     def are_safe(self) -> bool:
@@ -213,15 +256,18 @@ class Outputs:
         for name, values in waveform.outputs.items():
             away = bool(np.any(values != self._channels[name].safe))
             self.moved = self.moved or away
+            if away:
+                self.witnesses.driven(name)
             state = State.DRIVEN if away else State.UNCONFIRMED
             self._known[name] = replace(
-                self._known[name], state=state, at=float(values[-1]), why="", confirmed_in_s=0.0, at_utc=_now_utc()
-            )
+                self._known[name], state=state, at=float(values[-1]), why="", confirmed_in_s=0.0, witness=None,
+                at_utc=_now_utc(),
+            )  # fmt: skip
 
     @property
     def wait_s(self) -> float:
         """How long only time is missing to call them safe; 0 where more is missing, or nothing."""
-        left = [output for output in self._known.values() if not output.settled]
+        left = [output for output in self._known.values() if not output.is_commanded]
         return max((output.confirmed_in_s for output in left), default=0.0) if all(o.waits for o in left) else 0.0
 
     def make_safe(
@@ -233,6 +279,8 @@ class Outputs:
         late_s: float | None = None,
     ) -> None:
         """Have a backend make them safe, and ask it whether they are. Never raises: what came of it is the value.
+
+        One that a named witness answers to is unconfirmed until that is heard (see `hear_witnesses`).
 
         After a lost answer they are asked until nothing late can come any more.
 
@@ -246,23 +294,54 @@ class Outputs:
         waiting = clock or RealClock()
         until_s, longest_s = waiting.now_s + _PATIENCE_S, 0.0
         self._asked(daq, alive, late_s or 0.0)
-        while not self.settled:
+        while not self.are_commanded:
             now_s = waiting.now_s
             if wait_s := self.wait_s:
                 if late_s is not None:
                     break
                 if not longest_s:
                     longest_s = now_s + _MOST * wait_s
-                    self._announce()
+                    self._announce(announcement(self._known))
                 until_s = min(now_s + wait_s + _PATIENCE_S, longest_s)
             if now_s >= until_s:
                 break
-            waiting.sleep_until(now_s + (_AGAIN_LATE_S if wait_s else _AGAIN_S))
+            waiting.sleep_until(now_s + (_AGAIN_LATE_S if wait_s else AGAIN_S))
             self._asked(daq, alive, late_s or 0.0)
 
-    def _announce(self) -> None:
+    def hear_witnesses(self, look: Look, alive: Callable[[], None], clock: Clock) -> None:
+        """Look at what answers to the outputs until it is back at rest, but no longer than it takes to settle.
+
+        Never raises. Only outputs that no command can do more for are looked at.
+
+        Args:
+            look: reads one of them, in engineering units.
+            alive: called between the looks.
+            clock: by which it is waited.
+        """
+        due = {name: witness for name, output in self._known.items()
+               if output.is_commanded and (witness := self.witnesses.due(name)) is not None}  # fmt: skip
+        until_s = clock.now_s + max((witness.settles_s for witness in due.values()), default=0.0)
+        left, is_over = list(due), not due
+        while left and not is_over:
+            is_over = clock.now_s >= until_s  # the last look comes no earlier
+            left = [name for name in left if self._is_away(name, look)]
+            alive()
+            if left and not is_over:
+                clock.sleep_until(clock.now_s + AGAIN_S)
+        if any(not due[name].is_named for name in left):
+            self._announce(note_of(self._known))
+
+    def _is_away(self, name: str, look: Look) -> bool:
+        """Hear the witness of an output once; whether it is away from rest."""
+        known, witness = self._known[name], self.witnesses.heard(name, look)
+        is_safe = known.can and (witness is None or not witness.is_named)
+        state = State.SAFE if is_safe else State.UNCONFIRMED
+        self._known[name] = replace(known, state=state, witness=witness, at_utc=_now_utc())
+        return witness is not None
+
+    def _announce(self, text: str) -> None:
         with suppress(Exception):  # nobody reads it: that keeps nothing from becoming safe
-            self.announce(announcement(self._known))
+            self.announce(text)
 
     def status(self, error: BaseException | None, status: int) -> int:
         """The exit status of an end, given what it would be by itself (see `exit_status`)."""
@@ -302,22 +381,26 @@ class Outputs:
 
     def _after(self, name: str, answer: ReadBack, failure: str, levels: Mapping[str, float] | None) -> Output:
         """What is known after an answer; `levels`: where outputs stood last, when telling them to be safe failed."""
-        before, channel = self._known[name], self._channels[name]
+        before, channel, witness = self._known[name], self._channels[name], self.witnesses.pending(name)
+        witness = witness if witness is not None and witness.is_named else None
         known = replace(
             before, can=answer.can, why=answer.why or failure, rescue=answer.rescue, confirmed_in_s=0.0,
-            at_utc=_now_utc(),
+            witness=None, at_utc=_now_utc(),
         )  # fmt: skip
         if answer.at is not None:
-            safe = abs(answer.at - channel.safe) <= _AGREES * (channel.high - channel.low)
-            state = State.DRIVEN if not safe else State.UNCONFIRMED if answer.late_s else State.SAFE
-            late_s, why = (answer.late_s, "") if safe else (0.0, failure)
-            return replace(known, state=state, at=answer.at, why=why, confirmed_in_s=late_s)
+            if abs(answer.at - channel.safe) > AGREES * (channel.high - channel.low):
+                return replace(known, state=State.DRIVEN, at=answer.at, why=failure)
+            state = State.UNCONFIRMED if answer.late_s or witness else State.SAFE
+            return replace(
+                known, state=state, at=answer.at, why="", confirmed_in_s=answer.late_s, witness=witness,
+                rescue="" if witness else answer.rescue,
+            )  # fmt: skip
         if levels is not None:  # a way to the safe values that was planned is no place where it was driven to
             return replace(known, state=State.UNKNOWN, at=levels.get(name, known.at))
         if failure and not answer.can:  # told, and silent: an answer would have been all that there is
             return replace(known, state=State.UNKNOWN)
         if not answer.can:
-            return replace(known, state=State.UNCONFIRMED, at=None, confirmed_in_s=answer.late_s)
+            return replace(known, state=State.UNCONFIRMED, at=None, confirmed_in_s=answer.late_s, witness=witness)
         return replace(known, state=State.UNCONFIRMED, at=None)
 
 

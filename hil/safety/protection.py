@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from hil.safety.envelope import Envelope
 from hil.safety.interlock import Interlock
+from hil.safety.witness import Witness
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +21,7 @@ class Protection:
         interlocks: conditions on inputs and outputs.
         block_s: how often inputs are judged and recorded: the reaction time to a violation.
         patience_s: how long a `hold` is waited for before the run is stopped.
+        witnesses: by output, the input that answers to it.
         look_s: how long the bench is looked at before anything moves.
     """
 
@@ -29,6 +31,7 @@ class Protection:
     interlocks: Sequence[Interlock] = ()
     block_s: float = 0.1
     patience_s: float = 600.0
+    witnesses: Mapping[str, Witness] = field(default_factory=dict)
     look_s: float = 0.1
 
     def block_samples(self, rate_hz: float) -> int:

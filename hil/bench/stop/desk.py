@@ -36,8 +36,8 @@ class Told:
 
     @property
     def is_final(self) -> bool:
-        """Whether more will not be known: an output that nobody can ask is never confirmed."""
-        return bool(self.outputs) and all(output.settled for output in self.outputs.values())
+        """Whether more will not be known: an output that nobody can ask is never confirmed, nor one that is denied."""
+        return bool(self.outputs) and all(output.is_commanded for output in self.outputs.values())
 
     def answer(self, since_s: float) -> dict[str, Any]:
         """As it is sent to who asked at an instant."""
