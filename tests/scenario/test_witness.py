@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.errors import NotSafeError, exit_status_of, told
+from hil.errors import NotSafeError, exit_status_of, with_notes
 from tests.links import CALM, opened, served
 
 
@@ -23,5 +23,5 @@ def test_valve_that_sticks_open_is_not_called_safe(tmp_path: Path) -> None:
     assert (record["state"], record["read_back"]) == ("unconfirmed", True)
     assert record["at"] == pytest.approx(0.0, abs=0.1)
     assert record["witness"]["reads"] == pytest.approx(flow[-1], abs=3.0)
-    assert "NOT CONFIRMED by flow" in told(ended.value) and exit_status_of(ended.value) == 3
+    assert "NOT CONFIRMED by flow" in with_notes(ended.value) and exit_status_of(ended.value) == 3
     assert not (tmp_path / "run" / "watchdog.json").exists()  # no command can do more
