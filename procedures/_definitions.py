@@ -111,6 +111,13 @@ FAIL_SAFES: Mapping[str, str] = {
     ),
     "left_open": "Mean of the second half of the time after the loss, less the response at neutral before the test.",
 }
+COILS: Mapping[str, str] = {
+    "coil_resistance_cold": "ISO 10770-2:2012, 7.2: after at least 2 h without current, at ambient temperature. Typed.",
+    "coil_resistance_hot": "ISO 10770-2:2012, 7.2: temperature settled, within 1 s of switching off. Typed.",
+    "coil_inductance": "As the instrument showed it. Typed.",
+    "insulation_resistance": "As the instrument showed it. Typed.",
+    "coil_temperature_rise": "From both resistances and the line of copper, 0.393 % per K at 20 °C.",
+}
 FREQUENCIES: Mapping[str, str] = {
     "gain": (
         "Amplitude of the response's fundamental over that of the command at the reference frequency, without the "

@@ -24,6 +24,7 @@ _DEVIATIONS = (
     marked(
         "Instrument '{name}' (serial {serial}): its calibration was due on {date_due}; the day of this test is {date}."
     ),
+    marked("Hot resistance read {time} s after switching off; 1 s is allowed."),
     marked("{pressure} psi before the valve; {asked} psi is specified."),
     marked("{pressure} psi behind the valve; {asked} psi is specified."),
     marked("Measured before the response was steady: {places} and {n} more."),
@@ -56,6 +57,7 @@ _NOTES = (
         "The loop is {width} wide, at half speed {half} (each ± {u}): a lag of {lag} ms makes the difference and has "
         "been taken out of the curve."
     ),
+    marked("Read by hand from {instrument}."),
     marked("Lap class: overlapped."),
     marked("Lap class: underlapped."),
     marked("Lap class: zero lap within its uncertainty."),

@@ -32,7 +32,10 @@ MADE_OF = {
     ),
 }  # fmt: skip
 """Procedures whose figures are those of others."""
-BY_HAND = {"jog": "an output is moved by hand; reading and noise are what an input showed meanwhile"}
+BY_HAND = {
+    "coil_by_hand": "readings are typed in, with the uncertainty of their instrument",
+    "jog": "an output is moved by hand; reading and noise are what an input showed meanwhile",
+}
 SAME_AS = {
     "cummins-efc-modbus": "cummins-efc-acceptance", "efc-good": "cummins-efc-acceptance",
     "efc-prototype": "cummins-efc-acceptance", "efc-return": "cummins-efc-acceptance",

@@ -9,6 +9,10 @@ import hil
 from hil.catalog import entries
 
 SHORT = {
+    "coil_by_hand": (
+        "brevini-hpv41",
+        {"cold": 7.2, "hot": 9.1, "resistance_uncertainty": 0.5, "instrument": "meter 7"},
+    ),
     "cylinder_drift": ("hydraforce-sp08-47c", {"duration_s": 5, "settle_s": 1}),
     "efc_frequency_response": ("cummins-efc", {"frequencies": (1, 2, 4), "levels": ("medium",), "cycle_s": 8}),
     "efc_step_response": ("cummins-efc", {"repeats": 1, "currents": (1.6,)}),
