@@ -344,7 +344,7 @@ class Answer:
         """Of every recording, from the simulations that the report draws."""
         found = {}
         for e, strip in zip(self.problem.experiments, drawn, strict=True):
-            keep = e.told
+            keep = e.valid
             nominal = fit_percent(e.output[keep], strip.nominal[keep])
             after = fit_percent(e.output[keep], strip.corrected[keep])
             most = fit_ceiling(e.output[keep], strip.noise_std)
@@ -357,7 +357,7 @@ class Answer:
         problem, noise = self.problem, self.problem.noises[0]
         r, share = self.used.residuals if self.choice.residuals is None else self.choice.residuals, self.choice.left
         parts = enumerate(problem.output_slices())
-        after = np.concatenate([problem.errors(i, r[part])[e.told] for (i, part), e in
+        after = np.concatenate([problem.errors(i, r[part])[e.valid] for (i, part), e in
                                 zip(parts, problem.experiments, strict=True)])  # fmt: skip
         before = np.concatenate([strip.off(strip.nominal) for strip in drawn])
         rms, nominal = (float(np.sqrt(max(float(np.mean(x**2)) - noise.std**2, 0.0))) for x in (after, before))

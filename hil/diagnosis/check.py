@@ -166,4 +166,4 @@ def _shifted(e: Experiment, lag: int) -> Experiment:
         lost[-lag:] = True
     else:
         lost[:-lag] = True
-    return replace(e, output=moved, ignored=np.roll(~e.told, -lag) | lost)
+    return replace(e, output=moved, ignored=np.roll(~e.valid, -lag) | lost)

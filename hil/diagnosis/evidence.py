@@ -60,7 +60,7 @@ def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:
     """Fit % of the output over the samples kept back, every recording's mean taken off by itself."""
     errors, spreads = 0.0, 0.0
     for i, (e, part) in enumerate(zip(problem.experiments, problem.output_slices(), strict=True)):
-        kept = held_out[part] & e.told
+        kept = held_out[part] & e.valid
         if not kept.any():
             continue
         errors += float(np.sum(problem.errors(i, residuals[part])[kept] ** 2))

@@ -83,7 +83,7 @@ class Problem:
     def size(self) -> int:
         """Number of residuals that count."""
         silent = sum(
-            int(np.count_nonzero(~e.told)) + e.count_lost * len(noise)
+            int(np.count_nonzero(~e.valid)) + e.count_lost * len(noise)
             for e, noise in zip(self.experiments, self.observed_noise, strict=True)
         )
         return len(self.nominal_residuals) - silent
@@ -98,7 +98,7 @@ class Problem:
         known = self.model.noise
         if self.step <= 0.0 or known is None:
             return float(self.size)
-        told = sum(int(e.told.sum()) for e in self.experiments)
+        told = sum(int(e.valid.sum()) for e in self.experiments)
         return self.size - told + told * 2.0 / 3.0 * math.sqrt(2.0 / math.pi) * known.std / self.step
 
     @cached_property
@@ -242,9 +242,9 @@ def pose(model: Model, experiments: Sequence[Experiment]) -> Problem:
     larger.
     """
     experiments = [_without_hum(model, e) for e in experiments]
-    floors = channel_floors([{"output": e.told_output} for e in experiments])
+    floors = channel_floors([{"output": e.valid_output} for e in experiments])
     noises = tuple(noise_in(model.noise, own["output"]) for own in floors)
-    inner = channel_floors([e.told_observed for e in experiments])
+    inner = channel_floors([e.valid_observed for e in experiments])
     return Problem(model, tuple(experiments), noises, tuple(map(partial(_with_dither, model), experiments, inner)))
 
 

@@ -113,7 +113,7 @@ def compare(model: Model, experiment: Experiment) -> Comparison:
     (e,), notes = bridged(model, [measured_only])
     notes = (*left_out, *notes, *experiment.notes)
     response = e.respond(model.definition, model.values, model.active_effects)[0]
-    time_s, measured, simulated = e.time_s[e.told], e.output[e.told], response[e.told]
+    time_s, measured, simulated = e.time_s[e.valid], e.output[e.valid], response[e.valid]
     error = simulated - measured
     noise = noise_in(model.noise, channel_floor(measured)).std
     fit = fit_percent(measured, simulated)

@@ -51,7 +51,7 @@ def sentence_of(found: Mapping[str, float | str | bool]) -> str:
 def _mostly(model: Model, experiments: Sequence[Experiment], errors: Sequence[Array]) -> str:
     """When more than half of the squared error is made in less than half of the time; empty where it is so never."""
     each = [_times(model, e, error) for e, error in zip(experiments, errors, strict=True)]
-    power = np.concatenate([np.square(error[e.told]) for e, error in zip(experiments, errors, strict=True)])
+    power = np.concatenate([np.square(error[e.valid]) for e, error in zip(experiments, errors, strict=True)])
     times = {name: np.concatenate([own[name] for own in each]) for name in each[0]}
     shares = {
         name: (float(power[at].sum()) / float(power.sum()), float(at.mean())) for name, at in times.items() if at.any()
@@ -77,7 +77,7 @@ def _times(model: Model, e: Experiment, error: Array) -> dict[str, NDArray[np.bo
         "while the command rests": ~moving, "at a low output": simulated < low, "at a high output": simulated > high,
         "at a middling output": (simulated >= low) & (simulated <= high),
     }  # fmt: skip
-    return {name: at[e.told] for name, at in found.items()}
+    return {name: at[e.valid] for name, at in found.items()}
 
 
 def _lasting(at: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:

@@ -106,7 +106,7 @@ class Experiment:
             ]
             rows = (each[0] + each[1]) / 2.0
         if self.is_late and plant.integrates is not None and plant.integrates(parameters):
-            grid_s, begins_s = self.time_s if self.grid_s is None else self.grid_s, self.time_s[self.told][0]
+            grid_s, begins_s = self.time_s if self.grid_s is None else self.grid_s, self.time_s[self.valid][0]
             rows[0] += self.drive.first_output - np.interp(begins_s, grid_s, rows[0])  # where it stood then
         if self.grid_s is None or self.read_s is None:
             return self._skewed(self.at_stamps(rows))
@@ -163,18 +163,18 @@ class Experiment:
         ]
 
     @property
-    def told(self) -> NDArray[np.bool_]:
+    def valid(self) -> NDArray[np.bool_]:
         """Which samples of the output say something, shape (n,)."""
         return np.ones(len(self.output), dtype=np.bool_) if self.ignored is None else ~self.ignored
 
     @property
-    def told_output(self) -> Array:
+    def valid_output(self) -> Array:
         """The output where it says something, one sample after another."""
-        told: Array = self.output[self.told]
-        return told
+        found: Array = self.output[self.valid]
+        return found
 
     @property
-    def told_observed(self) -> dict[str, Array]:
+    def valid_observed(self) -> dict[str, Array]:
         """Inner signals where they say something, one sample after another."""
         return {name: values[self.inner_tells(name)] for name, values in self.observed.items()}
 
@@ -227,8 +227,8 @@ class Experiment:
     @property
     def to_follow(self) -> Array:
         """The recorded output on the grid, NaN where it says nothing."""
-        told = self.output if self.ignored is None else np.where(self.ignored, np.nan, self.output)
-        return told if self.grid_s is None else np.interp(self.grid_s, self.time_s, told)
+        recorded = self.output if self.ignored is None else np.where(self.ignored, np.nan, self.output)
+        return recorded if self.grid_s is None else np.interp(self.grid_s, self.time_s, recorded)
 
     def at_stamps(self, rows: Array) -> Array:
         """Rows on the grid, read at the recording's stamps."""
@@ -564,7 +564,7 @@ def sample_intervals_s(experiments: Sequence[Experiment]) -> list[float]:
 def require_excitation(experiments: Sequence[Experiment]) -> None:
     """Raise `FileError` when a recording is too short to tell anything, or no output or its input moves."""
     for e in experiments:
-        count = int(np.count_nonzero(e.told))
+        count = int(np.count_nonzero(e.valid))
         if count < FEWEST_SAMPLES:
             of = "" if count == len(e.output) else f" of '{e.output_heading}' that were measured"
             raise FileError(f"{e.name}: {count} samples{of}; at least {FEWEST_SAMPLES} are needed to identify")

@@ -79,7 +79,7 @@ def filled(e: Experiment, constant_s: float, forgets: bool) -> tuple[Experiment,
 
 
 def _enough(kept: Experiment, note: str) -> Experiment:
-    left = int(kept.told.sum())
+    left = int(kept.valid.sum())
     if left < FEWEST_SAMPLES:
         raise FileError(f"{note}: {left} samples are left; at least {FEWEST_SAMPLES} are needed")
     return kept

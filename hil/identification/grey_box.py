@@ -208,7 +208,7 @@ def _ticking(progress: Progress) -> Tick:
 def _fitted(
     model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], remarks: tuple[str, ...], tick: Tick
 ) -> GreyBoxFit:
-    weights = [1.0 / max(channel_floor(e.told_output), _resolution(e.output)) for e in experiments]
+    weights = [1.0 / max(channel_floor(e.valid_output), _resolution(e.output)) for e in experiments]
     choice = _structure_of(model, experiments, weights)
     model, note = (model, ()) if choice is None else (_of_structure(model, choice), (choice.sentence,))
     plant = model.definition
@@ -361,7 +361,7 @@ def _restarted(
 
 def _explains(found: Estimate, experiments: Sequence[Experiment], weights: Sequence[float]) -> float:
     """The share of the outputs' variance that a fit explains."""
-    swings = (w**2 * float(np.sum((e.told_output - e.told_output.mean()) ** 2)) for e, w in
+    swings = (w**2 * float(np.sum((e.valid_output - e.valid_output.mean()) ** 2)) for e, w in
               zip(experiments, weights, strict=True))  # fmt: skip
     return 1.0 - found.chi2 / max(sum(swings), 1e-300)
 
@@ -407,12 +407,12 @@ def _noise(
     model: Model, experiments: Sequence[Experiment], errors: Sequence[Array], simulated: Sequence[Array]
 ) -> Measured:
     """The noise of the output from what the model leaves, a tone that runs through everything apart."""
-    floor = float(np.sqrt(np.mean([channel_floor(e.told_output) ** 2 for e in experiments])))
+    floor = float(np.sqrt(np.mean([channel_floor(e.valid_output) ** 2 for e in experiments])))
 
     def measured(outputs: Sequence[Array], errors: Sequence[Array]) -> Measured:
-        told = [values[e.told] for e, values in zip(experiments, outputs, strict=True)]
+        outputs_there = [values[e.valid] for e, values in zip(experiments, outputs, strict=True)]
         seen = witnesses(model, experiments, outputs, simulated, floor)
-        return measured_noise(told, seen, errors, experiments[0].interval_s)
+        return measured_noise(outputs_there, seen, errors, experiments[0].interval_s)
 
     outputs = [e.output for e in experiments]
     is_noise = float(np.sqrt(np.mean([np.mean(error**2) for error in errors]))) < _MOST_OVER_FLOOR * floor
@@ -425,12 +425,12 @@ def _noise(
     return replace(own, noise=replace(own.noise, hum_hz=hum_hz, hum=hum))
 
 
-def _with_noise_where_invalid(errors: Array, told: NDArray[np.bool_]) -> Array:
+def _with_noise_where_invalid(errors: Array, valid: NDArray[np.bool_]) -> Array:
     """Errors with white noise of their own size where the output says nothing: zeros would make it look less noisy."""
-    if told.all():
+    if valid.all():
         return errors
     noise = np.random.default_rng(len(errors)).standard_normal(len(errors))
-    return np.where(told, errors, float(np.std(errors[told])) * noise)
+    return np.where(valid, errors, float(np.std(errors[valid])) * noise)
 
 
 def _covariance(found: Estimate) -> Covariance:
@@ -490,11 +490,11 @@ def _result(
     for e in experiments:
         simulated = e.respond(plant, plain, active)[0]
         answers.append(simulated)
-        fits[e.name] = fit_percent(e.output[e.told], simulated[e.told])
-        floor = channel_floor(e.told_output)
+        fits[e.name] = fit_percent(e.output[e.valid], simulated[e.valid])
+        floor = channel_floor(e.valid_output)
         slope = start_slope(e, plant, plain, active, floor, plain=simulated)
         error = floor * with_free_start(e.telling((e.output - simulated) / floor), slope)
-        errors.append(_with_noise_where_invalid(error, e.told))
+        errors.append(_with_noise_where_invalid(error, e.valid))
     made = Model(
         model.plant, parameters, effects, experiments[0].input, experiments[0].output_heading,
         experiments[0].drive.read_at,

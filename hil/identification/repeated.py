@@ -27,8 +27,8 @@ def without_stale(e: Experiment) -> tuple[Experiment, list[Run]]:
 
     Samples that are ignored already are not looked at.
     """
-    told = np.flatnonzero(e.told)
-    every = [(int(told[first]), int(told[last - 1]) + 1) for first, last in _stale_runs(e.told_output)]
+    there = np.flatnonzero(e.valid)
+    every = [(int(there[first]), int(there[last - 1]) + 1) for first, last in _stale_runs(e.valid_output)]
     repeated = [(start, stop) for start, stop in every if start > 0 or stop > _first_move(e)]
     if len(repeated) < LEAST_SPELLS and not any(_is_long(e, start, stop) for start, stop in repeated):
         return e, []

@@ -49,7 +49,7 @@ class Residuals:
             places = {name: 1 + k for k, name in enumerate(s.name for s in self.plant.observed)}
             each = e.by_dither(self.plant, self.about, self.effects)
             channels = [
-                (0, weight, e.told),
+                (0, weight, e.valid),
                 *((places[n], 1.0 / noise, e.inner_tells(n)) for n, noise in inner.items()),
             ]
             made.append([_unknown([w * rows[k] * tells for rows in each]) for k, w, tells in channels])
@@ -57,7 +57,7 @@ class Residuals:
 
     @cached_property
     def _inner(self) -> tuple[dict[str, float], ...]:
-        return channel_floors([e.told_observed for e in self.experiments])
+        return channel_floors([e.valid_observed for e in self.experiments])
 
     def at(
         self,

@@ -51,7 +51,7 @@ def _rests(model: Model, e: Experiment, simulated: Array, floor: float) -> list[
     for first, stop in zip((0, *changes.tolist()), (*changes.tolist(), len(command)), strict=True):
         moving = np.flatnonzero(np.abs(simulated[first:stop] - simulated[stop - 1]) > floor)
         begin = first + (_SETTLED * (int(moving[-1]) + 1) if moving.size else 0)
-        if settling and stop - begin >= max(_FEWEST, settling) and e.told[begin:stop].all():
+        if settling and stop - begin >= max(_FEWEST, settling) and e.valid[begin:stop].all():
             found.append(slice(begin, stop))
     return found
 

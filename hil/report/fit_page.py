@@ -117,7 +117,7 @@ def _in_db_and_deg(response: np.ndarray[Any, Any]) -> dict[str, Any]:
 
 def _samples(model: Model, e: Experiment, k: int) -> Picture:
     simulated = e.respond(model.definition, model.values, model.active_effects)[0]
-    shown = np.where(e.told, e.output, np.nan)
+    shown = np.where(e.valid, e.output, np.nan)
 
     def draw(figure: Figure) -> None:
         command, above, below = figure.subplots(3, 1, sharex=True, height_ratios=(1.0, 2.0, 1.0))
@@ -126,7 +126,7 @@ def _samples(model: Model, e: Experiment, k: int) -> Picture:
         above.plot(*thinned(e.time_s, e.output), color="#aeb6bf", lw=2.2, label=_("measured"))
         above.plot(*thinned(e.time_s, simulated), color=BLUE, lw=0.9, label=_("model"))
         above.set_ylabel(e.output_heading)
-        below.plot(*thinned(e.time_s[e.told], (shown - simulated)[e.told]), color=INK, lw=0.6)
+        below.plot(*thinned(e.time_s[e.valid], (shown - simulated)[e.valid]), color=INK, lw=0.6)
         below.set_ylabel(_("measured − model"))
         below.set_xlabel(_("time [s]"))
         for axes in (command, above, below):

@@ -29,7 +29,7 @@ SECOND = round(RATE_HZ)
 def residuals(e: Experiment) -> Array:
     model = nominal()
     error: Array = e.output - e.respond(model.definition, model.values)[0]
-    return error[e.told]
+    return error[e.valid]
 
 
 def test_a_healthy_unit_fits_beside_a_long_gap() -> None:
@@ -90,7 +90,7 @@ def test_a_recording_that_never_settles_between_its_holes_is_refused() -> None:
     steps = records(seed=43)[0]
     holed = with_rows(steps, np.flatnonzero((np.arange(len(steps)) + 115) % SECOND < 125))
     (e,) = bound(nominal(), [holed])
-    assert filled(e, 0.05, forgets=True)[0].told.any()
+    assert filled(e, 0.05, forgets=True)[0].valid.any()
     with pytest.raises(FileError, match=r"steps: 16 gaps.*: 10 samples are left; at least 20 are needed"):
         filled(e, 10.0, forgets=True)
 

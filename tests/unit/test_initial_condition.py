@@ -59,7 +59,7 @@ def test_a_free_start_takes_an_offset_and_nothing_else() -> None:
 def test_samples_that_say_nothing_do_not_say_where_a_plant_started() -> None:
     e = axis(1)
     held = e.without(np.arange(len(e.output)) % 500 > 350)
-    other = replace(held, output=np.where(held.told, held.output, held.output + 0.1))
+    other = replace(held, output=np.where(held.valid, held.output, held.output + 0.1))
     model = replace(typical_model("linear-axis"), noise=Noise(NOISE_M))
     left = [pose(model, [each]).nominal_residuals for each in (held, other)]
     assert np.allclose(left[0], left[1], rtol=1e-6)

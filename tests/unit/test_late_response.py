@@ -75,8 +75,8 @@ def test_an_integrator_with_a_gap_stands_where_its_late_response_begins() -> Non
     linear = plant("transfer-function")
     e = experiment(logged(position, 3.0, (4.0, 4.5)), linear, "command", "flow", 0.0)
     drives = linear.typical | {"gain": 0.0, "integrator_gain": 5.0, "start_at_output": 1.0}
-    assert int(e.told.sum()) == 250
-    np.testing.assert_allclose(e.respond(linear, drives)[0][e.told], e.told_output, atol=1e-6)
+    assert int(e.valid.sum()) == 250
+    np.testing.assert_allclose(e.respond(linear, drives)[0][e.valid], e.valid_output, atol=1e-6)
 
 
 def test_an_integrator_stands_where_its_late_response_begins() -> None:

@@ -208,7 +208,7 @@ def test_the_noise_of_an_inner_channel_is_that_of_samples_within_its_range() -> 
     made = records(parameters=OWN, seed=41, with_spool=True)[0]
     (e,) = looked_at(with_values(made, **{"spool position": clipped})).experiments
     assert e.silent["spool position"].mean() > 0.1
-    assert channel_floor(e.told_observed["spool position"]) == pytest.approx(0.5, rel=0.1)
+    assert channel_floor(e.valid_observed["spool position"]) == pytest.approx(0.5, rel=0.1)
 
 
 @pytest.mark.parametrize("top", [4.0, 2.0])
@@ -220,5 +220,5 @@ def test_a_motor_that_nobody_asks_to_turn_rests_and_a_meter_at_its_end_is_clippe
     one = recording("motor", time_s, {"current [mA]": command, "speed [V]": np.minimum(speed, top)})
     start = typical_model("transfer-function")
     (e,) = look(start, [experiment(one, start.definition, "current", "speed")]).experiments
-    assert e.told[~turning].all()
-    assert e.told[turning].all() == (top == 4.0)
+    assert e.valid[~turning].all()
+    assert e.valid[turning].all() == (top == 4.0)

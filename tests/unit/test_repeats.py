@@ -131,5 +131,5 @@ def test_what_stands_in_samples_that_say_nothing_is_felt_nowhere() -> None:
     model = replace(healthy, noise=replace(known, colour=colour, interval_s=1.0 / RATE_HZ))
     problem = pose(model, [e.without(np.arange(len(e.output)) // 40 % 7 == 3) for e in bound(model, records(seed=25))])
     assert problem.noises[0].colour == colour
-    other = tuple(replace(e, output=np.where(e.told, e.output, 1e3)) for e in problem.experiments)
+    other = tuple(replace(e, output=np.where(e.valid, e.output, 1e3)) for e in problem.experiments)
     assert np.array_equal(replace(problem, experiments=other).nominal_residuals, problem.nominal_residuals)

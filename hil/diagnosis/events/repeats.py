@@ -55,7 +55,7 @@ def held_outputs(problem: Problem, around: Fitted) -> Events | None:
         return None
     residuals = residuals_of(problem, around, experiments=rest)
     for before, now, output in zip(problem.experiments, rest, problem.outputs_of(residuals), strict=True):
-        output[before.told & ~now.told] = 1.0  # as noise would be; nothing was measured there
+        output[before.valid & ~now.valid] = 1.0  # as noise would be; nothing was measured there
     return stale_outputs(spells, problem, residuals, tuple(rest))
 
 

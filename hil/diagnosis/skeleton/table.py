@@ -77,7 +77,7 @@ def table_of(model: Model, experiments: Sequence[Experiment]) -> Table:
     experiments, _ = bridged(model, read)
     with one_blas_thread():
         columns = _affordable(columns_of(pose(replace(model, noise=None), experiments)), experiments)
-        found = channel_floors([{"output": e.told_output, **e.told_observed} for e in experiments])
+        found = channel_floors([{"output": e.valid_output, **e.valid_observed} for e in experiments])
         floors = {name: max(own.get(name, 0.0) for own in found) for each in found for name in each}
         length_s = row_s(model, experiments)
         rows = rows_of(model, experiments, columns, floors, length_s)

@@ -26,7 +26,7 @@ def suspicions(model: Model, experiments: Sequence[Experiment]) -> Iterator[Susp
 
 def implausible_metadata(model: Model, e: Experiment) -> list[str]:
     """The same of one recording, in words; nothing of one without an output."""
-    return [one.sentence for one in suspicions(model, [e])] if e.told.any() else []
+    return [one.sentence for one in suspicions(model, [e])] if e.valid.any() else []
 
 
 def implausible(model: Model, e: Experiment) -> Iterator[Suspicion]:
