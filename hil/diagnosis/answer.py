@@ -39,15 +39,15 @@ from hil.diagnosis.search.around import around
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fitted import Fitted, change_without, output_of
 from hil.diagnosis.search.terms import Term
+from hil.diagnosis.thresholds import FEW, LISTED, MOST
 from hil.diagnosis.wording import (
+    confounded,
     drifted,
     headline,
-    nothing_can_be_said,
+    nothing_identifiable,
     sentence,
-    told_only_together,
     unlikely,
 )
-from hil.diagnosis.yardsticks import FEW, LISTED, MOST
 from hil.identification.evidence import bic_of_known_noise
 from hil.identification.fit import fit_ceiling, fit_percent
 from hil.physics.compose import effect as installed_effect
@@ -165,7 +165,7 @@ class Answer:
             next_test=self._next_test(rivals, [limit.effect for limit in unseen if not limit.visible]),
             candidates=self._candidates(),
             held_out=self.held_out,
-            kept_back=self.kept.said,
+            kept_back=self.kept.basis,
             recordings=fits,
             mismatch=locate(problem, problem.outputs_of(nominal.residuals)) if mismatch else None,
             stage_shares=shares,
@@ -199,7 +199,7 @@ class Answer:
 
     def _findings(self) -> tuple[Finding, ...]:
         events = [self._event_finding(e) for e in self.events]
-        hidden = {name for e in self.events for name in e.told}
+        hidden = {name for e in self.events for name in e.names}
         return (*events, *(law for law in self._law_findings() if law.name not in hidden))
 
     def _law_findings(self) -> list[Finding]:
@@ -247,9 +247,9 @@ class Answer:
         effect = next((e for e in installed_effects() if e.name == events.name), None)
         difference = self.problem.outputs_of(events.residuals - self.choice.baseline.residuals)
         where = locate(self.problem, difference)
-        spells = tuple((round(s.start_s, 3), round(s.stop_s, 3)) for s in events.spells)[:LISTED]
-        if spells:
-            where = replace(where, time_s=spells, recording=events.spells[0].recording)
+        intervals = tuple((round(s.start_s, 3), round(s.stop_s, 3)) for s in events.intervals)[:LISTED]
+        if intervals:
+            where = replace(where, time_s=intervals, recording=events.intervals[0].recording)
         return Finding(
             events.name, effect.title if effect else events.name, self._probability(events.name),
             events.stage, events.hook,
@@ -330,7 +330,7 @@ class Answer:
         share = (1.0 - ceiling / 100.0) ** 2  # of noise in the variance of what the output does
         if share <= MOST and any(limit.visible for limit in unseen):
             return ""
-        return nothing_can_be_said(ceiling)
+        return nothing_identifiable(ceiling)
 
     def _false_alarms(self) -> FalseAlarms:
         problem = self.problem
@@ -377,20 +377,20 @@ class Answer:
 
     def _all_warnings(self, changed: Sequence[ChangedParameter]) -> tuple[str, ...]:
         f = self.choice.chosen
-        said = [f"{name} ended on a bound of its range: a warning, not physics" for name in f.on_bound()]
+        notes = [f"{name} ended on a bound of its range: a warning, not physics" for name in f.on_bound()]
         if self.verdict == "unexplained" and self.judged:
             closest = min(self.judged, key=lambda j: j.chi2_held_out).fitted
-            said.append(f"the closest description ({', '.join(sorted(_labels(closest)))}) is not named as the cause")
+            notes.append(f"the closest description ({', '.join(sorted(_labels(closest)))}) is not named as the cause")
         if self.has_drifted and not self.events and self.used is self.choice.baseline:
-            said.append(self._drifted())
-        said += [
-            told_only_together(c, others, self.problem.prior.was(c.name, f.parameters))
+            notes.append(self._drifted())
+        notes += [
+            confounded(c, others, self.problem.prior.was(c.name, f.parameters))
             for c in changed
-            if (others := self.problem.prior.told_only_with(c.name))
+            if (others := self.problem.prior.confounded_with(c.name))
         ]
         if self.why_nominal and self.named.terms and self.verdict not in ("consistent", "unexplained"):
-            said.append(f"the corrected model is the nominal one, without what is named: {self.why_nominal}")
-        return (*self.warnings, *said, *unlikely(changed))
+            notes.append(f"the corrected model is the nominal one, without what is named: {self.why_nominal}")
+        return (*self.warnings, *notes, *unlikely(changed))
 
     def _drifted(self) -> str:
         """A word on the base parameters that had to move, those that show most of what the one does that shows most."""
@@ -399,8 +399,8 @@ class Answer:
         slopes = problem.base_jacobian(model.values, model.active_effects, problem.nominal_residuals)
         moves = np.array([after[p.name] - model.values[p.name] for p in problem.base])
         shown = np.abs(moves) * np.linalg.norm(slopes, axis=0)
-        told = [p for p, size in zip(problem.base, shown, strict=True) if size >= MOST * shown.max()]
-        return drifted(told, model.values, after)
+        moved = [p for p, size in zip(problem.base, shown, strict=True) if size >= MOST * shown.max()]
+        return drifted(moved, model.values, after)
 
 
 def _reaches(fits: Mapping[str, Fit]) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hil.diagnosis.yardsticks import NEXT_TO_NOTHING, SELDOM_BY_CHANCE
+from hil.diagnosis.thresholds import NEXT_TO_NOTHING, SELDOM_BY_CHANCE
 from hil.errors import FileError
 from hil.identification.clipped import without_clipped
 from hil.identification.content import is_of_its_origin
@@ -61,24 +61,24 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
         warnings += [*clipped, *held]
         simulated = e.respond(model.definition, model.values, model.active_effects)[0]
         kept.append(_Timed(e, simulated, _floor(model, e)))
-    moved, said = _with_clocks_set(kept)
+    moved, notes = _with_clocks_set(kept)
     return Checked(
-        tuple(timed.experiment for timed in kept), tuple(warnings), tuple(moved) if said else (), tuple(said)
+        tuple(timed.experiment for timed in kept), tuple(warnings), tuple(moved) if notes else (), tuple(notes)
     )
 
 
 def _without_dead(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], list[str]]:
     """Without recordings whose output stands still where it should move by more than a coarse channel could hide."""
     hidden = SELDOM_BY_CHANCE * max(resolution(e.output) for e in experiments)
-    kept, said = [], []
+    kept, notes = [], []
     for e in experiments:
         moves = float(np.ptp(expected(model, e))) if e.stands_still else 0.0
         if moves <= max(hidden, SELDOM_BY_CHANCE * _floor(model, e)):
             kept.append(e)
         else:
             where = f"{e.where_it_stands}, where the model moves by {moves:.3g}"
-            said.append(f"{e.name}: {where}: {DEAD}; the recording is left out")
-    return kept, said
+            notes.append(f"{e.name}: {where}: {DEAD}; the recording is left out")
+    return kept, notes
 
 
 def _refuse_short(model: Model, e: Experiment) -> None:
@@ -100,19 +100,19 @@ def _with_clocks_set(timed: Sequence[_Timed]) -> tuple[list[Experiment], list[st
 
     Recordings too slow to tell have no say: a dead time that only the fast ones show is not a clock.
     """
-    kept, said = [], []
+    kept, notes = [], []
     for k, own in enumerate(timed):
         lag = own.lag()
         votes = [other.vote(lag) for i, other in enumerate(timed) if i != k] if lag else []
         if votes.count(-1) > votes.count(1):
             kept.append(_shifted(own.experiment, lag))
-            said.append(
+            notes.append(
                 f"{own.experiment.name}: its output is {lag * own.experiment.drive.interval_s:+.4g} s off its command "
                 "while other recordings are not; its clock is taken as shifted and set back"
             )
         else:
             kept.append(own.experiment)
-    return kept, said
+    return kept, notes
 
 
 def _floor(model: Model, e: Experiment) -> float:

@@ -14,7 +14,7 @@ from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.around import Around, adapted_residuals
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.terms import Term
-from hil.diagnosis.yardsticks import CERTAIN
+from hil.diagnosis.thresholds import CERTAIN
 from hil.record.recording import Array
 
 # Standard uncertainties of an upper limit (95 %).
@@ -57,13 +57,13 @@ def limits(place: Around, terms: Sequence[Term], twins: Sequence[Fitted] = ()) -
     asked = [term for term in terms if term.kind == "effect"]
     without = adapted_residuals(place, None)
     for term, limit in zip(asked, spread(lambda term: _limit(place, term, without), asked), strict=True):
-        known = found.get(term.told)
+        known = found.get(term.reported_name)
         if known is None or (limit.visible, -limit.upper) > (known.visible, -known.upper):
-            found[term.told] = limit
+            found[term.reported_name] = limit
     for f in twins:
         for term, values in zip(f.terms, f.values, strict=True):
-            if term.kind == "effect" and term.told in found:
-                found[term.told] = _as_large_as(found[term.told], term, values, _std(f, term))
+            if term.kind == "effect" and term.reported_name in found:
+                found[term.reported_name] = _as_large_as(found[term.reported_name], term, values, _std(f, term))
     return tuple(found[name] for name in sorted(found))
 
 
@@ -88,19 +88,19 @@ def _limit(place: Around, term: Term, without: Array) -> Limit:
         change = adapted_residuals(place, (term, [u.start for u in term.unknowns]), coarse=True) - without
         seen = bool(np.linalg.norm(change) > max(CERTAIN, hidden))
         upper = first.start if seen else float("inf")
-        return Limit(term.told, term.stage, first.name, first.unit, upper, first.start, seen)
+        return Limit(term.reported_name, term.stage, first.name, first.unit, upper, first.start, seen)
     start = min(term.starts, key=lambda s: abs(s[0] - term.null))
     about = term.null if term.held else 0.0
     size, typical = abs(start[0] - term.null), abs(about or first.start - term.null)
     step = adapted_residuals(place, (term, start), coarse=True) - without
     power = float(step @ step)
     if power < 1e-12 or size == 0.0:
-        return Limit(term.told, term.stage, first.name, first.unit, float("inf"), typical, False, about)
+        return Limit(term.reported_name, term.stage, first.name, first.unit, float("inf"), typical, False, about)
     strength = -float(step @ without) / power
     likely = abs(strength) if term.held else max(strength, 0.0)  # what is there already may have grown or shrunk
     upper = max(likely + _ONE_SIDED / np.sqrt(power), hidden / np.sqrt(power)) * size
     visible = np.sqrt(power) * typical / size > max(CERTAIN, hidden)
-    return Limit(term.told, term.stage, first.name, first.unit, float(upper), typical, bool(visible), about)
+    return Limit(term.reported_name, term.stage, first.name, first.unit, float(upper), typical, bool(visible), about)
 
 
 def _left(problem: Problem, without: Array) -> float:

@@ -15,15 +15,15 @@ from hil.diagnosis.choice import OPEN, Choice
 from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.diagnosis import Diagnosis
 from hil.diagnosis.events.coarse import coarse, coarse_step
-from hil.diagnosis.events.event import Events, Spell
+from hil.diagnosis.events.event import Events, Interval
 from hil.diagnosis.events.repeats import stale_outputs, without_stale
 from hil.diagnosis.explain import explained, posed_again
 from hil.diagnosis.named import named, unchanged
 from hil.diagnosis.next_test import Span
 from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.question import Question, question_of
-from hil.diagnosis.roughly_known import as_in_this_unit
 from hil.diagnosis.solver import settled
+from hil.diagnosis.within_prior import as_in_this_unit
 from hil.diagnosis.wording import quantity_text
 from hil.diagnosis.work import Progress, Work
 from hil.identification.experiment import Experiment
@@ -42,9 +42,9 @@ class Diagnosed:
     def _repr_html_(self) -> str:
         from hil.record.show import table_html
 
-        told = self.diagnosis
-        rows = [(f.name, f"{100 * f.probability:.0f} %", f.sentence) for f in told.effects]
-        return table_html(("effect", "probability", "in words"), rows, f"{told.verdict}: {told.headline}")
+        found = self.diagnosis
+        rows = [(f.name, f"{100 * f.probability:.0f} %", f.sentence) for f in found.effects]
+        return table_html(("effect", "probability", "in words"), rows, f"{found.verdict}: {found.headline}")
 
     def plot(self) -> Any:
         """A matplotlib figure: what each recording and the two models differ by, the nominal and the corrected one."""
@@ -104,11 +104,11 @@ def _diagnose(
     warnings = [*asked.warnings, *checked.warnings, *solver_warnings, *_known_hum(model)]
     changed = _beyond_noise(problem, asked)
     if changed is None:
-        problem, choice, said = _searched(problem, checked, kept, stale)
+        problem, choice, notes = _searched(problem, checked, kept, stale)
     else:
-        problem, choice, said = _judged(changed)
+        problem, choice, notes = _judged(changed)
     work.at(0.6, "judging on data kept back")
-    answer = Answer(problem, choice, (*warnings, *said, *work.warnings), span, asked, changed)
+    answer = Answer(problem, choice, (*warnings, *notes, *work.warnings), span, asked, changed)
     work.at(0.8, "locating the mismatch")
     diagnosis = answer.diagnosis(time.perf_counter() - started)
     work.at(1.0, "done")
@@ -134,11 +134,11 @@ def _judged(changed: Changed) -> tuple[Problem, Choice, list[str]]:
     """One gate before any name."""
     if not changed.is_alarm:
         return changed.problem, unchanged(changed), []
-    return changed.problem, named(changed), [said for said in [changed.unsure()] if said]
+    return changed.problem, named(changed), [notes for notes in [changed.unsure()] if notes]
 
 
 def _searched(
-    problem: Problem, checked: Checked, kept: Sequence[Experiment], stale: Sequence[Spell]
+    problem: Problem, checked: Checked, kept: Sequence[Experiment], stale: Sequence[Interval]
 ) -> tuple[Problem, Choice, list[str]]:
     """What the model leaves out, by the search over the whole library and for events."""
     problem.work.at(0.1, "searching for the cause")
@@ -165,13 +165,13 @@ def _searched(
     return posed, choice, warnings
 
 
-def _with_stale(problem: Problem, choice: Choice, stale: Sequence[Spell]) -> Choice:
+def _with_stale(problem: Problem, choice: Choice, stale: Sequence[Interval]) -> Choice:
     """Samples that were seen at once to repeat, and those that only a model showed, as one."""
     sensor = problem.plant.hooks[-1].name
     shown = [e for e in choice.events if e.name == "dropout" and e.hook == sensor]
-    spells = [*stale, *(spell for e in shown for spell in e.spells)]
+    intervals = [*stale, *(interval for e in shown for interval in e.intervals)]
     others = tuple(e for e in choice.events if e not in shown)
-    every = stale_outputs(spells, problem, _residuals(choice), problem.experiments)
+    every = stale_outputs(intervals, problem, _residuals(choice), problem.experiments)
     return _with(replace(choice, events=others), every)
 
 

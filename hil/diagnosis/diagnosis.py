@@ -37,8 +37,8 @@ class Quantity:
 
     def as_dict(self) -> dict[str, Any]:
         """As in `diagnosis.json`."""
-        told = {"value": self.value, "std": self.std, "unit": self.unit}
-        return told if self.was is None else {**told, "from": self.was}
+        document = {"value": self.value, "std": self.std, "unit": self.unit}
+        return document if self.was is None else {**document, "from": self.was}
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ Mask = NDArray[np.bool_]
 # Every other stretch of this length is kept back. Long against the memory of a valve, or of a plant that is sampled as
 # slowly as it moves, so that the stretches are news; short against a recording, so that both halves see every kind of
 # excitation.
-_STRETCH_S, _STRETCH_SAMPLES = 4.0, 100
+_BLOCK_S, _BLOCK_SAMPLES = 4.0, 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +41,8 @@ class Judged:
 
 def training_half(problem: Problem) -> Mask:
     """Which residuals are fitted; the others are for judging. Shape (n,), True and False."""
-    stretches = problem.block_labels(max(_STRETCH_S, _STRETCH_SAMPLES * max(problem.intervals_s)))
-    half: Mask = stretches % 2 == 0
+    blocks = problem.block_labels(max(_BLOCK_S, _BLOCK_SAMPLES * max(problem.intervals_s)))
+    half: Mask = blocks % 2 == 0
     return half
 
 

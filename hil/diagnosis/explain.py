@@ -13,12 +13,11 @@ from hil.diagnosis.choice import Choice
 from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.events.coarse import cuts_off
 from hil.diagnosis.events.event import Events
+from hil.diagnosis.events.least_trimmed_squares import least_trimmed_squares
 from hil.diagnosis.events.recognise import recognised
-from hil.diagnosis.events.undisturbed import undisturbed
 from hil.diagnosis.measures import is_another
 from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.refuted import refuted
-from hil.diagnosis.roughly_known import is_no_news
 from hil.diagnosis.score import Hypothesis, Noise, Row, Table, score, table
 from hil.diagnosis.search.beam import Search
 from hil.diagnosis.search.effort import EFFORT
@@ -26,6 +25,7 @@ from hil.diagnosis.search.fits import finished, fit
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
 from hil.diagnosis.search.probes import keys
 from hil.diagnosis.search.terms import all_terms
+from hil.diagnosis.within_prior import is_no_news
 from hil.identification.experiment import Experiment
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
@@ -152,7 +152,7 @@ class Explanation:
         self.problem, self.known = problem, tuple(known)
         self.options: list[Option] = []
         self.terms = all_terms(problem, problem.nominal_residuals)
-        names = {t.told if t.kind == "effect" else t.name for t in self.terms}
+        names = {t.reported_name if t.kind == "effect" else t.name for t in self.terms}
         self.worth = Worth(problem, self._noise(1.0, len(names)), cache(self._events_alone))
 
     def choice(self) -> tuple[Problem, Choice]:
@@ -205,7 +205,7 @@ class Explanation:
             return
         unit = next(o.fitted for o in laws if not o.fitted.terms)
         models = [nothing(problem), unit, *([laws[0].fitted] if laws[0].fitted.terms else [])]
-        if self.table().first.is_open and (law := undisturbed(problem, [o.fitted for o in laws])) is not None:
+        if self.table().first.is_open and (law := least_trimmed_squares(problem, [o.fitted for o in laws])) is not None:
             models.append(law)
         found = [
             Option(problem, model, (*before, e), e.residuals, e.chi2 + _prior_cost(model))

@@ -15,7 +15,7 @@ from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted
-from hil.diagnosis.yardsticks import FEW
+from hil.diagnosis.thresholds import FEW
 from hil.identification.time_constant import time_constant_s
 from hil.record.recording import Array
 
@@ -35,12 +35,12 @@ class KeptBack:
     Attributes:
         fold: of every residual the fold that it is in, shape (n,): it is predicted by a fit of the others.
         scored: which are judged, shape (n,).
-        said: what they are.
+        basis: what they are.
     """
 
     fold: Folds
     scored: Mask
-    said: str
+    basis: str
 
 
 def kept_back(problem: Problem, f: Fitted) -> KeptBack:
@@ -67,7 +67,7 @@ def kept_back(problem: Problem, f: Fitted) -> KeptBack:
 
 def predicted(problem: Problem, f: Fitted, kept: KeptBack) -> Array:
     """Residuals of an explanation, each by a refit without its fold; as they are where nothing is kept back."""
-    if kept.said == NOTHING or f.estimate is None:
+    if kept.basis == NOTHING or f.estimate is None:
         return f.residuals
     folds = [k for k in np.unique(kept.fold) if np.any(kept.scored[kept.fold == k])]
 
@@ -93,8 +93,8 @@ def _by_recording(problem: Problem) -> Folds:
 def _shows_in_one(problem: Problem, f: Fitted, fold: Folds) -> bool:
     """Whether an explanation changes nothing of consequence in the recordings that are left without some fold."""
     change = (f.residuals - problem.nominal_residuals) ** 2
-    told = problem.size / len(change)
-    return any(float(np.mean(change[fold != k])) < CRITERIA.scale * told for k in np.unique(fold))
+    expected = problem.size / len(change)
+    return any(float(np.mean(change[fold != k])) < CRITERIA.scale * expected for k in np.unique(fold))
 
 
 def _tiled(problem: Problem, values: Sequence[Mask]) -> Mask:

@@ -10,7 +10,7 @@ from scipy.special import chdtrc
 
 from hil.cores import spread
 from hil.diagnosis.problem import Problem
-from hil.diagnosis.yardsticks import LISTED
+from hil.diagnosis.thresholds import LISTED
 from hil.identification.experiment import Experiment
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
@@ -233,7 +233,7 @@ def _stage(at: _Point, k: int, traces: Sequence[Array]) -> StageShare:
     gained = float(left @ left - remaining @ remaining) - int(used.sum())
     share = max(0.0, gained / max(float(left @ left) - len(left), float(np.sqrt(2 * len(left)))))
     n = len(knots)
-    unit = at.problem.model.told_unit(hook.unit)
+    unit = at.problem.model.resolved_unit(hook.unit)
     return StageShare(hook.name, hook.stage, unit, min(share, 1.0), knots, solution[:n], solution[n:])
 
 

@@ -46,18 +46,18 @@ def named(changed: Changed) -> Choice:
     as_it_was = changed.left_as_it_was
     left, whole = (max(chi2 - changed.count, 0.0) for chi2 in (best.chi2, float(as_it_was @ as_it_was)))
     chances = {name: scores.chance(name) for key in by_label for name in key}
-    told = verdict(scores, is_alarm=True)
-    others = names[1:] or ([UNKNOWN] if told == "unexplained" and names else [])
+    outcome = verdict(scores, is_alarm=True)
+    others = names[1:] or ([UNKNOWN] if outcome == "unexplained" and names else [])
     shown = [evaluated(problem, f) for f in (best, *(f for f in ranked if f is not best))]
     return Choice(
-        told, shown[0], nominal, nominal, tuple(shown), tuple((names[0], name) for name in others),
+        outcome, shown[0], nominal, nominal, tuple(shown), tuple((names[0], name) for name in others),
         terms, left / max(whole, 1e-9), alike=tuple(names), chances=chances, table=scores,
     )  # fmt: skip
 
 
 def predicted(changed: Changed, f: Fitted, kept: KeptBack) -> Array:
     """Residuals of a cause, each fold by a refit without it; as they are where nothing is kept back."""
-    if kept.said == NOTHING or f.estimate is None:
+    if kept.basis == NOTHING or f.estimate is None:
         return f.residuals
     fold = changed.folds(kept.fold)
     made = np.zeros(len(f.residuals))
@@ -87,9 +87,9 @@ def _causes(h: Hypothesis) -> tuple[str, ...]:
 def _fitted(changed: Changed, terms: Sequence[Term]) -> list[Fitted]:
     """The terms that could leave least from any of their starts, each at its best; the best of each place first."""
     tried = spread(partial(_nearer, changed), _likely(changed, terms))
-    roughly = spread(lambda one: _fit(changed, *one, EFFORT.rough), tried)
+    coarse = spread(lambda one: _fit(changed, *one, EFFORT.rough), tried)
     first: dict[str, Fitted] = {}
-    for f in sorted(roughly, key=lambda f: f.chi2):
+    for f in sorted(coarse, key=lambda f: f.chi2):
         first.setdefault(f.terms[0].label, f)
     fits = list(first.values())
     further = spread(lambda f: _fit(changed, f.terms[0], f.values[0], EFFORT.fine), fits[:_FURTHER])

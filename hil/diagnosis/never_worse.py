@@ -26,7 +26,7 @@ def why_not_better(problem: Problem, nominal: Array, predicted: Array, kept: Kep
         predicted: those of the corrected model, each by a fit without it, shape (n,).
         kept: which of them no fit has seen.
     """
-    if kept.said == NOTHING:
+    if kept.basis == NOTHING:
         return "there is no part of the recordings that no fit has seen"
     gains = _gains(problem, nominal, predicted, kept)
     if len(gains) < _FEWEST:

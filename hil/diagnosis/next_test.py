@@ -181,7 +181,7 @@ def _revealing(
     problem: Problem, choice: Choice, tests: Sequence[MenuTest], span: Span, unseen: Sequence[str]
 ) -> NextTest | None:
     """The test in which most of the effects would show that these data cannot show, at their typical size."""
-    terms = [t for t in choice.terms if t.kind == "effect" and t.told in unseen]
+    terms = [t for t in choice.terms if t.kind == "effect" and t.reported_name in unseen]
     counted = [(_visible(problem, test, span, terms), test) for test in tests]
     best = max(counted, key=lambda pair: (len(pair[0]), -_bench_s(problem, pair[1])))
     if not best[0]:
@@ -200,7 +200,7 @@ def _visible(problem: Problem, test: MenuTest, span: Span, terms: Sequence[Term]
         values = tuple(u.start for u in term.unknowns)
         f = Fitted((term,), (values,), nothing.parameters, 0.0, nothing.residuals)
         if _apart(_simulated(problem, planned, f) - plain, slopes) > _SEPARATED:
-            found.add(term.told)
+            found.add(term.reported_name)
     return found
 
 

@@ -11,7 +11,7 @@ from hil.identification.experiment import Experiment
 from hil.record.recording import Array
 from hil.signals.runs import runs
 
-_STRETCH = 10
+_FEWEST = 10
 _LINE = 0.05
 _MOST_LINES = 3
 _HARMONICS = 9
@@ -32,7 +32,7 @@ def _shown(e: Experiment) -> Array:
     """The output without the stretches that are left out, for what is drawn through a gap was not recorded."""
     shown = e.output.copy()
     for start, stop in runs(e.ignored) if e.ignored is not None else ():
-        if stop - start >= _STRETCH:
+        if stop - start >= _FEWEST:
             shown[start:stop] = np.nan
     return shown
 

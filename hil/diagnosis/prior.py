@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.diagnosis.yardsticks import SELDOM_BY_CHANCE
+from hil.diagnosis.thresholds import SELDOM_BY_CHANCE
 from hil.physics.model import Model
 from hil.physics.plant import Parameter
 from hil.record.recording import Array
@@ -57,9 +57,9 @@ class Prior:
             stds = [self.model.parameters[name].std or 0.0 for name in self._names]
             return np.diag(np.square(np.nan_to_num(stds, posinf=0.0)))
         at = [k for k, name in enumerate(self._names) if name in known.names]
-        told = [known.names.index(self._names[k]) for k in at]
+        places = [known.names.index(self._names[k]) for k in at]
         covariance = np.zeros((len(self.base), len(self.base)))
-        covariance[np.ix_(at, at)] = np.array(known.matrix)[np.ix_(told, told)]
+        covariance[np.ix_(at, at)] = np.array(known.matrix)[np.ix_(places, places)]
         for k, name in enumerate(self._names):
             if self._is_typed(name, math.sqrt(covariance[k, k])):
                 covariance[k, :] = covariance[:, k] = 0.0
@@ -87,7 +87,7 @@ class Prior:
         return np.array([p.scale for p in self.base])
 
     @cached_property
-    def _untold(self) -> Array:
+    def _unidentifiable(self) -> Array:
         """Directions in which the recordings that the model was identified from do not tell the parameters to within
         their own size, as far as they may wander there; shape (m, k).
         """
@@ -99,10 +99,10 @@ class Prior:
     @cached_property
     def _has_part(self) -> NDArray[np.bool_]:
         """Which parameters have a part in each direction that is untold, shape (m, k)."""
-        parts = np.abs(self._untold) / self._sizes
+        parts = np.abs(self._unidentifiable) / self._sizes
         return np.asarray(parts > _HAS_A_PART * parts.max(axis=1, keepdims=True, initial=0.0))
 
-    def told_only_with(self, name: str) -> list[str]:
+    def confounded_with(self, name: str) -> list[str]:
         """The parameters that were told only together with this one."""
         shared = np.any(self._has_part[self._has_part[:, self._names.index(name)]], axis=0)
         return [other for other, is_shared in zip(self._names, shared, strict=True) if is_shared and other != name]
@@ -111,7 +111,7 @@ class Prior:
         """What a parameter was in the unit that the model was identified from, if those that were told only together
         with it were what they are now.
         """
-        own, others = self._names.index(name), [self._names.index(other) for other in self.told_only_with(name)]
+        own, others = self._names.index(name), [self._names.index(other) for other in self.confounded_with(name)]
         moves = self.covariance[own, others] @ np.linalg.solve(
             self.covariance[np.ix_(others, others)], self._away(parameters)[others]
         )
@@ -125,7 +125,7 @@ class Prior:
         """
         is_given = np.ones(len(self.base), dtype=bool)
         is_given[list(free)] = False
-        given = self._untold[np.any(self._has_part & is_given, axis=1)]
+        given = self._unidentifiable[np.any(self._has_part & is_given, axis=1)]
         covariance: Array = (self.covariance - given.T @ given)[np.ix_(free, free)]
         return covariance
 
@@ -143,9 +143,9 @@ class Prior:
         far = np.abs(away) > SELDOM_BY_CHANCE * self.std
         rest = np.flatnonzero(~far)
         together = away[rest] @ np.linalg.solve(self.of(rest.tolist()), away[rest])
-        if len(self._untold) and together > len(rest) * SELDOM_BY_CHANCE**2:
-            told = np.sqrt(np.diag(self.covariance - self._untold.T @ self._untold))
-            far |= np.any(self._has_part, axis=0) & (np.abs(away) > SELDOM_BY_CHANCE * told)
+        if len(self._unidentifiable) and together > len(rest) * SELDOM_BY_CHANCE**2:
+            stds = np.sqrt(np.diag(self.covariance - self._unidentifiable.T @ self._unidentifiable))
+            far |= np.any(self._has_part, axis=0) & (np.abs(away) > SELDOM_BY_CHANCE * stds)
         return [name for name, moved in zip(self._names, far, strict=True) if moved]
 
     def _away(self, parameters: Mapping[str, float]) -> Array:

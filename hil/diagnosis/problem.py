@@ -10,8 +10,8 @@ from functools import cached_property, partial
 import numpy as np
 
 from hil.diagnosis.prior import Prior
+from hil.diagnosis.thresholds import PLAINLY
 from hil.diagnosis.work import Work
-from hil.diagnosis.yardsticks import PLAINLY
 from hil.identification.estimate import jacobian, side_by_side
 from hil.identification.experiment import Experiment
 from hil.identification.initial_condition import start_slope, with_free_start
@@ -66,8 +66,8 @@ class Problem:
     @cached_property
     def base(self) -> tuple[Parameter, ...]:
         """Base parameters that the plant lets free, in the units of the model's channels."""
-        told = self.model.told_unit
-        return tuple(replace(p, unit=told(p.unit)) for p in self.plant.parameters if not p.fixed)
+        resolved = self.model.resolved_unit
+        return tuple(replace(p, unit=resolved(p.unit)) for p in self.plant.parameters if not p.fixed)
 
     @cached_property
     def prior(self) -> Prior:
@@ -98,8 +98,8 @@ class Problem:
         known = self.model.noise
         if self.step <= 0.0 or known is None:
             return float(self.size)
-        told = sum(int(e.valid.sum()) for e in self.experiments)
-        return self.size - told + told * 2.0 / 3.0 * math.sqrt(2.0 / math.pi) * known.std / self.step
+        valid = sum(int(e.valid.sum()) for e in self.experiments)
+        return self.size - valid + valid * 2.0 / 3.0 * math.sqrt(2.0 / math.pi) * known.std / self.step
 
     @cached_property
     def is_short(self) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of
 from hil.diagnosis.search.terms import Term
-from hil.diagnosis.yardsticks import MOST
+from hil.diagnosis.thresholds import MOST
 from hil.identification.lines import is_commanded
 from hil.record.recording import Array
 from hil.signals.runs import runs
@@ -47,7 +47,7 @@ def _never_reached(problem: Problem, f: Fitted, k: int) -> bool:
     it. Only a stop in the output's own unit can be compared with it.
     """
     term = f.terms[k]
-    if problem.model.told_unit(problem.plant.hook(term.hook).unit) != problem.model.output_unit:
+    if problem.model.resolved_unit(problem.plant.hook(term.hook).unit) != problem.model.output_unit:
         return False
     place = [hook.name for hook in problem.plant.hooks].index(term.hook)
     stops = _values(term, f.values[k])

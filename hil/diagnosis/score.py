@@ -117,9 +117,9 @@ class Table:
         """All rows within the stated odds of the first, that one included."""
         return tuple(r for r in self.rows if r.probability * CRITERIA.odds >= self.first.probability)
 
-    def without(self, told: Verdict) -> Table:
+    def without(self, excluded: Verdict) -> Table:
         """The same without rows that are told so, where something else has refuted them."""
-        return replace(self, rows=_with_odds([r for r in self.rows if r.verdict != told]))
+        return replace(self, rows=_with_odds([r for r in self.rows if r.verdict != excluded]))
 
     @property
     def alternatives(self) -> tuple[tuple[str, str], ...]:
@@ -204,5 +204,5 @@ def verdict(of: Table, *, is_alarm: bool | None = None) -> Verdict:
     """
     if is_alarm is False:
         return "consistent"
-    told = of.first.verdict
-    return "unexplained" if is_alarm and told == "consistent" else told
+    first = of.first.verdict
+    return "unexplained" if is_alarm and first == "consistent" else first

@@ -57,8 +57,8 @@ def sentence(effect: Effect, term: Term, quantities: Mapping[str, Quantity]) -> 
         now = quantities[term.name]
         return f"{title}: {now.meaning} is {_change_text(term.nominal, now.value, now.std, now.unit)}."
     if term.held:
-        told = [f"{q.meaning} is {_change_text(q.was or 0.0, q.value, q.std, q.unit)}" for q in quantities.values()]
-        return f"{title} has changed: {_listed(told)}."
+        changes = [f"{q.meaning} is {_change_text(q.was or 0.0, q.value, q.std, q.unit)}" for q in quantities.values()]
+        return f"{title} has changed: {_listed(changes)}."
 
     def text(match: re.Match[str]) -> str:
         q = quantities.get(match.group(1))
@@ -73,7 +73,7 @@ def sentence(effect: Effect, term: Term, quantities: Mapping[str, Quantity]) -> 
     return _PLACE.sub(text, effect.sentence)
 
 
-def nothing_can_be_said(ceiling: float) -> str:
+def nothing_identifiable(ceiling: float) -> str:
     """What stands in the place of an agreement that would mean nothing."""
     return (
         f"Nothing can be said of this unit: noise allows a fit of {ceiling:.3g} % at most. "
@@ -131,8 +131,8 @@ def headline(
 def _what(found: Sequence[Finding], *, is_change: bool) -> str:
     """What the model leaves out, or what is new in the unit, and what in the model has changed, a sentence each."""
     new, held = ([_placed(f) for f in found if f.is_new is wanted] for wanted in (True, False))
-    said = [f"{_NEW if is_change else _LEFT_OUT} {_listed(new)}."] if new else []
-    return " ".join([*said, *([f"What the model has of {_listed(held)} has changed."] if held else [])])
+    parts = [f"{_NEW if is_change else _LEFT_OUT} {_listed(new)}."] if new else []
+    return " ".join([*parts, *([f"What the model has of {_listed(held)} has changed."] if held else [])])
 
 
 def _placed(f: Finding) -> str:
@@ -160,7 +160,7 @@ def unlikely(changed: Sequence[ChangedParameter]) -> tuple[str, ...]:
     )
 
 
-def told_only_together(changed: ChangedParameter, others: Sequence[str], was: float) -> str:
+def confounded(changed: ChangedParameter, others: Sequence[str], was: float) -> str:
     """A word on a parameter that has changed and was never told by itself; `was`: what it was if it changed alone."""
     before = f"{was:.4g}{_unit_text(changed.unit)}"
     return (
@@ -169,9 +169,9 @@ def told_only_together(changed: ChangedParameter, others: Sequence[str], was: fl
     )
 
 
-def drifted(told: Sequence[Parameter], before: Mapping[str, float], after: Mapping[str, float]) -> str:
+def drifted(moved: Sequence[Parameter], before: Mapping[str, float], after: Mapping[str, float]) -> str:
     """What has moved where the model fits only with it, no farther than it may wander."""
-    moves = [f"{p.name} is {after[p.name]:.5g}{_unit_text(p.unit)} instead of {before[p.name]:.5g}" for p in told]
+    moves = [f"{p.name} is {after[p.name]:.5g}{_unit_text(p.unit)} instead of {before[p.name]:.5g}" for p in moved]
     return (
         "it agrees only with parameters that have moved, within what was known of them and how units drift. "
         f"The corrected model has them: {_listed(moves)}"

@@ -149,7 +149,7 @@ def _of_effect(model: Model, site: Site) -> list[Variable]:
         value = _near(own.parameters[parameter.name].value if own else null[parameter.name])
         name = f"effect.{site.effect.name}.{site.hook.name}.{parameter.name}"
         low, high = _near(min(parameter.low, value)), _near(max(parameter.high, value))
-        found.append(Variable(name, model.told_unit(parameter.unit), value, low, high, parameter.meaning))
+        found.append(Variable(name, model.resolved_unit(parameter.unit), value, low, high, parameter.meaning))
     return found
 
 

@@ -17,7 +17,7 @@ Run = tuple[int, int]
 STALE_RUN = 4
 _CHANCE_RUNS = 1e-4
 _BESIDE = 50  # samples on either side of a run: a channel with few levels shows its value there too
-LEAST_SPELLS = 3  # fewer may be anything
+LEAST_INTERVALS = 3  # fewer may be anything
 _LONE_S, _LONE_SAMPLES = 1.0, 50  # a single run so long is a recorder that stopped
 _SAME_RUN, _FEWEST_RUNS = 0.95, 20  # share of equal runs of repeats, of a channel held between slower samples
 
@@ -30,7 +30,7 @@ def without_stale(e: Experiment) -> tuple[Experiment, list[Run]]:
     there = np.flatnonzero(e.valid)
     every = [(int(there[first]), int(there[last - 1]) + 1) for first, last in _stale_runs(e.valid_output)]
     repeated = [(start, stop) for start, stop in every if start > 0 or stop > _first_move(e)]
-    if len(repeated) < LEAST_SPELLS and not any(_is_long(e, start, stop) for start, stop in repeated):
+    if len(repeated) < LEAST_INTERVALS and not any(_is_long(e, start, stop) for start, stop in repeated):
         return e, []
     stale = np.zeros(len(e.output), dtype=np.bool_)
     for start, stop in repeated:

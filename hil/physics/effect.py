@@ -176,7 +176,7 @@ class Effect:
     rugged: bool = False
 
     @property
-    def told(self) -> str:
+    def reported_name(self) -> str:
         """The name by which a diagnosis tells it."""
         return self.known_as or self.name
 

@@ -119,7 +119,7 @@ class Model:
         caption = marked(f"{self.plant}: {self.input} → {self.output}", simulated=self.origin.get(SIMULATED))
         return table_html(("parameter", "value", "unit"), rows, caption)
 
-    def told_unit(self, unit: str) -> str:
+    def resolved_unit(self, unit: str) -> str:
         """A unit of its plant's page for a reader: that of its own channels where the plant takes any."""
         any_channel = "any [any]"
         return self.definition.in_units(unit, self.input or any_channel, self.output or any_channel)
@@ -127,7 +127,7 @@ class Model:
     @property
     def output_unit(self) -> str:
         """In which its output is told."""
-        return self.told_unit(self.definition.output.unit)
+        return self.resolved_unit(self.definition.output.unit)
 
     def to_pandas(self) -> Any:
         """Every parameter with its standard uncertainty and unit as a pandas DataFrame, indexed by name."""

@@ -19,7 +19,7 @@ from hil.diagnosis import diagnose as _everything  # noqa: F401  what a diagnosi
 
 ROOMS = ("hil.diagnosis", "hil.identification")
 # Files of the diagnosis in which a verdict is made or overruled.
-DECIDING = ("answer", "choice", "criteria", "explain", "measures", "named", "refuted", "score", "yardsticks")
+DECIDING = ("answer", "choice", "criteria", "explain", "measures", "named", "refuted", "score", "thresholds")
 _GRAMMAR, _TINY = {0.0, 0.5, 1.0, 2.0, 10.0, 60.0, 100.0, 1000.0}, 1e-6
 
 

@@ -67,7 +67,7 @@ class Outcome:
     @property
     def right(self) -> bool:
         """Whether the effect is named first."""
-        return self.said[:1] == (self.concealed.told,)
+        return self.said[:1] == (self.concealed.reported_name,)
 
 
 def drawn(unit: int, seed: int) -> Concealed:
@@ -75,7 +75,7 @@ def drawn(unit: int, seed: int) -> Concealed:
     rng = np.random.default_rng([seed, unit])
     by_name: dict[str, list[Site]] = {}
     for site in kernel(PLANT).sites:
-        by_name.setdefault(site.effect.told, []).append(site)
+        by_name.setdefault(site.effect.reported_name, []).append(site)
     told = sorted(by_name)[unit % len(by_name)]
     site = by_name[told][rng.integers(len(by_name[told]))]
     values = {p.name: p.typical for p in site.effect.parameters_at(site.hook)}
@@ -128,7 +128,7 @@ def main(
             for outcome in pool.map(_one, range(units), repeat(seed), repeat(nominal)):
                 found.append(outcome)
                 print(_line(outcome), flush=True)
-    alone = Rate(sum(o.said_first[:1] == (o.concealed.told,) for o in found), units)
+    alone = Rate(sum(o.said_first[:1] == (o.concealed.reported_name,) for o in found), units)
     tested = Rate(sum(o.right for o in found), units)
     longest = max(o.bench_s for o in found)
     print(f"named first: small sines alone {alone}, with own tests {tested}; at most {longest:.0f} s of bench time")
@@ -139,7 +139,7 @@ def _line(outcome: Outcome) -> str:
     values = ", ".join(f"{name} {value:.3g}" for name, value in hidden.parameters.items())
     first, last = (" + ".join(said) or "–" for said in (outcome.said_first, outcome.said))
     tests = f"{outcome.tests} | {outcome.bench_s:.0f} | {'right' if outcome.right else ''}"
-    return f"| {outcome.concealed.told} | {hidden.hook} | {values} | {first} | {last} | {tests} |"
+    return f"| {outcome.concealed.reported_name} | {hidden.hook} | {values} | {first} | {last} | {tests} |"
 
 
 if __name__ == "__main__":

@@ -11,12 +11,12 @@ from hil.diagnosis.diagnosis import ChangedParameter, Finding, Left, Quantity, V
 from hil.diagnosis.locate import Where
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.wording import (
+    confounded,
     drifted,
     headline,
-    nothing_can_be_said,
+    nothing_identifiable,
     quantity_text,
     sentence,
-    told_only_together,
     unlikely,
 )
 from hil.physics.compose import effect, effects, plant
@@ -105,12 +105,12 @@ def test_a_verdict_is_told_in_sentences_that_can_be_read(verdict: Verdict, count
     changed = [ChangedParameter("mass", 3.0, 4.0, 0.1, "kg", "moved mass, motor and screw included")] * count
     left = Left(0.022, 4.3, 0.3, "l/min", None, (), 2.5)
     assert longest(headline(verdict, found, changed, left, is_change=is_change)) <= 25
-    assert longest(nothing_can_be_said(4.0)) <= 25
+    assert longest(nothing_identifiable(4.0)) <= 25
 
 
 def test_warnings_are_told_in_sentences_that_can_be_read() -> None:
     changed = ChangedParameter("speed_extend", 100.0, 700.0, 0.1, "mm/s", "extension at full opening")
     axis = plant("linear-axis")
     moved = drifted(axis.parameters[:2], axis.typical, {p.name: 1.01 * p.typical for p in axis.parameters})
-    for text in (*unlikely([changed]), told_only_together(changed, ["loop_gain"], 90.0), moved):
+    for text in (*unlikely([changed]), confounded(changed, ["loop_gain"], 90.0), moved):
         assert longest(text) <= 25

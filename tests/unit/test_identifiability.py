@@ -63,8 +63,8 @@ def test_the_model_knows_what_they_are_together() -> None:
     assert "not identifiable" in identified().summary()
     problem = pose(identified().model, [small_moves(3, {})])
     prior = problem.prior
-    assert prior.told_only_with("loop_gain") == ["speed_extend"]
-    assert prior.told_only_with("speed_ratio") == []
+    assert prior.confounded_with("loop_gain") == ["speed_extend"]
+    assert prior.confounded_with("speed_ratio") == []
     names, values = [p.name for p in problem.base], problem.model.values
     gain, speed = names.index("loop_gain"), names.index("speed_extend")
     product = np.zeros(len(names))  # slope of the logarithm of loop gain times speed

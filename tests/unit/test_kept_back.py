@@ -60,7 +60,7 @@ def test_recordings_are_short_by_what_they_hold_and_not_by_the_clock(monkeypatch
 def test_what_is_kept_back(name: str, seconds: tuple[float, ...], interval_s: float, said: str) -> None:
     asked = problem(name, seconds, interval_s=interval_s)
     kept = kept_back(asked, nothing(asked))
-    assert kept.said == said
+    assert kept.basis == said
     assert len(kept.fold) == len(kept.scored) == len(asked.nominal_residuals)
 
 
@@ -98,7 +98,7 @@ def test_what_shows_in_one_recording_alone_is_judged_within_it(changed: tuple[in
         without[asked.output_slices()[k]] += 3.0
     f = Fitted((term,) if changed else (), (term.starts[0],) if changed else (), asked.model.values, 0.0, without)
     kept = kept_back(asked, f)
-    assert kept.said == said
+    assert kept.basis == said
     by_recording = [np.unique(kept.fold[part]).tolist() for part in asked.output_slices()]
     assert by_recording == ([[0, 1], [0, 1]] if said == rooms.OTHER_HALVES else [[0], [1]])
     assert len(kept.fold) == len(kept.scored) == len(without)

@@ -27,8 +27,8 @@ def test_a_recorder_that_stops_once_for_long_is_recognised_by_that_alone() -> No
     made = records(seed=23)
     flow = made[1].channels["flow"].values
     flow[5 * SECOND :] = flow[5 * SECOND]
-    kept, spells = without_stale(bound(nominal(), made))
-    assert [(s.recording, s.start_s) for s in spells] == [("sweep", 5.0)]
+    kept, intervals = without_stale(bound(nominal(), made))
+    assert [(s.recording, s.start_s) for s in intervals] == [("sweep", 5.0)]
     assert kept[1].ignored is not None
     assert kept[1].ignored.mean() == pytest.approx((DURATION_S - 5.0) / DURATION_S, abs=0.001)
 
@@ -93,12 +93,12 @@ def test_a_coarse_channel_that_catches_up_at_once_was_not_measured_anew() -> Non
     lost = [SECOND * k for k in (5, 6, 7, 10, 11)]
     for start in lost:
         sweep[start : start + 40] = sweep[start]
-    kept, spells = without_stale(bound(nominal(), made))
-    assert spells == ()  # chance may repeat a reading for as long
+    kept, intervals = without_stale(bound(nominal(), made))
+    assert intervals == ()  # chance may repeat a reading for as long
     problem = pose(nominal(), kept)
     found = held_outputs(problem, nothing(problem))
     assert found is not None
-    assert [round(s.start_s * SECOND) for s in found.spells] == pytest.approx(lost, abs=3)
+    assert [round(s.start_s * SECOND) for s in found.intervals] == pytest.approx(lost, abs=3)
     assert excess(problem, problem.nominal_residuals @ problem.nominal_residuals) > 0.5
     assert excess(problem, found.chi2) < 1.0 / 12.0 + 0.05  # a twelfth is what rounding adds
 

@@ -39,4 +39,4 @@ def test_terms_have_units_of_the_channels(asked: Problem) -> None:
 
 def test_what_is_left_is_in_the_unit_of_the_output(asked: Problem) -> None:
     assert asked.model.output_unit == "bar"
-    assert asked.model.told_unit("{input}/s") == "r/min/s"
+    assert asked.model.resolved_unit("{input}/s") == "r/min/s"

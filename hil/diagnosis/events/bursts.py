@@ -8,7 +8,7 @@ import numpy as np
 
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
-from hil.diagnosis.yardsticks import FAR
+from hil.diagnosis.thresholds import FAR
 from hil.identification.experiment import Experiment
 from hil.record.recording import Array
 from hil.signals.runs import runs

@@ -9,7 +9,7 @@ import numpy as np
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
-from hil.diagnosis.yardsticks import FAR, MOST
+from hil.diagnosis.thresholds import FAR, MOST
 from hil.identification.experiment import Experiment
 from hil.identification.noise import resolution
 from hil.record.recording import Array

@@ -12,7 +12,7 @@ from hil.record.recording import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Spell:
+class Interval:
     """A stretch of a recording in which something stood still."""
 
     recording: str
@@ -26,7 +26,7 @@ class Events:
 
     Attributes:
         name: of the effect. `stage`, `hook`: where in the chain.
-        spells: when. `values`: what is known of them: name → (value, std, unit).
+        intervals: when. `values`: what is known of them: name → (value, std, unit).
         residuals: whitened, with the events taken into account, shape (n,).
         rest: the experiments without the events, to look at again.
         sentence: for the operator. `equation`: for the engineer.
@@ -36,7 +36,7 @@ class Events:
     name: str
     stage: str
     hook: str
-    spells: tuple[Spell, ...]
+    intervals: tuple[Interval, ...]
     values: dict[str, tuple[float, float | None, str]]
     residuals: Array
     rest: tuple[Experiment, ...]
@@ -45,7 +45,7 @@ class Events:
     shows_as: str = ""
 
     @property
-    def told(self) -> tuple[str, str]:
+    def names(self) -> tuple[str, str]:
         """Effects that need no telling beside these events."""
         return self.name, self.shows_as
 
@@ -55,11 +55,11 @@ class Events:
         return float(self.residuals @ self.residuals)
 
 
-def how_often(spells: Sequence[Spell]) -> dict[str, tuple[float, float | None, str]]:
-    """Number and length of spells."""
-    lasting = np.array([spell.stop_s - spell.start_s for spell in spells])
+def how_often(intervals: Sequence[Interval]) -> dict[str, tuple[float, float | None, str]]:
+    """Number and length of intervals."""
+    lasting = np.array([interval.stop_s - interval.start_s for interval in intervals])
     return {
-        "events": (float(len(spells)), None, "1"),
-        "lasting": (float(lasting.mean()), float(lasting.std() / np.sqrt(len(spells))), "s"),
+        "events": (float(len(intervals)), None, "1"),
+        "lasting": (float(lasting.mean()), float(lasting.std() / np.sqrt(len(intervals))), "s"),
         "longest": (float(lasting.max()), None, "s"),
     }

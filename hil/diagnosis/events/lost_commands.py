@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.diagnosis.events.bursts import BLOCK_S, Burst, all_bursts, is_sparse
-from hil.diagnosis.events.event import Events, Spell, how_often
+from hil.diagnosis.events.event import Events, Interval, how_often
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, residuals_of
-from hil.diagnosis.yardsticks import A_GOOD_PART
+from hil.diagnosis.thresholds import A_GOOD_PART
 from hil.identification.experiment import Experiment
-from hil.identification.repeated import LEAST_SPELLS
+from hil.identification.repeated import LEAST_INTERVALS
 from hil.record.recording import Array
 
 # A jump is this share of the command's range; what comes with so many of them, and hardly without, has a law.
@@ -35,25 +35,27 @@ def held_commands(problem: Problem, around: Fitted) -> Events | None:
     """
     bursts = all_bursts(problem, around)
     count = sum(map(len, bursts))
-    if count < LEAST_SPELLS or not is_sparse(problem, around.residuals, bursts):
+    if count < LEAST_INTERVALS or not is_sparse(problem, around.residuals, bursts):
         return None
     holds = _best_holds(problem, around, bursts)
     if holds is None:
         return None
     rest = _held(problem, holds)
-    spells = tuple(
-        Spell(e.name, float(e.time_s[0] + start * e.drive.interval_s), float(e.time_s[0] + stop * e.drive.interval_s))
+    intervals = tuple(
+        Interval(
+            e.name, float(e.time_s[0] + start * e.drive.interval_s), float(e.time_s[0] + stop * e.drive.interval_s)
+        )
         for e, own in zip(problem.experiments, holds, strict=True)
         for start, stop in own
         if stop > start
     )
-    if len(spells) < LEAST_SPELLS:
+    if len(intervals) < LEAST_INTERVALS:
         return None
-    values = how_often(spells)
+    values = how_often(intervals)
     first = problem.plant.hooks[0]
     return Events(
-        "dropout", first.stage, first.name, spells, values, residuals_of(problem, around, experiments=rest), rest,
-        f"The command did not always arrive: {len(spells)} times the valve stood on the last one, "
+        "dropout", first.stage, first.name, intervals, values, residuals_of(problem, around, experiments=rest), rest,
+        f"The command did not always arrive: {len(intervals)} times the valve stood on the last one, "
         f"{values['lasting'][0]:.2g} s on average.",
         "u(t) = u(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
     )  # fmt: skip
@@ -74,7 +76,7 @@ def comes_every_time(problem: Problem, around: Fitted) -> bool:
         shown.append(jump_in_burst.any(axis=1))
         beside += int((~jump_in_burst.any(axis=0)).sum())
     size, hit = np.concatenate(sizes), np.concatenate(shown)
-    if hit.sum() < LEAST_SPELLS or beside > (1.0 - _NEARLY_ALL) * sum(map(len, bursts)):
+    if hit.sum() < LEAST_INTERVALS or beside > (1.0 - _NEARLY_ALL) * sum(map(len, bursts)):
         return False
     return float(hit[size >= np.median(size[hit])].mean()) > _NEARLY_ALL
 

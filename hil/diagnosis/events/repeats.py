@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.diagnosis.events.bursts import Burst, bursts_of
-from hil.diagnosis.events.event import Events, Spell, how_often
+from hil.diagnosis.events.event import Events, Interval, how_often
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of, residuals_of
-from hil.diagnosis.yardsticks import A_GOOD_PART, CERTAIN, MOST
+from hil.diagnosis.thresholds import A_GOOD_PART, CERTAIN, MOST
 from hil.identification.experiment import Experiment
 from hil.identification.noise import white_floor
-from hil.identification.repeated import LEAST_SPELLS, STALE_RUN, longer_than_by_chance, same_again
+from hil.identification.repeated import LEAST_INTERVALS, STALE_RUN, longer_than_by_chance, same_again
 from hil.identification.repeated import without_stale as repeats_left_out
 from hil.record.recording import Array
 from hil.signals.runs import runs
@@ -27,14 +27,14 @@ _CHANCE_IN_BURSTS = 0.3
 _REPEATS_BY_ITSELF = 0.6
 
 
-def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[Spell, ...]]:
+def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[Interval, ...]]:
     """The experiments with samples ignored that only repeat the one before, and where those are."""
-    kept, spells = [], []
+    kept, intervals = [], []
     for e in experiments:
         fresh, repeated = repeats_left_out(e)
         kept.append(fresh)
-        spells += [Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])) for start, stop in repeated]
-    return tuple(kept), tuple(spells)
+        intervals += [Interval(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])) for start, stop in repeated]
+    return tuple(kept), tuple(intervals)
 
 
 def held_outputs(problem: Problem, around: Fitted) -> Events | None:
@@ -43,30 +43,32 @@ def held_outputs(problem: Problem, around: Fitted) -> Events | None:
 
     Where noise is hardly above the resolution `without_stale` needs longer runs than a short loss makes.
     """
-    rest, spells = [], []
+    rest, intervals = [], []
     for k, e in enumerate(problem.experiments):
         stale = np.zeros(len(e.output), dtype=np.bool_)
         in_bursts = _repeats_in_bursts(e.output, bursts_of(problem, around.residuals, k))
         for start, stop in in_bursts or _caught_up(problem, around, e):
             stale[start + 1 : stop] = True
-            spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
+            intervals.append(Interval(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
         rest.append(e.without(stale))
-    if len(spells) < LEAST_SPELLS:
+    if len(intervals) < LEAST_INTERVALS:
         return None
     residuals = residuals_of(problem, around, experiments=rest)
     for before, now, output in zip(problem.experiments, rest, problem.outputs_of(residuals), strict=True):
         output[before.valid & ~now.valid] = 1.0  # as noise would be; nothing was measured there
-    return stale_outputs(spells, problem, residuals, tuple(rest))
+    return stale_outputs(intervals, problem, residuals, tuple(rest))
 
 
-def stale_outputs(spells: Sequence[Spell], problem: Problem, residuals: Array, rest: tuple[Experiment, ...]) -> Events:
+def stale_outputs(
+    intervals: Sequence[Interval], problem: Problem, residuals: Array, rest: tuple[Experiment, ...]
+) -> Events:
     """The finding for samples that were not measured anew and are left out of the rest."""
-    values = how_often(spells)
+    values = how_often(intervals)
     last = problem.plant.hooks[-1]
     return Events(
-        "dropout", last.stage, last.name, tuple(spells), values, residuals, rest,
-        f"Samples were not measured anew: {_times(len(spells))} the recording repeats its last value, "
-        f"{values['lasting'][0]:.2g} s{'' if len(spells) == 1 else ' on average'}.",
+        "dropout", last.stage, last.name, tuple(intervals), values, residuals, rest,
+        f"Samples were not measured anew: {_times(len(intervals))} the recording repeats its last value, "
+        f"{values['lasting'][0]:.2g} s{'' if len(intervals) == 1 else ' on average'}.",
         "y(t) = y(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
     )  # fmt: skip
 

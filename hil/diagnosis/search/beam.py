@@ -206,7 +206,7 @@ class Search:
         jobs = [
             probe
             for rank, own in enumerate(list(starts.values())[:tried])
-            for probe in own[: EFFORT.starts if rank < finished or own[0].term.rugged else 1]
+            for probe in own[: EFFORT.starts if rank < finished or own[0].term.multimodal else 1]
         ]
         self._to_the_end(spread(lambda probe: fit_given(place, probe.term, probe.at), jobs), finished)
 

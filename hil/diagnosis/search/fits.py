@@ -14,7 +14,7 @@ from hil.diagnosis.search.around import Around, adapt, adapted_residuals, with_t
 from hil.diagnosis.search.effort import EFFORT, Steps
 from hil.diagnosis.search.fitted import Fitted, evaluated, residuals_of, simulated, starting
 from hil.diagnosis.search.terms import Term
-from hil.diagnosis.yardsticks import FAR, SELDOM_BY_CHANCE
+from hil.diagnosis.thresholds import FAR, SELDOM_BY_CHANCE
 from hil.identification.estimate import Unknown, estimate
 from hil.record.recording import Array
 
@@ -116,14 +116,14 @@ def finished(problem: Problem, f: Fitted) -> Fitted:
     if not f.terms:
         return f
     f = fit(problem, f, from_here=True)
-    is_rugged = any(term.rugged for term in f.terms)
+    is_multimodal = any(term.multimodal for term in f.terms)
     for factor in (1.0, FAR):
         if problem.factor < factor:
             finer = replace(problem, factor=factor)
             change = residuals_of(finer, f) - residuals_of(problem, f)
-            if (is_rugged and factor == 1.0) or change @ change > 1.0:
+            if (is_multimodal and factor == 1.0) or change @ change > 1.0:
                 again = fit(finer, f, from_here=True)
-                if not (is_rugged and factor > 1.0 and again.chi2 > f.chi2):
+                if not (is_multimodal and factor > 1.0 and again.chi2 > f.chi2):
                     problem, f = finer, again
     return with_known_start(problem, f)
 

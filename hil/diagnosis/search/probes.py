@@ -100,7 +100,7 @@ def pairs(probes: Sequence[Probe], r: NDArray[np.float32], most: int) -> list[tu
     found: dict[frozenset[str], tuple[Placed, Placed]] = {}
     for k in np.argsort(-gain[first, second], kind="stable"):
         i, j = int(first[k]), int(second[k])
-        names = frozenset((probes[i].term.told, probes[j].term.told))
+        names = frozenset((probes[i].term.reported_name, probes[j].term.reported_name))
         if gain[i, j] <= 0.0 or len(found) == most:
             break
         if len(names) == 2 and names not in found and share_i[i, j] > 0.0 and share_j[i, j] > 0.0:

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from hil.diagnosis.problem import Problem
-from hil.diagnosis.yardsticks import FEW, MUCH_THE_SAME
+from hil.diagnosis.thresholds import FEW, MUCH_THE_SAME
 from hil.identification.estimate import Unknown
 from hil.identification.lines import between_bins, prominence
 from hil.physics.compose import Site, kernel
@@ -53,7 +53,7 @@ class Term:
     change: str = ""
     nulls: tuple[float, ...] = ()
     telling: tuple[tuple[str, str], ...] = ()
-    rugged: bool = False
+    multimodal: bool = False
     by_clock: bool = False
     held: tuple[tuple[str, float], ...] = ()
 
@@ -95,14 +95,14 @@ class Term:
         return f"{self.name} at {self.stage}" if self.kind == "effect" else self.name
 
     @property
-    def told(self) -> str:
+    def reported_name(self) -> str:
         """The name by which an effect is told."""
         return self.change or self.name
 
     def effect_name(self, values: Sequence[float]) -> str:
         """The effect that these values stand for, or nothing when it is a changed parameter."""
         if self.kind == "effect":
-            return self.told
+            return self.reported_name
         return self.change or (self.growth if values[0] > self.nominal else "")
 
     def apply(self, values: Sequence[float], parameters: dict[str, float], effects: list[ActiveEffect]) -> None:
@@ -122,9 +122,11 @@ def all_terms(problem: Problem, left: Array) -> tuple[Term, ...]:
     seen = signals_seen(problem, left)
     sites = kernel(problem.plant.name).sites
     held = {effect.key: effect.parameters for effect in problem.model.active_effects}
-    told = problem.model.told_unit
+    resolved_unit = problem.model.resolved_unit
     effects = [
-        _held_term(site, held[site.key], told) if site.key in held else _effect_term(site, seen[site.hook.name], told)
+        _held_term(site, held[site.key], resolved_unit)
+        if site.key in held
+        else _effect_term(site, seen[site.hook.name], resolved_unit)
         for site in sites
         if site.key not in problem.refuted
     ]
@@ -153,7 +155,7 @@ def _parameter_term(parameter: Parameter, value: float, stage: str) -> Term:
     )
 
 
-def _effect_term(site: Site, seen: Seen, told_unit: Callable[[str], str]) -> Term:
+def _effect_term(site: Site, seen: Seen, resolved_unit: Callable[[str], str]) -> Term:
     there = [_as_far_as_seen(p, site, seen) for p in site.effect.parameters]
     typical = {p.name: p.typical for p in there}
     starts = tuple(
@@ -161,18 +163,19 @@ def _effect_term(site: Site, seen: Seen, told_unit: Callable[[str], str]) -> Ter
         for start in site.effect.starts_at(site.hook, seen)
     )
     unknowns = tuple(
-        Unknown(p.name, told_unit(p.unit), p.typical, p.low, p.high, _size(p, starts, k)) for k, p in enumerate(there)
+        Unknown(p.name, resolved_unit(p.unit), p.typical, p.low, p.high, _size(p, starts, k))
+        for k, p in enumerate(there)
     )
     scale = {p.name: p.scale_at(site.hook) for p in site.effect.parameters}
     nulls = tuple(float("nan") if p.null is None else p.null * scale[p.name] for p in site.effect.parameters)
     return Term(
         "effect", site.effect.name, site.hook.name, site.hook.stage, unknowns, tuple(dict.fromkeys(starts)),
-        change=site.effect.known_as, nulls=nulls, rugged=site.effect.rugged,
+        change=site.effect.known_as, nulls=nulls, multimodal=site.effect.rugged,
         telling=tuple((p.name, p.telling) for p in site.effect.parameters if p.telling), by_clock=site.by_clock,
     )  # fmt: skip
 
 
-def _held_term(site: Site, held: Mapping[str, float], told_unit: Callable[[str], str]) -> Term:
+def _held_term(site: Site, held: Mapping[str, float], resolved_unit: Callable[[str], str]) -> Term:
     """An effect that the nominal model has: its sizes may have changed, its shapes stay."""
     there = [p.at(site.hook) for p in site.effect.parameters if p.null is not None and held[p.name] != 0.0]
     values = tuple(held[p.name] for p in there)
@@ -182,12 +185,12 @@ def _held_term(site: Site, held: Mapping[str, float], told_unit: Callable[[str],
         for factor in factors
     )
     unknowns = tuple(
-        Unknown(p.name, told_unit(p.unit), v, min(p.low, v), max(p.high, v), _size(p, starts, k))
+        Unknown(p.name, resolved_unit(p.unit), v, min(p.low, v), max(p.high, v), _size(p, starts, k))
         for k, (p, v) in enumerate(zip(there, values, strict=True))
     )
     return Term(
         "effect", site.effect.name, site.hook.name, site.hook.stage, unknowns, starts,
-        change=site.effect.known_as, nulls=values, rugged=site.effect.rugged, by_clock=site.by_clock,
+        change=site.effect.known_as, nulls=values, multimodal=site.effect.rugged, by_clock=site.by_clock,
         held=tuple(held.items()),
     )  # fmt: skip
 
@@ -230,11 +233,11 @@ def _seen(
     low, high = float(values.min()), float(values.max())
     # The swing of a typical recording: a slow sweep over everything must not hide a small sine.
     swings = [float(np.ptp(row)) / 2.0 for row, _ in rows]
-    swing = max(float(np.median(swings)), 1e-6 * max(abs(low), abs(high), 1e-9))
+    amplitude = max(float(np.median(swings)), 1e-6 * max(abs(low), abs(high), 1e-9))
     moving = speeds[speeds > 0.0]
     quantiles = np.quantile(moving, (0.5, 0.9, 0.99)) if moving.size else np.zeros(3)
     return Seen(
-        low, high, swing, (float(quantiles[0]), float(quantiles[1]), float(quantiles[2])),
+        low, high, amplitude, (float(quantiles[0]), float(quantiles[1]), float(quantiles[2])),
         tones, duration_s, rows[0][1],
     )  # fmt: skip
 

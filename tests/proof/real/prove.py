@@ -98,7 +98,7 @@ def _proved(real: RealSet, folder: Path) -> Outcome:
         for e in corrected.effects
         for name, value in e.parameters.items()
     )
-    described = tuple(installed_effect(e.name).told for e in corrected.effects)
+    described = tuple(installed_effect(e.name).reported_name for e in corrected.effects)
     return Outcome(
         real, said.verdict, tuple(e.name for e in said.effects), described, effects,
         _free(plant, corrected), said.left.share, _mean([_kept_back(models, e, 0) for e in used]), _mean(kept_back),

@@ -8,8 +8,8 @@ from dataclasses import replace
 from hil.diagnosis.choice import Choice
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.terms import Term
+from hil.diagnosis.thresholds import SELDOM_BY_CHANCE
 from hil.diagnosis.wording import quantity_text
-from hil.diagnosis.yardsticks import SELDOM_BY_CHANCE
 from hil.physics.compose import effect as installed_effect
 from hil.physics.model import Model, ModelEffect
 
@@ -27,8 +27,8 @@ def as_in_this_unit(problem: Problem, choice: Choice) -> tuple[Problem, tuple[st
     effects = tuple(
         _moved(e, *moved[e.name, e.hook]) if (e.name, e.hook) in moved else e for e in problem.model.effects
     )
-    said = tuple(text for term, values in near for text in _words(term, values))
-    return replace(problem, model=replace(problem.model, effects=effects)), said
+    notes = tuple(text for term, values in near for text in _words(term, values))
+    return replace(problem, model=replace(problem.model, effects=effects)), notes
 
 
 def is_no_news(model: Model, term: Term, values: Sequence[float]) -> bool:

@@ -15,14 +15,14 @@ from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted
-from hil.diagnosis.yardsticks import A_GOOD_PART, FEW
+from hil.diagnosis.thresholds import A_GOOD_PART, FEW
 from hil.record.recording import Array
 
 # The best law is fitted again to what it leaves undisturbed, so often.
 _ROUNDS = 3
 
 
-def undisturbed(problem: Problem, laws: Sequence[Fitted]) -> Fitted | None:
+def least_trimmed_squares(problem: Problem, laws: Sequence[Fitted]) -> Fitted | None:
     """Of laws, the best first, the one that explains best what is undisturbed, fitted to that; None without any.
 
     Fitted to all samples a law bends to what happens beside it, and what happened does not stand out any more.

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.diagnosis.events.undisturbed import quiet, undisturbed
+from hil.diagnosis.events.least_trimmed_squares import least_trimmed_squares, quiet
 from hil.diagnosis.problem import pose
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted, nothing
@@ -51,10 +51,10 @@ def test_a_law_does_not_bend_to_what_happens_beside_it() -> None:
         return fit(problem, replace(start, terms=(term,), values=(term.starts[0],)))
 
     loop, other = fitted("hysteresis"), fitted("saturation")
-    found = undisturbed(problem, [other, loop, start])
+    found = least_trimmed_squares(problem, [other, loop, start])
     assert found is not None
     assert found.names == ("hysteresis",)
     assert abs(found.values[0][0] - 4.0) < 0.1
     assert abs(loop.values[0][0] - 4.0) > 0.3
     assert found.chi2 > loop.chi2
-    assert undisturbed(problem, [start]) is None
+    assert least_trimmed_squares(problem, [start]) is None

@@ -1,4 +1,4 @@
-"""What is certain, what is most, what is much the same: the yardsticks that all rooms of a diagnosis share."""
+"""What is certain, what is most, what is much the same: the thresholds that all rooms of a diagnosis share."""
 
 from __future__ import annotations
 
