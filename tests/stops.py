@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from typing import Any
 from urllib.parse import urlencode, urlsplit
 
-from hil.bench.stop.desk import Desk
 from hil.bench.stop.listener import Listener
+from hil.bench.stop.stop_service import StopService
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.safety.operator import Asked
 from hil.safety.outputs import Output, State
@@ -82,7 +82,7 @@ def stopped(listener: Listener) -> dict[str, Any]:
 
 
 @contextmanager
-def listening(act: Callable[[Desk, Asked], None] | None = None) -> Iterator[tuple[Listener, list[Asked]]]:
+def listening(act: Callable[[StopService, Asked], None] | None = None) -> Iterator[tuple[Listener, list[Asked]]]:
     """A listener, and the wishes that came; whoever acts on them tells at the desk."""
     wishes: list[Asked] = []
 
@@ -91,7 +91,7 @@ def listening(act: Callable[[Desk, Asked], None] | None = None) -> Iterator[tupl
         if act is not None:
             threading.Thread(target=act, args=(desk, wish), daemon=True).start()
 
-    desk = Desk({"valve": "V"}, "run", acted)
+    desk = StopService({"valve": "V"}, "run", acted)
     listener = Listener(desk, "run")
     try:
         yield listener, wishes
@@ -99,7 +99,7 @@ def listening(act: Callable[[Desk, Asked], None] | None = None) -> Iterator[tupl
         listener.close()
 
 
-def tell_safe(desk: Desk, _wish: Asked) -> None:
+def tell_safe(desk: StopService, _wish: Asked) -> None:
     """The outputs were read back safe, a moment after it was asked for."""
     time.sleep(0.02)
     desk.tell(SAFE, "run")

@@ -17,8 +17,8 @@ from typing import IO, Any, NamedTuple
 
 from hil.bench.read import BenchFile
 from hil.bench.stop.control import Control, control_of
-from hil.bench.stop.desk import Desk
 from hil.bench.stop.listener import Listener
+from hil.bench.stop.stop_service import StopService
 from hil.child import child
 from hil.daq.connection import close_in_children
 from hil.errors import HardwareError, StoppedError
@@ -29,7 +29,7 @@ from hil.safety.outputs import Outputs
 READY, DRIVEN, AT_REST, FAREWELL, ANSWER, ERROR = b"ready ", b"d", b"s", b"q", b".", b"error "
 CONFIRMING = b"c"  # a sign of life: outputs are told to be safe and read back, and nothing else comes in between
 HANDS_OVER, TAKEN = b"h", b"+"  # the program ends and its outputs are not settled; the watchdog goes on
-WISHES: Mapping[Asked, bytes] = {"stop": b"!", "hold": b"=", "resume": b">"}
+REQUESTS: Mapping[Asked, bytes] = {"stop": b"!", "hold": b"=", "resume": b">"}
 BY = b"@"  # from the watchdog: who asks for the stop that follows, a JSON string on a line
 LINE = b"{"  # to the watchdog: a line of JSON begins, {"outputs": …} after a stop, or {"holding": …}
 REPORT_FILE = "watchdog.json"
@@ -75,21 +75,21 @@ def watched(file: BenchFile, run: Path, known: Outputs, operator: Operator | Non
             yield watch
         return
     operator = operator or Operator()
-    heart = Heart(file, run, operator)
-    operator.tell, operator.holding, operator.confirming = heart.say_outputs, heart.say_holding, heart.say_confirming
+    client = HeartbeatClient(file, run, operator)
+    operator.tell, operator.holding, operator.confirming = client.say_outputs, client.say_holding, client.say_confirming
     try:
-        heart.wait_until_ready()
-        yield Watch(heart.beat, heart.control, heart.deaf, heart.hand_over)
+        client.wait_until_ready()
+        yield Watch(client.beat, client.control, client.no_listener, client.hand_over)
     except BaseException as error:
         if not known.are_commanded:
-            error.add_note(heart.hand_over())
+            error.add_note(client.hand_over())
         raise
     finally:
         if known.are_commanded:
-            heart.say_outputs(known)
-            heart.say_farewell()
+            client.say_outputs(known)
+            client.say_farewell()
         else:
-            heart.stop()
+            client.stop()
 
 
 @contextmanager
@@ -98,11 +98,11 @@ def _heard_here(file: BenchFile, known: Outputs, operator: Operator | None) -> I
     if operator is None:
         yield Watch(lambda _driven: None, None)
         return
-    desk = Desk(units_of(file), "run", lambda wish: operator.ask(wish, desk.stopped_by))
-    operator.tell = lambda outputs: desk.tell(outputs.known, "run")
-    operator.holding = desk.holds
+    service = StopService(units_of(file), "run", lambda request: operator.ask(request, service.stopped_by))
+    operator.tell = lambda outputs: service.tell(outputs.known, "run")
+    operator.holding = service.holds
     try:
-        listener = Listener(desk, "run")
+        listener = Listener(service, "run")
     except OSError as error:
         yield Watch(lambda _driven: None, None, f"no listener for a stop: {error}")
         return
@@ -119,7 +119,7 @@ def units_of(file: BenchFile) -> dict[str, str]:
     return {name: channel.unit for name, channel in file.bench.channels.items() if channel.is_output}
 
 
-class Heart:
+class HeartbeatClient:
     """The watchdog process of a run, as seen from the run.
 
     Args:
@@ -129,13 +129,13 @@ class Heart:
 
     Attributes:
         control: where that listener is.
-        deaf: why there is none.
+        no_listener: why there is none.
     """
 
     def __init__(self, file: BenchFile, run: Path, operator: Operator | None = None) -> None:
         self._operator = operator or Operator()
         self.control: Control | None = None
-        self.deaf = ""
+        self.no_listener = ""
         self._limit_s = file.bench.protection.watchdog_s
         self._report = run / REPORT_FILE
         words = [str(file.path.resolve()), str(os.getpid()), str(run.absolute()), str(Path.cwd())]
@@ -255,24 +255,24 @@ class Heart:
         pipe.write(what)
 
     def _listen(self) -> None:
-        with self._process.stdout as said:  # type: ignore[union-attr] # it is a pipe
-            first = said.readline()
+        with self._process.stdout as output:  # type: ignore[union-attr] # it is a pipe
+            first = output.readline()
             self._failed = "" if first.startswith(READY) else _reason(first) or self._death()
             if not self._failed:
-                told = json.loads(first.removeprefix(READY))
-                self.control, self.deaf = control_of(told), told.get("deaf", "")
+                started = json.loads(first.removeprefix(READY))
+                self.control, self.no_listener = control_of(started), started.get("no_listener", "")
             self._heard_s = self._asked_s = time.monotonic()
             self._started.set()
             last = b""
-            while more := said.read(4096):
+            while more := output.read(4096):
                 self._heard_s = time.monotonic()
                 last = self._heed((last + more)[-_LONGEST_REASON:])
         self._failed = self._failed or _reason(last) or self._death()
 
-    def _heed(self, said: bytes) -> bytes:
+    def _heed(self, signs: bytes) -> bytes:
         """Do what is asked, and return what is left: the beginning of a reason."""
-        while said:
-            sign, rest = said[:1], said[1:]
+        while signs:
+            sign, rest = signs[:1], signs[1:]
             if sign == BY:
                 line, ended, rest = rest.partition(b"\n")
                 if not ended:  # the rest of it is on its way
@@ -281,17 +281,17 @@ class Heart:
             elif sign == TAKEN:
                 self._taken.set()
             elif sign != ANSWER:
-                wish = next((wish for wish, word in WISHES.items() if word == sign), None)
-                if wish is None:
+                request = next((request for request, word in REQUESTS.items() if word == sign), None)
+                if request is None:
                     break
-                self._operator.ask(wish, self._by)
-            said = rest
-        return said
+                self._operator.ask(request, self._by)
+            signs = rest
+        return signs
 
-    def _relay(self, said: IO[bytes]) -> None:
+    def _relay(self, output: IO[bytes]) -> None:
         """What it says on stderr, said here."""
-        with said:
-            for line in iter(said.readline, b""):
+        with output:
+            for line in iter(output.readline, b""):
                 with suppress(OSError, ValueError):
                     print(printable(line.decode(errors="replace").rstrip()), file=sys.stderr, flush=True)
 
@@ -316,9 +316,9 @@ def _signals_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _reason(said: bytes) -> str:
+def _reason(data: bytes) -> str:
     """Why it died, where it could say so."""
-    _, found, text = said.partition(ERROR)
+    _, found, text = data.partition(ERROR)
     return text.decode(errors="replace").strip() if found else ""
 
 

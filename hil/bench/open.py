@@ -17,12 +17,12 @@ from hil.bench.heartbeat import Watch, watched
 from hil.bench.lease import leased
 from hil.bench.nets.calibration import deviations_on
 from hil.bench.nets.packages import check_packages
+from hil.bench.progress_report import Progress, ProgressReporter, Shown
 from hil.bench.protection import protection_of
 from hil.bench.read import BenchFile
 from hil.bench.recorder import Recorder
 from hil.bench.rig import BenchRig, conditions_of
 from hil.bench.stop.control import published
-from hil.bench.told import Progress, Shown, Told
 from hil.catalog import base_plant
 from hil.clock import Clock, clock
 from hil.daq.contract import Block, Daq
@@ -32,7 +32,7 @@ from hil.record.folder import RunWriter
 from hil.record.header import Column
 from hil.record.recording import Recording
 from hil.safety.guard import Guard
-from hil.safety.interrupt import told_of_signals
+from hil.safety.interrupt import notified_of_signals
 from hil.safety.latch import Latch, latch_path
 from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
@@ -133,11 +133,11 @@ def _opened_rig(
     )
     finished = _taken_over(writer, earlier)
     recorder = Recorder(writer, daq.inputs)
-    told = Told(progress, _shown(bench, daq, commanding), virtual=daq.promises.timing == "virtual")
+    reporter = ProgressReporter(progress, _shown(bench, daq, commanding), virtual=daq.promises.timing == "virtual")
 
     def keep(block: Block) -> None:
         recorder.keep(block)
-        told.heard(recorder.time_of(block), block.columns)
+        reporter.heard(recorder.time_of(block), block.columns)
 
     guard = Guard(
         daq, protection_of(bench, rate_hz), latch, _clock(daq), keep, recorder.note, watch.beat,
@@ -149,11 +149,11 @@ def _opened_rig(
     ending.enter(_left_to_the_watchdog(watch, known))
     ending.enter(closed_for_sure(guard.close))
     ending.guard = guard
-    ending.enter(told_of_signals(ending.signalled))
+    ending.enter(notified_of_signals(ending.signalled))
     begins()
     with ending.task():
         _switch_on(bench, guard, rate_hz)
-    return BenchRig(bench, guard, recorder, columns, told, finished, commanding, ending)
+    return BenchRig(bench, guard, recorder, columns, reporter, finished, commanding, ending)
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from hil.bench.heartbeat import GIVE_UP_S, units_of
 from hil.bench.read import BenchFile
-from hil.bench.stop.desk import Desk
+from hil.bench.stop.stop_service import StopService
 from hil.daq.calibration import Calibration
 from hil.daq.contract import Daq
 from hil.errors import reason
@@ -63,15 +63,15 @@ class Rescue:
         desk: told what each device says.
     """
 
-    def __init__(self, file: BenchFile, desk: Desk) -> None:
-        self._file, self._desk = file, desk
+    def __init__(self, file: BenchFile, service: StopService) -> None:
+        self._file, self._service = file, service
         self._begun_s = time.monotonic()
         self._lines: dict[str, list[_Device]] = {}
         for name, device in file.devices.items():
             address = str(getattr(device.settings, "address", name))
             self._lines.setdefault(address, []).append(_Device(name, f"{name}: no answer yet", away_s=self._begun_s))
 
-    def at_once(self) -> None:
+    def one_attempt(self) -> None:
         """One try, for as long as a moment: while the bench is still that of a program that was killed."""
         _wait(self._begun(self._tried_all), self._begun_s + _MOMENT_S)
 
@@ -132,7 +132,7 @@ class Rescue:
         for device in line:
             if not device.done:
                 _tried(self._file, device)
-                self._desk.tell(device.outputs, "watchdog")
+                self._service.tell(device.outputs, "watchdog")
 
     def _with_patience(self, line: list[_Device]) -> None:
         self._tried_all(line)

@@ -12,8 +12,8 @@ import numpy as np
 
 from hil.bench.ending import Ending
 from hil.bench.file import Bench
+from hil.bench.progress_report import ProgressReporter
 from hil.bench.recorder import Recorder
-from hil.bench.told import Told
 from hil.daq.contract import Block, Waveform, joined
 from hil.record.header import Column
 from hil.record.invalid_samples import supposed
@@ -36,7 +36,7 @@ class BenchRig:
         guard: the device behind its limits and interlocks.
         recorder: the run folder; the guard keeps every block in it.
         columns: the channels as they are recorded, with source and calibration.
-        told: what the operator hears.
+        reporter: what the operator hears.
         finished: parts that a run which this one resumes has finished.
         commanding: the output that is driven as the command, where it is not the bench's own.
         ending: of the run: what has ended it is raised by every call.
@@ -48,7 +48,7 @@ class BenchRig:
         guard: Guard,
         recorder: Recorder,
         columns: Iterable[Column],
-        told: Told,
+        reporter: ProgressReporter,
         finished: Sequence[Mapping[str, Any]] = (),
         commanding: str = "",
         ending: Ending | None = None,
@@ -59,7 +59,7 @@ class BenchRig:
         self._guard = guard
         self._recorder = recorder
         self._columns = {column.name: column for column in columns}
-        self._told = told
+        self._reporter = reporter
         self._rates_hz: set[float] = set()
         self._roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
         self._own_command = self._roles["command"]
@@ -182,16 +182,16 @@ class BenchRig:
     def progress(self, done: float, text: str) -> None:
         """Tell the operator what is done, and how far that is: 0 … 1."""
         self._ending.check()
-        self._told.say(done, text)
+        self._reporter.say(done, text)
 
     def expect(self, duration_s: float) -> None:
         """Say how long what comes now takes, in s of bench time."""
         self._ending.check()
-        self._told.expect(duration_s)
+        self._reporter.expect(duration_s)
 
     def before(self, rest_s: float) -> AbstractContextManager[None]:
         """What is expected inside is followed by so much more, in s of bench time."""
-        return self._told.before(rest_s)
+        return self._reporter.before(rest_s)
 
     @property
     def _level(self) -> float:
@@ -237,7 +237,7 @@ def whole(blocks: Iterable[Block], asked: deque[int]) -> Iterator[Block]:
 
 def conditions_of(bench: Bench) -> dict[str, Any]:
     """Valve, roles of channels, conditions of the test, instruments, and whether it is simulated, as JSON values."""
-    told = bench.model_dump(mode="json", include={"valve", "conditions", "instruments"})
+    description = bench.model_dump(mode="json", include={"valve", "conditions", "instruments"})
     roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
     simulated = any(device.simulated for device in bench.devices.values())
-    return {"bench": bench.name, "roles": roles, SIMULATED: simulated, **told}
+    return {"bench": bench.name, "roles": roles, SIMULATED: simulated, **description}

@@ -47,17 +47,17 @@ from hil.bench.heartbeat import (
     LINE,
     READY,
     REPORT_FILE,
+    REQUESTS,
     SIGNALS,
     TAKEN,
-    WISHES,
     units_of,
 )
 from hil.bench.lease import leased
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.rescue import Rescue, tried_once
 from hil.bench.stop.control import withdraw
-from hil.bench.stop.desk import Desk
 from hil.bench.stop.listener import Listener
+from hil.bench.stop.stop_service import StopService
 from hil.errors import HardwareError, HilError, InUseError, reason
 from hil.record.durable import write_whole
 from hil.safety.latch import state_path
@@ -97,32 +97,32 @@ def _watch(path: Path, pid: int, run: Path) -> int:
     except HilError as error:
         _say(ERROR + f"{' '.join(str(error).split())}\n".encode())
         return error.exit_status
-    ears = _Ears(pid=pid)
-    desk = Desk(units_of(file), "watchdog", ears.wish)
-    with closing(ears), _listening(desk) as told:
-        _say(READY + json.dumps(told).encode() + b"\n")
-        end = _watched(ears, file.bench.protection.watchdog_s, pid, desk)
+    reader = _Reader(pid=pid)
+    service = StopService(units_of(file), "watchdog", reader.request)
+    with closing(reader), _listening(service) as control:
+        _say(READY + json.dumps(control).encode() + b"\n")
+        end = _watched(reader, file.bench.protection.watchdog_s, pid, service)
         if end is not None:
-            _act(file, pid, run, end, desk)
+            _act(file, pid, run, end, service)
             withdraw(run)
     return 0
 
 
 @contextmanager
-def _listening(desk: Desk) -> Iterator[dict[str, str]]:
+def _listening(service: StopService) -> Iterator[dict[str, str]]:
     """A listener for stops while inside; yields where it is, or why there is none, which keeps no run from starting."""
     try:
-        listener = Listener(desk, "watchdog")
+        listener = Listener(service, "watchdog")
     except Exception as error:
-        yield {"deaf": f"no listener for a stop: {reason(error)}"}
+        yield {"no_listener": f"no listener for a stop: {reason(error)}"}
         return
     try:
-        yield listener.control.told()
+        yield listener.control.as_strings()
     finally:
         listener.close()
 
 
-class _Ears:
+class _Reader:
     """What the program says and what an operator wishes, one after the other, to be waited for with a limit.
 
     The pipe may be held open by children of the program, so the process itself is watched too, where the system can.
@@ -134,14 +134,14 @@ class _Ears:
 
     def __init__(self, descriptor: int = 0, pid: int | None = None) -> None:
         self._descriptor = descriptor if os.name == "posix" else _as_socket(descriptor)
-        self._wishes: queue.SimpleQueue[Asked] = queue.SimpleQueue()
+        self._requests: queue.SimpleQueue[Asked] = queue.SimpleQueue()
         self._called, self._call = socket.socketpair()
         self._call.setblocking(False)
         self._program = None if pid is None else _process(pid)
 
-    def wish(self, what: Asked) -> None:
+    def request(self, what: Asked) -> None:
         """Somebody wishes something. From any thread."""
-        self._wishes.put(what)
+        self._requests.put(what)
         with suppress(OSError):  # full: it will wake up
             self._call.send(b"!")
 
@@ -154,7 +154,7 @@ class _Ears:
             return os.read(self._descriptor, 4096)
         if called in ready:
             self._called.recv(1)
-            return self._wishes.get()
+            return self._requests.get()
         return b"" if ready else None
 
     def close(self) -> None:
@@ -187,8 +187,8 @@ def _as_socket(descriptor: int) -> int:
 
     def copy() -> None:
         with far:
-            while said := os.read(descriptor, 4096):
-                far.sendall(said)
+            while data := os.read(descriptor, 4096):
+                far.sendall(data)
 
     threading.Thread(target=copy, daemon=True).start()
     return near.detach()
@@ -204,12 +204,12 @@ class _Program:
         hands_over: it ends, and its outputs are not settled.
     """
 
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
+    def __init__(self, service: StopService) -> None:
+        self._service = service
         self._rest = b""
         self.driven = self.confirms = self.has_left = self.hands_over = False
 
-    def said(self, what: bytes) -> int:
+    def received(self, what: bytes) -> int:
         """Take it in; returns how many signs of life it held."""
         signs, self._rest = 0, self._rest + what
         while self._rest:
@@ -233,11 +233,11 @@ class _Program:
 
     def _line(self, line: bytes) -> None:
         with suppress(ValueError, KeyError, TypeError, AttributeError):  # garbled: nothing is taken for confirmed
-            told = json.loads(line)
-            if "holding" in told:
-                self._desk.holds(bool(told["holding"]))
-            if "outputs" in told:
-                self._desk.tell(outputs_in(told["outputs"]), "run")
+            message = json.loads(line)
+            if "holding" in message:
+                self._service.holds(bool(message["holding"]))
+            if "outputs" in message:
+                self._service.tell(outputs_in(message["outputs"]), "run")
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,55 +248,55 @@ class _End:
     killed: bool = False
 
 
-def _watched(ears: _Ears, limit_s: float, pid: int, desk: Desk) -> _End | None:
+def _watched(reader: _Reader, limit_s: float, pid: int, service: StopService) -> _End | None:
     """Listen until there is something to do; None when the program said farewell."""
-    program = _Program(desk)
+    program = _Program(service)
     silent_at_s = confirms_by_s = math.inf
     while True:
         until_s = silent_at_s if program.confirms else min(silent_at_s, confirms_by_s)
-        heard = ears.next(None if until_s == math.inf else max(0.0, until_s - time.monotonic()))
+        heard = reader.next(None if until_s == math.inf else max(0.0, until_s - time.monotonic()))
         if heard is None:
             if time.monotonic() - silent_at_s > 0.5 * limit_s:  # this process did not run, nor perhaps the program
                 silent_at_s = time.monotonic() + limit_s
                 continue
-            ears.kill(pid)
+            reader.kill(pid)
             if until_s < silent_at_s:
                 return _End(f"was told to stop, did not confirm within {CONFIRMS_S:g} s, and was killed", True)
             return _End(f"gave no sign of life for {limit_s:g} s while outputs were driven, and was killed", True)
         if isinstance(heard, str):
-            by = BY + json.dumps(desk.stopped_by).encode() + b"\n" if heard == "stop" and desk.stopped_by else b""
-            _say(by + WISHES[heard])
+            by = BY + json.dumps(service.stopped_by).encode() + b"\n" if heard == "stop" and service.stopped_by else b""
+            _say(by + REQUESTS[heard])
             if heard == "stop":
                 confirms_by_s = min(confirms_by_s, time.monotonic() + CONFIRMS_S)
             continue
         if not heard:
             return _End("ended without making its outputs safe")
-        _say(ANSWER * program.said(heard))
+        _say(ANSWER * program.received(heard))
         if program.has_left:
             return None
         if program.hands_over:
             _say(TAKEN)
             return _End("ended without making its outputs safe")
         silent_at_s = time.monotonic() + limit_s if program.driven else math.inf
-        if desk.told.is_final:
+        if service.status.is_final:
             confirms_by_s = math.inf
 
 
-def _act(file: BenchFile, pid: int, run: Path, end: _End, desk: Desk) -> None:
+def _act(file: BenchFile, pid: int, run: Path, end: _End, service: StopService) -> None:
     why = end.why
-    desk.forget()
-    rescue = Rescue(file, desk)
+    service.forget()
+    rescue = Rescue(file, service)
     try:
-        with _lease_of_the_dead(file, pid, rescue.at_once):
+        with _lease_of_the_dead(file, pid, rescue.one_attempt):
             rescue.with_patience(lambda: _report_not_yet(file, run, why, pid, rescue))
     except InUseError as taken:  # whoever took it has made its outputs safe on opening it
-        told = {"why": why, "left_alone": str(taken), "outputs": record_of(rescue.outputs)}
-        _report(file, run, told, f"process {pid} {why}; {taken}")
+        report = {"why": why, "left_alone": str(taken), "outputs": record_of(rescue.outputs)}
+        _report(file, run, report, f"process {pid} {why}; {taken}")
         return
     took_s = round(rescue.took_s, 3)
     outputs: dict[str, Any] = {"outputs": record_of(rescue.outputs)}
-    if desk.stopped_by:
-        outputs["stopped_by"] = desk.stopped_by
+    if service.stopped_by:
+        outputs["stopped_by"] = service.stopped_by
     if rescue.left:
         text = f"process {pid} {why}; NOT SAFE: {_with_remedy(rescue.left)}"
         _report(file, run, {"why": why, "not_safe": rescue.left, "tried_s": took_s, **outputs}, text)
@@ -317,8 +317,8 @@ def _report_not_yet(file: BenchFile, run: Path, why: str, pid: int, rescue: Resc
 
 
 def _with_remedy(left: list[str]) -> str:
-    said = "; ".join(left)
-    return said if "emergency stop" in said else f"{said}; use the emergency stop"
+    text = "; ".join(left)
+    return text if "emergency stop" in text else f"{text}; use the emergency stop"
 
 
 @contextmanager
@@ -347,9 +347,9 @@ def _lease_of_the_dead(file: BenchFile, pid: int, meanwhile: Callable[[], None])
         yield
 
 
-def _report(file: BenchFile, run: Path, told: Mapping[str, object], text: str) -> None:
+def _report(file: BenchFile, run: Path, report: Mapping[str, object], text: str) -> None:
     """What came of it, on stderr and on disk: the last word."""
-    _write(_places(file, run, Path(REPORT_FILE).stem), told)
+    _write(_places(file, run, Path(REPORT_FILE).stem), report)
     for path in _places(file, run, _SO_FAR):
         with suppress(OSError):
             path.unlink()
@@ -361,8 +361,8 @@ def _places(file: BenchFile, run: Path, kind: str) -> tuple[Path, Path]:
     return run / f"{kind}.json", state_path(kind, file.bench.name, ".json")
 
 
-def _write(places: tuple[Path, Path], told: Mapping[str, object]) -> None:
-    content = json.dumps(told, indent=1, ensure_ascii=False) + "\n"
+def _write(places: tuple[Path, Path], report: Mapping[str, object]) -> None:
+    content = json.dumps(report, indent=1, ensure_ascii=False) + "\n"
     for path in places:
         try:
             if path is places[-1]:

@@ -59,7 +59,7 @@ class _Requests:
         self.heard = self.held = self.cut = 0
         self.giving_back = threading.Lock()
         self.raised = self.ending = False
-        self.told: list[Callable[[KeyboardInterrupt], None]] = []
+        self.listeners: list[Callable[[KeyboardInterrupt], None]] = []
         self._before: dict[int, signal.Handlers | object] = {}
 
     @property
@@ -115,7 +115,7 @@ class _Requests:
     def _raise(self, number: int) -> None:
         self.raised = True
         error = _exception(number)
-        for tell in tuple(self.told):
+        for tell in tuple(self.listeners):
             tell(error)
         raise error
 
@@ -219,13 +219,13 @@ def halt_main_thread() -> bool:
 
 
 @contextmanager
-def told_of_signals(tell: Callable[[KeyboardInterrupt], None]) -> Iterator[None]:
+def notified_of_signals(tell: Callable[[KeyboardInterrupt], None]) -> Iterator[None]:
     """Inside, `tell` is called with what a signal is about to raise, before anybody can swallow it."""
-    _requests.told.append(tell)
+    _requests.listeners.append(tell)
     try:
         yield
     finally:
-        _requests.told.remove(tell)
+        _requests.listeners.remove(tell)
 
 
 def raised() -> KeyboardInterrupt | None:

@@ -10,9 +10,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from hil.bench.open import open_rig
+from hil.bench.progress_report import Progress
 from hil.bench.read import BenchFile
 from hil.bench.rehearsal import twin_of
-from hil.bench.told import Progress
 from hil.errors import HardwareError, RangeError, RehearsalError, StorageError
 from hil.record.folder import read
 from hil.record.recording import Recording

@@ -13,8 +13,8 @@ from hil.bench.audit import on_the_trail
 from hil.bench.ending import accounted, word_of_this_process
 from hil.bench.file import Bench
 from hil.bench.open import open_rig
+from hil.bench.progress_report import Progress
 from hil.bench.read import BenchFile
-from hil.bench.told import Progress
 from hil.errors import InputError, SettingError, StoppedError
 from hil.record.events import EVENTS_FILE
 from hil.record.folder import read

@@ -17,8 +17,8 @@ import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from hil.bench.stop.consoles import Console, announced
-from hil.bench.stop.desk import Desk
 from hil.bench.stop.listener import Listener
+from hil.bench.stop.stop_service import StopService
 from hil.safety.operator import Asked
 from hil.safety.outputs import Output, State
 from tests.stops import SAFE, listening, tell_safe
@@ -168,7 +168,7 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
                 for name in ("gone", "by hand"):
                     assert f"{name}: UNCONFIRMED: use the emergency stop" in shown(page)
                 assert page.evaluate("window.beeps") > 0
-                three._desk.tell(tell_safe_outputs(), "watchdog")
+                three._service.tell(tell_safe_outputs(), "watchdog")
                 waited(page, "hpv41-7: stop confirmed", PATIENCE_S)  # it asks again
                 page.click("#stop button.mute")
                 assert page.locator("#stop button.mute").is_hidden()
@@ -249,7 +249,7 @@ def tell_safe_outputs() -> Any:
 def test_page_says_safe_while_only_time_is_missing() -> None:
     waits = {"valve": Output(State.UNCONFIRMED, "V", 0.0, confirmed_in_s=1.5)}
 
-    def confirm_in_time(desk: Desk, _wish: Asked) -> None:
+    def confirm_in_time(desk: StopService, _wish: Asked) -> None:
         desk.tell(waits if len(asked) == 1 else SAFE, "watchdog")
 
     with ExitStack() as stack:

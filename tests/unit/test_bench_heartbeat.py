@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench.heartbeat import GIVE_UP_S, REPORT_FILE, SIGNALS, Heart, watched
+from hil.bench.heartbeat import GIVE_UP_S, REPORT_FILE, SIGNALS, HeartbeatClient, watched
 from hil.bench.read import BenchFile
 from hil.daq.channel import OutputChannel
 from hil.errors import LinkError, with_notes
@@ -84,13 +84,13 @@ def test_watchdog_that_is_told_to_end_goes_on_trying(tmp_path: Path) -> None:
     run = tmp_path / "run"
     run.mkdir()
     with served("hpv41-modbus-tcp", tmp_path) as (file, _):
-        heart = Heart(file, run)  # each is sent before it can ignore any, too
+        client = HeartbeatClient(file, run)  # each is sent before it can ignore any, too
         for number in SIGNALS:
             os.kill(watchdog_of(run), number)
-        heart.wait_until_ready()
+        client.wait_until_ready()
         for number in SIGNALS:
             os.kill(watchdog_of(run), number)
-        assert f"goes on trying for {GIVE_UP_S:g} s" in heart.hand_over()
+        assert f"goes on trying for {GIVE_UP_S:g} s" in client.hand_over()
         wait_for_report(run)
 
 

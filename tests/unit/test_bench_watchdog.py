@@ -15,15 +15,15 @@ import pytest
 from wire import Wire
 
 from hil.bench import rescue, watchdog
-from hil.bench.heartbeat import Heart
+from hil.bench.heartbeat import HeartbeatClient
 from hil.bench.read import BenchFile, read_bench
-from hil.bench.stop.desk import Desk
+from hil.bench.stop.stop_service import StopService
 from hil.daq.channel import Wiring
 from hil.daq.contract import ReadBack
 from hil.errors import HardwareError
 from tests.links import PATIENT, bench_text, moved, served
 
-DESK = Desk({}, "watchdog", lambda _wish: None)
+DESK = StopService({}, "watchdog", lambda _wish: None)
 BROKEN = [RuntimeError("error 105"), SystemExit("of a library"), MemoryError(), KeyError("ao0")]
 
 
@@ -186,7 +186,7 @@ def test_nothing_of_the_working_folder_is_executed(tmp_path: Path, monkeypatch: 
         (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'executed')!r}, 'w')\n")
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, _):
         monkeypatch.chdir(tmp_path)
-        heart = Heart(file, tmp_path / "run")
+        heart = HeartbeatClient(file, tmp_path / "run")
         heart.wait_until_ready()
         heart.say_farewell()
     assert not (tmp_path / "executed").exists()
@@ -202,10 +202,10 @@ def test_watchdog_that_dies_says_why(tmp_path: Path, capfd: pytest.CaptureFixtur
 def test_run_hears_what_its_watchdog_died_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "bench.toml"
     path.write_text(moved(bench_text("hpv41-modbus-tcp"), tmp_path), encoding="utf-8")
-    heart = Heart(read_bench(path), tmp_path / "run")  # nobody serves the device
+    heart = HeartbeatClient(read_bench(path), tmp_path / "run")  # nobody serves the device
     with pytest.raises(HardwareError, match=r"^the watchdog process: io: .*cannot be reached"):
         heart.wait_until_ready()
     monkeypatch.setattr(sys, "executable", "/bin/false")
-    heart = Heart(read_bench(path), tmp_path / "run")
+    heart = HeartbeatClient(read_bench(path), tmp_path / "run")
     with pytest.raises(HardwareError, match="the watchdog process: ended with status 1"):
         heart.wait_until_ready()

@@ -13,9 +13,9 @@ from hil.safety.interrupt import (
     Terminated,
     begin_ending,
     ignore_signals,
+    notified_of_signals,
     status_of,
     terminable,
-    told_of_signals,
     uninterrupted,
 )
 
@@ -96,7 +96,7 @@ def test_signal_that_came_on_the_way_out_of_a_good_end_is_raised_then() -> None:
 
 def test_signal_that_somebody_swallows_was_told_before() -> None:
     heard: list[KeyboardInterrupt] = []
-    with terminable(), told_of_signals(heard.append), suppress(KeyboardInterrupt):
+    with terminable(), notified_of_signals(heard.append), suppress(KeyboardInterrupt):
         signal.raise_signal(signal.SIGTERM)
     assert [status_of(error) for error in heard] == [128 + signal.SIGTERM]
 

@@ -16,7 +16,7 @@ from hil.bench import watchdog
 from hil.bench.find import benches
 from hil.bench.lease import leased
 from hil.bench.read import BenchFile, read_bench
-from hil.bench.stop.desk import Desk
+from hil.bench.stop.stop_service import StopService
 from hil.errors import InUseError
 
 HOLD = """
@@ -111,7 +111,7 @@ def test_a_bench_that_begins_anew_with_each_run_needs_none() -> None:
 def test_the_watchdog_leaves_a_bench_alone_that_another_program_has_taken_over(
     file: BenchFile, holder: subprocess.Popen[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    watchdog._act(file, os.getpid(), tmp_path, watchdog._End("ended"), Desk({}, "watchdog", lambda _wish: None))
+    watchdog._act(file, os.getpid(), tmp_path, watchdog._End("ended"), StopService({}, "watchdog", lambda _wish: None))
     told = json.loads((tmp_path / "watchdog.json").read_text(encoding="utf-8"))
     assert told["why"] == "ended" and f"in use by process {holder.pid}" in told["left_alone"]
     assert f"hil watchdog: process {os.getpid()} ended; bench" in capsys.readouterr().err

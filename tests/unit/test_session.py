@@ -204,7 +204,7 @@ def test_module_that_is_no_procedure_says_what_it_lacks(
 def test_an_operator_is_told_of_the_step_that_is_under_way(
     bench: BenchFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hil.bench.told._EVERY_S", 0.0)
+    monkeypatch.setattr("hil.bench.progress_report._EVERY_S", 0.0)
     heard: list[str] = []
     step = load_procedure("step_response")
     with open_rig(bench, tmp_path / "run", {}, lambda _share, text: heard.append(text)) as rig:

@@ -15,8 +15,8 @@ import pytest
 
 from hil.bench import watchdog
 from hil.bench.stop import listener
-from hil.bench.stop.desk import Desk, Told
 from hil.bench.stop.listener import Listener
+from hil.bench.stop.stop_service import OutputStatus, StopService
 from hil.record import durable
 from hil.safety import guard, operator
 from hil.safety.guard import Guard
@@ -127,15 +127,15 @@ def _ramping(patch: Patch) -> None:
 
 def _one_is_enough(patch: Patch) -> None:
     for name in ("is_final", "is_confirmed"):
-        patch.setattr(Told, name, property(lambda told: any(o.settled for o in told.outputs.values())))
+        patch.setattr(OutputStatus, name, property(lambda told: any(o.settled for o in told.outputs.values())))
 
 
 def _killing_nobody(patch: Patch) -> None:
-    patch.setattr(watchdog._Ears, "kill", lambda _self, _pid: None)
+    patch.setattr(watchdog._Reader, "kill", lambda _self, _pid: None)
 
 
 def _no_desk_memory(patch: Patch) -> None:
-    patch.setattr(Desk, "forget", lambda _self: None)
+    patch.setattr(StopService, "forget", lambda _self: None)
 
 
 def _silent(patch: pytest.MonkeyPatch) -> None:
@@ -156,7 +156,7 @@ BROKEN = [
     Broken("the run tells nobody that its outputs are safe", _silent,
            alone(by_run.test_stop_cuts_a_block_and_jumps, {})),
     Broken("what was sent is called safe", _trusting, alone(by_run.test_stop_is_told_what_cannot_be_confirmed)),
-    Broken("whatever is told is called confirmed", instead(Told, "is_confirmed", True),
+    Broken("whatever is told is called confirmed", instead(OutputStatus, "is_confirmed", True),
            with_patch(by_listener.test_nothing_but_read_back_safe_is_called_confirmed,
                       Output(State.UNCONFIRMED, "V", can=False))),
     Broken("one safe output confirms them all", _one_is_enough,
@@ -175,7 +175,7 @@ BROKEN = [
            with_program(by_watchdog.test_program_that_says_it_is_not_safe_is_killed, Output(State.DRIVEN, "V", 5.0))),
     Broken("the watchdog does not kill the run", _killing_nobody,
            with_program(by_watchdog.test_program_that_does_not_confirm_is_killed_after_a_moment)),
-    Broken("the run is not told", instead(watchdog, "WISHES", {"stop": b"", "hold": b"", "resume": b""}),
+    Broken("the run is not told", instead(watchdog, "REQUESTS", {"stop": b"", "hold": b"", "resume": b""}),
            with_program(by_watchdog.test_program_that_does_not_confirm_is_killed_after_a_moment)),
     Broken("what a dead run said still counts", _no_desk_memory,
            alone(by_listener.test_desk_forgets_what_a_dead_run_said)),

@@ -17,9 +17,9 @@ import pytest
 from hil.bench.stop import listener as module
 from hil.bench.stop.consoles import Console, announced
 from hil.bench.stop.control import asking
-from hil.bench.stop.desk import Desk
 from hil.bench.stop.door import Door
 from hil.bench.stop.listener import Listener
+from hil.bench.stop.stop_service import StopService
 from hil.safety.operator import Asked
 from hil.safety.outputs import Output, State
 from tests.stops import SAFE, listening, posted, sent, stopped, tell_safe
@@ -62,18 +62,18 @@ def test_stop_that_nobody_confirms_is_answered_so_within_a_second(monkeypatch: p
 )  # fmt: skip
 def test_nothing_but_read_back_safe_is_called_confirmed(output: Output, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "ANSWER_S", 0.1)
-    with listening(lambda desk, _wish: desk.tell({"valve": output}, "run")) as (listener, _):
+    with listening(lambda service, _wish: service.tell({"valve": output}, "run")) as (listener, _):
         assert stopped(listener)["state"] == "unconfirmed"
 
 
 def test_one_of_two_outputs_confirms_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "ANSWER_S", 0.1)
-    desk = Desk({"valve": "V", "enable": "V"}, "watchdog", lambda _wish: None)
-    listener = Listener(desk, "watchdog")
+    service = StopService({"valve": "V", "enable": "V"}, "watchdog", lambda _wish: None)
+    listener = Listener(service, "watchdog")
     try:
-        desk.tell(SAFE, "watchdog")
+        service.tell(SAFE, "watchdog")
         assert stopped(listener)["state"] == "unconfirmed"
-        desk.tell({"enable": Output(State.SAFE, "V", 0.0)}, "watchdog")
+        service.tell({"enable": Output(State.SAFE, "V", 0.0)}, "watchdog")
         assert stopped(listener)["state"] == "confirmed"
     finally:
         listener.close()
@@ -98,7 +98,7 @@ def test_who_stops_is_believed_where_a_console_vouches_for_it() -> None:
             told = {"token": control["token"], **said, **({"account": "emil"} if forged else {})}
             assert posted(control["stop_url"], told)[0] == 200
             posted(control["stop_url"], {"token": control["token"], **asking("otto", control)})
-            assert listener._desk.stopped_by == ("" if forged else "olga")
+            assert listener._service.stopped_by == ("" if forged else "olga")
 
 
 def test_hold_is_asked_for_by_who_knows_its_token() -> None:
@@ -106,7 +106,7 @@ def test_hold_is_asked_for_by_who_knows_its_token() -> None:
         url, token = f"{listener.control.url}/hold", listener.control.tokens.hold
         assert posted(url, {"token": token})[1] == {"state": "running"}
         assert posted(url, {"token": token, "hold": "1"})[1] == {"state": "asked"}
-        listener._desk.holds(True)
+        listener._service.holds(True)
         assert posted(url, {"token": token})[1] == {"state": "holding"}
         assert posted(url, {"token": token, "hold": "0"})[1] == {"state": "running"}
         assert posted(url, {"token": token, "hold": "x"})[0] == 400
@@ -187,11 +187,11 @@ def test_listener_comes_back_after_whatever_ended_its_thread(monkeypatch: pytest
 
     with monkeypatch.context() as patch:
         patch.setattr(Listener, "_serve", dies)
-        desk = Desk({"valve": "V"}, "run", lambda _wish: None)
-        listener = Listener(desk, "run")
+        service = StopService({"valve": "V"}, "run", lambda _wish: None)
+        listener = Listener(service, "run")
         assert died.wait(PATIENCE_S)
     try:
-        desk.tell(SAFE, "run")
+        service.tell(SAFE, "run")
         assert stopped(listener)["state"] == "confirmed"
     finally:
         listener.close()
@@ -211,7 +211,7 @@ def test_answer_under_way_is_sent_when_the_listener_closes() -> None:
             waiting = pool.submit(stopped, listener)
             while not wishes:
                 time.sleep(0.005)
-            listener._desk.tell(SAFE, "run")
+            listener._service.tell(SAFE, "run")
         assert waiting.result()["state"] == "confirmed"
 
 
@@ -237,13 +237,13 @@ def test_set_forward_clock_changes_no_answer(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_desk_forgets_what_a_dead_run_said() -> None:
     wishes: list[Asked] = []
-    desk = Desk({"valve": "V"}, "watchdog", wishes.append)
-    desk.tell(SAFE, "run")
-    assert desk.stop().done() and not wishes
-    desk.forget()
-    waiting = desk.stop()
+    service = StopService({"valve": "V"}, "watchdog", wishes.append)
+    service.tell(SAFE, "run")
+    assert service.stop().done() and not wishes
+    service.forget()
+    waiting = service.stop()
     assert wishes == ["stop"] and not waiting.done()
-    desk.tell(SAFE, "watchdog")
+    service.tell(SAFE, "watchdog")
     assert waiting.result(0.0).by == "watchdog"
 
 

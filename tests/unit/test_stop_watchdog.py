@@ -18,7 +18,7 @@ import pytest
 
 from hil.bench import rescue, watchdog
 from hil.bench.stop.control import Control, Tokens, control_of, published
-from hil.bench.stop.desk import Desk
+from hil.bench.stop.stop_service import StopService
 from hil.safety.outputs import Output, Outputs, State, outputs_in
 from tests.stops import SAFE
 from tests.unit.test_bench_watchdog import Valve, bench_of
@@ -32,10 +32,10 @@ class Watched:
     """A watchdog that watches over a program that does nothing, and what it said to it."""
 
     program: subprocess.Popen[bytes]
-    ears: watchdog._Ears
+    reader: watchdog._Reader
     pipe: int
-    desk: Desk
-    said: list[bytes] = field(default_factory=list)
+    service: StopService
+    received: list[bytes] = field(default_factory=list)
     ended: list[tuple[watchdog._End | None, float]] = field(default_factory=list)
     threads: list[threading.Thread] = field(default_factory=list)
 
@@ -49,7 +49,7 @@ class Watched:
 
     def begin(self, limit_s: float = PATIENCE_S) -> threading.Thread:
         def watch() -> None:
-            end = watchdog._watched(self.ears, limit_s, self.program.pid, self.desk)
+            end = watchdog._watched(self.reader, limit_s, self.program.pid, self.service)
             self.ended.append((end, time.monotonic()))
 
         thread = threading.Thread(target=watch, daemon=True)
@@ -78,9 +78,9 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
 @contextmanager
 def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
     reading, writing = os.pipe()
-    with subprocess.Popen(["sleep", "infinity"]) as program, closing(watchdog._Ears(reading, program.pid)) as ears:
-        made = Watched(program, ears, writing, Desk({"valve": "V"}, "watchdog", ears.wish))
-        monkeypatch.setattr(watchdog, "_say", made.said.append)
+    with subprocess.Popen(["sleep", "infinity"]) as program, closing(watchdog._Reader(reading, program.pid)) as reader:
+        made = Watched(program, reader, writing, StopService({"valve": "V"}, "watchdog", reader.request))
+        monkeypatch.setattr(watchdog, "_say", made.received.append)
         try:
             yield made
         finally:
@@ -92,24 +92,24 @@ def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
 
 
 def wait_until_told(watched: Watched) -> None:
-    until(lambda: b"!" in watched.said, every_s=0.002)
+    until(lambda: b"!" in watched.received, every_s=0.002)
 
 
 def test_program_that_does_not_confirm_is_killed_after_a_moment(watched: Watched) -> None:
     thread, begun_s = watched.begin(), time.monotonic()
-    waiting = watched.desk.stop()
+    waiting = watched.service.stop()
     watched.says(b"dd")  # it lives, and drives on
     thread.join(PATIENCE_S)
     end, at_s = watched.ended[0]
     assert end is not None and end.killed and "did not confirm within 0.2 s" in end.why
     assert at_s - begun_s > 0.19
-    assert watched.said.count(b"!") == 1 and watched.was_killed and not waiting.done()
+    assert watched.received.count(b"!") == 1 and watched.was_killed and not waiting.done()
 
 
 def test_program_that_confirms_goes_its_own_way(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(watchdog, "CONFIRMS_S", PATIENCE_S)
     thread = watched.begin()
-    waiting = watched.desk.stop()
+    waiting = watched.service.stop()
     wait_until_told(watched)
     watched.tells(SAFE["valve"])
     assert waiting.result(PATIENCE_S).is_confirmed
@@ -124,7 +124,7 @@ def test_program_that_confirms_goes_its_own_way(watched: Watched, monkeypatch: p
 @pytest.mark.parametrize("output", [Output(State.DRIVEN, "V", 5.0), Output(State.UNCONFIRMED, "V", why="no answer")])
 def test_program_that_says_it_is_not_safe_is_killed(output: Output, watched: Watched) -> None:
     thread = watched.begin()
-    waiting = watched.desk.stop()
+    waiting = watched.service.stop()
     watched.tells(output)
     thread.join(PATIENCE_S)
     assert watched.was_killed and not waiting.done()
@@ -133,7 +133,7 @@ def test_program_that_says_it_is_not_safe_is_killed(output: Output, watched: Wat
 def test_program_that_is_confirming_is_left_alone_until_it_hangs(watched: Watched) -> None:
     watched.says(b"c")
     thread = watched.begin(3.0)
-    waiting = watched.desk.stop()
+    waiting = watched.service.stop()
     for _ in range(10):  # five times as long as it has to begin
         watched.says(b"c")
         time.sleep(0.1)
@@ -148,7 +148,7 @@ def test_program_that_is_confirming_is_left_alone_until_it_hangs(watched: Watche
 def test_device_that_cannot_be_asked_is_no_reason_to_kill(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(watchdog, "CONFIRMS_S", PATIENCE_S)
     thread = watched.begin()
-    waiting = watched.desk.stop()
+    waiting = watched.service.stop()
     watched.tells(Output(State.UNCONFIRMED, "V", can=False))
     assert not waiting.result(PATIENCE_S).is_confirmed
     watched.says(b"sq")
@@ -160,7 +160,7 @@ def test_wishes_do_not_keep_a_silent_program_alive(watched: Watched) -> None:
     thread = watched.begin(LIMIT_S)
     watched.says(b"d")
     while thread.is_alive():
-        watched.desk.ask_to_hold(True)
+        watched.service.ask_to_hold(True)
         time.sleep(0.05)
     end, _ = watched.ended[0]
     assert end is not None and "gave no sign of life" in end.why and watched.was_killed
@@ -180,16 +180,16 @@ def test_program_that_hands_over_is_told_that_it_is_done(watched: Watched) -> No
     watched.says(b"dh")
     thread.join(PATIENCE_S)
     end, _ = watched.ended[0]
-    assert end is not None and not end.killed and watched.said[-1] == b"+"
+    assert end is not None and not end.killed and watched.received[-1] == b"+"
 
 
 LISTENS = """
 import sys
 from hil.bench import watchdog
-from hil.bench.stop.desk import Desk
-ears = watchdog._Ears(pid=int(sys.argv[1]))
+from hil.bench.stop.stop_service import StopService
+reader = watchdog._Reader(pid=int(sys.argv[1]))
 print("ready", file=sys.stderr, flush=True)
-end = watchdog._watched(ears, 2.0, int(sys.argv[1]), Desk({}, "watchdog", ears.wish))
+end = watchdog._watched(reader, 2.0, int(sys.argv[1]), StopService({}, "watchdog", reader.request))
 print(end, file=sys.stderr)
 """
 
@@ -221,9 +221,9 @@ def test_after_eight_hours_of_signs_of_life_a_stop_is_heard_at_once(
     thread = watched.begin()
     for _ in range(75):  # a sign each 0.1 s
         watched.says(b"d" * 4000)
-    waiting = watched.desk.stop()
+    waiting = watched.service.stop()
     wait_until_told(watched)
-    assert sum(map(len, watched.said)) >= 75 * 4000
+    assert sum(map(len, watched.received)) >= 75 * 4000
     watched.tells(SAFE["valve"])
     assert waiting.result(PATIENCE_S).is_confirmed
     watched.says(b"q")
@@ -234,32 +234,32 @@ def test_program_is_understood_in_whatever_pieces_it_comes() -> None:
     told = b"dd" + json.dumps({"holding": True}).encode() + b"\nd" + json.dumps({"outputs": {"valve": {
         "state": "safe", "at": 0.0, "unit": "V", "read_back": True}}}).encode() + b"\nsq"  # fmt: skip
     for size in (1, 2, 3, 7, 1000):
-        desk = Desk({"valve": "V"}, "watchdog", lambda _wish: None)
-        desk.ask_to_hold(True)
-        program = watchdog._Program(desk)
-        signs = sum(program.said(told[at : at + size]) for at in range(0, len(told), size))
-        assert (signs, program.driven, program.has_left, desk.told.is_confirmed) == (5, True, True, True)
-        assert desk.hold == "holding"
+        service = StopService({"valve": "V"}, "watchdog", lambda _wish: None)
+        service.ask_to_hold(True)
+        program = watchdog._Program(service)
+        signs = sum(program.received(told[at : at + size]) for at in range(0, len(told), size))
+        assert (signs, program.driven, program.has_left, service.status.is_confirmed) == (5, True, True, True)
+        assert service.hold == "holding"
 
 
 @pytest.mark.parametrize(
     "line", [b"{", b"{}", b'{"outputs": 1}', b'{"outputs": {"valve": {"state": "fine"}}}', b"{\xff"]
 )
 def test_program_that_talks_nonsense_is_watched_on(line: bytes) -> None:
-    desk = Desk({"valve": "V"}, "watchdog", lambda _wish: None)
-    program = watchdog._Program(desk)
-    assert program.said(b"d" + line + b"\nd") == 2 and program.driven and not desk.told.is_final
-    assert program.said(b"{" + b"x" * (3 << 20)) == 0 and len(program._rest) <= (1 << 20) + 1
+    service = StopService({"valve": "V"}, "watchdog", lambda _wish: None)
+    program = watchdog._Program(service)
+    assert program.received(b"d" + line + b"\nd") == 2 and program.driven and not service.status.is_final
+    assert program.received(b"{" + b"x" * (3 << 20)) == 0 and len(program._rest) <= (1 << 20) + 1
 
 
 @pytest.mark.parametrize("answers", [True, False])
 def test_takeover_confirms_what_it_read_back(answers: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rescue, "GIVE_UP_S", 0.1)
     monkeypatch.setattr("hil.safety.outputs._PATIENCE_S", 0.02)
-    desk = Desk({"a": "V", "b": "V"}, "watchdog", lambda _wish: None)
-    made = rescue.Rescue(bench_of(tmp_path, {"valve": Valve(None, answers=answers)}, late_s=0.0), desk)
-    made.at_once()
-    assert desk.told.is_confirmed == answers and desk.told.by == "watchdog"
+    service = StopService({"a": "V", "b": "V"}, "watchdog", lambda _wish: None)
+    made = rescue.Rescue(bench_of(tmp_path, {"valve": Valve(None, answers=answers)}, late_s=0.0), service)
+    made.one_attempt()
+    assert service.status.is_confirmed == answers and service.status.by == "watchdog"
 
 
 def test_record_of_outputs_comes_back_as_it_was() -> None:
@@ -270,7 +270,7 @@ def test_record_of_outputs_comes_back_as_it_was() -> None:
 
 def test_control_file_is_its_owners_and_goes_with_the_run(tmp_path: Path) -> None:
     control = Control("watchdog", ("http://127.0.0.1:1",), Tokens())
-    assert control_of(control.told()) == control and control_of({"deaf": "x"}) is None
+    assert control_of(control.as_strings()) == control and control_of({"no_listener": "x"}) is None
     path = tmp_path / "control.json"
     with published(control, tmp_path, lambda: False, lambda *_a, **_k: None):
         told = json.loads(path.read_text())
@@ -296,5 +296,5 @@ def test_watchdog_without_a_port_watches_all_the_same(monkeypatch: pytest.Monkey
         raise OSError(98, "Address already in use")
 
     monkeypatch.setattr("hil.bench.stop.listener._opened", taken)
-    with watchdog._listening(Desk({"valve": "V"}, "watchdog", lambda _wish: None)) as told:
-        assert told == {"deaf": "no listener for a stop: [Errno 98] Address already in use"}
+    with watchdog._listening(StopService({"valve": "V"}, "watchdog", lambda _wish: None)) as told:
+        assert told == {"no_listener": "no listener for a stop: [Errno 98] Address already in use"}

@@ -13,8 +13,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from hil.bench.stop.desk import By
 from hil.bench.stop.press import StopSwitch
+from hil.bench.stop.stop_service import By
 from hil.record.durable import write_whole
 
 CONTROL_FILE = "control.json"
@@ -58,7 +58,7 @@ class Control:
             "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
         }  # fmt: skip
 
-    def told(self) -> dict[str, str]:
+    def as_strings(self) -> dict[str, str]:
         """What another process needs to say the same."""
         return {"urls": " ".join(self.urls), "stop": self.tokens.stop, "hold": self.tokens.hold}
 
@@ -79,11 +79,11 @@ def vouched(account: str, token: str) -> str:
     return hmac.new(token.encode(), account.encode(), "sha256").hexdigest()
 
 
-def control_of(told: Mapping[str, str]) -> Control | None:
+def control_of(given: Mapping[str, str]) -> Control | None:
     """What a watchdog told of its listener; None when it has none."""
-    if "urls" not in told:
+    if "urls" not in given:
         return None
-    return Control("watchdog", tuple(told["urls"].split()), Tokens(told["stop"], told["hold"]))
+    return Control("watchdog", tuple(given["urls"].split()), Tokens(given["stop"], given["hold"]))
 
 
 @contextmanager

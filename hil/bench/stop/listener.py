@@ -17,9 +17,9 @@ from contextlib import suppress
 
 from hil.bench.stop.consoles import Console, consoles, may_read
 from hil.bench.stop.control import Control, Tokens, vouched
-from hil.bench.stop.desk import By, Desk
 from hil.bench.stop.door import Door, Listening
 from hil.bench.stop.request import BadRequestError, Request, request_in, response
+from hil.bench.stop.stop_service import By, StopService
 
 ANSWER_S = 0.85  # the page has its answer within a second, whatever the devices do
 _SAYS_S = 2.0  # so long a connection has to say what it wants
@@ -42,8 +42,8 @@ class Listener:
         OSError: no port can be had on this computer.
     """
 
-    def __init__(self, desk: Desk, by: By) -> None:
-        self._desk = desk
+    def __init__(self, service: StopService, by: By) -> None:
+        self._service = service
         self._tokens = Tokens()
         self._sockets, urls = _opened()
         self._ended = threading.Event()
@@ -54,7 +54,7 @@ class Listener:
 
     def close(self) -> None:
         """End it; who waits is answered with what is known, and answers that are under way are given a moment."""
-        self._desk.close()
+        self._service.close()
         self._ended.set()
         with suppress(RuntimeError):  # its loop is between two lives
             if self._wake is not None:
@@ -112,20 +112,20 @@ class Listener:
 
     async def _stopped(self, by: str) -> object:
         since_s = time.monotonic()
-        asked = self._desk.stop(by)
+        asked = self._service.stop(by)
         try:
-            told = await asyncio.wait_for(asyncio.wrap_future(asked), ANSWER_S)
+            status = await asyncio.wait_for(asyncio.wrap_future(asked), ANSWER_S)
         except TimeoutError:
-            self._desk.give_up(asked)
-            return {**self._desk.told.answer(since_s), "state": "unconfirmed", "seconds": ANSWER_S}
-        return told.answer(since_s)
+            self._service.give_up(asked)
+            return {**self._service.status.answer(since_s), "state": "unconfirmed", "seconds": ANSWER_S}
+        return status.answer(since_s)
 
     def _held(self, hold: str) -> object:
         if hold in ("1", "0"):
-            self._desk.ask_to_hold(hold == "1")
+            self._service.ask_to_hold(hold == "1")
         elif hold:
             raise BadRequestError(400, f"hold {hold:.20}: 1, 0, or nothing to ask how it stands")
-        return {"state": self._desk.hold}
+        return {"state": self._service.hold}
 
 
 class _Connection(asyncio.Protocol):

@@ -16,7 +16,7 @@ By = Literal["run", "watchdog"]
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class OutputStatus:
     """What is known of the outputs after a stop.
 
     Attributes:
@@ -49,7 +49,7 @@ class Told:
         }
 
 
-class Desk:
+class StopService:
     """Takes wishes and hands them on; keeps who waits until the outputs are known to be safe.
 
     Args:
@@ -64,16 +64,16 @@ class Desk:
     def __init__(self, units: Mapping[str, str], by: By, act: Callable[[Asked], None]) -> None:
         self._act = act
         self._lock = threading.Lock()
-        self._waiting: list[Future[Told]] = []
+        self._waiting: list[Future[OutputStatus]] = []
         self._nothing = {name: Output(State.UNKNOWN, unit) for name, unit in units.items()}
-        self._told = Told(self._nothing, by, time.monotonic())
+        self._status = OutputStatus(self._nothing, by, time.monotonic())
         self._holding = self._hold_asked = self._stop_asked = False
         self.stopped_by = ""
 
     @property
-    def told(self) -> Told:
+    def status(self) -> OutputStatus:
         """What was said last."""
-        return self._told
+        return self._status
 
     @property
     def hold(self) -> str:
@@ -82,12 +82,12 @@ class Desk:
             return "running"
         return "holding" if self._holding else "asked"
 
-    def stop(self, by: str = "") -> Future[Told]:
+    def stop(self, by: str = "") -> Future[OutputStatus]:
         """Ask for a stop, for an account; done when more will not be known of the outputs than is then told."""
-        future: Future[Told] = Future()
+        future: Future[OutputStatus] = Future()
         with self._lock:
-            if self._told.is_final:
-                future.set_result(self._told)
+            if self._status.is_final:
+                future.set_result(self._status)
                 return future
             if not self._stop_asked:
                 self.stopped_by, self._stop_asked = by, True
@@ -108,14 +108,14 @@ class Desk:
     def tell(self, outputs: Mapping[str, Output], by: By) -> None:
         """Say what is known of the outputs since a stop was asked for, or since the run is dead."""
         with self._lock:
-            self._told = Told({**self._told.outputs, **outputs}, by, time.monotonic())
-            done, self._waiting = (self._waiting, []) if self._told.is_final else ([], self._waiting)
+            self._status = OutputStatus({**self._status.outputs, **outputs}, by, time.monotonic())
+            done, self._waiting = (self._waiting, []) if self._status.is_final else ([], self._waiting)
         self._answer(done)
 
     def forget(self) -> None:
         """What the run said does not count any more: it is dead, and what it sent may still be on its way."""
         with self._lock:
-            self._told = Told(self._nothing, "watchdog", time.monotonic())
+            self._status = OutputStatus(self._nothing, "watchdog", time.monotonic())
 
     def close(self) -> None:
         """Nobody will tell more: who still waits is answered with what is known."""
@@ -123,12 +123,12 @@ class Desk:
             waiting, self._waiting = self._waiting, []
         self._answer(waiting)
 
-    def give_up(self, waiting: Future[Told]) -> None:
+    def give_up(self, waiting: Future[OutputStatus]) -> None:
         """Nobody waits for this one any more."""
         with self._lock:
             self._waiting = [future for future in self._waiting if future is not waiting]
 
-    def _answer(self, waiting: list[Future[Told]]) -> None:
+    def _answer(self, waiting: list[Future[OutputStatus]]) -> None:
         for future in waiting:
             if future.set_running_or_notify_cancel():
-                future.set_result(self._told)
+                future.set_result(self._status)

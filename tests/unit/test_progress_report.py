@@ -11,8 +11,8 @@ import pytest
 
 from hil.bench.find import find_bench
 from hil.bench.open import open_rig
+from hil.bench.progress_report import ProgressReporter, Shown, time_text
 from hil.bench.read import read_bench
-from hil.bench.told import Shown, Told, time_text
 from hil.record.folder import read
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings
@@ -20,14 +20,16 @@ from hil.session.setting import parse_settings
 NAN = float("nan")
 
 
-def heard_by(monkeypatch: pytest.MonkeyPatch) -> tuple[Told, list[tuple[float, str]]]:
+def heard_by(monkeypatch: pytest.MonkeyPatch) -> tuple[ProgressReporter, list[tuple[float, str]]]:
     """One who hears every block, however fast they come."""
-    monkeypatch.setattr("hil.bench.told._EVERY_S", 0.0)
+    monkeypatch.setattr("hil.bench.progress_report._EVERY_S", 0.0)
     said: list[tuple[float, str]] = []
-    return Told(lambda *one: said.append(one), [Shown("current", "A", 2.2), Shown("pressure", "psi", 300.0)]), said
+    return ProgressReporter(
+        lambda *one: said.append(one), [Shown("current", "A", 2.2), Shown("pressure", "psi", 300.0)]
+    ), said
 
 
-def block(told: Told, until_s: float, current: float = 1.2, pressure: float = 141.04) -> None:
+def block(told: ProgressReporter, until_s: float, current: float = 1.2, pressure: float = 141.04) -> None:
     told.heard(np.array([until_s]), {"current": np.array([current]), "pressure": np.array([pressure])})
 
 
@@ -68,7 +70,7 @@ def test_where_no_time_is_known_the_procedure_says_how_far_it_is(monkeypatch: py
 
 def test_the_acceptance_of_an_efc_tells_the_time_of_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Against the bench's own clock: what was said to be left at each moment is what then came."""
-    monkeypatch.setattr("hil.bench.told._EVERY_S", 0.0)
+    monkeypatch.setattr("hil.bench.progress_report._EVERY_S", 0.0)
     said: list[tuple[float, str]] = []
     bench = read_bench(find_bench("cummins-efc-acceptance"))
     settings = {"sweep_s": "2", "frequencies": "8", "levels": "medium", "rate_hz": "500"}

@@ -44,7 +44,7 @@ class Shown:
         return min(6, -math.floor(math.log10(_RESOLUTION * self.span))) if known else 3
 
 
-class Told:
+class ProgressReporter:
     """Follows the blocks of a run and says how far it is.
 
     Where a procedure has said how long it takes, the share is bench time over that; a sequence says what follows each
