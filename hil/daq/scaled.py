@@ -73,7 +73,7 @@ class Scaled:
 
     def read_back(self) -> Mapping[str, ReadBack]:
         """Where each output stands, in engineering units, asked of the device."""
-        return {name: self._scaled_answer(name, told) for name, told in self._daq.read_back().items()}
+        return {name: self._scaled_answer(name, answer) for name, answer in self._daq.read_back().items()}
 
     def close(self) -> None:
         """Make safe and let go of the device."""
@@ -91,8 +91,8 @@ class Scaled:
         outputs = {name: self._calibrations[name].to_value(raw) for name, raw in block.outputs.items()}
         return replace(block, inputs=inputs, outputs=outputs)
 
-    def _scaled_answer(self, name: str, told: ReadBack) -> ReadBack:
-        return told if told.at is None else replace(told, at=self._calibrations[name].value_at(told.at))
+    def _scaled_answer(self, name: str, answer: ReadBack) -> ReadBack:
+        return answer if answer.at is None else replace(answer, at=self._calibrations[name].value_at(answer.at))
 
     def _scaled_output(self, channel: OutputChannel) -> OutputChannel:
         by = self._calibrations[channel.name]

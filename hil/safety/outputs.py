@@ -96,9 +96,9 @@ class Output:
         """As it is kept with a run, handed to other processes and printed for programs."""
         return {
             "state": str(self.state), "read_back": self.can, "at_utc": self.at_utc, "at": self.at, "unit": self.unit,
-        } | {name: said for name, said in (
+        } | {name: value for name, value in (
             ("why", self.why), ("rescue", self.rescue), ("confirmed_in_s", round(self.confirmed_in_s, 3)),
-            ("witness", self.witness and self.witness.as_dict())) if said
+            ("witness", self.witness and self.witness.as_dict())) if value
         }  # fmt: skip
 
     @classmethod
@@ -170,8 +170,8 @@ def sentence(outputs: Mapping[str, Output], *, moved: bool = True) -> str:
     """
     if left := {name: output for name, output in outputs.items() if not output.settled}:
         remedy = _("use the emergency stop")
-        said = [f"{output.described(name)}: {output.rescue or remedy}" for name, output in left.items()]
-        return _("NOT SAFE: {outputs}").format(outputs="; ".join(said))
+        remedies = [f"{output.described(name)}: {output.rescue or remedy}" for name, output in left.items()]
+        return _("NOT SAFE: {outputs}").format(outputs="; ".join(remedies))
     if not moved:
         return _("nothing was driven")
     unasked = ", ".join(f"'{name}'" for name, output in outputs.items() if output.state is not State.SAFE)
@@ -363,11 +363,11 @@ class Outputs:
 
     def _asked(self, daq: Daq, alive: Callable[[], None], late_s: float) -> None:
         """Tell them once, and ask once."""
-        failure, was_told = "", True
+        failure, was_commanded = "", True
         try:
             daq.make_safe()
         except BaseException as error:
-            failure, was_told = reason(error), isinstance(error, UnansweredError)
+            failure, was_commanded = reason(error), isinstance(error, UnansweredError)
         alive()
         try:
             answers = daq.read_back()
@@ -377,7 +377,7 @@ class Outputs:
         for name in self._known:
             answer = answers.get(name, CANNOT_BE_ASKED)
             answer = replace(answer, late_s=max(answer.late_s, late_s))
-            self._known[name] = self._after(name, answer, failure, None if was_told else daq.levels)
+            self._known[name] = self._after(name, answer, failure, None if was_commanded else daq.levels)
 
     def _after(self, name: str, answer: ReadBack, failure: str, levels: Mapping[str, float] | None) -> Output:
         """What is known after an answer; `levels`: where outputs stood last, when telling them to be safe failed."""
@@ -411,4 +411,4 @@ def record_of(outputs: Mapping[str, Output]) -> dict[str, dict[str, Any]]:
 
 def outputs_in(record: Mapping[str, Mapping[str, Any]]) -> dict[str, Output]:
     """What a record says of each output (see `record_of`)."""
-    return {name: Output.of(said) for name, said in record.items()}
+    return {name: Output.of(value) for name, value in record.items()}
