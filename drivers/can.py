@@ -48,6 +48,11 @@ def has_watchdog(settings: Settings) -> bool:
     return _description(settings).watchdog is not None
 
 
+def read_back_requests(_wiring: Wiring) -> int:
+    """None: messages of the device say where its outputs stand."""
+    return 0
+
+
 def not_read_back(settings: Settings) -> set[str]:
     """Outputs of which no message says where they stand."""
     return {

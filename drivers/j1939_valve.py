@@ -94,6 +94,11 @@ def watchdog_levels(settings: Settings) -> dict[str, float]:
     return {"flow command": 0.0 if settings.fail_safe == "block" else math.nan}
 
 
+def read_back_requests(_wiring: Wiring) -> int:
+    """None: the valve reports where it holds its set point."""
+    return 0
+
+
 def open_link(settings: Settings, wiring: Wiring) -> J1939ValveLink:
     """The bus, open, our address on it claimed if there is something to command; nothing else is sent before that."""
     return J1939ValveLink(settings, wiring)

@@ -76,6 +76,11 @@ class PwmAmplifierLink(ModbusLink):
         return {**super()._held(), **dict(zip(_MODULATION, counts, strict=False))}
 
 
+def read_back_requests(wiring: Wiring) -> int:
+    """The current, and what makes it: carrier and dither."""
+    return 2 * len(wiring.outputs)
+
+
 def modulation(channel: OutputChannel) -> list[int]:
     """Carrier, dither frequency and dither amplitude as the registers have them.
 

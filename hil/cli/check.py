@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import typer
@@ -9,6 +10,7 @@ import typer
 from hil.cli.printed import Json
 
 if TYPE_CHECKING:
+    from hil.bench.device import DeviceInUse
     from hil.bench.read import BenchFile
 
 
@@ -87,7 +89,8 @@ def _as_json(found: BenchFile, warnings: list[str]) -> str:
         "valve": bench.valve.name,
         "sample_rate_hz": bench.sample_rate_hz,
     }
-    lists = {"channels": channels, "interlocks": interlocks, "late_s": _late_s(found), "warnings": warnings}
+    lists: dict[str, object] = {"channels": channels, "interlocks": interlocks, "late_s": _late_s(found),
+             "read_back_requests_per_s": _read_backs_per_s(found), "warnings": warnings}  # fmt: skip
     return to_json({"schema": "hil.check/1", **document, **lists})
 
 
@@ -99,13 +102,37 @@ def _range(found: BenchFile, name: str) -> tuple[float, float]:
     return low, high
 
 
-def _late_s(found: BenchFile) -> dict[str, float]:
-    """For each device that drives outputs over a link, how late what was sent to it may arrive."""
+def _links(found: BenchFile) -> dict[str, DeviceInUse]:
+    """The devices that drive outputs over a link."""
     from hil.bench.device import mixes
+    from hil.bench.nets.devices import driving
 
-    driving = {entry.device for entry in found.bench.channels.values() if entry.is_output}
-    return {name: device.late_s for name, device in found.devices.items()
-            if name in driving and mixes(device.module) and not found.bench.devices[name].simulated}  # fmt: skip
+    return {name: device for name, device in driving(found) if mixes(device.module)}
+
+
+def _late_s(found: BenchFile) -> dict[str, float]:
+    """For each of them, how late what was sent to it may arrive."""
+    return {name: device.late_s for name, device in _links(found).items()}
+
+
+def _read_backs_per_s(found: BenchFile) -> dict[str, float]:
+    """For each of them, requests a second at most by which outputs are read back while they are driven."""
+    from hil.daq.device_link import READ_BACK_EVERY_S
+
+    per_s = {}
+    for name, device in _links(found).items():
+        wiring, module = device.wiring(found.bench.channels), device.module
+        silent = getattr(module, "not_read_back", lambda _settings: ())(device.settings)
+        asked = {key: output for key, output in wiring.outputs.items() if output.terminal not in silent}
+        requests = getattr(module, "read_back_requests", lambda wiring: len(wiring.outputs))
+        per_s[name] = requests(replace(wiring, outputs=asked)) / READ_BACK_EVERY_S
+    return per_s
+
+
+def _read_back_text(per_s: float, rate_hz: float) -> str:
+    if not per_s:
+        return "no requests to read outputs back while driving"
+    return f"at most {per_s:g} requests a second to read outputs back while driving, beside samples at {rate_hz:g} Hz"
 
 
 def _described(found: BenchFile) -> list[str]:
@@ -118,10 +145,13 @@ def _described(found: BenchFile) -> list[str]:
         low, high = _range(found, name)
         limits = entry.limits
         allowed = f", limits {limits.low:g} … {limits.high:g}, safe at {entry.safe:g}" if limits else ""
+        allowed += f", witness {entry.witness}" if entry.witness else ""
         role = "" if entry.role == "other" else f" ({entry.role})"
         lines.append(f"  {entry.terminal:5} {name}{role}: {low:g} … {high:g}{behind_a_number(entry.unit)}{allowed}")
     lines += [f"  {name}: late_s = {late_s:g}, the longest that a lost command may be on its way"
               for name, late_s in _late_s(found).items()]  # fmt: skip
+    lines += [f"  {name}: {_read_back_text(per_s, bench.sample_rate_hz)}"
+              for name, per_s in _read_backs_per_s(found).items()]  # fmt: skip
     lines += [f"  {entry.action:8} {name}" for name, entry in bench.interlocks.items()]
     lines += [f"  {lock.action:8} {lock.name}: pressed below {lock.allowed.low:g}" for lock in emergency_stops(bench)]
     return lines

@@ -15,7 +15,7 @@ from hil.daq.channel import Wiring
 from hil.errors import LinkError, SettingError
 from hil.units import behind_a_number
 
-_EVERY_S = 0.5  # another master, or a device that restarted, is noticed so soon
+READ_BACK_EVERY_S = 0.5  # another master, or a device that restarted, is noticed so soon
 _LATEST_S = 2.0  # on a line that has become slow; one that stays so ends the run before
 _SLOW, _SHORTEST_S = 3.0, 0.005
 
@@ -71,7 +71,7 @@ class ReadBackTimes:
     def is_due(self, checked_s: float) -> bool:
         """Whether outputs are to be read back again, after they were at this time of `time.monotonic`."""
         slow = self._took_s > _SLOW * self._usual_s
-        return time.monotonic() - checked_s > (_LATEST_S if slow else _EVERY_S)
+        return time.monotonic() - checked_s > (_LATEST_S if slow else READ_BACK_EVERY_S)
 
 
 def stands_as_driven(at: float, driven: Sequence[float], within: float) -> bool:
