@@ -376,7 +376,8 @@ def compose(curve: str | Path, dynamics: Model | str | Path) -> Model:
 
     Args:
         curve: run of `flow_curve`, or CSV with command and flow.
-        dynamics: a model of the plant `transfer-function`; its gain at rest is left out.
+        dynamics: a model of the plant `transfer-function`, whose gain at rest is left out; or of `cummins-efc` or
+            `brevini-hpv41`, whose orifice the curve replaces.
     """
     from hil.session.analyses import composed
 

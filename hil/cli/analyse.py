@@ -14,6 +14,7 @@ from hil.cli.reading import takes_reading, teller
 from hil.record.reading import Reading
 
 if TYPE_CHECKING:
+    from hil.physics.model import Model
     from hil.physics.transfer_function import TransferFunction
     from hil.record.recording import Recording
 
@@ -132,7 +133,9 @@ def classes(
 def compose(
     curve: Path = typer.Argument(..., metavar="CURVE", help="Run of flow_curve, or CSV: command, flow."),
     responses: list[Path] = typer.Argument(
-        ..., metavar="RESPONSE...", help="Tables of a frequency response or runs, averaged; or one MODEL.json."
+        ...,
+        metavar="RESPONSE...",
+        help="Tables of a frequency response or runs, averaged; one MODEL.json; or cummins-efc, brevini-hpv41.",
     ),
     out: Path = typer.Option(..., "--out", metavar="MODEL.json", help="Model to write."),
     poles: int = typer.Option(3, "--poles", min=1, max=3, help="Of the dynamics."),
@@ -145,12 +148,12 @@ def compose(
     """A measured flow curve and a mean transfer function as one model: section 8 and figure 17 of the HPV41 paper."""
     from hil import api
     from hil.cli.places import check_file
-    from hil.physics.formula import formula
-    from hil.session.analyses import linear_of
+    from hil.physics.measured_curve import MEASURED
+    from hil.session.analyses import model_to_linearise
 
     check_file(out, [curve, *responses])
-    if len(responses) == 1 and responses[0].suffix == ".json":
-        dynamics = api.load_model(responses[0])
+    if len(responses) == 1 and (responses[0].suffix == ".json" or str(responses[0]) in MEASURED):
+        dynamics = model_to_linearise(responses[0])
     else:
         mean = api.average(responses, normalised=True, part=part)
         dynamics = api.identify(
@@ -158,11 +161,23 @@ def compose(
         ).model
     made = api.compose(curve, dynamics)
     api.save_model(made, out)
-    linear = linear_of(dynamics, "the dynamics")
-    text = f"{out}: {made.input} → {made.output}\n  dynamics {formula(linear)}"
-    document = {"file": str(out), "input": made.input, "output": made.output, "numerator": linear.numerator.tolist(),
-            "denominator": linear.denominator.tolist(), "dead_time_s": linear.dead_time_s}  # fmt: skip
-    _show({"schema": "hil.composed/1", **document}, text, as_json)
+    text, document = _dynamics(dynamics)
+    document = {"schema": "hil.composed/1", "file": str(out), "input": made.input, "output": made.output, **document}
+    _show(document, f"{out}: {made.input} → {made.output}\n  {text}", as_json)
+
+
+def _dynamics(model: Model) -> tuple[str, dict[str, Any]]:
+    """The dynamics of a composed model, in words and as JSON values."""
+    from hil.physics.formula import formula
+    from hil.session.analyses import linear_of
+
+    if model.plant != "transfer-function":
+        return f"dynamics of {model.plant}; `hil identify --plant` refines them", {"dynamics": model.plant}
+    linear = linear_of(model, "the dynamics")
+    return f"dynamics {formula(linear)}", {
+        "numerator": linear.numerator.tolist(), "denominator": linear.denominator.tolist(),
+        "dead_time_s": linear.dead_time_s,
+    }  # fmt: skip
 
 
 @group.command("corners")

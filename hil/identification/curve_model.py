@@ -5,14 +5,19 @@ The order of its blocks is not stated there; here the dynamics stand before the 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from hil.errors import InputError
 from hil.identification.flow_curve import monotone
+from hil.physics.compose import plant
+from hil.physics.measured_curve import MEASURED, NODES
 from hil.physics.model import Model, Value
-from hil.physics.plants.curve_and_response import NODES, PLANT
+from hil.physics.plants.curve_and_response import PLANT
 from hil.physics.transfer_function import TransferFunction
 from hil.record.recording import Array
+from hil.units import convert
 
 _EXACT = 1e-4  # of the curve's span: a table that comes so near the spline needs no more nodes
 _FINE = 2000
@@ -36,16 +41,52 @@ def curve_model(
     """
     if len(command) < 2 or np.any(np.diff(command) <= 0.0):
         raise InputError("flow curve: at least two levels of the command are needed, each above the one before")
-    at = table_nodes(command, flow)
-    values = PLANT.typical | _dynamics(linear)
-    levels = at[np.minimum(np.arange(NODES), len(at) - 1)]
-    for k, (level, value) in enumerate(zip(levels, monotone(command, flow)(levels), strict=True), 1):
-        values[f"command_{k}"], values[f"flow_{k}"] = float(level), float(value)
+    values = PLANT.typical | _dynamics(linear) | _nodes(command, flow)
     units = PLANT.units(input_heading, output_heading)
     return Model(
         PLANT.name, {name: Value(value, units[name]) for name, value in values.items()},
         input=input_heading, output=output_heading,
     )  # fmt: skip
+
+
+def with_measured_curve(command: Array, flow: Array, model: Model, input_unit: str, output_unit: str) -> Model:
+    """A physical model whose orifice is a measured curve; its dynamics, effects and channels stay.
+
+    Args:
+        command: levels, rising, shape (n,).
+        flow: steady output at each, likewise.
+        model: of a plant that has a measured twin (`MEASURED`), or of that twin.
+        input_unit: of the levels; converted to the plant's.
+        output_unit: of the outputs, likewise.
+
+    Raises:
+        InputError: another plant, or fewer than two levels. UnitError: a unit of something else.
+    """
+    name = MEASURED.get(model.plant, model.plant)
+    if name not in MEASURED.values():
+        known = ", ".join(MEASURED)
+        raise InputError(f"{model.plant}: no measured curve can stand in it; a transfer function, or one of {known}")
+    if len(command) < 2 or np.any(np.diff(command) <= 0.0):
+        raise InputError("flow curve: at least two levels of the command are needed, each above the one before")
+    definition = plant(name)
+    levels = convert(command, input_unit, definition.inputs[0].unit)
+    found = _nodes(levels, convert(flow, output_unit, definition.output.unit))
+    values = {
+        p.name: Value(found[p.name], p.unit)
+        if p.name in found
+        else model.parameters.get(p.name, Value(p.typical, p.unit))
+        for p in definition.parameters
+    }
+    return replace(model, plant=name, parameters=values, noise=None, covariance=None, skeleton=None, origin={})
+
+
+def _nodes(command: Array, flow: Array) -> dict[str, float]:
+    at = table_nodes(command, flow)
+    levels = at[np.minimum(np.arange(NODES), len(at) - 1)]
+    named: dict[str, float] = {}
+    for k, (level, value) in enumerate(zip(levels, monotone(command, flow)(levels), strict=True), 1):
+        named |= {f"command_{k}": float(level), f"flow_{k}": float(value)}
+    return named
 
 
 def table_nodes(command: Array, flow: Array) -> Array:

@@ -8,7 +8,9 @@ from typing import Any
 from hil.catalog import base_plant
 from hil.errors import HilError
 from hil.physics.compose import plant
+from hil.physics.measured_curve import MEASURED
 
+_VALVES = {measured: valve for valve, measured in MEASURED.items()}
 PLANT = "plant"
 """Where the header of a run has the plant of its valve."""
 
@@ -37,7 +39,9 @@ def other_plants(model_plant: str, recorded: Iterable[tuple[str, Mapping[str, An
         f"{name} is a run of the plant {own}, the model is of {model_plant}: what a verdict names may be nothing but "
         "the difference between the two plants."
         for name, own in plants
-        if own and own != base_plant(model_plant) and not (_is_general(own) or _is_general(model_plant))
+        if own
+        and own not in (base_plant(model_plant), _VALVES.get(model_plant))
+        and not (_is_general(own) or _is_general(model_plant))
     ]
 
 

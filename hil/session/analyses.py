@@ -14,7 +14,7 @@ import numpy as np
 from hil.catalog import models
 from hil.errors import FileError, InputError, SettingError, StorageError, UnitError
 from hil.identification.asymptotic_bode import AsymptoticFit, asymptotic_bode
-from hil.identification.curve_model import curve_model
+from hil.identification.curve_model import curve_model, with_measured_curve
 from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.recursive_least_squares import (
     ArxForm,
@@ -359,15 +359,19 @@ def error_between(
 
 
 def composed(curve: Path, dynamics: Model) -> Model:
-    """A flow curve and a transfer function as one model: section 8 of the HPV41 paper.
+    """A flow curve and dynamics as one model: section 8 of the HPV41 paper.
 
     Args:
         curve: run of `flow_curve`, or a table of it as CSV.
-        dynamics: a model of the plant `transfer-function`.
+        dynamics: a model of the plant `transfer-function`, or of a valve whose orifice the curve replaces.
     """
     levels = flow_curve_of(curve)
-    linear = linear_of(dynamics, "the dynamics")
-    made = curve_model(levels.command, levels.flow, linear, levels.input, levels.output)
+    if dynamics.plant == _LINEAR:
+        linear = linear_of(dynamics, "the dynamics")
+        made = curve_model(levels.command, levels.flow, linear, levels.input, levels.output)
+    else:
+        units = (split_heading(heading)[1] for heading in (levels.input, levels.output))
+        made = with_measured_curve(levels.command, levels.flow, dynamics, *units)
     return replace(made, origin={"curve": str(curve), "dynamics": dict(dynamics.origin)})
 
 

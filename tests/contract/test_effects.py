@@ -76,6 +76,7 @@ def course(definition: Plant) -> Array:
     middle, half = {
         "brevini-hpv41": (0.0, 100.0),
         "cummins-efc": (1.6, 0.5),
+        "efc-measured": (1.6, 0.5),
         "efc-drive": (1.6, 0.5),
         "efc-duty": (26.0, 8.0),
         "hydraforce-sp08-47c": (62.0, 60.0),

@@ -22,6 +22,8 @@ for_every_plant = pytest.mark.parametrize("definition", PLANTS, ids=lambda defin
 # Where a plant stands still, and a step from there that it answers for more than a second.
 REST = {
     "cummins-efc": (1.5, 0.2),
+    "efc-measured": (1.5, 0.2),
+    "hpv41-measured": (50.0, 20.0),
     "hydraforce-sp08-47c": (50.0, 20.0),
     "brevini-hpv41": (50.0, 20.0),
     "cascaded-tanks": (math.sqrt(5.0), 1.0),  # the typical upper level is 5 V

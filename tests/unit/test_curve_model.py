@@ -1,15 +1,19 @@
 """A measured flow curve and a transfer function as one model: its table, its dynamics, and what it refuses."""
 
+import math
+
 import numpy as np
 import pytest
 
 import hil
 from hil.cli import app
 from hil.errors import FileError, InputError
-from hil.identification.curve_model import curve_model, table_nodes
+from hil.identification.curve_model import curve_model, table_nodes, with_measured_curve
 from hil.identification.flow_curve import spline
-from hil.physics.plants.curve_and_response import NODES
+from hil.physics.measured_curve import NODES
+from hil.physics.model import typical_model
 from hil.physics.published import tordal
+from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import transfer_function
 from hil.record.recording import recording
 from hil.session.analyses import flow_curve_of
@@ -101,3 +105,32 @@ def test_figure_17_from_the_six_published_responses(monkeypatch, capsys, tmp_pat
     assert "(−145 s + 5993) / (s³ + 36.68 s² + 1046 s + 6009)" in capsys.readouterr().out
     by_hand = hil.compose(tmp_path / "curve.csv", tordal.MEAN_MODEL.to_model("r [l/min]", "q [l/min]"))
     assert hil.load_model(tmp_path / "m.json").values == pytest.approx(by_hand.values, rel=1e-3, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "measured", "levels", "unit", "size"),
+    [
+        ("cummins-efc", "efc-measured", (1.2, 2.0), "mA", 1e3),
+        ("brevini-hpv41", "hpv41-measured", (-100.0, 100.0), "%", 1.0),
+    ],
+)
+def test_a_measured_curve_takes_the_place_of_the_law_and_leaves_the_dynamics(name, measured, levels, unit, size):
+    valve = typical_model(name)
+
+    def played(model, command):
+        return simulate(model.definition, model.values, Drive(command[None, :], math.nan, 2e-3))[0]
+
+    at = np.linspace(*levels, 200)
+    steady = np.array([played(valve, np.full(2, level))[-1] for level in at])
+    made = with_measured_curve(size * at, steady, valve, unit, valve.definition.output.unit)
+    assert made.plant == measured
+    assert made.parameters["dead_time"] == valve.parameters["dead_time"]
+    assert made.values["command_1"] == pytest.approx(levels[0])
+    command = np.concatenate((np.full(50, levels[0]), np.linspace(*levels, 300), np.full(50, levels[1])))
+    truth = played(valve, command)
+    np.testing.assert_allclose(played(made, command), truth, atol=5e-3 * np.ptp(truth))
+
+
+def test_a_curve_stands_in_no_other_plant():
+    with pytest.raises(InputError, match=r"linear-axis: no measured curve can stand in it"):
+        with_measured_curve(COMMAND, FLOW, typical_model("linear-axis"), "N", "m")

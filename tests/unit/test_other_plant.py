@@ -46,7 +46,8 @@ def test_a_run_says_its_plant_and_an_older_one_by_the_model_of_its_valve(meta: M
     [
         ("cummins-efc", "efc-drive", True), ("cummins-efc", "cummins-efc", False), ("", "efc-drive", False),
         ("cummins-efc", "transfer-function", False), ("transfer-function", "brevini-hpv41", False),
-        ("a-strangers-plant", "brevini-hpv41", True), ("brevini-hpv41", "brevini_hpv41", False),
+        ("a-strangers-plant", "brevini-hpv41", True),
+        ("cummins-efc", "efc-measured", False), ("brevini-hpv41", "brevini_hpv41", False),
     ],
 )  # fmt: skip
 def test_other_plants_are_told_but_for_those_of_no_valve(own: str, model: str, told: bool) -> None:

@@ -110,7 +110,7 @@ def zigzag(definition: Plant) -> Array:
 
     Further inputs, measured disturbances, go along, each at another size.
     """
-    rest, size = {"cummins-efc": (1.5, 0.4), "hydraforce-sp08-47c": (60.0, 50.0)}.get(
+    rest, size = {"cummins-efc": (1.5, 0.4), "efc-measured": (1.5, 0.4), "hydraforce-sp08-47c": (60.0, 50.0)}.get(
         definition.name, (0.3 * definition.inputs[0].full_scale, 0.7 * definition.inputs[0].full_scale)
     )
     k = np.arange(SAMPLES)

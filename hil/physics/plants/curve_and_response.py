@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 
 from hil.physics.linear import delay_steps, delayed, held_first_order, second_order
+from hil.physics.measured_curve import NODES, bends, curve_parameters, nodes, tabulated
 from hil.physics.plant import Hook, Parameter, Plant, Signal
 from hil.record.recording import Array
 
-NODES = 24
-_LEAST = 1e-6  # between two levels of the table; nearer ones are one jump
-_WIDE = 1e3  # end of the table that a plant starts with, which changes nothing
+_ENDS = np.array([-1e3, *[1e3] * (NODES - 1)])  # of the table that a plant starts with, which changes nothing
 
 
 def equations(value: Any, x: Any, c: Any, hook: Any) -> Any:
@@ -31,9 +30,7 @@ def equations(value: Any, x: Any, c: Any, hook: Any) -> Any:
     x.place = place
     x.drive = drive
     opening = hook.position(place + c.zero * x.speed)
-    flow = c.lowest
-    for node in range(24):
-        flow += c.bend[node] * max(opening - c.at[node], 0.0)
+    flow = c.lowest + tabulated(opening, c.at, c.bend)
     flow = hook.flow(flow, 0.0)
     reading = hook.sensor(flow)
     return reading  # noqa: RET504  (a hook's value needs a name)
@@ -44,35 +41,15 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float | Arr
     names = ("xx", "xv", "x0", "x1", "vx", "vv", "v0", "v1")
     pair = second_order(1.0 / p["pair_time"], p["pair_damping"], step_s)
     at, flow = nodes(p)
-    slopes = np.concatenate(([0.0], np.diff(flow) / np.maximum(np.diff(at), _LEAST), [0.0]))
     return {
         "dead_steps": delay_steps(p["dead_time"], step_s),
         "keep": held_first_order(p["lag_time"], step_s),
         "zero": p["zero"],
         "lowest": float(flow[0]),
         "at": at,
-        "bend": np.diff(slopes),
+        "bend": bends(at, flow),
         **dict(zip(names, pair, strict=True)),
     }
-
-
-def nodes(p: Mapping[str, float]) -> tuple[Array, Array]:
-    """(commands, flows) of the curve, shape (24,) each; commands never fall."""
-    at = np.maximum.accumulate([p[f"command_{k}"] for k in range(1, NODES + 1)])
-    return at, np.array([p[f"flow_{k}"] for k in range(1, NODES + 1)])
-
-
-def _curve() -> tuple[Parameter, ...]:
-    ends = [-_WIDE, *[_WIDE] * (NODES - 1)]
-    commands = [
-        Parameter(f"command_{k}", "{input}", end, -1e6, 1e6, f"command at node {k} of the curve", fixed=True)
-        for k, end in enumerate(ends, 1)
-    ]
-    flows = [
-        Parameter(f"flow_{k}", "{output}", end, -1e6, 1e6, f"output at node {k}", fixed=True)
-        for k, end in enumerate(ends, 1)
-    ]
-    return (*commands, *flows)
 
 
 PLANT = Plant(
@@ -87,7 +64,7 @@ PLANT = Plant(
         Parameter("pair_time", "s", 0.03, 1e-5, 1e4, "1/ω of the pair of poles", hook="position"),
         Parameter("pair_damping", "1", 0.5, 0.001, 50.0, "damping ratio of the pair", hook="position"),
         Parameter("zero", "s", 0.0, -1e4, 1e4, "zero: 1 + s·zero; negative: right half plane", hook="position"),
-        *_curve(),
+        *curve_parameters(_ENDS, _ENDS, "{input}", "{output}"),
     ),
     hooks=(
         Hook("command", "command", "{input}", 1.0),
