@@ -24,7 +24,12 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float | Arr
     at, pressure = nodes(p)
     span = float(np.ptp(pressure)) or 1.0
     made = cummins_efc.coefficients({**OF.typical, **p}, step_s)
-    curve = {"centre": at, "width": bends(at, pressure / span), "span": span, "closed_pressure": float(pressure[0])}
+    curve: dict[str, float | Array] = {
+        "centre": at,
+        "width": bends(at, pressure / span),
+        "span": span,
+        "closed_pressure": float(pressure[0]),
+    }
     return {**made, **curve}
 
 
