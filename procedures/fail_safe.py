@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from hil.session.allowed import Allowed
 from procedures._characteristic import steady
 from procedures._course import Course, joined
 from procedures._definitions import FAIL_SAFES, defined
+from procedures._extreme import CERTAIN
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
 from procedures._scale import Scale, check_stands, scale_of
 from procedures._settings import NotNegative, Positive, Twice
@@ -94,7 +96,8 @@ def evaluate(recording: Recording) -> Findings:
         for label, mine in by_level.items()
     }
     drift = drift_of(list(after.values()))
-    measured = [_closing(recording, label, mine) for label, mine in by_level.items()]
+    steady_reading = _without(recording, drift)
+    measured = [_closing(steady_reading, label, mine) for label, mine in by_level.items()]
     measured += [_left_open(recording, label, mine, neutral, drift) for label, mine in after.items()]
     curves = []
     for label, mine in by_level.items():
@@ -106,6 +109,15 @@ def evaluate(recording: Recording) -> Findings:
             "time_s": recording.time_s[rows][::every] - lost_s, "measured": response.values[rows][::every],
         })  # fmt: skip
     return Findings(tuple(measured), {"fail_safe": curves}, deviations=departures(recording))
+
+
+def _without(recording: Recording, drift: Read) -> Recording:
+    """The recording without a drift of the response that is more than noise: it would move the final value."""
+    if abs(drift[0]) <= CERTAIN * drift[1]:
+        return recording
+    _, response = roles_of(recording)
+    still = replace(response, values=response.values - drift[0] * (recording.time_s - recording.time_s[0]))
+    return replace(recording, channels={**recording.channels, response.name: still})
 
 
 def _closing(recording: Recording, label: str, parts: Sequence[Mapping[str, Any]]) -> Measured:
