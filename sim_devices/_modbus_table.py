@@ -1,6 +1,5 @@
 """A Modbus device that is nothing but a table of registers, for twins of simple modules."""
 
-# ruff: noqa: ARG002 - what there is not is refused by methods that look at nothing
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -8,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from sim_devices._field import Side
+from sim_devices._modbus_bank import Bank
 from sim_devices._modbus_frames import Refused, RtuFrames, TcpFrames
 from sim_devices._quirks import Quirks
 from sim_devices._stream import PtyServer, StreamServer, TcpServer
@@ -44,7 +44,7 @@ class Timer:
     safe: Mapping[int, int] = field(default_factory=dict)
 
 
-class Table:
+class Table(Bank):
     """Registers of a device as its manual lists them.
 
     Args:
@@ -67,7 +67,8 @@ class Table:
         safe: int = 0,
         timer: Timer | None = None,
     ) -> None:
-        self._side, self._outputs, self._inputs = side, outputs, inputs
+        super().__init__(side)
+        self._outputs, self._inputs = outputs, inputs
         self._watchdog_s, self._timer = watchdog_s, timer
         self._safe = dict.fromkeys(outputs, safe)
         self._settable = {register: output for output, register in timer.safe.items()} if timer else {}
@@ -79,7 +80,7 @@ class Table:
         if address not in self._inputs:
             raise Refused(2)
         place = self._inputs[address]
-        return place.count_of(self._side.number(place.terminal))
+        return place.count_of(self.side.number(place.terminal))
 
     def holding(self, address: int) -> int:
         """An output, as it stands."""
@@ -90,16 +91,6 @@ class Table:
         if address not in self._outputs:
             raise Refused(2)
         return self._counts[address]
-
-    output = holding
-
-    def coil(self, address: int) -> bool:
-        """There are none."""
-        raise Refused(2)
-
-    def discrete(self, address: int) -> bool:
-        """There are none."""
-        raise Refused(2)
 
     def may_write(self, address: int, count: int) -> None:
         """Any count, where there is an output or a register of the watchdog."""
@@ -117,15 +108,11 @@ class Table:
             return
         self._counts[address] = count
         place = self._outputs[address]
-        self._side.drive({place.terminal: place.value_of(count)})
-
-    def write_coil(self, address: int, on: bool) -> None:
-        """There are none."""
-        raise Refused(2)
+        self.side.drive({place.terminal: place.value_of(count)})
 
     def heard(self) -> None:
         """A request came."""
-        self._heard_s = self._side.clock.now_s
+        self._heard_s = self.side.clock.now_s
 
     def restart(self) -> None:
         """Outputs at their safe count; what was armed over the wire is not any more."""
@@ -136,7 +123,7 @@ class Table:
     def tick(self) -> None:
         """Look at the watchdog."""
         since_s = self._heard_s
-        if self._watchdog_s is not None and since_s is not None and self._side.clock.now_s - since_s > self._watchdog_s:
+        if self._watchdog_s is not None and since_s is not None and self.side.clock.now_s - since_s > self._watchdog_s:
             self._heard_s = None
             self._make_safe()
 

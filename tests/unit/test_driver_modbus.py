@@ -388,7 +388,7 @@ def test_stranger_s_device_is_told_where_the_output_is_safe_and_stands_there_aft
     valve = OutputChannel("command", "ao0", "voltage", "V", 0.0, 10.0, 5.0)
     wiring = Wiring({"command": valve}, {})
     table = Table(side(wiring), {120: Place("ao0", 1000.0)}, {}, timer=Timer(140, 10.0, {120: 141}))
-    served = serve_registers(table, {"address": "127.0.0.1:0"}, table._side, Quirks())
+    served = serve_registers(table, {"address": "127.0.0.1:0"}, table.side, Quirks())
     try:
         settings = modbus.LineSettings(address=served.where, timeout_s=1.0, watchdog_s=1.0)
         link = modbus.ModbusLink(settings, wiring, model)
