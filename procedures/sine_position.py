@@ -16,6 +16,7 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.harmonic_order import sine_fit_beyond
+from hil.signals.interval import COVERED
 from hil.signals.rounding import rounding_step
 from hil.signals.sine_fit import SineFit, sine_fit, with_rounding
 from hil.signals.stepped_sine import check_frequencies, sine
@@ -276,6 +277,6 @@ def _model_note(recording: Recording, rows: slice, place: str, closed: bool) -> 
     (gain, gain_std), (time_s, time_std_s) = ((found.values[n], found.std[n]) for n in ("gain", "time"))
     unit = f"{response.unit}{'' if closed else '/s'} per {command.unit}"
     return (
-        f"{place}: {found.form.name}, gain {gain:.4g} ± {1.96 * gain_std:.1g} {unit}, time "
-        f"{1e3 * time_s:.4g} ± {1.96e3 * time_std_s:.2g} ms, fit {found.fit_percent:.2f} % of the same data."
+        f"{place}: {found.form.name}, gain {gain:.4g} ± {COVERED * gain_std:.1g} {unit}, time "
+        f"{1e3 * time_s:.4g} ± {1e3 * COVERED * time_std_s:.2g} ms, fit {found.fit_percent:.2f} % of the same data."
     )

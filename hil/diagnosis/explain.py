@@ -29,6 +29,7 @@ from hil.diagnosis.within_prior import is_no_news
 from hil.identification.experiment import Experiment
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
+from hil.signals.interval import COVERED
 
 # Of events is estimated how often they come and how long they last.
 _OF_EVENTS = 2
@@ -241,7 +242,7 @@ class Explanation:
     def _noise(self, colour: float, names: int) -> Noise:
         """What noise alone leaves."""
         known, count = self.problem.model.noise, self.problem.expected
-        own = 0.0 if known is None or known.std <= 0.0 else 2.0 * 1.96 * known.std_uncertainty / known.std
+        own = 0.0 if known is None or known.std <= 0.0 else 2.0 * COVERED * known.std_uncertainty / known.std
         return Noise(count, 1.0, 1.0 + max(own, CRITERIA.scale), self.problem.size / colour, names)
 
     def table(self) -> Table:

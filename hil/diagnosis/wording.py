@@ -10,6 +10,7 @@ from hil.diagnosis.diagnosis import ChangedParameter, Finding, Left, Quantity, V
 from hil.diagnosis.search.terms import Term
 from hil.physics.effect import Effect
 from hil.physics.plant import Parameter
+from hil.signals.interval import COVERED
 
 _PLACE = re.compile(r"\{(\w+)(:%|:\?)?\}")
 _NOT_REACHED = "none that was reached"
@@ -26,7 +27,7 @@ def quantity_text(value: float, std: float | None, unit: str) -> str:
     shown = _unit_text(unit)
     if std is None or not math.isfinite(std) or std <= 0.0:
         return f"{value:.3g}{shown}"
-    expanded = 1.96 * std
+    expanded = COVERED * std
     if expanded >= abs(value):
         return f"{value:.2g} ± {expanded:.2g}{shown}"
     digits = _digits(expanded)
@@ -41,9 +42,9 @@ def _digits(expanded: float) -> int:
 def _change_text(before: float, after: float, std: float | None, unit: str) -> str:
     """`2.41 ± 0.12 % instead of 2.20 %`: what it was is told as exactly as what it is."""
     now = quantity_text(after, std, unit)
-    if std is None or not 0.0 < 1.96 * std < abs(after):
+    if std is None or not 0.0 < COVERED * std < abs(after):
         return f"{now} instead of {quantity_text(before, None, unit)}"
-    return f"{now} instead of {before:.{_digits(1.96 * std)}f}{_unit_text(unit)}"
+    return f"{now} instead of {before:.{_digits(COVERED * std)}f}{_unit_text(unit)}"
 
 
 def _unit_text(unit: str) -> str:

@@ -12,6 +12,7 @@ from hil.identification.frequency_response import FrequencyResponse
 from hil.physics.transfer_function import TransferFunction
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array
+from hil.signals.interval import COVERED
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -41,7 +42,7 @@ class Crossing:
         name = f"{self.level:g} {self.unit}"
         if self.frequency_hz is None:
             return f"{name}: not reached up to {self.beyond_hz:g} Hz"
-        error = "" if math.isnan(self.std_hz) else f" ± {1.96 * self.std_hz:.2g}"
+        error = "" if math.isnan(self.std_hz) else f" ± {COVERED * self.std_hz:.2g}"
         return f"{name}: {self.frequency_hz:.4g}{error} Hz"
 
 

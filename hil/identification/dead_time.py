@@ -17,10 +17,11 @@ import numpy as np
 from hil.identification.evidence import VERY_STRONG, odds
 from hil.identification.transfer_function import TransferFunctionFit
 from hil.record.recording import Array
+from hil.signals.interval import COVERED
 
 # A description with less than this share of the evidence is excluded as an interval of 95 % excludes a value.
 _EXCLUDED = 0.05
-_HALF, _COVERAGE = 0.5, 1.96
+_HALF = 0.5
 
 
 def with_other_forms(
@@ -63,7 +64,7 @@ def _beyond_scatter(chosen: TransferFunctionFit, rivals: Sequence[TransferFuncti
 
 def _tells(fit: TransferFunctionFit) -> bool:
     """Whether a form says anything of a dead time: an interval that is wider than its value does not."""
-    return not fit.form.dead_time or _COVERAGE * _scatter(fit) < fit.model.dead_time_s
+    return not fit.form.dead_time or COVERED * _scatter(fit) < fit.model.dead_time_s
 
 
 def _scatter(fit: TransferFunctionFit) -> float:

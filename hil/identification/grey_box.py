@@ -24,7 +24,7 @@ from hil.identification.gaps import bridged
 from hil.identification.initial_condition import start_slope, with_free_start
 from hil.identification.lines import common_line, line_at
 from hil.identification.multistart import multistart
-from hil.identification.noise import COVERED, Measured, channel_floor, measured_noise, resolution
+from hil.identification.noise import Measured, channel_floor, measured_noise, resolution
 from hil.identification.recording_quality import (
     LINEAR,
     believed,
@@ -42,6 +42,7 @@ from hil.identification.witnesses import witnesses
 from hil.physics.model import Covariance, Model, Value, load_model, typical_model
 from hil.physics.plant import Parameter, Plant, Structure
 from hil.record.recording import Array
+from hil.signals.interval import COVERED
 from hil.signals.products import one_blas_thread
 
 # Start values tried beside the given ones when the first fit stays far above the noise.

@@ -12,11 +12,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from hil.identification.transfer_function import TransferFunctionFit
+from hil.signals.interval import COVERED
 
 LEAST_FIT_PERCENT = 80.0  # below it a response is not called linear, unless its bench says otherwise
 _BEYOND = 10.0  # times the highest line, or that part of the lowest, at which a pole no longer shows in the band
 _NEAR = 2.0  # a gain within this factor of a line's, or within its own interval, is one that the line comes near
-_COVERAGE = 1.96
 
 
 def doubts(fit: TransferFunctionFit, least_fit_percent: float = LEAST_FIT_PERCENT) -> tuple[str, ...]:
@@ -59,7 +59,7 @@ def _coefficients(fit: TransferFunctionFit) -> Iterator[str]:
     wide = [
         name
         for name, value, std in zip(fit.coefficient_names, fit.coefficients, stds, strict=True)
-        if not _COVERAGE * std < abs(value)
+        if not COVERED * std < abs(value)
     ]
     if wide:
         names = ", ".join("dead time" if name == "dead_time_s" else name for name in wide)

@@ -11,6 +11,7 @@ from scipy.linalg import solve_toeplitz
 
 from hil.physics.model import Noise
 from hil.record.recording import Array
+from hil.signals.interval import COVERED
 from hil.signals.recursion import filtered
 
 _LONGEST_MEMORY = 8
@@ -20,7 +21,6 @@ _WHITE_SHARE = 1e-9
 # Samples after which noise is forgotten, and times that what means take of it is put back.
 _TAIL, _MEANS = 4096, 4
 # Standard uncertainties in an interval of 95 %.
-COVERED = 1.96
 # Standard uncertainty of the floor of white noise, a median of fourth differences, times √n.
 _MEDIAN_SPREAD = 1.63
 # A recording's floor within so many times that of its model's identification does not contradict it.

@@ -22,6 +22,7 @@ from hil.identification.evidence import VERY_STRONG, simplest_good
 from hil.identification.structure import independent
 from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Array, Recording
+from hil.signals.interval import COVERED
 from hil.signals.recursion import filtered
 
 MOST_LAGS = 3
@@ -127,7 +128,7 @@ class ProcessFit:
         """Values with 95 % intervals, fit and notes, for a terminal."""
         rows = [f"{self.form.name}: fit {self.fit_percent:.2f} % of the same data"]
         for name, value in self.values.items():
-            rows.append(f"  {name:10} {value:12.6g} ± {1.96 * self.std[name]:.2g}")
+            rows.append(f"  {name:10} {value:12.6g} ± {COVERED * self.std[name]:.2g}")
         return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
 
 

@@ -20,11 +20,11 @@ from hil.identification.evidence import VERY_STRONG, bic, odds, simplest_good
 from hil.identification.experiment import Experiment
 from hil.identification.initial_condition import start_slope, with_free_start
 from hil.identification.linear_starts import poles_rad_s
-from hil.identification.noise import COVERED
 from hil.physics.plant import Parameter, Plant, Structure
 from hil.physics.transfer_function import from_parameters, pole_parameters
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
+from hil.signals.interval import COVERED
 
 _BLOCKS = 5
 _FORETOLD = (3, 4, 1, 0)  # blocks: the last two from those before them, the first two from those after them

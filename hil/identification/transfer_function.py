@@ -16,6 +16,7 @@ from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.rational import Data, Form, Solution, data, solve
 from hil.physics.transfer_function import TransferFunction
 from hil.record.recording import Array
+from hil.signals.interval import COVERED
 
 Complex = NDArray[np.complex128]
 
@@ -127,7 +128,7 @@ class TransferFunctionFit:
         """Coefficients with 95 % intervals, poles, zeros, fit and notes, for a terminal."""
         rows = [f"{self.form.poles} poles, {self.form.zeros} zeros, fit {self.fit_percent:.2f} %"]
         for name, value, std in zip(self.coefficient_names, self.coefficients, self.coefficient_std, strict=True):
-            uncertainty = f"± {1.96 * std:.2g}" if math.isfinite(std) else "cannot be told"
+            uncertainty = f"± {COVERED * std:.2g}" if math.isfinite(std) else "cannot be told"
             rows.append(f"  {name:12} {value:12.6g} {uncertainty}")
         rows.append("  poles " + ", ".join(f"{p:.4g}" for p in self.model.poles) + " rad/s")
         if self.form.zeros:

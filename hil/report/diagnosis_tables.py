@@ -14,8 +14,8 @@ from hil.report.equation import equation_lines
 from hil.report.name import capital, short_name, short_names
 from hil.report.number import MINUS, fixed, grouped, number, rounded, unit_text
 from hil.report.section import Table
+from hil.signals.interval import COVERED
 
-_COVERAGE_95 = 1.96
 _MOST_CANDIDATES = 12
 _LEAST_GAP = 0.5  # points of fit: a smaller gap is mostly chance, and no share of it is stated
 
@@ -62,7 +62,7 @@ def effect_entry(f: Finding) -> dict[str, Any]:
 
 
 def _parameter(name: str, q: Quantity) -> dict[str, Any]:
-    value, width = rounded(q.value, None if q.std is None else _COVERAGE_95 * q.std)
+    value, width = rounded(q.value, None if q.std is None else COVERED * q.std)
     return {"name": name, "meaning": q.meaning, "value": value, "width": width, "unit": unit_text(q.unit),
             "at_bound": False}  # fmt: skip
 

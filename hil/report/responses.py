@@ -28,6 +28,7 @@ from hil.report.figure import (
 from hil.report.figure import plain_log as plain_log_axis
 from hil.report.number import fixed, number
 from hil.report.section import Listing, Section, Table
+from hil.signals.interval import COVERED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -121,7 +122,7 @@ def _model_line(axes: Axes, model: Curve, key: str, std_key: str, color: str, k:
     f, y, std = needed(model, "frequency_hz"), needed(model, key), array(model, std_key)
     axes.plot(f, y, color=color, ls=DASHES[k % len(DASHES)], lw=1.0)  # type: ignore[arg-type]
     if std is not None:
-        axes.fill_between(f, y - 1.96 * std, y + 1.96 * std, color=color, alpha=0.15, lw=0.0)
+        axes.fill_between(f, y - COVERED * std, y + COVERED * std, color=color, alpha=0.15, lw=0.0)
 
 
 def _thd(axes: Axes, group: Sequence[Curve]) -> None:

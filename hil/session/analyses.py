@@ -42,6 +42,7 @@ from hil.record.plain import plain
 from hil.record.read import read_recording
 from hil.record.recording import Array, Recording, split_heading
 from hil.record.response_table import ResponseTable
+from hil.signals.interval import COVERED
 
 _LINEAR = "transfer-function"
 _MEMBERSHIPS = ("left trapezoid", "left triangle", "right triangle", "right trapezoid")
@@ -155,7 +156,7 @@ class OnlineEstimate:
         directions = f"{excitation.informed} of {excitation.asked} directions identifiable"
         rows = [f"{found.samples} samples, noise {found.noise_std:.3g}, {directions}"]
         rows += [
-            f"  {name:4} {value:12.6g} ± {1.96 * std:.2g}"
+            f"  {name:4} {value:12.6g} ± {COVERED * std:.2g}"
             for name, value, std in zip(found.form.names, found.parameters, found.std, strict=True)
         ]
         largest = float(np.abs(found.poles).max()) if len(found.poles) else 0.0

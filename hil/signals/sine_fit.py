@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hil.errors import SettingError
 from hil.signals.colour import colour_factors
+from hil.signals.interval import COVERED
 from hil.signals.rounding import sine_rounding_std
 from hil.signals.sine_basis import sine_basis
 from hil.signals.sine_solution import Solved, solve
@@ -103,8 +104,8 @@ class SineFit:
     def describe(self, unit: str = "") -> str:
         """One line: what was found and how sure."""
         return (
-            f"{self.frequency_hz:.6g} Hz: amplitude {self.amplitude:.5g} ± {1.96 * self.amplitude_std:.2g} {unit}, "
-            f"phase {math.degrees(self.phase_rad):.2f} ± {math.degrees(1.96 * self.phase_std_rad):.2g}°, "
+            f"{self.frequency_hz:.6g} Hz: amplitude {self.amplitude:.5g} ± {COVERED * self.amplitude_std:.2g} {unit}, "
+            f"phase {math.degrees(self.phase_rad):.2f} ± {math.degrees(COVERED * self.phase_std_rad):.2g}°, "
             f"offset {self.offset:.5g}, THD {100 * self.distortion:.2g} %"
         )
 

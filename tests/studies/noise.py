@@ -17,11 +17,11 @@ from scipy.signal import lfilter
 from hil.cores import spread
 from hil.identification.experiment import Experiment, experiment
 from hil.identification.grey_box import fit_plant
-from hil.identification.noise import COVERED
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Array, recording
+from hil.signals.interval import COVERED
 
 FLAP = plant("throttle-flap")
 STEP_S, COUNT, RESTING, NOISE_V = 0.005, 4000, 1200, 0.004
