@@ -136,7 +136,7 @@ class DeviceLink(ABC):
         self._commanded = dict(self._safe)
         self._driven: dict[str, list[tuple[float, float]]] = {}
         self._away_s: dict[str, tuple[float, float]] = {}
-        self._told_each_s, self._longest_reply_s = told_each_s, longest_reply_s
+        self._reports_each_s, self._longest_reply_s = told_each_s, longest_reply_s
         self._quiet_until_s = 0.0
         self._seen: set[str] = set()
         self.unmeasured: dict[str, str] = {}
@@ -228,7 +228,7 @@ class DeviceLink(ABC):
         readings = self._measured()
         self._seen |= readings.keys()
         self._read_back_times.took(time.monotonic() - begun_s)
-        if self._driven and (self._told_each_s or self._read_back_times.is_due(self._checked_s)):
+        if self._driven and (self._reports_each_s or self._read_back_times.is_due(self._checked_s)):
             self._outputs_stand()
         return readings
 
@@ -272,7 +272,7 @@ class DeviceLink(ABC):
     def _outputs_stand(self) -> None:
         self._look_at_outputs()
         self._checked_s = now_s = time.monotonic()
-        patience_s = max(self._longest_reply_s, 3.0 * self._told_each_s) if self._told_each_s else 0.0
+        patience_s = max(self._longest_reply_s, 3.0 * self._reports_each_s) if self._reports_each_s else 0.0
         for name, stands in self._held().items():
             levels = [level for _, level in self._recent(name)]
             first_s, last_s = self._away_s.get(name, (now_s, -math.inf))
@@ -289,6 +289,6 @@ class DeviceLink(ABC):
 
     def _recent(self, name: str) -> list[tuple[float, float]]:
         """When and where an output was driven, since when the device may still tell of it."""
-        driven, since_s = self._driven.get(name, []), time.monotonic() - 3.0 * self._told_each_s
+        driven, since_s = self._driven.get(name, []), time.monotonic() - 3.0 * self._reports_each_s
         latest = max((i for i, (at_s, _) in enumerate(driven) if at_s <= since_s), default=0)
         return driven[latest:]

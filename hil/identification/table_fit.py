@@ -128,11 +128,11 @@ def averaged(tables: Sequence[ResponseTable], *, normalised: bool = False) -> Re
             raise FileError(f"{other.name}: its gain is in {other.unit}, that of {first.name} in {first.unit}")
     one_each = [as_response([table]) for table in tables]
     mean = average([one.normalised() for one in one_each] if normalised else one_each)
-    said = [f"mean dB and mean phase of {len(tables)} responses{', each over its lowest line' if normalised else ''}"]
+    notes = [f"mean dB and mean phase of {len(tables)} responses{', each over its lowest line' if normalised else ''}"]
     unit = "1" if normalised else first.unit
     return ResponseTable(
         mean.name, mean.frequency_hz, mean.response, unit, in_db=unit == "1",
-        meta={"assumed": said, "recordings": [table.name for table in tables]},
+        meta={"assumed": notes, "recordings": [table.name for table in tables]},
     )  # fmt: skip
 
 

@@ -34,7 +34,7 @@ _DB_PER_NEPER = 20.0 / np.log(10.0)
 def write_fit_page(
     model: Model,
     measured: Sequence[Experiment | ResponseTable],
-    said: Mapping[str, str],
+    summaries: Mapping[str, str],
     notes: Sequence[str],
     path: Path,
     *,
@@ -45,7 +45,7 @@ def write_fit_page(
     Args:
         model: what is held against the measurements.
         measured: bound recordings, and tables for a model that is a transfer function.
-        said: how well it fits, in words, by the name of each measurement.
+        summaries: how well it fits, in words, by the name of each measurement.
         notes: what the reader should know besides.
         path: of the page.
         simulated: whether any of the measurements is of a simulated valve.
@@ -56,7 +56,9 @@ def write_fit_page(
     sections = [_model_section(model)]
     for k, one in enumerate(measured):
         picture = _table(model, one, k) if isinstance(one, ResponseTable) else _samples(model, one, k)
-        sections.append(Section(_short(one.name), texts=tuple(filter(None, (said.get(one.name),))), figures=(picture,)))
+        sections.append(
+            Section(_short(one.name), texts=tuple(filter(None, (summaries.get(one.name),))), figures=(picture,))
+        )
     if notes:
         sections.append(Section(_("Notes"), texts=tuple(notes)))
     title = model.definition.title
