@@ -20,7 +20,6 @@ _TELLING_SHARE = 0.01
 _WHITE_SHARE = 1e-9
 # Samples after which noise is forgotten, and times that what means take of it is put back.
 _TAIL, _MEANS = 4096, 4
-# Standard uncertainties in an interval of 95 %.
 # Standard uncertainty of the floor of white noise, a median of fourth differences, times √n.
 _MEDIAN_SPREAD = 1.63
 # A recording's floor within so many times that of its model's identification does not contradict it.
