@@ -33,11 +33,10 @@ def place_of(text: str) -> tuple[int, int]:
     return int(found[1], 16), int(found[2] or 0)
 
 
-class ObjectValue(Strict):
-    """What is written to an object at opening."""
+class InObject(Strict):
+    """What stands in an object: index and sub-index, `6130.1`; the index alone is sub-index 0."""
 
     object: str
-    value: int | float
 
     @field_validator("object")
     @classmethod
@@ -45,29 +44,32 @@ class ObjectValue(Strict):
         place_of(given)
         return given
 
+    @property
+    def place(self) -> tuple[int, int]:
+        """Index and sub-index."""
+        return place_of(self.object)
 
-class ObjectFlag(Strict):
+
+class ObjectValue(InObject):
+    """What is written to an object at opening."""
+
+    value: int | float
+
+
+class ObjectFlag(InObject):
     """A bit, or a whole object, that tells something: it is so when the masked value is `equals`.
 
     Attributes:
-        object: index and sub-index.
         bit: of its count, 0 is the lowest.
         mask: bits that are looked at, where it is more than one.
         equals: what they are when it is so; not 0 if not given.
         means: in words.
     """
 
-    object: str
     bit: int | None = Field(None, ge=0, le=31)
     mask: int | None = Field(None, ge=1, le=0xFFFFFFFF)
     equals: int | None = Field(None, ge=0, le=0xFFFFFFFF)
     means: str = ""
-
-    @field_validator("object")
-    @classmethod
-    def _is_object(cls, given: str) -> str:
-        place_of(given)
-        return given
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -75,41 +77,28 @@ class ObjectFlag(Strict):
             raise ValueError("bit, or mask and equals, not both")
         return self
 
-    @property
-    def place(self) -> tuple[int, int]:
-        """Index and sub-index."""
-        return place_of(self.object)
-
     def is_so(self, count: int) -> bool:
         """Whether that is what an object with this count tells."""
         looked_at = count & (1 << self.bit if self.bit is not None else self.mask or 0xFFFFFFFF)
         return looked_at != 0 if self.equals is None else looked_at == self.equals
 
 
-class CanopenTerminal(DescribedTerminal):
+class CanopenTerminal(InObject, DescribedTerminal):
     """A terminal in an object: value = slope · (what the object says) + offset; floats and whole numbers.
 
     Attributes:
-        object: index and sub-index, `6130.1`; the index alone is sub-index 0.
         bit, bits: the bit, or lowest and highest bit, of an object that holds more than this. In a row each terminal
             stands next to the one before it.
         invalid: counts that are no measurement, and what they mean; `nan` too.
         status: flags that say that it is none.
     """
 
-    object: str
     bit: int | None = Field(None, ge=0, le=31)
     bits: tuple[int, int] | None = None
     invalid: Invalid = Field(default_factory=dict)
     status: tuple[ObjectFlag, ...] = ()
     slope: FiniteFloat = 1.0
     offset: FiniteFloat = 0.0
-
-    @field_validator("object")
-    @classmethod
-    def _is_object(cls, given: str) -> str:
-        place_of(given)
-        return given
 
     @model_validator(mode="after")
     def _one_part(self) -> Self:
@@ -118,11 +107,6 @@ class CanopenTerminal(DescribedTerminal):
         if self.slope == 0.0:
             raise ValueError("slope 0 makes every reading the same")
         return self
-
-    @property
-    def place(self) -> tuple[int, int]:
-        """Index and sub-index."""
-        return place_of(self.object)
 
     @property
     def field(self) -> tuple[int, int] | None:
@@ -253,7 +237,7 @@ def canopen_faults(description: CanopenDescription) -> Iterator[tuple[Place, str
         yield from ((("terminals", name, key), text) for key, text in _part(found, terminal))
     yield from _overlaps(description)
     for i, value in enumerate(description.setup):
-        if (found := variable(objects, place_of(value.object))) is None or not found.writable:
+        if (found := variable(objects, value.place)) is None or not found.writable:
             yield (
                 ("setup", i, "object"),
                 f"{value.object}: no object of {Path(description.eds).name} that can be written",
