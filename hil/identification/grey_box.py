@@ -42,6 +42,7 @@ from hil.identification.witnesses import witnesses
 from hil.physics.model import Covariance, Model, Value, load_model, typical_model
 from hil.physics.plant import Parameter, Plant, Structure
 from hil.record.recording import Array
+from hil.signals.colour import colour_factor
 from hil.signals.interval import COVERED
 from hil.signals.products import one_blas_thread
 
@@ -468,6 +469,28 @@ def _wider_than_themselves(plant: Plant, values: Mapping[str, float], stds: Mapp
     )
 
 
+def _std_of_noise(found: Estimate) -> Array:
+    """Standard uncertainties that the noise alone would leave, had the model left nothing else; shape (k,)."""
+    beyond = found.chi2 / max(len(found.residuals) - len(found.values), 1) * colour_factor(found.residuals)
+    made: Array = found.std / math.sqrt(max(beyond, 1.0))
+    return made
+
+
+def _undetermined(by_test: Sequence[str], by_model: Sequence[str]) -> list[str]:
+    """Which parameters are not identifiable, and whether the test or the model is to blame."""
+    notes = [
+        f"these recordings do not determine parameter '{name}': its interval would be wider than the value; drive more "
+        "levels and faster changes, or record a signal nearer to where it acts"
+        for name in by_test
+    ]
+    if by_model:
+        notes.append(
+            f"not identifiable: {', '.join(by_model)}: noise would leave them known, but what the model lacks may have "
+            "moved them by more than they are; a model that has it would tell them, another test would not"
+        )
+    return notes
+
+
 def _result(
     model: Model, plant: Plant, found: Estimate, experiments: Sequence[Experiment], remarks: tuple[str, ...],
     beside: Systematic,
@@ -520,10 +543,7 @@ def _result(
         "them near where it acts"
         for name in fixed_at_bound
     ]
-    notes += [
-        f"these recordings do not determine parameter '{name}': its interval would be wider than the value; drive more "
-        "levels and faster changes, or record a signal nearer to where it acts"
-        for name in wide
-    ]
+    by_noise = _wider_than_themselves(plant, values, dict(zip(names, _std_of_noise(found).tolist(), strict=True)))
+    notes += _undetermined([name for name in wide if name in by_noise], [name for name in wide if name not in by_noise])
     notes += [*([sentence_of(beyond)] if beyond else []), *_unidentifiable(found), *beside.notes]
     return GreyBoxFit(made, found, fits, (*remarks, *notes, *doubts(made, experiments, fits)))
