@@ -325,8 +325,10 @@ def _best_reading(
         found = _fit_from(model, moved, weights, start, tick)
         if best is None:
             found = _restarted(model, moved, weights, found, tick)
-        # Where a dead time can stand in for it, the data do not tell the reading instant: keep the plain one.
-        if best is None or found.chi2 < best[0].chi2 - _TELLING_CHI2:
+        # Where a dead time can stand in for it, the data do not tell the reading instant: keep the plain one. Nor does
+        # what a model of another structure leaves: there a difference counts in units of that.
+        excess = 1.0 if best is None else max(1.0, best[0].chi2 / len(best[0].residuals))
+        if best is None or found.chi2 < best[0].chi2 - _TELLING_CHI2 * excess:
             best = found, moved
     assert best is not None  # noqa: S101
     return best
