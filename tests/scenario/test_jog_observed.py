@@ -85,7 +85,8 @@ class Jog:
 @contextmanager
 def jogging(folder: Path, for_time: str = "60s", *instead: str) -> Iterator[Jog]:
     """A jog, or another command that brings the output to 40 %, instead."""
-    own = ("block_s = 0.1\n", "block_s = 0.1\nwatchdog_s = 2.0\n")
+    # Patience beyond that for an answer: else the watchdog process takes a link that waits for a run that hangs.
+    own = ("block_s = 0.1\n", "block_s = 0.1\nwatchdog_s = 20.0\n")
     with served("hpv41-modbus-tcp", folder, ("\nwatchdog_s = 1.0\n", "\n"), own) as (file, devices):
         (device,) = devices.values()
         line = observer.Line(device.port)
