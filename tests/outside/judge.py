@@ -68,9 +68,9 @@ def _data(seen: Seen, program: Program) -> Iterator[str]:
                 yield f"{source} has no outputs"
             continue
         yield from _outputs(source, outputs, seen)
-    for pressed_s, answer in program.answers:
+    for answered_s, answer in program.answers:
         yield from _outputs("the answer to the stop", answer.get("outputs") or {}, seen)
-        if answer.get("state") == "confirmed" and (late := _away_after(seen, pressed_s + answer.get("seconds", 1.0))):
+        if answer.get("state") == "confirmed" and (late := _away_after(seen, answered_s)):
             yield f"a stop was called confirmed, and the output was away {late:.2f} s later"
     ours, printed = seen.words.get("end.json"), seen.words.get("--json")
     if ours is not None and printed is not None and _states(ours) != _states(printed):

@@ -30,7 +30,7 @@ class Program:
     """What was started, and where it works.
 
     Attributes:
-        answers: (time of the press, what the stop listener answered).
+        answers: (when it came, what the stop listener answered); one that was paused hears a press late.
         terminal: the near end of its terminal, where it has one.
         deaf: nobody reads that terminal any more.
     """
@@ -91,9 +91,9 @@ class Program:
         with suppress(OSError, ValueError, KeyError, TypeError):
             control = self.told("control.json") or {}  # gone with a run that has ended
             asked = urllib.request.Request(control["stop_url"], data=f"token={control['token']}".encode())
-            at_s = time.time()
             with urllib.request.urlopen(asked, timeout=30.0) as answer:
-                self.answers.append((at_s, json.load(answer)))
+                told = json.load(answer)
+                self.answers.append((time.time(), told))
 
     def _show(self) -> None:
         with suppress(OSError):
