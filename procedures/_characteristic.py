@@ -19,19 +19,18 @@ from hil.identification.characteristic import (
     loop,
     over_all,
     polyline,
+    reaches_both_sides,
     side,
 )
 from hil.identification.null import Null, null_of
 from hil.identification.parametric_bootstrap import about
-from hil.identification.sweep_estimate import Standing, Sweep, SweepEstimate, sweep_estimate
+from hil.identification.sweep_estimate import Standing, Sweep, SweepEstimate, settled, sweep_estimate, together
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
-from hil.signals.colour import colour_factor
+from hil.signals.interval import CERTAIN
 from hil.signals.rounding import mean_rounding_std, rounding_step
-from procedures._extreme import CERTAIN, at_most_one, extreme, rounded_up
+from procedures._extreme import at_most_one, extreme, rounded_up
 from procedures._recorded import calibration_share, calibration_std, reading_step, roles_of
-
-_A_SIDE = 0.05  # of the sweep: less beyond neutral is no side of the valve
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +84,7 @@ def swept(recording: Recording, parts: Sequence[Mapping[str, Any]]) -> Swept:
         driven, measured = command.values[rows], response.values[rows]
         sweeps.append(Sweep(driven, measured, float(part["speed_per_s"])))
         waits += _waits(driven, measured)
-    ends = [_together([wait for wait in waits if wait.risen == risen]) for risen in (False, True)]
+    ends = [together([wait for wait in waits if wait.risen == risen]) for risen in (False, True)]
     estimate = sweep_estimate(recording.name, sweeps, ends, float(parts[0]["settling_s"]))
     speeds = tuple(sweep.speed_per_s for sweep in sweeps)
     rounding = mean_rounding_std(0.0, rounding_step(response.values))  # a standing level may never change its code
@@ -116,9 +115,8 @@ def characteristic(
     ]
     spoilt = _spoilt(swept_)
     measured += _of_loop(swept_, between, span, of, known=spoilt is None)
-    reach = _A_SIDE * span
     dead_band: tuple[float, float] | None = None
-    if swept_.low.command < neutral - reach and swept_.high.command > neutral + reach:
+    if reaches_both_sides(swept_.low.command, swept_.high.command, neutral):
         found, dead_band = _both_ways(swept_, neutral, zero, of)
         edges = [one for one in found if one.quantity.startswith("dead_band")]
         of_null, notes = _null(swept_, neutral, float(part["full"]), of, edges)
@@ -129,7 +127,7 @@ def characteristic(
     half = (estimate.branch(1, 1)[at], estimate.branch(-1, 1)[at]) if len(swept_.speeds) > 1 else None
     of_loop = [spoilt] if spoilt else [_loop_note(swept_, between)]
     return Characteristic(
-        estimate.command[at], _branch(estimate, 1)[at], _branch(estimate, -1)[at],
+        estimate.command[at], estimate.whole_branch(1)[at], estimate.whole_branch(-1)[at],
         np.std(estimate.responses, axis=0)[at], half, (*measured, *found), dead_band,
         tuple(text for text in (*of_loop, *_uncovered(swept_), *notes) if text),
     )  # fmt: skip
@@ -138,7 +136,7 @@ def characteristic(
 def steady(recording: Recording, part: Mapping[str, Any], channel: Channel) -> tuple[float, float]:
     """Mean of a channel over the second half of a part that stands still, and its standard uncertainty from noise."""
     values = recording.rows(part["first"], part["count"]).values(channel.name)
-    value, std = _settled(values)
+    value, std = settled(values)
     return value, math.hypot(std, mean_rounding_std(float(np.std(values)), reading_step(recording, channel)))
 
 
@@ -149,7 +147,7 @@ def at_ends(recording: Recording, parts: Sequence[Mapping[str, Any]], values: Ar
     for part in parts:
         rows = slice(part["first"], part["first"] + part["count"])
         waits += _waits(command.values[rows], values[rows])
-    low, high = (_together([wait for wait in waits if wait.risen == risen]) for risen in (False, True))
+    low, high = (together([wait for wait in waits if wait.risen == risen]) for risen in (False, True))
     return low, high
 
 
@@ -160,23 +158,9 @@ def _waits(driven: Array, measured: Array) -> list[Standing]:
         at = np.flatnonzero(driven == level)
         for wait in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
             if len(wait) > 1:
-                value, std = _settled(measured[wait])
+                value, std = settled(measured[wait])
                 found.append(Standing(level, value, std, max(1, len(wait) // 2), risen))
     return found
-
-
-def _settled(waited: Array) -> tuple[float, float]:
-    """Mean of the second half, and its standard uncertainty from noise."""
-    rest = waited[len(waited) // 2 :]
-    return float(np.mean(rest)), float(np.std(rest)) * math.sqrt(colour_factor(rest) / len(rest))
-
-
-def _together(waits: Sequence[Standing]) -> Standing:
-    """The waits at one end as one; the first is what a single visit would have shown."""
-    weights = np.array([wait.samples for wait in waits], dtype=np.float64)
-    value = float(np.average([wait.response for wait in waits], weights=weights))
-    std = float(np.sqrt(np.sum((weights * [wait.std for wait in waits]) ** 2)) / weights.sum())
-    return Standing(waits[0].command, value, std, int(weights.sum()), waits[0].risen)
 
 
 def _drift(waits: Sequence[Standing], rounding: float) -> float:
@@ -368,10 +352,3 @@ def _one_way(swept_: Swept, part: Mapping[str, Any], of: Mapping[str, Measuremen
         "dynamic tests."
     )
     return found, [note]
-
-
-def _branch(estimate: SweepEstimate, sign: int) -> Array:
-    """A branch of the first sweep, the curve where it has not been."""
-    found = estimate.branch(sign)
-    made: Array = np.where(np.isnan(found), estimate.response, found)
-    return made

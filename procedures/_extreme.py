@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
-
-CERTAIN = 4.0  # standard uncertainties: the largest of many values by noise alone stays below
+from hil.signals.interval import CERTAIN
 
 
 def extreme(

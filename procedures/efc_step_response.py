@@ -19,10 +19,11 @@ from hil.record.recording import Channel, Recording
 from hil.rig import Rig
 from hil.session.allowed import Allowed
 from hil.signals.colour import colour_factor
+from hil.signals.interval import CERTAIN
 from hil.signals.rounding import mean_rounding_std, rounding_step
 from procedures._definitions import STEPS, defined
 from procedures._efc import Stage, held, instrument_std, part_recordings, play
-from procedures._extreme import CERTAIN, extreme
+from procedures._extreme import extreme
 from procedures._recorded import roles_of
 from procedures._scale import check_above
 from procedures._settings import NotNegative, Once, Positive

@@ -21,10 +21,10 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import Rig
 from hil.session.allowed import Allowed
+from hil.signals.interval import CERTAIN
 from procedures._characteristic import steady
 from procedures._course import Course, joined
 from procedures._definitions import FAIL_SAFES, defined
-from procedures._extreme import CERTAIN
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
 from procedures._scale import Scale, check_stands, scale_of
 from procedures._settings import NotNegative, Positive, Twice

@@ -16,12 +16,13 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import Rig
 from hil.signals.harmonic_order import sine_fit_beyond
+from hil.signals.interval import CERTAIN
 from hil.signals.rounding import mean_rounding_std, rounding_step
 from hil.signals.sine_fit import SineFit
 from hil.signals.stepped_sine import check_frequencies, sine
 from procedures._course import Course, joined
 from procedures._definitions import SINES, defined
-from procedures._extreme import CERTAIN, extreme
+from procedures._extreme import extreme
 from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
 from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of
 from procedures._scale import Scale, check_stands, scale_of

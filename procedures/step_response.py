@@ -19,11 +19,12 @@ from hil.rig import Rig
 from hil.session.allowed import Allowed
 from hil.session.sources import tables_of
 from hil.signals.colour import colour_factor
+from hil.signals.interval import CERTAIN
 from hil.signals.rounding import rounding_step
 from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
 from procedures._course import Course, joined
 from procedures._definitions import STEPS, defined
-from procedures._extreme import CERTAIN, extreme
+from procedures._extreme import extreme
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
 from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, Once, Positive

@@ -27,11 +27,12 @@ from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.session.allowed import Allowed
 from hil.signals.colour import colour_factor
+from hil.signals.interval import CERTAIN
 from hil.signals.ramps import ramp
 from hil.signals.rounding import mean_rounding_std
 from procedures._course import Course, joined
 from procedures._definitions import THRESHOLDS, defined
-from procedures._extreme import CERTAIN, rounded_up
+from procedures._extreme import rounded_up
 from procedures._recorded import calibration_share, departures, parts_of, reading_step, roles_of
 from procedures._scale import Scale, about_levels, check_stands, scale_of
 from procedures._settings import NotNegative, Positive, Twice

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
-from scipy.special import betaincinv
+from hil.signals.interval import exact_limits
 
 Colour = Literal["white", "coloured"]
 
@@ -59,7 +59,7 @@ def false_alarms(plant: str, noise: Colour, lasting_s: float) -> FalseAlarms:
         return FalseAlarms(None, f"counted for recordings of {lengths} in all, not for {lasting_s:.3g} s")
     alarms, units = sum(row.alarms for row in alike), sum(row.units for row in alike)
     lengths = " and ".join(f"{row.lasting_s:g} s" for row in alike)
-    high = float(betaincinv(alarms + 1, units - alarms, 0.975)) if alarms < units else 1.0  # Clopper and Pearson, 95 %
+    _, high = exact_limits(alarms, units)
     of = f"healthy simulated units of the plant '{plant}', {noise} noise, recorded for {lengths} in all"
     return FalseAlarms(round(high, 4), f"{alarms} alarms of {units} {of}")
 

@@ -17,6 +17,7 @@ from hil.signals.rounding import rounding_of_means
 
 GAIN_FROM, GAIN_TO = 0.3, 0.9  # of the response at the end, between which a gain is read
 _GAIN_POINTS = 200
+_A_SIDE = 0.05  # of a sweep, which must lie beyond neutral
 _EVENLY = np.array([0.5, *[1.0] * (_GAIN_POINTS - 2), 0.5]) / (_GAIN_POINTS - 1)  # weights of an integral
 _EDGE_DRAWS = 12
 _STEEP = 0.3  # of the steepest slope: where the width of the loop can be read
@@ -173,6 +174,12 @@ def averaged_over(estimate: SweepEstimate, speeds: Sequence[float]) -> float:
         return abs(float(estimate.half_widths[0]))
     lasted = [1.0 / speed for speed in speeds]
     return abs(estimate.lag_s) * math.sqrt(sum(speeds) / sum(lasted))
+
+
+def reaches_both_sides(low: float, high: float, neutral: float) -> bool:
+    """Whether a sweep from low to high shows both sides of a valve."""
+    reach = _A_SIDE * (high - low)
+    return low < neutral - reach and high > neutral + reach
 
 
 def polyline(count: int = 121) -> NDArray[np.int64]:

@@ -113,22 +113,6 @@ def wilson(right: int, of: int, z: float = 1.959964) -> tuple[float, float]:
     return max(0.0, middle - half), min(1.0, middle + half)
 
 
-def exact_limits(count: int, of: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Limits of a share after Clopper and Pearson: they hold it at least so often, however few were counted.
-
-    Raises:
-        InputError: no count out of a larger one.
-    """
-    from scipy.special import betaincinv
-
-    if not 0 <= count <= of or of == 0:
-        raise InputError(f"share {count} of {of}: a count out of a larger one is needed")
-    tail = (1.0 - confidence) / 2.0
-    low = 0.0 if count == 0 else float(betaincinv(count, of - count + 1, tail))
-    high = 1.0 if count == of else float(betaincinv(count + 1, of - count, 1.0 - tail))
-    return low, high
-
-
 def learn(features: Array, labels: Labels, names: Sequence[str], priors: Array | None = None) -> GaussianClasses:
     """Mean and covariance of each class.
 

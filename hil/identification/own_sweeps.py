@@ -13,9 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.sweep_estimate import Standing, Sweep
+from hil.identification.sweep_estimate import Standing, Sweep, settled
 from hil.record.recording import Array, Recording
-from hil.signals.colour import colour_factor
 
 _TURN = 0.05  # of the range, by which a command must come back for a turn
 _STRAIGHT = 0.02  # of the range, within which a ramp is a straight line in time
@@ -166,8 +165,6 @@ def _waits(command: Array, response: Array, level: float) -> list[tuple[float, f
     still = np.flatnonzero(np.abs(command - level) <= _STANDS * float(np.ptp(command)))
     found = []
     for run in np.split(still, np.flatnonzero(np.diff(still) > 1) + 1):
-        rest = response[run[len(run) // 2 :]]
         if len(run) >= _LEAST_SAMPLES:
-            std = float(np.std(rest)) * float(np.sqrt(colour_factor(rest) / len(rest)))
-            found.append((float(np.mean(rest)), std, len(rest)))
+            found.append((*settled(response[run]), len(run) - len(run) // 2))
     return found

@@ -8,6 +8,7 @@ differs from level to level, a second smooth curve says by how much.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ import numpy as np
 from hil.errors import InputError
 from hil.identification.parametric_bootstrap import DRAWS, draws_of
 from hil.record.recording import Array
+from hil.signals.colour import colour_factor
 from hil.signals.products import one_blas_thread
 from hil.signals.smooth_curve import Curves, Smoother
 
@@ -50,6 +52,20 @@ class Standing:
     std: float
     samples: int
     risen: bool
+
+
+def settled(waited: Array) -> tuple[float, float]:
+    """Mean of the second half of a wait, and its standard uncertainty from noise."""
+    rest = waited[len(waited) // 2 :]
+    return float(np.mean(rest)), float(np.std(rest)) * math.sqrt(colour_factor(rest) / len(rest))
+
+
+def together(waits: Sequence[Standing]) -> Standing:
+    """The waits at one end as one; the first is what a single visit would have shown."""
+    weights = np.array([wait.samples for wait in waits], dtype=np.float64)
+    value = float(np.average([wait.response for wait in waits], weights=weights))
+    std = float(np.sqrt(np.sum((weights * [wait.std for wait in waits]) ** 2)) / weights.sum())
+    return Standing(waits[0].command, value, std, int(weights.sum()), waits[0].risen)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +127,12 @@ class SweepEstimate:
         made: Array = np.interp(
             self.command, place[order], self.points.response[mine][order], left=np.nan, right=np.nan
         )
+        return made
+
+    def whole_branch(self, side: int) -> Array:
+        """A branch of the first sweep, the curve where it has not been, shape (LEVELS,)."""
+        found = self.branch(side)
+        made: Array = np.where(np.isnan(found), self.response, found)
         return made
 
     @property

@@ -18,13 +18,13 @@ from hil.errors import FileError, InputError
 from hil.identification.classification import (
     Labels,
     by_thresholds,
-    exact_limits,
     learn,
     leave_one_out,
     ordered_thresholds,
 )
 from hil.record.plain import plain
 from hil.record.recording import Array, Recording
+from hil.signals.interval import exact_limits
 
 FEWEST = 5  # valves of a class
 _EVEN = 1e-3  # of the interval, by which those of one test may differ

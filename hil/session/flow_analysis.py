@@ -13,21 +13,28 @@ from typing import Any
 import numpy as np
 
 from hil.errors import InputError, SettingError, StorageError
-from hil.identification.characteristic import largest_slope, level_at, loop, over_all, polyline, side
+from hil.identification.characteristic import (
+    largest_slope,
+    level_at,
+    loop,
+    over_all,
+    polyline,
+    reaches_both_sides,
+    side,
+)
 from hil.identification.flow_curve import monotone, polynomial, polynomial_text
 from hil.identification.own_sweeps import OwnSweeps, own_sweeps
-from hil.identification.sweep_estimate import SweepEstimate, sweep_estimate
+from hil.identification.sweep_estimate import SweepEstimate, sweep_estimate, together
 from hil.record.durable import write_whole
 from hil.record.invalid_samples import measured_rows
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain
 from hil.record.recording import Array, Recording, split_heading
 from hil.session.analyses import channels_of
+from hil.signals.interval import CERTAIN
 from hil.signals.rounding import rounding_step
 
 DEGREE = 9
-_CERTAIN = 4.0  # standard uncertainties: the largest of many values by noise alone stays below
-_A_SIDE = 0.05  # of the sweep: less beyond neutral is no side of the valve
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,18 +150,12 @@ def flow_analysis(
     figures, notes = _figures(found, estimate, (given.unit, answer.unit), neutral, rounding_step(answer.values))
     at = polyline()
     command, response = estimate.command[at], estimate.response[at]
-    rising, falling = (_branch(estimate, sign)[at] for sign in (1, -1))
+    rising, falling = (estimate.whole_branch(sign)[at] for sign in (1, -1))
     return FlowAnalysis(
         given.heading, answer.heading, command, rising, falling, np.std(estimate.responses, axis=0)[at], figures,
         polynomial(command, response, degree)(command), monotone(command, response)(command),
         polynomial_text(command, response, degree), degree, notes,
     )  # fmt: skip
-
-
-def _branch(estimate: SweepEstimate, sign: int) -> Array:
-    found = estimate.branch(sign)
-    made: Array = np.where(np.isnan(found), estimate.response, found)
-    return made
 
 
 def _figures(
@@ -166,7 +167,7 @@ def _figures(
     made = [Figure("response_high", *ends[1], unit_out), Figure("response_low", *ends[-1], unit_out)]
     of_loop, notes = _loop(found, estimate, high - low, unit_in)
     made += of_loop
-    if low < neutral - _A_SIDE * (high - low) and high > neutral + _A_SIDE * (high - low):
+    if reaches_both_sides(low, high, neutral):
         made += _both_ways(found, estimate, ends, units, neutral, step)
     else:
         half = over_all(estimate, lambda curve, _: level_at(estimate.command, curve, (ends[1][0] + ends[-1][0]) / 2.0))
@@ -180,15 +181,14 @@ def _end(found: OwnSweeps, estimate: SweepEstimate, sign: int) -> tuple[float, f
     """(response at an end, its standard uncertainty): where the command waited there, else of the curve."""
     waits = [one for one in found.standing if one.risen == (sign > 0)]
     if waits:
-        weights = np.array([one.samples for one in waits], dtype=np.float64)
-        value = float(np.average([one.response for one in waits], weights=weights))
-        return value, float(np.sqrt(np.sum((weights * [one.std for one in waits]) ** 2)) / weights.sum())
+        end = together(waits)
+        return end.response, end.std
     place = -1 if sign > 0 else 0
     return float(estimate.response[place]), float(np.std(estimate.responses[:, place]))
 
 
 def _loop(found: OwnSweeps, estimate: SweepEstimate, span: float, unit: str) -> tuple[list[Figure], list[str]]:
-    between = loop(estimate, _CERTAIN, tuple(sweep.speed_per_s for sweep in found.sweeps))
+    between = loop(estimate, CERTAIN, tuple(sweep.speed_per_s for sweep in found.sweeps))
     if between.width is None or between.lag is None:
         width = 2.0 * abs(float(estimate.half_widths[0]))
         std = 2.0 * float(np.std(estimate.resampled_half_widths[:, 0]))

@@ -1,6 +1,27 @@
-"""How wide an interval is: one number for every room that states one."""
+"""How wide an interval is: one number and one law for every room that states one."""
 
 from __future__ import annotations
 
+from hil.errors import InputError
+
 COVERED = 1.96
 """Standard uncertainties on either side of a value within which 95 % of a normal distribution lie."""
+
+CERTAIN = 4.0
+"""Standard uncertainties below which the largest of many values stays by noise alone."""
+
+
+def exact_limits(count: int, of: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Limits of a share after Clopper and Pearson: they hold it at least so often, however few were counted.
+
+    Raises:
+        InputError: no count out of a larger one.
+    """
+    from scipy.special import betaincinv
+
+    if not 0 <= count <= of or of == 0:
+        raise InputError(f"share {count} of {of}: a count out of a larger one is needed")
+    tail = (1.0 - confidence) / 2.0
+    low = 0.0 if count == 0 else float(betaincinv(count, of - count + 1, tail))
+    high = 1.0 if count == of else float(betaincinv(count + 1, of - count, 1.0 - tail))
+    return low, high

@@ -9,10 +9,10 @@ from scipy.signal import lfilter
 import hil
 from hil.cli import app
 from hil.errors import InputError
-from hil.identification.classification import exact_limits
 from hil.identification.sine_segments import found_segments
 from hil.record.recording import recording
 from hil.session.known_signal import command_for
+from hil.signals.interval import exact_limits
 
 RATE_HZ, LAG_S = 200.0, 0.08
 FREQUENCIES_HZ = (0.5, 1.0, 2.0, 4.0)
