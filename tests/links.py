@@ -28,7 +28,8 @@ SELDOM = tuple((f"sample_rate_hz = {rate_hz}\n", "sample_rate_hz = 20\n") for ra
 ANSWERS = (
     *SELDOM,
     *((f'driver = "{name}"\n', f'driver = "{name}"\ntimeout_s = 3.0\nlongest_reply_s = 3.0\n')
-      for name in ("modbus", "ascii_module", "scpi", "canopen_valve", "j1939_valve", "pwm_amplifier")),
+      for name in ("modbus", "ascii_module", "scpi", "text", "can", "canopen", "canopen_valve", "j1939_valve",
+                   "pwm_amplifier")),
 )  # fmt: skip
 # Devices' own watchdogs wait as well.
 PATIENT = (
