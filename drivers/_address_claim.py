@@ -26,26 +26,27 @@ class AddressClaim:
     """One controller's claim to one address. The smaller NAME keeps it; whoever loses it falls silent.
 
     Attributes:
+        address, name: ours.
         lost_to: the NAME that took the address away; None while it is ours.
     """
 
     def __init__(self, address: int, name: int) -> None:
-        self._address, self._name = address, name
+        self.address, self.name = address, name
         self.lost_to: int | None = None
 
     def claim(self) -> tuple[int, bytes]:
         """The claim, or that no address could be claimed: identifier and data."""
-        source = self._address if self.lost_to is None else NOBODY
-        return _PRIORITY << 26 | CLAIMED << 8 | EVERYBODY << 8 | source, self._name.to_bytes(8, "little")
+        source = self.address if self.lost_to is None else NOBODY
+        return _PRIORITY << 26 | CLAIMED << 8 | EVERYBODY << 8 | source, self.name.to_bytes(8, "little")
 
     def answer_to(self, identifier: int, data: bytes) -> tuple[int, bytes] | None:
         """What to send in answer to a message, None for nothing."""
         group, to, source = identifier >> 8 & 0x3FF00, identifier >> 8 & 0xFF, identifier & 0xFF
-        if group == REQUEST and to in (self._address, EVERYBODY) and data[:3] == CLAIMED.to_bytes(3, "little"):
+        if group == REQUEST and to in (self.address, EVERYBODY) and data[:3] == CLAIMED.to_bytes(3, "little"):
             return self.claim()
-        if group != CLAIMED or source != self._address or len(data) != 8 or self.lost_to is not None:
+        if group != CLAIMED or source != self.address or len(data) != 8 or self.lost_to is not None:
             return None
         theirs = int.from_bytes(data, "little")
-        if theirs <= self._name:  # the same NAME twice is a second program of ours
+        if theirs <= self.name:  # the same NAME twice is a second program of ours
             self.lost_to = theirs
         return self.claim()

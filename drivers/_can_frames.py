@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
-from typing import Any
+from collections import deque
+from collections.abc import Callable
 
 from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
 
-from drivers._address_claim import CLAIM_WAIT_S, AddressClaim, default_name
+from drivers._address_claim import CLAIM_WAIT_S, AddressClaim
 from drivers._can import close_bus, gone, heard, open_bus
-from drivers._can_messages import Received, group_of
 from drivers._edge import wire_log
-from hil.description.can import J1939
 from hil.errors import LinkError
+
+_ECHOES = 32  # frames that may be on their way back
 
 
 class BusSettings(BaseModel):
@@ -37,24 +37,27 @@ class BusSettings(BaseModel):
 
 
 class CanFrames:
-    """A bus, open; on J1939 our address claimed where there is something to command.
+    """A bus, open; our address on it claimed where there is something to command on J1939.
 
     Args:
         settings: how it is reached.
-        j1939: whose messages are believed there, and who we are; None on plain CAN.
-        received: the messages that are read; each takes in what comes of it.
-        claims: whether anything is to be sent.
+        take: takes in a frame (identifier, data, whether it has 29 bits); tells whether it was one of ours.
+        claim: to our address; None where nothing is sent, and on plain CAN.
+        driver: whose frames they are, for their log.
+        key: where our address is set, for errors.
 
     Raises:
         DeviceLostError: the bus cannot be opened.
         LinkError: another controller has our address.
     """
 
-    def __init__(self, settings: BusSettings, j1939: J1939 | None, received: Iterable[Received], claims: bool) -> None:
-        self._settings, self._j1939, self._received = settings, j1939, tuple(received)
-        self._echoes: list[tuple[int, bytes]] = []
-        self._log = wire_log("can", settings.address)
-        self._claim = AddressClaim(j1939.source, default_name()) if j1939 and j1939.claim and claims else None
+    def __init__(
+        self, settings: BusSettings, take: Callable[[int, bytes, bool], bool], claim: AddressClaim | None, *,
+        driver: str, key: str,
+    ) -> None:  # fmt: skip
+        self._settings, self._take, self._claim, self._key = settings, take, claim, key
+        self._echoes: deque[tuple[int, bytes]] = deque(maxlen=_ECHOES)
+        self._log = wire_log(driver, settings.address)
         self._bus = open_bus(settings.address, settings.bitrate, settings.timeout_s)
         try:
             self._claim_address()
@@ -68,17 +71,30 @@ class CanFrames:
         while (mine := self._heard(max(0.0, until_s - time.monotonic()))) is not None:
             until_s = 0.0 if mine else until_s
 
-    def send(self, message: Any, data: bytes) -> None:
-        """Send a message of the DBC file with these bytes."""
-        self._send(self._identifier(message), data, message.is_extended_frame)
+    def send(self, identifier: int, data: bytes, extended: bool = True) -> None:
+        """Send a frame; raises `DeviceLostError` when the bus does not take it."""
+        import can
+
+        self._log.debug("→ %X %s", identifier, data.hex(" "))
+        self._echoes.append((identifier, data))
+        try:
+            self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=extended))
+        except Exception as error:
+            raise gone(self._bus, self._settings.address, error) from error
 
     def address_is_ours(self) -> None:
         """Raise `LinkError` when another controller has taken our address."""
-        if self._claim is not None and self._claim.lost_to is not None:
+        if self._claim is None or self._claim.lost_to is None:
+            return
+        if self._claim.lost_to == self._claim.name:
             raise LinkError(
-                f"our address belongs to a controller with NAME {self._claim.lost_to:#018x}, which goes before ours: "
-                f"say another j1939.source in its description, or echo = true where the adapter gives back what is sent"
+                f"our own claim of address {self._claim.address:#04x} came back: the adapter echoes, then say "
+                f"echo = true; or another program claims it with our NAME"
             )
+        raise LinkError(
+            f"address {self._claim.address:#04x} belongs to a controller with NAME {self._claim.lost_to:#018x}, "
+            f"which goes before ours: say another {self._key}"
+        )
 
     def close(self) -> None:
         """Leave the bus."""
@@ -97,41 +113,13 @@ class CanFrames:
             self._echoes.remove((identifier, data))
             return False
         if self._claim is not None and message.is_extended_id and (answer := self._claim.answer_to(identifier, data)):
-            self._send(*answer, True)
-        mine = [r for r in self._received if self._is(r.message, identifier, message.is_extended_id)]
-        for received in mine:
-            received.take(data, time.monotonic())
-        return bool(mine)
-
-    def _is(self, message: Any, identifier: int, extended: bool) -> bool:
-        if self._j1939 is None:
-            return bool(message.frame_id == identifier and message.is_extended_frame == extended)
-        return (
-            extended and group_of(message.frame_id) == group_of(identifier) and identifier & 0xFF == self._j1939.device
-        )
-
-    def _identifier(self, message: Any) -> int:
-        """Of a message that we send: on J1939 from our address, and to the device where it is for one."""
-        if self._j1939 is None:
-            return int(message.frame_id)
-        identifier = message.frame_id & ~0xFF | self._j1939.source
-        to_one = group_of(identifier) != identifier >> 8 & 0x3FFFF or identifier >> 16 & 0xFF < 240
-        return int(identifier & ~0xFF00 | self._j1939.device << 8 if to_one else identifier)
-
-    def _send(self, identifier: int, data: bytes, extended: bool) -> None:
-        import can
-
-        self._log.debug("→ %X %s", identifier, data.hex(" "))
-        self._echoes = [*self._echoes[-31:], (identifier, data)]
-        try:
-            self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=extended))
-        except Exception as error:
-            raise gone(self._bus, self._settings.address, error) from error
+            self.send(*answer)
+        return self._take(identifier, data, message.is_extended_id)
 
     def _claim_address(self) -> None:
         if self._claim is None:
             return
-        self._send(*self._claim.claim(), True)
+        self.send(*self._claim.claim())
         until_s = time.monotonic() + CLAIM_WAIT_S
         while (left_s := until_s - time.monotonic()) > 0.0:
             self._heard(left_s)

@@ -7,8 +7,9 @@ import time
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from drivers._address_claim import AddressClaim, default_name
 from drivers._can_frames import BusSettings, CanFrames
-from drivers._can_messages import received_messages, sent_messages
+from drivers._can_messages import group_of, received_messages, sent_messages
 from drivers._edge import edge
 from hil.daq.channel import Wiring
 from hil.daq.device_link import DeviceLink
@@ -75,16 +76,40 @@ class CanLink(DeviceLink):
         self._frames.close()
 
     def _identified(self) -> str:
-        received = self._received.values()
-        self._frames = CanFrames(self._settings, self._j1939, received, claims=bool(self._outputs))
+        j1939 = self._j1939
+        claim = AddressClaim(j1939.source, default_name()) if j1939 and j1939.claim and self._outputs else None
+        key = "j1939.source in its description"
+        self._frames = CanFrames(self._settings, self._take, claim, driver="can", key=key)
         return ""
+
+    def _take(self, identifier: int, data: bytes, extended: bool) -> bool:
+        mine = [r for r in self._received.values() if self._is(r.message, identifier, extended)]
+        for received in mine:
+            received.take(data, time.monotonic())
+        return bool(mine)
+
+    def _is(self, message: Any, identifier: int, extended: bool) -> bool:
+        if self._j1939 is None:
+            return bool(message.frame_id == identifier and message.is_extended_frame == extended)
+        return (
+            extended and group_of(message.frame_id) == group_of(identifier) and identifier & 0xFF == self._j1939.device
+        )
+
+    def _identifier(self, message: Any) -> int:
+        """Of a message that we send: on J1939 from our address, and to the device where it is for one."""
+        if self._j1939 is None:
+            return int(message.frame_id)
+        identifier = message.frame_id & ~0xFF | self._j1939.source
+        to_one = group_of(identifier) != identifier >> 8 & 0x3FFFF or identifier >> 16 & 0xFF < 240
+        return int(identifier & ~0xFF00 | self._j1939.device << 8 if to_one else identifier)
 
     def _put(self, values: Mapping[str, float]) -> Iterable[tuple[str, float]]:
         """Send the messages of these outputs."""
         self._look()
         held = {name: self._sent[self._outputs[name].message].set(self._outputs[name], v) for name, v in values.items()}
-        for message in dict.fromkeys(self._outputs[name].message for name in values):
-            self._frames.send(self._sent[message].message, self._sent[message].frame())
+        for name in dict.fromkeys(self._outputs[name].message for name in values):
+            message = self._sent[name].message
+            self._frames.send(self._identifier(message), self._sent[name].frame(), message.is_extended_frame)
         self._commanded_s = time.monotonic()
         self._watchdog.heard()
         return held.items()

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import ConfigDict, Field, PositiveFloat
 
-from drivers._address_claim import CLAIM_WAIT_S, CLAIMED, REQUEST, AddressClaim, default_name
-from drivers._can import bus_fault, close_bus, gone, heard, open_bus
-from drivers._edge import edge, wire_log
+from drivers._address_claim import CLAIMED, REQUEST, AddressClaim, default_name
+from drivers._can import bus_fault
+from drivers._can_frames import BusSettings, CanFrames
+from drivers._edge import edge
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.device_link import DeviceLink
 from hil.errors import LinkError
@@ -32,40 +32,30 @@ PER_BIT = 0.4  # % of the command
 _FAIL_SAFE = {"block": 0b00, "float": 0b01}
 _ERROR, _LARGEST = 14, 0xFA
 _PRIORITY, CLAIMED_GROUP = 6, CLAIMED.to_bytes(3, "little")
-_ECHOES = 32  # frames that may be on their way back
 _LIMITED = {2: "above a high limit", 3: "below a low limit", 6: "by a fault that it does not recover from"}
 
 
-class Settings(BaseModel):
+class Settings(BusSettings):
     """What `[devices.NAME]` may say.
 
     Attributes:
-        address: of the bus: `socketcan:can0`, `pcan:PCAN_USBBUS1`, `socketcand:host:port`, `virtual:name`.
         valve: its number, 0 … 15.
         source: our address on the bus, which we claim.
         name: our NAME on the bus (64 bit); one that every other controller goes before if not given.
         device: address of the valve's controller; messages of others are not believed.
-        bitrate: of the bus.
         timeout_s: estimated flow that is older than that counts as none.
-        longest_reply_s: after a failure what comes for so long is not believed, as it may have been under way.
         watchdog_s: the valve goes to its fail-safe state when it hears no command for so long.
         fail_safe: which state that is.
-        echo: the adapter gives back what is sent, as if it came from the bus.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    address: str
     valve: int = Field(default=1, ge=0, le=15)
     source: int = Field(default=0x26, ge=0, le=253)
     name: int | None = Field(default=None, ge=0, lt=1 << 64)
     device: int = Field(default=0x80, ge=0, le=253)
-    bitrate: PositiveInt = 250_000
-    timeout_s: PositiveFloat = 0.3
-    longest_reply_s: PositiveFloat = 0.6
     watchdog_s: PositiveFloat = 0.3
     fail_safe: Literal["block", "float"] = "block"
-    echo: bool = False
 
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -131,11 +121,7 @@ class J1939ValveLink(DeviceLink):
         self._commanded_s = time.monotonic()
         self._latest: bytes | None = None
         self._came_s = 0.0
-        self._name, self._names_device = default_name() if settings.name is None else settings.name, ""
-        self._claim = AddressClaim(settings.source, self._name)
-        self._sent: deque[tuple[int, bytes]] = deque(maxlen=_ECHOES)
-        self._log = wire_log("j1939_valve", settings.address)
-        self._commands = bool(wiring.outputs)
+        self._names_device = ""
         super().__init__(
             wiring, settings.watchdog_s, device="valve", longest_reply_s=settings.longest_reply_s, told_each_s=_EVERY_S
         )
@@ -153,47 +139,45 @@ class J1939ValveLink(DeviceLink):
         Raises:
             LinkError: it says nothing, or that it has an error.
         """
-        self._receive(0.0)
+        self._frames.receive(0.0)
         if self._latest is None or self._came_s <= self._commanded_s:
             self._latest = None
-            self._receive(self._settings.timeout_s)
-        self._address_is_ours()
+            self._frames.receive(self._settings.timeout_s)
+        self._frames.address_is_ours()
         status = self._fresh(LinkError)
         self._estimated(status)  # an error that it reports is raised
         return {_OUT: 0.0 if status[2] & 0x0F == BLOCK else math.nan}
 
     def close(self) -> None:
         """Leave the bus."""
-        close_bus(self._bus, self._settings.timeout_s)
+        self._frames.close()
 
     def _identified(self) -> str:
         settings = self._settings
-        self._bus = open_bus(settings.address, settings.bitrate, settings.timeout_s)
-        if self._commands:  # who only listens needs no address
-            self._send(*self._claim.claim())
-            until_s = time.monotonic() + CLAIM_WAIT_S
-            while (left_s := until_s - time.monotonic()) > 0.0:
-                self._heard(left_s)
-            self._address_is_ours()
-            self._send(_PRIORITY << 26 | REQUEST << 8 | settings.device << 8 | settings.source, CLAIMED_GROUP)
+        name, claim = default_name() if settings.name is None else settings.name, None
+        if self._wiring.outputs:  # who only listens needs no address
+            claim = AddressClaim(settings.source, name)
+        self._frames = CanFrames(settings, self._take, claim, driver="j1939_valve", key="source")
+        if claim is not None:
+            self._frames.send(_PRIORITY << 26 | REQUEST << 8 | settings.device << 8 | settings.source, CLAIMED_GROUP)
         return ""
 
     def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
         """Nothing acknowledges a command but the state and the flow that the valve then tells."""
         self._look()  # who asks for our address is answered in a pause too
         frame, self._commanded_s = command_frame(values[_OUT], self._settings.fail_safe), time.monotonic()
-        self._send(self._command_id, frame)
+        self._frames.send(self._command_id, frame)
         self._watchdog.heard()
         yield _OUT, _DIRECTIONS[frame[2] & 0x0F]
 
     def _look(self) -> None:
-        self._receive(0.0)
-        self._address_is_ours()
+        self._frames.receive(0.0)
+        self._frames.address_is_ours()
 
     def _measured(self) -> dict[str, float]:
         """The flow that it has estimated last, NaN when it says that it estimates none."""
         if self._latest is None:
-            self._receive(self._settings.timeout_s)
+            self._frames.receive(self._settings.timeout_s)
         return {"estimated flow": self._estimated(self._fresh(self._failed))}
 
     def _held(self) -> dict[str, float]:
@@ -205,7 +189,7 @@ class J1939ValveLink(DeviceLink):
         return _IN_WORDS.get(level, "float")
 
     def _forget(self) -> None:
-        self._receive(0.0)
+        self._frames.receive(0.0)
         self._latest = None
 
     def _fresh(self, failed: Callable[[str], LinkError]) -> bytes:
@@ -214,55 +198,15 @@ class J1939ValveLink(DeviceLink):
             raise failed(f"no estimated flow of valve {self._settings.valve} for {self._settings.timeout_s:g} s")
         return self._latest
 
-    def _receive(self, wait_s: float) -> None:
-        """Take in every message that has come; wait for the first estimate so long if there is none."""
-        until_s = time.monotonic() + wait_s
-        while (estimate := self._heard(max(0.0, until_s - time.monotonic()))) is not None:
-            if estimate:
-                until_s = 0.0
-
-    def _heard(self, wait_s: float) -> bool | None:
-        """Take in one message: whether it was an estimate of our valve; None when none came."""
-        message = heard(self._bus, self._settings.address, wait_s)
-        if message is None:
-            return None
-        identifier, data = message.arbitration_id, bytes(message.data)
-        if not message.is_extended_id or message.is_error_frame or message.is_remote_frame or not message.is_rx:
+    def _take(self, identifier: int, data: bytes, extended: bool) -> bool:
+        """Take in a frame; tells whether it was an estimate of our valve."""
+        if not extended or identifier & 0xFF != self._settings.device or len(data) != 8:
             return False
-        self._log.debug("← %08X %s", identifier, data.hex(" "))
-        if self._settings.echo and (identifier, data) in self._sent:
-            self._sent.remove((identifier, data))
-            return False
-        if identifier >> 8 & 0x3FF00 == CLAIMED and identifier & 0xFF == self._settings.device and len(data) == 8:
+        if identifier >> 8 & 0x3FF00 == CLAIMED:
             self._names_device = f"NAME {int.from_bytes(data, 'little'):#018x}"
-        if self._commands and (answer := self._claim.answer_to(identifier, data)):
-            self._send(*answer)
-        mine = identifier >> 8 & 0x3FFFF == self._group and identifier & 0xFF == self._settings.device
-        if mine and len(data) == 8:
+        if is_mine := identifier >> 8 & 0x3FFFF == self._group:
             self._latest, self._came_s = data, time.monotonic()
-        return mine and len(data) == 8
-
-    def _send(self, identifier: int, data: bytes) -> None:
-        import can
-
-        self._log.debug("→ %08X %s", identifier, data.hex(" "))
-        self._sent.append((identifier, data))
-        try:
-            self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=True))
-        except Exception as error:
-            raise gone(self._bus, self._settings.address, error) from error
-
-    def _address_is_ours(self) -> None:
-        if self._claim.lost_to == self._name:
-            raise LinkError(
-                f"our own claim of address {self._settings.source:#04x} came back: the adapter echoes, then say "
-                f"echo = true; or another program claims it with our NAME"
-            )
-        if self._claim.lost_to is not None:
-            raise LinkError(
-                f"address {self._settings.source:#04x} belongs to a controller with NAME {self._claim.lost_to:#018x}, "
-                f"which goes before ours: say another source"
-            )
+        return is_mine
 
     def _estimated(self, data: bytes) -> float:
         limit = data[3] >> 5

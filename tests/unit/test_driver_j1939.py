@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import j1939_valve
+from drivers import _can_frames, j1939_valve
 from drivers._address_claim import CLAIM_WAIT_S, AddressClaim, default_name
 from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
@@ -60,7 +60,7 @@ def linked(bus: str, **settings: Any) -> Iterator[tuple[Any, Any, Side]]:
 
 @pytest.fixture(autouse=True)
 def _claimed_soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(j1939_valve, "CLAIM_WAIT_S", 0.02)
+    monkeypatch.setattr(_can_frames, "CLAIM_WAIT_S", 0.02)
 
 
 @pytest.fixture
@@ -214,7 +214,7 @@ def claims(name: int) -> can.Message:
 
 
 def test_address_is_claimed_before_the_first_command(bus: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(j1939_valve, "CLAIM_WAIT_S", CLAIM_WAIT_S)
+    monkeypatch.setattr(_can_frames, "CLAIM_WAIT_S", CLAIM_WAIT_S)
     with beside(bus) as other:
         begun_s = time.monotonic()
         with linked(bus, name=NAME) as (link, _, _):

@@ -14,7 +14,7 @@ from typing import Any
 import can
 import pytest
 
-from drivers import canopen_valve, j1939_valve
+from drivers import _can_frames, canopen_valve, j1939_valve
 from drivers._can import open_bus
 from drivers._edge import message_of
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
@@ -55,7 +55,7 @@ def _sick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(can.util, "VALID_INTERFACES", can.VALID_INTERFACES | {"sick"})
     monkeypatch.setattr(SickBus, "illness", {})
     monkeypatch.setattr(SickBus, "echoes", False)
-    monkeypatch.setattr(j1939_valve, "CLAIM_WAIT_S", 0.02)
+    monkeypatch.setattr(_can_frames, "CLAIM_WAIT_S", 0.02)
 
 
 @pytest.fixture
