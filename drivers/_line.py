@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
+
+from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._edge import discarded, guard_port, wire_log
 from drivers._meeting import Meeting
@@ -12,6 +15,7 @@ from drivers._start_up import once_started
 from hil.daq.address import Port, address_fault
 from hil.daq.channel import Wiring
 from hil.daq.connection import close, is_hung_up
+from hil.description.named import Described, description_faults
 from hil.description.text import ENDS, Talk
 from hil.errors import DeviceLostError, LinkError
 
@@ -19,6 +23,36 @@ _NOISE = b"\x00\xff\r\n"  # what a line reads as while a transceiver turns aroun
 _LOOK_S = 0.02  # how often the clock is looked at while an answer is waited for
 _LONGEST = 4096  # an answer without an end
 _FIRST = 10  # answers on a line: a device that needs a pause falls silent among them
+
+
+class SerialSettings(Described):
+    """How a device that answers lines of text is reached, and which it is.
+
+    Attributes:
+        model, description: see `hil.description.named`.
+        address: a serial port, `socket://host:port`, or `rfc2217://host:port`.
+        baud: of a serial port.
+        timeout_s: an answer that takes longer counts as none.
+        longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
+        echo: what is sent comes back before the answer, as some RS-485 adapters do.
+        pause_s: so long nothing is asked after an answer, for adapters that need to turn around.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    address: str
+    baud: PositiveInt = 9600
+    timeout_s: PositiveFloat = 0.5
+    longest_reply_s: PositiveFloat = 1.0
+    echo: bool = False
+    pause_s: float = Field(default=0.0, ge=0.0, le=1.0)
+
+
+def serial_faults(settings: SerialSettings, protocol: str) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """What is wrong with the device that is named, and with the times of its line."""
+    yield from description_faults(settings, protocol)
+    if settings.longest_reply_s < settings.timeout_s:
+        yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
 
 
 def answering(settings: Any, wiring: Wiring, talk: Talk, hello: str, end: str, *, driver: str) -> Line:

@@ -3,46 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from typing import ClassVar, Literal
 
-from pydantic import ConfigDict, Field, FiniteFloat, PositiveFloat, PositiveInt
+from pydantic import Field, FiniteFloat, PositiveFloat
 
 from drivers._edge import edge
-from drivers._line import Line, answering
+from drivers._line import Line, SerialSettings, answering
 from drivers._meeting import OnALine
 from drivers._templates import Numbers, filled, matched, names_safe, remedy
 from hil.daq.channel import Wiring
-from hil.description.named import Described, description_of
+from hil.description.named import description_of
 from hil.description.text import ENDS, TextDescription, TextTerminal
 from hil.errors import LinkError
 
 _RESOLUTION = 1e-6  # of a number that comes back; coarser devices say `close`
 
 
-class Settings(Described):
+class Settings(SerialSettings):
     """What `[devices.NAME]` may say: how the device is reached, and which it is.
 
     Attributes:
-        model, description: see `hil.description.named`.
-        address: a serial port, `socket://host:port`, or `rfc2217://host:port`.
-        baud: of a serial port.
-        timeout_s: an answer that takes longer counts as none.
-        longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
-        echo: what is sent comes back before the answer.
-        pause_s: so long nothing is asked after an answer.
         startup_s: at opening the device is waited for so long, where it answers only after a start-up of its own.
         watchdog_s: the device makes its outputs safe when it hears nothing for so long.
         watchdog_level: where it was set to put them, where the description does not arm it.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    address: str
-    baud: PositiveInt = 9600
-    timeout_s: PositiveFloat = 0.5
-    longest_reply_s: PositiveFloat = 1.0
-    echo: bool = False
-    pause_s: float = Field(default=0.0, ge=0.0, le=1.0)
     startup_s: float = Field(default=0.0, ge=0.0, le=300.0)
     watchdog_s: PositiveFloat | None = None
     watchdog_level: FiniteFloat | None = None
@@ -61,29 +47,32 @@ def level_of(settings: Settings) -> float | None:
     return None if watchdog is None else watchdog.expires_to
 
 
-@edge
-class TextLink(OnALine):
-    """A device on its line (see `hil.daq.link.Link`).
+class SpokenLink(OnALine):
+    """A device on its line that is told and asked as its description says.
 
-    Attributes:
-        identity: what it says of itself, where its description asks for that.
-
-    Raises:
-        LinkError: it says that it is something else.
-        SettingError: a watchdog that would put an output elsewhere than at its safe value.
+    Args:
+        settings: how it is reached, and which it is.
+        wiring: the channels in use.
+        close: as in `DeviceLink`; by the description if not given.
+        watchdog_s, expires_to: as in `DeviceLink`.
     """
 
+    protocol: ClassVar[Literal["text", "scpi"]]
     _line: Line
 
-    def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        description = text_description(settings)
-        whole, self._talk = description.whole, description.text
+    def __init__(
+        self, settings: SerialSettings, wiring: Wiring, *, close: float | None = None, watchdog_s: float | None = None,
+        expires_to: float | None = None,
+    ) -> None:  # fmt: skip
+        self._settings, self._description = settings, description_of(settings, self.protocol)
+        whole, self._talk = self._description.whole, self._description.text
         self._numbers = Numbers(self._talk.decimal, self._talk.no_measurement)
         self._outputs = {c.terminal: whole[c.terminal] for c in wiring.outputs.values()}
         self._inputs = {c.terminal: whole[c.terminal] for c in wiring.inputs.values()}
-        self._settings, self._armed = settings, description.watchdog
-        close = {name: max(t.close or 0.0, _RESOLUTION * max(map(abs, t.range))) for name, t in self._outputs.items()}
-        super().__init__(wiring, settings.watchdog_s, expires_to=level_of(settings), close=close)
+        self._answers: dict[str, str] = {}
+        by_file = {n: max(t.close or 0.0, _RESOLUTION * max(map(abs, t.range))) for n, t in self._outputs.items()}
+        tolerances = by_file if close is None else dict.fromkeys(self._outputs, close)
+        super().__init__(wiring, watchdog_s, expires_to=expires_to, close=tolerances)
         self._open()
 
     def standing(self) -> dict[str, float]:
@@ -96,6 +85,62 @@ class TextLink(OnALine):
     def close(self) -> None:
         """Close the line."""
         self._line.close()
+
+    def _asked(self, terminals: Mapping[str, TextTerminal]) -> dict[str, float]:
+        """The values of terminals."""
+        raise NotImplementedError
+
+    def _line_of(self, name: str, value: float) -> str:
+        return filled(self._outputs[name].tell, self._numbers, value=self._number_of(name, value))
+
+    def _number_of(self, name: str, value: float) -> float:
+        terminal = self._outputs[name]
+        return (value - terminal.offset) / terminal.slope
+
+    def _values(self, terminals: Mapping[str, TextTerminal], ask: Callable[[str], str]) -> dict[str, float]:
+        """The values of terminals; those that share a question have it asked once.
+
+        Raises:
+            LinkError: an answer is none to its question. Nothing is asked after it.
+        """
+        answers = self._answers = {}
+        found: dict[str, float] = {}
+        for name, terminal in terminals.items():
+            if terminal.ask not in answers:
+                answers[terminal.ask] = ask(terminal.ask)
+            part = self._part_of(answers[terminal.ask], terminal)
+            number = matched(terminal.answer, part, self._numbers) if part else None
+            if number is None:
+                raise self._line.failed(
+                    f"'{answers[terminal.ask]}' is no answer to {terminal.ask}; it should be '{terminal.answer}'"
+                    f"{remedy(part, self._numbers)}"
+                )
+            found[name] = terminal.slope * number + terminal.offset
+        return found
+
+    def _part_of(self, answer: str, terminal: TextTerminal) -> str:
+        """What of an answer is this terminal's; empty where there is no such field."""
+        fields = [answer] if terminal.field is None else answer.split(self._talk.separator)
+        return fields[at] if (at := terminal.field or 0) < len(fields) else ""
+
+
+@edge
+class TextLink(SpokenLink):
+    """A device on its line (see `hil.daq.link.Link`).
+
+    Attributes:
+        identity: what it says of itself, where its description asks for that.
+
+    Raises:
+        LinkError: it says that it is something else.
+        SettingError: a watchdog that would put an output elsewhere than at its safe value.
+    """
+
+    protocol = "text"
+    _settings: Settings
+
+    def __init__(self, settings: Settings, wiring: Wiring) -> None:
+        super().__init__(settings, wiring, watchdog_s=settings.watchdog_s, expires_to=level_of(settings))
 
     def _identified(self) -> str:
         talk = self._talk
@@ -113,7 +158,7 @@ class TextLink(OnALine):
         for line in self._talk.setup:
             self._tell(line, "")
         numbers = {name: self._number_of(name, value) for name, value in self._safe.items()}
-        armed = self._armed if self.watchdog_s is not None else None
+        armed = self._description.watchdog if self.watchdog_s is not None else None
         for line in armed.arm if armed is not None else ():
             if armed is not None and all(name in numbers for name in names_safe(line)):
                 self._tell(filled(line, self._numbers, self.watchdog_s or 0.0, numbers), armed.reply)
@@ -140,13 +185,6 @@ class TextLink(OnALine):
         return {name: self._none(name, f"the device answers {answers[name]!r}") if math.isnan(value) else value
                 for name, value in readings.items()}  # fmt: skip
 
-    def _line_of(self, name: str, value: float) -> str:
-        return filled(self._outputs[name].tell, self._numbers, value=self._number_of(name, value))
-
-    def _number_of(self, name: str, value: float) -> float:
-        terminal = self._outputs[name]
-        return (value - terminal.offset) / terminal.slope
-
     def _tell(self, line: str, reply: str) -> None:
         if not reply:
             self._line.tell(line)
@@ -159,34 +197,14 @@ class TextLink(OnALine):
     def _no_error(self, errors: object) -> None:
         if not self._talk.errors:
             return
-        answer = self._line.ask(self._talk.errors)
-        self._watchdog.heard()
+        answer = self._heard(self._talk.errors)
         if matched(self._talk.no_error, answer, self._numbers) != 0.0:
             raise LinkError(f"the device refused {', '.join(errors)}: {answer.strip()}")  # type: ignore[arg-type, call-overload]
 
     def _asked(self, terminals: Mapping[str, TextTerminal]) -> dict[str, float]:
-        """The values of terminals; those that share a question are asked at once."""
-        answers: dict[str, str] = {}
-        self._answers = answers
-        found: dict[str, float] = {}
-        for name, terminal in terminals.items():
-            if terminal.ask not in answers:
-                answers[terminal.ask] = self._line.ask(terminal.ask)
-                self._watchdog.heard()
-            number = self._number_in(answers[terminal.ask], terminal)
-            if number is None:
-                raise self._line.failed(
-                    f"'{answers[terminal.ask]}' is no answer to {terminal.ask}; it should be '{terminal.answer}'"
-                    f"{remedy(self._part_of(answers[terminal.ask], terminal), self._numbers)}"
-                )
-            found[name] = terminal.slope * number + terminal.offset
-        return found
+        return self._values(terminals, self._heard)
 
-    def _number_in(self, answer: str, terminal: TextTerminal) -> float | None:
-        part = self._part_of(answer, terminal)
-        return matched(terminal.answer, part, self._numbers) if part else None
-
-    def _part_of(self, answer: str, terminal: TextTerminal) -> str:
-        """What of an answer is this terminal's; empty where there is no such field."""
-        fields = [answer] if terminal.field is None else answer.split(self._talk.separator)
-        return fields[at] if (at := terminal.field or 0) < len(fields) else ""
+    def _heard(self, question: str) -> str:
+        answer = self._line.ask(question)
+        self._watchdog.heard()
+        return answer

@@ -12,14 +12,14 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 
-from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat
 
 from drivers._edge import edge
-from drivers._line import Line
+from drivers._line import Line, SerialSettings, serial_faults
 from drivers._meeting import OnALine
 from hil.daq.channel import Terminal, Wiring
 from hil.description.ascii_module import ModuleDescription
-from hil.description.named import Described, description_faults, description_of, ports_of
+from hil.description.named import description_faults, description_of, ports_of
 from hil.errors import LinkError
 
 _VALUE = re.compile(r"[+-]\d\d\.\d{3}")  # as the manual has it for ±10 V: one byte less is no answer
@@ -37,40 +37,24 @@ _FORMATS = {0: "engineering units", 1: "% of full scale", 2: "hexadecimal", 3: "
 _CLOSE_V = 2e-3  # two of the steps in which it is told
 
 
-class Settings(Described):
+class Settings(SerialSettings):
     """What `[devices.NAME]` may say.
 
     Attributes:
-        model, description: which module, see `hil.description.named`.
-        address: a serial port, `socket://host:port`, or `rfc2217://host:port`.
         module: its address on the line, 0 … 255.
-        baud: of the line.
         timeout_s: an answer that takes longer counts as none. A module does not answer what it does not understand.
-        longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
         watchdog_s: the module makes its outputs safe when it hears nothing for so long, 0.1 … 999.9 s.
-        echo: what is sent comes back before the answer, as some RS-485 adapters do.
-        pause_s: so long nothing is asked after an answer, for adapters that need to turn around.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    address: str
     module: int = Field(default=1, ge=0, le=255)
-    baud: PositiveInt = 9600
     timeout_s: PositiveFloat = 0.2
-    longest_reply_s: PositiveFloat = 1.0
     watchdog_s: PositiveFloat | None = None
-    echo: bool = False
-    pause_s: float = Field(default=0.0, ge=0.0, le=1.0)
 
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beyond the types."""
-    wrong = list(description_faults(settings, "ascii_module"))
-    yield from wrong
-    if settings.longest_reply_s < settings.timeout_s:
-        yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
-    if settings.watchdog_s is None or wrong:
+    yield from serial_faults(settings, "ascii_module")
+    if settings.watchdog_s is None or any(description_faults(settings, "ascii_module")):
         return
     if _description(settings).channels.direction == "in":
         yield ("watchdog_s",), f"{settings.model} has no outputs that a watchdog could make safe; take this away"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from drivers._line import serial_faults
 from drivers._text_link import Settings, TextLink, level_of, text_description
 from hil.daq.channel import Terminal, Wiring
 from hil.description.named import description_faults, ports_of
@@ -11,10 +12,8 @@ from hil.description.named import description_faults, ports_of
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beyond the types."""
-    wrong = list(description_faults(settings, "text"))
-    yield from wrong
-    if settings.longest_reply_s < settings.timeout_s:
-        yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
+    yield from serial_faults(settings, "text")
+    wrong = any(description_faults(settings, "text"))
     if not wrong and settings.watchdog_s is not None and not has_watchdog(settings):
         yield ("watchdog_s",), "its description has no [watchdog]: say there how it is armed, or take this away"
     if settings.watchdog_level is not None and (wrong or settings.watchdog_s is None or _is_armed(settings)):
