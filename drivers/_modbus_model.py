@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from drivers._registers import Flag, Register, Table, WordOrder
+from drivers._registers import Flag, Register, WordOrder
 from hil.daq.channel import Terminal, Wiring
+from hil.description.modbus import TIMES, safe_of
+from hil.description.modbus_place import Table
 from hil.errors import SettingError
-
-PER_SECOND = {"{tenths}": 10.0, "{seconds}": 1.0, "{ms}": 1000.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,11 +102,6 @@ class Model:
         }
 
 
-def safe_of(text: str) -> str:
-    """The terminal of `{safe:TERMINAL}`, else nothing."""
-    return text.removeprefix("{safe:").removesuffix("}") if text.startswith("{safe:") and text.endswith("}") else ""
-
-
 def check_level(model: Model, wiring: Wiring) -> None:
     """Refuse a watchdog that would put an output elsewhere than at its safe value.
 
@@ -134,9 +129,9 @@ def _where_it_can_be_set(model: Model) -> str:
 
 
 def _check_placeholder(address: int, text: str, registers: Mapping[str, Register]) -> None:
-    if text in PER_SECOND or ((safe := safe_of(text)) in registers and registers[safe].direction == "out"):
+    if text in TIMES or ((safe := safe_of(text)) in registers and registers[safe].direction == "out"):
         return
     raise SettingError(
-        f"Model.watchdog: '{text}' for register {address:#06x}: a number, {', '.join(PER_SECOND)} or "
+        f"Model.watchdog: '{text}' for register {address:#06x}: a number, {', '.join(TIMES)} or "
         f"{{safe:TERMINAL}} with the name of an output"
     )

@@ -6,9 +6,10 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from drivers._modbus_line import ModbusLine
-from drivers._modbus_model import PER_SECOND, Model, Step, safe_of
+from drivers._modbus_model import Model, Step
 from drivers._register_blocks import RegisterBlock
 from drivers._registers import Flag, WordOrder
+from hil.description.modbus import TIMES, safe_of
 from hil.errors import LinkError
 
 _LOOK_S = 0.02  # how often a flag is looked at that is waited for
@@ -97,8 +98,8 @@ class Readiness:
     def _filled(self, value: int | str) -> list[int]:
         if isinstance(value, int):
             return [value]
-        if value in PER_SECOND:
-            return [max(1, round(PER_SECOND[value] * (self._watchdog_s or 0.0)))]
+        if value in TIMES:
+            return [max(1, round(TIMES[value] * (self._watchdog_s or 0.0)))]
         terminal = safe_of(value)
         return (
             self._model.registers[terminal].words_of(self._safe[terminal], self._order)

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from hil.daq.channel import Direction, Kind
+from hil.description.modbus import Type as Format
+from hil.description.modbus_place import Table
 from hil.errors import SettingError
 
-Format = Literal["bit", "u16", "s16", "u32", "s32", "f32", "u64", "s64", "f64"]
-Table = Literal["coil", "discrete", "input", "holding"]
 WordOrder = Literal["big", "little", "ABCD", "CDAB", "BADC", "DCBA"]
 """How the bytes of a number in several registers come: `ABCD` (`big`) with the highest first."""
 _LETTERS = {"u16": "H", "s16": "h", "u32": "I", "s32": "i", "f32": "f", "u64": "Q", "s64": "q", "f64": "d"}

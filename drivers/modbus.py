@@ -11,11 +11,12 @@ from pydantic import ConfigDict, FiniteFloat
 from drivers._described_modbus import model_of
 from drivers._modbus_client import LineSettings, host_and_port
 from drivers._modbus_link import ModbusLink
-from drivers._modbus_model import PER_SECOND, Model, Step, check_level, levels_of
+from drivers._modbus_model import Model, Step, check_level, levels_of
 from drivers._register_blocks import RegisterBlock, register_blocks
-from drivers._registers import Flag, Format, Register, WordOrder, float32
+from drivers._registers import Flag, Register, WordOrder, float32
 from hil.daq.channel import Terminal, Wiring
-from hil.description.modbus import ModbusDescription
+from hil.description.modbus import TIMES, ModbusDescription
+from hil.description.modbus import Type as Format
 from hil.description.named import Described, description_faults, description_of, ports_of
 
 __all__ = [
@@ -60,8 +61,8 @@ def line_faults(settings: LineSettings, model: Model) -> Iterator[tuple[tuple[st
         yield ("watchdog_s",), "this model has no outputs that a watchdog could make safe; take this away"
     elif settings.watchdog_s is not None and not model.may_have_watchdog:
         yield ("watchdog_s",), "its description has no [watchdog]: say there how it is armed, or take this away"
-    times = [step.value for step in model.arming if step.value in PER_SECOND]
-    per_second = PER_SECOND[str(times[0])] if times else 10.0
+    times = [step.value for step in model.arming if step.value in TIMES]
+    per_second = TIMES[str(times[0])] if times else 10.0
     if settings.watchdog_s is not None and not _counted(settings.watchdog_s * per_second, bool(model.watchdog)):
         steps = f"{1.0 / per_second:g} … {0xFFFF / per_second:g} s in steps of {1.0 / per_second:g} s"
         yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the device counts {steps}"

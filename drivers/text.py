@@ -43,8 +43,7 @@ def not_read_back(settings: Settings) -> set[str]:
 def watchdog_levels(settings: Settings) -> dict[str, float]:
     """Where its watchdog puts outputs, if that is always the same."""
     level = level_of(settings)
-    outputs = [name for name, terminal in text_description(settings).whole.items() if terminal.direction == "out"]
-    return {} if level is None else dict.fromkeys(outputs, level)
+    return {} if level is None else dict.fromkeys(text_description(settings).outputs, level)
 
 
 def open_link(settings: Settings, wiring: Wiring) -> TextLink:

@@ -19,6 +19,7 @@ from hil.catalog import find
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.contract import Daq
 from hil.daq.polled import PolledDaq
+from hil.description.named import Described
 from hil.errors import SettingError
 from sim_devices import _simulation
 from sim_devices._field import Field, Side
@@ -145,6 +146,11 @@ def quirks(given: Mapping[str, Any]) -> Quirks:
         found = error.errors()[0]
         known = ", ".join(Quirks.model_fields)
         raise SettingError(f"quirk {'.'.join(map(str, found['loc']))}: {found['msg']}; there are: {known}") from None
+
+
+def named_in(settings: Mapping[str, Any]) -> Described:
+    """The description that a driver's settings name."""
+    return Described(model=settings.get("model", ""), description=settings.get("description"))
 
 
 class _Owning:

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from hil.description.can import CanDescription, CanTerminal
-from hil.description.named import Described, description_of
+from hil.description.named import description_of
 from sim_devices._can_bus import CanServer, Frame
 from sim_devices._dbc_bits import put, taken
 from sim_devices._field import Side
 from sim_devices._quirks import Quirks
-from sim_devices._twin import Twin, TwinSettings, quirks, world
+from sim_devices._twin import Twin, TwinSettings, named_in, quirks, world
 
 __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
 
@@ -167,8 +167,9 @@ def _sum(kind: str, data: bytes) -> int:
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> CanServer:
     """Serve the device on the bus where the driver will look for it."""
-    named = Described(model=settings.get("model", ""), description=settings.get("description"))
-    return CanServer(DescribedNode(side, description_of(named, "can")), side, behave, str(settings["address"]))
+    return CanServer(
+        DescribedNode(side, description_of(named_in(settings), "can")), side, behave, str(settings["address"])
+    )
 
 
 _twin = Twin("can", serve, example="virtual:hil", free="virtual:hil")

@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil.description.canopen import CanopenDescription, CanopenTerminal
-from hil.description.named import Described, description_of
+from hil.description.named import description_of
 from sim_devices._can_bus import CanServer
 from sim_devices._canopen_node import CanopenNode, Place
 from sim_devices._eds import objects_of
 from sim_devices._field import Side
 from sim_devices._quirks import Quirks
-from sim_devices._twin import Twin, TwinSettings, quirks, world
+from sim_devices._twin import Twin, TwinSettings, named_in, quirks, world
 
 __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
 
@@ -129,8 +129,7 @@ def _counted(terminal: CanopenTerminal, value: float, form: str) -> int:
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> CanServer:
     """Serve the node on the bus where the driver will look for it."""
-    named = Described(model=settings.get("model", ""), description=settings.get("description"))
-    node = DescribedNode(side, description_of(named, "canopen"), int(settings.get("node") or 1))
+    node = DescribedNode(side, description_of(named_in(settings), "canopen"), int(settings.get("node") or 1))
     return CanServer(node, side, behave, str(settings["address"]))
 
 

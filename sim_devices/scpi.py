@@ -8,14 +8,14 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from hil.description import named as description
+from hil.description.named import description_of
 from hil.description.text import TextDescription
 from sim_devices._described_text import DescribedText
 from sim_devices._field import Side
 from sim_devices._lines_of_text import TextDevice, serve_text
 from sim_devices._quirks import Quirks
 from sim_devices._stream import StreamServer
-from sim_devices._twin import Twin, TwinSettings, quirks, world
+from sim_devices._twin import Twin, TwinSettings, named_in, quirks, world
 
 __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
 
@@ -222,8 +222,7 @@ def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServ
     known = {"scanner": Scanner, "dc-source": DcSource}.get(settings.get("model", ""))
     if known is not None:
         return serve_text(known, settings, side, behave)
-    named = description.Described(model=settings.get("model", ""), description=settings.get("description"))
-    described = description.description_of(named, "scpi")
+    described = description_of(named_in(settings), "scpi")
     return serve_text(lambda terminals: Described(terminals, described), settings, side, behave)
 
 

@@ -8,24 +8,19 @@ from typing import Literal
 from pydantic import Field
 
 from hil.bench.lines import Place
-from hil.daq.channel import Terminal
-from hil.description.terminal import DescribedTerminal, Strict, each, name_faults
+from hil.description.terminal import DescribedDevice, DescribedTerminal, each, name_faults
 
 
-class ModuleDescription(Strict):
+class ModuleDescription(DescribedDevice):
     """A module with outputs or inputs, all alike.
 
     Attributes:
-        summary: what it is, in one line.
-        source: the manual and its edition.
         module_name: the name that it gives itself when it is asked ($AAM).
         type_code: the code of the input or output type that its channels must be set to, such as "08".
         terminals: one row, numbered as the module numbers its channels.
     """
 
     protocol: Literal["ascii_module"]
-    summary: str
-    source: str = ""
     module_name: str
     type_code: str = Field(pattern="[0-9A-F]{2}")
     terminals: dict[str, DescribedTerminal] = Field(min_length=1, max_length=1)
@@ -39,11 +34,6 @@ class ModuleDescription(Strict):
     def numbers(self) -> dict[str, int]:
         """The module's number of each channel, by terminal."""
         return {one: terminal.first + i for name, terminal in self.terminals.items() for one, i in each(name, terminal)}
-
-    @property
-    def ports(self) -> dict[str, Terminal]:
-        """What a bench can connect to."""
-        return dict.fromkeys(self.numbers, self.channels.terminal)
 
 
 def module_faults(description: ModuleDescription) -> Iterator[tuple[Place, str]]:

@@ -10,9 +10,8 @@ from typing import Any, Literal
 from pydantic import Field, FiniteFloat, PositiveFloat
 
 from hil.bench.lines import Place
-from hil.daq.channel import Terminal
 from hil.description.dbc import dbc_text
-from hil.description.terminal import DescribedTerminal, Strict, each, name_faults
+from hil.description.terminal import DescribedDevice, DescribedTerminal, Strict, name_faults
 from hil.errors import FileError
 from hil.extras import is_installed
 from hil.untrusted import read_small
@@ -103,29 +102,20 @@ class CanWatchdog(Strict):
     expires_to: FiniteFloat
 
 
-class CanDescription(Strict):
+class CanDescription(DescribedDevice):
     """A device on CAN.
 
     Attributes:
-        summary: what it is, in one line.
-        source: the file's origin.
         dbc: the DBC file, beside this one.
         j1939: where the bus is one of SAE J1939; numbers above its last valid one are then no measurement.
     """
 
     protocol: Literal["can"]
-    summary: str
-    source: str = ""
     dbc: str
     j1939: J1939 | None = None
     messages: dict[str, Message] = Field(default_factory=dict)
     terminals: dict[str, CanTerminal] = Field(min_length=1)
     watchdog: CanWatchdog | None = None
-
-    @property
-    def ports(self) -> dict[str, Terminal]:
-        """What a bench can connect to."""
-        return {one: terminal.terminal for name, terminal in self.terminals.items() for one, _ in each(name, terminal)}
 
     def about(self, message: str) -> Message:
         """What holds for a message."""

@@ -13,9 +13,9 @@ from typing import Any, Literal, Self
 from pydantic import Field, FiniteFloat, field_validator, model_validator
 
 from hil.bench.lines import Place
-from hil.daq.channel import Kind, Terminal
+from hil.daq.channel import Kind
 from hil.description.eds import eds_text
-from hil.description.terminal import DescribedTerminal, Invalid, Strict, each, name_faults
+from hil.description.terminal import DescribedDevice, DescribedTerminal, Invalid, Strict, each, name_faults
 from hil.errors import FileError
 from hil.extras import is_installed
 from hil.untrusted import read_small
@@ -136,28 +136,19 @@ class NodeWatchdog(Strict):
     expires_to: FiniteFloat
 
 
-class CanopenDescription(Strict):
+class CanopenDescription(DescribedDevice):
     """A node on CANopen.
 
     Attributes:
-        summary: what it is, in one line.
-        source: where its file comes from.
         eds: the maker's EDS or DCF, beside this file.
         setup: objects that are written at opening with outputs, in this order.
     """
 
     protocol: Literal["canopen"]
-    summary: str
-    source: str = ""
     eds: str
     setup: tuple[ObjectValue, ...] = ()
     terminals: dict[str, CanopenTerminal] = Field(min_length=1)
     watchdog: NodeWatchdog | None = None
-
-    @property
-    def ports(self) -> dict[str, Terminal]:
-        """What a bench can connect to."""
-        return {name: terminal.terminal for name, terminal in self.by_name.items()}
 
     @cached_property
     def by_name(self) -> dict[str, CanopenTerminal]:

@@ -10,7 +10,7 @@ from pydantic import Field, FiniteFloat, PositiveFloat, field_validator, model_v
 
 from hil.daq.channel import Terminal
 from hil.description.modbus_place import BITS, Addresses, Table, on_the_wire
-from hil.description.terminal import DescribedTerminal, Invalid, Strict, each
+from hil.description.terminal import DescribedDevice, DescribedTerminal, Invalid, Strict
 
 Type = Literal["bit", "u16", "s16", "u32", "s32", "f32", "u64", "s64", "f64"]
 Order = Literal["ABCD", "CDAB", "BADC", "DCBA"]
@@ -214,40 +214,16 @@ class Faults(Strict):
     patience_s: PositiveFloat = 1.0
 
 
-class ModbusDescription(Strict):
-    """A device on Modbus TCP or RTU.
-
-    Attributes:
-        summary: what it is, in one line.
-        source: the manual and its edition.
-    """
+class ModbusDescription(DescribedDevice):
+    """A device on Modbus TCP or RTU."""
 
     protocol: Literal["modbus"]
-    summary: str
-    source: str = ""
     modbus: Wire
     terminals: dict[str, ModbusTerminal] = Field(min_length=1)
     watchdog: Watchdog | None = None
     safe_mode: SafeMode | None = None
     enable: Enable | None = None
     faults: Faults | None = None
-
-    @property
-    def ports(self) -> dict[str, Terminal]:
-        """What a bench can connect to."""
-        return {
-            one: self.kind_of(terminal) for name, terminal in self.terminals.items() for one, _ in each(name, terminal)
-        }
-
-    @property
-    def outputs(self) -> list[str]:
-        """Names of outputs."""
-        return [
-            one
-            for name, terminal in self.terminals.items()
-            if terminal.direction == "out"
-            for one, _ in each(name, terminal)
-        ]
 
     def kind_of(self, terminal: ModbusTerminal) -> Terminal:
         """As a bench connects to it; one bit is digital where nothing else is said."""

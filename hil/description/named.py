@@ -71,8 +71,7 @@ def ports_of(settings: Described, protocol: str) -> dict[str, Terminal]:
 
 def expired_levels(description: CanDescription | CanopenDescription) -> dict[str, float]:
     """Where all outputs of a device go when its watchdog expires, by terminal; nothing where that is not said."""
-    outputs = [name for name, port in description.ports.items() if port.direction == "out"]
-    return {} if description.watchdog is None else dict.fromkeys(outputs, description.watchdog.expires_to)
+    return {} if description.watchdog is None else dict.fromkeys(description.outputs, description.watchdog.expires_to)
 
 
 def _described(settings: Described, protocol: str) -> Description:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, field_validator
 
@@ -98,6 +98,36 @@ def each(name: str, terminal: DescribedTerminal) -> Iterator[tuple[str, int]]:
     """The names of the terminals that an entry stands for, and the place of each among them."""
     for i in range(terminal.count):
         yield name.replace(_NUMBER, str(terminal.first + i)), i
+
+
+class DescribedDevice(Strict):
+    """What every description says of its device.
+
+    Attributes:
+        summary: what it is, in one line.
+        source: the manual or file that it comes from, and its edition.
+    """
+
+    summary: str
+    source: str = ""
+    terminals: Mapping[str, DescribedTerminal]
+
+    @property
+    def ports(self) -> dict[str, Terminal]:
+        """What a bench can connect to."""
+        return {
+            one: self.kind_of(terminal) for name, terminal in self.terminals.items() for one, _ in each(name, terminal)
+        }
+
+    @property
+    def outputs(self) -> list[str]:
+        """Names of outputs."""
+        return [name for name, port in self.ports.items() if port.direction == "out"]
+
+    def kind_of(self, terminal: Any) -> Terminal:
+        """A terminal as a bench connects to it."""
+        port: Terminal = terminal.terminal
+        return port
 
 
 def name_faults(terminals: Mapping[str, DescribedTerminal]) -> Iterator[tuple[tuple[str, ...], str]]:

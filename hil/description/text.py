@@ -9,8 +9,7 @@ from typing import Literal
 from pydantic import Field, FiniteFloat, field_validator
 
 from hil.bench.lines import Place
-from hil.daq.channel import Terminal
-from hil.description.terminal import DescribedTerminal, Strict, each, name_faults
+from hil.description.terminal import DescribedDevice, DescribedTerminal, Strict, each, name_faults
 
 End = Literal["LF", "CRLF", "CR"]
 ENDS: Mapping[str, str] = {"LF": "\n", "CRLF": "\r\n", "CR": "\r"}
@@ -99,25 +98,13 @@ class TextWatchdog(Strict):
     expires_to: FiniteFloat | None = None
 
 
-class TextDescription(Strict):
-    """A device that is told and asked in lines of text; `scpi` has the common commands and an error queue.
-
-    Attributes:
-        summary: what it is, in one line.
-        source: the manual and its edition.
-    """
+class TextDescription(DescribedDevice):
+    """A device that is told and asked in lines of text; `scpi` has the common commands and an error queue."""
 
     protocol: Literal["text", "scpi"]
-    summary: str
-    source: str = ""
     text: Talk = Field(default_factory=lambda: Talk.model_validate({}))
     terminals: dict[str, TextTerminal] = Field(min_length=1)
     watchdog: TextWatchdog | None = None
-
-    @property
-    def ports(self) -> dict[str, Terminal]:
-        """What a bench can connect to."""
-        return {one: terminal.terminal for name, terminal in self.terminals.items() for one, _ in each(name, terminal)}
 
     @property
     def whole(self) -> dict[str, TextTerminal]:
@@ -146,11 +133,10 @@ def text_faults(description: TextDescription) -> Iterator[tuple[Place, str]]:
     for name, terminal in description.terminals.items():
         for key, text in _terminal(description, terminal):
             yield ("terminals", name, key), text
-    outputs = [name for name, terminal in description.whole.items() if terminal.direction == "out"]
     for i, line in enumerate(description.watchdog.arm if description.watchdog else ()):
-        for text in (*_form_faults(line), *_safe_faults(line, outputs)):
+        for text in (*_form_faults(line), *_safe_faults(line, description.outputs)):
             yield ("watchdog", "arm", i), text
-    if description.watchdog is not None and not outputs:
+    if description.watchdog is not None and not description.outputs:
         yield ("watchdog",), "there is no output that it could be for; take this away"
 
 
