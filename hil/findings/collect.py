@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, fields
+from dataclasses import fields
 from typing import Any
 
 from hil.findings.curves import FUNCTION_KEYS, curves_of, mappings_of
-from hil.findings.results import CauseOf, FittedFunction, MovedOf, PopulationComparisonOf, Results, SinceOf, Value
-from hil.record.cause import Cause, Found
+from hil.findings.results import FittedFunction, MovedOf, PopulationComparisonOf, Results, SinceOf, Value
 from hil.record.measurement import Findings, Measured
 from hil.record.plain import plain
 from hil.record.population_comparison import PopulationComparison
@@ -37,7 +36,7 @@ def results_of(recording: Recording, findings: Findings) -> Results:
         deviations=findings.deviations,
         likeness=_population(findings.likeness),
         since=_since(findings.since),
-        cause=None if findings.cause is None else CauseOf(**asdict(findings.cause)),
+        cause=findings.cause,
         simulated=is_simulated(meta),
     )
 
@@ -46,7 +45,7 @@ def findings_of(results: Results) -> Findings:
     """The measured values, notes and deviations as an evaluation gave them; curves stay where they are."""
     measured = tuple(measured_of(one) for one in results.values)
     population, since = _population_of(results.likeness), _since_of(results.since)
-    return Findings(measured, {}, results.notes, results.deviations, population, since, _cause_of(results.cause))
+    return Findings(measured, {}, results.notes, results.deviations, population, since, results.cause)
 
 
 def measured_of(found: Value) -> Measured:
@@ -85,12 +84,6 @@ def _since_of(found: SinceOf | None) -> Since | None:
         return None
     moved = tuple((measured_of(one.then), measured_of(one.now)) for one in found.moved)
     return Since(**{**dict(found), "moved": moved})
-
-
-def _cause_of(found: CauseOf | None) -> Cause | None:
-    return (
-        None if found is None else Cause(**{**dict(found), "found": tuple(Found(**dict(one)) for one in found.found)})
-    )
 
 
 def _plain_of(found: Since) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from hil.errors import FileError, StorageError
+from hil.record.cause import Cause
 from hil.record.durable import write_whole
 from hil.record.measurement import Relation, Verdict
 from hil.untrusted import read_untrusted_json
@@ -75,41 +76,6 @@ class SinceOf(_Strict):
     same: int = 0
     untold: int = 0
     same_instruments: bool = False
-
-
-class FoundOf(_Strict):
-    """One thing that is not as it should be, or not as it was. `of`: valve, bench or open; empty where nobody says.
-
-    `share` is of the whole change, `alike` what these data do not tell from it.
-    """
-
-    name: str
-    of: str = ""
-    before: float | None = None
-    before_std: float | None = None
-    after: float | None = None
-    after_std: float | None = None
-    unit: str = ""
-    meaning: str = ""
-    share: float | None = None
-    alike: tuple[str, ...] = ()
-
-
-class CauseOf(_Strict):
-    """Why a certificate was missed, in physics, as a command found within a time; no part of the verdict.
-
-    `command` was asked, beside the run `since` of the same unit, or beside the model of its type where that is empty.
-    `verdict` is the command's; where it is empty, `reason` says why. `untold` was not looked at for want of time.
-    """
-
-    command: str
-    since: str = ""
-    verdict: str = ""
-    found: tuple[FoundOf, ...] = ()
-    untold: str = ""
-    reason: str = ""
-    seconds: float = 0.0
-    budget_s: float = 0.0
 
 
 class ColumnOf(_Strict):
@@ -212,7 +178,7 @@ class Results(_Strict):
     deviations: tuple[str, ...] = ()
     likeness: PopulationComparisonOf | None = None
     since: SinceOf | None = None
-    cause: CauseOf | None = None
+    cause: Cause | None = None
     simulated: bool | None = None
 
     def __getitem__(self, name: str) -> Value:

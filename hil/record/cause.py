@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 NOT_ALL = "a part of what changed is not explained"
 """The note of a comparison of two dates that names some of what changed; a cause is told as a part by it."""
@@ -22,13 +23,14 @@ class Found:
         alike: other causes that these data do not tell from it.
     """
 
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
     name: str
-    of: str
-    before: float | None
-    before_std: float | None
-    after: float | None
-    after_std: float | None
-    unit: str
+    of: str = ""
+    before: float | None = None
+    before_std: float | None = None
+    after: float | None = None
+    after_std: float | None = None
+    unit: str = ""
     meaning: str = ""
     share: float | None = None
     alike: tuple[str, ...] = ()
@@ -49,11 +51,12 @@ class Cause:
         budget_s: that it might take.
     """
 
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
     command: str
-    since: str
-    verdict: str
-    found: tuple[Found, ...]
-    untold: str
-    reason: str
-    seconds: float
-    budget_s: float
+    since: str = ""
+    verdict: str = ""
+    found: tuple[Found, ...] = ()
+    untold: str = ""
+    reason: str = ""
+    seconds: float = 0.0
+    budget_s: float = 0.0

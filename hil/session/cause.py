@@ -63,8 +63,8 @@ def cause_of(recording: Recording, folder: Path, earlier: Path | None, budget_s:
         try:
             asked = _question(recording, folder, earlier, Path(place), budget_s)
         except InputError as error:
-            return Cause("", "", "", (), "", str(error), 0.0, budget_s)
-        found = Cause(asked.command, asked.since, "", (), "", "", 0.0, budget_s)
+            return Cause("", reason=str(error), budget_s=budget_s)
+        found = Cause(asked.command, asked.since, budget_s=budget_s)
         try:
             with terminable():
                 answer, line = _answered(asked.arguments, begun_s + budget_s, budget_s, progress)
