@@ -17,7 +17,7 @@ from hil.archive.entry import Entry, entry_of, run_folders, this_host
 from hil.archive.place import INDEX_FILE, Place
 from hil.archive.tables import OF_CALIBRATION, CalibrationRow, RunRow, ValueRow
 from hil.errors import ArchiveError, FileError
-from hil.findings.results import Value
+from hil.record.measurement import Measured
 
 _BATCH = 500
 
@@ -105,14 +105,14 @@ def find_runs(place: Place, search: Search, *, values: bool = False) -> list[Ent
         ]
 
 
-def _values_of(session: Session, wanted: Select[Any]) -> dict[int, list[Value]]:
+def _values_of(session: Session, wanted: Select[Any]) -> dict[int, list[Measured]]:
     """Measured values of the runs that are wanted, by the run's number."""
     runs = wanted.with_only_columns(RunRow.id).scalar_subquery()
     columns = [getattr(ValueRow, name) for name in _OF_VALUE]
     asked = select(ValueRow.run_id, *columns).where(ValueRow.run_id.in_(runs)).order_by(ValueRow.id)
-    found: dict[int, list[Value]] = {}
+    found: dict[int, list[Measured]] = {}
     for run, *fields in session.execute(asked):
-        found.setdefault(run, []).append(Value(**dict(zip(_OF_VALUE, fields, strict=True))))
+        found.setdefault(run, []).append(Measured(**dict(zip(_OF_VALUE, fields, strict=True))))
     return found
 
 

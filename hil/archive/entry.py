@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
+from pydantic import TypeAdapter
+
 from hil.errors import FileError
-from hil.findings.results import RESULTS_FILE, Value, read_results
+from hil.findings.results import RESULTS_FILE, read_results
 from hil.record.header import HEADER_FILE, read_end, read_header
 from hil.record.instruments import StatedCalibration, calibrations_of, instruments_mark
-from hil.record.measurement import FINDINGS_FILE, Verdict
+from hil.record.measurement import FINDINGS_FILE, Measured, Verdict
 from hil.record.simulated import is_simulated
 from hil.untrusted import MOST_LEVELS, is_regular, read_untrusted_json
 
@@ -37,7 +39,7 @@ class Entry:
     started_utc: datetime
     outcome: str
     verdict: Verdict | None
-    values: tuple[Value, ...]
+    values: tuple[Measured, ...]
     instruments: str | None = None
     calibrations: tuple[StatedCalibration, ...] = ()
     host: str | None = None
@@ -86,7 +88,7 @@ def entry_of(folder: Path) -> Entry:
     )
 
 
-def _found(folder: Path) -> tuple[Verdict | None, tuple[Value, ...]]:
+def _found(folder: Path) -> tuple[Verdict | None, tuple[Measured, ...]]:
     """(verdict, measured values) as they were kept at the end of the run; runs of 0.1.0 kept `findings.json` alone."""
     older = folder / FINDINGS_FILE
     if (folder / RESULTS_FILE).exists():
@@ -96,7 +98,7 @@ def _found(folder: Path) -> tuple[Verdict | None, tuple[Value, ...]]:
         return None, ()
     try:
         content = read_untrusted_json(folder, FINDINGS_FILE)
-        return content["verdict"], tuple(Value.model_validate(value) for value in content["measured"])
+        return content["verdict"], TypeAdapter(tuple[Measured, ...]).validate_python(content["measured"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FileError(f"{older}: not what this program writes: {' '.join(str(error).split()):.120}") from None
 

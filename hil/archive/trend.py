@@ -10,8 +10,7 @@ from datetime import datetime
 import numpy as np
 
 from hil.archive.entry import Entry
-from hil.findings.results import Value
-from hil.record.measurement import names_of
+from hil.record.measurement import Measured, names_of
 
 FALSE_ALARM_RATE = 0.01
 _FEWEST = 3  # points below which a line through them tells nothing
@@ -24,7 +23,7 @@ class Point:
 
     run: str
     started_utc: datetime
-    value: Value
+    value: Measured
     simulated: bool | None = None
 
 
@@ -91,5 +90,5 @@ def drift_of(points: Sequence[Point]) -> Drift:
     return Drift(slope, std, float(2.0 * stdtr(freedom, -abs(slope) / std)), unit)
 
 
-def _repeatability(value: Value) -> float | None:
+def _repeatability(value: Measured) -> float | None:
     return None if value.std is None else math.sqrt(max(value.std**2 - value.calibration_std**2, 0.0))

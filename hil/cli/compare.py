@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -15,6 +15,7 @@ from hil.cli.runs import ARCHIVE
 from hil.record.reading import Reading
 
 if TYPE_CHECKING:
+    from hil.record.measurement import Measured
     from hil.session.comparison import RunComparison
 
 _SHOWN_AFTER_S = 2.0
@@ -95,8 +96,7 @@ def _json(found: RunComparison) -> str:
     rows = [
         {
             "name": one.name, "unit": one.unit,
-            "first": one.first.model_dump(include=_VALUE) if one.first else None,
-            "second": one.second.model_dump(include=_VALUE) if one.second else None,
+            "first": _short(one.first), "second": _short(one.second),
             "change": one.change, "std": one.std, "chance": one.chance, "meaning": one.meaning,
         }
         for one in found.differences
@@ -111,7 +111,8 @@ def _json(found: RunComparison) -> str:
     return json.dumps(plain(document), indent=1, ensure_ascii=False)
 
 
-_VALUE = {"value", "std", "relation", "verdict"}
+def _short(m: Measured | None) -> dict[str, Any] | None:
+    return None if m is None else {"value": m.value, "std": m.std, "verdict": m.verdict, "relation": m.relation}
 
 
 def _table(found: RunComparison) -> str:

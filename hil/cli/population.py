@@ -39,7 +39,7 @@ def _json(found: InPopulation) -> str:
     rows = [
         {
             "of": one.who, "name": one.name, "unit": one.unit,
-            "values": [value.model_dump(include={"value", "std", "relation", "verdict"}) for value in one.values],
+            "values": [{key: getattr(v, key) for key in ("value", "std", "verdict", "relation")} for v in one.values],
             "units": one.units, "mean": one.mean, "population_std": one.std, "distance": one.distance,
             "std": one.distance_std, "chance": one.chance, "meaning": one.meaning, "why": one.why or None,
         }

@@ -41,7 +41,7 @@ def command(
     typer.echo(_json(serial, series, drifts) if as_json else _table(series, drifts))
 
 
-_OF_SERIES = {"name", "meaning"}
+_OF_POINT = ("value", "std", "unit", "low", "high", "verdict", "relation", "calibration_std")
 
 
 def _json(serial: str, series: dict[str, list[Point]], drifts: dict[str, Drift]) -> str:
@@ -53,7 +53,7 @@ def _json(serial: str, series: dict[str, list[Point]], drifts: dict[str, Drift])
             "points": [
                 {
                     "run": p.run, "started_utc": p.started_utc.isoformat(), "simulated": p.simulated,
-                    **p.value.model_dump(exclude=_OF_SERIES),
+                    **{key: getattr(p.value, key) for key in _OF_POINT},
                 }
                 for p in points
             ],

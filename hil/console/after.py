@@ -7,7 +7,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from hil.console.site import Site
-from hil.findings.collect import measured_of
+from hil.findings.collect import findings_of
 from hil.findings.results import Results
 from hil.report.results import next_step, verdict_sentence
 from hil.session.setting import value_text
@@ -15,8 +15,8 @@ from hil.session.setting import value_text
 
 def reasons_of(results: Results) -> list[str]:
     """A sentence for each value that keeps a run from passing, misses first, then what to do; empty for none."""
-    values = [value for verdict in ("fail", "cannot tell") for value in results.values if value.verdict == verdict]
-    found = [measured_of(value) for value in values]
+    measured = findings_of(results).measured
+    found = [value for verdict in ("fail", "cannot tell") for value in measured if value.verdict == verdict]
     return [*map(verdict_sentence, found), *filter(None, [next_step(found)])]
 
 

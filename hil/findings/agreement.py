@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from hil.findings.results import Curve, FittedFunction, Results, Value
-from hil.record.measurement import COVERAGE_FACTOR
+from hil.findings.results import Curve, FittedFunction, Results
+from hil.record.measurement import COVERAGE_FACTOR, Measured
 
 SHARE = 0.01
 """How far a figure may be moved, as a share of its own expanded uncertainty: less than a page prints of it."""
@@ -39,11 +39,11 @@ def _about(kept: Results, anew: Results) -> Iterator[str]:
             yield f"{name}: {stated or 'none'} in {kept.run}, {found or 'none'} by its samples"
 
 
-def _condition(results: Results) -> tuple[Value, ...]:
+def _condition(results: Results) -> tuple[Measured, ...]:
     return results.likeness.figures if results.likeness else ()
 
 
-def _values(kept: Sequence[Value], anew: Sequence[Value], words: bool) -> Iterator[str]:
+def _values(kept: Sequence[Measured], anew: Sequence[Measured], words: bool) -> Iterator[str]:
     own, found = ({value.name: value for value in values} for values in (kept, anew))
     for name in dict.fromkeys((*own, *found)):
         one, other = own.get(name), found.get(name)
@@ -51,7 +51,7 @@ def _values(kept: Sequence[Value], anew: Sequence[Value], words: bool) -> Iterat
             yield f"{name}: {_text(one)} in the results, {_text(other)} by the samples"
 
 
-def _same(one: Value, other: Value, words: bool) -> bool:
+def _same(one: Measured, other: Measured, words: bool) -> bool:
     exact = ("unit", "low", "high", "verdict", "relation", *(("meaning",) if words else ()))
     figures = (
         (one.value, other.value, _freedom(other)),
@@ -60,7 +60,7 @@ def _same(one: Value, other: Value, words: bool) -> bool:
     return all(getattr(one, name) == getattr(other, name) for name in exact) and all(_near(*one) for one in figures)
 
 
-def _freedom(value: Value) -> float:
+def _freedom(value: Measured) -> float:
     """How far a figure may lie from where it lies now. A bound has its uncertainty in it."""
     if value.relation != "=":
         return SHARE * abs(value.value or 0.0)
@@ -73,7 +73,7 @@ def _near(one: float | None, other: float | None, allowed: float) -> bool:
     return abs(one - other) <= max(allowed, _ROUNDING * abs(other))
 
 
-def _text(value: Value | None) -> str:
+def _text(value: Measured | None) -> str:
     if value is None:
         return "none"
     width = "" if value.std is None else f" ± {COVERAGE_FACTOR * value.std:.3g}"

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from hil.findings.results import Results, Value
+from hil.findings.results import Results
+from hil.record.measurement import Measured
 
 ALPHA = 0.05  # a difference is one when chance alone makes it in less than 5 % of pairs, over all values together
 
@@ -28,8 +29,8 @@ class Difference:
 
     name: str
     unit: str
-    first: Value | None
-    second: Value | None
+    first: Measured | None
+    second: Measured | None
     change: float | None
     std: float | None
     chance: float | None
@@ -51,13 +52,13 @@ def differences(first: Results, second: Results, *, one_bench: bool) -> list[Dif
     return [_difference(*pair, one_bench, level) for pair in pairs]
 
 
-def _pairs(first: Results, second: Results) -> Iterator[tuple[Value | None, Value | None]]:
+def _pairs(first: Results, second: Results) -> Iterator[tuple[Measured | None, Measured | None]]:
     own, other = ({value.name: value for value in one.values} for one in (first, second))
     for name in dict.fromkeys((*own, *other)):
         yield own.get(name), other.get(name)
 
 
-def _difference(a: Value | None, b: Value | None, one_bench: bool, level: float) -> Difference:
+def _difference(a: Measured | None, b: Measured | None, one_bench: bool, level: float) -> Difference:
     named = a or b
     if named is None:
         raise ValueError("a difference is of a value that at least one run has")
@@ -70,7 +71,7 @@ def _difference(a: Value | None, b: Value | None, one_bench: bool, level: float)
     return Difference(named.name, named.unit, a, b, change, std, chance, meaning)
 
 
-def _std(a: Value | None, b: Value | None, one_bench: bool) -> float | None:
+def _std(a: Measured | None, b: Measured | None, one_bench: bool) -> float | None:
     """Of the change; None where it cannot be told: a bound, a missing value, an uncertainty that is not known."""
     if a is None or b is None or a.relation != "=" or b.relation != "=" or a.unit != b.unit:
         return None

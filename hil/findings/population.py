@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 
 from hil.findings.difference import ALPHA
-from hil.findings.results import Results, Value
+from hil.findings.results import Results
+from hil.record.measurement import Measured
 
 FEWEST_UNITS = 5  # below which the spread of the others is hardly known
 
@@ -36,7 +37,7 @@ class Standing:
     who: str
     name: str
     unit: str
-    values: tuple[Value, ...]
+    values: tuple[Measured, ...]
     units: int
     mean: float | None = None
     std: float | None = None
@@ -47,7 +48,7 @@ class Standing:
     why: str = ""
 
 
-def standings(given: Sequence[Results], others: Sequence[Sequence[Value]], *, one_bench: bool) -> list[Standing]:
+def standings(given: Sequence[Results], others: Sequence[Sequence[Measured]], *, one_bench: bool) -> list[Standing]:
     """Every value of each unit, then the means of the batch where there are several units.
 
     Args:
@@ -68,7 +69,7 @@ def _names(given: Sequence[Results]) -> list[str]:
     return list(dict.fromkeys(value.name for one in given for value in one.values))
 
 
-def _named(name: str, units: Sequence[Sequence[Value]]) -> list[Value]:
+def _named(name: str, units: Sequence[Sequence[Measured]]) -> list[Measured]:
     return [value for unit in units for value in unit if value.name == name]
 
 
@@ -76,7 +77,7 @@ def _meaning(chance: float, level: float) -> Meaning:
     return "differs" if chance < level else "within the population"
 
 
-def _standing(who: str, own: Sequence[Value], others: Sequence[Value], one_bench: bool) -> Standing:
+def _standing(who: str, own: Sequence[Measured], others: Sequence[Measured], one_bench: bool) -> Standing:
     name, unit = own[0].name, own[0].unit
     same = [value for value in others if value.unit == unit]
     known = [value for value in same if _is_known(value)]
@@ -93,11 +94,11 @@ def _standing(who: str, own: Sequence[Value], others: Sequence[Value], one_bench
     )
 
 
-def _is_known(value: Value) -> bool:
+def _is_known(value: Measured) -> bool:
     return value.relation == "=" and value.value is not None and value.std is not None
 
 
-def _obstacles(own: Sequence[Value], same: Sequence[Value], known: Sequence[Value]) -> Iterator[str]:
+def _obstacles(own: Sequence[Measured], same: Sequence[Measured], known: Sequence[Measured]) -> Iterator[str]:
     """Why it cannot be told. Bounds of others are not left out: those that remain would be a selection by size."""
     if not all(_is_known(value) for value in own):
         yield "a bound, no value, or no uncertainty"
@@ -107,7 +108,7 @@ def _obstacles(own: Sequence[Value], same: Sequence[Value], known: Sequence[Valu
         yield f"{len(known)} other units, at least {FEWEST_UNITS} are needed"
 
 
-def _distance_std(own: Sequence[Value], known: Sequence[Value], variance: float, one_bench: bool) -> float:
+def _distance_std(own: Sequence[Measured], known: Sequence[Measured], variance: float, one_bench: bool) -> float:
     """The scatter of the others holds their repeatability, and is never less than that.
 
     What the unit's own repeatability exceeds it by is added, and the calibration on both sides where it is not shared.
@@ -120,7 +121,7 @@ def _distance_std(own: Sequence[Value], known: Sequence[Value], variance: float,
     return math.sqrt(total)
 
 
-def _repeatability(value: Value) -> float:
+def _repeatability(value: Measured) -> float:
     return math.sqrt(max((value.std or 0.0) ** 2 - value.calibration_std**2, 0.0))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,7 +12,9 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 from hil.errors import FileError, StorageError
 from hil.record.cause import Cause
 from hil.record.durable import write_whole
-from hil.record.measurement import Relation, Verdict
+from hil.record.measurement import Measured, Verdict
+from hil.record.population_comparison import PopulationComparison
+from hil.record.since import Since
 from hil.untrusted import read_untrusted_json
 
 RESULTS_FILE = "results.json"
@@ -20,62 +23,6 @@ SCHEMA: Literal["hil.results/1"] = "hil.results/1"
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
-
-
-class Value(_Strict):
-    """A measured quantity.
-
-    `std` is its whole standard uncertainty, null where none is known; `calibration_std` is the part of it that all runs
-    on one bench share. With `relation` `<` or `>` the value is a bound: the
-    quantity lies below or above it. `value` is null where it could not be determined.
-    """
-
-    name: str
-    value: float | None
-    std: float | None
-    unit: str
-    low: float | None = None
-    high: float | None = None
-    verdict: Verdict | None = None
-    relation: Relation = "="
-    meaning: str = ""
-    calibration_std: float = 0.0
-
-
-class PopulationComparisonOf(_Strict):
-    """Figures of the unit beside those of good units of its type; no part of the verdict.
-
-    `low` and `high` of a figure are the ends of the range of good units, of which the share `beyond` lies beyond
-    either end. `reason` says why there are no figures.
-    """
-
-    figures: tuple[Value, ...] = ()
-    good_units: int = 0
-    beyond: float = 0.0
-    reason: str = ""
-
-
-class MovedOf(_Strict):
-    """A value that differs beyond its uncertainty between two runs of a unit."""
-
-    then: Value
-    now: Value
-
-
-class SinceOf(_Strict):
-    """What changed since an earlier run of the same unit, where a certificate is no pass; no part of the verdict.
-
-    `moved` are the values that differ beyond their uncertainty: figures of the condition first, then what keeps the
-    unit from passing. `same` values do not, and `untold` cannot be compared.
-    """
-
-    run: str
-    started_utc: AwareDatetime
-    verdict: Verdict | None
-    moved: tuple[MovedOf, ...] = ()
-    same: int = 0
-    untold: int = 0
-    same_instruments: bool = False
 
 
 class ColumnOf(_Strict):
@@ -171,17 +118,17 @@ class Results(_Strict):
     operator: str | None = None
     started_utc: AwareDatetime | None = None
     verdict: Verdict | None
-    values: tuple[Value, ...]
+    values: tuple[Measured, ...]
     curves: tuple[Curve, ...] = ()
     transfer_functions: tuple[FittedFunction, ...] = ()
     notes: tuple[str, ...] = ()
     deviations: tuple[str, ...] = ()
-    likeness: PopulationComparisonOf | None = None
-    since: SinceOf | None = None
+    likeness: PopulationComparison | None = None
+    since: Since | None = None
     cause: Cause | None = None
     simulated: bool | None = None
 
-    def __getitem__(self, name: str) -> Value:
+    def __getitem__(self, name: str) -> Measured:
         """A value by its full name (`bandwidth_3db, +50 ± 5 %`).
 
         Raises:
@@ -201,7 +148,7 @@ class Results(_Strict):
         """The values as a pandas DataFrame, indexed by name. Raises `InputError` without pandas."""
         from hil.record.show import needed
 
-        rows = [value.model_dump() for value in self.values]
+        rows = [asdict(value) for value in self.values]
         return needed("pandas", "to_pandas").DataFrame(rows).set_index("name")
 
     def plot(self, name: str = "") -> Any:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hil.record.measurement import COVERAGE_FACTOR
+from hil.record.measurement import COVERAGE_FACTOR, Measured
 from hil.record.show import table_html
 
 if TYPE_CHECKING:
-    from hil.findings.results import Curve, Results, Value
+    from hil.findings.results import Curve, Results
 
 
 def results_html(results: Results) -> str:
@@ -40,7 +40,7 @@ def curve_figure(curve: Curve) -> Any:
     return figure
 
 
-def _value(value: Value) -> str:
+def _value(value: Measured) -> str:
     if value.value is None:
         return "not determined"
     sign = "" if value.relation == "=" else f"{value.relation} "
@@ -48,7 +48,7 @@ def _value(value: Value) -> str:
     return f"{sign}{value.value:.6g}{expanded}"
 
 
-def _limits(value: Value) -> str:
+def _limits(value: Measured) -> str:
     if value.low is None and value.high is None:
         return ""
     return f"{'' if value.low is None else f'{value.low:g}'} … {'' if value.high is None else f'{value.high:g}'}"

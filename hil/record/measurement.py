@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from hil.record.plain import plain
 
@@ -77,9 +77,12 @@ class Measurement:
 class Measured:
     """A declared quantity with its value, standard uncertainty and verdict; None where there is no limit.
 
-    `std` is the whole uncertainty; `calibration_std` the part of it that all runs on one bench share.
+    `std` is the whole uncertainty; `calibration_std` the part of it that all runs on one bench share. With `relation`
+    `<` or `>` the value is a bound: the quantity lies below or above it. `value` is None where it could not be
+    determined.
     """
 
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
     name: str
     value: float | None
     unit: str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from hil.record.measurement import Measured, Verdict, judge
 from hil.record.plain import plain
@@ -20,6 +20,7 @@ class PopulationComparison:
         reason: why nothing can be said; then there are no figures.
     """
 
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
     figures: tuple[Measured, ...] = ()
     good_units: int = 0
     beyond: float = 0.0

@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
+from typing import ClassVar
+
+from pydantic import AwareDatetime
 
 from hil.record.measurement import Measured, Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """A value that differs beyond its uncertainty between two runs of a unit."""
+
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
+    then: Measured
+    now: Measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,17 +25,18 @@ class Since:
 
     Attributes:
         run: name of the earlier run. `started_utc`, `verdict`: of it.
-        moved: (then, now) of each value that differs beyond its uncertainty: figures of the condition first, then what
+        moved: each value that differs beyond its uncertainty: figures of the condition first, then what
             keeps the unit from passing; the surest first.
         same: how many values do not.
         untold: how many cannot be compared: bounds, and values that one run lacks.
         same_instruments: whether the same instruments with the same calibrations measured both.
     """
 
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
     run: str
-    started_utc: datetime
+    started_utc: AwareDatetime
     verdict: Verdict | None
-    moved: tuple[tuple[Measured, Measured], ...]
-    same: int
-    untold: int
-    same_instruments: bool
+    moved: tuple[Moved, ...] = ()
+    same: int = 0
+    untold: int = 0
+    same_instruments: bool = False

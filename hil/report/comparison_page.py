@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.findings.difference import Difference
-from hil.findings.results import Curve, Results, Value
+from hil.findings.results import Curve, Results
 from hil.language.choice import in_page_language
 from hil.language.words import _
-from hil.record.measurement import COVERAGE_FACTOR
+from hil.record.measurement import COVERAGE_FACTOR, Measured
 from hil.report.figure import DASHES, SERIES, Picture, drawn, legend_above, plain_log, thinned
 from hil.report.local_time import local_text
 from hil.report.name import value_words
@@ -77,7 +77,7 @@ def shared_sentence(one_bench: bool) -> str:
     return _("The runs have different instruments or calibrations; these are in the uncertainty of each change.")
 
 
-def value_text(value: Value | None) -> str:
+def value_text(value: Measured | None) -> str:
     """A value with its expanded uncertainty."""
     if value is None:
         return _("not measured")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hil.language.words import _
 from hil.record.measurement import COVERAGE_FACTOR, Measured
-from hil.record.since import Since
+from hil.record.since import Moved, Since
 from hil.report.local_time import local_text
 from hil.report.name import quantity_words
 from hil.report.number import with_uncertainty
@@ -16,7 +16,7 @@ def since_sentences(found: Since) -> list[str]:
     """What changed and how much did not; then on what that rests and how to ask for the cause."""
     when = local_text(found.started_utc)
     if found.moved:
-        figures = ", ".join(_change(*pair) for pair in found.moved[:_MOST])
+        figures = ", ".join(_change(one) for one in found.moved[:_MOST])
         more = len(found.moved) - _MOST
         figures += _(" and {n} more").format(n=more) if more > 0 else ""
         sentence = _("Since the run of this unit on {when} ({verdict}): {figures}.").format(
@@ -38,11 +38,11 @@ def since_sentences(found: Since) -> list[str]:
     return [sentence, rests]
 
 
-def _change(then: Measured, now: Measured) -> str:
+def _change(one: Moved) -> str:
     """`friction 3.1 ± 0.2 → 172.2 ± 1.3 mA`."""
-    quantity, _comma, place = now.name.partition(", ")
+    quantity, _comma, place = one.now.name.partition(", ")
     where = _(" at {place}").format(place=place) if place else ""
-    return f"{_(quantity_words(quantity))}{where} {_with(then, '')} → {_with(now, now.unit)}"
+    return f"{_(quantity_words(quantity))}{where} {_with(one.then, '')} → {_with(one.now, one.now.unit)}"
 
 
 def _with(m: Measured, unit: str) -> str:

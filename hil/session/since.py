@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.errors import ArchiveError, InputError
-from hil.findings.collect import measured_of, results_of
+from hil.findings.collect import results_of
 from hil.findings.difference import Difference, differences
 from hil.findings.results import RESULTS_FILE, Results, read_results
 from hil.record.header import read_header
 from hil.record.instruments import instruments_mark
 from hil.record.measurement import Findings, is_accepted
 from hil.record.recording import Recording
-from hil.record.since import Since
+from hil.record.since import Moved, Since
 from hil.session.procedure import Procedure
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def _since(entry: Entry, now: Results, folder: Path) -> Since:
     moved = sorted((one for one in found if one.meaning == "differs"), key=lambda one: _weight(one, now), reverse=True)
     return Since(
         entry.folder.name, entry.started_utc, entry.verdict,
-        tuple((measured_of(one.first), measured_of(one.second)) for one in moved if one.first and one.second),
+        tuple(Moved(one.first, one.second) for one in moved if one.first and one.second),
         _count(found, "within uncertainty"), _count(found, "cannot tell"), one_bench,
     )  # fmt: skip
 

@@ -6,6 +6,7 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from threading import Thread
@@ -230,8 +231,7 @@ def test_false_alarms_of_the_drift_test_come_at_the_stated_rate(tmp_path):
     alarms = 0
     for _ in range(2000):
         noisy = [
-            type(p)(p.run, p.started_utc, p.value.model_copy(update={"value": 0.9 + 0.01 * rng.standard_normal()}))
-            for p in points
+            type(p)(p.run, p.started_utc, replace(p.value, value=0.9 + 0.01 * rng.standard_normal())) for p in points
         ]
         alarms += drift_of(noisy).is_drift
     assert alarms <= 30  # 1 % of 2000 and three standard deviations, as the scale is never below the stated one

@@ -9,7 +9,7 @@ import pytest
 from hil.bench.find import benches
 from hil.console.after import next_unit, reasons_of
 from hil.console.site import Site
-from hil.findings.results import Results, Value
+from hil.findings.results import Results
 from hil.language.words import speaking
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.report.results import next_step, verdict_box
@@ -50,10 +50,10 @@ def test_a_value_that_would_pass_needs_the_test_to_end() -> None:
 
 def test_the_console_gives_reasons_and_the_next_step_in_the_language_of_the_page() -> None:
     values = (
-        Value(name="rise", value=140.0, std=5.0, unit="ms", high=100.0, verdict="fail"),
-        Value(name="settling", value=50.0, std=5.0, unit="ms", high=100.0, verdict="pass"),
+        Measured(name="rise", value=140.0, std=5.0, unit="ms", high=100.0, verdict="fail"),
+        Measured(name="settling", value=50.0, std=5.0, unit="ms", high=100.0, verdict="pass"),
     )
-    open_ = Value(name="response", value=98.0, std=5.0, unit="ms", high=100.0, verdict="cannot tell")
+    open_ = Measured(name="response", value=98.0, std=5.0, unit="ms", high=100.0, verdict="cannot tell")
     results = Results.model_construct(verdict="fail", values=(open_, *values))
     why, also, step = reasons_of(results)
     assert why.startswith("Fail: rise is 140 ± 10 ms, limit ≤ 100 ms")

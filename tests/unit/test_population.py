@@ -11,16 +11,16 @@ from hil.cli import app
 from hil.findings.collect import results_of
 from hil.findings.difference import ALPHA
 from hil.findings.population import standings
-from hil.findings.results import Results, Value, write_results
+from hil.findings.results import Results, write_results
 from hil.record.folder import write
-from hil.record.measurement import Findings, Measurement
+from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 
 RISE = Measurement("rise", "ms", "time")
 
 
 def value(number, std=0.1, calibration=0.0, name="rise", **more):
-    return Value(name=name, value=number, std=std, unit="ms", calibration_std=calibration, **more)
+    return Measured(name=name, value=number, std=std, unit="ms", calibration_std=calibration, **more)
 
 
 def results(*values, run="one"):

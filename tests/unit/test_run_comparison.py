@@ -7,7 +7,8 @@ import pytest
 
 from hil.cli import app
 from hil.findings.difference import ALPHA, differences
-from hil.findings.results import Results, Value
+from hil.findings.results import Results
+from hil.record.measurement import Measured
 from hil.report.comparison_page import headline
 from hil.report.local_time import local_text
 from hil.session.comparison import compare_runs
@@ -21,7 +22,7 @@ def results(*values):
 
 
 def value(number, std=1.0, calibration=0.0, name="rise", **more):
-    return Value(name=name, value=number, std=std, unit="ms", calibration_std=calibration, **more)
+    return Measured(name=name, value=number, std=std, unit="ms", calibration_std=calibration, **more)
 
 
 def one(first, second, one_bench=True):
