@@ -9,7 +9,6 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._canopen_node import MASTER, NodeLink
 from drivers._edge import edge
-from drivers._node_objects import NodeObjects
 from drivers._pdo_mapping import configure, pdos_for, with_sync
 from drivers._start_up import once_started
 from hil.daq.channel import Wiring
@@ -101,8 +100,8 @@ class CanopenLink(NodeLink):
 
     def _identified(self) -> str:
         settings = self._settings
-        self._connect(settings, self._number, "canopen", *(pdo.identifier for pdo in self._sent))
-        self._objects = NodeObjects(self._network, self._node, self._description.dictionary, settings.address)
+        sent = (pdo.identifier for pdo in self._sent)
+        self._connect(settings, self._number, "canopen", *sent, file=self._description.dictionary)
         return once_started(settings.startup_s, self._objects.recognised)
 
     def _make_ready(self) -> None:

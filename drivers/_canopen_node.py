@@ -8,6 +8,7 @@ from typing import Any
 
 from drivers._can import close_bus, open_bus
 from drivers._edge import wire_log
+from drivers._node_objects import NodeObjects
 from hil.daq.device_link import DeviceLink
 from hil.errors import LinkError
 
@@ -22,8 +23,8 @@ class NodeLink(DeviceLink):
     _network: Any = None
     _emergency: tuple[int, int] | None = None
 
-    def _connect(self, settings: Any, number: int, driver: str, *sent: int) -> None:
-        """Join its bus, and hear its emergencies and these PDOs."""
+    def _connect(self, settings: Any, number: int, driver: str, *sent: int, file: Any = None) -> None:
+        """Join its bus, and hear its emergencies and these PDOs; `file` is the dictionary of its objects."""
         import canopen
 
         from drivers._canopen_network import CanopenNetwork
@@ -32,8 +33,9 @@ class NodeLink(DeviceLink):
         bus = open_bus(settings.address, settings.bitrate, settings.timeout_s)
         self._network = CanopenNetwork(bus, settings.address, wire_log(driver, settings.address))
         self._network.connect()
-        self._node = self._network.add_node(number, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
-        self._node.sdo.RESPONSE_TIMEOUT = settings.timeout_s
+        node = self._network.add_node(number, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
+        node.sdo.RESPONSE_TIMEOUT = settings.timeout_s
+        self._objects = NodeObjects(self._network, node, file, settings.address)
         self._network.subscribe(0x080 + number, self._on_emergency)
         for identifier in sent:
             self._network.subscribe(identifier, self._on_pdo)

@@ -18,7 +18,7 @@ class NodeObjects:
     Args:
         network: that it is on.
         node: of the canopen library.
-        file: the dictionary of its EDS or DCF.
+        file: the dictionary of its EDS or DCF; None where there is none, and numbers have a form of their own.
         address: of the bus, for errors.
     """
 
@@ -31,12 +31,7 @@ class NodeObjects:
         Raises:
             LinkError: another device than its file says.
         """
-        import canopen
-
-        try:
-            kind = self.upload(0x1000, 0)
-        except canopen.SdoCommunicationError:
-            raise DeviceLostError(f"node {self._node.id} on {self._address} does not answer") from None
+        kind = self.kind()
         expected = variable(self._file, (0x1000, 0))
         if expected is not None and expected.default and kind != expected.default:
             raise LinkError(
@@ -53,6 +48,15 @@ class NodeObjects:
                 )
             parts.append(f"{what} {number:#x}")
         return f"node {self._node.id}, {', '.join(parts)}" if parts else ""
+
+    def kind(self) -> int:
+        """Its device type; raises `DeviceLostError` where nobody answers."""
+        import canopen
+
+        try:
+            return self.upload(0x1000, 0)
+        except canopen.SdoCommunicationError:
+            raise DeviceLostError(f"node {self._node.id} on {self._address} does not answer") from None
 
     def counted(self, terminal: CanopenTerminal, value: float) -> float:
         """A value as the terminal's object, or its part of it, takes it; where it is beyond, the end."""
@@ -110,6 +114,10 @@ class NodeObjects:
     def upload(self, index: int, sub: int) -> int:
         """A whole number that is not negative."""
         return int.from_bytes(self._sdo("upload", index, sub), "little")
+
+    def signed(self, index: int, sub: int) -> int:
+        """A whole number."""
+        return int.from_bytes(self._sdo("upload", index, sub), "little", signed=True)
 
     def download(self, index: int, sub: int, value: float, form: str) -> None:
         """Write a number in this form."""

@@ -19,7 +19,7 @@ from drivers._canopen_node import MASTER, NodeLink
 from drivers._edge import edge
 from hil.daq.channel import Terminal, Wiring
 from hil.description.canopen import dictionary, variable
-from hil.errors import DeviceLostError, FileError, LinkError
+from hil.errors import FileError, LinkError
 from hil.extras import is_installed
 
 PROFILE = 408
@@ -172,7 +172,7 @@ class CanopenValveLink(NodeLink):
 
     def standing(self) -> dict[str, float]:
         """Where the set point stands."""
-        return {"set point": 100.0 * self._signed(0x6300, 1) / FULL}
+        return {"set point": 100.0 * self._objects.signed(0x6300, 1) / FULL}
 
     def close(self) -> None:
         """Leave the valve at its fail-safe position, and the bus."""
@@ -183,21 +183,16 @@ class CanopenValveLink(NodeLink):
         super().close()
 
     def _identified(self) -> str:
-        import canopen
-
         settings = self._settings
         self._connect(settings, settings.node, "canopen_valve", 0x180 + settings.node)
         self._network.subscribe(0x700 + settings.node, self._on_heartbeat)
-        try:
-            profile = self._unsigned(0x1000, 0) & 0xFFFF
-        except canopen.SdoCommunicationError:
-            raise DeviceLostError(f"node {settings.node} on {settings.address} does not answer") from None
+        profile = self._objects.kind() & 0xFFFF
         if profile != PROFILE:
             raise LinkError(f"node {settings.node} is of device profile {profile}, not {PROFILE}")
         for sub, what in ((1, "vendor"), (2, "product")) if settings.eds else ():
             of_file = variable(dictionary(settings.eds), (0x1018, sub))
             wanted = of_file.default if of_file is not None else None
-            if wanted and (number := self._unsigned(0x1018, sub)) != wanted:
+            if wanted and (number := self._objects.upload(0x1018, sub)) != wanted:
                 raise LinkError(f"node {settings.node} is of {what} {number:#x}, its file is of {wanted:#x}")
         return self._identity_read()
 
@@ -205,7 +200,7 @@ class CanopenValveLink(NodeLink):
         parts = []
         with suppress(LinkError):  # most of the object is optional
             for sub, what in enumerate(("vendor", "product", "revision", "serial"), start=1):
-                parts.append(f"{what} {self._unsigned(0x1018, sub):#x}")
+                parts.append(f"{what} {self._objects.upload(0x1018, sub):#x}")
         return f"node {self._settings.node}, {', '.join(parts)}" if parts else ""
 
     def _make_ready(self) -> None:
@@ -223,7 +218,7 @@ class CanopenValveLink(NodeLink):
     def _measured(self) -> dict[str, float]:
         """By SYNC with the status; by SDO of a valve that is not ours to command."""
         if not self._commands:
-            return {"actual value": 100.0 * self._signed(0x6301, 1) / FULL}
+            return {"actual value": 100.0 * self._objects.signed(0x6301, 1) / FULL}
         (data,) = self._answers_to_sync({0x180 + self._settings.node}, "actual value").values()
         if len(data) != 4:
             raise LinkError(f"TPDO 1 has {len(data)} bytes, not 4: another program changed its mapping")
@@ -235,53 +230,56 @@ class CanopenValveLink(NodeLink):
         """Heartbeats both ways, TPDO 1 by SYNC, the functions of the valve that the bench file names."""
         settings, beat_ms = self._settings, round(1000.0 * self._settings.watchdog_s)
         self._manage(0x80)
-        self._write(0x1017, 0, max(10, beat_ms // 4), "<H")
-        self._write(0x1016, 1, MASTER << 16 | beat_ms, "<I")
-        self._write(0x1800, 1, 0x80000180 + settings.node, "<I")
-        self._write(0x1800, 2, 1, "<B")
-        self._write(0x1A00, 0, 0, "<B")
-        self._write(0x1A00, 1, 0x60410010, "<I")
-        self._write(0x1A00, 2, 0x63010110, "<I")
-        self._write(0x1A00, 0, 2, "<B")
-        self._write(0x1800, 1, 0x180 + settings.node, "<I")
-        self._write(0x6042, 0, 1, "<b")
+        for index, sub, value, form in (
+            (0x1017, 0, max(10, beat_ms // 4), "<H"),
+            (0x1016, 1, MASTER << 16 | beat_ms, "<I"),
+            (0x1800, 1, 0x80000180 + settings.node, "<I"),
+            (0x1800, 2, 1, "<B"),
+            (0x1A00, 0, 0, "<B"),
+            (0x1A00, 1, 0x60410010, "<I"),
+            (0x1A00, 2, 0x63010110, "<I"),
+            (0x1A00, 0, 2, "<B"),
+            (0x1800, 1, 0x180 + settings.node, "<I"),
+            (0x6042, 0, 1, "<b"),
+        ):
+            self._objects.download(index, sub, value, form)
         if settings.ramp_s is not None:
-            self._write(0x6331, 1, self._scaled(0x6331, settings.ramp_s), "<H")
-            self._write(0x6330, 0, 1 if settings.ramp_s else 0, "<b")
+            self._objects.download(0x6331, 1, self._scaled(0x6331, settings.ramp_s), "<H")
+            self._objects.download(0x6330, 0, 1 if settings.ramp_s else 0, "<b")
         if settings.dither_amplitude is not None:
-            self._write(0x6361, 1, settings.dither_amplitude, "<H")
-            self._write(0x6360, 0, 1 if settings.dither_amplitude else 0, "<b")
+            self._objects.download(0x6361, 1, settings.dither_amplitude, "<H")
+            self._objects.download(0x6360, 0, 1 if settings.dither_amplitude else 0, "<b")
         if settings.dither_hz is not None:
-            self._write(0x6362, 1, self._scaled(0x6362, settings.dither_hz), "<H")
+            self._objects.download(0x6362, 1, self._scaled(0x6362, settings.dither_hz), "<H")
         for index, percent in ((0x6343, settings.dead_band_a), (0x6344, settings.dead_band_b)):
             if percent is not None:
-                self._write(index, 1, round(percent * FULL / 100.0), "<h")
-                self._write(0x6342, 0, 1, "<b")
+                self._objects.download(index, 1, round(percent * FULL / 100.0), "<h")
+                self._objects.download(0x6342, 0, 1, "<b")
         self._manage(0x01)
 
     def _activate(self, safe: list[float]) -> None:
         """Reset a fault, then climb state by state, the set point safe."""
         if safe:
-            self._write(0x6300, 1, round(safe[0] * FULL / 100.0), "<h")
-        if not self._unsigned(0x6041, 0) & 0b1000:
-            self._write(0x6040, 0, 0, "<H")
-            self._write(0x6040, 0, 0b1000, "<H")
+            self._objects.download(0x6300, 1, round(safe[0] * FULL / 100.0), "<h")
+        if not self._objects.upload(0x6041, 0) & 0b1000:
+            self._objects.download(0x6040, 0, 0, "<H")
+            self._objects.download(0x6040, 0, 0b1000, "<H")
         self._step_down()
         for word, reached in zip(CLIMB, _REACHED, strict=True):
-            self._write(0x6040, 0, word, "<H")
+            self._objects.download(0x6040, 0, word, "<H")
             self._wait_for(reached)
         self._emergency = None
 
     def _step_down(self) -> None:
         """From where the valve was left, state by state, as it allows no leap."""
-        state = self._unsigned(0x6041, 0) & 0b1111
+        state = self._objects.upload(0x6041, 0) & 0b1111
         if state in _REACHED:
             for word in reversed(CLIMB[: _REACHED.index(state)]):
-                self._write(0x6040, 0, word, "<H")
+                self._objects.download(0x6040, 0, word, "<H")
 
     def _wait_for(self, state: int) -> None:
         until_s = time.monotonic() + _PATIENCE_S
-        while (now := self._unsigned(0x6041, 0) & 0b1111) != state:
+        while (now := self._objects.upload(0x6041, 0) & 0b1111) != state:
             if time.monotonic() > until_s:
                 raise LinkError(f"the valve stays in {STATES.get(now, f'{now:04b}')}, it should be in {STATES[state]}")
             time.sleep(0.005)
@@ -306,17 +304,4 @@ class CanopenValveLink(NodeLink):
 
     def _scaled(self, index: int, value: float) -> int:
         """A value in the unit and prefix that the object itself has."""
-        return max(0, min(0xFFFF, round(value / 10.0 ** self._signed(index, 3))))
-
-    def _unsigned(self, index: int, sub: int) -> int:
-        return int.from_bytes(self._sdo("upload", index, sub), "little")
-
-    def _signed(self, index: int, sub: int) -> int:
-        return int.from_bytes(self._sdo("upload", index, sub), "little", signed=True)
-
-    def _write(self, index: int, sub: int, value: int, form: str) -> None:
-        self._sdo("download", index, sub, struct.pack(form, value))
-
-    def _sdo(self, kind: str, index: int, sub: int, *data: bytes) -> bytes:
-        answer: bytes = self._network.transfer(self._node, kind, index, sub, *data)
-        return answer
+        return max(0, min(0xFFFF, round(value / 10.0 ** self._objects.signed(index, 3))))

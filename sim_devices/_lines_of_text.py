@@ -7,7 +7,7 @@ from typing import Any
 
 from sim_devices._field import Side
 from sim_devices._quirks import Quirks
-from sim_devices._stream import PtyServer, StreamServer, TcpServer
+from sim_devices._stream import StreamServer, serve_stream
 
 
 class TextDevice:
@@ -52,11 +52,4 @@ def serve_text(
     make: Callable[[Side], TextDevice], settings: Mapping[str, Any], side: Side, quirks: Quirks
 ) -> StreamServer:
     """Serve a device on a TCP port (`socket://host:port`) or a pseudo terminal of that name."""
-    address = str(settings["address"])
-    scheme, slashes, place = address.partition("://")
-    if slashes:
-        host, _, port = place.rpartition(":")
-        server = TcpServer(make(side), side, quirks, host, int(port))
-        server.where = f"{scheme}://{server.where}"
-        return server
-    return PtyServer(make(side), side, quirks, address)
+    return serve_stream(make(side), side, quirks, str(settings["address"]))

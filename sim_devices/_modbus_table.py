@@ -10,7 +10,7 @@ from sim_devices._field import Side
 from sim_devices._modbus_bank import Bank
 from sim_devices._modbus_frames import Refused, RtuFrames, TcpFrames
 from sim_devices._quirks import Quirks
-from sim_devices._stream import PtyServer, StreamServer, TcpServer
+from sim_devices._stream import StreamServer, TcpServer, serve_stream
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,9 +138,4 @@ def serve_registers(registers: Any, settings: Mapping[str, Any], side: Side, qui
     if settings.get("transport", "tcp") == "tcp":
         host, _, port = address.rpartition(":")
         return TcpServer(TcpFrames(registers, unit_id), side, quirks, host, int(port))
-    if address.startswith("socket://"):
-        host, _, port = address.removeprefix("socket://").rpartition(":")
-        server = TcpServer(RtuFrames(registers, unit_id), side, quirks, host, int(port))
-        server.where = f"socket://{server.where}"
-        return server
-    return PtyServer(RtuFrames(registers, unit_id), side, quirks, address)
+    return serve_stream(RtuFrames(registers, unit_id), side, quirks, address)

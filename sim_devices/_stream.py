@@ -196,6 +196,17 @@ class PtyServer(StreamServer):
             return None if self._pty.is_gone else b""
 
 
+def serve_stream(device: Device, side: Side, quirks: Quirks, address: str) -> StreamServer:
+    """Serve a device on a TCP port (`socket://host:port`) or a pseudo terminal of that name."""
+    scheme, slashes, place = address.partition("://")
+    if not slashes:
+        return PtyServer(device, side, quirks, address)
+    host, _, port = place.rpartition(":")
+    server = TcpServer(device, side, quirks, host, int(port))
+    server.where = f"{scheme}://{server.where}"
+    return server
+
+
 class _Pty:
     """A pseudo terminal and who is on it."""
 

@@ -17,6 +17,7 @@ import pytest
 from drivers import _can_frames, canopen_valve, j1939_valve
 from drivers._can import open_bus
 from drivers._edge import message_of
+from drivers._node_objects import NodeObjects
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, HardwareError, LinkError
 from sim_devices import canopen_valve as canopen_twin
@@ -185,18 +186,19 @@ def test_whatever_answers_a_question_is_a_value_or_a_named_error(garbled: bytes,
         from drivers._canopen_network import CanopenNetwork
 
         with linked("canopen", bus) as link:
-            own, link._network = link._network, CanopenNetwork(link_bus, "other", logging.getLogger("hil.link.test"))
-            link._network.connect()
-            node, link._node = link._node, link._network.add_node(1, node_dictionary())
-            link._node.sdo.RESPONSE_TIMEOUT = 0.1
+            network = CanopenNetwork(link_bus, "other", logging.getLogger("hil.link.test"))
+            network.connect()
+            node = network.add_node(1, node_dictionary())
+            node.sdo.RESPONSE_TIMEOUT = 0.1
+            own, link._objects = link._objects, NodeObjects(network, node, None, "other")
             answers = can.Notifier(
                 other, [lambda m: other.send(answer_of(garbled)) if m.arbitration_id == 0x601 else 0]
             )
             with pytest.raises(HardwareError):
                 link.standing()
             answers.stop()
-            link._network.disconnect()
-            link._network, link._node = own, node
+            network.disconnect()
+            link._objects = own
 
 
 def node_dictionary() -> Any:
