@@ -4,6 +4,8 @@ Written after the protocol's specification and without the library that the driv
 twin cannot share a mistake.
 """
 
+# ruff: noqa: ARG002 - what a device has not is refused by methods that do nothing else
+
 from __future__ import annotations
 
 import struct
@@ -29,54 +31,51 @@ class Refused(Exception):
 
 
 class Registers(Protocol):
-    """What a device has; every access may raise `Refused`.
+    """What a device has; every access may raise `Refused`, as one does that a subclass leaves out.
 
     It may say which `functions` it has, by their codes (`COMMON` where it says nothing).
     """
 
     def input(self, address: int) -> int:
         """An input register."""
-        ...
+        raise Refused(2)
 
     def holding(self, address: int) -> int:
         """A holding register."""
-        ...
+        raise Refused(2)
 
     def output(self, address: int) -> int:
         """What a write to a holding register changes; some devices read something else at its address."""
-        ...
+        return self.holding(address)
 
     def coil(self, address: int) -> bool:
         """A coil."""
-        ...
+        raise Refused(2)
 
     def discrete(self, address: int) -> bool:
         """A discrete input."""
-        ...
+        raise Refused(2)
 
     def may_write(self, address: int, count: int) -> None:
         """Refuse a value that cannot be written."""
-        ...
+        raise Refused(2)
 
     def write(self, address: int, count: int) -> None:
         """Write a holding register."""
-        ...
+        raise Refused(2)
 
     def write_coil(self, address: int, on: bool) -> None:
         """Write a coil."""
-        ...
+        raise Refused(2)
 
     def heard(self) -> None:
         """A valid request came."""
-        ...
 
     def restart(self) -> None:
         """Be as after power-on."""
-        ...
 
     def tick(self) -> None:
         """Look at the clock."""
-        ...
 
 
 def answered(pdu: bytes, registers: Registers) -> bytes:

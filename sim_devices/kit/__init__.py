@@ -10,7 +10,7 @@ names. It says how the device is served; `Twin` makes of that what a bench file 
 and has `quirks` and `world` from here. By what it speaks:
 
 - registers on Modbus TCP or RTU: `Table` of `Place`s, its `Timer`, `serve_registers`; an address space of your own is a
-  class with the methods of `Registers`, what it refuses is `Refused`
+  class of `Registers`, which refuses (`Refused`) what yours leaves out
 - lines of text on a serial port or TCP: `TextDevice`, `serve_text`
 - frames on CAN: `Node`, `CanServer`, `Frame`
 - any other bytes: a class with the methods of `Device`, and `TcpServer` or `PtyServer`
