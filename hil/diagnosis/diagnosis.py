@@ -188,7 +188,8 @@ class Diagnosis:
             the model left more than noise. `left_out`: the other question's answer, where *changed* was asked.
         table: every hypothesis with its score, the best first; the first is the verdict (see `hil.diagnosis.score`).
             None below the gate of *changed*.
-        corrected_is: what the corrected model holds, and `why_corrected`. `work`: simulations and their samples.
+        corrected_is: what the corrected model holds, and `why_corrected`. `work`: simulations, their samples and
+            what was not searched for want of a larger budget.
         simulated: whether a recording is of a simulated valve.
         false_alarms: how often a unit without any effect is called anything but consistent, and where that was counted.
     """
@@ -224,7 +225,7 @@ class Diagnosis:
     left_out: Mapping[str, Any] | None = None
     corrected_is: Literal["nominal", "named"] = "nominal"
     why_corrected: str = ""
-    work: Mapping[str, int] = field(default_factory=dict)
+    work: Mapping[str, Any] = field(default_factory=dict)
     simulated: bool = False
 
     def as_dict(self) -> dict[str, Any]:

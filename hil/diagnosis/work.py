@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from threading import Lock
+from typing import Any
 
 Progress = Callable[[float, str], None]
-OUT_OF_TIME = "was over before these were looked at"
 SAMPLES_PER_S = 10e6
 """Simulated samples that a second of a budget stands for, whatever the machine does."""
 
@@ -41,9 +41,9 @@ class Work:
         """What it took, as a budget counts it."""
         return self.samples / SAMPLES_PER_S
 
-    def as_dict(self) -> Mapping[str, int]:
+    def as_dict(self) -> Mapping[str, Any]:
         """As `diagnosis.json` has it."""
-        return {"simulations": self.simulations, "samples": self.samples}
+        return {"simulations": self.simulations, "samples": self.samples, "not_searched": list(self.left_out)}
 
     def leaves_out(self, what: str) -> bool:
         """Whether no budget is left for something; it is remembered."""
@@ -58,7 +58,5 @@ class Work:
         if not self.left_out:
             return ()
         what = ", ".join(self.left_out)
-        over = (
-            f"the budget of {self._budget_s:.3g} s ({self._budget_s * SAMPLES_PER_S:.3g} samples) {OUT_OF_TIME}: {what}"
-        )
-        return (f"{over}; a larger --budget may find more",)
+        budget = f"the budget of {self._budget_s:.3g} s ({self._budget_s * SAMPLES_PER_S:.3g} samples)"
+        return (f"{budget} was over before these were looked at: {what}; a larger --budget may find more",)

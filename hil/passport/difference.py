@@ -12,7 +12,7 @@ import numpy as np
 from hil.diagnosis.coverage import Limit
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.diagnosis.diagnosis import Diagnosis, Finding
-from hil.diagnosis.work import OUT_OF_TIME, SAMPLES_PER_S
+from hil.diagnosis.work import SAMPLES_PER_S
 from hil.errors import SettingError
 from hil.identification.experiment import Experiment
 from hil.passport.conditions import condition_changes
@@ -20,7 +20,6 @@ from hil.passport.owner import Owner, owner_among, owner_of
 from hil.passport.sources import Dated
 from hil.physics.compose import kernel
 from hil.physics.model import Model, ModelEffect
-from hil.record.cause import NOT_ALL
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain
 from hil.record.simulated import is_simulated
@@ -83,7 +82,10 @@ class Unchanged:
 
 @dataclass(frozen=True, slots=True)
 class DateDifference:
-    """The answer. `cannot_tell`: what may have changed unseen; `simulated`: whether a recording is of such a valve."""
+    """The answer. `cannot_tell`: what may have changed unseen; `simulated`: whether a recording is of such a valve.
+
+    `is_part`: whether the changes explain only a part of what changed; `not_searched`: for want of a larger budget.
+    """
 
     changes: tuple[Change, ...]
     unchanged: tuple[Unchanged, ...]
@@ -91,6 +93,8 @@ class DateDifference:
     notes: tuple[str, ...] = ()
     cannot_tell: tuple[Unchanged, ...] = ()
     simulated: bool = False
+    is_part: bool = False
+    not_searched: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """`hil.diff/1`."""
@@ -102,6 +106,8 @@ class DateDifference:
             "verdict": self.verdict,
             "notes": list(self.notes),
             "simulated": self.simulated,
+            "is_part": self.is_part,
+            "not_searched": list(self.not_searched),
         }
 
 
@@ -152,12 +158,17 @@ def difference(
     named = {change.name for change in moved}
     limits = (_excluded(x) for x in second.diagnosis.limits if x.visible)
     kept = {one.name: one for one in (*limits, *same) if one.name not in named}
-    rest = (NOT_ALL,) if moved and second.diagnosis.verdict == "partly_explained" else ()
-    notes = (*_notes(old, new, first), *rest, *left_out, *more, *_left_out(first, second))
+    is_part = bool(moved) and second.diagnosis.verdict == "partly_explained"
+    rest = ("a part of what changed is not explained",) if is_part else ()
+    not_searched = _not_searched(first, second)
+    over = (
+        f"the budget was over before these were looked at: {', '.join(not_searched)}; a larger --budget may find more"
+    )
+    notes = (*_notes(old, new, first), *rest, *left_out, *more, *((over,) if not_searched else ()))
     return DateDifference(
         changes, tuple(one for one in kept.values() if one.is_identifiable), _verdict(second.diagnosis, moved), notes,
         tuple(one for one in kept.values() if not one.is_identifiable),
-        any(is_simulated(one.meta) for one in (*old.recordings, *new.recordings)),
+        any(is_simulated(one.meta) for one in (*old.recordings, *new.recordings)), is_part, not_searched,
     )  # fmt: skip
 
 
@@ -180,10 +191,9 @@ def _notes(old: Dated, new: Dated, first: Diagnosed | None) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _left_out(*found: Diagnosed | None) -> tuple[str, ...]:
-    """What was not looked at for want of computing time; each once."""
-    warnings = (w for one in found if one is not None for w in one.diagnosis.warnings if OUT_OF_TIME in w)
-    return tuple(dict.fromkeys(warnings))
+def _not_searched(*found: Diagnosed | None) -> tuple[str, ...]:
+    """For want of computing time; each once."""
+    return tuple(dict.fromkeys(w for one in found if one is not None for w in one.diagnosis.work["not_searched"]))
 
 
 def _verdict(second: Diagnosis, moved: Sequence[Change]) -> Verdict:

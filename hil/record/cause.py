@@ -5,9 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-NOT_ALL = "a part of what changed is not explained"
-"""The note of a comparison of two dates that names some of what changed; a cause is told as a part by it."""
-
 
 @dataclass(frozen=True, slots=True)
 class Found:

@@ -21,9 +21,8 @@ from typing import IO, Any
 
 from hil.catalog import models
 from hil.child import child
-from hil.diagnosis.work import OUT_OF_TIME
 from hil.errors import ArchiveError, InputError
-from hil.record.cause import NOT_ALL, Cause, Found
+from hil.record.cause import Cause, Found
 from hil.record.folder import read
 from hil.record.measurement import is_accepted
 from hil.record.recording import Recording
@@ -155,11 +154,11 @@ def _reader(stream: IO[str] | None, take: Callable[[str], None]) -> threading.Th
 def _read(asked: Cause, answer: Mapping[str, Any] | None, last_line: str) -> Cause:
     if answer is None:
         return replace(asked, reason=last_line.removeprefix("hil: ") or "no answer")
-    notes = [str(one) for one in (*answer.get("notes", ()), *answer.get("warnings", ())) if OUT_OF_TIME in str(one)]
-    not_searched = "; ".join(one.split(": ", 1)[1].split(";")[0] for one in notes)
-    found = _changes(answer["changes"]) if "changes" in answer else _findings(answer)
+    is_difference = "changes" in answer
+    not_searched = ", ".join((answer if is_difference else answer["work"])["not_searched"])
+    found = _changes(answer["changes"]) if is_difference else _findings(answer)
     ordered = sorted(found, key=lambda one: -(one.share or 0.0))
-    verdict = "partly_explained" if NOT_ALL in answer.get("notes", ()) else str(answer["verdict"])
+    verdict = "partly_explained" if answer.get("is_part") else str(answer["verdict"])
     return replace(asked, verdict=verdict, found=tuple(ordered), untold=not_searched)
 
 

@@ -31,7 +31,12 @@ from hil.session.results import cause_found_before, write_outcome
 
 RISE = Measurement("rise", "ms", "rise", high=100.0)
 LEAKS = {"name": "leakage", "from": 80.0, "to": 140.0, "std": 0.5, "unit": "ml/min"}
-DIAGNOSED = {"schema": "hil.diagnosis/1", "verdict": "parameter_change", "effects": [], "changed_parameters": [LEAKS]}
+DIAGNOSED = {"schema": "hil.diagnosis/1", "verdict": "parameter_change", "effects": [], "changed_parameters": [LEAKS],
+             "work": {"not_searched": []}}  # fmt: skip
+CHANGED = {"name": "leakage", "of": "valve", "from": {"value": 80.0, "std": 0.5}, "to": {"value": 140.0, "std": 0.5},
+           "unit": "ml/min", "share": 0.6}  # fmt: skip
+PART = {"schema": "hil.diff/1", "verdict": "changed", "changes": [CHANGED], "is_part": True,
+        "not_searched": ["a led-back search"]}  # fmt: skip
 
 
 @pytest.fixture
@@ -74,6 +79,14 @@ def test_what_a_diagnosis_finds_stands_on_page_one(
     kept = findings_of(read_results(made.folder / "results.json")).cause
     assert kept == found(made) and 0.0 < found(made).seconds < 600.0
     assert found(made).command == f"hil diagnose --model efc-good {made.folder} --out DIR"
+
+
+def test_what_explains_a_part_is_called_a_part_whatever_the_notes_say(
+    tmp_path: Path, certifies: Procedure, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers(monkeypatch, f"import json; print(json.dumps({PART!r}))")
+    cause = found(with_cause(certifies, missed(tmp_path), str(tmp_path), 600.0, lambda _d, _t: None))
+    assert (cause.verdict, cause.untold, cause.found[0].share) == ("partly_explained", "a led-back search", 0.6)
 
 
 def test_a_search_that_does_not_end_is_ended(

@@ -22,6 +22,7 @@ def test_what_there_is_no_time_for_is_said_once() -> None:
     work.at(0.5, "here")
     assert work.leaves_out("two causes") and work.leaves_out("two causes")
     assert said == [(0.5, "here")]
+    assert work.as_dict()["not_searched"] == ["two causes"]
     (warning,) = work.warnings
     assert "0 s" in warning and warning.count("two causes") == 1 and "--budget" in warning
 
