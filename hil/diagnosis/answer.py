@@ -16,13 +16,13 @@ from hil.diagnosis.diagnosis import (
     Candidate,
     ChangedParameter,
     Diagnosis,
+    DiagnosisVerdict,
     Finding,
     Fit,
     Left,
     NextTest,
     Quantity,
     Strip,
-    Verdict,
 )
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.evidence import Judged, judge, training_half
@@ -315,7 +315,7 @@ class Answer:
         """What the model leaves out of recordings that ask what has changed: how far it reaches, and no search."""
         if self.asked.table is None:
             return None
-        verdict: Verdict = "consistent" if self.changed is None else "unexplained"
+        verdict: DiagnosisVerdict = "consistent" if self.changed is None else "unexplained"
         return {
             "verdict": verdict, "headline": _reaches(fits), "effects": [], "changed_parameters": [],
             "searched": self.changed is None,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from hil.diagnosis.criteria import CRITERIA
-from hil.diagnosis.diagnosis import Verdict
+from hil.diagnosis.diagnosis import DiagnosisVerdict
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.measures import excess
 from hil.diagnosis.problem import Problem
@@ -38,7 +38,7 @@ class Choice:
         twins: sets that these data do not exclude.
     """
 
-    verdict: Verdict
+    verdict: DiagnosisVerdict
     chosen: Fitted
     baseline: Fitted
     nominal: Fitted

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.diagnosis.diagnosis import Verdict
+from hil.diagnosis.diagnosis import DiagnosisVerdict
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.identification.experiment import sample_intervals_s
@@ -20,7 +20,7 @@ from hil.physics.model import Covariance, Model, ModelEffect, Value
 _TIME_BASE = 50e-6 / math.sqrt(3.0)
 
 
-def corrected(problem: Problem, f: Fitted, verdict: Verdict) -> Model:
+def corrected(problem: Problem, f: Fitted, verdict: DiagnosisVerdict) -> Model:
     """The nominal model with what was fitted beside it."""
     model, stds = problem.model, standard_uncertainties(f)
     values = {

@@ -18,7 +18,7 @@ from hil.record.simulated import SIMULATED, marked
 SCHEMA = "hil.diagnosis/1"
 
 Asked = Literal["changed", "left_out"]
-Verdict = Literal["consistent", "parameter_change", "explained", "partly_explained", "unexplained"]
+DiagnosisVerdict = Literal["consistent", "parameter_change", "explained", "partly_explained", "unexplained"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +194,7 @@ class Diagnosis:
         false_alarms: how often a unit without any effect is called anything but consistent, and where that was counted.
     """
 
-    verdict: Verdict
+    verdict: DiagnosisVerdict
     headline: str
     plant: str
     plant_title: str

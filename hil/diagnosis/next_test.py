@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hil.diagnosis.choice import OPEN, Choice
-from hil.diagnosis.diagnosis import NextTest, Verdict
+from hil.diagnosis.diagnosis import DiagnosisVerdict, NextTest
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of
 from hil.diagnosis.search.terms import Term
@@ -115,7 +115,7 @@ def _sweep(low: float, high: float, cycle_s: float) -> MenuTest:
 
 def next_test(
     problem: Problem,
-    verdict: Verdict,
+    verdict: DiagnosisVerdict,
     choice: Choice,
     rivals: Sequence[Sequence[str]],
     unseen: Sequence[str],
@@ -156,7 +156,7 @@ def _stays(problem: Problem, planned: Experiment) -> bool:
     return bool(rows[0].min() >= low - margin and rows[0].max() <= high + margin)
 
 
-def _competitors(choice: Choice, rivals: Sequence[Sequence[str]], verdict: Verdict) -> list[Fitted]:
+def _competitors(choice: Choice, rivals: Sequence[Sequence[str]], verdict: DiagnosisVerdict) -> list[Fitted]:
     """The chosen explanation and those that it must be told from: rivals, or the next best when none is adequate."""
     names = {name for pair in rivals for name in pair} - set(choice.chosen.names)
     found = [choice.chosen] if choice.chosen.terms else []

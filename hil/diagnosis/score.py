@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from hil.diagnosis.criteria import CRITERIA, Criteria
-from hil.diagnosis.diagnosis import Verdict
+from hil.diagnosis.diagnosis import DiagnosisVerdict
 
 UNKNOWN = "something unknown"
 
@@ -91,7 +91,7 @@ class Row:
         return (*h.names, *(("parameter_change",) if h.changed else ()))
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> DiagnosisVerdict:
         """What it is told as."""
         h = self.hypothesis
         if self.is_open:
@@ -117,7 +117,7 @@ class Table:
         """All rows within the stated odds of the first, that one included."""
         return tuple(r for r in self.rows if r.probability * CRITERIA.odds >= self.first.probability)
 
-    def without(self, excluded: Verdict) -> Table:
+    def without(self, excluded: DiagnosisVerdict) -> Table:
         """The same without rows that are told so, where something else has refuted them."""
         return replace(self, rows=_with_odds([r for r in self.rows if r.verdict != excluded]))
 
@@ -195,7 +195,7 @@ def _with_odds(rows: Sequence[Row]) -> tuple[Row, ...]:
     return tuple(replace(r, probability=float(w)) for r, w in zip(rows, weights / weights.sum(), strict=True))
 
 
-def verdict(of: Table, *, is_alarm: bool | None = None) -> Verdict:
+def verdict(of: Table, *, is_alarm: bool | None = None) -> DiagnosisVerdict:
     """The verdict that a table says.
 
     Args:

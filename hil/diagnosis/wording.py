@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 
-from hil.diagnosis.diagnosis import ChangedParameter, Finding, Left, Quantity, Verdict
+from hil.diagnosis.diagnosis import ChangedParameter, DiagnosisVerdict, Finding, Left, Quantity
 from hil.diagnosis.search.terms import Term
 from hil.physics.effect import Effect
 from hil.physics.plant import Parameter
@@ -83,7 +83,7 @@ def nothing_identifiable(ceiling: float) -> str:
 
 
 def headline(
-    verdict: Verdict,
+    verdict: DiagnosisVerdict,
     found: Sequence[Finding],
     changed: Sequence[ChangedParameter],
     left: Left,

@@ -24,7 +24,7 @@ from hil.signals.rounding import mean_rounding_std, rounding_step
 
 Complex = NDArray[np.complex128]
 Lines = NDArray[np.int64]
-Verdict = Literal["noise", "even nonlinearity", "odd nonlinearity"]
+Distortion = Literal["noise", "even nonlinearity", "odd nonlinearity"]
 
 # Silent lines averaged for the distortion level at an excited one: a quarter of them at most, so that the
 # average follows the level over the band, and no more than a smooth level needs.
@@ -52,7 +52,7 @@ class BestLinearApproximation:
     resampled_noise: Array
     resampled_odd: Array
     resampled_even: Array
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[Distortion, ...]
     periods: int
 
     @property
@@ -134,7 +134,7 @@ def approximate(
         np.zeros((len(excited), 0), dtype=np.complex128),
     )  # fmt: skip
     levels = np.sqrt(np.stack((pooled, even_level, odd_level)))
-    names: tuple[Verdict, Verdict, Verdict] = ("noise", "even nonlinearity", "odd nonlinearity")
+    names: tuple[Distortion, Distortion, Distortion] = ("noise", "even nonlinearity", "odd nonlinearity")
     verdicts = tuple(names[int(k)] for k in np.argmax(levels, axis=0))
     freed = 2 * (len(inputs) - 1)
     drawn = draws_of(outputs).chisquare(freed, (DRAWS, len(excited))) / freed * pooled

@@ -25,7 +25,7 @@ from hil.record.plain import plain
 from hil.record.simulated import is_simulated
 from hil.session.diagnosis import bound_to
 
-Verdict = Literal["unchanged", "changed", "unexplained"]
+ChangeVerdict = Literal["unchanged", "changed", "unexplained"]
 Progress = Callable[[float, str], None]
 SCHEMA = "hil.diff/1"
 _ONE_SIDED = 1.645  # standard deviations to an upper limit of 95 %
@@ -89,7 +89,7 @@ class DateDifference:
 
     changes: tuple[Change, ...]
     unchanged: tuple[Unchanged, ...]
-    verdict: Verdict
+    verdict: ChangeVerdict
     notes: tuple[str, ...] = ()
     cannot_tell: tuple[Unchanged, ...] = ()
     simulated: bool = False
@@ -196,7 +196,7 @@ def _not_searched(*found: Diagnosed | None) -> tuple[str, ...]:
     return tuple(dict.fromkeys(w for one in found if one is not None for w in one.diagnosis.work["not_searched"]))
 
 
-def _verdict(second: Diagnosis, moved: Sequence[Change]) -> Verdict:
+def _verdict(second: Diagnosis, moved: Sequence[Change]) -> ChangeVerdict:
     if second.verdict == "unexplained":
         return "unexplained"
     if moved:

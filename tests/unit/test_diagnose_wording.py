@@ -7,7 +7,7 @@ from typing import get_args
 
 import pytest
 
-from hil.diagnosis.diagnosis import ChangedParameter, Finding, Left, Quantity, Verdict
+from hil.diagnosis.diagnosis import ChangedParameter, DiagnosisVerdict, Finding, Left, Quantity
 from hil.diagnosis.locate import Where
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.wording import (
@@ -98,8 +98,10 @@ def test_an_effect_is_told_in_sentences_that_can_be_read(each: Effect) -> None:
 
 @pytest.mark.parametrize("is_change", [False, True])
 @pytest.mark.parametrize("count", [1, 3])
-@pytest.mark.parametrize("verdict", get_args(Verdict))
-def test_a_verdict_is_told_in_sentences_that_can_be_read(verdict: Verdict, count: int, is_change: bool) -> None:
+@pytest.mark.parametrize("verdict", get_args(DiagnosisVerdict))
+def test_a_verdict_is_told_in_sentences_that_can_be_read(
+    verdict: DiagnosisVerdict, count: int, is_change: bool
+) -> None:
     where = Where("", (), (0.0, 1.0), "", {})
     found = [Finding("friction", "friction with sticking", 0.9, "spool", "force", {}, where, "", "", "")] * count
     changed = [ChangedParameter("mass", 3.0, 4.0, 0.1, "kg", "moved mass, motor and screw included")] * count

@@ -40,7 +40,7 @@ CHECKS: dict[str, Check] = {
         watchdog.has_the_watchdog_that_it_promises,
     )
 }
-Verdict = Literal["passed", "broken", "left out"]
+CheckVerdict = Literal["passed", "broken", "left out"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class Result:
 
     check: str
     meaning: str
-    verdict: Verdict
+    verdict: CheckVerdict
     text: str = ""
 
 
@@ -61,7 +61,7 @@ def examine(subject: Subject) -> Iterator[Result]:
         yield Result(name, meaning, verdict, text)
 
 
-def verdict_of(function: Check, subject: Subject) -> tuple[Verdict, str]:
+def verdict_of(function: Check, subject: Subject) -> tuple[CheckVerdict, str]:
     """How a driver does in one check. An error that is none of ours is a fault of the driver."""
     try:
         return "passed", function(subject) or ""
