@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.diagnosis.problem import Problem
-from hil.diagnosis.search.around import Around, adapt, adapted_residuals, with_term
+from hil.diagnosis.search.around import Around, adapt, with_term
 from hil.diagnosis.search.effort import EFFORT, Steps
 from hil.diagnosis.search.fitted import Fitted, evaluated, residuals_of, simulated, starting
 from hil.diagnosis.search.terms import Term
@@ -21,15 +21,18 @@ from hil.record.recording import Array
 
 def fit_given(place: Around, term: Term, start: tuple[float, ...]) -> Fitted:
     """One term from a start, everything else adapting linearly, in coarse sub-steps."""
+    moves_at: dict[tuple[float, ...], Array] = {}
 
     def residuals(values: Array) -> Array:
-        return adapted_residuals(place, (term, values.tolist()), coarse=True)
+        own = tuple(values.tolist())
+        adapted, moves_at[own] = adapt(place, with_term(place, term, own, coarse=True), term)
+        return adapted
 
     steps = EFFORT.linear
     unknowns = starting(term.unknowns, start)
     found = estimate(residuals, unknowns, max_evaluations=steps.evaluations, tolerance=steps.tolerance)
-    values = tuple(float(v) for v in found.values)
-    _, moves = adapt(place, with_term(place, term, values, coarse=True), term)
+    values = tuple(found.values.tolist())
+    moves = moves_at[values]
     return _moved(place, (*place.accepted.terms, term), values, moves, found.chi2)
 
 
@@ -98,7 +101,10 @@ def fit(
         tolerance=steps.tolerance,
     )
     parameters, own = split(found.values)
-    r = simulated(problem, parameters, fitted.terms, own)
+    of_prior = 0 if base_free else len(root)
+    r = found.residuals[: len(found.residuals) - of_prior]
+    if keep is not None:
+        r = simulated(problem, parameters, fitted.terms, own)
     for term, values in zip(fitted.terms, own, strict=True):
         if term.kind == "parameter":
             parameters[term.name] = values[0]
