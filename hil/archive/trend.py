@@ -10,7 +10,7 @@ from datetime import datetime
 import numpy as np
 
 from hil.archive.entry import Entry
-from hil.record.measurement import Measured, names_of
+from hil.record.measurement import COVERAGE_FACTOR, Measured, names_of
 
 FALSE_ALARM_RATE = 0.01
 _FEWEST = 3  # points below which a line through them tells nothing
@@ -51,7 +51,7 @@ class Drift:
         if self.per_year is None or self.std is None or self.chance is None:
             needed = f"at least {_FEWEST} values with an uncertainty, at different times, are needed"
             return f"No drift can be determined: {needed}."
-        found = f"{self.per_year:+.3g} ± {2.0 * self.std:.2g} {self.unit} per year"
+        found = f"{self.per_year:+.3g} ± {COVERAGE_FACTOR * self.std:.2g} {self.unit} per year"
         rate = f"false-alarm rate {100.0 * FALSE_ALARM_RATE:g} %"
         return f"It drifts: {found} ({rate})." if self.is_drift else f"No drift: {found} ({rate})."
 

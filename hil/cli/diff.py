@@ -86,8 +86,9 @@ def _limit(one: Unchanged) -> str:
 
 
 def _size(size: Size) -> str:
+    from hil.record.measurement import COVERAGE_FACTOR
     from hil.report.number import with_uncertainty
 
     if size.value is None:
         return "none"
-    return with_uncertainty(size.value, None if size.std is None else 2.0 * size.std)
+    return with_uncertainty(size.value, None if size.std is None else COVERAGE_FACTOR * size.std)

@@ -79,10 +79,9 @@ def _lines(points: Sequence[Point]) -> list[str]:
     lines = []
     for point in points:
         value = point.value
-        expanded = None if value.std is None else 2.0 * value.std
         sign = "" if value.relation == "=" else f"{value.relation} "
         started = local_text(point.started_utc, "minutes")
-        measured = f"{sign}{with_uncertainty(value.value, expanded, value.unit)}"
+        measured = f"{sign}{with_uncertainty(value.value, value.expanded, value.unit)}"
         run = marked(point.run, simulated=point.simulated)
         lines.append(
             f"{started}  {measured}  {limits_text(value.low, value.high)}  {value.verdict or ''}  {run}".rstrip()

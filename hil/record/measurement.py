@@ -95,6 +95,11 @@ class Measured:
     calibration_std: float = 0.0
 
     @property
+    def expanded(self) -> float | None:
+        """Expanded uncertainty, as it is shown behind ±; None where it is not known."""
+        return None if self.std is None else COVERAGE_FACTOR * self.std
+
+    @property
     def repeatability(self) -> float | None:
         """Standard uncertainty without the calibration: how a repeat on the same bench would scatter."""
         if self.std is None or not math.isfinite(self.std):

@@ -84,7 +84,7 @@ def value_text(value: Measured | None) -> str:
     if value.value is None:
         return _("not determined")
     sign = "" if value.relation == "=" else f"{value.relation} "
-    return sign + with_uncertainty(value.value, None if value.std is None else COVERAGE_FACTOR * value.std)
+    return sign + with_uncertainty(value.value, value.expanded)
 
 
 def change_text(one: Difference) -> str:

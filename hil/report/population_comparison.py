@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hil.language.words import _
-from hil.record.measurement import COVERAGE_FACTOR, Measured
+from hil.record.measurement import Measured
 from hil.record.population_comparison import PopulationComparison
 from hil.report.name import quantity_words
 from hil.report.number import number, unit_text, with_uncertainty
@@ -43,8 +43,7 @@ def _within(m: Measured) -> str:
 
 
 def _figure(m: Measured) -> str:
-    expanded = None if m.std is None else COVERAGE_FACTOR * m.std
-    return f"{_(quantity_words(m.quantity))} {with_uncertainty(m.value, expanded, m.unit)}"
+    return f"{_(quantity_words(m.quantity))} {with_uncertainty(m.value, m.expanded, m.unit)}"
 
 
 def _range(m: Measured) -> str:

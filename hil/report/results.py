@@ -68,7 +68,7 @@ def value_text(m: Measured, unit: str = "") -> str:
     """`> 1.269 ± 0.012 Hz`: a measured value with its expanded uncertainty."""
     if m.value is None:
         return _("not determined")
-    return _sign(m) + with_uncertainty(m.value, _expanded(m), unit)
+    return _sign(m) + with_uncertainty(m.value, m.expanded, unit)
 
 
 def repeatability_text(m: Measured) -> str:
@@ -129,7 +129,7 @@ def _how_far(m: Measured) -> str:
         return _("it is {where}, but the uncertainty is not known").format(where=where)
     if m.std == 0.0:
         return _("it is {where}").format(where=where)
-    width = f"{number(_expanded(m), 2)} {unit_text(m.unit)}".rstrip()
+    width = f"{number(m.expanded, 2)} {unit_text(m.unit)}".rstrip()
     note = (
         _("it is {where}, but the uncertainty is {width}")
         if m.verdict == "cannot tell"
@@ -162,12 +162,8 @@ def _sign(m: Measured) -> str:
     return "" if m.relation == "=" else f"{m.relation} "
 
 
-def _expanded(m: Measured) -> float | None:
-    return None if m.std is None else COVERAGE_FACTOR * m.std
-
-
 def _row(m: Measured, place: str) -> dict[str, Any]:
-    value, uncertainty = rounded(m.value, _expanded(m))
+    value, uncertainty = rounded(m.value, m.expanded)
     return {
         "place": place,
         "value": _("not determined") if m.value is None else _sign(m) + value,

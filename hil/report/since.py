@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from hil.language.words import _
-from hil.record.measurement import COVERAGE_FACTOR, Measured
 from hil.record.since import Moved, Since
 from hil.report.local_time import local_text
 from hil.report.name import quantity_words
@@ -42,11 +41,8 @@ def _change(one: Moved) -> str:
     """`friction 3.1 ± 0.2 → 172.2 ± 1.3 mA`."""
     quantity, _comma, place = one.now.name.partition(", ")
     where = _(" at {place}").format(place=place) if place else ""
-    return f"{_(quantity_words(quantity))}{where} {_with(one.then, '')} → {_with(one.now, one.now.unit)}"
-
-
-def _with(m: Measured, unit: str) -> str:
-    return with_uncertainty(m.value, None if m.std is None else COVERAGE_FACTOR * m.std, unit)
+    then, now = (with_uncertainty(m.value, m.expanded, unit) for m, unit in ((one.then, ""), (one.now, one.now.unit)))
+    return f"{_(quantity_words(quantity))}{where} {then} → {now}"
 
 
 def _verdict(found: Since) -> str:
