@@ -64,11 +64,9 @@ def _content(found: Recording | ResponseTable) -> dict[str, object]:
 
 
 def _notes(found: Recording, source: Path, reading: Reading) -> list[str]:
-    from hil.record.invalid_samples import INVALID_SAMPLES
+    from hil.record.invalid_samples import notes_of_reading
 
-    missing = [f"no unit is stated for '{name}', taken as 1" for name in found.meta.get("units_missing", ())]
-    assumed = [*found.meta.get("assumed", ()), *found.meta.get(INVALID_SAMPLES, ())]
-    return [*assumed, *missing, *_restated(found, source, reading)]
+    return [*notes_of_reading(found.meta), *_restated(found, source, reading)]
 
 
 def _restated(found: Recording, source: Path, reading: Reading) -> list[str]:

@@ -12,6 +12,11 @@ _SUNDAY = 6  # clocks are changed on Sundays, in Europe and in America
 _COUNTERS = (2.0**16, 2.0**32)  # what counters of a device hold
 
 
+def shortest(stamp: np.datetime64) -> str:
+    """A stamp without the digits that it does not need: 2025-03-30T03:00."""
+    return str(np.datetime_as_string(stamp, unit="auto"))
+
+
 def without_changed_clocks(stamps: NDArray[Any]) -> tuple[NDArray[Any], str]:
     """Stamps without the hour that clocks skip or repeat on a Sunday, and what was done, in words.
 
@@ -25,7 +30,8 @@ def without_changed_clocks(stamps: NDArray[Any]) -> tuple[NDArray[Any], str]:
         at = np.flatnonzero((np.abs(steps - usual - hour) <= usual // 2) & sundays)
         if len(at) == 1:
             later = np.arange(len(stamps)) > at[0]
-            return stamps - later * hour, f"clocks went an hour {word} at {stamps[at[0] + 1]}; that hour is taken out"
+            when = shortest(stamps[at[0] + 1])
+            return stamps - later * hour, f"clocks went an hour {word} at {when}; that hour is taken out"
     return stamps, ""
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.record import heading as headings
-from hil.record.clocks import without_changed_clocks, without_rollover
+from hil.record.clocks import shortest, without_changed_clocks, without_rollover
 from hil.record.recording import Array
 from hil.record.tokens import as_numbers, is_number, is_stamp, stamps
 from hil.units import convert
@@ -94,7 +94,7 @@ class Column:
         if self.is_dated:
             second = np.timedelta64(1, "s")
             stamps, changed = without_changed_clocks(self.values)
-            start = f"time counts from {stamps[0]}" if stamps.size and stamps.dtype.kind == "M" else ""
+            start = f"time counts from {shortest(stamps[0])}" if stamps.size and stamps.dtype.kind == "M" else ""
             return (stamps - stamps[:1]) / second, "; ".join(filter(None, (start, changed)))
         unit = headings.spelt_time_unit(unit or stated or headings.time_unit(name))
         values, assumed = without_rollover(np.asarray(self.values, dtype=np.float64))

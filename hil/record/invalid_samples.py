@@ -24,6 +24,13 @@ AT_END, NONE, AGAIN = "reading at the end of its range", "no measurement", "meas
 """Names of events: a channel stops being measured, for either reason, and is measured again."""
 
 
+def notes_of_reading(meta: Mapping[str, Any]) -> list[str]:
+    """What was assumed when a source with this header was read, what was not measured, and which units it lacks."""
+    lacking = ", ".join(f"'{name}'" for name in meta.get("units_missing", ()))
+    units = [f"no unit is stated for {lacking}; taken as 1"] if lacking else []
+    return [*meta.get("assumed", ()), *meta.get(INVALID_SAMPLES, ()), *units]
+
+
 def invalid_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
     """By channel, the samples that are no measurements; channels without such are left out."""
     found = {name: ~np.isfinite(channel.values) for name, channel in recording.channels.items()}

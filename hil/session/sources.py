@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Union
 
 from hil.errors import FileError
 from hil.record.frame import from_memory
-from hil.record.invalid_samples import INVALID_SAMPLES
+from hil.record.invalid_samples import notes_of_reading
 from hil.record.read import read_any
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
@@ -77,9 +77,5 @@ def tables_of(sources: Iterable[Source], reading: Reading = AS_IT_IS, part: str 
 
 def notes_on(read: Sequence[Recording | ResponseTable], experiments: Iterable[Experiment] = ()) -> list[str]:
     """What was assumed or changed when these were read and used, a sentence each, none twice."""
-    notes = []
-    for one in read:
-        missing = [f"no unit is stated for '{name}', taken as 1" for name in one.meta.get("units_missing", ())]
-        sentences = [*one.meta.get("assumed", ()), *one.meta.get(INVALID_SAMPLES, ()), *missing]
-        notes += [f"{one.name}: {sentence}" for sentence in sentences]
+    notes = [f"{one.name}: {note}" for one in read for note in notes_of_reading(one.meta)]
     return list(dict.fromkeys([*notes, *(note for e in experiments for note in e.notes)]))

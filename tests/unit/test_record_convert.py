@@ -71,7 +71,7 @@ def test_what_was_assumed_is_said(hil: Callable[..., Told], tmp_path: Path) -> N
     savemat(tmp_path / "x.mat", {"Ts": 0.01, "y": np.arange(5.0)})
     done = hil(tmp_path / "x.mat", tmp_path / "x.csv")
     assert "note: even time base from Ts = 0.01" in done.stdout
-    assert "note: no unit is stated for 'y', taken as 1" in done.stdout
+    assert "note: no unit is stated for 'y'; taken as 1" in done.stdout
     stated = hil(tmp_path / "x.mat", tmp_path / "y.csv", "--unit", "y=bar")
     assert "taken as 1" not in stated.stdout
 

@@ -125,7 +125,7 @@ class TestTdms:
         path = write_tdms(tmp_path / "x.tdms", ("g", "stamp", stamps, {}), ("g", "p", RAMP, {"unit_string": "bar"}))
         found = read_recording(path)
         assert found.time_s == pytest.approx(TIME)
-        assert "2026-01-31T12:00:00" in found.meta["assumed"][0]
+        assert "counts from 2026-01-31T12:00" in found.meta["assumed"][0]
 
     def test_channels_a_block_apart_are_cut(self, tmp_path: Path) -> None:
         path = write_tdms(tmp_path / "x.tdms", ("g", "time", TIME, {"unit_string": "s"}), ("g", "p", RAMP[:4], {}))
