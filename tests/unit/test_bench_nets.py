@@ -16,11 +16,10 @@ import pytest
 from hil.bench.find import benches
 from hil.bench.nets import calibration, channels, devices, packages, times
 from hil.bench.nets.missing import RULES, contradicting_oil, missing_protection
-from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.cli.app import main
 from hil.errors import HardwareError, HilError
-from tests.links import served
+from tests.links import SELDOM, opened, served
 
 DAY = dt.date(2026, 7, 1)
 TCP, SERIAL, NI, EFC = "hpv41-modbus-tcp", "hpv41-serial", "hpv41-usb-6211", "cummins-efc-acceptance"
@@ -174,7 +173,7 @@ def test_way_to_safe_takes_no_longer_than_is_said(bench: str, tmp_path: Path) ->
     """The device with the output falls silent while it is driven, until the program has let go of everything."""
     name, quick = SILENT[bench]
     alone = ("block_s = 0.1", "block_s = 0.1\nwatchdog_s = 0")
-    with served(bench, tmp_path, quick, alone) as (file, twins):
+    with served(bench, tmp_path, quick, alone, *SELDOM) as (file, twins):
         behaviour = twins[name].behaviour
         silent_s: list[float] = []
 
@@ -183,7 +182,7 @@ def test_way_to_safe_takes_no_longer_than_is_said(bench: str, tmp_path: Path) ->
             behaviour.quirks = behaviour.quirks.model_copy(update={"silent": True})
 
         def drive() -> None:
-            with open_rig(file, tmp_path / "run", {"procedure": "test"}, lambda _done, _text: None) as rig:
+            with opened(file, tmp_path / "run", {"procedure": "test"}) as rig:
                 threading.Timer(0.5, fall_silent).start()
                 rig.play(np.full(2000, 40.0))
 
