@@ -41,10 +41,11 @@ def alternative_optima(found: Estimate, at: Mapping[str, float], fit_at: FitAt) 
 
 def _beyond_corners(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[tuple[Array, str]]:
     """Values in a corner, held ever farther to both sides for as long as the fit stays as good."""
-    if found.slopes.bends is None:
+    curvature = found.slopes.curvature
+    if curvature.bent is None:
         return
-    sizes = np.linalg.norm(found.slopes.slopes, axis=0)
-    for k in np.flatnonzero(np.linalg.norm(found.slopes.bends, axis=0) > _CORNER * sizes).tolist():
+    is_corner = np.diag(curvature.bent) > _CORNER**2 * np.diag(curvature.alike)
+    for k in np.flatnonzero(is_corner).tolist():
         for sign in (1.0, -1.0):
             farthest = _walked(found, at, fit_at, k, sign * _FIRST_STEP * float(found.std[k]))
             if farthest is not None:

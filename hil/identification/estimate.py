@@ -10,7 +10,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from hil.cores import spread
-from hil.identification.identifiability import Identifiability, Slopes, identifiability
+from hil.identification.identifiability import Curvature, Identifiability, Slopes, identifiability, products
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 
@@ -83,7 +83,7 @@ class Estimate:
         variance = self.chi2 / dof * colour_factor(self.residuals)
         widths = np.array([self.unknowns[k].high - self.unknowns[k].low for k in places])
         fixed_at_bound = [i for i, k in enumerate(places) if k in self.fixed_at_bound]
-        return identifiability(self.slopes.of(places), variance, widths, fixed_at_bound)
+        return identifiability(self.slopes.curvature.of(places), variance, widths, fixed_at_bound)
 
     @property
     def covariance(self) -> Array:
@@ -162,7 +162,14 @@ def estimate(
     values = np.clip([u.start for u in unknowns], low, high)
     r = residuals(values)
     if not len(unknowns):
-        return Estimate((), values, r, True, "nothing to estimate", lambda: Slopes(np.zeros((len(r), 0))))
+        return Estimate(
+            (),
+            values,
+            r,
+            True,
+            "nothing to estimate",
+            lambda: Slopes(np.zeros((len(r), 0)), Curvature(np.zeros((0, 0)))),
+        )
 
     def differences() -> Array:
         if sketch is None:
@@ -192,18 +199,20 @@ def estimate(
         elif evaluations >= max_evaluations:
             sentence = f"stopped after {evaluations} evaluations"
         elif fell and not converged and gain >= _AS_PROMISED * promise and secants < len(unknowns):
-            slopes, secants = _secant(slopes, step, scale, new - foretold), secants + 1
+            _correct(slopes, step, scale, new - foretold)
+            secants += 1
         elif fell or secants:
+            del slopes  # before the next: they are by far the largest that a fit holds
             slopes, secants = differences(), 0
     done = not sentence.startswith("stopped")
     at_values = partial(_slopes_both_ways if careful else _slopes, residuals, values, low, high, scale, r)
     return Estimate(tuple(unknowns), values, r, done, sentence, at_values)
 
 
-def _secant(slopes: Array, step: Array, scale: Array, missed: Array) -> Array:
-    """The slopes that would have foretold a step, in scales, that missed by so much (Broyden, Math. Comp. 19, 1965)."""
-    corrected: Array = slopes.T + np.outer(step / scale, missed / float(step @ step))
-    return corrected.T
+def _correct(slopes: Array, step: Array, scale: Array, missed: Array) -> None:
+    """Make slopes foretell a step, in scales, that missed by so much, in place (Broyden, Math. Comp. 19, 1965)."""
+    for column, share in zip(slopes.T, step / scale / float(step @ step), strict=True):
+        column += share * missed
 
 
 def _damped_step(
@@ -229,23 +238,26 @@ def jacobian(residuals: Callable[[Array], Array], values: Array, high: Array, sc
 
     Every column lies in one piece: products with long, narrow arrays are as quick as memory then.
     """
+    made = np.empty((len(values), len(base)))
 
-    def column(k: int) -> Array:
+    def column(k: int) -> None:
         step = _RELATIVE_STEP * scale[k]
         if values[k] + step > high[k]:
             step = -step
         moved = values.copy()
         moved[k] += step
-        slope: Array = (residuals(moved) - base) / step
-        return slope
+        np.subtract(residuals(moved), base, out=made[k])
+        made[k] /= step
 
-    return np.array(spread(column, range(len(values)))).T
+    spread(column, range(len(values)))
+    return made.T
 
 
 def _slopes(
     residuals: Callable[[Array], Array], values: Array, _low: Array, high: Array, scale: Array, base: Array
 ) -> Slopes:
-    return Slopes(jacobian(residuals, values, high, scale, base))
+    slopes = jacobian(residuals, values, high, scale, base)
+    return Slopes(slopes, Curvature(products(slopes)))
 
 
 def _slopes_both_ways(
@@ -259,14 +271,17 @@ def _slopes_both_ways(
         made: Array = (residuals(moved) - base) / step
         return made
 
-    def column(k: int) -> tuple[Array, Array]:
+    slopes, bends = (np.empty((len(values), len(base))) for _ in range(2))
+
+    def column(k: int) -> None:
         step = _RELATIVE_STEP * scale[k]
         if low[k] <= values[k] - step and values[k] + step <= high[k]:
             above, below = at(k, step), at(k, -step)
-            return (above + below) / 2.0, (above - below) / 2.0
+            slopes[k], bends[k] = (above + below) / 2.0, (above - below) / 2.0
+            return
         step = step if values[k] - step < low[k] else -step
         near, far = at(k, step), at(k, 2.0 * step)
-        return 2.0 * near - far, far - near
+        slopes[k], bends[k] = 2.0 * near - far, far - near
 
     def rise(move: Array) -> float:
         moved = values + move
@@ -275,5 +290,5 @@ def _slopes_both_ways(
         new = residuals(moved)
         return float(new @ new - base @ base)
 
-    columns = spread(column, range(len(values)))
-    return Slopes(np.array([slope for slope, _ in columns]).T, np.array([bend for _, bend in columns]).T, rise)
+    spread(column, range(len(values)))
+    return Slopes(slopes.T, Curvature(products(slopes.T), products(bends.T), rise))

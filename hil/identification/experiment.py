@@ -58,6 +58,7 @@ class Experiment:
         ripples: what the command's dither adds to `drive.inputs` of a plant that rectifies it, at even phases, shape
             (PHASES, inputs, FINER * (m + n)), from m samples before the first on, in which the command stood as
             in the first; None where there is none.
+        averaged: so many neighbouring samples are compared as one mean (see `hil.identification.averaged`).
     """
 
     name: str
@@ -81,6 +82,7 @@ class Experiment:
     is_timed: bool = False
     stated_units: frozenset[str] = frozenset()
     ripples: Array | None = None
+    averaged: int = 1
 
     def respond(
         self,
@@ -145,8 +147,10 @@ class Experiment:
         """Rows that were read a little later than the output, along straight lines between the samples."""
         if not any(self.skew_s):
             return rows
-        pairs = zip(rows, self.skew_s, strict=True)
-        return np.array([np.interp(self.time_s + late_s, self.time_s, row) if late_s else row for row, late_s in pairs])
+        for row, late_s in zip(rows, self.skew_s, strict=True):
+            if late_s:
+                row[:] = np.interp(self.time_s + late_s, self.time_s, row)
+        return rows
 
     def observed_errors(self, plant: Plant, rows: Array, noise: Mapping[str, float]) -> list[Array]:
         """Simulated minus recorded inner signals, in units of the noise of those that have one; `rows` of `respond`.

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hil.catalog import entries, models
 from hil.identification.alternative_optima import alternative_optima
+from hil.identification.averaged import with_means
 from hil.identification.content import content_of
 from hil.identification.discrepancy import discrepancy_of, sentence_of
 from hil.identification.estimate import Estimate, Unknown, estimate
@@ -214,6 +215,8 @@ def _fitted(
     choice = _structure_of(model, experiments, weights)
     model, note = (model, ()) if choice is None else (_of_structure(model, choice), (choice.sentence,))
     plant = model.definition
+    experiments, averaged = with_means(model, experiments)
+    remarks = (*remarks, *averaged)
     names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
     names += [name for name in dict.fromkeys(also_free) if "." in name]
     found, used = _best_reading(model, names, experiments, weights, tick)

@@ -24,31 +24,39 @@ _DOUBTFUL, _FAR_LESS = 0.03, 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Slopes:
-    """Slopes of residuals in the values.
+class Curvature:
+    """How a sum of squares depends on the values near a fit.
 
     Attributes:
-        slopes: shape (n, k).
-        bends: by how much they bend over a step, shape (n, k); None if unknown.
+        alike: products of the residuals' slopes, shape (k, k).
+        bent: products of what the slopes bend over a step, shape (k, k); None if unknown.
         rise: by how much the sum of squares rises when the values move so far, in the directions (k,) that are tried;
             None if nobody can say.
     """
 
-    slopes: Array
-    bends: Array | None = None
+    alike: Array
+    bent: Array | None = None
     rise: Callable[[Array], float] | None = None
 
-    def of(self, places: Sequence[int]) -> Slopes:
-        """Those in some of the values."""
+    def of(self, places: Sequence[int]) -> Curvature:
+        """That in some of the values."""
         kept, rise = list(places), self.rise
 
         def rise_of(move: Array) -> float:
-            whole = np.zeros(self.slopes.shape[1])
+            whole = np.zeros(len(self.alike))
             whole[kept] = move
             return rise(whole) if rise else math.inf
 
-        bends = None if self.bends is None else self.bends[:, kept]
-        return Slopes(self.slopes[:, kept], bends, rise and rise_of)
+        square = np.ix_(kept, kept)
+        return Curvature(self.alike[square], None if self.bent is None else self.bent[square], rise and rise_of)
+
+
+@dataclass(frozen=True, slots=True)
+class Slopes:
+    """Slopes of residuals in the values, shape (n, k), and the curvature of their sum of squares."""
+
+    slopes: Array
+    curvature: Curvature
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +106,7 @@ class Identifiability:
 
 
 def identifiability(
-    slopes: Slopes, variance: float, widths: Array, fixed_at_bound: Sequence[int] = ()
+    curvature: Curvature, variance: float, widths: Array, fixed_at_bound: Sequence[int] = ()
 ) -> Identifiability:
     """What residuals of a variance tell of values with these widths.
 
@@ -107,10 +115,11 @@ def identifiability(
     little is left, a move of two standard deviations that way is tried; it may cost far less than the slopes promise.
     Values that are `fixed_at_bound` are not identifiable, whatever their slopes say.
     """
-    sizes = np.linalg.norm(slopes.slopes, axis=0)
-    unit, rise = np.where(sizes > 0.0, sizes, 1.0), slopes.rise
+    sizes = np.sqrt(np.diag(curvature.alike))
+    unit, rise = np.where(sizes > 0.0, sizes, 1.0), curvature.rise
+    units = np.outer(unit, unit)
     valley = _Valley(
-        _products(slopes.slopes / unit), _products(slopes.bends / unit) if slopes.bends is not None else None,
+        curvature.alike / units, None if curvature.bent is None else curvature.bent / units,
         math.sqrt(variance), widths * unit, None if rise is None else (lambda move: rise(move / unit)),
     )  # fmt: skip
     kept, unidentifiable = list(range(len(unit))), []
@@ -125,10 +134,11 @@ def identifiability(
     covariance = np.zeros((len(unit), len(unit)))
     covariance[np.ix_(kept, kept)] = variance * np.linalg.inv(valley.alike[np.ix_(kept, kept)])
     directions = np.array(unidentifiable).reshape(-1, len(unit)) / unit
-    return Identifiability(covariance / np.outer(unit, unit), directions, widths, variance)
+    return Identifiability(covariance / units, directions, widths, variance)
 
 
-def _products(columns: Array) -> Array:
+def products(columns: Array) -> Array:
+    """Of every two of them, shape (k, k) from (n, k)."""
     made: Array = columns.T @ columns
     return made
 

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hil.identification.averaged import means
 from hil.identification.estimate import side_by_side
 from hil.identification.experiment import Experiment
 from hil.identification.initial_condition import start_slope, with_free_start
@@ -78,7 +79,8 @@ class Residuals:
             rows = e.respond(self.plant, parameters, effects, factor=factor, inject=given)
             output = with_free_start(e.telling((rows[0] - e.output) * self.weights[i]), self._starts[i])
             errors = [output, *e.observed_errors(self.plant, rows, self._inner[i])]
-            return [_without(dither, error) for dither, error in zip(self._dithers[i], errors, strict=True)]
+            pairs = zip(self._dithers[i], errors, strict=True)
+            return [means(_without(dither, error), e.averaged) for dither, error in pairs]
 
         return side_by_side(errors_of, len(self.experiments))
 
@@ -109,7 +111,7 @@ class Residuals:
                 for s in self.plant.observed
                 if s.name in self._inner[i]
             ]
-            return [with_free_start(output, self._starts[i]), *inner]
+            return [means(errors, e.averaged) for errors in (with_free_start(output, self._starts[i]), *inner)]
 
         return side_by_side(readings_of, len(self.experiments))
 

@@ -45,13 +45,17 @@ def witnesses(
 def _rests(model: Model, e: Experiment, simulated: Array, floor: float) -> list[slice]:
     """Where neither the command nor the model moves, and has not for long; none of a plant that does not settle."""
     settling = round(_SETTLED * time_constant_s(model, e) / e.interval_s)
+    if not settling:
+        return []
+    least = max(_FEWEST, settling)
     command = e.on_grid_input()
-    changes = np.flatnonzero(np.diff(command)) + 1
+    ends = np.concatenate(([0], np.flatnonzero(np.diff(command)) + 1, [len(command)]))
+    long = np.flatnonzero(np.diff(ends) >= least)
     found = []
-    for first, stop in zip((0, *changes.tolist()), (*changes.tolist(), len(command)), strict=True):
+    for first, stop in zip(ends[long].tolist(), ends[long + 1].tolist(), strict=True):
         moving = np.flatnonzero(np.abs(simulated[first:stop] - simulated[stop - 1]) > floor)
         begin = first + (_SETTLED * (int(moving[-1]) + 1) if moving.size else 0)
-        if settling and stop - begin >= max(_FEWEST, settling) and e.valid[begin:stop].all():
+        if stop - begin >= least and e.valid[begin:stop].all():
             found.append(slice(begin, stop))
     return found
 
