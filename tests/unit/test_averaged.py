@@ -24,8 +24,8 @@ def _recorded(model: Model, command: Array, interval_s: float) -> Experiment:
     return Experiment("sine", "command [%]", "flow [l/min]", time_s, drive, None, output, {}, reading_known=True)
 
 
-def _slow_sine(samples: int, interval_s: float) -> Array:
-    return np.asarray(60.0 * np.sin(2.0 * np.pi * 0.4 * interval_s * np.arange(samples)))
+def _sine(samples: int, interval_s: float, frequency_hz: float) -> Array:
+    return np.asarray(60.0 * np.sin(2.0 * np.pi * frequency_hz * interval_s * np.arange(samples)))
 
 
 def test_means_of_white_noise_have_the_variance_of_a_sample_also_where_the_last_mean_is_of_fewer() -> None:
@@ -40,9 +40,9 @@ def test_means_of_white_noise_have_the_variance_of_a_sample_also_where_the_last_
 
 def test_only_a_long_recording_of_slow_motion_is_compared_as_means() -> None:
     model = starting_model("brevini-hpv41")
-    cases = ((140_000, 1e-3), (20_000, 1e-3), (140_000, 0.1))
+    cases = ((140_000, 1e-3, 0.4), (20_000, 1e-3, 0.4), (140_000, 4e-3, 10.0))
 
-    made, notes = with_means(model, [_recorded(model, _slow_sine(n, step_s), step_s) for n, step_s in cases])
+    made, notes = with_means(model, [_recorded(model, _sine(*case), case[1]) for case in cases])
 
     assert [e.averaged for e in made] == [2, 1, 1]
     assert notes == ("sine: 2 neighbouring samples are compared as one mean: the plant moves little between them",)
@@ -50,7 +50,7 @@ def test_only_a_long_recording_of_slow_motion_is_compared_as_means() -> None:
 
 def test_means_leave_estimates_and_their_uncertainties_as_they_are() -> None:
     model = starting_model("brevini-hpv41")
-    recorded = _recorded(model, _slow_sine(10_000, 1e-3), 1e-3)
+    recorded = _recorded(model, _sine(10_000, 1e-3, 0.4), 1e-3)
     unknowns = [unknown(model.definition.parameter(name), model.values[name]) for name in ("full_flow", "dead_time")]
 
     def fitted(count: int) -> Estimate:
