@@ -197,7 +197,8 @@ def stages(
     base = problem.residuals(parameters, effects, factor=problem.coarse_factor)
     traces = problem.traces(parameters, effects)
     at = _Point(problem, parameters, effects, left, base)
-    found = spread(lambda k: _stage(at, k, [rows[k] for rows in traces]), range(len(problem.plant.hooks)))
+    # one stage after another: the slopes of one are as large as all recordings times its knots
+    found = [_stage(at, k, [rows[k] for rows in traces]) for k in range(len(problem.plant.hooks))]
     return tuple(sorted(found, key=lambda s: -s.share))
 
 
@@ -220,16 +221,18 @@ def _stage(at: _Point, k: int, traces: Sequence[Array]) -> StageShare:
     if len(knots) < 2:
         knots = np.array([values[0] - 1.0, values[0] + 1.0])
     size = 1e-3 * hook.full_scale
-    columns = []
-    for rising in (True, False):
-        for j in range(len(knots)):
-            shapes = [_hat(trace, knots, j, rising) * size for trace in traces]
-            columns.append((_injected(at, hook.name, shapes) - at.base) / size)
-    slopes = np.array(columns).T
-    used = np.linalg.norm(slopes, axis=0) > 1e-9
-    solution = np.zeros(slopes.shape[1])
-    solution[used] = np.linalg.lstsq(slopes[:, used], -left, rcond=1e-8)[0]
-    remaining = left + slopes @ solution
+    columns = np.empty((2 * len(knots), len(left)))
+
+    def fill(i: int) -> None:
+        rising, j = i < len(knots), i % len(knots)
+        shapes = [_hat(trace, knots, j, rising) * size for trace in traces]
+        columns[i] = (_injected(at, hook.name, shapes) - at.base) / size
+
+    spread(fill, range(len(columns)))
+    used = np.array([np.linalg.norm(column) > 1e-9 for column in columns])
+    solution = np.zeros(len(columns))
+    solution[used] = np.linalg.lstsq((columns if used.all() else columns[used]).T, -left, rcond=1e-8)[0]
+    remaining = left + solution @ columns
     gained = float(left @ left - remaining @ remaining) - int(used.sum())
     share = max(0.0, gained / max(float(left @ left) - len(left), float(np.sqrt(2 * len(left)))))
     n = len(knots)
