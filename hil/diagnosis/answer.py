@@ -296,7 +296,8 @@ class Answer:
     def _not_separable(self) -> tuple[tuple[str, ...], ...]:
         if self.verdict == "unexplained":
             return (self.alike,) if len(self.alike) > 1 else ()
-        return self.choice.rivals
+        sides = {event.shows_as for event in self.choice.events}  # another side of what is named has no rivals
+        return tuple(names for names in self.choice.rivals if sides.isdisjoint(names))
 
     def _gate(self) -> Mapping[str, Any] | None:
         """The statistic that says whether the unit has changed; None where the search itself says so."""

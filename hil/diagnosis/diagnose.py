@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from hil.diagnosis.changed import Changed
 from hil.diagnosis.check import Checked, check
 from hil.diagnosis.choice import OPEN, Choice
 from hil.diagnosis.criteria import CRITERIA
-from hil.diagnosis.diagnosis import Diagnosis
+from hil.diagnosis.diagnosis import Diagnosis, DiagnosisVerdict
 from hil.diagnosis.events.coarse import coarse, coarse_step
 from hil.diagnosis.events.event import Events, Interval
 from hil.diagnosis.events.repeats import stale_outputs, without_stale
@@ -30,6 +30,10 @@ from hil.identification.experiment import Experiment
 from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
+
+_BESIDE_EVENTS: Mapping[DiagnosisVerdict, DiagnosisVerdict] = {
+    "consistent": "explained", "parameter_change": "explained", "unexplained": "partly_explained",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,10 +107,13 @@ def _diagnose(
     problem, solver_warnings = settled(problem)
     warnings = [*asked.warnings, *checked.warnings, *solver_warnings, *_known_hum(model)]
     changed = _beyond_noise(problem, asked)
+    coarsely = coarse_step(problem, kept)
     if changed is None:
-        problem, choice, notes = _searched(problem, checked, kept, stale)
+        problem, choice, notes = _searched(problem, checked, stale, coarsely)
     else:
         problem, choice, notes = _judged(changed)
+    if coarsely is not None:
+        choice = _with(choice, coarse(problem, *coarsely, choice.chosen, _residuals(choice)))
     work.at(0.6, "judging on data kept back")
     answer = Answer(problem, choice, (*warnings, *notes, *work.warnings), span, asked, changed)
     work.at(0.8, "locating the mismatch")
@@ -138,11 +145,10 @@ def _judged(changed: Changed) -> tuple[Problem, Choice, list[str]]:
 
 
 def _searched(
-    problem: Problem, checked: Checked, kept: Sequence[Experiment], stale: Sequence[Interval]
+    problem: Problem, checked: Checked, stale: Sequence[Interval], coarsely: tuple[float, float] | None
 ) -> tuple[Problem, Choice, list[str]]:
     """What the model leaves out, by the search over the whole library and for events."""
     problem.work.at(0.1, "searching for the cause")
-    coarsely = coarse_step(problem, kept)
     if coarsely is not None:
         problem = replace(problem, step=coarsely[0])
     known = [*(["dropout"] if stale else []), *(["quantisation"] if coarsely else [])]
@@ -160,8 +166,6 @@ def _searched(
         warnings += no_news
     if stale:
         choice = _with_stale(posed, choice, stale)
-    if coarsely is not None:
-        choice = _with(choice, coarse(posed, *coarsely, choice.chosen, _residuals(choice)))
     return posed, choice, warnings
 
 
@@ -176,7 +180,11 @@ def _with_stale(problem: Problem, choice: Choice, stale: Sequence[Interval]) -> 
 
 
 def _with(choice: Choice, events: Events) -> Choice:
-    return replace(choice, events=(*choice.events, events))
+    """Beside what was chosen, events that were read off the recordings: there whatever the gate and the laws say."""
+    chances = {name: chance for name, chance in choice.chances.items() if name != events.name}
+    verdict = _BESIDE_EVENTS.get(choice.verdict, choice.verdict)
+    left = 0.0 if choice.verdict == "consistent" else choice.left
+    return replace(choice, verdict=verdict, left=left, events=(*choice.events, events), chances=chances)
 
 
 def _residuals(choice: Choice) -> Array:

@@ -117,6 +117,23 @@ def test_the_diagnosis_of_a_worn_unit_is_an_alarm(lacking: Model) -> None:
     assert said.corrected_is == "nominal" or said.held_out.corrected > said.held_out.nominal
 
 
+def test_a_coarser_channel_is_named_whatever_the_gate_says(lacking: Model) -> None:
+    """It is read off the recordings: the model itself leaves more than that of them."""
+    model = replace(lacking, origin={**lacking.origin, "resolution": 1e-4})
+    coarse = [
+        replace(e, output=np.round(e.output / 0.02) * 0.02) for e in (recorded("a", FIRST, 7), recorded("b", FIRST, 8))
+    ]
+    said = asked(model, *coarse)
+    assert (said.question, said.verdict, [effect.name for effect in said.effects]) == (
+        "changed",
+        "explained",
+        ["quantisation"],
+    )
+    assert said.effects[0].probability > 0.9
+    assert said.gate is not None
+    assert said.gate["z"] < said.gate["needed"]
+
+
 def test_a_small_change_of_a_parameter_is_found_from_starts_that_are_far_too_large(lacking: Model) -> None:
     """The starts of the place at rest are a quarter of it away, the change a twenty-fifth (a load force was named)."""
     said = asked(lacking, recorded("later", FIRST, 7, rest=2.6), recorded("again", FIRST, 8, rest=2.6))
