@@ -18,6 +18,7 @@ from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.twin import serve
+from hil.description.find import descriptions
 from hil.errors import RangeError
 from hil.rig import Rig
 from tests.waits import PATIENCE_S
@@ -76,6 +77,15 @@ def bench_text(bench: str, *changes: tuple[str, str]) -> str:
         assert old in text or (old, new) in CALM, old
         text = text.replace(old, new)
     return text
+
+
+def patient_valve(folder: Path) -> str:
+    """The description of the ISOBUS valve, in this folder, with times that a busy computer keeps; its file's name."""
+    valve = descriptions()["isobus-valve"]
+    text = valve.read_text(encoding="utf-8").replace("isobus-valve.dbc", str(valve.with_suffix(".dbc")))
+    text = text.replace("timeout_s = 0.3", "timeout_s = 1.0").replace("time_s = 0.3", "time_s = 4.0")
+    (folder / "patient.toml").write_text(text, encoding="utf-8")
+    return "patient.toml"
 
 
 def answered(text: str, answers: tuple[tuple[str, str], ...] = ANSWERS) -> str:

@@ -20,10 +20,9 @@ from hil.cli import new as begin
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.daq.conformance import CHECKS, Result, Subject, Witness, examine, left_safe, verdict_of
 from hil.daq.polled import PolledDaq
-from hil.description.find import descriptions
 from hil.errors import DeviceLostError, LinkError
 from tests.conftest import Install
-from tests.links import moved
+from tests.links import moved, patient_valve
 from tests.waits import side_by_side
 
 pytestmark = pytest.mark.xdist_group("waits for twins")  # for clocks: on one worker, beside others that compute
@@ -109,10 +108,7 @@ def bench_of(case: str, folder: Path) -> Path:
     for old, new in CASES[case][2]:
         assert old in text, old
         text = text.replace(old, new)
-    valve = descriptions()["isobus-valve"]
-    told = valve.read_text(encoding="utf-8").replace("isobus-valve.dbc", str(valve.with_suffix(".dbc")))
-    told = told.replace("timeout_s = 0.3", "timeout_s = 1.0").replace("time_s = 0.3", "time_s = 4.0")
-    (folder / "patient.toml").write_text(told, encoding="utf-8")
+    patient_valve(folder)
     path = folder / "bench.toml"
     path.write_text(moved(text, folder), encoding="utf-8")
     return path

@@ -16,7 +16,7 @@ from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.catalog import entries
 from hil.daq.contract import Waveform
-from tests.links import PATIENT, served
+from tests.links import PATIENT, patient_valve, served
 from tests.ni_board import Board, Device, Task
 
 # By driver: the bench that is served for it, and how its text is changed so that the driver has the command.
@@ -44,7 +44,7 @@ BENCHES: dict[str, tuple[str, tuple[tuple[str, str], ...]]] = {
             ("low = -100.0", "low = 0.0"),
         ),
     ),
-    "can": ("hpv41-j1939", (('driver = "j1939_valve"', 'driver = "can"\nmodel = "isobus-valve"'), ("valve = 1\n", ""))),
+    "can": ("hpv41-j1939", (('driver = "j1939_valve"', 'driver = "can"\nmodel = "patient.toml"'), ("valve = 1\n", ""))),
     "canopen": (
         "hpv41-canopen",
         (
@@ -65,6 +65,7 @@ def test_every_driver_is_opened_so() -> None:
 @pytest.mark.parametrize("driver", BENCHES)
 def test_outputs_alone_are_made_safe(driver: str, tmp_path: Path) -> None:
     bench, changes = BENCHES[driver]
+    patient_valve(tmp_path)
     with served(bench, tmp_path, *changes, *PATIENT) as (file, devices):
         outputs = {name: entry for name, entry in file.bench.channels.items() if entry.is_output}
         (name,) = {entry.device for entry in outputs.values()}
