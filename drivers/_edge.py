@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import wraps
 from typing import Any, TypeVar
@@ -67,6 +67,12 @@ def discarded(port: Any) -> None:
         port.reset_output_buffer()
     with suppress(Exception):
         port.close()
+
+
+def reply_faults(settings: Any) -> Iterator[tuple[tuple[str, ...], str]]:
+    """What is wrong with the times of a link; `settings` of its device."""
+    if settings.longest_reply_s < settings.timeout_s:
+        yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
 
 
 def wire_log(driver: str, address: str) -> logging.Logger:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -15,7 +14,7 @@ from drivers._start_up import once_started
 from hil.daq.address import Port, address_fault
 from hil.daq.channel import Wiring
 from hil.daq.connection import close, is_hung_up
-from hil.description.named import Described, description_faults
+from hil.description.named import Described
 from hil.description.text import ENDS, Talk
 from hil.errors import DeviceLostError, LinkError
 
@@ -46,13 +45,6 @@ class SerialSettings(Described):
     longest_reply_s: PositiveFloat = 1.0
     echo: bool = False
     pause_s: float = Field(default=0.0, ge=0.0, le=1.0)
-
-
-def serial_faults(settings: SerialSettings, protocol: str) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """What is wrong with the device that is named, and with the times of its line."""
-    yield from description_faults(settings, protocol)
-    if settings.longest_reply_s < settings.timeout_s:
-        yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
 
 
 def answering(settings: Any, wiring: Wiring, talk: Talk, hello: str, end: str, *, driver: str) -> Line:

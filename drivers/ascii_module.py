@@ -14,8 +14,8 @@ from collections.abc import Iterator, Mapping
 
 from pydantic import Field, PositiveFloat
 
-from drivers._edge import edge
-from drivers._line import Line, SerialSettings, serial_faults
+from drivers._edge import edge, reply_faults
+from drivers._line import Line, SerialSettings
 from drivers._meeting import OnALine
 from hil.daq.channel import Terminal, Wiring
 from hil.description.ascii_module import ModuleDescription
@@ -53,8 +53,10 @@ class Settings(SerialSettings):
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beyond the types."""
-    yield from serial_faults(settings, "ascii_module")
-    if settings.watchdog_s is None or any(description_faults(settings, "ascii_module")):
+    wrong = list(description_faults(settings, "ascii_module"))
+    yield from wrong
+    yield from reply_faults(settings)
+    if settings.watchdog_s is None or wrong:
         return
     if _description(settings).channels.direction == "in":
         yield ("watchdog_s",), f"{settings.model} has no outputs that a watchdog could make safe; take this away"

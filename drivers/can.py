@@ -9,6 +9,7 @@ from pydantic import ConfigDict
 from drivers._can import bus_fault
 from drivers._can_frames import BusSettings
 from drivers._can_link import CanLink
+from drivers._edge import reply_faults
 from hil.daq.channel import Terminal, Wiring
 from hil.description.can import CanDescription
 from hil.description.named import Described, description_faults, description_of, expired_levels, ports_of
@@ -29,8 +30,7 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     yield from description_faults(settings, "can")
     if text := bus_fault(settings.address):
         yield ("address",), text
-    if settings.longest_reply_s < settings.timeout_s:
-        yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
+    yield from reply_faults(settings)
 
 
 def terminals(settings: Settings) -> dict[str, Terminal]:

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import Literal
 
-from pydantic import ConfigDict, Field, PositiveFloat
+from pydantic import Field, PositiveFloat
 
 from drivers._address_claim import CLAIMED, REQUEST, AddressClaim, default_name
 from drivers._can import bus_fault
@@ -47,8 +47,6 @@ class Settings(BusSettings):
         watchdog_s: the valve goes to its fail-safe state when it hears no command for so long.
         fail_safe: which state that is.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     valve: int = Field(default=1, ge=0, le=15)
     source: int = Field(default=0x26, ge=0, le=253)

@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import ConfigDict, FiniteFloat
 
 from drivers._described_modbus import model_of
+from drivers._edge import reply_faults
 from drivers._modbus_client import LineSettings, host_and_port
 from drivers._modbus_link import ModbusLink
 from drivers._modbus_model import Model, Step, check_level, levels_of
@@ -68,8 +69,7 @@ def line_faults(settings: LineSettings, model: Model) -> Iterator[tuple[tuple[st
         yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the device counts {steps}"
     if settings.echo and settings.transport == "tcp":
         yield ("echo",), "only a serial line echoes; take this away"
-    if settings.longest_reply_s < settings.timeout_s:
-        yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
+    yield from reply_faults(settings)
 
 
 def _counted(count: float, is_sent: bool) -> bool:

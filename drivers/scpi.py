@@ -13,12 +13,12 @@ from typing import Any, Literal
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from drivers._edge import edge
-from drivers._line import SerialSettings, answering, serial_faults
+from drivers._edge import edge, reply_faults
+from drivers._line import SerialSettings, answering
 from drivers._templates import matched
 from drivers._text_link import SpokenLink
 from hil.daq.channel import Terminal, Wiring
-from hil.description.named import description_of, ports_of
+from hil.description.named import description_faults, description_of, ports_of
 from hil.description.text import ENDS, TextTerminal
 from hil.errors import LinkError
 
@@ -46,7 +46,8 @@ class Settings(SerialSettings):
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beyond the types."""
-    yield from serial_faults(settings, "scpi")
+    yield from description_faults(settings, "scpi")
+    yield from reply_faults(settings)
 
 
 def probe() -> Any:

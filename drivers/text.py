@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from drivers._line import serial_faults
+from drivers._edge import reply_faults
 from drivers._text_link import Settings, TextLink, level_of, text_description
 from hil.daq.channel import Terminal, Wiring
 from hil.description.named import description_faults, ports_of
@@ -12,8 +12,9 @@ from hil.description.named import description_faults, ports_of
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beyond the types."""
-    yield from serial_faults(settings, "text")
-    wrong = any(description_faults(settings, "text"))
+    wrong = list(description_faults(settings, "text"))
+    yield from wrong
+    yield from reply_faults(settings)
     if not wrong and settings.watchdog_s is not None and not has_watchdog(settings):
         yield ("watchdog_s",), "its description has no [watchdog]: say there how it is armed, or take this away"
     if settings.watchdog_level is not None and (wrong or settings.watchdog_s is None or _is_armed(settings)):
