@@ -71,7 +71,7 @@ def drift_of(points: Sequence[Point]) -> Drift:
     The weights are the repeatabilities: what the calibration adds is the same at all dates. Where values scatter more
     than these say, the scatter sets the scale (Birge).
     """
-    used = [p for p in points if p.value.relation == "=" and (_repeatability(p.value) or 0.0) > 0.0]
+    used = [p for p in points if p.value.relation == "=" and (p.value.repeatability or 0.0) > 0.0]
     unit = used[0].value.unit if used else ""
     years = np.array([p.started_utc.timestamp() / _YEAR_S for p in used])
     if len(used) < _FEWEST or np.ptp(years) == 0.0:
@@ -79,7 +79,7 @@ def drift_of(points: Sequence[Point]) -> Drift:
     from scipy.special import stdtr
 
     values = np.array([p.value.value for p in used], dtype=np.float64)
-    weights = np.array([1.0 / (_repeatability(p.value) or 1.0) ** 2 for p in used])
+    weights = np.array([1.0 / (p.value.repeatability or 1.0) ** 2 for p in used])
     years = years - np.average(years, weights=weights)
     spread = float(weights @ years**2)
     slope = float(weights @ (years * values)) / spread
@@ -88,7 +88,3 @@ def drift_of(points: Sequence[Point]) -> Drift:
     excess = float(weights @ (values - middle - slope * years) ** 2) / freedom
     std = math.sqrt(max(1.0, excess) / spread)
     return Drift(slope, std, float(2.0 * stdtr(freedom, -abs(slope) / std)), unit)
-
-
-def _repeatability(value: Measured) -> float | None:
-    return None if value.std is None else math.sqrt(max(value.std**2 - value.calibration_std**2, 0.0))

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
 from hil.cli.language import Language
 from hil.cli.population import compare_population
+from hil.cli.printed import in_short
 from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.cli.runs import ARCHIVE
 from hil.record.reading import Reading
 
 if TYPE_CHECKING:
-    from hil.record.measurement import Measured
     from hil.session.comparison import RunComparison
 
 _SHOWN_AFTER_S = 2.0
@@ -96,7 +96,7 @@ def _json(found: RunComparison) -> str:
     rows = [
         {
             "name": one.name, "unit": one.unit,
-            "first": _short(one.first), "second": _short(one.second),
+            "first": in_short(one.first), "second": in_short(one.second),
             "change": one.change, "std": one.std, "chance": one.chance, "meaning": one.meaning,
         }
         for one in found.differences
@@ -109,10 +109,6 @@ def _json(found: RunComparison) -> str:
         "same_instruments": found.one_bench, "differences": rows,
     }  # fmt: skip
     return json.dumps(plain(document), indent=1, ensure_ascii=False)
-
-
-def _short(m: Measured | None) -> dict[str, Any] | None:
-    return None if m is None else {"value": m.value, "std": m.std, "verdict": m.verdict, "relation": m.relation}
 
 
 def _table(found: RunComparison) -> str:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.printed import in_short
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -39,7 +41,7 @@ def _json(found: InPopulation) -> str:
     rows = [
         {
             "of": one.who, "name": one.name, "unit": one.unit,
-            "values": [{key: getattr(v, key) for key in ("value", "std", "verdict", "relation")} for v in one.values],
+            "values": [in_short(value) for value in one.values],
             "units": one.units, "mean": one.mean, "population_std": one.std, "distance": one.distance,
             "std": one.distance_std, "chance": one.chance, "meaning": one.meaning, "why": one.why or None,
         }

@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+if TYPE_CHECKING:
+    from hil.record.measurement import Measured
+
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of words.")]
+
+
+def in_short(m: Measured | None) -> dict[str, Any] | None:
+    """A value as comparisons print it: without what stands beside it anyway."""
+    return None if m is None else {"value": m.value, "std": m.std, "verdict": m.verdict, "relation": m.relation}
 
 
 def printed(document: Mapping[str, Any], words: str, as_json: bool) -> None:

@@ -76,7 +76,7 @@ def _near(one: float | None, other: float | None, allowed: float) -> bool:
 def _text(value: Measured | None) -> str:
     if value is None:
         return "none"
-    width = "" if value.std is None else f" ± {COVERAGE_FACTOR * value.std:.3g}"
+    width = "" if value.expanded is None else f" ± {value.expanded:.3g}"
     limits = "" if value.low is None and value.high is None else f", limits {_edge(value.low)} … {_edge(value.high)}"
     number = "not determined" if value.value is None else f"{value.relation.strip('=')}{value.value:.6g}{width}"
     return f"{number} {value.unit}{limits}{', ' + value.verdict if value.verdict else ''}"

@@ -113,16 +113,12 @@ def _distance_std(own: Sequence[Measured], known: Sequence[Measured], variance: 
 
     What the unit's own repeatability exceeds it by is added, and the calibration on both sides where it is not shared.
     """
-    own_repeat, other_repeat = (_mean_square(map(_repeatability, some)) for some in (own, known))
+    own_repeat, other_repeat = (_mean_square(m.repeatability or 0.0 for m in some) for some in (own, known))
     spread = max(variance, other_repeat)
     total = spread * (1.0 / len(own) + 1.0 / len(known)) + max(0.0, own_repeat - other_repeat) / len(own)
     if not one_bench:
         total += sum(_mean_square(value.calibration_std for value in some) for some in (own, known))
     return math.sqrt(total)
-
-
-def _repeatability(value: Measured) -> float:
-    return math.sqrt(max((value.std or 0.0) ** 2 - value.calibration_std**2, 0.0))
 
 
 def _mean_square(stds: Iterator[float]) -> float:

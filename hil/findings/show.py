@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hil.record.measurement import COVERAGE_FACTOR, Measured
+from hil.record.measurement import Measured
 from hil.record.show import table_html
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def _value(value: Measured) -> str:
     if value.value is None:
         return "not determined"
     sign = "" if value.relation == "=" else f"{value.relation} "
-    expanded = f" ± {COVERAGE_FACTOR * value.std:.2g}" if value.std else ""
+    expanded = f" ± {value.expanded:.2g}" if value.expanded else ""
     return f"{sign}{value.value:.6g}{expanded}"
 
 

@@ -147,7 +147,7 @@ def si_value(m: Measured) -> tuple[float, float | None, str] | None:
     """(value, expanded uncertainty or None, D-SI unit); None for a bound, or what D-SI has no unit for."""
     if m.value is None or m.relation != "=":
         return None
-    expanded = None if m.std is None or not m.std > 0.0 else COVERAGE_FACTOR * m.std
+    expanded = m.expanded if m.std is not None and m.std > 0.0 else None
     if m.unit in _AS_THEY_ARE:
         return m.value, expanded, _AS_THEY_ARE[m.unit]
     for unit, name in _SI_UNITS.items():

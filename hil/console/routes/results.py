@@ -28,7 +28,7 @@ from hil.findings.results import RESULTS_FILE, Results, read_results
 from hil.language.reworded import reworded
 from hil.language.words import marked
 from hil.record.header import meta_of
-from hil.record.measurement import COVERAGE_FACTOR
+from hil.record.measurement import Measured
 from hil.record.simulated import is_simulated
 from hil.report.name import value_words
 from hil.session.comparison import RunComparison, compare_runs
@@ -135,7 +135,7 @@ def trend(request: Request) -> Response:
             "value": p.value.value,
             "low": p.value.low,
             "high": p.value.high,
-            "expanded": None if p.value.std is None else COVERAGE_FACTOR * p.value.std,
+            "expanded": p.value.expanded,
             "unit": p.value.unit,
             "verdict": p.value.verdict,
             "relation": p.value.relation,
@@ -187,12 +187,11 @@ def _row(console: Console, entry: Entry) -> dict[str, Any]:
     }
 
 
-def _value(value: Any) -> dict[str, Any]:
-    expanded = None if value.std is None else COVERAGE_FACTOR * value.std
+def _value(value: Measured) -> dict[str, Any]:
     return {
         "name": value_words(value.name),
         "value": value.value,
-        "expanded": expanded,
+        "expanded": value.expanded,
         "unit": value.unit,
         "low": value.low,
         "high": value.high,
