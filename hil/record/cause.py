@@ -8,16 +8,11 @@ from typing import ClassVar
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """One thing that is not as it should be, or not as it was.
+    """One thing that is not as it should be, or not as it was: an effect, a parameter or a condition.
 
-    Attributes:
-        name: of an effect, a parameter or a condition. `meaning`: a parameter in words; empty for others.
-        of: `valve`, `bench` or `open`.
-        before, after: its sizes; None where there is none, or none is known. `before_std`, `after_std`: standard
-            uncertainties of them.
-        unit: of both.
-        share: of the whole change; None where it is not known.
-        alike: other causes that these data do not tell from it.
+    `of`: valve, bench or open; empty where nobody says. `before` and `after` are its sizes, in `unit`, with their
+    standard uncertainties; None where there is none, or none is known. `meaning`: a parameter in words. `share` is of
+    the whole change, None where it is not known; `alike` what these data do not tell from it.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}
@@ -35,17 +30,11 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """What is said beside a verdict that is no pass; it judges nothing itself.
+    """Why a certificate was missed, in physics, as a command found within a time; no part of the verdict.
 
-    Attributes:
-        command: that was asked, as it is typed.
-        since: name of the earlier run of the unit that it is compared with; empty where it is the model of the type.
-        verdict: of the command: `changed`, `unchanged`, `unexplained`, … ; empty where it gave none.
-        found: what it named, the largest share first.
-        untold: what nobody looked at for want of time, in words.
-        reason: why there is no verdict.
-        seconds: that it took.
-        budget_s: that it might take.
+    `command` was asked, as it is typed, beside the run `since` of the same unit, or beside the model of its type where
+    that is empty. `verdict` is the command's; where it is empty, `reason` says why. `found` is what it named, the
+    largest share first; `untold` was not looked at for want of time. It took `seconds` of `budget_s`.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}

@@ -75,11 +75,10 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A declared quantity with its value, standard uncertainty and verdict; None where there is no limit.
+    """A measured quantity; `value` is None where it could not be determined, `verdict` where there is no limit.
 
-    `std` is the whole uncertainty; `calibration_std` the part of it that all runs on one bench share. With `relation`
-    `<` or `>` the value is a bound: the quantity lies below or above it. `value` is None where it could not be
-    determined.
+    `std` is the whole standard uncertainty, None where none is known; `calibration_std` the part of it that all runs on
+    one bench share. With `relation` `<` or `>` the value is a bound: the quantity lies below or above it.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}

@@ -11,13 +11,10 @@ from hil.record.plain import plain
 
 @dataclass(frozen=True, slots=True)
 class PopulationComparison:
-    """What is said beside a verdict that is no pass; it judges nothing itself.
+    """Figures of the unit beside those of good units of its type; no part of the verdict.
 
-    Attributes:
-        figures: of the unit, without verdict; `low` and `high` are the ends of the range of good units.
-        good_units: how many simulated good units of the type the ranges were learnt from.
-        beyond: share of good units that lie beyond either end of a range.
-        reason: why nothing can be said; then there are no figures.
+    `low` and `high` of a figure are the ends of the range of good units, learnt from so many `good_units` (simulated),
+    of which the share `beyond` lies beyond either end. `reason` says why there are no figures.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}

@@ -21,15 +21,11 @@ class Moved:
 
 @dataclass(frozen=True, slots=True)
 class Since:
-    """What is said beside a verdict that is no pass; it judges nothing itself.
+    """What changed since an earlier `run` of the same unit, where a certificate is no pass; no part of the verdict.
 
-    Attributes:
-        run: name of the earlier run. `started_utc`, `verdict`: of it.
-        moved: each value that differs beyond its uncertainty: figures of the condition first, then what
-            keeps the unit from passing; the surest first.
-        same: how many values do not.
-        untold: how many cannot be compared: bounds, and values that one run lacks.
-        same_instruments: whether the same instruments with the same calibrations measured both.
+    `moved` are the values that differ beyond their uncertainty: figures of the condition first, then what keeps the
+    unit from passing, the surest first. `same` values do not, and `untold` cannot be compared: bounds, and values that
+    one run lacks. `same_instruments`: both were measured by the same instruments with the same calibrations.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}
