@@ -31,7 +31,7 @@ from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 
-_BESIDE_EVENTS: Mapping[DiagnosisVerdict, DiagnosisVerdict] = {
+_WITH_EVENTS: Mapping[DiagnosisVerdict, DiagnosisVerdict] = {
     "consistent": "explained", "parameter_change": "explained", "unexplained": "partly_explained",
 }  # fmt: skip
 
@@ -182,7 +182,7 @@ def _with_stale(problem: Problem, choice: Choice, stale: Sequence[Interval]) -> 
 def _with(choice: Choice, events: Events) -> Choice:
     """Beside what was chosen, events that were read off the recordings: there whatever the gate and the laws say."""
     chances = {name: chance for name, chance in choice.chances.items() if name != events.name}
-    verdict = _BESIDE_EVENTS.get(choice.verdict, choice.verdict)
+    verdict = _WITH_EVENTS.get(choice.verdict, choice.verdict)
     left = 0.0 if choice.verdict == "consistent" else choice.left
     return replace(choice, verdict=verdict, left=left, events=(*choice.events, events), chances=chances)
 

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from threading import Lock
 from typing import Any
 
 Progress = Callable[[float, str], None]
 SAMPLES_PER_S = 10e6
 """Simulated samples that a second of a budget stands for, whatever the machine does."""
+
+
+def budget_notes(not_searched: Sequence[str], size: str = "") -> tuple[str, ...]:
+    """What was left out for want of a larger budget than this `size`, in words; empty where nothing was."""
+    what = ", ".join(not_searched)
+    note = f"the budget{size} was over before these were looked at: {what}; a larger --budget may find more"
+    return (note,) if not_searched else ()
 
 
 class Work:
@@ -55,8 +62,5 @@ class Work:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What was left out, in words; empty where nothing was."""
-        if not self.left_out:
-            return ()
-        what = ", ".join(self.left_out)
-        budget = f"the budget of {self._budget_s:.3g} s ({self._budget_s * SAMPLES_PER_S:.3g} samples)"
-        return (f"{budget} was over before these were looked at: {what}; a larger --budget may find more",)
+        size = f" of {self._budget_s:.3g} s ({self._budget_s * SAMPLES_PER_S:.3g} samples)"
+        return budget_notes(self.left_out, size)

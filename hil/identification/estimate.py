@@ -162,14 +162,7 @@ def estimate(
     values = np.clip([u.start for u in unknowns], low, high)
     r = residuals(values)
     if not len(unknowns):
-        return Estimate(
-            (),
-            values,
-            r,
-            True,
-            "nothing to estimate",
-            lambda: Slopes(np.zeros((len(r), 0)), Curvature(np.zeros((0, 0)))),
-        )
+        return Estimate((), values, r, True, "nothing to estimate", lambda: _slopes_alone(np.zeros((len(r), 0))))
 
     def differences() -> Array:
         if sketch is None:
@@ -256,7 +249,10 @@ def jacobian(residuals: Callable[[Array], Array], values: Array, high: Array, sc
 def _slopes(
     residuals: Callable[[Array], Array], values: Array, _low: Array, high: Array, scale: Array, base: Array
 ) -> Slopes:
-    slopes = jacobian(residuals, values, high, scale, base)
+    return _slopes_alone(jacobian(residuals, values, high, scale, base))
+
+
+def _slopes_alone(slopes: Array) -> Slopes:
     return Slopes(slopes, Curvature(products(slopes)))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from hil.diagnosis.coverage import Limit
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.diagnosis.diagnosis import Diagnosis, Finding
-from hil.diagnosis.work import SAMPLES_PER_S
+from hil.diagnosis.work import SAMPLES_PER_S, budget_notes
 from hil.errors import SettingError
 from hil.identification.experiment import Experiment
 from hil.passport.conditions import condition_changes
@@ -161,10 +161,7 @@ def difference(
     is_part = bool(moved) and second.diagnosis.verdict == "partly_explained"
     rest = ("a part of what changed is not explained",) if is_part else ()
     not_searched = _not_searched(first, second)
-    over = (
-        f"the budget was over before these were looked at: {', '.join(not_searched)}; a larger --budget may find more"
-    )
-    notes = (*_notes(old, new, first), *rest, *left_out, *more, *((over,) if not_searched else ()))
+    notes = (*_notes(old, new, first), *rest, *left_out, *more, *budget_notes(not_searched))
     return DateDifference(
         changes, tuple(one for one in kept.values() if one.is_identifiable), _verdict(second.diagnosis, moved), notes,
         tuple(one for one in kept.values() if not one.is_identifiable),
