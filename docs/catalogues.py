@@ -10,6 +10,7 @@ the compiled catalogue is written beside it. What is not translated yet is count
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -30,11 +31,15 @@ from hil.session.procedure import load_procedure
 
 ROOT = Path(__file__).parent.parent
 CATALOGUES = ROOT / "hil" / "language" / "catalogues"
-ROOMS = {"pages": ("hil/report", "hil/passport"), "console": ("hil/console",), "outputs": ("hil/safety",)}
+ROOMS = {
+    "pages": ("hil/report", "hil/passport"), "console": ("hil/console",), "outputs": ("hil/safety",),
+    "notes": ("procedures", "hil/identification", "hil/session", "hil/archive", "hil/cli", "hil/physics", "hil/bench",
+              "hil/record"),
+}  # fmt: skip
 """Catalogues with the folders whose texts they hold."""
 _METHODS = [("**.py", "python"), ("**.html", "jinja2.ext:babel_extract")]
 _OPTIONS = {"**.html": {"newstyle_gettext": "false", "trimmed": "true", "silent": "false"}}
-_KEYWORDS = {"_": None, "marked": None, "plural": (1, 2), "gettext": None, "ngettext": (1, 2)}
+_KEYWORDS = {"_": None, "Note": None, "marked": None, "plural": (1, 2), "gettext": None, "ngettext": (1, 2)}
 
 
 def main() -> None:
@@ -55,7 +60,8 @@ def catalogue(room: str, path: Path) -> Catalog:
     for folder in filter(lambda name: (ROOT / name).is_dir(), ROOMS[room]):
         found = extract_from_dir(ROOT / folder, _METHODS, _OPTIONS, _KEYWORDS)
         for file, _line, message, _comments, _context in sorted(found, key=lambda one: (one[0], one[1])):
-            template.add(message, locations=[(f"{folder}/{file}", 0)])
+            if _has_words(message):
+                template.add(message, locations=[(f"{folder}/{file}", 0)])
     if room == "pages":
         for text in declared():
             template.add(text)
@@ -68,6 +74,11 @@ def catalogue(room: str, path: Path) -> Catalog:
     made.header_comment = f"# Pages of valve-hil: {room}."
     made.fuzzy = False
     return made
+
+
+def _has_words(message: str | tuple[str, ...]) -> bool:
+    """Whether there is anything to translate beside what is put in."""
+    return not isinstance(message, str) or bool(re.search(r"[^\W\d_]", re.sub(r"\{[^{}]*\}", "", message)))
 
 
 def declared() -> Iterator[str]:

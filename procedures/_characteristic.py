@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +25,7 @@ from hil.identification.characteristic import (
 from hil.identification.null import Null, null_of
 from hil.identification.parametric_bootstrap import about
 from hil.identification.sweep_estimate import Standing, Sweep, SweepEstimate, settled, sweep_estimate, together
+from hil.language.note import Note
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.signals.interval import CERTAIN
@@ -53,7 +54,7 @@ class Characteristic:
     half_speed: tuple[Array, Array] | None
     measured: tuple[Measured, ...]
     dead_band: tuple[float, float] | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +130,7 @@ def characteristic(
     return Characteristic(
         estimate.command[at], estimate.whole_branch(1)[at], estimate.whole_branch(-1)[at],
         np.std(estimate.responses, axis=0)[at], half, (*measured, *found), dead_band,
-        tuple(text for text in (*of_loop, *_uncovered(swept_), *notes) if text),
+        (*of_loop, *_uncovered(swept_), *notes),
     )  # fmt: skip
 
 
@@ -178,15 +179,16 @@ def _level(swept_: Swept) -> float:
     return calibration_std(swept_.response)
 
 
-def _spoilt(swept_: Swept) -> str | None:
+def _spoilt(swept_: Swept) -> Note | None:
     """Why lag and hysteresis cannot be told."""
     if not swept_.drifted:
         return None
-    return (
-        f"The response at one and the same end of the sweep changes by {swept_.drifted:.2g} "
-        f"{swept_.response.unit} from visit to visit: reading or valve drifts, and what drifts looks like hysteresis "
-        "and lag. Neither can be told, nor where a dead band ends."
-    )
+    return Note(
+        "The response at one and the same end of the sweep changes by {change:.2g} {unit} from visit to visit: reading "
+        "or valve drifts, and what drifts looks like hysteresis and lag. Neither can be told, nor where a dead band "
+        "ends.",
+        change=swept_.drifted, unit=swept_.response.unit,
+    )  # fmt: skip
 
 
 def _of_loop(swept_: Swept, between: Loop, span: float, of: Mapping[str, Measurement], known: bool) -> list[Measured]:
@@ -205,34 +207,41 @@ def _of_loop(swept_: Swept, between: Loop, span: float, of: Mapping[str, Measure
     ]
 
 
-def _loop_note(swept_: Swept, between: Loop) -> str:
+def _loop_note(swept_: Swept, between: Loop) -> Note:
     estimate, unit = swept_.estimate, swept_.command.unit
     widths = [2.0 * abs(float(half)) for half in estimate.half_widths]
     if between.lag is None:
-        return f"The loop is {widths[0]:.3g} {unit} wide. One speed does not tell how much of that is lag."
+        return Note(
+            "The loop is {width:.3g} {unit} wide. One speed does not tell how much of that is lag.",
+            width=widths[0], unit=unit,
+        )  # fmt: skip
     expanded = COVERAGE_FACTOR * 2.0 * about(estimate.resampled_half_widths[:, 0], float(estimate.half_widths[0]))
     digits = max(0, -math.floor(math.log10(expanded))) if expanded > 0.0 else 3
-    text = (
-        f"The loop is {widths[0]:.{digits}f} {unit} wide, at half speed {widths[1]:.{digits}f} {unit} (each ± "
-        f"{expanded:.{digits}f} {unit}): a lag of {1e3 * between.lag[0]:.0f} ms makes the difference and has been "
-        "taken out of the curve."
-    )
+    width, half, u = (Note(f"{{value:.{digits}f}}", value=value) for value in (*widths[:2], expanded))
+    text = Note(
+        "The loop is {width} {unit} wide, at half speed {half} {unit} (each ± {u} {unit}): a lag of {lag_ms:.0f} ms "
+        "makes the difference and has been taken out of the curve.",
+        width=width, half=half, u=u, unit=unit, lag_ms=1e3 * between.lag[0],
+    )  # fmt: skip
     if not between.is_friction:
         return text
-    return f"{text} Friction that falls with speed would be taken for lag; as much as is usual is granted to both."
+    return Note(
+        "{found} Friction that falls with speed would be taken for lag; as much as is usual is granted to both.",
+        found=text,
+    )
 
 
-def _uncovered(swept_: Swept) -> list[str]:
+def _uncovered(swept_: Swept) -> list[Note]:
     """Ends of the range that only one branch has reached."""
     low, high = swept_.estimate.covered
     bottom, top = float(swept_.estimate.command[0]), float(swept_.estimate.command[-1])
     if max(low - bottom, top - high) <= 0.1 * (top - bottom) / 2.0:
         return []
-    text = (
-        f"The sweep was so fast that both branches are known only from {low:.3g} to {high:.3g} {swept_.command.unit}; "
-        "beyond, the curve rests on one of them and on the wait at the end. A longer cycle_s covers more."
-    )
-    return [text]
+    return [Note(
+        "The sweep was so fast that both branches are known only from {low:.3g} to {high:.3g} {unit}; beyond, the "
+        "curve rests on one of them and on the wait at the end. A longer cycle_s covers more.",
+        low=low, high=high, unit=swept_.command.unit,
+    )]  # fmt: skip
 
 
 def _both_ways(
@@ -262,7 +271,7 @@ def _both_ways(
 
 def _null(
     swept_: Swept, neutral: float, full: float, of: Mapping[str, Measurement], edges: Sequence[Measured]
-) -> tuple[list[Measured], list[str]]:
+) -> tuple[list[Measured], list[Note]]:
     """Null bias, lap with its class, and where the flow saturates; nothing where the response does not pass zero."""
     found = null_of(swept_.estimate, swept_.low.response, swept_.high.response)
     if found is None:
@@ -284,7 +293,7 @@ def _null(
         calibration=percent * math.hypot(level * spread, share * lap),
     )  # fmt: skip
     ends = [_saturated(swept_, found, sign, of) for sign in (1, -1)]
-    return [bias, width, *ends], [_lap_class(width, edges)]
+    return [bias, width, *ends], list(_lap_class(width, edges))
 
 
 def _saturated(swept_: Swept, found: Null, sign: int, of: Mapping[str, Measurement]) -> Measured:
@@ -299,17 +308,18 @@ def _saturated(swept_: Swept, found: Null, sign: int, of: Mapping[str, Measureme
     return what.of(value, std, calibration=calibration_std(swept_.command))
 
 
-def _lap_class(lap: Measured, edges: Sequence[Measured]) -> str:
+def _lap_class(lap: Measured, edges: Sequence[Measured]) -> Iterator[Note]:
     """What lap and dead band together make of a valve: the lines alone would call a curve that bends lapped."""
     if lap.value is None or lap.std is None or any(edge.value is None for edge in edges):
-        return ""
+        return
     dead = any(edge.relation == "=" for edge in edges)
     clear = abs(lap.value) > COVERAGE_FACTOR * lap.std
     if dead != (clear and lap.value > 0.0):
-        return "Lap class: none. The curve bends near null, so the straight lines do not show the edges."
-    if not clear:
-        return "Lap class: zero lap within its uncertainty."
-    return f"Lap class: {'overlapped' if lap.value > 0.0 else 'underlapped'}."
+        yield Note("Lap class: none. The curve bends near null, so the straight lines do not show the edges.")
+    elif not clear:
+        yield Note("Lap class: zero lap within its uncertainty.")
+    else:
+        yield Note("Lap class: overlapped.") if lap.value > 0.0 else Note("Lap class: underlapped.")
 
 
 def _edge(
@@ -329,7 +339,9 @@ def _worse(sides: Collection[Side]) -> Read:
     return value, max(about(resampled, value), *(one.departure[1] for one in sides))
 
 
-def _one_way(swept_: Swept, part: Mapping[str, Any], of: Mapping[str, Measurement]) -> tuple[list[Measured], list[str]]:
+def _one_way(
+    swept_: Swept, part: Mapping[str, Any], of: Mapping[str, Measurement]
+) -> tuple[list[Measured], list[Note]]:
     estimate, command, response = swept_.estimate, swept_.command, swept_.response
     start, end = swept_.low.response, swept_.high.response
     if abs(end - start) < 10.0 * float(np.median(np.std(estimate.responses, axis=0))):
@@ -347,8 +359,9 @@ def _one_way(swept_: Swept, part: Mapping[str, Any], of: Mapping[str, Measuremen
         .of(gain, gain_std, calibration=share * abs(gain)),
     ]
     of_full = 100.0 * (steepest - float(part["neutral"])) / float(part["full"])
-    note = (
-        f"The response is steepest at {steepest:.4g} {command.unit}, {of_full:.3g} % of full command: a good bias for "
-        "dynamic tests."
-    )
+    note = Note(
+        "The response is steepest at {command:.4g} {unit}, {share:.3g} % of full command: a good bias for dynamic "
+        "tests.",
+        command=steepest, unit=command.unit, share=of_full,
+    )  # fmt: skip
     return found, [note]

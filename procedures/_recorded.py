@@ -9,6 +9,7 @@ import numpy as np
 
 from hil.errors import FileError
 from hil.identification.measuring_chain import MeasuringChain
+from hil.language.note import Note
 from hil.record.conditions import measured_conditions
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array, Channel, Recording
@@ -21,11 +22,13 @@ _SPAN = 50  # samples over which the interval that was planned is judged
 # half of both, so that two equal rectangles, each a whole delay wide, have this share of it as standard deviation.
 _WITHIN_EXCHANGES = 6.0**-0.5
 _STATED = {
-    "fluid": "the fluid",
-    "viscosity_class": "the viscosity class of the fluid",
-    "fluid_temperature_c": "the temperature of the fluid",
-    "supply_pressure_bar": "the supply pressure",
+    "fluid": Note("the fluid"),
+    "viscosity_class": Note("the viscosity class of the fluid"),
+    "fluid_temperature_c": Note("the temperature of the fluid"),
+    "supply_pressure_bar": Note("the supply pressure"),
 }
+
+NO_DEAD_TIME = Note("noise alone reaches 2 % of the change; the dead time cannot be told.")
 
 
 def roles_of(recording: Recording) -> tuple[Channel, Channel]:
@@ -77,15 +80,17 @@ def chain_of(recording: Recording) -> MeasuringChain:
     return MeasuringChain(lag_s, delay_s - read_at_s, interval_s, read_at_s)
 
 
-def reading_of(recording: Recording, chain: MeasuringChain) -> str:
+def reading_of(recording: Recording, chain: MeasuringChain) -> Note:
     """When the response was read, in words."""
     if not has_own_stamps(recording):
-        return f"response read {1e3 * (chain.skew_s + chain.read_at_s):.3g} ms after the command changes"
+        late_ms = 1e3 * (chain.skew_s + chain.read_at_s)
+        return Note("response read {late_ms:.3g} ms after the command changes", late_ms=late_ms)
     delay_s = recording.stamps(roles_of(recording)[1].name) - recording.time_s
-    return (
-        f"each sample of the response taken when it was read, {1e3 * float(np.mean(delay_s)):.3g} ms (standard "
-        f"deviation {1e3 * float(np.std(delay_s)):.2g} ms) after the command changes"
-    )
+    return Note(
+        "each sample of the response taken when it was read, {late_ms:.3g} ms (standard deviation {std_ms:.2g} ms) "
+        "after the command changes",
+        late_ms=1e3 * np.mean(delay_s), std_ms=1e3 * np.std(delay_s),
+    )  # fmt: skip
 
 
 def has_own_stamps(recording: Recording) -> bool:
@@ -132,13 +137,16 @@ def calibration_share(channel: Channel) -> float:
     return calibration_std(channel) / largest if largest else 0.0
 
 
-def departures(recording: Recording) -> tuple[str, ...]:
+def departures(recording: Recording) -> tuple[Note, ...]:
     """Where the stated conditions depart from those of the standard, a sentence each."""
     conditions = recording.meta.get("conditions", {})
-    silent = [words for name, words in _STATED.items() if conditions.get(name) in (None, "")]
-    found = [f"Not stated: {', '.join(silent)}."] if silent else []
+    silent = tuple(words for name, words in _STATED.items() if conditions.get(name) in (None, ""))
+    found = [Note("Not stated: {listed}.", listed=silent)] if silent else []
     measured = measured_conditions(recording).get("fluid_temperature_c")
     temperature_c = conditions.get("fluid_temperature_c") if measured is None else measured.mean
     if temperature_c is not None and abs(float(temperature_c) - _TEMPERATURE_C) > _TEMPERATURE_TOLERANCE_C:
-        found.append(f"The fluid was at {temperature_c:.3g} °C; {_TEMPERATURE_C:g} °C is customary.")
+        found.append(
+            Note("The fluid was at {was_c:.3g} °C; {asked_c:g} °C is customary.",
+                 was_c=temperature_c, asked_c=_TEMPERATURE_C)
+        )  # fmt: skip
     return tuple(found)

@@ -18,6 +18,7 @@ from hil.identification.measuring_chain import check_chain, corrected
 from hil.identification.order_choice import fit_transfer_function
 from hil.identification.parametric_bootstrap import DRAWS, about, draws_of
 from hil.identification.transfer_function import TransferFunctionFit, fit_percent
+from hil.language.note import Note
 from hil.physics.formula import formula
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
 from hil.record.recording import Array, Recording
@@ -48,7 +49,7 @@ class Evaluated:
     response: FrequencyResponse
     bandwidth: Bandwidth
     fit: TransferFunctionFit | None
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     poor_percent: float | None = None
     gain_share: float = 0.0
 
@@ -69,16 +70,17 @@ class Evaluated:
         ]
         return (known, *found, self._model_fit())
 
-    def explained(self) -> tuple[str, ...]:
+    def explained(self) -> tuple[Note, ...]:
         """The notes; where the valve does not follow, this alone."""
         if self.follows:
             return self.notes
         at = self.response
-        why = (
-            f"{self.label}: the valve does not follow here: its response at {at.frequency_hz[0]:g} Hz, the reference, "
-            "is within its noise, so no bandwidth can be told. Drive it about another bias or with a larger amplitude."
+        why = Note(
+            "the valve does not follow here: its response at {reference_hz:g} Hz, the reference, is within its noise, "
+            "so no bandwidth can be told. Drive it about another bias or with a larger amplitude.",
+            reference_hz=at.frequency_hz[0],
         )
-        return (why,)
+        return (why.at(self.label),)
 
     def _model_fit(self) -> Measured:
         asked = MODEL_FIT.at(self.label)
@@ -124,7 +126,7 @@ def evaluated(recording: Recording, responses: Iterable[FrequencyResponse]) -> t
     return tuple(made)
 
 
-def chain_notes(recording: Recording, frequency_hz: Array) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def chain_notes(recording: Recording, frequency_hz: Array) -> tuple[tuple[Note, ...], tuple[Note, ...]]:
     """(notes, deviations) about the measuring chain's own effect."""
     chain = chain_of(recording)
     check = check_chain(chain, frequency_hz)
@@ -133,22 +135,23 @@ def chain_notes(recording: Recording, frequency_hz: Array) -> tuple[tuple[str, .
     if not settings_of(recording)["correct_chain"]:
         return (), (check.sentence,)
     worst = int(np.argmax(np.abs(check.phase_deg)))
-    note = (
-        f"The measuring chain (sensor lag {1e3 * chain.sensor_lag_s:g} ms, {reading_of(recording, chain)}, "
-        f"command held {1e3 * chain.hold_s:.4g} ms) has been taken out of the responses; at "
-        f"{frequency_hz[worst]:g} Hz it is {100 * check.amplitude_change[worst]:+.1f} % and "
-        f"{check.phase_deg[worst]:+.1f}°."
-    )
+    note = Note(
+        "The measuring chain (sensor lag {lag_ms:g} ms, {reading}, command held {hold_ms:.4g} ms) has been taken out "
+        "of the responses; at {worst_hz:g} Hz it is {amplitude:+.1f} % and {phase_deg:+.1f}°.",
+        lag_ms=1e3 * chain.sensor_lag_s, reading=reading_of(recording, chain), hold_ms=1e3 * chain.hold_s,
+        worst_hz=frequency_hz[worst], amplitude=100 * check.amplitude_change[worst],
+        phase_deg=check.phase_deg[worst],
+    )  # fmt: skip
     return (note,), ()
 
 
-def reference_deviations(found: Sequence[Evaluated]) -> tuple[str, ...]:
+def reference_deviations(found: Sequence[Evaluated]) -> tuple[Note, ...]:
     """Where the reference frequency is not that of the standard, alike ones together."""
-    labels: dict[str, list[str]] = {}
+    labels: dict[Note, list[str]] = {}
     for one in found:
         for note in one.bandwidth.notes if one.follows else ():
             labels.setdefault(note, []).append(one.label)
-    return tuple(f"{', '.join(where)}: {note}." for note, where in labels.items())
+    return tuple(Note("{places!l}: {note}.", places=tuple(where), note=note) for note, where in labels.items())
 
 
 def crossed(measurement: Measurement, crossing: Crossing) -> Measured:
@@ -181,23 +184,25 @@ def _with_model(response: FrequencyResponse, settings: Mapping[str, Any], least_
     try:
         fit, why, fewer = _borne_out(response, settings, least_percent)
     except InputError as error:
-        return Evaluated(label, response, corners, None, (f"{label}: no transfer function: {error}",))
+        none = Note("no transfer function: {why}", why=str(error))
+        return Evaluated(label, response, corners, None, (none.at(label),))
     if why:
         poor = least_percent if fit.fit_percent < least_percent else None
-        note = f"{label}: no linear model with {fit.form.poles} poles: {'; '.join(why)}."
-        return Evaluated(label, response, corners, None, (note,), poor)
-    notes = [f"{label}: {note}" for note in (*fewer, *fit.notes)]
+        note = Note("no linear model with {n} poles: {reasons:; }.", n=fit.form.poles, reasons=why)
+        return Evaluated(label, response, corners, None, (note.at(label),), poor)
+    notes = [*fewer, *fit.notes]
     if fit.fit_percent < LEAST_FIT_PERCENT:
-        notes.append(
-            f"{label}: the transfer function fits {fit.fit_percent:.1f} %, less than the customary "
-            f"{LEAST_FIT_PERCENT:g} %; this bench asks for {least_percent:g} %."
-        )
-    return Evaluated(label, response, corners, fit, tuple(notes))
+        notes.append(Note(
+            "the transfer function fits {fit:.1f} %, less than the customary {usual:g} %; this bench asks for "
+            "{least:g} %.",
+            fit=fit.fit_percent, usual=LEAST_FIT_PERCENT, least=least_percent,
+        ))  # fmt: skip
+    return Evaluated(label, response, corners, fit, tuple(note.at(label) for note in notes))
 
 
 def _borne_out(
     response: FrequencyResponse, settings: Mapping[str, Any], least_percent: float
-) -> tuple[TransferFunctionFit, tuple[str, ...], tuple[str, ...]]:
+) -> tuple[TransferFunctionFit, tuple[Note, ...], tuple[Note, ...]]:
     """A fit with as many poles as were asked for, or fewer where the lines bear out only those.
 
     Returns:
@@ -210,7 +215,8 @@ def _borne_out(
     for fewer in range((poles or 1) - 1, max(asked["zeros"] or 0, 1) - 1, -1) if why else ():
         fit = fit_transfer_function(lines, poles=fewer, **asked)
         if not doubts(fit, least_percent):
-            return fit, (), (f"{poles} poles are not borne out ({'; '.join(why)}); {fewer} are.",)
+            less = Note("{n} poles are not borne out ({reasons:; }); {fewer} are.", n=poles, reasons=why, fewer=fewer)
+            return fit, (), (less,)
     return first, why, ()
 
 

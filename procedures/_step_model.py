@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.identification.step_response import StepFigures
+from hil.language.note import Note
 from hil.record.recording import Array
 
 
@@ -15,7 +16,7 @@ class StepModel:
     """A fitted step: the response, shape (n,), and its formula."""
 
     response: Array
-    text: str
+    text: Note
 
 
 def step_model(time_s: Array, measured: Array, figures: StepFigures) -> StepModel:
@@ -53,5 +54,8 @@ def step_model(time_s: Array, measured: Array, figures: StepFigures) -> StepMode
         bounds=([1e-7, 0.0], [10.0 * longest_s, longest_s]), x_scale=[first[0], first[0]],
     )  # fmt: skip
     constant_s, dead_time_s = found.x.tolist()
-    text = f"first order: time constant {1e3 * constant_s:.3g} ms, dead time {1e3 * dead_time_s:.3g} ms"
+    text = Note(
+        "first order: time constant {constant_ms:.3g} ms, dead time {dead_time_ms:.3g} ms",
+        constant_ms=1e3 * constant_s, dead_time_ms=1e3 * dead_time_s,
+    )  # fmt: skip
     return StepModel(figures.start + change * follow(found.x), text)

@@ -14,6 +14,7 @@ import numpy as np
 
 from hil.errors import SettingError
 from hil.identification.coil import COPPER_PER_K
+from hil.language.note import Note
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import Rig
@@ -91,8 +92,9 @@ def evaluate(recording: Recording) -> Findings:
     if readings["cold"] is not None and readings["hot"] is not None:
         measured.append(_warmed(typed))
     late = readings["hot"] is not None and typed["switched_off_s"] > _LATEST_S
-    deviations = (f"Hot resistance read {typed['switched_off_s']:g} s after switching off; 1 s is allowed.",) * late
-    return Findings(tuple(measured), notes=(f"Read by hand from {typed['instrument']}.",), deviations=deviations)
+    hot = Note("Hot resistance read {time_s:g} s after switching off; 1 s is allowed.", time_s=typed["switched_off_s"])
+    source = Note("Read by hand from {instrument}.", instrument=typed["instrument"])
+    return Findings(tuple(measured), notes=(source,), deviations=(hot,) * late)
 
 
 def _reading(what: Measurement, typed: Mapping[str, Any], name: str) -> Measured:

@@ -10,6 +10,7 @@ import numpy as np
 
 from hil.errors import SettingError, UnitError
 from hil.identification.parametric_bootstrap import DRAWS, about, draws_of
+from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
@@ -162,13 +163,13 @@ def _level_std(command: Channel, response: Channel) -> float:
     return math.hypot(calibration_std(response), per * calibration_std(command))
 
 
-def _note(closed: bool) -> str:
+def _note(closed: bool) -> Note:
     if closed:
-        return (
+        return Note(
             "The loop was closed: what is left of the drift is what the controller lets pass. Leakage past spool and "
             "piston shows as an offset in its place."
         )
-    return "The loop was open: the drift is that of cylinder, load and valve at neutral."
+    return Note("The loop was open: the drift is that of cylinder, load and valve at neutral.")
 
 
 def _same_kind(unit: str, other: str) -> bool:

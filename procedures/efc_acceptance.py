@@ -32,6 +32,7 @@ from hil.identification.efc_condition import (
 )
 from hil.identification.pressure_curve import PressureCurve, pressure_curve
 from hil.identification.sweep_estimate import Sweep
+from hil.language.note import Note
 from hil.physics.published.tugsal import CLASSIFIED_CURRENT_A
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.population_comparison import PopulationComparison
@@ -90,17 +91,16 @@ MEASUREMENTS = (
 KIND = "function"
 
 _PARTS: tuple[tuple[str, str, Any], ...] = (
-    ("electrical check", electrical_check.KIND, electrical_check),
-    ("leakage", leakage_check.KIND, leakage_check),
-    ("pressure over current", pressure_current.KIND, pressure_current),
-    ("steps", efc_step_response.KIND, efc_step_response),
-    ("frequency response", "sine", efc_frequency_response),
+    (Note("electrical check"), electrical_check.KIND, electrical_check),
+    (Note("leakage"), leakage_check.KIND, leakage_check),
+    (Note("pressure over current"), pressure_current.KIND, pressure_current),
+    (Note("steps"), efc_step_response.KIND, efc_step_response),
+    (Note("frequency response"), "sine", efc_frequency_response),
 )
 _ENDED, _LEFT_OUT = "ended early", "level left out"
 _OPENING_A, _FOLLOWS_PSI = 1.8, 50.0
 _CLASS_STEP_A, _CLASS_LEVEL = {"low": 1.4, "high": 1.6}, "medium"
 _THESIS_RATE_HZ = 1000.0  # at which `_step_samples` gives the pressure; the thesis does not state its own
-_AWAY = "distances in standard deviations"
 
 
 def run(
@@ -185,19 +185,22 @@ def evaluate(recording: Recording) -> Findings:
     left_out = _noted(recording, _LEFT_OUT)
     function = _function(recording)
     done: dict[str, Findings] = {}
-    notes = [f"Ended early: {reason}." for reason in reasons]
+    notes = [Note("Ended early: {reason}.", reason=reason) for reason in reasons]
     for name, kind, procedure in _PARTS:
         if not part_recordings(recording, kind):
-            notes.append(f"Not done: {name}.")
+            notes.append(Note("Not done: {part}.", part=name))
             continue
         try:
             done[name] = procedure.evaluate(recording)
         except InputError as error:
-            notes.append(f"Not evaluated: {name}: {error}.")
+            notes.append(Note("Not evaluated: {part}: {why}.", part=name, why=str(error)))
     whole = len(done) + (function is not None) - bool(left_out and "frequency response" in done)
     complete = COMPLETE.of(float(whole), 0.0)
     judged, condition_notes, population = _condition(recording, done)
-    notes += [f"Level {one['level']} of the frequency response left out: {one['reason']}." for one in left_out]
+    notes += [
+        Note("Level {level} of the frequency response left out: {why}.", level=one["level"], why=one["reason"])
+        for one in left_out
+    ]
     return Findings(
         (complete, *(() if function is None else (function,)), *judged,
          *(m for found in done.values() for m in found.measured)),
@@ -273,7 +276,7 @@ def _steps(top_current: float) -> tuple[float, ...]:
 
 def judged_condition(
     test: ValveTest, frequencies_hz: tuple[float, ...], normally_open: bool
-) -> tuple[list[Measured], list[str]]:
+) -> tuple[list[Measured], list[Note]]:
     """What the numbers of a test say of the valve's condition, each with its verdict, and what to read beside them.
 
     Args:
@@ -284,18 +287,29 @@ def judged_condition(
     found = condition(test, frequencies_hz, normally_open)
     good = good_reference(frequencies_hz, normally_open)
     shares: list[float | None] = [round(100.0 * share, 1) for share in found.probabilities.values()]
-    away = ", ".join(f"{name} {distance:.1f}" for name, distance in found.distances.items())
+    away = tuple(
+        Note("{of} {distance:.1f}", of=Note(name), distance=distance) for name, distance in found.distances.items()
+    )
     if found.unlike:
         shares = [None] * len(shares)
-        notes = [f"Condition: unlike every class of a simulated population of EFC valves; {_AWAY}: {away}."]
+        notes = [Note(
+            "Condition: unlike every class of a simulated population of EFC valves; distances in standard deviations: "
+            "{away}.",
+            away=away,
+        )]  # fmt: skip
     else:
-        likely = 100.0 * found.probabilities[found.verdict]
-        notes = [f"Condition: {found.verdict} ({likely:.1f} %), against a simulated population; {_AWAY}: {away}."]
-    notes.append(
-        f"Good reference: rise to 1.6 A {1e3 * good.rise_s:.0f} ms, one good valve in forty above "
-        f"{1e3 * good.longest_rise_s:.0f} ms; −3 dB at the medium level {good.bandwidth_hz:.2f} Hz, one in forty below "
-        f"{good.least_bandwidth_hz:.2f} Hz. This valve: {1e3 * test.rise_s:.0f} ms, {test.bandwidth_hz:.2f} Hz."
-    )
+        notes = [Note(
+            "Condition: {verdict} ({likely:.1f} %), against a simulated population; distances in standard deviations: "
+            "{away}.",
+            verdict=Note(found.verdict), likely=100.0 * found.probabilities[found.verdict], away=away,
+        )]  # fmt: skip
+    notes.append(Note(
+        "Good reference: rise to 1.6 A {rise_ms:.0f} ms, one good valve in forty above {longest_ms:.0f} ms; −3 dB at "
+        "the medium level {bandwidth_hz:.2f} Hz, one in forty below {least_hz:.2f} Hz. This valve: {own_rise_ms:.0f} "
+        "ms, {own_hz:.2f} Hz.",
+        rise_ms=1e3 * good.rise_s, longest_ms=1e3 * good.longest_rise_s, bandwidth_hz=good.bandwidth_hz,
+        least_hz=good.least_bandwidth_hz, own_rise_ms=1e3 * test.rise_s, own_hz=test.bandwidth_hz,
+    ))  # fmt: skip
     rise, bandwidth = test.rise_s / good.rise_s, test.bandwidth_hz / good.bandwidth_hz
     longest, least = good.longest_rise_s / good.rise_s, good.least_bandwidth_hz / good.bandwidth_hz
     return [
@@ -308,14 +322,14 @@ def judged_condition(
 
 def _condition(
     recording: Recording, done: dict[str, Findings]
-) -> tuple[list[Measured], list[str], PopulationComparison]:
+) -> tuple[list[Measured], list[Note], PopulationComparison]:
     """The condition, and the valve beside good ones; not determined where the tests that they need are missing."""
     try:
         test = _valve_test(recording, done)
     except InputError as error:
         return (
             [m.of(None) for m in _CONDITION],
-            [f"Condition cannot be told: {error}."],
+            [Note("Condition cannot be told: {why}.", why=str(error))],
             PopulationComparison(reason=str(error)),
         )
     settings = recording.meta["settings"]
@@ -342,7 +356,7 @@ def beside_good(test: ValveTest, leakage_std_ml_min: float | None, good: GoodRan
     )  # fmt: skip
 
 
-def _thesis(recording: Recording) -> tuple[list[Measured], list[str]]:
+def _thesis(recording: Recording) -> tuple[list[Measured], list[Note]]:
     """Eq. 4.1 at both currents, and what section 4.1.3 of the thesis calls it; a remark, not a verdict."""
     command, response = roles_of(recording)
     measured, notes = [], []
@@ -354,7 +368,7 @@ def _thesis(recording: Recording) -> tuple[list[Measured], list[str]]:
         mean = thesis_class(float(errors.mean()), level, shared / _THESIS_RATE_HZ, _THESIS_RATE_HZ)
         std = float(errors.std(ddof=1)) / math.sqrt(len(errors)) if len(errors) > 1 else None
         measured.append(DEVIATION.at(f"{current:g} A").of(mean.error, std))
-        notes.append(f"EFC thesis, {mean.sentence}.")
+        notes.append(Note("EFC thesis, {found}.", found=mean.sentence))
     return measured, notes
 
 

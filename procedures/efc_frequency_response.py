@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 from hil.errors import InputError, SettingError
 from hil.identification.pressure_curve import PressureCurve
+from hil.language.note import Note, changed
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
 from hil.rig import Rig
@@ -114,10 +115,13 @@ def evaluate(recording: Recording) -> Findings:
     found = frequency_response.evaluate(replace(recording, meta={**recording.meta, "settings": settings}))
     levels = [event["details"] for event in recording.meta.get("events", ()) if event.get("event") == "level"]
     notes = tuple(
-        f"Level {one['level']}: {one['psi'][0]:g} to {one['psi'][1]:g} psi, {one['low_a']:.4g} to "
-        f"{one['high_a']:.4g} A."
+        Note(
+            "Level {level}: {low_psi:g} to {high_psi:g} psi, {low_a:.4g} to {high_a:.4g} A.",
+            level=one["level"], low_psi=one["psi"][0], high_psi=one["psi"][1], low_a=one["low_a"],
+            high_a=one["high_a"],
+        )
         for one in levels
-    )
+    )  # fmt: skip
     named = _named(found, levels)
     return replace(named, notes=(*notes, *named.notes))
 
@@ -138,8 +142,8 @@ def _named(found: Findings, levels: Sequence[Mapping[str, Any]]) -> Findings:
     return Findings(
         tuple(replace(m, name=renamed(m.name)) for m in found.measured),
         {"responses": [{**curve, "label": renamed(str(curve["label"]))} for curve in found.curves["responses"]]},
-        tuple(map(renamed, found.notes)),
-        tuple(map(renamed, found.deviations)),
+        tuple(changed(note, renamed) for note in found.notes),
+        tuple(changed(note, renamed) for note in found.deviations),
     )
 
 

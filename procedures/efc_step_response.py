@@ -14,6 +14,7 @@ import numpy as np
 
 from hil.errors import InputError
 from hil.identification.step_estimate import MeasuredStep, measured_steps
+from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
@@ -24,7 +25,7 @@ from hil.signals.rounding import mean_rounding_std, rounding_step
 from procedures._definitions import STEPS, defined
 from procedures._efc import Stage, held, instrument_std, part_recordings, play
 from procedures._extreme import extreme
-from procedures._recorded import roles_of
+from procedures._recorded import NO_DEAD_TIME, roles_of
 from procedures._scale import check_above
 from procedures._settings import NotNegative, Once, Positive
 
@@ -82,16 +83,17 @@ def evaluate(recording: Recording) -> Findings:
     """Figures for each current: mean over the repeats, with what their scatter and the noise say."""
     found = part_recordings(recording, KIND)
     if not found:
-        return Findings(tuple(m.of(None) for m in MEASUREMENTS), notes=("No step was measured.",))
+        return Findings(tuple(m.of(None) for m in MEASUREMENTS), notes=(Note("No step was measured."),))
     command, response = roles_of(recording)
     by_current: dict[float, list[MeasuredStep | None]] = {}
     curves, notes = [], []
     drift = _drift(found, command.name, response)
     if drift:
-        notes.append(
-            f"The pressure before the steps changes by {drift:.2g} {response.unit} from step to step: reading or valve "
-            "drifts. As much is granted to every steady pressure."
-        )
+        notes.append(Note(
+            "The pressure before the steps changes by {drift:.2g} {unit} from step to step: reading or valve drifts. "
+            "As much is granted to every steady pressure.",
+            drift=drift, unit=response.unit,
+        ))  # fmt: skip
     for part, samples in found:
         step = first_step(samples, command.name, response.name)
         by_current.setdefault(float(part["current"]), []).append(step)
@@ -99,16 +101,14 @@ def evaluate(recording: Recording) -> Findings:
             curves.append(_curve(part, samples, command.name, response.name, step))
     measured: list[Measured] = []
     for current, steps in by_current.items():
-        usable = [step for step in steps if step is not None]
+        usable, place = [step for step in steps if step is not None], f"{current:g} A"
         if len(usable) < len(steps):
-            notes.append(
-                f"{current:g} A: {len(steps) - len(usable)} of {len(steps)} steps move the pressure too little."
-            )
+            few = len(steps) - len(usable)
+            notes.append(Note("{n} of {all} steps move the pressure too little.", n=few, all=len(steps)).at(place))
         if usable:
-            place = f"{current:g} A"
             measured += _figures(place, usable, instrument_std(response), drift)
             if not all(math.isfinite(step.std.dead_time_s) for step in usable):
-                notes.append(f"{place}: noise alone reaches 2 % of the change; the dead time cannot be told.")
+                notes.append(NO_DEAD_TIME.at(place))
     return Findings(tuple(measured), {"steps": curves} if curves else {}, tuple(notes))
 
 

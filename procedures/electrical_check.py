@@ -15,6 +15,7 @@ import numpy as np
 
 from hil.errors import SettingError
 from hil.identification.coil import COPPER_PER_K, Coil, CoilReadings, copper_factor, fit_coil
+from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
@@ -121,7 +122,7 @@ def evaluate(recording: Recording) -> Findings:
     """Resistance at 72 °F, inductance, and what they say about the coil."""
     found = part_recordings(recording, KIND)
     if not found:
-        return Findings(tuple(m.of(None) for m in MEASUREMENTS), notes=("The coil was not tested.",))
+        return Findings(tuple(m.of(None) for m in MEASUREMENTS), notes=(Note("The coil was not tested."),))
     part, samples = found[0]
     return judged(samples, part, recording.meta.get("conditions", {}))
 
@@ -180,22 +181,24 @@ def judged(samples: Recording, part: Mapping[str, Any], conditions: Mapping[str,
 
 def _temperature(
     samples: Recording, part: Mapping[str, Any], conditions: Mapping[str, Any]
-) -> tuple[float, float, float, str]:
+) -> tuple[float, float, float, Note]:
     """Temperature of the copper in °C, how it scatters, how well it is known, and where it is from."""
     if part.get("coil_temperature") is not None:
         given = float(part["coil_temperature"])
-        return given, 0.0, _STATED_TEMPERATURE_STD_K, f"Coil temperature as set: {given:g} °C."
+        return given, 0.0, _STATED_TEMPERATURE_STD_K, Note("Coil temperature as set: {was_c:g} °C.", was_c=given)
     if COIL_TEMPERATURE in samples.channels:
         measured = channel(samples, COIL_TEMPERATURE, "degC", "the electrical check")
         values = measured.values
         std = math.hypot(instrument_std(measured), 0.5)
         scatter = math.hypot(float(values.std()) / math.sqrt(len(values)), _rounding_std(samples, measured))
-        note = "Coil temperature measured at its housing; ± 0.5 K are granted to the copper."
+        note = Note("Coil temperature measured at its housing; ± 0.5 K are granted to the copper.")
         return float(values.mean()), scatter, std, note
     if conditions.get("fluid_temperature_c") is not None:
         given = float(conditions["fluid_temperature_c"])
-        return given, 0.0, _STATED_TEMPERATURE_STD_K, f"Coil temperature taken to be the fluid's, {given:g} °C."
-    return _REFERENCE_C, 0.0, 10.0, "Coil temperature not known; 72 °F ± 18 °F assumed. State it with coil_temperature."
+        note = Note("Coil temperature taken to be the fluid's, {was_c:g} °C.", was_c=given)
+        return given, 0.0, _STATED_TEMPERATURE_STD_K, note
+    note = Note("Coil temperature not known; 72 °F ± 18 °F assumed. State it with coil_temperature.")
+    return _REFERENCE_C, 0.0, 10.0, note
 
 
 def _rounding_std(samples: Recording, of: Channel) -> float:
@@ -204,19 +207,23 @@ def _rounding_std(samples: Recording, of: Channel) -> float:
     return mean_rounding_std(quietest, reading_step(samples, of))
 
 
-def _notes(coil: Coil, ohm: float, voltage: str) -> list[str]:
+def _notes(coil: Coil, ohm: float, voltage: str) -> list[Note]:
     """What the numbers mean, where it is not plain."""
     if coil.is_open:
-        return [
-            f"Coil or its wiring open: {coil.current_a:.3g} A of {coil.asked_a:g} A flow at {coil.voltage_v:.3g} V."
-        ]
+        return [Note(
+            "Coil or its wiring open: {current_a:.3g} A of {asked_a:g} A flow at {voltage_v:.3g} V.",
+            current_a=coil.current_a, asked_a=coil.asked_a, voltage_v=coil.voltage_v,
+        )]  # fmt: skip
     nominal, _ = SPECIFIED_OHM[voltage]
     other = "24" if voltage == "12" else "12"
     notes = []
     if ohm < 0.0:
-        notes.append("Voltage and current have opposite signs: the sense leads of one of them are swapped.")
+        notes.append(Note("Voltage and current have opposite signs: the sense leads of one of them are swapped."))
     elif ohm < 0.3 * nominal:
-        notes.append(f"Coil or its wiring shorted: {coil.voltage_v:.3g} V drive {coil.current_a:.3g} A.")
+        notes.append(Note(
+            "Coil or its wiring shorted: {voltage_v:.3g} V drive {current_a:.3g} A.",
+            voltage_v=coil.voltage_v, current_a=coil.current_a,
+        ))  # fmt: skip
     elif abs(ohm - SPECIFIED_OHM[other][0]) <= SPECIFIED_OHM[other][1]:
-        notes.append(f"The resistance is that of a {other} V coil.")
+        notes.append(Note("The resistance is that of a {other} V coil.", other=other))
     return notes

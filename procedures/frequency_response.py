@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hil.identification.frequency_response import DISTORTION_FLAG, FrequencyResponse
 from hil.identification.parametric_bootstrap import DRAWS, draws_of
 from hil.identification.sine_segments import Segment, declared_segments, frequency_responses, hum_beneath
+from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
@@ -183,12 +184,14 @@ def _hummed(
     return made
 
 
-def _hum_note(one: Evaluated, hummed: NDArray[np.bool_], hum_hz: float | None) -> str:
-    lines = ", ".join(f"{f:g}" for f in one.response.frequency_hz[hummed].tolist())
-    return (
-        f"{one.label}: a tone of {hum_hz:.3g} Hz goes on beneath every sine. What it adds to harmonics of {lines} Hz "
-        "cannot be told from distortion; drive other frequencies to tell it."
-    )
+def _hum_note(one: Evaluated, hummed: NDArray[np.bool_], hum_hz: float | None) -> Note:
+    lines_hz = tuple(Note("{line_hz:g}", line_hz=line_hz) for line_hz in one.response.frequency_hz[hummed])
+    note = Note(
+        "a tone of {tone_hz:.3g} Hz goes on beneath every sine. What it adds to harmonics of {lines_hz} Hz cannot be "
+        "told from distortion; drive other frequencies to tell it.",
+        tone_hz=hum_hz, lines_hz=lines_hz,
+    )  # fmt: skip
+    return note.at(one.label)
 
 
 def _distortion(one: Evaluated, hummed: NDArray[np.bool_]) -> Measured:
@@ -214,24 +217,31 @@ def _distortion(one: Evaluated, hummed: NDArray[np.bool_]) -> Measured:
     return what.of(None) if hummed.any() else extreme(what, value, std)
 
 
-def _distorted(one: Evaluated) -> tuple[str, ...]:
+def _distorted(one: Evaluated) -> tuple[Note, ...]:
     thd, _ = one.response.distortion_beyond_noise
     over = one.response.frequency_hz[thd > DISTORTION_FLAG]
     if not over.size or not one.follows:
         return ()
     worst = int(np.nanargmax(thd))
-    note = (
-        f"{one.label}: distortion above {100 * DISTORTION_FLAG:g} % at {over.size} of {thd.size} frequencies "
-        f"({100 * thd[worst]:.0f} % at {one.response.frequency_hz[worst]:g} Hz); there the valve is not linear at this "
-        "amplitude."
-    )
-    return (note,)
+    note = Note(
+        "distortion above {limit:g} % at {n} of {all} frequencies ({thd:.0f} % at {worst_hz:g} Hz); there the valve is "
+        "not linear at this amplitude.",
+        limit=100 * DISTORTION_FLAG, n=over.size, all=thd.size, thd=100 * thd[worst],
+        worst_hz=one.response.frequency_hz[worst],
+    )  # fmt: skip
+    return (note.at(one.label),)
 
 
-def _unsteady(parts: list[Any]) -> tuple[str, ...]:
+def _unsteady(parts: list[Any]) -> tuple[Note, ...]:
     late = [part for part in parts if not part["steady"]]
     if not late:
         return ()
-    places = ", ".join(f"{p['frequency_hz']:g} Hz at {p['bias']:+.4g} ± {p['amplitude']:.4g}" for p in late[:5])
-    more = f" and {len(late) - 5} more" if len(late) > 5 else ""
-    return (f"Measured before the response was steady: {places}{more}.",)
+    places = tuple(
+        Note("{frequency_hz:g} Hz at {bias:+.4g} ± {amplitude:.4g}", frequency_hz=part["frequency_hz"],
+             bias=part["bias"], amplitude=part["amplitude"])
+        for part in late[:5]
+    )  # fmt: skip
+    if len(late) <= 5:
+        return (Note("Measured before the response was steady: {places}.", places=places),)
+    more = len(late) - 5
+    return (Note("Measured before the response was steady: {places} and {n} more.", places=places, n=more),)

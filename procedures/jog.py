@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import SettingError
+from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
@@ -44,7 +45,7 @@ def evaluate(recording: Recording) -> Findings:
     """What each channel read while the output stood there."""
     held = [part for part in recording.meta.get("parts", ()) if part.get("kind") == HELD]
     if not held:
-        return Findings(notes=("The output never stood at its value.",))
+        return Findings(notes=(Note("The output never stood at its value."),))
     measured = [
         found
         for part in held
@@ -52,7 +53,12 @@ def evaluate(recording: Recording) -> Findings:
         if not channel.name.startswith("delay of ")
         for found in _measured(channel, _settled(channel.values, part), _at(part) if len(held) > 1 else "")
     ]
-    return Findings(tuple(measured), notes=tuple(f"{part['channel']} stood{_at(part)}." for part in held))
+    return Findings(tuple(measured), notes=tuple(map(_stood, held)))
+
+
+def _stood(part: Mapping[str, Any]) -> Note:
+    unit = behind_a_number(part["unit"])
+    return Note("{channel} stood at {value:g}{unit}.", channel=part["channel"], value=part["to"], unit=unit)
 
 
 def _settled(values: np.ndarray, part: Mapping[str, Any]) -> np.ndarray:

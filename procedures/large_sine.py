@@ -12,6 +12,7 @@ import numpy as np
 
 from hil.errors import SettingError
 from hil.identification.sine_segments import declared_segments
+from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import Rig
@@ -131,11 +132,12 @@ def _creep_per_s(fit: SineFit, duration_s: float) -> float:
     return 2.0 * abs(change) / duration_s if abs(change) > CERTAIN * std else 0.0
 
 
-def _crept(creep_per_s: float, unit: str) -> str:
-    return (
-        f"The response drifts by up to {creep_per_s:.2g} {unit}/s beneath the sines. That is taken out of amplitude "
-        "and phase; how far it has moved the mean since the recording began cannot be told, and is granted to it."
-    )
+def _crept(creep_per_s: float, unit: str) -> Note:
+    return Note(
+        "The response drifts by up to {creep_per_s:.2g} {unit}/s beneath the sines. That is taken out of amplitude and "
+        "phase; how far it has moved the mean since the recording began cannot be told, and is granted to it.",
+        creep_per_s=creep_per_s, unit=unit,
+    )  # fmt: skip
 
 
 def _measured(recording: Recording, given: SineFit, answer: SineFit, crept: float) -> list[Measured]:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 
+from hil.language.note import Note
+from hil.language.words import marked
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
@@ -74,7 +76,7 @@ def evaluate(recording: Recording) -> Findings:
     """The flow at 220 psi, and whether it is one through a closed valve."""
     found = part_recordings(recording, KIND)
     if not found:
-        return Findings(tuple(m.of(None) for m in MEASUREMENTS), notes=("Leakage was not measured.",))
+        return Findings(tuple(m.of(None) for m in MEASUREMENTS), notes=(Note("Leakage was not measured."),))
     _, samples = found[0]
     _, response = roles_of(recording)
     flow = channel(samples, THROUGH_FLOW, "ml/min", "the leakage check")
@@ -91,21 +93,24 @@ def evaluate(recording: Recording) -> Findings:
     full = at_end and means[0] >= _FULL * float(recording.values(flow.name, "ml/min").max())
     if full:
         leakage = LEAKAGE.of(means[0] * _FULL, stds[0], relation=">", calibration=known[0])
-        notes.append("The flow meter is at the end of its range: the valve is open at this current.")
+        notes.append(Note("The flow meter is at the end of its range: the valve is open at this current."))
     elif abs(across / _RATED_PSI - 1.0) > _FARTHEST:
         leakage = LEAKAGE.of(None)
-        notes.append(
-            f"{across:.4g} psi across the valve, not 220: no supply pressure, or the valve is open at this current."
-        )
+        notes.append(Note(
+            "{across_psi:.4g} psi across the valve, not 220: no supply pressure, or the valve is open at this current.",
+            across_psi=across,
+        ))  # fmt: skip
     else:
         factor = _RATED_PSI / across
         std, calibration = (
             factor * math.hypot(part[0], means[0] * math.hypot(part[1], part[2]) / across) for part in (stds, known)
         )
         leakage = LEAKAGE.of(means[0] * factor, std, calibration=calibration)
-    for name, value, rated in (("before", means[1], _RATED_PSI), ("behind", means[2], 0.0)):
+    before = marked("{found_psi:.4g} psi before the valve; {rated_psi:g} ± {within_psi:g} psi is specified.")
+    behind = marked("{found_psi:.4g} psi behind the valve; {rated_psi:g} ± {within_psi:g} psi is specified.")
+    for code, value, rated in ((before, means[1], _RATED_PSI), (behind, means[2], 0.0)):
         if abs(value - rated) > _TOLERANCE_PSI:
-            deviations.append(f"{value:.4g} psi {name} the valve; {rated:g} ± {_TOLERANCE_PSI:g} psi is specified.")
+            deviations.append(Note(code, found_psi=value, rated_psi=rated, within_psi=_TOLERANCE_PSI))
     return Findings(
         (
             leakage,

@@ -14,6 +14,7 @@ import numpy as np
 from hil.errors import SettingError
 from hil.identification.best_linear_approximation import BestLinearApproximation, best_linear_approximation
 from hil.identification.parametric_bootstrap import about
+from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
@@ -104,7 +105,9 @@ def evaluate(recording: Recording) -> Findings:
     linear = best_linear_approximation(recording, command.name, response.name, settle_periods=0)
     found = evaluated(recording, [one.response for one in linear])
     notes, deviations = chain_notes(recording, found[0].response.frequency_hz)
-    sentences = [f"{one.label}: {bla.sentence}." for one, bla in zip(found, linear, strict=True)]
+    linearity = [
+        Note("{place!l}: {note}.", place=one.label, note=bla.sentence) for one, bla in zip(found, linear, strict=True)
+    ]
     return Findings(
         measured=tuple(
             measured
@@ -112,7 +115,7 @@ def evaluate(recording: Recording) -> Findings:
             for measured in (*one.measured(), *_levels(one, bla))
         ),
         curves={"responses": [_curve(one, bla) for one, bla in zip(found, linear, strict=True)]},
-        notes=(*notes, *sentences, *(note for one in found for note in one.explained())),
+        notes=(*notes, *linearity, *(note for one in found for note in one.explained())),
         deviations=(*deviations, *reference_deviations(found), *departures(recording)),
     )
 

@@ -16,6 +16,7 @@ from hil.errors import InputError
 from hil.identification.characteristic import averaged_over, largest_slope, level_at, over_all, polyline
 from hil.identification.pressure_curve import PressureCurve, pressure_curve
 from hil.identification.sweep_estimate import Sweep
+from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
@@ -97,7 +98,7 @@ def evaluate(recording: Recording) -> Findings:
     """The curve, its figures, and whether pressure follows current as the valve's type asks."""
     found = part_recordings(recording, KIND)
     if len(found) < 2:
-        return Findings(tuple(m.of(None) for m in MEASUREMENTS), notes=("The pressure curve was not measured.",))
+        return Findings(tuple(m.of(None) for m in MEASUREMENTS), notes=(Note("The pressure curve was not measured."),))
     command, response = roles_of(recording)
     pieces = [(float(part["speed_per_s"]), samples) for part, samples in found]
     direction = -1.0 if found[0][0]["normally_open"] else 1.0
@@ -155,12 +156,13 @@ def _of_loop(curve: PressureCurve) -> list[Measured]:
     return [extreme(HYSTERESIS, 1e3 * width, 1e3 * width_std), LAG.of(1e3 * lag_s, 1e3 * lag_std_s)]
 
 
-def _notes(curve: PressureCurve, span: float, direction: float) -> list[str]:
+def _notes(curve: PressureCurve, span: float, direction: float) -> list[Note]:
     if abs(curve.span) <= max(10.0 * curve.span_std, 5.0):
-        return ["Pressure does not follow the current: sensor stuck, valve stuck, or no supply pressure."]
+        return [Note("Pressure does not follow the current: sensor stuck, valve stuck, or no supply pressure.")]
+    if span < 0.0 < direction:
+        return [Note("Current closes this valve; it was tested as one that current is to open: the type is mistaken.")]
     if span < 0.0:
-        is_, stated = ("closes", "open") if direction > 0.0 else ("opens", "close")
-        return [f"Current {is_} this valve; it was tested as one that current is to {stated}: the type is mistaken."]
+        return [Note("Current opens this valve; it was tested as one that current is to close: the type is mistaken.")]
     return []
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from hil.errors import InputError, SettingError
 from hil.identification.sine_segments import Segment, declared_segments
+from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
@@ -147,10 +148,10 @@ def evaluate(recording: Recording) -> Findings:
         notes.append(_model_note(recording, rows, place, closed))
     if len(gains) == 2:
         measured.append(_ratio(*gains))
-    notes.append(
+    notes.append(Note(
         "One sine tells two numbers, a gain and one time; for an order, dead time or resonance run multisine_response "
         "or step_response."
-    )
+    ))  # fmt: skip
     return Findings(tuple(measured), {"large_sines": curves}, tuple(notes), departures(recording))
 
 
@@ -261,7 +262,7 @@ def _fitted(answer: SineFit, time_s: Array) -> Array:
     return made
 
 
-def _model_note(recording: Recording, rows: slice, place: str, closed: bool) -> str:
+def _model_note(recording: Recording, rows: slice, place: str, closed: bool) -> Note:
     """Gain and time of the process model that one sine supports, with its fit to the same data."""
     from hil.identification.process_model import process_model
 
@@ -273,10 +274,13 @@ def _model_note(recording: Recording, rows: slice, place: str, closed: bool) -> 
             part, command.name, response.name, lags=1, integrator=not closed, dead_time=False, skip_s=skip_s
         )
     except InputError as error:
-        return f"{place}: no process model: {error}."
+        return Note("no process model: {why}.", why=str(error)).at(place)
     (gain, gain_std), (time_s, time_std_s) = ((found.values[n], found.std[n]) for n in ("gain", "time"))
     unit = f"{response.unit}{'' if closed else '/s'} per {command.unit}"
-    return (
-        f"{place}: {found.form.name}, gain {gain:.4g} ± {COVERED * gain_std:.1g} {unit}, time "
-        f"{1e3 * time_s:.4g} ± {1e3 * COVERED * time_std_s:.2g} ms, fit {found.fit_percent:.2f} % of the same data."
-    )
+    note = Note(
+        "{form}, gain {gain:.4g} ± {gain_u:.1g} {unit}, time {time_ms:.4g} ± {time_u_ms:.2g} ms, fit {fit:.2f} % of "
+        "the same data.",
+        form=found.form.name, gain=gain, gain_u=COVERED * gain_std, unit=unit, time_ms=1e3 * time_s,
+        time_u_ms=1e3 * COVERED * time_std_s, fit=found.fit_percent,
+    )  # fmt: skip
+    return note.at(place)

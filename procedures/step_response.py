@@ -12,6 +12,7 @@ from hil.errors import InputError, SettingError
 from hil.identification.step_estimate import MeasuredStep, measured_steps
 from hil.identification.step_models import over_lowest, step_models
 from hil.identification.table_fit import as_response
+from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.record.response_table import ResponseTable
@@ -25,7 +26,7 @@ from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
 from procedures._course import Course, joined
 from procedures._definitions import STEPS, defined
 from procedures._extreme import extreme
-from procedures._recorded import calibration_share, departures, parts_of, roles_of
+from procedures._recorded import NO_DEAD_TIME, calibration_share, departures, parts_of, roles_of
 from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, Once, Positive
 from procedures._step_model import step_model
@@ -113,26 +114,29 @@ def evaluate(recording: Recording) -> Findings:
     curves, notes = [], []
     drift = _drift(recording)
     if drift:
-        notes.append(
-            f"The response at one and the same level changes by {drift:.2g} {roles_of(recording)[1].unit} from visit "
-            "to visit: reading or valve drifts. Half of that is granted to every level."
-        )
+        notes.append(Note(
+            "The response at one and the same level changes by {drift:.2g} {unit} from visit to visit: reading or "
+            "valve drifts. Half of that is granted to every level.",
+            drift=drift, unit=roles_of(recording)[1].unit,
+        ))  # fmt: skip
     beside = _noted_beside(recording)
     for number, (part, before) in enumerate(_steps(recording), start=1):
         label = _label(recording, part, number)
         try:
             found = _one(recording, part, before, band, drift / 2.0)
         except InputError as error:
-            notes.append(f"{label}: no figures: {_reason(error)}.")
+            notes.append(Note("no figures: {why}.", why=_reason(error)).at(label))
             continue
         _, response = roles_of(recording)
         measured += _measured(label, found, response)
         if not np.isfinite(found.std.dead_time_s):
-            notes.append(f"{label}: noise alone reaches 2 % of the change; the dead time cannot be told.")
+            notes.append(NO_DEAD_TIME.at(label))
         if found.tone_hz is not None:
-            notes.append(f"{label}: a tone of {found.tone_hz:.3g} Hz goes on before and after it and was taken out.")
+            notes.append(Note(
+                "a tone of {tone_hz:.3g} Hz goes on before and after it and was taken out.", tone_hz=found.tone_hz
+            ).at(label))  # fmt: skip
         if abs(found.moving) > _STILL * abs(found.figures.final - found.figures.start):
-            notes.append(_still_moving(label, found, response.unit))
+            notes.append(_still_moving(found, response.unit).at(label))
         models, why = _models(label, found, beside)
         notes += why
         curves.append(_curve(recording, part, before, label, found) | models)
@@ -212,11 +216,12 @@ def _time(what: Measurement, value_s: float, std_s: float) -> Measured:
     return what.of(1e3 * value_s, 1e3 * std_s) if known else what.of(None)
 
 
-def _still_moving(label: str, found: MeasuredStep, unit: str) -> str:
-    return (
-        f"{label}: the response still moves by {found.moving:.2g} {unit} over the end of the step, from which its "
-        "final value is read; hold it longer."
-    )
+def _still_moving(found: MeasuredStep, unit: str) -> Note:
+    return Note(
+        "the response still moves by {change:.2g} {unit} over the end of the step, from which its final value is read; "
+        "hold it longer.",
+        change=found.moving, unit=unit,
+    )  # fmt: skip
 
 
 def _curve(
@@ -237,7 +242,7 @@ def _curve(
     }  # fmt: skip
 
 
-def _models(label: str, found: MeasuredStep, beside: ResponseTable | None) -> tuple[dict[str, Any], list[str]]:
+def _models(label: str, found: MeasuredStep, beside: ResponseTable | None) -> tuple[dict[str, Any], list[Note]]:
     """The models that rise and settling make, and the response beside them; and what to say of them."""
     value, std = found.figures, found.std
     try:
@@ -246,7 +251,9 @@ def _models(label: str, found: MeasuredStep, beside: ResponseTable | None) -> tu
             band=value.band, std_s=(std.rise_s, std.settling_s),
         )  # fmt: skip
     except InputError as error:
-        return {"models": [], "damping_roots": {}, "response": None}, [f"{label}: {error}."]
+        return {"models": [], "damping_roots": {}, "response": None}, [
+            Note("{place!l}: {why}.", place=label, why=str(error))
+        ]
     models: dict[str, Any] = {
         "models": [one.as_dict() for one in made.models],
         "damping_roots": {"label": "roots of eq. 17", "real": made.roots.real, "imaginary": made.roots.imag},
@@ -258,7 +265,7 @@ def _models(label: str, found: MeasuredStep, beside: ResponseTable | None) -> tu
             "frequency_hz": response.frequency_hz, "magnitude_db": response.magnitude_db,
             "phase_deg": response.phase_deg,
         }  # fmt: skip
-    return models, [f"{label}: {note}." for note in made.notes]
+    return models, [Note("{place!l}: {note}.", place=label, note=note) for note in made.notes]
 
 
 def _response_beside(place: str) -> dict[str, Any] | None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import SettingError
+from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
@@ -95,9 +96,8 @@ def evaluate(recording: Recording) -> Findings:
         found.setdefault(part["label"], []).append((value, std))
         curves.append(curve)
         if not steady:
-            notes.append(
-                f"{part['label']}: the speed is not steady where it is read; the uncertainty holds its change."
-            )
+            restless = Note("the speed is not steady where it is read; the uncertainty holds its change.")
+            notes.append(restless.at(part["label"]))
     means = {label: _mean(values) for label, values in found.items()}
     share = calibration_share(roles_of(recording)[1])
     measured: list[Measured] = [
@@ -106,7 +106,7 @@ def evaluate(recording: Recording) -> Findings:
     for place, extending, retracting in _pairs(parts):
         ratio, std = _ratio(means[retracting], means[extending])
         measured.append(RATIO.at(place).of(ratio, std))
-        notes.append(_areas(place, ratio, std, float(parts[0]["area_ratio"])))
+        notes.append(_areas(ratio, std, float(parts[0]["area_ratio"])).at(place))
     return Findings(tuple(measured), {"velocity_steps": curves}, tuple(dict.fromkeys(notes)), departures(recording))
 
 
@@ -224,10 +224,10 @@ def _ratio(retracting: tuple[float, float], extending: tuple[float, float]) -> t
     return value, value * math.hypot(retracting[1] / retracting[0], extending[1] / extending[0])
 
 
-def _areas(place: str, ratio: float, std: float, area_ratio: float) -> str:
+def _areas(ratio: float, std: float, area_ratio: float) -> Note:
     """What a limited flow and what a constant pressure would make of the areas."""
-    return (
-        f"{place}: retracts {ratio:.4f} ± {2.0 * std:.4f} times as fast as it extends. By its areas it would be "
-        f"{area_ratio:.4g} with the same flow both ways, and {1.0 / math.sqrt(area_ratio):.3g} with equal edges at "
-        "constant pressure and no load."
-    )
+    return Note(
+        "retracts {ratio:.4f} ± {u:.4f} times as fast as it extends. By its areas it would be {areas:.4g} with the "
+        "same flow both ways, and {edges:.3g} with equal edges at constant pressure and no load.",
+        ratio=ratio, u=2.0 * std, areas=area_ratio, edges=1.0 / math.sqrt(area_ratio),
+    )  # fmt: skip

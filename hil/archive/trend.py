@@ -10,6 +10,8 @@ from datetime import datetime
 import numpy as np
 
 from hil.archive.entry import Entry
+from hil.language.note import Note
+from hil.language.words import marked
 from hil.record.measurement import COVERAGE_FACTOR, Measured, names_of
 
 FALSE_ALARM_RATE = 0.01
@@ -46,14 +48,21 @@ class Drift:
         return self.chance is not None and self.chance < FALSE_ALARM_RATE
 
     @property
-    def sentence(self) -> str:
+    def sentence(self) -> Note:
         """In words, with the rate of false alarms."""
         if self.per_year is None or self.std is None or self.chance is None:
-            needed = f"at least {_FEWEST} values with an uncertainty, at different times, are needed"
-            return f"No drift can be determined: {needed}."
-        found = f"{self.per_year:+.3g} ± {COVERAGE_FACTOR * self.std:.2g} {self.unit} per year"
-        rate = f"false-alarm rate {100.0 * FALSE_ALARM_RATE:g} %"
-        return f"It drifts: {found} ({rate})." if self.is_drift else f"No drift: {found} ({rate})."
+            return Note(
+                "No drift can be determined: at least {count} values with an uncertainty, at different times, are "
+                "needed.",
+                count=_FEWEST,
+            )
+        text = (
+            marked("It drifts: {change:+.3g} ± {u:.2g} {unit} per year (false-alarm rate {rate:g} %).")
+            if self.is_drift
+            else marked("No drift: {change:+.3g} ± {u:.2g} {unit} per year (false-alarm rate {rate:g} %).")
+        )
+        expanded, rate = COVERAGE_FACTOR * self.std, 100.0 * FALSE_ALARM_RATE
+        return Note(text, change=self.per_year, u=expanded, unit=self.unit, rate=rate)
 
 
 def points_of(runs: Sequence[Entry], measurement: str) -> list[Point]:

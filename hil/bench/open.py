@@ -28,6 +28,7 @@ from hil.clock import Clock, clock
 from hil.daq.contract import Block, Daq
 from hil.daq.scaled import Scaled
 from hil.errors import FileError
+from hil.language.note import codes_of
 from hil.record.folder import RunWriter
 from hil.record.header import Column
 from hil.record.recording import Recording
@@ -123,7 +124,8 @@ def _opened_rig(
     columns = [_column(name, file) for name in (*daq.outputs, *daq.inputs)]
     columns += [Column(name=name, unit="s", source="time of the readings") for name in daq.promises.delay_names]
     rate_hz = daq.actual_rate_hz(bench.sample_rate_hz)
-    header = {**about, **conditions_of(bench), "deviations": deviations, "bench_file": file.text,
+    header = {**about, **conditions_of(bench), "deviations": deviations, "codes": codes_of(deviations),
+              "bench_file": file.text,
               "plant": base_plant(model_path(bench.valve.plant, file.path.parent)),
               "sampling": daq.promises.sampling(daq.inputs, rate_hz),
               "driven": {name: output.driven for name, output in daq.outputs.items()},

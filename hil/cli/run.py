@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,9 +12,10 @@ import typer
 from hil.cli.completed import benches_like, procedures_like
 from hil.cli.language import Language
 from hil.cli.runs import ARCHIVE
+from hil.language.note import Note, translated
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from hil.record.measurement import Limit, Measurement
     from hil.safety.outputs import Outputs
@@ -147,17 +149,28 @@ def understood(procedure: Procedure, given: Mapping[str, str], limits: Mapping[s
     from hil.session.setting import parse_settings
 
     values = parse_settings(procedure.settings, given)
-    lines = [f"setting {procedure.settings[name].echoed(values[name])}" for name in given]
+    lines = [Note("setting {setting!l}", setting=procedure.settings[name].echoed(values[name])) for name in given]
     units = {measurement.name: measurement.unit for measurement in procedure.measurements}
     for name, limit in limits.items():
         text = limits_text(limit.low, limit.high).replace(MINUS, "-")
-        lines.append(f"limit {name} {text} {units[name.partition(', ')[0]]}".rstrip())
-    return "".join(f"\n{line}" for line in lines)
+        lines.append(Note("limit {limit!l}", limit=f"{name} {text} {units[name.partition(', ')[0]]}".rstrip()))
+    return "".join(f"\n{line}" for line in _for_reader(lines))
 
 
 def _rehearsed(rehearsal: Rehearsal) -> str:
-    lines = [f"indication in the rehearsal: {text}" for text in rehearsal.indications]
-    return "\n".join([f"rehearsed on the simulated valve: {rehearsal.bench_s:.1f} s, within all limits", *lines])
+    done = Note("rehearsed on the simulated valve: {time_s:.1f} s, within all limits", time_s=rehearsal.bench_s)
+    lines = [Note("indication in the rehearsal: {text}", text=text) for text in rehearsal.indications]
+    return "\n".join(_for_reader([done, *lines]))
+
+
+def _for_reader(lines: Iterable[Note]) -> list[str]:
+    """In English; in the language of the page for a console, which shows them on it."""
+    from hil.bench.audit import ACCOUNT
+    from hil.language.choice import page_language
+    from hil.language.words import ENGLISH, speaking
+
+    with speaking(page_language() if ACCOUNT in os.environ else ENGLISH):
+        return list(map(translated, lines))
 
 
 def _described(procedure: Procedure) -> str:

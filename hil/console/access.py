@@ -25,10 +25,10 @@ from hil.console.access_limits import Limiter, Rate, TooLargeError, limited
 from hil.console.access_session import LASTS_S, Session, Sessions, account_of
 from hil.console.access_where import Where
 from hil.console.operator_lock import OperatorLock, OperatorLockedError
-from hil.console.page import REFUSALS, language_of, page
+from hil.console.page import language_of, page
 from hil.console.uploads import form_of
 from hil.errors import HilError, SettingError
-from hil.language.reworded import reworded
+from hil.language.note import error_text
 from hil.language.words import marked, speaking
 
 _ASKS_FOR_NOBODY = ("/login", "/logout", "/controls", "/stop")  # and what lies below /static/
@@ -99,7 +99,7 @@ class Access:
         except ClientDisconnect:
             return
         except SettingError as error:
-            answer = _no(400, str(error))
+            answer = _no(400, error_text(error))
         await answer(scope, receive, send)
 
     def _refused(self, request: Request, most: int) -> Response | None:
@@ -134,7 +134,7 @@ class Access:
         try:
             session, name, role = self._known(request)
         except HilError as error:  # nobody comes in while it is not known who may
-            return _no(503, str(error))
+            return _no(503, error_text(error))
         request.scope.update({"hil.account": name, "hil.role": role, "hil.session": session})
         self.lock.seen(session.id)
         path = request.url.path
@@ -167,9 +167,9 @@ class Access:
             if self.lock.take(session.id, name):
                 self._audit.write(name, "operates", {"address": _address(request)})
         except OperatorLockedError as taken:
-            return _no(409, str(taken))
+            return _no(409, error_text(taken))
         except HilError as error:
-            return _no(503, str(error))
+            return _no(503, error_text(error))
         return None
 
     async def _asked_for_lock(self, request: Request, session: Session, name: str, role: Role | None) -> Response:
@@ -279,7 +279,7 @@ def _local_name() -> str:
 
 
 def _no(status: int, text: str) -> Response:
-    return JSONResponse({"error": reworded(text, REFUSALS)}, status)
+    return JSONResponse({"error": text}, status)
 
 
 def _login_page(request: Request, why: str = "", status: int = 200) -> Response:

@@ -18,21 +18,14 @@ from hil.bench.read import BenchFile
 from hil.daq.contract import Block
 from hil.errors import UnknownNameError
 from hil.language.figures import localised
-from hil.language.reworded import reworded
-from hil.language.words import _, marked
+from hil.language.note import Note, translated
+from hil.language.words import _
 from hil.record.recording import Recording
 from hil.record.tail import Tail
-from hil.report.number import with_minus
+from hil.report.number import label_text, note_text
 from hil.safety.interlock import Interlock
 from hil.safety.latch import Latch, latch_path
 
-STATES = (
-    marked("stale: nothing new for {time}"), marked("stale: {why}"), marked("frozen: unchanged for {time}"),
-    marked("open wire: below {level}"), marked("over-range: at the upper end"), marked("over-range: at the lower end"),
-    marked("no measurement: {why}"),
-)  # fmt: skip
-"""What `hil watch` says of a channel, beside the words that scripts say too."""
-_ASKS = (marked("{quantity} in {low} … {high}"), marked("in {low} … {high}"))
 _KEPT_S = 1.5  # of a long piece only so much is looked at
 STALE_S = 1.0  # a reading older than this is grey, and its number is told with its age alone
 
@@ -97,21 +90,21 @@ def _input(head: tuple[str, str, str], reading: Reading | None, limit: str) -> L
     value = reading.value if reading.value is not None and math.isfinite(reading.value) else None
     state = reading.state
     if reading.age_s > STALE_S and state == "ok":
-        state = f"stale: nothing new for {reading.age_s:.1f} s"
+        state = Note("stale: nothing new for {time_s:.1f} s", time_s=reading.age_s)
     tone = "good" if state == "ok" else "stale" if state.startswith("stale") else "missing" if value is None else "bad"
-    return Line(*head, False, value, reading.noise, reading.age_s, limit, reworded(state, STATES), tone)
+    return Line(*head, False, value, reading.noise, reading.age_s, limit, translated(state), tone)
 
 
 def limits_of(bench: Bench) -> dict[str, str]:
     """What each channel must keep to, in words: the envelope of an output, the interlocks of an input."""
     found: dict[str, list[str]] = {}
     for name, envelope in envelopes_of(bench).items():
-        found.setdefault(name, []).append(_asked(f"{envelope.low:g} … {envelope.high:g}"))
+        found.setdefault(name, []).append(label_text(f"{envelope.low:g} … {envelope.high:g}"))
     for name, entry in bench.interlocks.items():
         lock = interlock_of(name, entry, bench)
         if lock.allowed.asks and not entry.minus and entry.only_while is None:
             text = str(lock.allowed).removeprefix(lock.allowed.channel).strip().removeprefix("in ")
-            found.setdefault(entry.channel, []).append(_asked(text))
+            found.setdefault(entry.channel, []).append(label_text(text))
     return {name: "; ".join(texts) for name, texts in found.items()}
 
 
@@ -126,21 +119,16 @@ def interlocks_of(file: BenchFile, lines: Sequence[Line]) -> list[dict[str, Any]
 
 
 def _asks(lock: Interlock) -> str:
-    asked = [_asked(str(lock.allowed))] if lock.allowed.asks else []
+    asked = [note_text(lock.allowed.note)] if lock.allowed.asks else []
     if lock.stale_s is not None:
         within = localised(f"{lock.stale_s:g} s")
         asked.append(_("{channel} changes within {time}").format(channel=lock.allowed.channel, time=within))
     text = "; ".join(asked)
     if lock.only_while is not None:
-        text = _("{asked}, while {condition}").format(asked=text, condition=_asked(str(lock.only_while)))
+        text = _("{asked}, while {condition}").format(asked=text, condition=note_text(lock.only_while.note))
     if lock.for_s:
         text = _("{asked}, for {time} at most").format(asked=text, time=localised(f"{lock.for_s:g} s"))
     return text
-
-
-def _asked(condition: str) -> str:
-    """A condition in the reader's language, its numbers with a minus sign; a hyphen of a name stays one."""
-    return localised(with_minus(reworded(condition, _ASKS)))
 
 
 def _kept(lock: Interlock, values: Mapping[str, float]) -> str:

@@ -8,6 +8,7 @@ from datetime import datetime
 
 from hil.clock import Clock, RealClock
 from hil.errors import InputError
+from hil.language.note import Note
 
 LAPSES_S = 30.0  # of a browser that is not heard of any more: its pages ask every half second
 
@@ -65,10 +66,11 @@ class OperatorLock:
                 self._seen_s = self._clock.now_s
                 return False
             if holder is not None and not over:
-                raise OperatorLockedError(
-                    f"{holder.name} operates this console since {holder.since.astimezone():%H:%M}, in another browser; "
-                    "you may look, and you may stop; take over to operate"
-                )
+                raise OperatorLockedError(Note(
+                    "{name} operates this console since {time}, in another browser; you may look, and you may stop; "
+                    "take over to operate",
+                    name=holder.name, time=f"{holder.since.astimezone():%H:%M}",
+                ))  # fmt: skip
             self._holder = _Holder(session, name, datetime.now().astimezone())
             self._seen_s = self._clock.now_s
             return True

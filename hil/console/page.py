@@ -17,7 +17,7 @@ from hil.bench.stop.control import asking
 from hil.console.console import Console
 from hil.console.script_words import SCRIPT_MESSAGES
 from hil.errors import FileError, HilError, UnknownNameError
-from hil.language.reworded import reworded
+from hil.language.note import error_text
 from hil.language.words import ENGLISH, _, languages, marked, speaking, spoken
 from hil.report.page import templates
 from hil.untrusted import read_untrusted
@@ -25,13 +25,6 @@ from hil.version import __version__
 
 COOKIE = "hil_language"
 _FOR_A_STOP = ("run", "state", "outcome", "is_safe", "by", "listener", "stop_url", "stop_urls", "token")
-REFUSALS = (
-    marked(
-        "{name} operates this console since {time}, in another browser; you may look, and you may stop; take over to "
-        "operate"
-    ),
-    marked("stop is pressed since {time}; release it at the console, or remove {file}"),
-)  # that every operator may meet
 PAGES = (
     ("bench", marked("Bench")), ("run", marked("Run")), ("results", marked("Results")),
     ("diagnose", marked("Diagnose")), ("devices", marked("Devices")),
@@ -101,7 +94,7 @@ def refusal(request: Request, error: HilError) -> Response:
     """What was asked for cannot be done, in one line: as a page, or as JSON for a script."""
     missing = isinstance(error, UnknownNameError) or str(error).startswith("no run ")
     status = HTTPStatus.NOT_FOUND if missing else HTTPStatus.BAD_REQUEST
-    text = reworded(" ".join(str(error).split()), REFUSALS)
+    text = " ".join(error_text(error).split())
     if request.method != "GET" or "application/json" in request.headers.get("accept", ""):
         return JSONResponse({"error": text}, status)
     return page(request, "refused.html", status, why=text)

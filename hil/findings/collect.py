@@ -9,6 +9,7 @@ from typing import Any
 
 from hil.findings.curves import FUNCTION_KEYS, curves_of, mappings_of
 from hil.findings.results import FittedFunction, Results
+from hil.language.note import codes_of, revived
 from hil.record.measurement import Findings, Measured
 from hil.record.plain import plain
 from hil.record.population_comparison import PopulationComparison
@@ -33,6 +34,7 @@ def results_of(recording: Recording, findings: Findings) -> Results:
         transfer_functions=functions_of(findings.curves),
         notes=findings.notes,
         deviations=findings.deviations,
+        codes=codes_of((*findings.notes, *findings.deviations)),
         likeness=_each(findings.likeness, _handed_on),
         since=findings.since,
         cause=findings.cause,
@@ -43,7 +45,8 @@ def results_of(recording: Recording, findings: Findings) -> Results:
 def findings_of(results: Results) -> Findings:
     """The measured values, notes and deviations as an evaluation gave them; curves stay where they are."""
     measured, likeness = tuple(map(_evaluated, results.values)), _each(results.likeness, _evaluated)
-    return Findings(measured, {}, results.notes, results.deviations, likeness, results.since, results.cause)
+    notes, deviations = (revived(texts, results.codes) for texts in (results.notes, results.deviations))
+    return Findings(measured, {}, notes, deviations, likeness, results.since, results.cause)
 
 
 def _handed_on(found: Measured) -> Measured:

@@ -108,6 +108,7 @@ class FittedFunction(_Strict):
 class Results(_Strict):
     """Everything that a run found. `run` is the name of its folder.
 
+    `codes`: what notes and deviations are made of, a template and its values, by their text.
     `simulated`: whether a simulated device had a part in it; null in files of versions that did not say so.
     """
 
@@ -123,6 +124,7 @@ class Results(_Strict):
     transfer_functions: tuple[FittedFunction, ...] = ()
     notes: tuple[str, ...] = ()
     deviations: tuple[str, ...] = ()
+    codes: Mapping[str, Any] = Field(default_factory=dict)
     likeness: PopulationComparison | None = None
     since: Since | None = None
     cause: Cause | None = None

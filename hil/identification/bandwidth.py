@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.identification.frequency_response import FrequencyResponse
+from hil.language.note import Note
 from hil.physics.transfer_function import TransferFunction
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array
@@ -71,7 +72,7 @@ class Bandwidth:
     reference_db: float
     amplitude: Crossing
     phase: Crossing
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     @property
     def quoted(self) -> Crossing:
@@ -92,19 +93,26 @@ def bandwidth(response: FrequencyResponse, rule: ReferenceRule | None = None) ->
     return Bandwidth(float(response.frequency_hz[0]), reference_db, magnitude_crossing(response, -3.0), phase, notes)
 
 
-def reference_notes(response: FrequencyResponse, phase_90: Crossing, rule: ReferenceRule) -> tuple[str, ...]:
+def reference_notes(response: FrequencyResponse, phase_90: Crossing, rule: ReferenceRule) -> tuple[Note, ...]:
     """What departs from the rule when the lowest frequency is the reference."""
     used = float(response.frequency_hz[0])
     if used > rule.highest_hz:
-        return (f"reference at {used:g} Hz, the rule asks for {rule.highest_hz:g} Hz or less",)
+        return (
+            Note("reference at {used_hz:g} Hz, the rule asks for {asked_hz:g} Hz or less",
+                 used_hz=used, asked_hz=rule.highest_hz),
+        )  # fmt: skip
     if phase_90.frequency_hz is None:
         return ()
     allowed = rule.share_of_phase_90 * phase_90.frequency_hz
     if used <= allowed * (1.0 + 1e-9):
         return ()
-    share = 100.0 * used / phase_90.frequency_hz
-    wanted = f"the rule asks for {100 * rule.share_of_phase_90:g} % or less, {allowed:.3f} Hz"
-    return (f"reference at {used:g} Hz is {share:.1f} % of the −90° frequency; {wanted}",)
+    note = Note(
+        "reference at {used_hz:g} Hz is {share:.1f} % of the −90° frequency; the rule asks for {asked:g} % or less, "
+        "{allowed_hz:.3f} Hz",
+        used_hz=used, share=100.0 * used / phase_90.frequency_hz, asked=100 * rule.share_of_phase_90,
+        allowed_hz=allowed,
+    )  # fmt: skip
+    return (note,)
 
 
 def magnitude_crossing(response: FrequencyResponse, level_db: float, reference_hz: float | None = None) -> Crossing:

@@ -19,12 +19,15 @@ from numpy.typing import NDArray
 from hil.errors import InputError
 from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.parametric_bootstrap import DRAWS, draws_of
+from hil.language.note import Note
+from hil.language.words import marked
 from hil.record.recording import Array, Recording
 from hil.signals.rounding import mean_rounding_std, rounding_step
 
 Complex = NDArray[np.complex128]
 Lines = NDArray[np.int64]
 Distortion = Literal["noise", "even nonlinearity", "odd nonlinearity"]
+_DISTORTIONS: tuple[Distortion, ...] = (marked("noise"), marked("even nonlinearity"), marked("odd nonlinearity"))
 
 # Silent lines averaged for the distortion level at an excited one: a quarter of them at most, so that the
 # average follows the level over the band, and no more than a smooth level needs.
@@ -56,17 +59,18 @@ class BestLinearApproximation:
     periods: int
 
     @property
-    def sentence(self) -> str:
+    def sentence(self) -> Note:
         """What dominates over the band, in one line."""
         counts = {name: self.verdicts.count(name) for name in dict.fromkeys(self.verdicts)}
         largest = max(counts, key=lambda name: counts[name])
         share = 100.0 * counts[largest] / len(self.verdicts)
         amplitude = self.response.output_amplitude
         odd, even = (100.0 * float(np.median(level / amplitude)) for level in (self.odd_std, self.even_std))
-        return (
-            f"{largest} dominates on {share:.0f} % of the lines; odd distortion {odd:.2g} % and even distortion "
-            f"{even:.2g} % of the output (median)"
-        )
+        return Note(
+            "{what} dominates on {share:.0f} % of the lines; odd distortion {odd:.2g} % and even distortion {even:.2g} "
+            "% of the output (median)",
+            what=Note(largest), share=share, odd=odd, even=even,
+        )  # fmt: skip
 
 
 def best_linear_approximation(
@@ -134,8 +138,7 @@ def approximate(
         np.zeros((len(excited), 0), dtype=np.complex128),
     )  # fmt: skip
     levels = np.sqrt(np.stack((pooled, even_level, odd_level)))
-    names: tuple[Distortion, Distortion, Distortion] = ("noise", "even nonlinearity", "odd nonlinearity")
-    verdicts = tuple(names[int(k)] for k in np.argmax(levels, axis=0))
+    verdicts = tuple(_DISTORTIONS[int(k)] for k in np.argmax(levels, axis=0))
     freed = 2 * (len(inputs) - 1)
     drawn = draws_of(outputs).chisquare(freed, (DRAWS, len(excited))) / freed * pooled
     again = np.sqrt(np.array([_pooled(one) for one in drawn]))

@@ -16,6 +16,7 @@ import numpy as np
 
 from hil.identification.evidence import VERY_STRONG, odds
 from hil.identification.transfer_function import TransferFunctionFit
+from hil.language.note import Note
 from hil.record.recording import Array
 from hil.signals.interval import COVERED
 
@@ -72,8 +73,9 @@ def _scatter(fit: TransferFunctionFit) -> float:
 
 
 def _noted(fit: TransferFunctionFit, late: float) -> TransferFunctionFit:
-    note = (
-        f"a dead time has {100.0 * late:.0f} % of the evidence and a zero in the right half plane the rest: these "
-        "lines do not tell which it is, and how long a dead time; lines at higher frequency, or a step, tell"
+    note = Note(
+        "a dead time has {share:.0f} % of the evidence and a zero in the right half plane the rest: these lines do not "
+        "tell which it is, and how long a dead time; lines at higher frequency, or a step, tell",
+        share=100.0 * late,
     )
     return replace(fit, notes=(*fit.notes, note))

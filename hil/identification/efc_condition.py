@@ -39,6 +39,7 @@ from hil.identification.sine_test import SineTest, sine_test
 from hil.identification.step_response import step_figures
 from hil.identification.sweep_estimate import Sweep
 from hil.kept import kept_arrays, stamp
+from hil.language.words import marked
 from hil.physics.model import Model
 from hil.physics.published.efc_population import population, valve
 from hil.physics.published.tugsal import CLASSES, CLASSIFIED_CURRENT_A, SWEEPS_PSI, rms_error
@@ -47,7 +48,7 @@ from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 from hil.signals.ramps import triangle
 
-FEATURES = ("friction", "rise", "leakage", "bandwidth")
+FEATURES = (marked("friction"), marked("rise"), marked("leakage"), marked("bandwidth"))
 FREQUENCIES_HZ = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 _RATE_HZ = 1000.0

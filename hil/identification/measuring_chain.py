@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.identification.frequency_response import FrequencyResponse
+from hil.language.note import Note
 from hil.record.recording import Array
 
 ALLOWED_SHARE = 0.01
@@ -60,16 +61,17 @@ class ChainCheck:
     broken_from_hz: float | None
 
     @property
-    def sentence(self) -> str:
+    def sentence(self) -> Note:
         """For the report."""
         if self.broken_from_hz is None:
-            return "The measuring chain changes the response by less than 1 % at every frequency."
+            return Note("The measuring chain changes the response by less than 1 % at every frequency.")
         worst = int(np.argmax(np.abs(self.phase_deg)))
-        return (
-            f"The measuring chain changes the response by more than 1 % from {self.broken_from_hz:g} Hz on "
-            f"({100 * self.amplitude_change[worst]:+.1f} %, {self.phase_deg[worst]:+.1f}° at "
-            f"{self.frequency_hz[worst]:g} Hz); correct for it or use a faster sensor."
-        )
+        return Note(
+            "The measuring chain changes the response by more than 1 % from {from_hz:g} Hz on ({amplitude:+.1f} %, "
+            "{phase_deg:+.1f}° at {worst_hz:g} Hz); correct for it or use a faster sensor.",
+            from_hz=self.broken_from_hz, amplitude=100 * self.amplitude_change[worst],
+            phase_deg=self.phase_deg[worst], worst_hz=self.frequency_hz[worst],
+        )  # fmt: skip
 
 
 def check_chain(chain: MeasuringChain, frequency_hz: Array) -> ChainCheck:

@@ -15,6 +15,7 @@ from hil.identification.linear_evidence import unresolved
 from hil.identification.rational import Form
 from hil.identification.right_half_plane import with_alternative
 from hil.identification.transfer_function import Candidate, TransferFunctionFit, Weights, check_form, fit_form
+from hil.language.note import Note
 
 _MOST_POLES = 5
 _MISFIT_NOTE = 2.0
@@ -113,12 +114,13 @@ def _bic(fits: list[TransferFunctionFit]) -> list[float]:
 def _noted(fit: TransferFunctionFit) -> TransferFunctionFit:
     notes = list(fit.notes)
     if fit.misfit > _MISFIT_NOTE:
-        notes.append(
-            f"χ² is {fit.misfit:.3g} per degree of freedom: a linear model of this form misses the lines by more than "
-            "their noise; intervals are widened accordingly"
-        )
+        notes.append(Note(
+            "χ² is {misfit:.3g} per degree of freedom: a linear model of this form misses the lines by more than their "
+            "noise; intervals are widened accordingly",
+            misfit=fit.misfit,
+        ))  # fmt: skip
     if not fit.converged:
-        notes.append("the optimiser stopped before its tolerance")
+        notes.append(Note("the optimiser stopped before its tolerance"))
     if not fit.model.is_stable:
-        notes.append("unstable: a pole lies in the right half plane")
+        notes.append(Note("unstable: a pole lies in the right half plane"))
     return replace(fit, notes=tuple(notes))

@@ -18,6 +18,7 @@ from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.held_out import held_out
 from hil.identification.rational import Form
 from hil.identification.transfer_function import TransferFunctionFit, fit_form
+from hil.language.note import Note
 from hil.physics.compose import plant
 from hil.physics.transfer_function import TransferFunction
 from hil.record.recording import Array, Recording
@@ -89,31 +90,35 @@ def _fit_in_time(fit: TransferFunctionFit, recording: Recording, input_name: str
     return 100.0 * (1.0 - float(np.std(error) / np.std(bound.output)))
 
 
-def _note(fit: TransferFunctionFit, other: TransferFunctionFit, response: FrequencyResponse) -> str:
+def _note(fit: TransferFunctionFit, other: TransferFunctionFit, response: FrequencyResponse) -> Note:
     zero = fit.model.right_half_plane_zeros[0]
     start = wrong_way(fit.model)
     ratio = other.model.at(response.frequency_hz) / fit.model.at(response.frequency_hz)
     decibel, degrees = np.max(np.abs(20.0 * np.log10(np.abs(ratio)))), np.max(np.abs(np.degrees(np.angle(ratio))))
     apart, when = _steps_apart(fit.model, other.model)
-    return (
-        f"zero at {_signed(zero)} rad/s in the right half plane: a step would first go {100 * start.share:.2g} % the "
-        f"wrong way (at {1e3 * start.time_s:.0f} ms). {_words(other.form)} and a dead time of "
-        f"{1e3 * other.model.dead_time_s:.1f} ms fit {other.fit_percent:.1f} % against {fit.fit_percent:.1f} %, within "
-        f"{decibel:.2f} dB and {degrees:.1f}°, without it; {_preference(fit, other, response)}. Their steps differ "
-        f"most {_duration(when)} after the step, by {100 * apart:.1f} % of it: a step response decides"
-    )
+    return Note(
+        "zero at {zero!l} rad/s in the right half plane: a step would first go {share:.2g} % the wrong way (at "
+        "{time_ms:.0f} ms). {form} and a dead time of {dead_time_ms:.1f} ms fit {other_fit:.1f} % against {fit:.1f} %, "
+        "within {decibel:.2f} dB and {degrees:.1f}°, without it; {preference}. Their steps differ most {when!l} after "
+        "the step, by {apart:.1f} % of it: a step response decides",
+        zero=_signed(zero), share=100 * start.share, time_ms=1e3 * start.time_s, form=_words(other.form),
+        dead_time_ms=1e3 * other.model.dead_time_s, other_fit=other.fit_percent, fit=fit.fit_percent,
+        decibel=decibel, degrees=degrees, preference=_preference(fit, other, response), when=_duration(when),
+        apart=100 * apart,
+    )  # fmt: skip
 
 
-def _preference(fit: TransferFunctionFit, other: TransferFunctionFit, response: FrequencyResponse) -> str:
+def _preference(fit: TransferFunctionFit, other: TransferFunctionFit, response: FrequencyResponse) -> Note:
     errors = [held_out(response, f) for f in (fit, other)]
     if not all(e.size and np.isfinite(e).all() for e in errors):
-        return "too few lines to hold some out"
+        return Note("too few lines to hold some out")
     with_zero, with_delay = (float(np.mean(e)) for e in errors)
     ratio = math.sqrt(with_delay / with_zero) if with_zero else math.inf
     if 0.9 < ratio < 1.1:
-        return "held-out lines prefer neither"
-    better = "the zero" if ratio > 1.0 else "the dead time"
-    return f"held-out lines prefer {better} (rms error {max(ratio, 1.0 / ratio):.2g} times smaller)"
+        return Note("held-out lines prefer neither")
+    better = Note("the zero") if ratio > 1.0 else Note("the dead time")
+    times = max(ratio, 1.0 / ratio)
+    return Note("held-out lines prefer {better} (rms error {times:.2g} times smaller)", better=better, times=times)
 
 
 def _steps_apart(a: TransferFunction, b: TransferFunction) -> tuple[float, float]:

@@ -25,6 +25,7 @@ from hil.identification.step_response import (
     second_order_from_step,
 )
 from hil.identification.transfer_function import fit_form, fit_percent
+from hil.language.note import Note
 from hil.physics.formula import formula
 from hil.physics.transfer_function import TransferFunction
 from hil.record.plain import plain
@@ -89,7 +90,7 @@ class StepModels:
     settling_s: float
     roots: NDArray[np.complex128]
     models: tuple[StepModel, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     label: str = ""
 
     def as_dict(self) -> dict[str, Any]:
@@ -145,19 +146,22 @@ def step_models(
     effective_s = settling_s * _PAPER_CONSTANT / constant
     notes = []
     made = [
-        _model("first order, from the rise", lambda t: first_order_from_rise(t[0]), (rise_s, effective_s), std_s),
-        _model("first order, from settling", lambda t: first_order_from_settling(t[1]), (rise_s, effective_s), std_s),
+        _model(Note("first order, from the rise"), lambda t: first_order_from_rise(t[0]), (rise_s, effective_s), std_s),
+        _model(
+            Note("first order, from settling"), lambda t: first_order_from_settling(t[1]), (rise_s, effective_s), std_s
+        ),
     ]
     try:
-        made.append(_model("second order", lambda t: second_order_from_step(*t), (rise_s, effective_s), std_s))
+        made.append(_model(Note("second order"), lambda t: second_order_from_step(*t), (rise_s, effective_s), std_s))
     except InputError as error:
-        notes.append(str(error))
+        notes.append(Note("{why}", why=str(error)))
     lag_s, late_s = dead_time_explaining(rise_s, settling_s, band)
     if late_s > _LEAST_DELAY * settling_s:
-        notes.append(
-            f"settling is longer than a lag of this rise settles; a lag of {lag_s:.3g} s and a dead time of "
-            f"{late_s:.3g} s have both times"
-        )
+        notes.append(Note(
+            "settling is longer than a lag of this rise settles; a lag of {lag_s:.3g} s and a dead time of "
+            "{late_s:.3g} s have both times",
+            lag_s=lag_s, late_s=late_s,
+        ))  # fmt: skip
     if response is not None:
         over = over_lowest(response)
         made = [_beside(one, over) for one in made]
@@ -206,7 +210,8 @@ def _beside(one: StepModel, response: FrequencyResponse) -> StepModel:
 
 def _third_order(response: FrequencyResponse) -> StepModel:
     fit = fit_form(response, Form(3, 1))
-    return _beside(StepModel("third order, fitted to the response", fit.model, fit.coefficient_covariance), response)
+    name = Note("third order, fitted to the response")
+    return _beside(StepModel(name, fit.model, fit.coefficient_covariance), response)
 
 
 def _root(root: complex) -> str:

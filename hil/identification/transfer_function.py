@@ -14,6 +14,7 @@ from hil.errors import InputError
 from hil.identification.factored import coefficients, model_of, units
 from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.rational import Data, Form, Solution, data, solve
+from hil.language.note import Note
 from hil.physics.transfer_function import TransferFunction
 from hil.record.recording import Array
 from hil.signals.interval import COVERED
@@ -74,7 +75,7 @@ class TransferFunctionFit:
     response: Complex
     residuals: Array
     converged: bool
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     alternative: TransferFunctionFit | None = None
     candidates: tuple[Candidate, ...] = ()
     form_std_s: float = 0.0

@@ -13,7 +13,7 @@ from contextvars import ContextVar
 from functools import cache
 from gettext import GNUTranslations
 from importlib.resources import files
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from hil.errors import SettingError
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from importlib.resources.abc import Traversable
 
 ENGLISH = "en"
+_Text = TypeVar("_Text", bound=str)
 _spoken: ContextVar[str] = ContextVar("language", default=ENGLISH)
 
 
@@ -41,7 +42,7 @@ def plural(one: str, many: str, count: int) -> str:
     return one if count == 1 else many
 
 
-def marked(text: str) -> str:
+def marked(text: _Text) -> _Text:
     """The text itself, for the catalogues; `_` says it in the language of a page."""
     return text
 

@@ -12,10 +12,9 @@ from hil.passport.unit import Unit, UnitRun
 from hil.record.measurement import COVERAGE_FACTOR, Measured
 from hil.report.local_time import local_text
 from hil.report.name import capital, quantity_words
-from hil.report.number import label_text, limits_text, number, rounded, unit_text, with_minus
+from hil.report.number import label_text, limits_text, note_text, number, rounded, unit_text, with_minus
 from hil.report.provenance import stated_or_measured
 from hil.report.results import value_text, verdict_box, verdict_words
-from hil.report.sentences import sentence
 from hil.version import PROGRAM
 
 _ON_PAGE_ONE, _DEVIATIONS_ON_PAGE_ONE, _LONGEST = 16, 5, 160
@@ -60,8 +59,8 @@ def certificate_of(
         "values": [_value_row(m) for m in others],
         "instruments": _instruments(unit.runs),
         "deviations": [_shortened(text) for text in found.deviations[:_DEVIATIONS_ON_PAGE_ONE]],
-        "all_deviations": [sentence(text) for text in found.deviations],
-        "notes": [sentence(text) for text in dict.fromkeys(found.notes)],
+        "all_deviations": [note_text(text) for text in found.deviations],
+        "notes": [note_text(text) for text in dict.fromkeys(found.notes)],
         "model": model_says, "language": spoken(), "labels": template_words(),
         "signer": signer.name, "fingerprint": signer.fingerprint,
     }  # fmt: skip
@@ -187,5 +186,5 @@ def _channels(run: UnitRun) -> list[list[str]]:
 
 
 def _shortened(text: str) -> str:
-    whole = sentence(text)
+    whole = note_text(text)
     return whole if len(whole) <= _LONGEST else whole[:_LONGEST].rsplit(" ", 1)[0] + " … " + _("(whole in the annex)")

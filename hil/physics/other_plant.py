@@ -7,6 +7,7 @@ from typing import Any
 
 from hil.catalog import base_plant
 from hil.errors import HilError
+from hil.language.note import Note
 from hil.physics.compose import plant
 from hil.physics.measured_curve import MEASURED
 
@@ -25,7 +26,7 @@ def plant_of_run(meta: Mapping[str, Any]) -> str:
     return str(meta.get(PLANT) or base_plant(str(named or "")))
 
 
-def other_plants(model_plant: str, recorded: Iterable[tuple[str, Mapping[str, Any]]]) -> list[str]:
+def other_plants(model_plant: str, recorded: Iterable[tuple[str, Mapping[str, Any]]]) -> list[Note]:
     """A sentence for each recording that is of another plant than a model.
 
     A plant that takes any channels, a transfer function, is of no valve in particular and never another one.
@@ -36,8 +37,13 @@ def other_plants(model_plant: str, recorded: Iterable[tuple[str, Mapping[str, An
     """
     plants = [(name, plant_of_run(meta)) for name, meta in recorded]
     return [
-        f"{name} is a run of the plant {own}, the model is of {model_plant}: what a verdict names may be nothing but "
-        "the difference between the two plants."
+        Note(
+            "{name} is a run of the plant {own}, the model is of {other}: what a verdict names may be nothing but the "
+            "difference between the two plants.",
+            name=name,
+            own=own,
+            other=model_plant,
+        )
         for name, own in plants
         if own
         and own not in (base_plant(model_plant), _VALVES.get(model_plant))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import UnitError
+from hil.language.note import Note
 from hil.record.recording import Array, Channel, Recording
 from hil.units import scale_and_offset
 
@@ -54,7 +55,7 @@ def measured_conditions(recording: Recording) -> dict[str, Condition]:
     return {name: condition for name, condition in found.items() if condition is not None}
 
 
-def condition_departures(recording: Recording) -> tuple[str, ...]:
+def condition_departures(recording: Recording) -> tuple[Note, ...]:
     """Where a condition left its declared range, a sentence each; measured where it was, else as stated."""
     stated: Mapping[str, Any] = recording.meta.get("conditions") or {}
     measured = measured_conditions(recording)
@@ -63,18 +64,29 @@ def condition_departures(recording: Recording) -> tuple[str, ...]:
         unit = _SHOWN.get(CHANNELS[name][1], CHANNELS[name][1])
         was = measured.get(name)
         span = (was.low, was.high) if was else (stated.get(name), stated.get(name))
-        words = name.rpartition("_")[0].replace("_", " ").capitalize()
+        values = {"quantity": Note(name.rpartition("_")[0].replace("_", " ")), "low": low, "high": high, "unit": unit}
         if span[0] is None:
-            found.append(f"{words} was not measured and not stated; {low:g} to {high:g} {unit} is declared.")
+            found.append(
+                Note("{quantity!c} was not measured and not stated; {low:g} to {high:g} {unit} is declared.", **values)
+            )
         elif span[0] < low or span[1] > high:
-            how = "was" if was else "is stated as"
-            text = f"{span[0]:.4g}" if span[0] == span[1] else f"{span[0]:.4g} to {span[1]:.4g}"
-            found.append(f"{words} {how} {text} {unit}; {low:g} to {high:g} {unit} is declared.")
+            values |= {"found": _span(*span)}
+            found.append(
+                Note("{quantity!c} was {found} {unit}; {low:g} to {high:g} {unit} is declared.", **values)
+                if was
+                else Note("{quantity!c} is stated as {found} {unit}; {low:g} to {high:g} {unit} is declared.", **values)
+            )
     return tuple(found)
 
 
-def oil_contradiction(stated: Mapping[str, Any], notes: Mapping[str, Any]) -> str:
-    """Where the oil that is stated is of another viscosity class than the one stated beside it; else empty.
+def _span(low: float, high: float) -> Note:
+    if low == high:
+        return Note("{value:.4g}", value=low)
+    return Note("{low:.4g} to {high:.4g}", low=low, high=high)
+
+
+def oil_contradiction(stated: Mapping[str, Any], notes: Mapping[str, Any]) -> Note | None:
+    """Where the oil that is stated is of another viscosity class than the one stated beside it.
 
     `stated`: the conditions of a bench file. `notes`: of a run; one called oil or fluid names the oil too.
     """
@@ -82,8 +94,11 @@ def oil_contradiction(stated: Mapping[str, Any], notes: Mapping[str, Any]) -> st
     grade = _grade(str(stated.get("viscosity_class") or ""), alone=True)
     for oil in named:
         if grade and (other := _grade(oil)) and other != grade:
-            return f"The oil is stated as {oil}, its viscosity class as ISO VG {grade}; one of them is wrong."
-    return ""
+            return Note(
+                "The oil is stated as {oil}, its viscosity class as ISO VG {grade}; one of them is wrong.",
+                oil=oil, grade=grade,
+            )  # fmt: skip
+    return None
 
 
 def _grade(text: str, *, alone: bool = False) -> int | None:

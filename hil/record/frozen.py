@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.language.note import Note
 from hil.record.recording import Array, Recording
 from hil.signals.rounding import rounding_step
 from hil.signals.runs import runs
@@ -22,7 +23,7 @@ _MOST = 20  # of the longest runs of a channel; one that has more of them rests 
 _TURNS = 1.0 / 3.0  # of readings at rest are turning points where they are noise; of white noise two thirds
 
 
-def frozen_channels(recording: Recording) -> tuple[str, ...]:
+def frozen_channels(recording: Recording) -> tuple[Note, ...]:
     """A sentence for each time that a channel stood frozen: within a standing command, or across a change of it."""
     outputs = {*recording.meta.get("outputs", ()), recording.meta.get("roles", {}).get("command")}
     others = set((recording.meta.get("sampling", {}).get("delay_channels") or {}).values())
@@ -74,10 +75,11 @@ def _is_frozen(steps: Array, code: float, at_rest: NDArray[np.bool_], first: int
     return bool(len(steps) * likely**same < _BY_CHANCE)
 
 
-def _sentence(recording: Recording, name: str, first: int, stop: int) -> str:
+def _sentence(recording: Recording, name: str, first: int, stop: int) -> Note:
     channel, time_s = recording.channels[name], recording.time_s[first:stop]
-    return (
-        f"'{name}' stood at {channel.values[first]:.6g}{behind_a_number(channel.unit)} in {stop - first} samples, "
-        f"{time_s[0]:.3f} … {time_s[-1]:.3f} s, and changes with each one elsewhere at rest: a sensor, device or link "
-        f"that repeated itself. What is read there was not measured."
-    )
+    return Note(
+        "'{channel}' stood at {value:.6g}{unit} in {n} samples, {first_s:.3f} … {last_s:.3f} s, and changes with each "
+        "one elsewhere at rest: a sensor, device or link that repeated itself. What is read there was not measured.",
+        channel=name, value=channel.values[first], unit=behind_a_number(channel.unit), n=stop - first,
+        first_s=time_s[0], last_s=time_s[-1],
+    )  # fmt: skip

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import FileError
+from hil.language.note import Note
 from hil.record.parts import as_events, parts_of
 from hil.record.recording import Array, Channel, Recording
 
@@ -37,14 +38,15 @@ def invalid_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
     return {name: lacking for name, lacking in found.items() if lacking.any()}
 
 
-def sentence(recording: Recording, name: str, lacking: NDArray[np.bool_]) -> str:
+def invalid_note(recording: Recording, name: str, lacking: NDArray[np.bool_]) -> Note:
     """`'flow' was not measured in 120 of 3000 samples (at the end of its range or beyond), 3.2 … 4.4 s`."""
     values, time_s = recording.channels[name].values[lacking], recording.time_s[lacking]
-    why = "at the end of its range or beyond" if np.isinf(values).all() else "no valid reading"
-    return (
-        f"'{name}' was not measured in {len(values)} of {len(recording)} samples ({why}), "
-        f"{time_s[0]:.3f} … {time_s[-1]:.3f} s"
-    )
+    at_end = np.isinf(values).all()
+    return Note(
+        "'{channel}' was not measured in {n} of {all} samples ({why}), {first_s:.3f} … {last_s:.3f} s",
+        channel=name, n=len(values), all=len(recording), first_s=time_s[0], last_s=time_s[-1],
+        why=Note("at the end of its range or beyond") if at_end else Note("no valid reading"),
+    )  # fmt: skip
 
 
 def with_blanks(recording: Recording) -> Recording:
@@ -58,7 +60,7 @@ def with_blanks(recording: Recording) -> Recording:
     lacking = invalid_samples(recording)
     if not lacking:
         return recording
-    notes = [sentence(recording, name, mask) for name, mask in lacking.items()]
+    notes = [invalid_note(recording, name, mask) for name, mask in lacking.items()]
     channels = {
         name: channel if name not in lacking else replace(channel, values=_blanked(channel.values, lacking[name]))
         for name, channel in recording.channels.items()
@@ -85,7 +87,7 @@ def measured_rows(recording: Recording, names: Iterable[str]) -> Recording:
         return recording
     rows = ~np.logical_or.reduce(list(lacking.values()))
     if np.count_nonzero(rows) < 2:
-        notes = [sentence(recording, name, mask) for name, mask in lacking.items() if mask.any()]
+        notes = [invalid_note(recording, name, mask) for name, mask in lacking.items() if mask.any()]
         raise FileError(f"{recording.name}: no two rows in which all that is used was measured: {'; '.join(notes)}")
     before = np.concatenate(([0], np.cumsum(rows)))  # rows that are left, before each
 

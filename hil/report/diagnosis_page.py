@@ -12,7 +12,7 @@ from typing import Any
 from hil.diagnosis.diagnosis import Diagnosis, NextTest, Spectrum, Strip
 from hil.diagnosis.locate import StageShare
 from hil.language.choice import in_page_language
-from hil.language.reworded import reworded
+from hil.language.note import translated
 from hil.language.words import _, marked
 from hil.physics.other_plant import other_plants
 from hil.report.diagnosis_figures import (
@@ -41,12 +41,6 @@ from hil.report.origins import Origin, origin_facts
 from hil.report.page import write_page
 
 _MOST_STAGES = 3
-OTHER_PLANT = (
-    marked(
-        "{name} is a run of the plant {own}, the model is of {other}: what a verdict names may be nothing but the "
-        "difference between the two plants."
-    ),
-)
 _VERDICTS = {
     "consistent": ("good", marked("Consistent")),
     "parameter_change": ("told", marked("Changed parameters")),
@@ -81,7 +75,7 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path, origins: Sequence[O
         word=_(word),
         headline=d.headline,
         details=_details(d),
-        above=[reworded(note, OTHER_PLANT) for note in above],
+        above=list(map(translated, above)),
         warnings=[note for note in d.warnings if note not in above],
         corrected=corrected,
         overlays=_overlays(d, corrected=corrected),

@@ -6,6 +6,7 @@ import math
 import re
 
 from hil.language.figures import localised
+from hil.language.note import translated
 
 MINUS = "\N{MINUS SIGN}"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -65,6 +66,11 @@ def grouped(value: float) -> str:
 def with_minus(text: str) -> str:
     """Text in which a hyphen before a number is a minus sign."""
     return re.sub(r"(?<![\w.])-(?=[\d.])", MINUS, text)
+
+
+def note_text(note: str) -> str:
+    """A note or a deviation as a page has it; what is none, a stranger's procedure has it, stays as it is."""
+    return with_minus(translated(note))
 
 
 def label_text(label: str) -> str:

@@ -17,11 +17,10 @@ from hil.report.curves import sections
 from hil.report.facts import facts_of
 from hil.report.local_time import local_text
 from hil.report.name import capital, quantity_words
-from hil.report.number import number
+from hil.report.number import note_text, number
 from hil.report.page import write_page
 from hil.report.provenance import channel_table, conditions_of, event_table, identity_of, instrument_line
 from hil.report.results import result_groups, verdict_box
-from hil.report.sentences import sentence
 
 
 @in_page_language
@@ -45,8 +44,8 @@ def write_run_report(
         groups=result_groups(findings.measured),
         judged=findings.verdict is not None,
         sections=sections(recording, findings),
-        notes=[sentence(note) for note in findings.notes],
-        deviations=[sentence(deviation) for deviation in findings.deviations],
+        notes=list(map(note_text, findings.notes)),
+        deviations=list(map(note_text, findings.deviations)),
         conditions=conditions_of(recording),
         settings=facts_of(meta.get("settings", {}), units),
         instruments=[instrument_line(instrument) for instrument in meta.get("instruments", ())],

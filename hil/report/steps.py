@@ -25,9 +25,8 @@ from hil.report.figure import (
     small_multiples,
     thinned,
 )
-from hil.report.number import number
+from hil.report.number import note_text, number
 from hil.report.section import Section, Table
-from hil.report.sentences import sentence
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,7 +81,7 @@ def _step_of(time_s: Array, command: Array) -> float:
 
 
 def _models(curves: Sequence[Curve]) -> Table:
-    rows = tuple((label_of(c), sentence(str(c["fitted_text"]))) for c in curves if c.get("fitted_text"))
+    rows = tuple((label_of(c), note_text(c["fitted_text"])) for c in curves if c.get("fitted_text"))
     return Table(_("Fitted models"), (_("Step"), _("Model")), rows, text_columns=(1,))
 
 
@@ -90,7 +89,7 @@ def _from_times(curves: Sequence[Curve]) -> Table:
     """Those of the HPV41 paper, eqs 11 to 22."""
     heads = (_("Step"), _("Model"), _("Transfer function"), _("Fit [%]"), _("Gain, rms [dB]"), _("Phase, rms [°]"))
     rows = tuple(
-        (label_of(c), sentence(one["label"]), formula(_function(one)), *(_error(one, key) for key in _ERRORS))
+        (label_of(c), note_text(one["label"]), formula(_function(one)), *(_error(one, key) for key in _ERRORS))
         for c in curves
         for one in c.get("models") or ()
     )
@@ -118,7 +117,7 @@ def _bode(name: str, curve: Curve) -> Picture:
             axes.plot(frequency_hz, needed(measured, key), ls="", marker="o", color=INK, label=_("measured"))
         for k, one in enumerate(curve["models"]):
             response = _function(one).at(fine)
-            style = {"color": SERIES[k % len(SERIES)], "ls": DASHES[k % len(DASHES)], "label": sentence(one["label"])}
+            style = {"color": SERIES[k % len(SERIES)], "ls": DASHES[k % len(DASHES)], "label": note_text(one["label"])}
             above.plot(fine, 20.0 * np.log10(np.abs(response)), **style)
             below.plot(fine, np.degrees(np.unwrap(np.angle(response))), **style)
         above.set_xscale("log")

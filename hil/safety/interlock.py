@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.daq.contract import Block
+from hil.language.note import Note
 from hil.safety.lasting import lasting_s
 
 Action = Literal["indicate", "hold", "stop", "trip"]
@@ -51,11 +52,18 @@ class Band:
         """Where the channel is within the range, or was not measured, so that nobody knows."""
         return ~self.outside(block) | ~np.isfinite(self.values(block))
 
-    def __str__(self) -> str:
+    @property
+    def note(self) -> Note:
+        """What must hold."""
         quantity = f"{self.channel} − {self.minus}" if self.minus else self.channel
         if self.low == -np.inf:
-            return f"{quantity} ≤ {self.high:g}"
-        return f"{quantity} ≥ {self.low:g}" if self.high == np.inf else f"{quantity} in {self.low:g} … {self.high:g}"
+            return Note("{quantity} ≤ {high:g}", quantity=quantity, high=self.high)
+        if self.high == np.inf:
+            return Note("{quantity} ≥ {low:g}", quantity=quantity, low=self.low)
+        return Note("{quantity} in {low:g} … {high:g}", quantity=quantity, low=self.low, high=self.high)
+
+    def __str__(self) -> str:
+        return str(self.note)
 
 
 @dataclass(frozen=True, slots=True)

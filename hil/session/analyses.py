@@ -25,6 +25,8 @@ from hil.identification.recursive_least_squares import (
 from hil.identification.step_estimate import MeasuredStep, measured_steps
 from hil.identification.step_models import StepModels, step_models
 from hil.identification.table_fit import as_response
+from hil.language.note import Note
+from hil.language.words import marked
 from hil.physics.model import Model, load_model, typical_model
 from hil.physics.published.tugsal import (
     CLASSIFIED_CURRENT_A,
@@ -45,7 +47,9 @@ from hil.record.response_table import ResponseTable
 from hil.signals.interval import COVERED
 
 _LINEAR = "transfer-function"
-_MEMBERSHIPS = ("left trapezoid", "left triangle", "right triangle", "right trapezoid")
+_MEMBERSHIPS = (
+    marked("left trapezoid"), marked("left triangle"), marked("right triangle"), marked("right trapezoid"),
+)  # fmt: skip
 _TIMES = ("s", "ms", "min", "h")
 _EVEN = 1e-3  # of the interval, by which stamps of an even recording may differ
 
@@ -95,7 +99,7 @@ def _of_step(one: MeasuredStep, response: FrequencyResponse | None, band: float)
     try:
         made = step_models(*times, response, band=band, std_s=(one.std.rise_s, one.std.settling_s))
     except InputError as error:
-        return StepModels(*times, np.zeros(0, dtype=np.complex128), (), (str(error),), label)
+        return StepModels(*times, np.zeros(0, dtype=np.complex128), (), (Note("{why}", why=str(error)),), label)
     return replace(made, label=label)
 
 
@@ -254,23 +258,27 @@ class ThesisError:
         ))  # fmt: skip
 
     @property
-    def caveat(self) -> str:
+    def caveat(self) -> Note:
         """What was assumed, and what the thesis does not publish."""
         severe_psi = THRESHOLDS[self.level][1] * math.sqrt(self.duration_s / self.rate_hz)
-        return (
-            f"taken over {self.duration_s:g} s at {self.rate_hz:g} Hz, where {severe_psi:.2g} psi rms are already "
-            "called severely malfunctioned; eq. 4.1 grows with the root of the rate, and the thesis states neither. "
-            "Its fuzzy rule base and table 4.2 are not published, so there is no fuzzy class"
-        )
+        return Note(
+            "taken over {duration_s:g} s at {rate_hz:g} Hz, where {severe_psi:.2g} psi rms are already called severely "
+            "malfunctioned; eq. 4.1 grows with the root of the rate, and the thesis states neither. Its fuzzy rule "
+            "base and table 4.2 are not published, so there is no fuzzy class",
+            duration_s=self.duration_s, rate_hz=self.rate_hz, severe_psi=severe_psi,
+        )  # fmt: skip
 
     @property
-    def sentence(self) -> str:
+    def sentence(self) -> Note:
         """All of it in one sentence or two."""
-        degrees = ", ".join(f"{name} {degree:.2f}" for name, degree in self.memberships.items() if degree) or "none"
-        return (
-            f"{self.level} current: eq. 4.1 {self.error:.4g} ({self.rms:.3g} psi rms), by the thresholds of section "
-            f"4.1.3 {self.crisp}, degrees of eqs 4.4 to 4.7 {degrees}; {self.caveat}"
-        )
+        degrees = {name: degree for name, degree in self.memberships.items() if degree}
+        listed = tuple(Note("{of} {degree:.2f}", of=Note(name), degree=degree) for name, degree in degrees.items())
+        return Note(
+            "{level} current: eq. 4.1 {error:.4g} ({rms_psi:.3g} psi rms), by the thresholds of section 4.1.3 {crisp}, "
+            "degrees of eqs 4.4 to 4.7 {degrees}; {caveat}",
+            level=Note(self.level), error=self.error, rms_psi=self.rms, crisp=Note(self.crisp),
+            degrees=listed or (Note("none"),), caveat=self.caveat,
+        )  # fmt: skip
 
 
 def thesis_error(measured: Array, reference: Array, rate_hz: float, level: Level) -> ThesisError:

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from hil.errors import InputError
+from hil.language.note import Note
 from hil.record.frozen import frozen_channels
-from hil.record.invalid_samples import invalid_samples, sentence, supposed
+from hil.record.invalid_samples import invalid_note, invalid_samples, supposed
 from hil.record.late_exchanges import late_exchanges, longest_exchange_s, with_supposed_times
 from hil.record.measurement import Findings, Limit, Measured
 from hil.record.population_comparison import PopulationComparison
@@ -48,11 +49,11 @@ def _timed(evaluate: Callable[[Recording], Findings], recording: Recording) -> F
     measured = tuple(_less_sure(m, [other.get(m.name) for other in others]) for m in found.measured)
     pairs = zip(found.measured, measured, strict=True)
     if open_ := [m.name for m, kept in pairs if m.value is not None and _outweighs(kept, m)]:
-        note = (
-            f"In {np.count_nonzero(late)} of {len(recording)} samples an exchange with the device took up to "
-            f"{longest_exchange_s(recording):.2g} s longer than usual. When it acted or measured within that is not "
-            f"known, which is in the uncertainty of: {', '.join(open_)}."
-        )
+        note = Note(
+            "In {n} of {all} samples an exchange with the device took up to {late_s:.2g} s longer than usual. When it "
+            "acted or measured within that is not known, which is in the uncertainty of: {names}.",
+            n=np.count_nonzero(late), all=len(recording), late_s=longest_exchange_s(recording), names=tuple(open_),
+        )  # fmt: skip
         found = replace(found, notes=(note, *found.notes))
     return replace(found, measured=measured)
 
@@ -82,11 +83,13 @@ def _measured(evaluate: Callable[[Recording], Findings], recording: Recording) -
     if isinstance(near, InputError):
         raise near
     found = _common(near, Findings() if isinstance(far, InputError) else far)
-    notes = [f"{sentence(recording, name, mask)}." for name, mask in lacking.items()]
+    notes = [Note("{note}.", note=invalid_note(recording, name, mask)) for name, mask in lacking.items()]
     if gone := [m.name for m, kept in zip(near.measured, found.measured, strict=True) if kept.value != m.value]:
-        notes.append(f"Not given, or as a bound only, because they rest on these samples: {', '.join(gone)}.")
+        notes.append(
+            Note("Not given, or as a bound only, because they rest on these samples: {names}.", names=tuple(gone))
+        )
     if curves := [name for name, curve in near.curves.items() if not _same(curve, found.curves.get(name))]:
-        notes.append(f"Not drawn for the same reason, wholly or in part: {', '.join(curves)}.")
+        notes.append(Note("Not drawn for the same reason, wholly or in part: {names}.", names=tuple(curves)))
     return replace(found, notes=(*notes, *found.notes))
 
 

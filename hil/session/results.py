@@ -13,6 +13,7 @@ from hil.errors import FileError, HilError, InputError
 from hil.findings.collect import findings_of, results_of
 from hil.findings.results import RESULTS_FILE, Results, read_results, write_results
 from hil.language.choice import in_page_language
+from hil.language.note import Note, revived
 from hil.record.cause import Cause
 from hil.record.conditions import condition_departures
 from hil.record.folder import read
@@ -117,10 +118,9 @@ def evaluated(procedure: Procedure, recording: Recording, limits: Mapping[str, L
     except InputError as error:
         if recording.meta.get("outcome") == "completed":
             raise
-        found = Findings(notes=(f"Nothing could be evaluated of this run: {error}.",))
-    found = replace(
-        found, deviations=(*found.deviations, *recording.meta.get("deviations", ()), *condition_departures(recording))
-    )
+        found = Findings(notes=(Note("Nothing could be evaluated of this run: {why}.", why=str(error)),))
+    begun = revived(recording.meta.get("deviations", ()), recording.meta.get("codes"))
+    found = replace(found, deviations=(*found.deviations, *begun, *condition_departures(recording)))
     judged = found.with_missing(procedure.measurements).judged(limits)
     return judged if ended_as_planned(recording.meta) else judged.of_unfinished()
 
@@ -144,8 +144,11 @@ def _with_assumed(found: Findings, procedure: Procedure, recording: Recording) -
     """The findings with a note on the settings that had to be assumed."""
     if not (unstated := _unstated(procedure, recording)):
         return found
-    listed = ", ".join(f"{name} = {_typed(setting)}" for name, setting in unstated.items())
-    note = f"The header of this run does not state these settings, so the defaults of today were taken: {listed}."
+    listed = tuple(f"{name} = {_typed(setting)}" for name, setting in unstated.items())
+    note = Note(
+        "The header of this run does not state these settings, so the defaults of today were taken: {listed}.",
+        listed=listed,
+    )
     return replace(found, notes=(*found.notes, note))
 
 

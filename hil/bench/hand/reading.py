@@ -14,6 +14,7 @@ from hil.bench.nets.channels import has_live_zero, zero_of
 from hil.bench.read import BenchFile
 from hil.daq.channel import InputChannel, Terminal
 from hil.daq.scaled import measured
+from hil.language.note import Note
 from hil.record.recording import Array
 
 _OPEN = 0.9  # of a live zero, as NAMUR NE 43 has it: 3.6 of 4 mA
@@ -79,13 +80,13 @@ class Followed:
             silent: why none come any more, in words; empty while they come.
         """
         if not self._samples:
-            missing = f"no measurement: {silent or 'no sample yet'}"
+            missing = Note("no measurement: {why}", why=silent or Note("no sample yet"))
             return Reading(self.name, None, self._raw_unit, None, self.entry.unit, None, age_s, missing)
         raw = self._samples[-1][1]
         marked = float(self._marked([raw])[0])
         return Reading(
             self.name, raw, self._raw_unit, float(self.entry.line.value_at(marked)), self.entry.unit, self.noise, age_s,
-            f"stale: {silent}" if silent else self._state(raw, marked),
+            Note("stale: {why}", why=silent) if silent else self._state(raw, marked),
         )  # fmt: skip
 
     @property
@@ -109,14 +110,14 @@ class Followed:
 
     def _state(self, raw: float, marked: float) -> str:
         if math.isnan(raw):
-            return f"no measurement: {self._why}" if self._why else "no measurement"
+            return Note("no measurement: {why}", why=self._why) if self._why else Note("no measurement")
         if raw < self._open_below:
-            return f"open wire: below {self._open_below:.3g} {self._raw_unit}"
+            return Note("open wire: below {level:.3g} {unit}", level=self._open_below, unit=self._raw_unit)
         if math.isinf(marked):
-            return f"over-range: at the {'upper' if marked > 0.0 else 'lower'} end"
+            return Note("over-range: at the upper end") if marked > 0.0 else Note("over-range: at the lower end")
         unchanged_s = self._samples[-1][0] - self._changed_s
         if self.terminal.kind != "digital" and unchanged_s >= self._longest_s:
-            return f"frozen: unchanged for {unchanged_s:.1f} s"
+            return Note("frozen: unchanged for {time_s:.1f} s", time_s=unchanged_s)
         return "ok"
 
     @property

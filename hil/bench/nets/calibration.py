@@ -8,24 +8,32 @@ from collections.abc import Iterator
 from hil.bench.file import Bench
 from hil.bench.read import BenchFile
 from hil.errors import SettingError
+from hil.language.note import Note
 
 
-def overdue(bench: Bench, day: dt.date) -> Iterator[str]:
+def overdue(bench: Bench, day: dt.date) -> Iterator[Note]:
     """A sentence for each calibration that was due before a day: of channels, and of instruments."""
     for name, channel in bench.channels.items():
         given = channel.calibration
         if given is not None and given.due is not None and given.due < day:
-            yield f"Channel '{name}': its calibration was due on {given.due}; the day of this test is {day}."
+            yield _overdue(Note("Channel '{name}'", name=name), given.due, day)
     for instrument in bench.instruments:
         if instrument.due is not None and instrument.due < day:
-            which = f" (serial {instrument.serial})" if instrument.serial else ""
-            yield (
-                f"Instrument '{instrument.name}'{which}: its calibration was due on {instrument.due}; the day of this "
-                f"test is {day}."
-            )
+            which = {"name": instrument.name, "serial": instrument.serial}
+            named = Note("Instrument '{name}' (serial {serial})", **which) if instrument.serial else Note(
+                "Instrument '{name}'", name=instrument.name
+            )  # fmt: skip
+            yield _overdue(named, instrument.due, day)
 
 
-def deviations_on(file: BenchFile, day: dt.date) -> list[str]:
+def _overdue(what: Note, due: dt.date, day: dt.date) -> Note:
+    return Note(
+        "{what}: its calibration was due on {due}; the day of this test is {day}.",
+        what=what, due=str(due), day=str(day),
+    )  # fmt: skip
+
+
+def deviations_on(file: BenchFile, day: dt.date) -> list[Note]:
     """What of the calibrations a run on this day departs from, for its header.
 
     Raises:

@@ -9,6 +9,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hil.errors import FileError, StorageError
+from hil.language.note import Note
 from hil.record.durable import write_whole
 from hil.safety.interrupt import Halted
 from hil.untrusted import read_untrusted_json
@@ -79,13 +80,13 @@ class StopSwitch:
         except OSError as error:
             raise StorageError(f"{self.folder / _FILE}: cannot be removed: {error.strerror}") from error
 
-    def text(self, press: Press) -> str:
+    def text(self, press: Press) -> Note:
         """What keeps a run from starting, in one line."""
         by = f" by {press.account}" if press.account else ""
-        return (
-            f"stop is pressed since {press.at_utc:%Y-%m-%d %H:%M:%S} UTC{by}; "
-            f"release it at the console, or remove {self.folder / _FILE}"
-        )
+        return Note(
+            "stop is pressed since {time}; release it at the console, or remove {file}",
+            time=f"{press.at_utc:%Y-%m-%d %H:%M:%S} UTC{by}", file=str(self.folder / _FILE),
+        )  # fmt: skip
 
     def check(self) -> None:
         """Raise `Halted` while it is pressed."""

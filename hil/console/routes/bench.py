@@ -12,13 +12,13 @@ from starlette.routing import Route
 
 from hil.bench.hand.reading import Reading
 from hil.bench.read import BenchFile
-from hil.console.board import STATES, RunReader, check_tripped, interlocks_of, lines_of, reset_trip, trips_of
+from hil.console.board import RunReader, check_tripped, interlocks_of, lines_of, reset_trip, trips_of
 from hil.console.console import Console
 from hil.console.page import page
 from hil.console.underway import Run
 from hil.console.uploads import form_of
 from hil.errors import FileError, HilError, InUseError
-from hil.language.reworded import reworded
+from hil.language.note import translated
 from hil.language.words import _
 
 Levels = dict[str, tuple[float, float]]
@@ -136,7 +136,7 @@ def _answering(readings: list[Reading], fault: str) -> dict[str, str]:
         return {"state": "not asked", "tone": "missing", "why": fault}
     silent = [reading for reading in readings if reading.value is None or reading.state.startswith("stale")]
     if len(silent) == len(readings):
-        return {"state": "silent", "tone": "bad", "why": reworded(silent[0].state, STATES)}
+        return {"state": "silent", "tone": "bad", "why": translated(silent[0].state)}
     return {"state": "answers", "tone": "good", "why": ""}
 
 

@@ -24,7 +24,7 @@ from hil.console.routes import jobs
 from hil.console.routes.results import REPORT_HEADERS
 from hil.console.uploads import form_of
 from hil.errors import ArchiveError, FileError, HilError, SettingError, UnknownNameError
-from hil.language.reworded import reworded
+from hil.language.note import revived, translated
 from hil.physics.model import load_model
 from hil.physics.other_plant import plant_of_run
 from hil.record.header import read_header
@@ -88,14 +88,13 @@ async def begin(request: Request) -> Response:
 
 def one(request: Request) -> Response:
     """A diagnosis: what it says, in short, its report, and what can be done now."""
-    from hil.report.diagnosis_page import OTHER_PLANT
-
     console, name = Console.of(request), request.path_params["diagnosis"]
     folder = _folder(console, name)
     diagnosis = read_untrusted_json(folder, "diagnosis.json")
     return page(
         request, "diagnosis.html", name=name, diagnosis=diagnosis,
-        above=[reworded(text, OTHER_PLANT) for text in diagnosis.get("other_plant", ())], next_run=_next_run(diagnosis),
+        above=[translated(note) for note in revived(diagnosis.get("other_plant", ()), diagnosis.get("codes"))],
+        next_run=_next_run(diagnosis),
         corrected=is_regular(folder, "corrected.json"), accepted=request.query_params.get("accepted", ""),
     )  # fmt: skip
 

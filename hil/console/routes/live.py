@@ -19,18 +19,11 @@ from hil.console.underway import control_of, run_of
 from hil.console.uploads import form_of
 from hil.errors import FileError, HilError
 from hil.findings.results import RESULTS_FILE, read_results
-from hil.language.reworded import reworded
-from hil.language.words import marked
 from hil.record.alive import lives
 from hil.record.progress import WrittenProgress, progress_of
 from hil.untrusted import is_regular
 
 _SIGNALS = 128  # from here on an exit status says which signal ended a program
-MESSAGES_BEFORE = (
-    marked("setting {setting}"), marked("limit {limit}"), marked("indication in the rehearsal: {text}"),
-    marked("rehearsed on the simulated valve: {time}, within all limits"),
-)  # fmt: skip
-"""What a run says before it drives (see `hil.cli.run`)."""
 _LEFT = (" left", "almost done", "longer than expected")
 
 
@@ -68,7 +61,7 @@ def _state(console: Console, name: str) -> dict[str, Any]:
     """State, last words and verdict of a run."""
     started = console.started.get(name)
     status = started.exit_status if started else None
-    message = reworded(started.last_line.removeprefix("hil: "), MESSAGES_BEFORE) if started else ""
+    message = started.last_line.removeprefix("hil: ") if started else ""
     state: dict[str, Any] = {
         "run": name,
         "text": message,

@@ -25,8 +25,6 @@ from hil.console.routes import jobs
 from hil.console.routes.passports import passports
 from hil.errors import ArchiveError, FileError, HilError, SettingError
 from hil.findings.results import RESULTS_FILE, Results, read_results
-from hil.language.reworded import reworded
-from hil.language.words import marked
 from hil.record.header import meta_of
 from hil.record.measurement import Measured
 from hil.record.simulated import is_simulated
@@ -150,7 +148,7 @@ def trend(request: Request) -> Response:
         names=names,
         chosen=chosen,
         points=shown,
-        drift=reworded(drift_of(points).sentence, _DRIFTS) if points else "",
+        drift=drift_of(points).sentence.translated if points else "",
         serials=_serials(console),
     )
 
@@ -238,13 +236,6 @@ def _compared(console: Console, found: RunComparison) -> Path:
     path = folder / f"{hashlib.sha256(f'{found.first.run}|{found.second.run}'.encode()).hexdigest()[:16]}.html"
     write_comparison_page(found.first, found.second, found.differences, found.one_bench, path)
     return path
-
-
-_DRIFTS = (
-    marked("No drift can be determined: at least {count} values with an uncertainty, at different times, are needed."),
-    marked("It drifts: {found} per year (false-alarm rate {rate})."),
-    marked("No drift: {found} per year (false-alarm rate {rate})."),
-)
 
 
 ROUTES = [

@@ -15,13 +15,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.language.words import marked
 from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Array
 from hil.signals.recursion import filtered
 
 Level = Literal["low", "high"]
 Class = Literal["good", "malfunctioned", "severely malfunctioned"]
-CLASSES: tuple[Class, ...] = ("good", "malfunctioned", "severely malfunctioned")
+CLASSES: tuple[Class, ...] = (marked("good"), marked("malfunctioned"), marked("severely malfunctioned"))
 
 # Section 3.1.2: electrical and hydraulic specification. Resistance at 72 °F, by nominal voltage.
 REFERENCE_TEMPERATURE_F = 72.0

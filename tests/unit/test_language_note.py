@@ -1,8 +1,11 @@
-"""Notes and deviations in German: what the program's own rooms say, taken from them and not typed here."""
+"""Notes: kept as values, English as text, German on a page; taken from the rooms that make them, not typed here."""
 
 from __future__ import annotations
 
+import copy
 import datetime as dt
+import json
+import pickle
 import re
 from pathlib import Path
 
@@ -12,10 +15,12 @@ import pytest
 from hil.bench.find import benches
 from hil.bench.nets.calibration import overdue
 from hil.bench.read import read_bench
+from hil.errors import InputError
+from hil.language.note import Note, changed, codes_of, error_text, revived
 from hil.language.words import speaking
 from hil.record.conditions import condition_departures
 from hil.record.recording import Channel, Recording
-from hil.report.sentences import sentence
+from hil.report.number import note_text
 from hil.session.procedure import load_procedure
 from procedures._recorded import departures
 from tests.coverage_study.cases import CASES
@@ -27,7 +32,54 @@ _ENGLISH = re.compile(r"\b(the|of|is|and|with|it|not)\b")
 
 def german(text: str) -> str:
     with speaking("de"):
-        return sentence(text)
+        return note_text(text)
+
+
+def stored_and_read(*notes: str) -> tuple[str, ...]:
+    return revived(json.loads(json.dumps(notes)), json.loads(json.dumps(codes_of(notes))))
+
+
+def test_a_note_is_english_text_and_keeps_its_values() -> None:
+    made = Note("its fit is {fit:.1f} %, where {least:g} % are asked for", fit=np.float64(71.25), least=80.0).at(
+        "0.5 A"
+    )
+    assert made == "0.5 A: its fit is 71.2 %, where 80 % are asked for"
+    assert german(made) == "0,5 A: die Anpassung beträgt 71,2 %, verlangt sind 80 %"
+    inner = made.values["note"]
+    assert (inner.values, type(inner.values["fit"])) == ({"fit": 71.25, "least": 80.0}, float)
+    for again in (pickle.loads(pickle.dumps(made)), copy.deepcopy(made), *stored_and_read(made)):
+        assert (again, again.code, again.values) == (made, made.code, made.values)
+
+
+def test_lists_names_and_labels_of_a_note() -> None:
+    listed = Note("Not stated: {listed}.", listed=(Note("the fluid"), "v1.5"))
+    assert (listed, german(listed)) == ("Not stated: the fluid, v1.5.", "Nicht angegeben: das Öl, v1.5.")
+    label = Note("setting {setting!l}", setting="rate = 0.5 Hz")
+    assert (label, german(label)) == ("setting rate = 0.5 Hz", "Einstellung rate = 0,5 Hz")
+    renamed = changed(label.at("a"), lambda text: text.replace("a", "b"))
+    assert (renamed, changed("plain a", str.upper)) == ("b: setting rbte = 0.5 Hz", "PLAIN A")
+
+
+@pytest.mark.parametrize(
+    "made_of",
+    [
+        None, {}, {"code": "it hums"}, {"code": 3, "values": {}}, {"code": "other", "values": {}},
+        {"code": "{x.__class__}", "values": {"x": "it hums"}}, {"code": "{x:>999999999}", "values": {"x": "it hums"}},
+        {"code": "{x[0]}", "values": {"x": ["it hums"]}}, {"code": "{x}", "values": ["it hums"]},
+        {"code": "{x:{y}}", "values": {"x": 1, "y": "999999999"}},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_what_a_file_says_a_note_is_made_of_is_not_believed(made_of: object) -> None:
+    (again,) = revived(["it hums"], {"it hums": made_of})
+    assert (again, type(again)) == ("it hums", str)
+
+
+def test_an_error_says_its_note_in_the_language_of_the_page() -> None:
+    error, other = InputError(Note("no measurement: {why}", why=Note("no sample yet"))), OSError(2, "gone")
+    assert (str(error), error_text(error)) == ("no measurement: no sample yet",) * 2
+    with speaking("de"):
+        assert (error_text(error), error_text(other)) == ("kein Messwert: noch kein Abtastwert", str(other))
 
 
 def recording(**conditions: object) -> Recording:
@@ -75,10 +127,11 @@ def test_what_procedures_note_is_said_in_german(place: int, situation: object, t
     found = procedure.evaluate(noisy(clean, case.bench, situation, 7))
     for text in (*found.notes, *found.deviations):
         said = german(text)
+        assert [german(again) for again in stored_and_read(text)] == [said]
         assert not _ENGLISH.search(said), said
         assert not re.search(r"\d\.\d", said), said
 
 
 def test_a_sentence_of_a_stranger_stays_as_it_is_and_english_pages_keep_theirs() -> None:
     assert german("odd: it hums at -3.5 Hz") == "odd: it hums at −3.5 Hz"
-    assert sentence("0 → 80 %: noise alone") == "0 → 80 %: noise alone"
+    assert note_text("0 → 80 %: noise alone") == "0 → 80 %: noise alone"
