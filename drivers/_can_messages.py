@@ -10,6 +10,7 @@ from typing import Any
 
 from drivers._edge import message_of
 from hil.description.can import CanDescription, CanTerminal, Message
+from hil.description.terminal import counts_of
 from hil.errors import LinkError
 
 _LAST_VALID = 0xFA  # of the highest byte, in SAE J1939; above it are errors and "not available"
@@ -160,9 +161,7 @@ class Received:
         """Why what came last is no measurement, in words; empty where it is one."""
         count = self.counts.get(terminal.signal, 0)
         signal = self.message.get_signal_by_name(terminal.signal)
-        named: dict[int, str] = (
-            {} if signal.is_float else {int(key, 0): means for key, means in getattr(terminal, "invalid", {}).items()}
-        )
+        named = {} if signal.is_float else counts_of(getattr(terminal, "invalid", {}))
         if count in named:
             return named[int(count)]
         return "the device says that it has none" if self._is_none(signal, count) else ""

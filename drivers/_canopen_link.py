@@ -12,7 +12,7 @@ from drivers._edge import edge
 from drivers._pdo_mapping import configure, pdos_for, with_sync
 from drivers._start_up import once_started
 from hil.daq.channel import Wiring
-from hil.description.canopen import CanopenDescription, CanopenTerminal, place_of, variable
+from hil.description.canopen import CanopenDescription, CanopenTerminal, place_of
 from hil.errors import HardwareError, SettingError
 
 
@@ -65,8 +65,8 @@ class CanopenLink(NodeLink):
         self._inputs = {c.terminal: description.by_name[c.terminal] for c in wiring.inputs.values()}
         wanted = [terminal.place for terminal in self._inputs.values()]
         flagged = dict.fromkeys(flag.place for terminal in self._inputs.values() for flag in terminal.status)
-        synchronised = bool(self._outputs) and any(with_sync(file, i) for i in range(0x1800, 0x1A00) if i in file)
-        by_pdo = [*wanted, *(p for p in flagged if variable(file, p).pdo_mappable)] if synchronised else []
+        synchronised = bool(self._outputs) and any(with_sync(file, i) for i in range(0x1800, 0x1A00) if (i, 1) in file)
+        by_pdo = [*wanted, *(p for p in flagged if file[p].pdo_mappable)] if synchronised else []
         self._by_sdo = [place for place in dict.fromkeys([*wanted, *flagged]) if place not in by_pdo]
         self._sent = pdos_for(file, self._number, list(dict.fromkeys(by_pdo)), "sent")
         driven = dict.fromkeys(terminal.place for terminal in self._outputs.values())

@@ -10,6 +10,7 @@ from drivers._can import close_bus, open_bus
 from drivers._edge import wire_log
 from drivers._node_objects import NodeObjects
 from hil.daq.device_link import DeviceLink
+from hil.description.eds import Dictionary
 from hil.errors import LinkError
 
 MASTER = 127  # node that sends our heartbeat
@@ -23,8 +24,8 @@ class NodeLink(DeviceLink):
     _network: Any = None
     _emergency: tuple[int, int] | None = None
 
-    def _connect(self, settings: Any, number: int, driver: str, *sent: int, file: Any = None) -> None:
-        """Join its bus, and hear its emergencies and these PDOs; `file` is the dictionary of its objects."""
+    def _connect(self, settings: Any, number: int, driver: str, *sent: int, file: Dictionary | None = None) -> None:
+        """Join its bus, and hear its emergencies and these PDOs; `file`: the objects of its file."""
         import canopen
 
         from drivers._canopen_network import CanopenNetwork
@@ -35,7 +36,7 @@ class NodeLink(DeviceLink):
         self._network.connect()
         node = self._network.add_node(number, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
         node.sdo.RESPONSE_TIMEOUT = settings.timeout_s
-        self._objects = NodeObjects(self._network, node, file, settings.address)
+        self._objects = NodeObjects(self._network, node, file or Dictionary(), settings.address)
         self._network.subscribe(0x080 + number, self._on_emergency)
         for identifier in sent:
             self._network.subscribe(identifier, self._on_pdo)

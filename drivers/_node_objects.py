@@ -7,7 +7,8 @@ import struct
 from collections.abc import Mapping
 from typing import Any
 
-from hil.description.canopen import FORMS, CanopenTerminal, variable
+from hil.description.canopen import CanopenTerminal
+from hil.description.eds import FORMS, Dictionary
 from hil.description.terminal import counts_of, nan_of
 from hil.errors import DeviceLostError, LinkError
 
@@ -18,11 +19,11 @@ class NodeObjects:
     Args:
         network: that it is on.
         node: of the canopen library.
-        file: the dictionary of its EDS or DCF; None where there is none, and numbers have a form of their own.
+        file: the objects of its EDS or DCF; none where there is none, and numbers have a form of their own.
         address: of the bus, for errors.
     """
 
-    def __init__(self, network: Any, node: Any, file: Any, address: str) -> None:
+    def __init__(self, network: Any, node: Any, file: Dictionary, address: str) -> None:
         self._network, self._node, self._file, self._address = network, node, file, address
 
     def recognised(self) -> str:
@@ -32,22 +33,26 @@ class NodeObjects:
             LinkError: another device than its file says.
         """
         kind = self.kind()
-        expected = variable(self._file, (0x1000, 0))
-        if expected is not None and expected.default and kind != expected.default:
+        expected = self._by_file(0x1000, 0)
+        if expected and kind != expected:
             raise LinkError(
-                f"node {self._node.id} says that it is of device type {kind:#010x}, its file {expected.default:#010x}"
+                f"node {self._node.id} says that it is of device type {kind:#010x}, its file {expected:#010x}"
             )
         parts = []
         for sub, what in enumerate(("vendor", "product", "revision", "serial"), start=1):
-            if variable(self._file, (0x1018, sub)) is None:
+            if (0x1018, sub) not in self._file:
                 continue
-            number, by_file = self.upload(0x1018, sub), variable(self._file, (0x1018, sub)).default
+            number, by_file = self.upload(0x1018, sub), self._by_file(0x1018, sub)
             if sub <= 2 and by_file and number != by_file:
                 raise LinkError(
                     f"node {self._node.id} is of {what} {number:#x}; its file is that of {what} {by_file:#x}"
                 )
             parts.append(f"{what} {number:#x}")
         return f"node {self._node.id}, {', '.join(parts)}" if parts else ""
+
+    def _by_file(self, index: int, sub: int) -> int:
+        found = self._file.get((index, sub))
+        return int((found and found.default) or 0)
 
     def kind(self) -> int:
         """Its device type; raises `DeviceLostError` where nobody answers."""
@@ -129,7 +134,7 @@ class NodeObjects:
 
     def form(self, place: tuple[int, int]) -> str:
         """Of an object's bytes, as `struct` writes it."""
-        return "<" + FORMS[variable(self._file, place).data_type]
+        return "<" + FORMS[self._file[place].data_type]
 
     def _sdo(self, kind: str, index: int, sub: int, *data: bytes) -> bytes:
         answer: bytes = self._network.transfer(self._node, kind, index, sub, *data)

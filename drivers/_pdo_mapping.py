@@ -5,9 +5,9 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
-from hil.description.canopen import FORMS, variable
+from hil.description.eds import FORMS, Dictionary
 from hil.errors import LinkError, SettingError
 
 Place = tuple[int, int]
@@ -57,7 +57,7 @@ class Pdo:
                                         for place, letter in zip(self.places, letters, strict=True)))  # fmt: skip
 
 
-def pdos_for(objects: Any, node: int, places: Sequence[Place], way: Literal["sent", "received"]) -> list[Pdo]:
+def pdos_for(objects: Dictionary, node: int, places: Sequence[Place], way: Literal["sent", "received"]) -> list[Pdo]:
     """PDOs of a node that carry these objects, and as few others as there are in the file.
 
     Args:
@@ -72,7 +72,8 @@ def pdos_for(objects: Any, node: int, places: Sequence[Place], way: Literal["sen
     if not places:
         return []
     first = 0x1800 if way == "sent" else 0x1400
-    numbers = [i for i in range(512) if first + i in objects and (way == "received" or with_sync(objects, first + i))]
+    there = [i for i in range(512) if (first + i, 1) in objects]
+    numbers = [n for n in there if way == "received" or with_sync(objects, first + n)]
     by_file = {n: _mapped(objects, first + 0x200 + n) for n in numbers}
     chosen = [n for n in numbers if any(place in places for place in by_file[n])]
     carried = {place for n in chosen for place in by_file[n]}
@@ -85,7 +86,7 @@ def pdos_for(objects: Any, node: int, places: Sequence[Place], way: Literal["sen
 
 
 def configure(
-    pdos: Iterable[Pdo], way: Literal["sent", "received"], upload: Upload, download: Download, objects: Any
+    pdos: Iterable[Pdo], way: Literal["sent", "received"], upload: Upload, download: Download, objects: Dictionary
 ) -> None:
     """Have a node's PDOs carry what they shall, and see that they do.
 
@@ -116,51 +117,48 @@ def configure(
             )
 
 
-def with_sync(objects: Any, communication: int) -> bool:
+def with_sync(objects: Dictionary, communication: int) -> bool:
     """Whether a PDO that a node sends comes with SYNC, or can be told to; some come at changes alone."""
-    found = variable(objects, (communication, 2))
+    found = objects.get((communication, 2))
     return found is None or found.writable or _default(objects, (communication, 2)) in _WITH_SYNC
 
 
-def _mapped(objects: Any, mapping: int) -> tuple[Place, ...]:
+def _mapped(objects: Dictionary, mapping: int) -> tuple[Place, ...]:
     """What the file says that a PDO carries."""
     count = _default(objects, (mapping, 0))
     entries = [_default(objects, (mapping, i)) for i in range(1, count + 1)]
     return tuple((entry >> 16, entry >> 8 & 0xFF) for entry in entries if entry)
 
 
-def _default(objects: Any, place: Place) -> int:
-    found = variable(objects, place)
-    value = None if found is None else found.value if found.value is not None else found.default
-    return int(value or 0)
+def _default(objects: Dictionary, place: Place) -> int:
+    found = objects.get(place)
+    return int((found and found.at_start) or 0)
 
 
-def _identifier(objects: Any, communication: int, node: int, way: str) -> int:
+def _identifier(objects: Dictionary, communication: int, node: int, way: str) -> int:
     """By the file, else of the predefined connection set."""
     number = communication - (0x1800 if way == "sent" else 0x1400)
     base = (0x180 if way == "sent" else 0x200) + 0x100 * (number % 4) + node
-    found = variable(objects, (communication, 1))
-    if found is not None and (of_file := found.value if found.value is not None else found.default) is not None:
-        identifier = int(of_file) & 0x7FF
-        return identifier + node if getattr(found, "relative", False) and identifier & 0x7F == 0 else identifier or base
+    found = objects.get((communication, 1))
+    if found is not None and found.at_start is not None:
+        identifier = int(found.at_start) & 0x7FF
+        return identifier + node if found.is_relative and identifier & 0x7F == 0 else identifier or base
     return base
 
 
-def _form(objects: Any, places: Iterable[Place]) -> str:
-    letters = [
-        FORMS.get(found.data_type) if (found := variable(objects, place)) is not None else None for place in places
-    ]
+def _form(objects: Dictionary, places: Iterable[Place]) -> str:
+    letters = [FORMS.get(found.data_type) if (found := objects.get(place)) is not None else None for place in places]
     if None in letters:
         raise SettingError(f"a PDO carries objects of which the file says no number of 32 bits at most: {list(places)}")
     return "<" + "".join(letter for letter in letters if letter)
 
 
-def _entry(objects: Any, place: Place) -> int:
-    bits = 8 * struct.calcsize("<" + FORMS[variable(objects, place).data_type])
+def _entry(objects: Dictionary, place: Place) -> int:
+    bits = 8 * struct.calcsize("<" + FORMS[objects[place].data_type])
     return place[0] << 16 | place[1] << 8 | bits
 
 
-def _parts(objects: Any, places: Sequence[Place], most: int) -> list[tuple[Place, ...]]:
+def _parts(objects: Dictionary, places: Sequence[Place], most: int) -> list[tuple[Place, ...]]:
     """Objects in groups of eight bytes."""
     parts: list[list[Place]] = [[]]
     for place in places:

@@ -18,9 +18,8 @@ from drivers._can import bus_fault
 from drivers._canopen_node import MASTER, NodeLink
 from drivers._edge import edge
 from hil.daq.channel import Terminal, Wiring
-from hil.description.canopen import dictionary, variable
+from hil.description.canopen import dictionary
 from hil.errors import FileError, LinkError
-from hil.extras import is_installed
 
 PROFILE = 408
 FULL = 16384  # ±100 %
@@ -78,7 +77,7 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
         yield ("longest_reply_s",), f"must be shorter than watchdog_s = {settings.watchdog_s:g}, or the valve faults"
     if settings.watchdog_s > 65.535:
         yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the valve counts up to 65.535 s"
-    if settings.eds and is_installed("canopen"):
+    if settings.eds:
         yield from _file_faults(settings)
 
 
@@ -97,14 +96,14 @@ def _file_faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
     except FileError as error:
         yield ("eds",), str(error)
         return
-    kind = variable(objects, (0x1000, 0))
-    if kind is not None and kind.default and kind.default & 0xFFFF != PROFILE:
-        yield ("eds",), f"{settings.eds}: a device of profile {kind.default & 0xFFFF}, not of {PROFILE} (valves)"
+    kind = objects.get((0x1000, 0))
+    if kind is not None and kind.default and (profile := int(kind.default) & 0xFFFF) != PROFILE:
+        yield ("eds",), f"{settings.eds}: a device of profile {profile}, not of {PROFILE} (valves)"
     for place, what in _NEEDED.items():
-        if variable(objects, place) is None:
+        if place not in objects:
             yield ("eds",), f"{settings.eds}: has no object {place[0]:04X}.{place[1]} ({what})"
     for key, place in _OF_FUNCTIONS.items():
-        if getattr(settings, key) is not None and variable(objects, place) is None:
+        if getattr(settings, key) is not None and place not in objects:
             yield (key,), f"the valve has no object {place[0]:04X}.{place[1]}, says {settings.eds}; take this away"
     if objects.node_id and objects.node_id != settings.node:
         yield ("node",), f"{settings.node}, but {settings.eds} is that of node {objects.node_id}"
@@ -190,8 +189,8 @@ class CanopenValveLink(NodeLink):
         if profile != PROFILE:
             raise LinkError(f"node {settings.node} is of device profile {profile}, not {PROFILE}")
         for sub, what in ((1, "vendor"), (2, "product")) if settings.eds else ():
-            of_file = variable(dictionary(settings.eds), (0x1018, sub))
-            wanted = of_file.default if of_file is not None else None
+            of_file = dictionary(settings.eds).get((0x1018, sub))
+            wanted = int(of_file.default or 0) if of_file is not None else 0
             if wanted and (number := self._objects.upload(0x1018, sub)) != wanted:
                 raise LinkError(f"node {settings.node} is of {what} {number:#x}, its file is of {wanted:#x}")
         return self._identity_read()

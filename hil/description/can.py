@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
-from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, FiniteFloat, PositiveFloat
 
 from hil.bench.lines import Place
 from hil.description.dbc import dbc_text
-from hil.description.terminal import DescribedDevice, DescribedTerminal, Strict, name_faults
+from hil.description.makers_text import makers_file
+from hil.description.terminal import DescribedDevice, Invalid, ScaledTerminal, Strict, name_faults
 from hil.errors import FileError
 from hil.extras import is_installed
-from hil.untrusted import read_small
 
 Sum = Literal["xor", "sum", "crc8"]
 """Over all other bytes: exclusive or, sum, CRC-8 of SAE J1850."""
@@ -27,7 +25,7 @@ class Signal(Strict):
     signal: str
 
 
-class CanTerminal(DescribedTerminal):
+class CanTerminal(ScaledTerminal):
     """A terminal: value = slope · (what the DBC makes of the bits) + offset.
 
     Attributes:
@@ -39,9 +37,7 @@ class CanTerminal(DescribedTerminal):
     message: str
     signal: str
     read_back: Signal | None = None
-    invalid: dict[str, str] = Field(default_factory=dict)
-    slope: FiniteFloat = 1.0
-    offset: FiniteFloat = 0.0
+    invalid: Invalid = Field(default_factory=dict)
 
 
 class Checksum(Strict):
@@ -131,33 +127,21 @@ class CanDescription(DescribedDevice):
         return database(self.dbc)
 
 
-def database(path: str) -> Any:
-    """A DBC file as cantools reads it; `left_out` says what in it was not taken as it stands.
-
-    Raises:
-        FileError: it cannot be read, or is none.
-    """
-    try:
-        return _database(path, Path(path).stat().st_mtime_ns)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}; it is looked for beside the description") from None
-
-
-@lru_cache(maxsize=32)
-def _database(path: str, _changed: int) -> Any:
+def _database(data: bytes) -> Any:
     import cantools
 
-    try:
-        dbc = dbc_text(read_small(Path(path)))
-        found: Any = cantools.database.load_string(
-            dbc.text if dbc.text.strip() else 'VERSION ""\n', database_format="dbc", strict=False
-        )
-    except FileError:
-        raise
-    except Exception as error:  # the library raises what its parsers do
-        raise FileError(f"{path}: not a DBC file: {' '.join(str(error).split())}") from None
+    dbc = dbc_text(data)
+    found: Any = cantools.database.load_string(
+        dbc.text if dbc.text.strip() else 'VERSION ""\n', database_format="dbc", strict=False
+    )
     found.left_out = tuple(dbc.left_out)
     return found
+
+
+database = makers_file("a DBC file", _database)
+"""A DBC file as cantools reads it, by its path; `left_out` says what in it was not taken as it stands.
+
+Raises `FileError`."""
 
 
 def can_faults(description: CanDescription) -> Iterator[tuple[Place, str]]:
@@ -176,7 +160,6 @@ def can_faults(description: CanDescription) -> Iterator[tuple[Place, str]]:
         yield from _signal(place, terminal.message, terminal.signal, known)
         if terminal.count > 1:
             yield (*place, "count"), "signals have names: describe each terminal"
-        yield from ((place, text) for text in _invalid(terminal))
         if terminal.direction == "out":
             yield from ((place, text) for text in _page(terminal, description.about(terminal.message), known))
         if terminal.direction == "in" and terminal.read_back is not None:
@@ -198,17 +181,7 @@ def can_faults(description: CanDescription) -> Iterator[tuple[Place, str]]:
             signal_ = known[name][message.checksum.signal]
             if signal_.length != 8 or signal_.start % 8 not in (0, 7):
                 yield ("messages", name, "checksum", "signal"), "is not a whole byte"
-    sends = [t for t in description.terminals.values() if t.direction == "out"]
-    if description.watchdog is not None and not sends:
-        yield ("watchdog",), "there is no output that it could be for; take this away"
-
-
-def _invalid(terminal: CanTerminal) -> Iterator[str]:
-    for key in terminal.invalid:
-        try:
-            int(key, 0)
-        except ValueError:
-            yield f"invalid: '{key}' is no whole count such as 255 or 0xFF"
+    yield from description.needless("watchdog")
 
 
 def _page(terminal: CanTerminal, about: Message, known: dict[str, dict[str, Any]]) -> Iterator[str]:

@@ -5,23 +5,19 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator
-from functools import cached_property, lru_cache
-from io import StringIO
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 from pydantic import Field, FiniteFloat, field_validator, model_validator
 
 from hil.bench.lines import Place
 from hil.daq.channel import Kind
-from hil.description.eds import eds_text
-from hil.description.terminal import DescribedDevice, DescribedTerminal, Invalid, Strict, each, name_faults
+from hil.description.eds import FORMS, Dictionary, Object, dictionary_in
+from hil.description.makers_text import makers_file
+from hil.description.terminal import DescribedDevice, PartTerminal, Strict, each, name_faults
 from hil.errors import FileError
-from hil.extras import is_installed
-from hil.untrusted import read_small
 
-FORMS = {0x02: "b", 0x03: "h", 0x04: "i", 0x05: "B", 0x06: "H", 0x07: "I", 0x08: "f"}
-"""Data types of four bytes at most, as `struct` writes them."""
 _OBJECT = re.compile(r"(?:0x)?([0-9A-Fa-f]{4})(?:\.([0-9]{1,3}))?")
 
 
@@ -83,37 +79,15 @@ class ObjectFlag(InObject):
         return looked_at != 0 if self.equals is None else looked_at == self.equals
 
 
-class CanopenTerminal(InObject, DescribedTerminal):
+class CanopenTerminal(InObject, PartTerminal):
     """A terminal in an object: value = slope · (what the object says) + offset; floats and whole numbers.
 
     Attributes:
-        bit, bits: the bit, or lowest and highest bit, of an object that holds more than this. In a row each terminal
-            stands next to the one before it.
-        invalid: counts that are no measurement, and what they mean; `nan` too.
+        bit, bits: in a row each terminal stands next to the one before it.
         status: flags that say that it is none.
     """
 
-    bit: int | None = Field(None, ge=0, le=31)
-    bits: tuple[int, int] | None = None
-    invalid: Invalid = Field(default_factory=dict)
     status: tuple[ObjectFlag, ...] = ()
-    slope: FiniteFloat = 1.0
-    offset: FiniteFloat = 0.0
-
-    @model_validator(mode="after")
-    def _one_part(self) -> Self:
-        if self.bit is not None and self.bits is not None:
-            raise ValueError("bit or bits, not both")
-        if self.slope == 0.0:
-            raise ValueError("slope 0 makes every reading the same")
-        return self
-
-    @property
-    def field(self) -> tuple[int, int] | None:
-        """Lowest bit and number of bits, of what does not fill its object."""
-        if self.bit is not None:
-            return self.bit, 1
-        return None if self.bits is None else (self.bits[0], self.bits[1] - self.bits[0] + 1)
 
     @property
     def is_of(self) -> Kind:
@@ -156,70 +130,28 @@ class CanopenDescription(DescribedDevice):
         return {one: terminal.of_row(i) for name, terminal in self.terminals.items() for one, i in each(name, terminal)}
 
     @property
-    def dictionary(self) -> Any:
-        """The object dictionary of the file, as the canopen library reads it. Raises `FileError`."""
+    def dictionary(self) -> Dictionary:
+        """The objects of the file. Raises `FileError`."""
         return dictionary(self.eds)
 
 
-def dictionary(path: str) -> Any:
-    """The object dictionary of an EDS or DCF; `node_id` is that of a DCF, `left_out` says what was not understood.
-
-    Raises:
-        FileError: it cannot be read, or is none.
-    """
-    try:
-        return _dictionary(path, Path(path).stat().st_mtime_ns)
-    except OSError as error:
-        raise FileError(
-            f"{path}: cannot be read: {error.strerror}; it is looked for beside the file that names it"
-        ) from None
-
-
-@lru_cache(maxsize=32)
-def _dictionary(path: str, _changed: int) -> Any:
-    import canopen  # noqa: F401 - whole, or a thread that imports it too makes half a package of it
-    from canopen.objectdictionary.eds import import_eds
-
-    try:
-        eds = eds_text(read_small(Path(path)))
-        read: Any = import_eds
-        found = read(StringIO(eds.text), 0)  # identifiers without the node, which is added where they are used
-    except FileError:
-        raise
-    except Exception as error:  # the library raises what its parser does
-        raise FileError(f"{path}: not an EDS or DCF: {' '.join(str(error).split())}") from None
-    if not len(found):
-        raise FileError(f"{path}: not an EDS or DCF: no object in it")
-    found.node_id, found.left_out = eds.node, tuple(eds.left_out)
-    return found
-
-
-def variable(objects: Any, place: tuple[int, int]) -> Any:
-    """An object of a dictionary, None where there is none."""
-    index, sub = place
-    if index not in objects:
-        return None
-    found = objects[index]
-    if not hasattr(found, "subindices"):
-        return found if sub == 0 else None
-    return found.get(sub)
+dictionary = makers_file("an EDS or DCF", dictionary_in)
+"""The objects of an EDS or DCF, by the path of the file; raises `FileError`."""
 
 
 def canopen_faults(description: CanopenDescription) -> Iterator[tuple[Place, str]]:
     """Every fault with its place in the file; the text says what is allowed."""
     yield from name_faults(description.terminals)
-    if not is_installed("canopen"):
-        return
     try:
         objects = description.dictionary
     except FileError as error:
         yield ("eds",), str(error)
         return
     for name, terminal in description.terminals.items():
-        found = variable(objects, terminal.place)
+        found = objects.get(terminal.place)
         yield from ((("terminals", name, "object"), text) for text in _object(found, terminal))
         for i, flag in enumerate(terminal.status):
-            found = variable(objects, flag.place)
+            found = objects.get(flag.place)
             yield from ((("terminals", name, "status", i, "object"), text) for text in _flag(found, flag))
         if terminal.direction == "out" and (terminal.invalid or terminal.status):
             yield ("terminals", name), "invalid and status belong to an input; take them away"
@@ -228,16 +160,16 @@ def canopen_faults(description: CanopenDescription) -> Iterator[tuple[Place, str
         yield from ((("terminals", name, key), text) for key, text in _part(found, terminal))
     yield from _overlaps(description)
     for i, value in enumerate(description.setup):
-        if (found := variable(objects, value.place)) is None or not found.writable:
+        if (found := objects.get(value.place)) is None or not found.writable:
             yield (
                 ("setup", i, "object"),
                 f"{value.object}: no object of {Path(description.eds).name} that can be written",
             )
-    if description.watchdog is not None and variable(objects, (0x1016, 1)) is None:
+    if description.watchdog is not None and objects.get((0x1016, 1)) is None:
         yield ("watchdog",), "the file has no object 1016.1: the node watches no heartbeat; take this away"
 
 
-def _object(found: Any, terminal: CanopenTerminal) -> Iterator[str]:
+def _object(found: Object | None, terminal: CanopenTerminal) -> Iterator[str]:
     if found is None:
         yield f"{terminal.object} is not in the file"
     elif found.data_type not in FORMS:
@@ -248,7 +180,7 @@ def _object(found: Any, terminal: CanopenTerminal) -> Iterator[str]:
         yield f"{terminal.object} can only be written"
 
 
-def _part(found: Any, terminal: CanopenTerminal) -> Iterator[tuple[str, str]]:
+def _part(found: Object | None, terminal: CanopenTerminal) -> Iterator[tuple[str, str]]:
     form = FORMS.get(found.data_type) if found is not None else None
     if terminal.field is None or form is None:
         return
@@ -264,7 +196,7 @@ def _part(found: Any, terminal: CanopenTerminal) -> Iterator[tuple[str, str]]:
             f"; this row of {terminal.count} would end at {lowest + terminal.count * width - 1}"
             if terminal.count > 1 else ""
         )  # fmt: skip
-    if terminal.direction == "out" and not found.readable:
+    if terminal.direction == "out" and found is not None and not found.readable:
         yield key, f"{terminal.object} can only be written: a part of it goes with the rest, which must be read"
 
 
@@ -283,7 +215,7 @@ def _overlaps(description: CanopenDescription) -> Iterator[tuple[Place, str]]:
                 break
 
 
-def _flag(found: Any, flag: ObjectFlag) -> Iterator[str]:
+def _flag(found: Object | None, flag: ObjectFlag) -> Iterator[str]:
     form = FORMS.get(found.data_type, "f") if found is not None else "f"
     if found is None:
         yield f"{flag.object} is not in the file"

@@ -1,80 +1,135 @@
-"""EDS and DCF files as makers write them, put into the form that the canopen library reads (CiA 306).
+"""EDS and DCF files as makers write them (CiA 306): the objects of a node, as data.
 
 Files of the trade have sections twice, keys in other letters, numbers with leading zeros, empty values, records without
-their head, and abbreviations that the library passes over. What can be understood is understood; what cannot is left
-out and said.
+their head, and abbreviations. What can be understood is understood; what cannot is left out and said.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+import struct
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from hil.description.makers_text import makers_text
 
+Place = tuple[int, int]
 Section = dict[str, str]
-_KEYS = {key.lower(): key for key in (
-    "ParameterName", "ObjectType", "DataType", "AccessType", "DefaultValue", "ParameterValue", "PDOMapping", "LowLimit",
-    "HighLimit", "SubNumber", "CompactSubObj", "Unit", "Factor", "Description", "NodeID", "NodeName", "Baudrate",
-    "VendorName", "VendorNumber", "ProductName", "ProductNumber", "RevisionNumber", "OrderCode", "NrOfRXPDO",
-    "NrOfTXPDO", "CompactPDO",
-)}  # fmt: skip
-_OBJECT = re.compile(r"([0-9A-F]{4})(?:(SUB)([0-9A-F]{1,2})|(NAME|VALUE))?", re.IGNORECASE)
-_NUMBERS = ("ObjectType", "DataType", "PDOMapping", "SubNumber", "CompactSubObj", "NodeID")
-_VARIABLE, _DOMAIN, _ARRAY, _RECORD = "0x7", "0x2", "0x8", "0x9"
-_DOMAIN_TYPE = "0xf"
+FORMS = {0x02: "b", 0x03: "h", 0x04: "i", 0x05: "B", 0x06: "H", 0x07: "I", 0x08: "f"}
+"""Data types of four bytes at most, as `struct` writes them."""
+_OBJECT = re.compile(r"([0-9a-f]{4})(?:sub([0-9a-f]{1,2})|(name|value))?")
+_DOMAIN, _ARRAY, _RECORD = 2, 8, 9
+_DOMAIN_TYPE = 0x0F
+_REALS = (0x08, 0x11)
 _LAST_TYPE = 0x1B
-_PDO_WAYS = {0x1400: ("NrOfRXPDO", 0x200), 0x1800: ("NrOfTXPDO", 0x180)}
+_MOST_MEMBERS = 254
+_PDO_WAYS = {0x1400: ("nrofrxpdo", 0x200), 0x1800: ("nroftxpdo", 0x180)}
 
 
-@dataclass(slots=True)
-class EdsText:
-    """A file in the library's form.
+@dataclass(frozen=True, slots=True)
+class Object:
+    """A variable of an object dictionary.
 
     Attributes:
-        text: of it.
-        node: the node that a DCF is for; None in an EDS.
+        index, sub: where it stands.
+        record: the name of the record or array that it is a member of; empty for one that stands alone.
+        name: its own.
+        data_type: by CiA 301.
+        access: `rw`, `ro`, `wo`, `const` and the like.
+        default, value: after power-on by the file, and as a DCF sets it; None where that is not said.
+        is_relative: whether the number of the node is added to `default`.
+        low, high: of its counts.
+        unit, factor: of one count.
+    """
+
+    index: int
+    sub: int
+    record: str
+    name: str
+    data_type: int
+    access: str
+    pdo_mappable: bool
+    default: float | None
+    value: float | None
+    is_relative: bool
+    low: int | None
+    high: int | None
+    unit: str
+    factor: float
+
+    @property
+    def writable(self) -> bool:
+        """Whether it may be written."""
+        return "w" in self.access
+
+    @property
+    def readable(self) -> bool:
+        """Whether it may be read."""
+        return "r" in self.access or self.access == "const"
+
+    @property
+    def at_start(self) -> float | None:
+        """What it is when the node starts: as a DCF sets it, else its default."""
+        return self.default if self.value is None else self.value
+
+
+class Dictionary(dict[Place, Object]):
+    """The objects of a file by index and sub-index, in their order.
+
+    Attributes:
+        node_id: the node that a DCF is for; None in an EDS.
         left_out: what was not understood, in words.
     """
 
-    text: str
-    node: int | None = None
-    left_out: list[str] = field(default_factory=list)
+    def __init__(
+        self, objects: Iterable[tuple[Place, Object]] = (), node_id: int | None = None, left_out: tuple[str, ...] = ()
+    ) -> None:
+        super().__init__(objects)
+        self.node_id, self.left_out = node_id, left_out
 
 
-def eds_text(data: bytes) -> EdsText:
-    """What stands in an EDS or DCF.
+@dataclass(slots=True)
+class _Entry:
+    """The sections of one index: its head, its members by sub-index, lists of their names and values."""
+
+    head: Section = field(default_factory=dict)
+    members: dict[int, Section] = field(default_factory=dict)
+    names: Section = field(default_factory=dict)
+    values: Section = field(default_factory=dict)
+
+
+def dictionary_in(data: bytes) -> Dictionary:
+    """The objects of an EDS or DCF.
 
     Args:
         data: the file; UTF-8, or the Windows code page that makers' editors write.
 
     Raises:
-        ValueError: there is no section in it.
+        ValueError: there is no section in it, or no object.
     """
     left_out: list[str] = []
     sections = _sections(makers_text(data), left_out)
     if not sections:
         raise ValueError("no [section] in it")
-    objects, values = _objects(sections)
-    for entry in objects.values():
-        _plain_numbers(entry, sections)
-    about = sections.get("deviceinfo", {})
-    _compact_pdos(objects, about)
-    for index in sorted({index for index, _ in objects}):
-        _completed(index, objects, values, left_out)
-    lines = list(_written("DeviceInfo", _device(about)))
-    lines += _written("DummyUsage", _dummies(sections.get("dummyusage", {})))
-    for index, sub in sorted(objects, key=lambda place: (place[0], -1 if place[1] is None else place[1])):
-        entry = objects[index, sub]
-        lines += _written(f"{index:04X}" + ("" if sub is None else f"sub{sub:X}"), entry)
+    entries = _entries(sections)
+    _compact_pdos(entries, sections.get("deviceinfo", {}))
+    objects = {}
+    for index, entry in sorted(entries.items()):
+        for sub, section in _variables(index, entry):
+            kind = _data_type(section, sections)
+            if kind is None:
+                left_out.append(f"[{section['section']}] has no DataType")
+            else:
+                objects[index, sub] = _object(index, sub, section, kind)
+    if not objects:
+        raise ValueError("no object in it")
     commissioning = sections.get("devicecomissioning") or sections.get("devicecommissioning") or {}
-    node = _number(commissioning.get("NodeID", ""))
-    return EdsText("\n".join(lines) + "\n", node if node and 1 <= node <= 127 else None, left_out)
+    node = _number(commissioning.get("nodeid", ""))
+    return Dictionary(objects.items(), node if node and 1 <= node <= 127 else None, tuple(left_out))
 
 
 def _sections(text: str, left_out: list[str]) -> dict[str, Section]:
-    """By name in small letters. Of what stands twice the first counts, as for the makers' own tools."""
+    """Names and keys in small letters. Of what stands twice the first counts, as for the makers' own tools."""
     found: dict[str, Section] = {}
     here: Section | None = None
     for number, line in enumerate(text.splitlines(), start=1):
@@ -89,118 +144,113 @@ def _sections(text: str, left_out: list[str]) -> dict[str, Section]:
             left_out.append(f"line {number}: no KEY=VALUE")
             continue
         key, value = key.strip(), re.split(r"\s;", value, maxsplit=1)[0].strip()
-        key = _KEYS.get(key.lower(), key)
-        if here.setdefault(key, value) != value:
-            left_out.append(f"line {number}: {key} stands twice, {here[key]!r} counts")
+        if (first := here.setdefault(key.lower(), value)) != value:
+            left_out.append(f"line {number}: {key} stands twice, {first!r} counts")
     return found
 
 
-Objects = dict[tuple[int, int | None], Section]
-Values = dict[int, dict[str, Section]]
-
-
-def _objects(sections: Mapping[str, Section]) -> tuple[Objects, Values]:
-    """Objects by index and sub-index (None for the head), and lists of names and values by index."""
-    objects: Objects = {}
-    values: Values = {}
+def _entries(sections: Mapping[str, Section]) -> dict[int, _Entry]:
+    """Sections by index. Data types that a mapping may carry as dummies stand at their number (`DummyUsage`)."""
+    found: dict[int, _Entry] = {}
+    for key, value in sections.get("dummyusage", {}).items():
+        kind = key.removeprefix("dummy")
+        if kind.isdecimal() and _number(value) == 1:
+            found[int(kind)] = _Entry({"parametername": f"Dummy{kind}", "datatype": kind, "accesstype": "const"})
     for name, section in sections.items():
-        found = _OBJECT.fullmatch(name)
-        if found is None:
+        if (at := _OBJECT.fullmatch(name)) is None:
             continue
-        index = int(found[1], 16)
-        if found[4]:
-            values.setdefault(index, {})[found[4].upper()] = section
+        entry = found.setdefault(int(at[1], 16), _Entry())
+        if at[2]:
+            entry.members[int(at[2], 16)] = section
         else:
-            objects[index, int(found[3], 16) if found[2] else None] = dict(section)
-    return objects, values
+            setattr(entry, f"{at[3]}s" if at[3] else "head", section)
+    return found
 
 
-def _compact_pdos(objects: Objects, about: Section) -> None:
+def _compact_pdos(entries: dict[int, _Entry], about: Section) -> None:
     """PDOs without a section of their own (`CompactPDO`), as the predefined connection set has them."""
-    if not _number(about.get("CompactPDO", "")):
+    if not _number(about.get("compactpdo", "")):
         return
     for first, (count, base) in _PDO_WAYS.items():
         for i in range(min(_number(about.get(count, "")) or 0, 512)):
             identifier = f"$NODEID+{base + 0x100 * i:#x}" if i < 4 else f"{1 << 31:#x}"
-            _record(objects, first + i, "PDO communication", [("0x7", identifier), ("0x5", "255")])
-            _record(objects, first + 0x200 + i, "PDO mapping", [("0x7", "")] * 8, count="0")
+            entries.setdefault(first + i, _record("PDO communication", ("5", "2"), ("7", identifier), ("5", "255")))
+            entries.setdefault(first + 0x200 + i, _record("PDO mapping", ("5", "0"), *[("7", "")] * 8))
 
 
-def _record(objects: Objects, index: int, name: str, members: list[tuple[str, str]], count: str = "") -> None:
-    if (index, None) in objects:
-        return
-    objects[index, None] = {"ParameterName": name, "ObjectType": _RECORD}
-    entries = [("0x5", count or str(len(members))), *members]
-    for sub, (kind, value) in enumerate(entries):
-        access = "rw" if sub or count else "ro"
-        objects[index, sub] = {"ParameterName": name, "ObjectType": _VARIABLE, "DataType": kind, "AccessType": access,
-                               **({"DefaultValue": value} if value else {})}  # fmt: skip
+def _record(name: str, *members: tuple[str, str]) -> _Entry:
+    return _Entry({"parametername": name}, {
+        sub: {"parametername": name, "datatype": kind, "accesstype": "rw", "defaultvalue": value}
+        for sub, (kind, value) in enumerate(members)
+    })  # fmt: skip
 
 
-def _completed(index: int, objects: Objects, values: Values, left_out: list[str]) -> None:
-    """An object as the library wants it: a head before its members, each with name, type and access."""
-    members = [sub for at, sub in objects if at == index and sub is not None]
-    head = objects.setdefault((index, None), {"ObjectType": _RECORD})
-    head.setdefault("ParameterName", f"object {index:04X}")
-    if "CompactSubObj" in head:
-        _expanded(index, objects, values.get(index, {}))
-    elif members:
-        if head.get("ObjectType") not in (_ARRAY, _RECORD):
-            head["ObjectType"] = _RECORD
-        for sub in members:
-            _entry(objects, (index, sub), f"{index:04X}sub{sub:X}", left_out)
-    elif head.get("ObjectType") not in (_ARRAY, _RECORD):
-        _entry(objects, (index, None), f"{index:04X}", left_out)
+def _variables(index: int, entry: _Entry) -> Iterator[tuple[int, Section]]:
+    """Each variable at an index by its sub-index, with the `section` it stands in and the `record` it belongs to."""
+    head, members, kind = entry.head, dict(entry.members), _number(entry.head.get("objecttype", ""))
+    name = head.get("parametername") or f"object {index:04X}"
+    if count := _number(head.get("compactsubobj", "")):  # members that are alike stand in the file as one
+        alike = {key: value for key, value in head.items() if key != "objecttype"}
+        members.setdefault(0, {"parametername": "Number of entries", "datatype": "5", "defaultvalue": str(count)})
+    elif kind == _ARRAY and 1 in members:  # those that the file does not list are as the first
+        alike, count = members[1], _number(members.get(0, {}).get("defaultvalue", ""))
+    for sub in range(1, min(count or 0, _MOST_MEMBERS) + 1):
+        own = {"parametername": entry.names.get(str(sub), f"{name}{sub}")}
+        if value := entry.values.get(str(sub)):
+            own["parametervalue"] = value
+        members[sub] = alike | own | members.get(sub, {})
+    for sub, section in sorted(members.items()):
+        yield sub, {**section, "section": f"{index:04X}sub{sub:X}", "record": name}
+    if head and not members and kind not in (_ARRAY, _RECORD):
+        yield 0, {**head, "section": f"{index:04X}", "parametername": name}
 
 
-def _expanded(index: int, objects: Objects, listed: Mapping[str, Section]) -> None:
-    """An array whose members are alike, and stand in the file as one (`CompactSubObj`)."""
-    head = objects[index, None]
-    count = min(_number(head.pop("CompactSubObj")) or 0, 254)
-    alike = {key: value for key, value in head.items() if key not in ("ObjectType", "SubNumber")}
-    name = head["ParameterName"]
-    objects[index, None] = {"ParameterName": name, "ObjectType": _ARRAY}
-    objects.setdefault((index, 0), {"ParameterName": "Number of entries", "ObjectType": _VARIABLE, "DataType": "0x5",
-                                    "AccessType": "ro", "DefaultValue": str(count)})  # fmt: skip
-    for sub in range(1, count + 1):
-        called = listed.get("NAME", {}).get(str(sub), f"{name}{sub}")
-        own = alike | {"ObjectType": _VARIABLE, "ParameterName": called}
-        if value := listed.get("VALUE", {}).get(str(sub)):
-            own["ParameterValue"] = value
-        entry = objects.setdefault((index, sub), {})
-        objects[index, sub] = own | entry
-        _entry(objects, (index, sub), "", [])
+def _object(index: int, sub: int, section: Section, kind: int) -> Object:
+    default, is_relative = _start(section.get("defaultvalue", ""), kind)
+    value, _ = _start(section.get("parametervalue", ""), kind)
+    return Object(
+        index, sub, section.get("record", ""), section.get("parametername") or section["section"], kind,
+        (section.get("accesstype") or "ro").lower(),  # what may be written must be said
+        bool(_number(section.get("pdomapping", ""))), default, value, is_relative,
+        _limit(section.get("lowlimit", ""), kind), _limit(section.get("highlimit", ""), kind),
+        section.get("unit", ""), _real(section.get("factor", "")) or 1.0,
+    )  # fmt: skip
 
 
-def _entry(objects: Objects, place: tuple[int, int | None], section: str, left_out: list[str]) -> None:
-    """A variable with all that the library asks for; taken away where nothing says what it is."""
-    entry = objects[place]
-    entry.setdefault("ParameterName", section)
-    if entry.get("ObjectType") == _DOMAIN:
-        entry.setdefault("DataType", _DOMAIN_TYPE)
-    if "DataType" not in entry:
-        del objects[place]
-        left_out.append(f"[{section}] has no DataType")
-        return
-    entry["AccessType"] = entry.get("AccessType") or "ro"  # what may be written must be said
+def _data_type(section: Section, sections: Mapping[str, Section]) -> int | None:
+    """Its data type, for one of the file's own that which it stands for; None where nothing says what it is."""
+    kind = _number(section.get("datatype", ""))
+    if kind is None:
+        return _DOMAIN_TYPE if _number(section.get("objecttype", "")) == _DOMAIN else None
+    if kind <= _LAST_TYPE:
+        return kind
+    return _number(sections.get(f"{kind:x}sub1", {}).get("defaultvalue", "")) or _DOMAIN_TYPE
 
 
-def _plain_numbers(entry: Section, sections: Mapping[str, Section]) -> None:
-    """Numbers in one way of writing, and a type of the file's own as the one that it stands for."""
-    for key in _NUMBERS:
-        if key in entry:
-            number = _number(entry[key])
-            if number is None:
-                del entry[key]
-            else:
-                entry[key] = f"{number:#x}"
-    for key in ("DefaultValue", "ParameterValue"):
-        if key in entry and (total := _total(entry[key])):
-            entry[key] = total
-    kind = int(entry.get("DataType", "0"), 16)
-    if kind > _LAST_TYPE:
-        stands_for = _number(sections.get(f"{kind:x}sub1", {}).get("DefaultValue", ""))
-        entry["DataType"] = f"{stands_for:#x}" if stands_for else _DOMAIN_TYPE
+def _start(text: str, kind: int) -> tuple[float | None, bool]:
+    """A sum of numbers and `$NODEID` in any order and letters: without the node's number, and whether that is added."""
+    if kind in _REALS:
+        return _real(text), False
+    parts = text.upper().split("+")
+    numbers = [_number(part) for part in parts if part.strip() != "$NODEID"]
+    if None in numbers or len(parts) > len(numbers) + 1:
+        return None, False
+    return sum(number or 0 for number in numbers), len(parts) > len(numbers)
+
+
+def _limit(text: str, kind: int) -> int | None:
+    """A limit of counts; one of signed numbers may be written as their bits."""
+    number, form = _number(text), FORMS.get(kind, "")
+    bits = 8 * struct.calcsize(form)
+    is_negative = number is not None and form in ("b", "h", "i") and number >= 1 << bits - 1
+    return number - (1 << bits) if number is not None and is_negative else number
+
+
+def _real(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
 
 
 def _number(text: str) -> int | None:
@@ -210,34 +260,3 @@ def _number(text: str) -> int | None:
         return None
     sign = -1 if found[1] == "-" else 1
     return sign * (int(found[4]) if found[4] else int(found[2] or found[3], 16))
-
-
-def _total(text: str) -> str:
-    """A sum of numbers and `$NODEID` in any order and letters as `$NODEID+0x180`; empty for anything else."""
-    parts = [part.strip() for part in text.split("+")]
-    relative = [part for part in parts if part.upper() == "$NODEID"]
-    numbers = [_number(part) for part in parts if part.upper() != "$NODEID"]
-    if len(relative) > 1 or any(number is None for number in numbers):
-        return ""
-    total = sum(number for number in numbers if number is not None)
-    if relative:
-        return f"$NODEID+{total:#x}"
-    is_plain = len(parts) == 1 and text.isdecimal() and text[0] != "0"
-    return text if is_plain else f"{total:#x}"
-
-
-def _device(about: Section) -> Section:
-    names = {key: value for key, value in about.items() if key in ("VendorName", "ProductName", "OrderCode")}
-    numbers = {key: _number(value) for key, value in about.items()
-               if key in ("VendorNumber", "ProductNumber", "RevisionNumber", "NrOfRXPDO", "NrOfTXPDO")}  # fmt: skip
-    return names | {key: f"{number:#x}" for key, number in numbers.items() if number is not None}
-
-
-def _dummies(section: Section) -> Section:
-    by_name = {key.lower(): value for key, value in section.items()}
-    return {f"Dummy{i:04d}": str(int(_number(by_name.get(f"dummy{i:04d}", "")) == 1)) for i in range(1, 8)}
-
-
-def _written(name: str, section: Section) -> Iterator[str]:
-    yield f"[{name}]"
-    yield from (f"{key}={value}" for key, value in section.items())

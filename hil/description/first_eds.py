@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-from hil.description.canopen import FORMS, dictionary, variable
+from hil.description.canopen import dictionary
+from hil.description.eds import FORMS, Dictionary, Object
 from hil.description.gaps import GAP, head, range_line, unique, unit_line
 from hil.errors import FileError
 
@@ -21,12 +21,11 @@ def from_eds(path: Path) -> Iterator[str]:
     yield from head(path, "canopen")
     yield f'eds = "{path.name}"'
     yield from (f"# not understood: {text}" for text in objects.left_out)
-    own = [(entry, found) for entry in objects.values() for found in _variables(entry)
-           if found.index >= 0x2000 and (found.subindex > 0 or found is entry)]  # fmt: skip
-    yield from (f"# {_called(entry, found)}: data type {found.data_type:#04x}, which is not read"
-                for entry, found in own if found.pdo_mappable and found.data_type not in FORMS)  # fmt: skip
-    numbers = [(entry, found) for entry, found in own if found.data_type in FORMS]
-    mapped = [(entry, found) for entry, found in numbers if found.pdo_mappable]
+    own = [found for found in objects.values() if found.index >= 0x2000 and (found.sub > 0 or not found.record)]
+    yield from (f"# {_called(found)}: data type {found.data_type:#04x}, which is not read"
+                for found in own if found.pdo_mappable and found.data_type not in FORMS)  # fmt: skip
+    numbers = [found for found in own if found.data_type in FORMS]
+    mapped = [found for found in numbers if found.pdo_mappable]
     if not numbers:
         raise FileError(
             f"{path}: no object with a number beyond those of communication, so there is nothing to describe"
@@ -37,53 +36,48 @@ def from_eds(path: Path) -> Iterator[str]:
         are = "object is" if more == 1 else "objects are"
         yield f"# {more} more {are} in no PDO; a node of which inputs alone are used is asked for those too."
     names: set[str] = set()
-    for entry, found in mapped or numbers:
+    for found in mapped or numbers:
         lines = _of_lines(found, objects)
-        yield from _lines(found, lines, names) if lines else _object(entry, found, names)
+        yield from _lines(found, lines, names) if lines else _object(found, names)
     yield ""
-    if 0x1016 in objects:
+    if (0x1016, 1) in objects:
         yield f"{GAP} [watchdog] expires_to = …, where it has outputs: where they go when it misses our heartbeat"
 
 
-def _of_lines(found: Any, objects: Any) -> int:
+def _of_lines(found: Object, objects: Dictionary) -> int:
     """How many lines an object of an I/O module (CiA 401) has, each a bit of it; 0 for any other object."""
-    kind = variable(objects, (0x1000, 0))
+    kind = objects.get((0x1000, 0))
     is_module = kind is not None and int(kind.default or 0) & 0xFFFF == _MODULE
     return _LINES.get(found.index, 0) if is_module else 0
 
 
-def _lines(found: Any, lines: int, names: set[str]) -> Iterator[str]:
+def _lines(found: Object, lines: int, names: set[str]) -> Iterator[str]:
     way = "out" if found.writable else "in"
     yield ""
-    yield f'[terminals."{unique(f"d{way[0]}{found.subindex}", names)}.{{n}}"]'
+    yield f'[terminals."{unique(f"d{way[0]}{found.sub}", names)}.{{n}}"]'
     yield f"count = {lines}   {GAP} so many lines does the module have here"
     yield "first = 1"
     yield f'direction = "{way}"'
     yield "range = [0.0, 1.0]"
-    yield f'object = "{found.index:04X}.{found.subindex}"'
+    yield f'object = "{found.index:04X}.{found.sub}"'
     yield "bit = 0"
 
 
-def _variables(entry: Any) -> list[Any]:
-    return [entry[sub] for sub in sorted(entry)] if hasattr(entry, "subindices") else [entry]
+def _called(found: Object) -> str:
+    return f"{found.index:04X}.{found.sub} {f'{found.record}, ' if found.record else ''}{found.name}"
 
 
-def _called(entry: Any, found: Any) -> str:
-    return f"{found.index:04X}.{found.subindex} {found.name if found is entry else f'{entry.name}, {found.name}'}"
-
-
-def _object(entry: Any, found: Any, names: set[str]) -> Iterator[str]:
-    own = entry.name if found is entry or found.name.startswith(entry.name) else f"{entry.name} {found.name}"
+def _object(found: Object, names: set[str]) -> Iterator[str]:
+    own = found.record if found.name.startswith(found.record) else f"{found.record} {found.name}"
     yield ""
-    yield f'[terminals."{unique(own if found is entry else f"{own} {found.subindex}", names)}"]'
+    yield f'[terminals."{unique(f"{own} {found.sub}" if found.record else found.name, names)}"]'
     out = found.writable
     yield f'direction = "{"out" if out else "in"}"' + (
         f'   {GAP} may be written: "in" if the bench only reads it' if out else ""
     )
-    yield unit_line(found.unit or "", bool(found.unit), "file")
-    slope = found.factor if found.factor != 1 else 1.0
-    low, high = ("" if limit is None else f"{slope * limit:g}" for limit in (found.min, found.max))
+    yield unit_line(found.unit, bool(found.unit), "file")
+    low, high = ("" if limit is None else f"{found.factor * limit:g}" for limit in (found.low, found.high))
     for line in range_line(low, high):
         yield line if GAP in line else f"{line}   {GAP} the limits of its counts: in the unit"
-    yield f'object = "{found.index:04X}.{found.subindex}"'
-    yield f"slope = {slope:g}   {GAP} unit per count"
+    yield f'object = "{found.index:04X}.{found.sub}"'
+    yield f"slope = {found.factor:g}   {GAP} unit per count"

@@ -10,7 +10,7 @@ from pydantic import Field, FiniteFloat, PositiveFloat, field_validator, model_v
 
 from hil.daq.channel import Terminal
 from hil.description.modbus_place import BITS, Addresses, Table, on_the_wire
-from hil.description.terminal import DescribedDevice, DescribedTerminal, Invalid, Strict
+from hil.description.terminal import DescribedDevice, PartTerminal, Strict
 
 Type = Literal["bit", "u16", "s16", "u32", "s32", "f32", "u64", "s64", "f64"]
 Order = Literal["ABCD", "CDAB", "BADC", "DCBA"]
@@ -78,18 +78,16 @@ class Flag(Place):
         return self
 
 
-class ModbusTerminal(DescribedTerminal):
+class ModbusTerminal(PartTerminal):
     """A terminal in registers or coils: value = slope · count + offset, or `raw` counts at the ends of the range.
 
     Attributes:
         table, address: where it stands; with `addresses = "40001"` the address says the table.
         type: of the count; `bit` in coils and discrete inputs.
         byte_order: of more than one register, where it is not that of the device; `BA` swaps the bytes of one.
-        bit, bits: the bit, or lowest and highest bit, of a register that holds more than this.
         raw: counts at `range`'s ends.
         write: by which function, 5, 6, 15 or 16; 5 for coils and 16 for registers if not said.
         read_back: where an output is read back, if that is another place; `false` where it cannot be.
-        invalid: counts that are no measurement, and what they mean; `nan` too.
         status: flags that say that it is none.
         step: from the first register of one to that of the next in a row; as many as one takes if not given.
     """
@@ -98,27 +96,18 @@ class ModbusTerminal(DescribedTerminal):
     address: Address
     type: Type | None = None
     byte_order: Order | Literal["AB", "BA"] | None = None
-    bit: int | None = Field(None, ge=0, le=63)
-    bits: tuple[int, int] | None = None
     raw: tuple[FiniteFloat, FiniteFloat] | None = None
-    slope: FiniteFloat | None = None
-    offset: FiniteFloat | None = None
     write: Literal[5, 6, 15, 16] | None = None
     read_back: Literal[False] | Address | Place | None = None
-    invalid: Invalid = Field(default_factory=dict)
     status: tuple[Flag, ...] = ()
     step: int | None = Field(None, ge=1)
 
     @model_validator(mode="after")
     def _one_scale(self) -> Self:
-        if self.raw is not None and (self.slope is not None or self.offset is not None):
+        if self.raw is not None and self.model_fields_set & {"slope", "offset"}:
             raise ValueError("raw, or slope and offset, not both")
         if self.raw is not None and self.raw[0] == self.raw[1]:
             raise ValueError("raw: the counts at both ends of the range are the same")
-        if self.slope == 0.0:
-            raise ValueError("slope 0 makes every reading the same")
-        if self.bit is not None and self.bits is not None:
-            raise ValueError("bit or bits, not both")
         if self.direction == "in" and (self.write is not None or self.read_back is not None or self.close is not None):
             raise ValueError("write, read_back and close belong to an output")
         return self
@@ -127,17 +116,10 @@ class ModbusTerminal(DescribedTerminal):
     def scale(self) -> tuple[float, float]:
         """Slope and offset."""
         if self.raw is None:
-            return (1.0 if self.slope is None else self.slope), self.offset or 0.0
+            return self.slope, self.offset
         (low, high), (first, last) = self.range, self.raw
         slope = (high - low) / (last - first)
         return slope, low - slope * first
-
-    @property
-    def field(self) -> tuple[int, int] | None:
-        """Lowest bit and number of bits, of what does not fill its registers."""
-        if self.bit is not None:
-            return self.bit, 1
-        return None if self.bits is None else (self.bits[0], self.bits[1] - self.bits[0] + 1)
 
 
 class Wire(Strict):

@@ -32,10 +32,7 @@ def modbus_faults(description: ModbusDescription) -> Iterator[Fault]:
             yield from _write(where, place, table, outputs)
         if isinstance(place, Flag) and place.bit and table in BITS:
             yield (*where, "bit"), f"a {table} is one bit; take this away"
-    if not outputs and sound:
-        for section in ("watchdog", "safe_mode", "enable"):
-            if getattr(description, section) is not None:
-                yield (section,), "there is no output that it could be for; take this away"
+    yield from description.needless("watchdog", "safe_mode", "enable") if sound else ()
 
 
 def _terminal(description: ModbusDescription, terminal: ModbusTerminal) -> Iterator[Fault]:

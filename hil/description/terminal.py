@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, field_validator, model_validator
 
 from hil.daq.channel import Direction, Kind, Terminal
 from hil.errors import UnitError
@@ -94,6 +94,46 @@ class DescribedTerminal(Strict):
         return self.kind or _KINDS.get(self.unit, "value")
 
 
+class ScaledTerminal(DescribedTerminal):
+    """A terminal whose values are slope · number + offset, the number as the device has it."""
+
+    slope: FiniteFloat = 1.0
+    offset: FiniteFloat = 0.0
+
+    @field_validator("slope")
+    @classmethod
+    def _not_flat(cls, given: float) -> float:
+        if given == 0.0:
+            raise ValueError("0 makes every reading the same")
+        return given
+
+
+class PartTerminal(ScaledTerminal):
+    """A terminal in a count of the device, or in a part of one.
+
+    Attributes:
+        bit, bits: the bit, or lowest and highest bit, of what holds more than this.
+        invalid: counts that are no measurement, and what they mean; `nan` too.
+    """
+
+    bit: int | None = Field(None, ge=0, le=63)
+    bits: tuple[int, int] | None = None
+    invalid: Invalid = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _one_part(self) -> Self:
+        if self.bit is not None and self.bits is not None:
+            raise ValueError("bit or bits, not both")
+        return self
+
+    @property
+    def field(self) -> tuple[int, int] | None:
+        """Lowest bit and number of bits, of what does not fill its count."""
+        if self.bit is not None:
+            return self.bit, 1
+        return None if self.bits is None else (self.bits[0], self.bits[1] - self.bits[0] + 1)
+
+
 def each(name: str, terminal: DescribedTerminal) -> Iterator[tuple[str, int]]:
     """The names of the terminals that an entry stands for, and the place of each among them."""
     for i in range(terminal.count):
@@ -123,6 +163,12 @@ class DescribedDevice(Strict):
     def outputs(self) -> list[str]:
         """Names of outputs."""
         return [name for name, port in self.ports.items() if port.direction == "out"]
+
+    def needless(self, *sections: str) -> Iterator[tuple[tuple[str, ...], str]]:
+        """Sections about outputs, where there is none."""
+        for section in sections:
+            if getattr(self, section) is not None and not self.outputs:
+                yield (section,), "there is no output that it could be for; take this away"
 
     def kind_of(self, terminal: Any) -> Terminal:
         """A terminal as a bench connects to it."""

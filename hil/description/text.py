@@ -9,7 +9,7 @@ from typing import Literal
 from pydantic import Field, FiniteFloat, field_validator
 
 from hil.bench.lines import Place
-from hil.description.terminal import DescribedDevice, DescribedTerminal, Strict, each, name_faults
+from hil.description.terminal import DescribedDevice, ScaledTerminal, Strict, each, name_faults
 
 End = Literal["LF", "CRLF", "CR"]
 ENDS: Mapping[str, str] = {"LF": "\n", "CRLF": "\r\n", "CR": "\r"}
@@ -20,7 +20,7 @@ _REAL = re.compile(r"[+ -]?0?\d*(\.\d+)?[feEgG]|")
 _WHOLE = re.compile(r"0?\d*[dxX]|")
 
 
-class TextTerminal(DescribedTerminal):
+class TextTerminal(ScaledTerminal):
     """A terminal: value = slope · number + offset.
 
     Attributes:
@@ -29,7 +29,6 @@ class TextTerminal(DescribedTerminal):
         ask: what asks for an input, or where an output stands; without, an output is not read back.
         answer: what comes back, with `{value}`: `{value} bar`, `>{value:+07.3f}`. A form with a width is demanded.
         field: which number of an answer, from 0, that several terminals share, parted by the file's `separator`.
-        slope, offset: from the number to the value.
     """
 
     tell: str = ""
@@ -37,21 +36,12 @@ class TextTerminal(DescribedTerminal):
     ask: str = ""
     answer: str = "{value}"
     field: int | None = Field(None, ge=0)
-    slope: FiniteFloat = 1.0
-    offset: FiniteFloat = 0.0
 
     @field_validator("tell", "answer")
     @classmethod
     def _with_a_value(cls, given: str) -> str:
         if given and len([hole for hole in HOLE.finditer(given) if hole[1] == "value"]) != 1:
             raise ValueError("has {value} in it, once, such as {value:.3f}")
-        return given
-
-    @field_validator("slope")
-    @classmethod
-    def _not_flat(cls, given: float) -> float:
-        if given == 0.0:
-            raise ValueError("0 makes every reading the same")
         return given
 
 
@@ -136,8 +126,7 @@ def text_faults(description: TextDescription) -> Iterator[tuple[Place, str]]:
     for i, line in enumerate(description.watchdog.arm if description.watchdog else ()):
         for text in (*_form_faults(line), *_safe_faults(line, description.outputs)):
             yield ("watchdog", "arm", i), text
-    if description.watchdog is not None and not description.outputs:
-        yield ("watchdog",), "there is no output that it could be for; take this away"
+    yield from description.needless("watchdog")
 
 
 def _terminal(description: TextDescription, terminal: TextTerminal) -> Iterator[tuple[str, str]]:

@@ -212,7 +212,7 @@ def test_outputs_that_would_fall_elsewhere_than_safe_are_refused(tmp_path: Path)
 @pytest.mark.parametrize(
     ("old", "new", "line", "told"),
     [
-        ('dbc = "amplifier.dbc"', 'dbc = "no.dbc"', 3, "it is looked for beside the description"),
+        ('dbc = "amplifier.dbc"', 'dbc = "no.dbc"', 3, "it is looked for beside the file that names it"),
         ('signal = "Current"', 'signal = "Curent"', 22, "no signal 'Curent' in Command; there are: Which,"),
         ('message = "Command"', 'message = "Comand"', 21, "no message 'Comand'; there are: Command, Status"),
         ('counter = "Count"', 'counter = "Cnt"', 11, "no signal 'Cnt' in it; there are: Stands"),

@@ -14,6 +14,7 @@ from typing import Any
 
 import can
 import pytest
+from canopen.objectdictionary import import_od
 
 from drivers import canopen as driver
 from drivers._node_objects import NodeObjects
@@ -202,14 +203,30 @@ def test_a_node_that_is_only_read_is_asked_by_sdo_and_left_as_it_is(tmp_path: Pa
 )
 def test_the_twin_reads_a_file_as_the_library_does(name: str) -> None:
     path = str(descriptions()[name].with_suffix(".eds"))
-    objects, known = objects_of(path, 5), dictionary(path)
-    for (index, sub), (_, value, writable) in objects.items():
-        found = known[index] if not hasattr(known[index], "subindices") else known[index][sub]
-        assert found.writable == writable
-        said = found.default or 0
-        assert value == said + (5 if found.relative else 0)
-    assert {(found.index, found.subindex) for entry in known.values() for found in
-            (entry.values() if hasattr(entry, "subindices") else [entry])} == set(objects)  # fmt: skip
+    objects, by_library = objects_of(path, 5), import_od(path, 0)
+    known = {(found.index, found.subindex): found for entry in by_library.values()
+             for found in (entry.values() if hasattr(entry, "subindices") else [entry])}  # fmt: skip
+    for place, (_, value, writable) in objects.items():
+        assert known[place].writable == writable
+        assert value == (known[place].default or 0) + (5 if known[place].relative else 0)
+    assert set(known) == set(objects)
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, path in descriptions().items() if 'protocol = "canopen"' in path.read_text()]
+)
+def test_a_file_without_faults_is_read_as_the_library_does(name: str) -> None:
+    path = str(descriptions()[name].with_suffix(".eds"))
+    by_library = import_od(path, 0)
+    for found in (own := dictionary(path)).values():
+        entry = by_library[found.index]
+        known = entry[found.sub] if found.record else entry
+        assert (found.record, found.name) == (entry.name if found.record else "", known.name)
+        assert (found.data_type, found.access, found.pdo_mappable, found.default, found.is_relative, found.value) == (
+            known.data_type, known.access_type, known.pdo_mappable, known.default, known.relative, known.value
+        )  # fmt: skip
+        assert (found.low, found.high, found.unit, found.factor) == (known.min, known.max, known.unit, known.factor)
+    assert len(own) == sum(len(entry) if hasattr(entry, "subindices") else 1 for entry in by_library.values())
 
 
 def test_identifiers_go_with_the_node() -> None:
@@ -414,7 +431,7 @@ def test_driver_and_twin_take_the_same_bits_for_a_terminal(form: str, lowest: in
     kind = next(kind for kind, letter in FORMS.items() if letter == form)
     part = {"bit": lowest} if lowest == highest else {"bits": (lowest, highest)}
     told = CanopenTerminal(direction="out", range=(-200.0, 200.0), object="2000", **part)  # type: ignore[arg-type]
-    objects = NodeObjects(None, None, {0x2000: SimpleNamespace(data_type=kind)}, "")
+    objects = NodeObjects(None, None, {(0x2000, 0): SimpleNamespace(data_type=kind)}, "")
     size = 8 * struct.calcsize(form)
     rest = ((1 << size) - 1) & ~(((2 << highest) - 1) & -(1 << lowest))
     for before in (0, (1 << size - 1) - 1, -1 if form.islower() else (1 << size) - 1):

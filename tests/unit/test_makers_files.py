@@ -13,7 +13,7 @@ from drivers._described_modbus import model_of
 from drivers._pdo_mapping import pdos_for
 from hil.bench.fault import BenchError
 from hil.description.can import database
-from hil.description.canopen import dictionary, variable
+from hil.description.canopen import dictionary
 from hil.description.find import descriptions
 from hil.description.first import GAP, first_description
 from hil.description.read import read_description
@@ -164,12 +164,12 @@ def test_an_eds_with_the_faults_of_the_trade_is_read(tmp_path: Path) -> None:
     path = tmp_path / "odd.eds"
     path.write_bytes(EDS.encode("cp1252"))
     objects = dictionary(str(path))
-    assert variable(objects, (0x1000, 0)).default == 0x00020194
-    assert variable(objects, (0x1018, 1)).default == 0x10, "a member without its head, 10h"
-    assert [variable(objects, (0x7130, sub)).name for sub in (1, 2, 3)] == ["AI input PV1", "Rücklauf", "AI input PV3"]
-    assert variable(objects, (0x7130, 3)).min == -32768
-    assert variable(objects, (0x2100, 1)).data_type == 3, "a type of the file's own stands for INTEGER16"
-    assert variable(objects, (0x2300, 0)).data_type == 6, "of what stands twice the first counts"
+    assert objects[0x1000, 0].default == 0x00020194
+    assert objects[0x1018, 1].default == 0x10, "a member without its head, 10h"
+    assert [objects[0x7130, sub].name for sub in (1, 2, 3)] == ["AI input PV1", "Rücklauf", "AI input PV3"]
+    assert objects[0x7130, 3].low == -32768
+    assert objects[0x2100, 1].data_type == 3, "a type of the file's own stands for INTEGER16"
+    assert objects[0x2300, 0].data_type == 6, "of what stands twice the first counts"
     assert set(objects.left_out) == {
         "line 11: no KEY=VALUE", "line 61: DataType stands twice, '0x0006' counts", "[2200] has no DataType",
     }  # fmt: skip
