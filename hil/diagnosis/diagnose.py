@@ -128,7 +128,7 @@ def _beyond_noise(problem: Problem, asked: Question) -> Changed | None:
     A model that left nothing but noise lacks nothing: there the search itself says what has changed.
     """
     table = asked.table
-    if table is None or table.before.beyond_noise < CRITERIA.scale:
+    if table is None or table.beyond_noise < CRITERIA.scale:
         return None
     problem.work.at(0.05, "has the unit changed?")
     count = 2 + len(table.columns)

@@ -36,7 +36,6 @@ class Before:
         reach: z that an unchanged unit reached in pseudo-tests, each recording of before taken as the later one.
         uneven: standard deviation of the logarithm of what is left of each of them, over its scale.
         left: variance that the skeleton misfit leaves of recordings that were not fitted, over that of the nominal one.
-        beyond_noise: variance of the rows that the nominal model leaves beyond white noise, over the noise's variance.
     """
 
     misfits: tuple[Misfit, ...]
@@ -49,7 +48,6 @@ class Before:
     reach: tuple[float, ...]
     uneven: float
     left: float
-    beyond_noise: float
 
     @property
     def needed(self) -> float:
@@ -131,7 +129,7 @@ def _learned(rows: Rows, fold: NDArray[np.int64]) -> Before:
         tuple(misfits), scale, count,
         float(np.median(count[live])) if live.any() else 1.0, total, np.maximum(blocks, 1.0),
         max(float(np.mean(leverage[own])) for own in each), (), uneven,
-        beyond[0] / max(beyond[1], 1e-12), beyond[1] - 1.0 / rows.samples,
+        beyond[0] / max(beyond[1], 1e-12),
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from hil.diagnosis.measures import excess
 from hil.diagnosis.problem import pose
 from hil.diagnosis.skeleton.columns import Column, columns_of
 from hil.diagnosis.skeleton.gate import Before, before_of
@@ -24,7 +25,7 @@ from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 
-VERSION = 6
+VERSION = 7
 # Simulated samples that a table may take, and the columns that it has at the least.
 _MOST_SAMPLES, _FEWEST = 3e8, 60
 # The largest array that is unpacked; a table has 1 MB.
@@ -38,6 +39,7 @@ class Table:
     Attributes:
         columns: what the library could change. `library`: a checksum of what could be.
         floors: noise of each channel, by name. `row_s`: length of a row. `before`: what was learned from them.
+        beyond_noise: variance that the nominal model left of them beyond its noise, as a share of that, colour and all.
     """
 
     columns: tuple[Column, ...]
@@ -45,6 +47,7 @@ class Table:
     floors: Mapping[str, float]
     row_s: float
     before: Before
+    beyond_noise: float
 
     def rows(self, model: Model, experiments: Sequence[Experiment]) -> Rows:
         """Later recordings in the rows of this table."""
@@ -67,7 +70,7 @@ class Table:
             ],
             "scale": [r.white, r.factor, r.whole], "least": b.least, "leverage": b.leverage,
             "reach": list(b.reach), "uneven": b.uneven, "left": b.left,
-            "beyond_noise": b.beyond_noise, "arrays": {k: _packed(v) for k, v in packed.items()},
+            "beyond_noise": self.beyond_noise, "arrays": {k: _packed(v) for k, v in packed.items()},
         }  # fmt: skip
 
 
@@ -76,12 +79,14 @@ def table_of(model: Model, experiments: Sequence[Experiment]) -> Table:
     read = [e if e.reading_known else e.reading_at(model.read_at) for e in experiments]
     experiments, _ = bridged(model, read)
     with one_blas_thread():
+        problem = pose(model, experiments)
+        beyond = excess(problem, float(problem.nominal_residuals @ problem.nominal_residuals))
         columns = _affordable(columns_of(pose(replace(model, noise=None), experiments)), experiments)
         found = channel_floors([{"output": e.valid_output, **e.valid_observed} for e in experiments])
         floors = {name: max(own.get(name, 0.0) for own in found) for each in found for name in each}
         length_s = row_s(model, experiments)
         rows = rows_of(model, experiments, columns, floors, length_s)
-        return Table(columns, library_of(model), floors, length_s, before_of(rows))
+        return Table(columns, library_of(model), floors, length_s, before_of(rows), beyond)
 
 
 def _affordable(columns: Sequence[Column], experiments: Sequence[Experiment]) -> tuple[Column, ...]:
@@ -111,10 +116,11 @@ def read_table(kept: Mapping[str, Any], model: Model) -> Table:
     before = Before(
         misfits, Remainder(a["mean"], a["std"], a["log_variance"], white, factor, whole), a["count_as_one"][there],
         float(kept["least"]), a["information"][there], a["blocks"][there], float(kept["leverage"]),
-        tuple(map(float, kept["reach"])), float(kept["uneven"]), float(kept["left"]), float(kept["beyond_noise"]),
+        tuple(map(float, kept["reach"])), float(kept["uneven"]), float(kept["left"]),
     )  # fmt: skip
     columns = tuple(c for c, is_there in zip(every, there, strict=True) if is_there)
-    return Table(columns, str(kept["library"]), dict(kept["floors"]), float(kept["row_s"]), before)
+    beyond = float(kept["beyond_noise"])
+    return Table(columns, str(kept["library"]), dict(kept["floors"]), float(kept["row_s"]), before, beyond)
 
 
 def library_of(model: Model) -> str:
