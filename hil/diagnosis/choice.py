@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.diagnosis import DiagnosisVerdict
 from hil.diagnosis.events.event import Events
-from hil.diagnosis.measures import excess
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.score import Table
 from hil.diagnosis.search.fitted import Fitted
@@ -56,5 +55,5 @@ class Choice:
 
 def has_drifted(problem: Problem, choice: Choice) -> bool:
     """Whether the nominal model is consistent with the recordings only with base parameters moved."""
-    off = excess(problem, choice.nominal.chi2) >= CRITERIA.scale
-    return choice.verdict == "consistent" and off and excess(problem, choice.baseline.chi2) < CRITERIA.scale
+    off = problem.excess(choice.nominal.chi2) >= CRITERIA.scale
+    return choice.verdict == "consistent" and off and problem.excess(choice.baseline.chi2) < CRITERIA.scale

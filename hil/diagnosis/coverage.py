@@ -9,7 +9,6 @@ import numpy as np
 
 from hil.cores import spread
 from hil.diagnosis.criteria import CRITERIA
-from hil.diagnosis.measures import excess
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.around import Around, adapted_residuals
 from hil.diagnosis.search.fitted import Fitted
@@ -105,5 +104,5 @@ def _limit(place: Around, term: Term, without: Array) -> Limit:
 
 def _left(problem: Problem, without: Array) -> float:
     """What is left beyond the noise, as a length of residuals; nothing where that is no more than noise."""
-    beyond = excess(problem, float(without @ without))
+    beyond = problem.excess(float(without @ without))
     return float(np.sqrt(beyond * problem.size)) if beyond >= CRITERIA.scale else 0.0

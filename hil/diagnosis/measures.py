@@ -1,17 +1,11 @@
-"""What an explanation leaves, and whether it is what its name says."""
+"""Whether an effect is what its name says."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.terms import Term
 from hil.identification.estimate import Unknown
-
-
-def excess(problem: Problem, chi2: float) -> float:
-    """Variance beyond the noise, as a share of it."""
-    return max(chi2 / problem.size - 1.0, 0.0)
 
 
 def is_another(term: Term, values: Sequence[float]) -> bool:

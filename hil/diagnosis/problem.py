@@ -88,6 +88,10 @@ class Problem:
         )
         return len(self.nominal_residuals) - silent
 
+    def excess(self, chi2: float) -> float:
+        """Variance beyond the noise, as a share of it."""
+        return max(chi2 / self.size - 1.0, 0.0)
+
     @cached_property
     def expected(self) -> float:
         """χ² that noise alone leaves.

@@ -12,7 +12,6 @@ from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.diagnosis.events.bursts import all_bursts, is_sparse
 from hil.diagnosis.events.recognise import recognised
 from hil.diagnosis.events.tone import tone
-from hil.diagnosis.measures import excess
 from hil.diagnosis.problem import pose
 from hil.diagnosis.search.around import around
 from hil.diagnosis.search.fitted import nothing
@@ -182,9 +181,9 @@ def test_a_tone_that_runs_through_the_spool_too_is_one() -> None:
     start = nothing(problem)
     (_, found), *_ = recognised(problem, [start])
     assert found.name == "periodic_disturbance"
-    assert excess(problem, found.chi2) < CRITERIA.scale
+    assert problem.excess(found.chi2) < CRITERIA.scale
     rest = pose(nominal(), found.rest)
-    assert excess(rest, nothing(rest).chi2) < CRITERIA.scale
+    assert rest.excess(nothing(rest).chi2) < CRITERIA.scale
 
 
 def test_a_tone_beside_an_effect_hides_neither() -> None:

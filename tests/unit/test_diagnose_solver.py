@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.measures import excess
 from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.search.fits import finished, fit
 from hil.diagnosis.search.fitted import Fitted, nothing, residuals_of
@@ -39,7 +38,7 @@ def test_half_the_steps_are_taken_where_they_change_next_to_nothing() -> None:
     taken, warnings = settled(problem)
     assert (taken.factor, warnings) == (0.5, ())
     assert np.sum((taken.nominal_residuals - problem.nominal_residuals) ** 2) < 10.0
-    assert excess(taken, nothing(taken).chi2) < 0.03
+    assert taken.excess(nothing(taken).chi2) < 0.03
 
 
 def test_a_short_recording_keeps_the_steps_of_its_plant() -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from hil.diagnosis.events.repeats import held_outputs, without_stale
-from hil.diagnosis.measures import excess
 from hil.diagnosis.problem import pose
 from hil.diagnosis.search.fitted import nothing
 from hil.identification.noise import channel_floor, white_floor
@@ -99,15 +98,15 @@ def test_a_coarse_channel_that_catches_up_at_once_was_not_measured_anew() -> Non
     found = held_outputs(problem, nothing(problem))
     assert found is not None
     assert [round(s.start_s * SECOND) for s in found.intervals] == pytest.approx(lost, abs=3)
-    assert excess(problem, problem.nominal_residuals @ problem.nominal_residuals) > 0.5
-    assert excess(problem, found.chi2) < 1.0 / 12.0 + 0.05  # a twelfth is what rounding adds
+    assert problem.excess(problem.nominal_residuals @ problem.nominal_residuals) > 0.5
+    assert problem.excess(found.chi2) < 1.0 / 12.0 + 0.05  # a twelfth is what rounding adds
 
 
 def test_a_spool_that_sticks_does_not_catch_up_at_once() -> None:
     stuck = ActiveEffect("friction", "force", {"coulomb": 6.0, "stiction": 2.0, "stribeck": 5.0, "presliding": 0.01})
     problem = pose(nominal(), bound(nominal(), coarse(records((stuck,), seed=25), 4.0 * NOISE)))
     start = nothing(problem)
-    assert excess(problem, start.chi2) > 10.0
+    assert problem.excess(start.chi2) > 10.0
     assert held_outputs(problem, start) is None
 
 

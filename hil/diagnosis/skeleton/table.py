@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from hil.diagnosis.measures import excess
 from hil.diagnosis.problem import pose
 from hil.diagnosis.skeleton.columns import Column, columns_of
 from hil.diagnosis.skeleton.gate import Before, before_of
@@ -80,7 +79,7 @@ def table_of(model: Model, experiments: Sequence[Experiment]) -> Table:
     experiments, _ = bridged(model, read)
     with one_blas_thread():
         problem = pose(model, experiments)
-        beyond = excess(problem, float(problem.nominal_residuals @ problem.nominal_residuals))
+        beyond = problem.excess(float(problem.nominal_residuals @ problem.nominal_residuals))
         columns = _affordable(columns_of(pose(replace(model, noise=None), experiments)), experiments)
         found = channel_floors([{"output": e.valid_output, **e.valid_observed} for e in experiments])
         floors = {name: max(own.get(name, 0.0) for own in found) for each in found for name in each}
