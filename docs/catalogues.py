@@ -1,6 +1,7 @@
 """Gather the texts of pages into the gettext catalogues, and compile them.
 
     python docs/catalogues.py
+    python docs/catalogues.py --long    prints every sentence of more than 25 words, in every language
 
 Texts marked in the code and in templates, and what the program declares (quantities, their meanings, settings,
 conditions), go into `hil/language/catalogues/LANGUAGE/LC_MESSAGES/ROOM.po`; translations that stand there are kept, and
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import io
 import re
+import sys
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -37,13 +39,17 @@ ROOMS = {
               "hil/record"),
 }  # fmt: skip
 """Catalogues with the folders whose texts they hold."""
+MOST_WORDS = 25  # of a sentence
 _METHODS = [("**.py", "python"), ("**.html", "jinja2.ext:babel_extract")]
 _OPTIONS = {"**.html": {"newstyle_gettext": "false", "trimmed": "true", "silent": "false"}}
 _KEYWORDS = {"_": None, "Note": None, "marked": None, "plural": (1, 2), "gettext": None, "ngettext": (1, 2)}
 
 
 def main() -> None:
-    """Bring every catalogue up to date."""
+    """Bring every catalogue up to date, or say what in them is too long."""
+    if "--long" in sys.argv[1:]:
+        print("\n".join(long_sentences()) or f"no sentence of more than {MOST_WORDS} words")
+        return
     for language in sorted(entry.name for entry in CATALOGUES.iterdir() if entry.is_dir()):
         for room in ROOMS:
             path = CATALOGUES / language / "LC_MESSAGES" / f"{room}.po"
@@ -74,6 +80,18 @@ def catalogue(room: str, path: Path) -> Catalog:
     made.header_comment = f"# Pages of valve-hil: {room}."
     made.fuzzy = False
     return made
+
+
+def long_sentences() -> Iterator[str]:
+    """Every sentence that is too long for one reading, with its language and count; numbers and signs are no words."""
+    for path in sorted(CATALOGUES.glob("*/LC_MESSAGES/*.po")):
+        for message in filter(lambda one: one.id, catalogue(path.stem, path)):
+            for language, texts in (("en", message.id), (path.parent.parent.name, message.string)):
+                for text in [texts] if isinstance(texts, str) else texts:
+                    for sentence in re.split(r"(?<=[.!?])\s+", text):
+                        count = len(re.findall(r"(?<!\S)\S*[^\W\d_]\S*", sentence))
+                        if count > MOST_WORDS:
+                            yield f"{language} {count}: {sentence}"
 
 
 def _has_words(message: str | tuple[str, ...]) -> bool:

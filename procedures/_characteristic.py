@@ -184,9 +184,8 @@ def _spoilt(swept_: Swept) -> Note | None:
     if not swept_.drifted:
         return None
     return Note(
-        "The response at one and the same end of the sweep changes by {change:.2g} {unit} from visit to visit: reading "
-        "or valve drifts, and what drifts looks like hysteresis and lag. Neither can be told, nor where a dead band "
-        "ends.",
+        "The response at the same end of the sweep changes by {change:.2g} {unit} from visit to visit: reading or "
+        "valve drifts. Hysteresis, lag and the ends of a dead band cannot be told from drift.",
         change=swept_.drifted, unit=swept_.response.unit,
     )  # fmt: skip
 
@@ -219,7 +218,7 @@ def _loop_note(swept_: Swept, between: Loop) -> Note:
     digits = max(0, -math.floor(math.log10(expanded))) if expanded > 0.0 else 3
     width, half, u = (Note(f"{{value:.{digits}f}}", value=value) for value in (*widths[:2], expanded))
     text = Note(
-        "The loop is {width} {unit} wide, at half speed {half} {unit} (each ± {u} {unit}): a lag of {lag_ms:.0f} ms "
+        "The loop is {width} {unit} wide, at half speed {half} {unit} (each ± {u} {unit}). A lag of {lag_ms:.0f} ms "
         "makes the difference and has been taken out of the curve.",
         width=width, half=half, u=u, unit=unit, lag_ms=1e3 * between.lag[0],
     )  # fmt: skip
@@ -238,8 +237,8 @@ def _uncovered(swept_: Swept) -> list[Note]:
     if max(low - bottom, top - high) <= 0.1 * (top - bottom) / 2.0:
         return []
     return [Note(
-        "The sweep was so fast that both branches are known only from {low:.3g} to {high:.3g} {unit}; beyond, the "
-        "curve rests on one of them and on the wait at the end. A longer cycle_s covers more.",
+        "The fast sweep shows both branches only from {low:.3g} to {high:.3g} {unit}. Beyond, the curve rests on one "
+        "of them and on the wait at the end. A longer cycle_s covers more.",
         low=low, high=high, unit=swept_.command.unit,
     )]  # fmt: skip
 

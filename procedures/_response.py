@@ -136,8 +136,8 @@ def chain_notes(recording: Recording, frequency_hz: Array) -> tuple[tuple[Note, 
         return (), (check.sentence,)
     worst = int(np.argmax(np.abs(check.phase_deg)))
     note = Note(
-        "The measuring chain (sensor lag {lag_ms:g} ms, {reading}, command held {hold_ms:.4g} ms) has been taken out "
-        "of the responses; at {worst_hz:g} Hz it is {amplitude:+.1f} % and {phase_deg:+.1f}°.",
+        "The measuring chain has been taken out of the responses: sensor lag {lag_ms:g} ms, {reading}, command held "
+        "{hold_ms:.4g} ms. At {worst_hz:g} Hz it is {amplitude:+.1f} % and {phase_deg:+.1f}°.",
         lag_ms=1e3 * chain.sensor_lag_s, reading=reading_of(recording, chain), hold_ms=1e3 * chain.hold_s,
         worst_hz=frequency_hz[worst], amplitude=100 * check.amplitude_change[worst],
         phase_deg=check.phase_deg[worst],

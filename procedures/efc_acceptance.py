@@ -304,9 +304,9 @@ def judged_condition(
             verdict=Note(found.verdict), likely=100.0 * found.probabilities[found.verdict], away=away,
         )]  # fmt: skip
     notes.append(Note(
-        "Good reference: rise to 1.6 A {rise_ms:.0f} ms, one good valve in forty above {longest_ms:.0f} ms; −3 dB at "
-        "the medium level {bandwidth_hz:.2f} Hz, one in forty below {least_hz:.2f} Hz. This valve: {own_rise_ms:.0f} "
-        "ms, {own_hz:.2f} Hz.",
+        "This valve: rise to 1.6 A {own_rise_ms:.0f} ms, −3 dB at the medium level {own_hz:.2f} Hz. Good valves: "
+        "{rise_ms:.0f} ms and {bandwidth_hz:.2f} Hz; one in forty is above {longest_ms:.0f} ms or below "
+        "{least_hz:.2f} Hz.",
         rise_ms=1e3 * good.rise_s, longest_ms=1e3 * good.longest_rise_s, bandwidth_hz=good.bandwidth_hz,
         least_hz=good.least_bandwidth_hz, own_rise_ms=1e3 * test.rise_s, own_hz=test.bandwidth_hz,
     ))  # fmt: skip

@@ -69,11 +69,10 @@ def run(
         rig: the bench.
         frequencies: in Hz, rising.
         amplitudes: of the sines, in % of full command.
-        biases: about which they swing, in % of full command from neutral; the bench's operating point when not given,
-            without one ±50, the middle of the range for a command that goes one way, or 0 where the response
-            integrates.
-        reference: where 0 dB is: at the lowest frequency, or as the standard asks at 5 Hz or 5 % of the −90°
-            frequency, whichever is less; if that is lower than any, it is measured as well.
+        biases: about which they swing, in % of full command from neutral. When not given: the bench's operating point,
+            else ±50, the middle of a one-way command, or 0 where the response integrates.
+        reference: where 0 dB is: at the lowest frequency, or as the standard asks. That is 5 Hz or 5 % of the −90°
+            frequency, whichever is less; it is measured where no line is so low.
         measure_periods: least number of whole periods that are measured, 2 or more.
         measure_s: least time that is measured, in s.
         tolerance: change still to come at which a response counts as steady, in % of its amplitude.

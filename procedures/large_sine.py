@@ -135,7 +135,7 @@ def _creep_per_s(fit: SineFit, duration_s: float) -> float:
 def _crept(creep_per_s: float, unit: str) -> Note:
     return Note(
         "The response drifts by up to {creep_per_s:.2g} {unit}/s beneath the sines. That is taken out of amplitude and "
-        "phase; how far it has moved the mean since the recording began cannot be told, and is granted to it.",
+        "phase. How far it has moved the mean since the recording began is in the uncertainty of the mean.",
         creep_per_s=creep_per_s, unit=unit,
     )  # fmt: skip
 

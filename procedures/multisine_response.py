@@ -63,9 +63,8 @@ def run(
         high_hz: highest driven frequency, in Hz.
         base_hz: spacing of the lines, in Hz; one period lasts 1/base_hz, and odd multiples are driven.
         amplitudes: peak of the multisine, in % of full command.
-        biases: about which it swings, in % of full command from neutral; the bench's operating point when not given,
-            without one ±50, the middle of the range for a command that goes one way, or 0 where the response
-            integrates.
+        biases: about which it swings, in % of full command from neutral. When not given: the bench's operating point,
+            else ±50, the middle of a one-way command, or 0 where the response integrates.
         periods: how many are measured, 2 or more, after the valve has settled.
         seed: of the phases and of the lines that stay silent.
         warm_up_s: time at the first bias before anything is measured, in s.

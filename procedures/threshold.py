@@ -63,8 +63,8 @@ def run(
 
     Args:
         rig: the bench.
-        biases: about which levels, in % of full command from neutral; when not given the operating point of the bench,
-            else ±50 %, or the middle of a command that goes one way.
+        biases: about which levels, in % of full command from neutral. When not given: the bench's operating point, else
+            ±50, or the middle of a one-way command.
         reach: how far from the bias, in % of full command; more than the threshold.
         speed: of the ramps, in % of full command per second.
         repeats: how often the triangle is driven; drift is known from two on.

@@ -74,8 +74,8 @@ def _scatter(fit: TransferFunctionFit) -> float:
 
 def _noted(fit: TransferFunctionFit, late: float) -> TransferFunctionFit:
     note = Note(
-        "a dead time has {share:.0f} % of the evidence and a zero in the right half plane the rest: these lines do not "
-        "tell which it is, and how long a dead time; lines at higher frequency, or a step, tell",
+        "these lines cannot separate a dead time ({share:.0f} % of the evidence) from a zero in the right half plane; "
+        "higher frequencies or a step would",
         share=100.0 * late,
     )
     return replace(fit, notes=(*fit.notes, note))

@@ -68,7 +68,7 @@ class ChainCheck:
         worst = int(np.argmax(np.abs(self.phase_deg)))
         return Note(
             "The measuring chain changes the response by more than 1 % from {from_hz:g} Hz on ({amplitude:+.1f} %, "
-            "{phase_deg:+.1f}° at {worst_hz:g} Hz); correct for it or use a faster sensor.",
+            "{phase_deg:+.1f}° at {worst_hz:g} Hz). Correct for it or use a faster sensor.",
             from_hz=self.broken_from_hz, amplitude=100 * self.amplitude_change[worst],
             phase_deg=self.phase_deg[worst], worst_hz=self.frequency_hz[worst],
         )  # fmt: skip

@@ -38,7 +38,7 @@ def other_plants(model_plant: str, recorded: Iterable[tuple[str, Mapping[str, An
     plants = [(name, plant_of_run(meta)) for name, meta in recorded]
     return [
         Note(
-            "{name} is a run of the plant {own}, the model is of {other}: what a verdict names may be nothing but the "
+            "{name} is a run of the plant {own}, the model is of {other}. What a verdict names may be nothing but the "
             "difference between the two plants.",
             name=name,
             own=own,

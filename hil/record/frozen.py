@@ -78,8 +78,8 @@ def _is_frozen(steps: Array, code: float, at_rest: NDArray[np.bool_], first: int
 def _sentence(recording: Recording, name: str, first: int, stop: int) -> Note:
     channel, time_s = recording.channels[name], recording.time_s[first:stop]
     return Note(
-        "'{channel}' stood at {value:.6g}{unit} in {n} samples, {first_s:.3f} … {last_s:.3f} s, and changes with each "
-        "one elsewhere at rest: a sensor, device or link that repeated itself. What is read there was not measured.",
+        "'{channel}' stood at {value:.6g}{unit} in {n} samples, {first_s:.3f} … {last_s:.3f} s; at other rests it "
+        "changes with each. Sensor, device or link repeated itself: nothing was measured there.",
         channel=name, value=channel.values[first], unit=behind_a_number(channel.unit), n=stop - first,
         first_s=time_s[0], last_s=time_s[-1],
     )  # fmt: skip

@@ -220,8 +220,8 @@ def stage_curves(stages: Sequence[StageShare], name: str) -> Picture:
         legend_on_top(figure.axes[0])
 
     caption = _(
-        "Without a law: the disturbance that would explain most of it if it entered at this place, as a function of "
-        "what passes there and of the direction of motion. Per cent: how much it would explain."
+        "The disturbance at this place that would explain most of it, without a law. It is drawn over what passes "
+        "there and the direction of motion. Per cent: how much it would explain."
     )
     return drawn(name, 2.7, draw, caption)
 

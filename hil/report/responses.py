@@ -178,8 +178,8 @@ def _distortion(name: str, curves: Sequence[Curve]) -> Picture:
         legend_on_top(figure.axes[0])
 
     caption = _(
-        "Best linear approximation beside what is not linear, on the scale of the amplitude ratio: noise of the mean "
-        "over the periods, odd and even distortion."
+        "Best linear approximation, noise of the mean over the periods, odd and even distortion. All are on the scale "
+        "of the amplitude ratio."
     )
     return drawn(name, 3.0, draw, caption)
 

@@ -263,8 +263,8 @@ class ThesisError:
         severe_psi = THRESHOLDS[self.level][1] * math.sqrt(self.duration_s / self.rate_hz)
         return Note(
             "taken over {duration_s:g} s at {rate_hz:g} Hz, where {severe_psi:.2g} psi rms are already called severely "
-            "malfunctioned; eq. 4.1 grows with the root of the rate, and the thesis states neither. Its fuzzy rule "
-            "base and table 4.2 are not published, so there is no fuzzy class",
+            "malfunctioned. Eq. 4.1 grows with the root of the rate; the thesis states neither time nor rate. Its "
+            "fuzzy rule base and table 4.2 are not published, so there is no fuzzy class",
             duration_s=self.duration_s, rate_hz=self.rate_hz, severe_psi=severe_psi,
         )  # fmt: skip
 

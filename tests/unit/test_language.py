@@ -11,7 +11,7 @@ import pikepdf
 import pytest
 from babel.messages.pofile import read_po
 
-from docs.catalogues import CATALOGUES, ROOMS, catalogue, compiled, text_of
+from docs.catalogues import CATALOGUES, ROOMS, catalogue, compiled, long_sentences, text_of
 from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.cli.app import main
@@ -52,6 +52,10 @@ def test_everything_is_translated_with_the_same_places(path: Path) -> None:
             for said, translated in texts:
                 assert translated, f"not translated: {said}"
                 assert _places(said) == _places(translated), said
+
+
+def test_no_sentence_is_too_long_for_one_reading() -> None:
+    assert list(long_sentences()) == []
 
 
 def _places(text: str) -> set[str]:
