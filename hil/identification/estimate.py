@@ -267,7 +267,8 @@ def _slopes_both_ways(
         made: Array = (residuals(moved) - base) / step
         return made
 
-    slopes, bends = (np.empty((len(values), len(base))) for _ in range(2))
+    slopes = np.empty((len(values), len(base)))
+    bends = np.empty(slopes.shape, np.float32)  # only their size is asked for
 
     def column(k: int) -> None:
         step = _RELATIVE_STEP * scale[k]
@@ -287,4 +288,4 @@ def _slopes_both_ways(
         return float(new @ new - base @ base)
 
     spread(column, range(len(values)))
-    return Slopes(slopes.T, Curvature(products(slopes.T), products(bends.T), rise))
+    return Slopes(slopes.T, Curvature(products(slopes.T), products(bends.T).astype(np.float64), rise))

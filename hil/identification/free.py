@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from hil.errors import SettingError
@@ -35,11 +35,16 @@ def moved(model: Model, values: Mapping[str, float], stds: Mapping[str, float] |
 
 def moved_effects(model: Model, values: Mapping[str, float]) -> tuple[ActiveEffect, ...]:
     """The effects of a model with new values for `effect.parameter`s."""
+    return effects_at(model.active_effects, values)
+
+
+def effects_at(effects: Sequence[ActiveEffect], values: Mapping[str, float]) -> tuple[ActiveEffect, ...]:
+    """Effects with new values for `effect.parameter`s."""
     if not any("." in name for name in values):
-        return model.active_effects
+        return tuple(effects)
     return tuple(
         replace(e, parameters={name: values.get(f"{e.name}.{name}", v) for name, v in e.parameters.items()})
-        for e in model.active_effects
+        for e in effects
     )
 
 

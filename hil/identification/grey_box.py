@@ -69,10 +69,10 @@ def _quiet(_done: float, _text: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class GreyBoxFit:
-    """A model fitted to experiments: the estimate, the model, and fit % per recording."""
+    """A model fitted to experiments, the parameters that ended on a bound, and fit % per recording."""
 
     model: Model
-    estimate: Estimate
+    on_bound: tuple[str, ...]
     fits: dict[str, float]
     notes: tuple[str, ...]
 
@@ -166,9 +166,7 @@ def _fit_plant(
     if more_lost > _LATE_SETTLING * lost:  # the start settles too soon to be left in
         found = _fitted(model, again, also_free, (*still, *remarks), tick)
     progress(1.0, "fitted")
-    found = replace(
-        found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.estimate.on_bound)))
-    )
+    found = replace(found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.on_bound))))
     used = [e for e in experiments if not e.stands_still]
     found = replace(found, model=_with_content(found.model, used))
     return _none_identifiable(found) if model.definition.structures and one_frequency(alive) else found
@@ -551,4 +549,4 @@ def _result(
     by_noise = _wider_than_themselves(plant, values, dict(zip(names, _std_of_noise(found).tolist(), strict=True)))
     notes += _undetermined([name for name in wide if name in by_noise], [name for name in wide if name not in by_noise])
     notes += [*([sentence_of(beyond)] if beyond else []), *_unidentifiable(found), *beside.notes]
-    return GreyBoxFit(made, found, fits, (*remarks, *notes, *doubts(made, experiments, fits)))
+    return GreyBoxFit(made, found.on_bound, fits, (*remarks, *notes, *doubts(made, experiments, fits)))

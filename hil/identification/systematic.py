@@ -10,6 +10,7 @@ import numpy as np
 
 from hil.cores import spread
 from hil.identification.estimate import Estimate
+from hil.identification.free import effects_at
 from hil.identification.residuals import Residuals
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
@@ -62,7 +63,7 @@ def _by_solver(residuals: Residuals, found: Estimate, parameters: Mapping[str, f
     for _ in range(_ROUNDS):
         named = dict(zip((u.name for u in found.unknowns), tried.tolist(), strict=True))
         at = {**parameters, **{name: value for name, value in named.items() if name in parameters}}
-        left = residuals.at(at, residuals.effects, factor=_FINER)
+        left = residuals.at(at, effects_at(residuals.effects, named), factor=_FINER)
         if not float(left @ left) < least:
             break
         best, least = tried, float(left @ left)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hil.identification.experiment import Experiment
-from hil.identification.grey_box import GreyBoxFit, fit_plant
+from hil.identification.grey_box import GreyBoxFit, fit_plant, starting_model
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Recording, recording
@@ -61,8 +61,9 @@ def test_what_is_only_noise_widens_nothing() -> None:
     found = without_friction()
     assert max(off(found).values()) < 3.0
     assert not any("lacks" in note for note in found.notes)
-    scatter = found.estimate.std
-    stds = [found.model.parameters[u.name].std or 0.0 for u in found.estimate.unknowns]
+    assert found.model.covariance is not None
+    scatter = np.sqrt(np.diag(np.array(found.model.covariance.matrix)))
+    stds = [found.model.parameters[name].std or 0.0 for name in found.model.covariance.names]
     assert np.all(np.array(stds) < 1.2 * scatter)
 
 
@@ -78,3 +79,21 @@ def test_a_stated_calibration_is_kept_apart() -> None:
     assert found.model.parameters["dead_time"].calibration_std == pytest.approx(0.0, abs=1e-5)
     assert "with calibration ±" in found.summary()
     assert "with calibration" not in without_friction().summary()
+
+
+def test_finer_steps_of_the_solver_move_an_effects_parameter_as_they_move_the_plants() -> None:
+    start = starting_model("hpv41-identified", ("friction.coulomb",))
+    time_s = np.arange(16_000) * 0.001
+    command = np.concatenate((np.repeat(LEVELS, 1000), 70.0 * np.sin(1.3 * time_s[:9000])))
+    flow = simulate(start.definition, start.values, Drive(command[None, :], 0.0, 0.001), start.active_effects)[0]
+    flow += 0.003 * np.random.default_rng(4).standard_normal(len(flow))
+    made = recording("driven", time_s, {"command [%]": command, "flow [l/min]": flow})
+
+    found = fit_plant(start, bound(start, [made]), ("friction.coulomb",))
+
+    (friction,) = found.model.effects
+    covariance = found.model.covariance
+    assert covariance is not None
+    scatter = covariance.matrix[-1][-1] ** 0.5
+    assert covariance.names[-1] == "friction.coulomb"
+    assert (friction.parameters["coulomb"].std or np.inf) < 10.0 * scatter
