@@ -46,7 +46,7 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
     """
     require_excitation(experiments)
     strange = [e for e in experiments if not is_of_its_origin(model, e)]  # what a model was made of is what it says
-    _refuse(wrong_time(model, [e for e in strange if not e.is_timed]))
+    _refuse(wrong_time(model, strange))
     alive, warnings = _without_dead(model, experiments)
     for e in alive:
         if e in strange:

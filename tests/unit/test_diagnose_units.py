@@ -133,6 +133,7 @@ def test_a_time_in_a_wrong_unit_is_refused(effects: Sequence[ActiveEffect], fact
         check(nominal(), bound(nominal(), made))
     stated = [with_stated_units(each, Reading(units={"time": "s"})) for each in made]
     assert wrong_time(nominal(), bound(nominal(), stated)) == []
+    assert wrong_time(nominal(), [replace(e, is_timed=True) for e in bound(nominal(), made)]) == []  # by its bench
 
 
 @pytest.mark.parametrize("effects", [(), (STICKING,), (SLUGGISH,)], ids=["healthy", "sticking", "sluggish"])
