@@ -18,7 +18,7 @@ _MOST_POINTS = 1000
 
 
 def overlay(recording: Recording, segment: Segment) -> dict[str, Any]:
-    """The first two periods of a segment, measured and fitted."""
+    """The first two periods of a segment, measured and fitted; copies, since a view keeps its whole recording."""
     command, response = roles_of(recording)
     rows = segment.samples
     time_s, measured = recording.time_s[rows], response.values[rows]
@@ -29,9 +29,9 @@ def overlay(recording: Recording, segment: Segment) -> dict[str, Any]:
     return {
         "frequency_hz": segment.frequency_hz,
         "time_s": time_s[picked] - time_s[0],
-        "measured": measured[picked],
+        "measured": measured[picked].copy(),
         "fitted": synthesised(fit, time_s[picked]),
-        "command": command.values[rows][picked],
+        "command": command.values[rows][picked].copy(),
     }
 
 

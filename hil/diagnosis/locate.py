@@ -20,6 +20,7 @@ _BLOCK_S = 0.5
 _FALSE_DISCOVERIES = 0.01
 _REVERSAL_S = 0.3
 _KNOTS = 7
+_SEGMENT = 8192  # samples
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,21 +102,26 @@ def _false_discovery_rates(p: Array) -> Array:
 
 def _band(problem: Problem, difference: Sequence[Array]) -> tuple[float, float]:
     """The band from 5 to 95 % of the difference's energy, its mean included."""
-    from scipy.signal import welch  # a second of import
-
-    frequencies, powers = [], []
-    for e, d in zip(problem.experiments, difference, strict=True):
-        rate = 1.0 / e.interval_s
-        f, power = welch(d, rate, nperseg=min(len(d), 8192), detrend=False)
-        frequencies.append(f)
-        powers.append(power * len(d) * (f[1] - f[0] if len(f) > 1 else 1.0))
-    f, power = np.concatenate(frequencies), np.concatenate(powers)
+    f, power = (np.concatenate(each) for each in zip(*map(_spectrum, problem.experiments, difference), strict=True))
     order = np.argsort(f)
     total = np.cumsum(power[order])
     if total[-1] <= 0.0:
         return 0.0, 0.0
     low, high = np.searchsorted(total, [0.05 * total[-1], 0.95 * total[-1]])
     return float(f[order][low]), float(f[order][min(high, len(f) - 1)])
+
+
+def _spectrum(e: Experiment, values: Array) -> tuple[Array, Array]:
+    """Frequencies in Hz and the energy at each, from half overlapping segments (Welch, 1967), shape (m,) each.
+
+    Written here since importing `scipy.signal` takes a second.
+    """
+    count = min(len(values), _SEGMENT)
+    window = np.hanning(count + 1)[:-1]
+    segments = np.lib.stride_tricks.sliding_window_view(values, count)[:: max(count - count // 2, 1)]
+    power = np.mean([np.abs(np.fft.rfft(window * segment)) ** 2 for segment in segments], axis=0)
+    power[1 : (count + 1) // 2] *= 2.0  # of both signs; the mean and the highest of an even number have one
+    return np.fft.rfftfreq(count, e.interval_s), power * len(values) / (count * float(window @ window))
 
 
 def _region_shares(problem: Problem, difference: Sequence[Array]) -> dict[str, float]:

@@ -17,8 +17,8 @@ from hil.record.recording import Array
 
 # Of so many values slopes in a dozen parameters take some megabytes: fewer are compared one by one.
 _MANY = 1 << 16
-# Of the power of the plant's motion that means may lose: estimates move by the root of it, times their std, or less.
-_LOST = 0.001
+# Of the power of the plant's motion that means may lose: estimates move by its root, a twentieth of their std, or less.
+_LOST = 0.05**2
 
 
 def means(errors: Array, count: int) -> Array:
