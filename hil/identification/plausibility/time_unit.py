@@ -20,9 +20,9 @@ _TIME_TOLERANCE = 0.01
 def wrong_time(model: Model, experiments: Sequence[Experiment]) -> list[Suspicion]:
     """Recordings whose time is off by the factor of a wrong unit.
 
-    None of a bench that timed its samples. Suspected only where the samples are as many times as far apart as a wrong unit makes them; recordings at a tenth
-    of the rate are common, so that the model has to fit much better besides. A model that knows no intervals, being no
-    unit's, has to fit well with another time and hardly at all with this one.
+    None of a bench that timed its samples. Suspected only where the samples are as many times as far apart as a wrong
+    unit makes them; recordings at a tenth of the rate are common, so that the model has to fit much better besides. A
+    model that knows no intervals, being no unit's, has to fit well with another time and hardly at all with this one.
     """
     experiments = [e for e in experiments if not e.is_timed and "time" not in e.stated_units]
     known = [float(interval_s) for interval_s in model.origin.get("intervals_s") or ()]
