@@ -119,9 +119,10 @@ def _spectrum(e: Experiment, values: Array) -> tuple[Array, Array]:
     count = min(len(values), _SEGMENT)
     window = np.hanning(count + 1)[:-1]
     segments = np.lib.stride_tricks.sliding_window_view(values, count)[:: max(count - count // 2, 1)]
-    power = np.mean([np.abs(np.fft.rfft(window * segment)) ** 2 for segment in segments], axis=0)
+    power: Array = np.mean([np.abs(np.fft.rfft(window * segment)) ** 2 for segment in segments], axis=0)
     power[1 : (count + 1) // 2] *= 2.0  # of both signs; the mean and the highest of an even number have one
-    return np.fft.rfftfreq(count, e.interval_s), power * len(values) / (count * float(window @ window))
+    power *= len(values) / (count * float(window @ window))
+    return np.asarray(np.fft.rfftfreq(count, e.interval_s), np.float64), power
 
 
 def _region_shares(problem: Problem, difference: Sequence[Array]) -> dict[str, float]:

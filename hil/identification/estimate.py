@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.identification.identifiability import Curvature, Identifiability, Slopes, identifiability, products
@@ -268,7 +269,7 @@ def _slopes_both_ways(
         return made
 
     slopes = np.empty((len(values), len(base)))
-    bends = np.empty(slopes.shape, np.float32)  # only their size is asked for
+    bends: NDArray[np.float32] = np.empty(slopes.shape, np.float32)  # only their size is asked for
 
     def column(k: int) -> None:
         step = _RELATIVE_STEP * scale[k]
@@ -288,4 +289,4 @@ def _slopes_both_ways(
         return float(new @ new - base @ base)
 
     spread(column, range(len(values)))
-    return Slopes(slopes.T, Curvature(products(slopes.T), products(bends.T).astype(np.float64), rise))
+    return Slopes(slopes.T, Curvature(products(slopes.T), products(bends.T), rise))

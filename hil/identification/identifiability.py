@@ -137,10 +137,9 @@ def identifiability(
     return Identifiability(covariance / units, directions, widths, variance)
 
 
-def products(columns: Array) -> Array:
+def products(columns: NDArray[np.floating]) -> Array:
     """Of every two of them, shape (k, k) from (n, k)."""
-    made: Array = columns.T @ columns
-    return made
+    return np.asarray(columns.T @ columns, np.float64)
 
 
 @dataclass(frozen=True, slots=True)
