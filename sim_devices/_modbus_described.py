@@ -235,10 +235,9 @@ class DescribedBank(Bank):
         self.side.drive({block.name: value})
 
     def _store(self, block: Block, value: float) -> None:
-        for spot, word, own in zip(
-            block.spots(block.first), block.counts.encoded(value), block.counts.own_bits(), strict=True
-        ):
-            self._memory[spot] = self._memory.get(spot, 0) & ~own | word
+        spots = list(block.spots(block.first))
+        around = [self._memory.get(spot, 0) for spot in spots]
+        self._memory.update(zip(spots, block.counts.encoded(value, around=around), strict=True))
 
     def _watchdog_s(self) -> float | None:
         """Its time, None while it is not armed."""

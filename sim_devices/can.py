@@ -8,8 +8,8 @@ from typing import Any
 
 from hil.description.can import CanDescription, CanTerminal
 from hil.description.named import description_of
+from sim_devices._bits import Bits
 from sim_devices._can_bus import CanServer, Frame
-from sim_devices._dbc_bits import put, taken
 from sim_devices._field import Side
 from sim_devices._quirks import Quirks
 from sim_devices._twin import Twin, TwinSettings, named_in, quirks, world
@@ -78,14 +78,16 @@ class DescribedNode:
         signal = message.get_signal_by_name(terminal.signal)
         if not signal.multiplexer_ids:
             return True
-        return taken(message.get_signal_by_name(signal.multiplexer_signal), data) in signal.multiplexer_ids
+        return bits_of(message.get_signal_by_name(signal.multiplexer_signal)).taken(data) in signal.multiplexer_ids
 
     def _value(self, terminal: CanTerminal, data: bytes) -> float:
         message = self._messages[terminal.message]
         signal, sign = message.get_signal_by_name(terminal.signal), self._description.about(terminal.message).sign
-        value = taken(signal, data) * signal.scale + signal.offset
+        value = bits_of(signal).taken(data) * signal.scale + signal.offset
         if sign is not None:
-            value *= {sign.above: 1, sign.below: -1}.get(int(taken(message.get_signal_by_name(sign.signal), data)), 0)
+            value *= {sign.above: 1, sign.below: -1}.get(
+                int(bits_of(message.get_signal_by_name(sign.signal)).taken(data)), 0
+            )
         return float(value * terminal.slope + terminal.offset)
 
     def _read_backs(self) -> list[str]:
@@ -97,7 +99,7 @@ class DescribedNode:
         data = bytearray(([0xFF] if self._description.j1939 else [0x00]) * message.length)
         readings = self._side.read()
         for signal, count in about.values.items():
-            put(message.get_signal_by_name(signal), data, count)
+            bits_of(message.get_signal_by_name(signal)).put(data, count)
         for terminal, described in self._description.terminals.items():
             if described.direction == "in" and described.message == name:
                 self._put(data, described, described.signal, readings.get(terminal, 0.0))
@@ -105,7 +107,7 @@ class DescribedNode:
                 self._put(data, described, described.read_back.signal, self._side.standing(terminal), name)
         if about.counter:
             signal = message.get_signal_by_name(about.counter)
-            put(signal, data, self._counts[name] % (1 << signal.length))
+            bits_of(signal).put(data, self._counts[name] % (1 << signal.length))
             self._counts[name] += 1
         if about.checksum is not None:
             at = message.get_signal_by_name(about.checksum.signal).start // 8
@@ -116,16 +118,16 @@ class DescribedNode:
         message = self._messages[in_message or terminal.message]
         signal, sign = message.get_signal_by_name(name), self._description.about(message.name).sign
         if math.isnan(value):
-            put(signal, data, (1 << signal.length) - 1)
+            bits_of(signal).put(data, (1 << signal.length) - 1)
             return
         number = (value - terminal.offset) / terminal.slope
         if sign is not None:
-            put(message.get_signal_by_name(sign.signal), data,
+            bits_of(message.get_signal_by_name(sign.signal)).put(data,
                 sign.zero if number == 0 else sign.above if number > 0 else sign.below)  # fmt: skip
             number = abs(number)
         count = (number - signal.offset) / signal.scale
         high = (0xFB << signal.length - 8) - 1 if self._description.j1939 and signal.length >= 8 else math.inf
-        put(signal, data, min(count, high))
+        bits_of(signal).put(data, min(count, high))
 
     def _fits(self, name: str, data: bytes) -> bool:
         about = self._description.about(name)
@@ -143,6 +145,15 @@ class DescribedNode:
         if self._description.j1939 is None:
             return int(message.frame_id)
         return int(message.frame_id & ~0xFF | self._description.j1939.device)
+
+
+def bits_of(signal: Any) -> Bits:
+    """Where the bits of a signal of a DBC file stand in its message."""
+    byte, bit = divmod(signal.start, 8)
+    places = [divmod(signal.start + i, 8) for i in range(signal.length)]
+    if signal.byte_order == "big_endian":  # from the highest down: 7 … 0 of a byte, then on in the next
+        places = [(byte + (7 - bit + i) // 8, 7 - (7 - bit + i) % 8) for i in reversed(range(signal.length))]
+    return Bits(tuple(places), signal.is_signed, signal.is_float)
 
 
 def _group(identifier: int) -> int:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import struct
 from collections.abc import Mapping
 from typing import Any
 
 from hil.description.canopen import CanopenDescription, CanopenTerminal
 from hil.description.named import description_of
+from hil.description.terminal import counts_of
+from sim_devices._bits import Bits
 from sim_devices._can_bus import CanServer
 from sim_devices._canopen_node import CanopenNode, Place
 from sim_devices._eds import objects_of
@@ -44,21 +45,15 @@ class DescribedNode(CanopenNode):
         """Terminals as they are now, in an object as it was written."""
         value, form = super().value(index, sub), self.objects[index, sub][0]
         for name in self._inputs.get((index, sub), ()):
-            terminal = self._terminals[name]
-            if form == "f":
-                value = (self.side.read().get(name, 0.0) - terminal.offset) / terminal.slope
-            else:
-                value = _laid(terminal, value, _counted(terminal, self.side.number(name), form), form)
+            reading = self.side.read().get(name, 0.0) if form == "f" else self.side.number(name)
+            value = laid(self._terminals[name], form, value, reading)
         return value
 
     def store(self, index: int, sub: int, value: float) -> None:
         """Outputs move; those whose bits stay stay."""
         super().store(index, sub, value)
         for name in self._outputs.get((index, sub), ()):
-            terminal = self._terminals[name]
-            self.side.drive(
-                {name: _taken(terminal, value, self.objects[index, sub][0]) * terminal.slope + terminal.offset}
-            )
+            self.side.drive({name: taken(self._terminals[name], self.objects[index, sub][0], value)})
 
     def missed_heartbeat(self) -> None:
         """Outputs go where they are safe, and it says so."""
@@ -70,11 +65,7 @@ class DescribedNode(CanopenNode):
         self.unsent.append((0x080 + self.node, struct.pack("<HB5x", 0x8130, 0x11)))
 
     def _goes_to(self, place: tuple[int, int], name: str, value: float) -> None:
-        terminal, form = self._terminals[name], self.objects[place][0]
-        number = (value - terminal.offset) / terminal.slope
-        if form != "f":
-            number = _laid(terminal, self.values[place], _counted(terminal, value, form), form)
-        self.values[place] = number
+        self.values[place] = laid(self._terminals[name], self.objects[place][0], self.values[place], value)
         self.side.drive({name: value})
 
     def _by_place(self, direction: str) -> dict[Place, list[str]]:
@@ -85,46 +76,25 @@ class DescribedNode(CanopenNode):
         return found
 
 
-def _is_signed(terminal: CanopenTerminal, form: str) -> bool:
-    return form.islower() and terminal.bit is None and (terminal.bits is None or terminal.bits[0] < terminal.bits[1])
+def laid(terminal: CanopenTerminal, form: str, held: float, value: float) -> float:
+    """What an object of a form says with its terminal at a value, other bits as it `held` them."""
+    data = bytearray(struct.pack("<" + form, held if form == "f" else int(held)))
+    none = next(iter(counts_of(terminal.invalid)), 0)
+    _bits(terminal, form).put(data, (value - terminal.offset) / terminal.slope, none)
+    (says,) = struct.unpack("<" + form, data)
+    return float(says) if form == "f" else int(says)
 
 
-def _width(terminal: CanopenTerminal, form: str) -> int:
-    if terminal.bit is not None:
-        return 1
-    return 8 * struct.calcsize(form) if terminal.bits is None else terminal.bits[1] + 1 - terminal.bits[0]
+def taken(terminal: CanopenTerminal, form: str, held: float) -> float:
+    """The terminal's value by what its object says."""
+    data = struct.pack("<" + form, held if form == "f" else int(held))
+    return _bits(terminal, form).taken(data) * terminal.slope + terminal.offset
 
 
-def _lowest(terminal: CanopenTerminal) -> int:
-    return terminal.bit or (0 if terminal.bits is None else terminal.bits[0])
-
-
-def _laid(terminal: CanopenTerminal, value: float, count: int, form: str) -> int:
-    """What an object says with this count in the terminal's bits."""
-    size, at, n = struct.calcsize(form), _lowest(terminal), _width(terminal, form)
-    bits = f"{int.from_bytes(struct.pack('>' + form, int(value)), 'big'):0{8 * size}b}"
-    end = len(bits) - at
-    bits = bits[: end - n] + f"{count % (1 << n):0{n}b}" + bits[end:]
-    return int(struct.unpack(">" + form, int(bits, 2).to_bytes(size, "big"))[0])
-
-
-def _taken(terminal: CanopenTerminal, value: float, form: str) -> float:
-    """The terminal's count in what an object says."""
-    if form == "f":
-        return value
-    n = _width(terminal, form)
-    count = (int(value) >> _lowest(terminal)) % (1 << n)
-    return count - (1 << n) if _is_signed(terminal, form) and 2 * count >= 1 << n else count
-
-
-def _counted(terminal: CanopenTerminal, value: float, form: str) -> int:
-    number = (value - terminal.offset) / terminal.slope
-    width = _width(terminal, form)
-    low, high = (-(1 << width - 1), (1 << width - 1) - 1) if _is_signed(terminal, form) else (0, (1 << width) - 1)
-    if math.isnan(number):
-        none = next((int(count, 0) for count in terminal.invalid if count.lower() != "nan"), 0)
-        return none if none <= high else none - (1 << width)
-    return max(low, min(high, round(number)))
+def _bits(terminal: CanopenTerminal, form: str) -> Bits:
+    lowest, width = terminal.field or (0, 8 * struct.calcsize(form))
+    places = tuple(divmod(bit, 8) for bit in range(lowest, lowest + width))
+    return Bits(places, form in "bhi" and width > 1, form == "f")
 
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> CanServer:

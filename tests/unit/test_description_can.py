@@ -22,7 +22,7 @@ from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.description.can import database
 from hil.description.read import read_description
 from hil.errors import HardwareError, LinkError, SettingError
-from sim_devices._dbc_bits import put, taken
+from sim_devices import can as twin
 from tests.described import bench, input_, output, passes, written
 from tests.waits import PATIENCE_S, until
 
@@ -244,14 +244,14 @@ def test_bits_of_the_twin_are_those_of_the_library(
         message = Message(1, "m", 8, [signal], strict=True)
     except Error:
         return  # does not lie in eight bytes
-    assert taken(signal, data) == message.decode(data)["x"]
+    assert twin.bits_of(signal).taken(data) == message.decode(data)["x"]
     count = bits & (1 << length) - 1
     count -= (1 << length) if signed and count >> length - 1 else 0
     changed = bytearray(data)
-    put(signal, changed, count)
+    twin.bits_of(signal).put(changed, count)
     assert message.decode(bytes(changed))["x"] == count
     mask = bytearray(8)
-    put(signal, mask, -1 if signed else (1 << length) - 1)
+    twin.bits_of(signal).put(mask, -1 if signed else (1 << length) - 1)
     assert all((a ^ b) & ~m & 0xFF == 0 for a, b, m in zip(data, changed, mask, strict=True))
 
 

@@ -341,8 +341,8 @@ def test_what_is_wrong_with_readings_that_are_none_is_told(words: str, told: str
 
 def test_the_twin_says_that_a_broken_sensor_has_no_measurement(tmp_path: Path) -> None:
     terminal = read_description(Path(with_words(tmp_path))).terminals["ai1"]
-    assert twin._counted(terminal, math.nan, "h") == -32768
-    assert twin._counted(terminal, 5.0, "h") == 16384
+    assert twin.laid(terminal, "h", 0, math.nan) == -32768
+    assert twin.laid(terminal, "h", 0, 5.0) == 16384
 
 
 DIGITAL = (HERE / "dio-401.toml").read_text(encoding="utf-8")
@@ -439,8 +439,8 @@ def test_driver_and_twin_take_the_same_bits_for_a_terminal(form: str, lowest: in
             count = objects.counted(told, value)
             after = objects.with_part(told, before, count)
             struct.pack("<" + form, int(after))
-            assert after == twin._laid(told, before, twin._counted(told, value, form), form)
-            assert objects.part(told, after) == twin._taken(told, after, form) == count
+            assert after == twin.laid(told, form, before, value)
+            assert objects.part(told, after) == twin.taken(told, form, after) == count
             assert int(after) & rest == int(before) & rest
 
 
