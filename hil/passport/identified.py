@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hil.catalog import models
 from hil.errors import InputError
-from hil.language.figures import localised
+from hil.language.note import Note, translated
 from hil.language.words import _, marked
 from hil.passport.unit import Unit
 from hil.record.measurement import COVERAGE_FACTOR
@@ -24,20 +24,6 @@ Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Sentence:
-    """A text with what is put into it by name: said in the language of a page when that is written."""
-
-    text: str
-    put: Mapping[str, str] = field(default_factory=dict)
-    numbers: Mapping[str, str] = field(default_factory=dict)
-
-    @property
-    def spoken(self) -> str:
-        """In the language that is spoken; of what is put in, numbers have its decimal sign."""
-        return _(self.text).format(**self.put, **{name: localised(text) for name, text in self.numbers.items()})
-
-
-@dataclass(frozen=True, slots=True)
 class Understood:
     """What is known of the unit's physics.
 
@@ -48,21 +34,21 @@ class Understood:
         seconds: that it took.
     """
 
-    sentences: tuple[Sentence, ...]
+    sentences: tuple[Note, ...]
     model: Model | None = None
-    fit: Sentence | None = None
+    fit: Note | None = None
     diagnosed: Diagnosed | None = None
     seconds: float = 0.0
 
     @property
     def says(self) -> str:
         """For page one, in the language that is spoken."""
-        return " ".join(sentence.spoken for sentence in self.sentences)
+        return " ".join(map(translated, self.sentences))
 
     @property
     def about(self) -> str:
         """How well the model fits, in the language that is spoken."""
-        return self.fit.spoken if self.fit else ""
+        return self.fit.translated if self.fit else ""
 
     @property
     def parameters(self) -> list[list[str]]:
@@ -97,26 +83,21 @@ def understood(unit: Unit, wanted: bool, kind: Model | None, progress: Progress)
         progress: told how far it is.
     """
     if not wanted:
-        return Understood(
-            (Sentence(marked("Neither is in this passport: they were left out on request (--no-model).")),)
-        )
+        return Understood((Note("Neither is in this passport: they were left out on request (--no-model)."),))
     started = time.perf_counter()
     model, fit, why = _identified(unit, progress)
     diagnosed, sentence = _diagnosed(unit, kind, progress)
     seconds = time.perf_counter() - started
-    took = Sentence(marked("Computed in {seconds} s."), {"seconds": f"{seconds:.0f}"})
-    once = Sentence(marked("Who verifies this passport does not compute it anew."))
+    took = Note("Computed in {seconds:.0f} s.", seconds=seconds)
+    once = Note("Who verifies this passport does not compute it anew.")
     anew = (once,) if model is not None or diagnosed is not None else ()
     return Understood((why, sentence, took, *anew), model, fit, diagnosed, seconds)
 
 
-def _identified(unit: Unit, progress: Progress) -> tuple[Model | None, Sentence | None, Sentence]:
+def _identified(unit: Unit, progress: Progress) -> tuple[Model | None, Note | None, Note]:
     if not unit.plant:
-        return (
-            None,
-            None,
-            Sentence(marked("No model of this unit is inside: the bench file names no plant for this valve.")),
-        )
+        why = Note("No model of this unit is inside: the bench file names no plant for this valve.")
+        return None, None, why
     from hil.record.read import read_recording
     from hil.session.identification import identified
 
@@ -125,20 +106,22 @@ def _identified(unit: Unit, progress: Progress) -> tuple[Model | None, Sentence 
         start = str(models().get(unit.plant, unit.plant))  # benches name a plant or an installed model
         found = identified(start, [read_recording(run.folder) for run in unit.runs])
     except InputError as error:
-        why = marked("No model of this unit is inside: it could not be identified from these runs: {error}.")
-        return None, None, Sentence(why, {"error": str(error)})
+        text = marked("No model of this unit is inside: it could not be identified from these runs: {error}.")
+        return None, None, Note(text, error=str(error))
     fits = found.model.origin.get("fit_percent") or {}
     fit = ", ".join(f"{number(value, 3)} %" for value in fits.values())
-    named = {"plant": found.model.plant, "input": found.model.input, "output": found.model.output}
-    about = Sentence(marked("Plant {plant}, {input} to {output}; fit {fit}."), named, {"fit": fit or "—"})
-    inside = marked("The model of this unit, identified from these runs, is inside (model.json; fit {fit}).")
-    return found.model, about, Sentence(inside, {}, {"fit": fit or "—"})
+    about = Note(
+        "Plant {plant}, {input} to {output}; fit {fit!l}.",
+        plant=found.model.plant, input=found.model.input, output=found.model.output, fit=fit or "—",
+    )  # fmt: skip
+    inside = marked("The model of this unit, identified from these runs, is inside (model.json; fit {fit!l}).")
+    return found.model, about, Note(inside, fit=fit or "—")
 
 
-def _diagnosed(unit: Unit, kind: Model | None, progress: Progress) -> tuple[Diagnosed | None, Sentence]:
+def _diagnosed(unit: Unit, kind: Model | None, progress: Progress) -> tuple[Diagnosed | None, Note]:
     if kind is None:
         asked = marked("What these data excluded was not asked: no model of the type was given (--model MODEL.json).")
-        return None, Sentence(asked)
+        return None, Note(asked)
     from hil.diagnosis.diagnose import diagnose
     from hil.identification.experiment import for_model
     from hil.record.read import read_recording
@@ -149,7 +132,7 @@ def _diagnosed(unit: Unit, kind: Model | None, progress: Progress) -> tuple[Diag
         diagnosed = diagnose(kind, experiments, lambda done, text: progress(0.5 + 0.5 * done, text))
     except InputError as error:
         refused = marked("What these data excluded is not known: the diagnosis refused: {error}.")
-        return None, Sentence(refused, {"error": str(error)})
+        return None, Note(refused, error=str(error))
     seen = sum(limit.visible for limit in diagnosed.diagnosis.limits)
     against = marked("Against the model of its type: {headline} Limits of {n} other effects are in the annex.")
-    return diagnosed, Sentence(against, {"headline": diagnosed.diagnosis.headline, "n": str(seen)})
+    return diagnosed, Note(against, headline=diagnosed.diagnosis.headline, n=seen)
