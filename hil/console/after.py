@@ -9,15 +9,14 @@ from urllib.parse import urlencode
 from hil.console.site import Site
 from hil.findings.collect import findings_of
 from hil.findings.results import Results
-from hil.report.results import next_step, verdict_sentence
+from hil.report.results import next_step, reasons
 from hil.session.setting import value_text
 
 
 def reasons_of(results: Results) -> list[str]:
     """A sentence for each value that keeps a run from passing, misses first, then what to do; empty for none."""
-    measured = findings_of(results).measured
-    found = [value for verdict in ("fail", "cannot tell") for value in measured if value.verdict == verdict]
-    return [*map(verdict_sentence, found), *filter(None, [next_step(found)])]
+    findings = findings_of(results)
+    return [*reasons(findings), *filter(None, [next_step(findings.open_or_missed)])]
 
 
 def next_unit(site: Site, meta: Mapping[str, Any]) -> str:

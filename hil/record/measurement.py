@@ -115,6 +115,29 @@ class Measured:
         """Under which it may be asked for: the whole name, then without the last parts of its place."""
         return names_of(self.name)
 
+    def fail_probability(self, value: float, std: float) -> float | None:
+        """How likely a unit would have been measured *fail* here: `value` with the scatter `std` of its measurement.
+
+        Limits, uncertainty and rule of decision are those of this value. None where these do not make the verdict:
+        it is a bound or a count, was not determined, its uncertainty is not known, or it has no limit.
+        """
+        if self.relation != "=" or not self.std or self.verdict is None:
+            return None
+        guard = COVERAGE_FACTOR * self.std
+        low, high = (-math.inf if self.low is None else self.low), (math.inf if self.high is None else self.high)
+        if std == 0.0:
+            return float(value + guard < low or value - guard > high)
+        return _below((low - guard - value) / std) + _below((value - guard - high) / std)
+
+    @property
+    def fail_probability_at_limit(self) -> float | None:
+        """How likely a unit exactly at the nearest limit would have been measured *fail* here; None as above."""
+        limits = [limit for limit in (self.low, self.high) if limit is not None]
+        if self.value is None or self.std is None or not limits:
+            return None
+        reading = self.value
+        return self.fail_probability(min(limits, key=lambda limit: abs(limit - reading)), self.std)
+
     def judged(self, limit: Limit) -> Measured:
         """The same, judged by another limit."""
         verdict = judge(self.value, self.std, limit.low, limit.high, self.relation)
@@ -124,6 +147,11 @@ class Measured:
         """As JSON values."""
         found: dict[str, Any] = plain(self)
         return found
+
+
+def _below(deviation: float) -> float:
+    """The share of a normal distribution below so many standard deviations."""
+    return 0.5 * math.erfc(-deviation / math.sqrt(2.0))
 
 
 def names_of(name: str) -> tuple[str, ...]:

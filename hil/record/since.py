@@ -20,12 +20,25 @@ class Moved:
 
 
 @dataclass(frozen=True, slots=True)
+class Missed:
+    """A limit missed now, and the value `then`: how likely that unit would have been measured *fail* on this bench.
+
+    Exact from both uncertainties; what the calibration adds is left out where the same instruments measured both.
+    """
+
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
+    then: Measured
+    fail_probability: float
+
+
+@dataclass(frozen=True, slots=True)
 class Since:
     """What changed since an earlier `run` of the same unit, where a certificate is no pass; no part of the verdict.
 
     `moved` are the values that differ beyond their uncertainty: figures of the condition first, then what keeps the
     unit from passing, the surest first. `same` values do not, and `untold` cannot be compared: bounds, and values that
-    one run lacks. `same_instruments`: both were measured by the same instruments with the same calibrations.
+    one run lacks. `same_instruments`: both were measured by the same instruments with the same calibrations. `missed`
+    are the limits missed now whose value was measured then.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}
@@ -36,3 +49,4 @@ class Since:
     same: int = 0
     untold: int = 0
     same_instruments: bool = False
+    missed: tuple[Missed, ...] = ()

@@ -9,6 +9,7 @@ from typing import Any
 
 from hil.language.words import _, marked
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_of, is_accepted, judge
+from hil.record.since import Since
 from hil.report.cause import cause_sentences
 from hil.report.name import capital, quantity_words
 from hil.report.number import label_text, limits_text, number, rounded, unit_text, with_uncertainty
@@ -31,6 +32,7 @@ _WORDS = {
 }
 
 
+_LEAST_PERCENT = 0.001  # a smaller one is a statement about the tail of a distribution, not about a bench
 _UNFINISHED = ("open", marked("Not finished"), marked("The test did not end as planned, so it proves nothing."))
 
 
@@ -48,7 +50,7 @@ def verdict_box(findings: Findings, meta: Mapping[str, Any]) -> dict[str, Any]:
     if missing := meta.get("incomplete"):
         details.append(_("The recording is incomplete: {missing}.").format(missing=missing))
     words = verdict_words(findings.verdict, finished=not details)
-    details += [verdict_sentence(m) for m in findings.open_or_missed]
+    details += reasons(findings)
     return {**words, "details": details, "next": next_step(findings.open_or_missed), "beside": beside_good(findings)}
 
 
@@ -76,6 +78,30 @@ def repeatability_text(m: Measured) -> str:
     if m.value is None or m.repeatability is None or not m.calibration_std:
         return ""
     return rounded(m.value, COVERAGE_FACTOR * m.repeatability)[1]
+
+
+def reasons(findings: Findings) -> list[str]:
+    """What keeps a run from passing, misses first; beside each miss how easily this bench measures one."""
+    found = sorted(findings.open_or_missed, key=lambda m: m.verdict != "fail")
+    return [" ".join(filter(None, (verdict_sentence(m), _fail_sentence(m, findings.since)))) for m in found]
+
+
+def _fail_sentence(m: Measured, since: Since | None) -> str:
+    """How likely a unit exactly at the limit, and one as this unit was before, would have been measured failing."""
+    if m.verdict != "fail" or (at_limit := m.fail_probability_at_limit) is None:
+        return ""
+    text = _("{percent} of tests on this bench would fail a unit exactly at the limit")
+    parts = [text.format(percent=_percent(at_limit))]
+    before = next((one for one in (since.missed if since else ()) if one.then.name == m.name), None)
+    if since and before:
+        text = _("{percent} this unit as it was on {date} ({value})")
+        parts.append(text.format(percent=_percent(before.fail_probability), date=since.started_utc.astimezone().date(),
+                                 value=value_text(before.then, m.unit)))  # fmt: skip
+    return "; ".join(parts) + "."
+
+
+def _percent(share: float) -> str:
+    return f"< {number(_LEAST_PERCENT)} %" if 0.0 < share < _LEAST_PERCENT / 100.0 else f"{number(100.0 * share, 2)} %"
 
 
 def verdict_sentence(m: Measured) -> str:

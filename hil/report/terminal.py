@@ -18,7 +18,7 @@ def findings_text(findings: Findings, *, simulated: bool = False) -> str:
     from hil.findings.collect import functions_of
     from hil.record.simulated import marked
     from hil.report.number import limits_text
-    from hil.report.results import beside_good, value_text, verdict_sentence
+    from hil.report.results import beside_good, reasons, value_text
 
     rows = [
         (m.name, _plain(value_text(m)), m.unit, _plain(limits_text(m.low, m.high)), m.verdict or "", _beside(m))
@@ -29,12 +29,12 @@ def findings_text(findings: Findings, *, simulated: bool = False) -> str:
     functions = [f"transfer function: {one.name}: {_plain(one.formula)}" for one in functions_of(findings.curves)]
     notes = [f"note: {note}" for note in findings.notes]
     deviations = [f"deviation: {deviation}" for deviation in findings.deviations]
-    reasons = [_plain(verdict_sentence(m)) for m in findings.open_or_missed]
     verdict = (
         f"verdict: {findings.verdict}" if findings.verdict else "verdict: none; no limit was given, nothing was judged"
     )
-    beside = [_plain(text) for text in beside_good(findings)]
-    return "\n".join([*table, *functions, *notes, *deviations, *reasons, *beside, marked(verdict, simulated=simulated)])
+    kept_from_passing = [_plain(text) for text in (*reasons(findings), *beside_good(findings))]
+    last = marked(verdict, simulated=simulated)
+    return "\n".join([*table, *functions, *notes, *deviations, *kept_from_passing, last])
 
 
 def _beside(m: Measured) -> str:

@@ -78,10 +78,10 @@ class SimulatedBench:
 
     def reasons(self, verdict: str) -> list[str]:
         """What kept its runs from passing, a sentence for each limit; empty when none ended with that verdict."""
-        from hil.report.results import verdict_sentence
+        from hil.report.results import reasons
 
         judged = [one.findings for one in self.outcomes if one.findings.verdict == verdict]
-        return [verdict_sentence(found) for findings in judged for found in findings.open_or_missed]
+        return [reason for findings in judged for reason in reasons(findings)]
 
     def rig(self) -> AbstractContextManager[BenchRig]:
         """The rig itself, to be driven by the test: `with bench.rig() as rig: rig.play(…)`."""

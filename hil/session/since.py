@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
@@ -18,7 +18,7 @@ from hil.record.header import read_header
 from hil.record.instruments import instruments_mark
 from hil.record.measurement import Findings, is_accepted
 from hil.record.recording import Recording
-from hil.record.since import Moved, Since
+from hil.record.since import Missed, Moved, Since
 from hil.session.procedure import Procedure
 
 if TYPE_CHECKING:
@@ -79,7 +79,19 @@ def _since(entry: Entry, now: Results, folder: Path) -> Since:
         entry.folder.name, entry.started_utc, entry.verdict,
         tuple(Moved(one.first, one.second) for one in moved if one.first and one.second),
         _count(found, "within uncertainty"), _count(found, "cannot tell"), one_bench,
+        tuple(_missed(differences(then, now, one_bench=one_bench))),  # as judged, not the figures of the condition
     )  # fmt: skip
+
+
+def _missed(found: Sequence[Difference]) -> Iterator[Missed]:
+    """A change has the scatter that a repeat of the unit of then would have about its value of then."""
+    for one in found:
+        if one.first is None or one.second is None or one.second.verdict != "fail":
+            continue
+        if one.first.value is None or one.std is None:
+            continue
+        if (probability := one.second.fail_probability(one.first.value, one.std)) is not None:
+            yield Missed(one.first, probability)
 
 
 def _with_figures(results: Results) -> Results:

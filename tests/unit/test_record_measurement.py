@@ -37,6 +37,24 @@ def test_the_guard_band_decides(
     assert judge(value, std, low, high) == verdict
 
 
+@pytest.mark.parametrize("low", [None, 7.9], ids=["one limit", "two limits closer than the uncertainty"])
+@pytest.mark.parametrize("unit", [8.0, 8.6])
+def test_a_probability_of_fail_is_what_a_thousand_runs_show(unit: float, low: float | None) -> None:
+    current = Measurement("current", "A", "", low=low, high=8.0)
+    fails = 0
+    for reading in np.random.default_rng(1).normal(unit, 0.3, 1000):
+        fails += current.of(reading, 0.18, calibration=0.24).verdict == "fail"
+    expected = current.of(9.0, 0.18, calibration=0.24).fail_probability(unit, 0.3)
+    assert fails == pytest.approx(1000.0 * expected, abs=3.5 * np.sqrt(1000.0 * expected * (1.0 - expected)))
+
+
+def test_a_unit_at_the_limit_seldom_fails() -> None:
+    assert BANDWIDTH.of(2.0, 0.1).fail_probability_at_limit == pytest.approx(0.02275, rel=1e-3)
+    assert BANDWIDTH.of(2.0, 0.0).fail_probability_at_limit is None
+    assert BANDWIDTH.of(2.0, 0.1, relation="<").fail_probability_at_limit is None
+    assert BANDWIDTH.of(None).fail_probability_at_limit is None
+
+
 def test_a_value_beyond_the_test_can_still_be_judged() -> None:
     assert BANDWIDTH.of(4.9, 0.0, relation=">").verdict == "pass"
     assert BANDWIDTH.of(2.0, 0.0, relation=">").verdict == "cannot tell"

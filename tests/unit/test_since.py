@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -15,8 +16,9 @@ from hil.findings.collect import findings_of, results_of
 from hil.findings.results import write_results
 from hil.record.folder import read, write
 from hil.record.measurement import Findings, Measurement
+from hil.record.population_comparison import PopulationComparison
 from hil.record.recording import Channel, Recording
-from hil.report.results import beside_good
+from hil.report.results import beside_good, reasons
 from hil.session.procedure import Procedure, load_procedure
 from hil.session.since import with_earlier
 
@@ -73,3 +75,35 @@ def test_nothing_is_said_where_there_is_nothing_to_say(lab: Path, certifies: Pro
     procedure = replace(certifies, certificate=case != "no certificate")
     archive = str(lab / "none") if case == "no archive" else str(lab)
     assert with_earlier(procedure, recording, found, lab / "now", archive).since is None
+
+
+def test_each_miss_states_what_this_bench_would_have_failed(lab: Path, certifies: Procedure) -> None:
+    made(lab / "good", 0, 99.0)
+    recording, found = made(lab / "now", 2, 180.0)
+    [reason] = reasons(with_earlier(certifies, recording, found, lab / "now", str(lab)))
+    assert reason.endswith(
+        "2.3 % of tests on this bench would fail a unit exactly at the limit; "
+        "3.9 % this unit as it was on 2026-01-01 (99.0 ± 4.0 ms)."
+    )
+
+
+def test_calibration_of_one_bench_adds_nothing_to_the_unit_of_then(lab: Path, certifies: Procedure) -> None:
+    made(lab / "good", 0, 99.0)
+    recording, found = made(lab / "now", 2, 180.0)
+    shared = replace(found, measured=(RISE.of(180.0, 0.5, calibration=2.0), *found.measured[1:]))
+    since = with_earlier(certifies, recording, shared, lab / "now", str(lab)).since
+    assert since is not None
+    std, guard = np.hypot(2.0, 0.5), 2.0 * np.hypot(2.0, 0.5)
+    assert since.missed[0].fail_probability == pytest.approx(1.0 - NormalDist(99.0, std).cdf(100.0 + guard))
+
+
+def test_a_miss_that_is_a_figure_of_the_condition_too_is_beside_the_unit_of_then(
+    lab: Path, certifies: Procedure
+) -> None:
+    made(lab / "good", 0, 99.0)
+    recording, found = made(lab / "now", 2, 180.0)
+    figure = replace(RISE, high=75.0).of(180.0, 2.0)
+    found = replace(found, likeness=PopulationComparison((replace(figure, verdict=None),), 100))
+    since = with_earlier(certifies, recording, found, lab / "now", str(lab)).since
+    assert since is not None
+    assert [one.then.value for one in since.missed] == [99.0]
