@@ -8,10 +8,12 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from sim_devices._can_bus import CanServer
 from sim_devices._canopen_node import Abort, CanopenNode, Place
+from sim_devices._eds import objects_of
 from sim_devices._field import Side
 from sim_devices._quirks import Quirks
 from sim_devices._twin import Twin, TwinSettings, quirks, world
@@ -27,52 +29,8 @@ _STEPS = {  # what the low three bits of the control word ask for, from where it
     0b111: (_ACTIVE, (_HOLD,)),
 }
 
-_RPDOS = {  # by CiA 408: what each receive PDO carries after power-on, and its identifier without the node
-    0: (0x200, (0x60400010,)),
-    1: (0x300, (0x60400010, 0x63000110)),
-    2: (0x400, (0x60400010, 0x63800110)),
-    3: (0x500, (0x60400010, 0x63000110, 0x63800110)),
-}
 _MAPPED = 4  # entries of a mapping at most
-
-# Index, sub-index: struct format, value after power-on, whether it may be written. Analogue objects are records of
-# value, SI unit and prefix.
-_OBJECTS: dict[tuple[int, int], tuple[str, int, bool]] = {
-    (0x1000, 0): ("I", 408, False), (0x1001, 0): ("B", 0, False), (0x1005, 0): ("I", 0x80, False),
-    (0x1016, 0): ("B", 1, False), (0x1016, 1): ("I", 0, True), (0x1017, 0): ("H", 0, True),
-    (0x1018, 0): ("B", 1, False), (0x1018, 1): ("I", 0, False),
-    (0x6040, 0): ("H", 0, True), (0x6041, 0): ("H", 0, False), (0x6042, 0): ("b", 1, True), (0x6043, 0): ("b", 2, True),
-    (0x604F, 0): ("b", 0, True), (0x6330, 0): ("b", 0, True), (0x6342, 0): ("b", 0, True), (0x6360, 0): ("b", 0, True),
-    **{(index, sub): (form if sub == 1 else ("B" if sub == 2 else "b"), value if sub == 1 else prefix * (sub == 3),
-                      sub == 1 and index != 0x6301)
-       for index, form, value, prefix in (
-           (0x6300, "h", 0, 0), (0x6301, "h", 0, 0), (0x6311, "h", _FULL, 0), (0x6314, "h", 0, 0),
-           (0x6331, "H", 0, -3), (0x6343, "h", 0, 0), (0x6344, "h", 0, 0), (0x6361, "H", 0, 0), (0x6362, "H", 0, 0),
-           (0x6380, "h", 0, 0))
-       for sub in (1, 2, 3)},
-    **{(index, 0): ("B", 3, False)
-       for index in (0x6300, 0x6301, 0x6311, 0x6314, 0x6331, 0x6343, 0x6344, 0x6361, 0x6362, 0x6380)},
-}  # fmt: skip
-
-
-def _objects(node: int) -> dict[tuple[int, int], tuple[str, int, bool]]:
-    """The object dictionary after power-on; identifiers are those of the predefined connection set."""
-    found = dict(_OBJECTS)
-    found[0x1014, 0] = ("I", 0x80 + node, False)
-    for number, (base, entries) in _RPDOS.items():
-        found |= _pdo_objects(0x1400 + number, base + node, 0x1600 + number, entries)
-    return found | _pdo_objects(0x1800, 0x180 + node, 0x1A00, ())
-
-
-def _pdo_objects(
-    communication: int, identifier: int, mapping: int, entries: tuple[int, ...]
-) -> dict[tuple[int, int], tuple[str, int, bool]]:
-    padded = (*entries, *[0] * (_MAPPED - len(entries)))
-    return {
-        (communication, 0): ("B", 2, False), (communication, 1): ("I", identifier, True),
-        (communication, 2): ("B", 255, True), (mapping, 0): ("B", len(entries), True),
-        **{(mapping, i + 1): ("I", entry, True) for i, entry in enumerate(padded)},
-    }  # fmt: skip
+_EDS = Path(__file__).with_suffix(".eds")  # identifiers are those of the predefined connection set
 
 
 class Valve(CanopenNode):
@@ -88,7 +46,7 @@ class Valve(CanopenNode):
 
     def __init__(self, side: Side, node: int) -> None:
         self._state, self._word, self._spool = _INIT, 0, 0.0
-        super().__init__(side, node, _objects(node), _MAPPED)
+        super().__init__(side, node, objects_of(str(_EDS), node), _MAPPED)
 
     def power_on(self) -> None:
         """In INIT, spool at its fail-safe position."""

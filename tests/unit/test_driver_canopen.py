@@ -20,6 +20,7 @@ from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, LinkError
 from sim_devices import canopen_valve as twin
 from sim_devices._can_bus import Hub
+from sim_devices._eds import objects_of
 from sim_devices._field import Field, Side
 from sim_devices._quirks import Quirks
 from sim_devices._simulation import Simulation
@@ -258,6 +259,14 @@ def test_hub_passes_frames_on_and_survives_nonsense() -> None:
         member.shutdown()
     hub.close()
     assert not any(thread.is_alive() for thread in hub._threads)
+
+
+def test_the_twin_s_file_is_that_of_such_a_valve() -> None:
+    more = {"ramp_s": 0.1, "dither_amplitude": 1, "dither_hz": 100, "dead_band_a": 1, "dead_band_b": 1}
+    path = Path(twin.__file__).with_suffix(".eds")
+    told = {"address": "virtual:x", "eds": str(path), **more}
+    assert not list(canopen_valve.faults(canopen_valve.Settings.model_validate(told)))
+    assert [objects_of(str(path), 5)[0x1400 + i, 1][1] for i in range(4)] == [0x205, 0x305, 0x405, 0x505], "CiA 301"
 
 
 @pytest.mark.parametrize(
