@@ -127,14 +127,7 @@ def find_runs(
     """
     from hil.archive.archive import Search
     from hil.archive.archive import find_runs as found
-    from hil.archive.pending import catch_up
-    from hil.archive.place import archive_place
-    from hil.errors import ArchiveError
+    from hil.archive.pending import caught_up
 
-    place = archive_place(str(archive))
-    try:
-        for text in catch_up(place):
-            notes(text)
-    except ArchiveError as error:
-        notes(str(error))
-    return found(place, Search(serial, procedure.replace("-", "_"), since, verdict), values=values)
+    wanted = Search(serial, procedure.replace("-", "_"), since, verdict)
+    return found(caught_up(str(archive), notes), wanted, values=values)

@@ -7,14 +7,14 @@ wait until the others are read.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from hil.archive.archive import enter, rebuild
 from hil.archive.begun import begun_in
-from hil.archive.place import Place
-from hil.errors import FileError
+from hil.archive.place import Place, archive_place
+from hil.errors import ArchiveError, FileError
 from hil.record.durable import write_whole
 from hil.record.header import HEADER_FILE
 from hil.safety.latch import state_path
@@ -34,6 +34,18 @@ def enter_or_keep(place: Place, folder: Path) -> str:
         return f"{' '.join(str(error).split())}; the run is safe in {folder} and will be entered later"
     _keep(place, [path for path in waiting if path == place.folder])
     return "; ".join(f"not in the archive: {text}" for text in left_out)
+
+
+def caught_up(archive: str, notes: Callable[[str], None]) -> Place:
+    """The place of an archive, the runs that waited entered; `notes` gets why some could not be."""
+    place = archive_place(archive)
+    try:
+        left_out = catch_up(place)
+    except ArchiveError as error:
+        left_out = [str(error)]
+    for text in left_out:
+        notes(text)
+    return place
 
 
 def catch_up(place: Place) -> list[str]:

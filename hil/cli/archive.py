@@ -57,18 +57,10 @@ def calibrations(
     import datetime as dt
 
     from hil.archive.calibrations import instruments
-    from hil.archive.pending import catch_up
-    from hil.archive.place import archive_place
+    from hil.archive.pending import caught_up
     from hil.cli.searches import not_entered
-    from hil.errors import ArchiveError
 
-    place = archive_place(archive)
-    try:
-        for text in catch_up(place):
-            not_entered(text)
-    except ArchiveError as error:
-        not_entered(str(error))
-    found, unread = instruments(place)
+    found, unread = instruments(caught_up(archive, not_entered))
     day = dt.datetime.now(dt.UTC).date()
     shown = found if due_within is None else [one for one in found if _is_due(one, day, due_within)]
     undated = sum(one.in_use and one.calibration.due is None for one in found)
@@ -102,12 +94,11 @@ def _json(found: Sequence[Instrument], day: dt.date, undated: int, unread: int) 
 
 
 def _text(found: Sequence[Instrument], day: dt.date, undated: int, unread: int) -> str:
-    used = [one for one in found if one.in_use]
-    rows = [("bench", "channel", "instrument", "serial", "date", "due", "days left"), *(_row(o, day) for o in used)]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = ["  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows]
-    if not used:
-        lines = ["no calibrations"]
+    from hil.report.terminal import aligned
+
+    used = [_row(one, day) for one in found if one.in_use]
+    head = ("bench", "channel", "instrument", "serial", "date", "due", "days left")
+    lines = aligned([head, *used]) if used else ["no calibrations"]
     lines += [line for one in found for line in _overdue_lines(one)]
     if undated:
         lines.append(f"{undated} of the instruments in use state no due date: whether they are due cannot be told")

@@ -114,13 +114,11 @@ def _json(found: RunComparison) -> str:
 def _table(found: RunComparison) -> str:
     from hil.record.simulated import marked
     from hil.report.comparison_page import change_text, headline, order_sentence, shared_sentence, value_text
-    from hil.report.number import MINUS
+    from hil.report.terminal import aligned, typed
 
     runs = (marked(one.run, simulated=one.simulated) for one in (found.first, found.second))
     rows = [("quantity", "unit", *runs, "change", "")]
     for one in found.differences:
         rows.append((one.name, one.unit, value_text(one.first), value_text(one.second), change_text(one), one.meaning))
-    widths = [max(len(row[i]) for row in rows) for i in range(6)]
-    lines = ["  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows]
     below = (headline(found.differences), order_sentence(found.first, found.second), shared_sentence(found.one_bench))
-    return "\n".join([*lines, *below]).replace(MINUS, "-")
+    return typed("\n".join([*aligned(rows), *below]))

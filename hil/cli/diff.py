@@ -65,14 +65,12 @@ def _text(found: DateDifference, printed: Sequence[str] = ()) -> str:
 
 
 def _sentence(change: Change) -> str:
-    from hil.report.number import MINUS
+    from hil.report.terminal import typed
 
     whose = {"valve": "the valve's", "bench": "the bench's", "open": "the valve's or the bench's"}[change.of]
     share = "" if change.share is None else f", {100.0 * change.share:.0f} % of the change"
-    text = (
-        f"{change.name} ({change.stage}, {whose}): {_size(change.before)} → {_size(change.after)} {change.unit}{share}"
-    )
-    return text.replace(MINUS, "-")
+    sizes = f"{_size(change.before)} → {_size(change.after)} {change.unit}"
+    return typed(f"{change.name} ({change.stage}, {whose}): {sizes}{share}")
 
 
 def _kept(one: Unchanged) -> str:

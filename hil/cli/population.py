@@ -18,19 +18,11 @@ if TYPE_CHECKING:
 
 def compare_population(runs: Sequence[Path], archive: str, as_json: bool) -> None:
     """Print where runs lie among the other units of the archive."""
-    from hil.archive.pending import catch_up
-    from hil.archive.place import archive_place
+    from hil.archive.pending import caught_up
     from hil.cli.searches import not_entered
-    from hil.errors import ArchiveError
     from hil.session.population import in_population
 
-    place = archive_place(archive)
-    try:
-        for text in catch_up(place):
-            not_entered(text)
-    except ArchiveError as error:
-        not_entered(str(error))
-    found = in_population(runs, place)
+    found = in_population(runs, caught_up(archive, not_entered))
     typer.echo(_json(found) if as_json else _text(found))
 
 
@@ -55,13 +47,11 @@ def _json(found: InPopulation) -> str:
 
 
 def _text(found: InPopulation) -> str:
-    from hil.report.number import MINUS
+    from hil.report.terminal import aligned, typed
 
     head = ("of", "quantity", "unit", "value", "others: mean", "std", "units", "distance", "")
     rows = [head, *(_row(one) for one in found.standings)]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
-    lines = ["  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return "\n".join([*lines, *_sentences(found)]).replace(MINUS, "-")
+    return typed("\n".join([*aligned(rows), *_sentences(found)]))
 
 
 def _row(one: Standing) -> tuple[str, ...]:

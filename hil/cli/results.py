@@ -53,10 +53,9 @@ def _write_json(found: Results, path: Path) -> None:
 def _listed(found: Results) -> str:
     """The values as `hil run` prints them, then what else there is."""
     from hil.findings.collect import findings_of
-    from hil.report.number import MINUS
-    from hil.report.terminal import findings_text
+    from hil.report.terminal import findings_text, typed
 
     lines = [findings_text(findings_of(found), simulated=bool(found.simulated))]
     lines += [f"transfer function: {one.name}: {one.formula}" for one in found.transfer_functions]
     lines += [f"curve: {curve.name} ({len(curve.rows)} rows)" for curve in found.curves]
-    return "\n".join(lines).replace(MINUS, "-")
+    return typed("\n".join(lines))

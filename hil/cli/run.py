@@ -145,14 +145,15 @@ def _asked() -> str:
 
 def understood(procedure: Procedure, given: Mapping[str, str], limits: Mapping[str, Limit]) -> str:
     """Settings and limits that were typed, as they were understood; each on a line of its own."""
-    from hil.report.number import MINUS, limits_text
+    from hil.report.number import limits_text
+    from hil.report.terminal import typed
     from hil.session.setting import parse_settings
 
     values = parse_settings(procedure.settings, given)
     lines = [Note("setting {setting!l}", setting=procedure.settings[name].echoed(values[name])) for name in given]
     units = {measurement.name: measurement.unit for measurement in procedure.measurements}
     for name, limit in limits.items():
-        text = limits_text(limit.low, limit.high).replace(MINUS, "-")
+        text = typed(limits_text(limit.low, limit.high))
         lines.append(Note("limit {limit!l}", limit=f"{name} {text} {units[name.partition(', ')[0]]}".rstrip()))
     return "".join(f"\n{line}" for line in _for_reader(lines))
 

@@ -83,6 +83,7 @@ def _none(archive: str) -> str:
 def _table(found: Sequence[Entry]) -> str:
     from hil.record.simulated import marked
     from hil.report.local_time import local_text
+    from hil.report.terminal import aligned
 
     rows = [("started", "serial", "procedure", "verdict", "operator", "run")]
     for run in found:
@@ -90,5 +91,4 @@ def _table(found: Sequence[Entry]) -> str:
         verdict = marked(" ".join(filter(None, (run.verdict, _ending(run)))), simulated=run.simulated).lstrip()
         where = f"{run.host}:{run.folder}" if run.is_of_another_host else str(run.folder)
         rows.append((started, run.serial, run.procedure, verdict, run.operator, where))
-    widths = [max(len(row[i]) for row in rows) for i in range(6)]
-    return "\n".join("  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows)
+    return "\n".join(aligned(rows))

@@ -10,11 +10,6 @@ from hil.language.words import ENGLISH, spoken
 _POINT = re.compile(r"(?<=\d)\.(?=\d)")
 
 
-def decimal_sign() -> str:
-    """What stands between the whole part of a number and the rest."""
-    return "." if spoken() == ENGLISH else _decimal_sign(spoken())
-
-
 def localised(number: str) -> str:
     """A number that was written with a point, with the decimal sign; for numbers only, a date or a version has none."""
     return number if spoken() == ENGLISH else _POINT.sub(_decimal_sign(spoken()), number)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.record.measurement import Findings, Measured
 
 
@@ -21,20 +23,18 @@ def findings_text(findings: Findings, *, simulated: bool = False) -> str:
     from hil.report.results import beside_good, reasons, value_text
 
     rows = [
-        (m.name, _plain(value_text(m)), m.unit, _plain(limits_text(m.low, m.high)), m.verdict or "", _beside(m))
+        (m.name, typed(value_text(m)), m.unit, typed(limits_text(m.low, m.high)), m.verdict or "", _beside(m))
         for m in findings.measured
     ]
-    widths = [max((len(row[i]) for row in rows), default=0) for i in range(6)]
-    table = ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    functions = [f"transfer function: {one.name}: {_plain(one.formula)}" for one in functions_of(findings.curves)]
+    functions = [f"transfer function: {one.name}: {one.formula}" for one in functions_of(findings.curves)]
     notes = [f"note: {note}" for note in findings.notes]
     deviations = [f"deviation: {deviation}" for deviation in findings.deviations]
     verdict = (
         f"verdict: {findings.verdict}" if findings.verdict else "verdict: none; no limit was given, nothing was judged"
     )
-    kept_from_passing = [_plain(text) for text in (*reasons(findings), *beside_good(findings))]
+    why = map(typed, (*reasons(findings), *beside_good(findings)))
     last = marked(verdict, simulated=simulated)
-    return "\n".join([*table, *functions, *notes, *deviations, *kept_from_passing, last])
+    return "\n".join([*aligned(rows), *map(typed, functions), *notes, *deviations, *why, last])
 
 
 def _beside(m: Measured) -> str:
@@ -44,7 +44,13 @@ def _beside(m: Measured) -> str:
     return f"(repeatability ± {text})" if text else ""
 
 
-def _plain(text: str) -> str:
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows of as many texts each as lines in which those of one column stand below each other."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def typed(text: str) -> str:
     """With a hyphen for minus: what is printed here is pasted into spreadsheets and read by scripts."""
     from hil.report.number import MINUS
 
