@@ -18,7 +18,8 @@ from hil.signals.colour import colour_factor
 # Residuals are coloured beyond chance when their colour factor exceeds that of white noise by so many of its spreads.
 _BEYOND_CHANCE = 4.0
 _BLOCK = 200
-# Finer steps of the solver; rounds of following where it leads, until one moves nothing by this share of its scatter.
+# Finer steps of the solver; rounds of following where it leads, until one moves nothing by this share of its scatter
+# and of the whole way.
 _FINER, _ROUNDS, _STILL = 8.0, 12, 0.1
 # Shares of the whole that what is lacking may add to the residuals, over the noise: tried in steps of a half.
 _SHARES = np.concatenate(([0.0], np.geomspace(1e-3, 1e4, 15) ** 2))
@@ -68,7 +69,7 @@ def _by_solver(residuals: Residuals, found: Estimate, parameters: Mapping[str, f
             break
         best, least = tried, float(left @ left)
         tried = np.clip(tried + found.moved_by(left), low, high)
-        if np.all(np.abs(tried - best) <= _STILL * found.std):
+        if np.all(np.abs(tried - best) <= _STILL * np.hypot(found.std, tried - found.values)):
             best = tried
             break
     return best - found.values
