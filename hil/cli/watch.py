@@ -142,7 +142,7 @@ def _kept(stream: IO[str]) -> Callable[[float, Sequence[Reading]], None]:
 
 
 def _cell(reading: Reading) -> str:
-    is_known = reading.value is not None and math.isfinite(reading.value) and not reading.state.startswith("stale")
+    is_known = reading.value is not None and math.isfinite(reading.value) and not reading.is_stale
     return f"{reading.value:.9g}" if is_known else ""
 
 

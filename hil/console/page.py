@@ -16,7 +16,8 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from hil.bench.stop.control import asking
 from hil.console.console import Console
 from hil.console.script_words import SCRIPT_MESSAGES
-from hil.errors import FileError, HilError, UnknownNameError
+from hil.console.site import NotHereError
+from hil.errors import HilError, UnknownNameError
 from hil.language.note import error_text
 from hil.language.words import ENGLISH, _, languages, marked, speaking, spoken
 from hil.report.page import templates
@@ -67,12 +68,12 @@ def file_of(root: Path, name: str, kind: str, headers: Mapping[str, str] | None 
     """A file below a folder as it lies there: regular, no link on the way, of bounded size.
 
     Raises:
-        FileError: it is none of that.
+        NotHereError: it is none of that.
     """
     try:
         return Response(read_untrusted(root, name), media_type=kind, headers=headers)
     except OSError as error:
-        raise FileError(f"no run file {Path(root, name).name:.80}: {error.strerror}") from None
+        raise NotHereError(f"no file {Path(root, name).name:.80}: {error.strerror}") from None
 
 
 def controls_of(request: Request) -> dict[str, Any]:
@@ -92,7 +93,7 @@ def controls_of(request: Request) -> dict[str, Any]:
 
 def refusal(request: Request, error: HilError) -> Response:
     """What was asked for cannot be done, in one line: as a page, or as JSON for a script."""
-    missing = isinstance(error, UnknownNameError) or str(error).startswith("no run ")
+    missing = isinstance(error, UnknownNameError | NotHereError)
     status = HTTPStatus.NOT_FOUND if missing else HTTPStatus.BAD_REQUEST
     text = " ".join(error_text(error).split())
     if request.method != "GET" or "application/json" in request.headers.get("accept", ""):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil.console.process import start, tail_lines
+from hil.console.site import NotHereError
 from hil.errors import FileError, SettingError
 from hil.record.alive import lives
 from hil.untrusted import read_untrusted_json
@@ -75,11 +76,11 @@ def end(state: Path, bench: str) -> None:
     """End the devices of a bench, as Ctrl-C does.
 
     Raises:
-        FileError: none of that bench are served by this console.
+        NotHereError: none of that bench are served by this console.
     """
     found = next((one for one in served(state) if one.bench == bench and one.is_alive), None)
     if found is None:
-        raise FileError(f"no run of the devices of bench '{bench:.80}' here")
+        raise NotHereError(f"no devices of bench '{bench:.80}' are served here")
     with suppress(ProcessLookupError):
         os.kill(found.pid, signal.SIGINT)
 

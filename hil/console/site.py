@@ -20,6 +20,10 @@ _ANEW_S = 5.0
 _NAME = re.compile(r"^[^\x00-\x1f/\\]{1,200}$")
 
 
+class NotHereError(FileError):
+    """What a page was asked for is not there."""
+
+
 @dataclass(frozen=True, slots=True)
 class Site:
     """Where a console works.
@@ -66,12 +70,12 @@ class Site:
         """The folder of a run, by its name in the folder of runs.
 
         Raises:
-            FileError: no run of that name; a name that leads out of the folder is none.
+            NotHereError: no run of that name; a name that leads out of the folder is none.
         """
         folder = self.runs / name
         plain = _NAME.match(name) is not None and not name.startswith(".")
         if not plain or not is_regular(self.runs, f"{name}/{HEADER_FILE}"):
-            raise FileError(f"no run '{name:.80}' in {self.runs}")
+            raise NotHereError(f"no run '{name:.80}' in {self.runs}")
         return folder
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from hil.language.words import _
 from hil.record.header import HEADER_FILE, read_header, sha256_of
 from hil.record.recording import Recording
 from hil.record.samples import ROWS_FILE
-from hil.report.local_time import local_text
+from hil.report.local_time import stated_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,17 +56,10 @@ def origin_facts(origins: Sequence[Origin]) -> list[tuple[str, str]]:
 def _text(one: Origin) -> str:
     valve = one.about.get("valve")
     serial = valve.get("serial") if isinstance(valve, Mapping) else None
-    facts = [str(text) for text in (serial, one.about.get("bench"), _date(one.about.get("started_utc"))) if text]
+    facts = [str(text) for text in (serial, one.about.get("bench"), stated_text(one.about.get("started_utc"))) if text]
     if one.sha256:
         facts.append(_("SHA-256 of {file}").format(file=one.sealed) + f" {one.sha256}")
     return "; ".join(facts) or _("nothing is known of it")
-
-
-def _date(text: Any) -> str:
-    try:
-        return local_text(datetime.fromisoformat(str(text)))
-    except ValueError:
-        return ""
 
 
 def _header(folder: Path) -> Mapping[str, Any]:

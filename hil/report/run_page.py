@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from datetime import datetime
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -15,7 +14,7 @@ from hil.record.recording import Recording
 from hil.record.simulated import is_simulated
 from hil.report.curves import sections
 from hil.report.facts import facts_of
-from hil.report.local_time import local_text
+from hil.report.local_time import stated_text
 from hil.report.name import capital, quantity_words
 from hil.report.number import note_text, number
 from hil.report.page import write_page
@@ -70,14 +69,7 @@ def _summary(recording: Recording) -> list[tuple[str, str]]:
         (_("Bench"), str(meta.get("bench") or "")),
         (_("Operator"), str(meta.get("operator") or "")),
         *((capital(_(str(name))), str(text)) for name, text in (meta.get("notes") or {}).items()),
-        (_("Date"), _date(meta.get("started_utc"))),
+        (_("Date"), stated_text(meta.get("started_utc"))),
         (_("Recorded"), _("{seconds} s, {n} samples").format(seconds=number(recording.duration_s), n=len(recording))),
     ]
     return [(label, value) for label, value in rows if value]
-
-
-def _date(text: Any) -> str:
-    try:
-        return local_text(datetime.fromisoformat(str(text)))
-    except ValueError:
-        return ""

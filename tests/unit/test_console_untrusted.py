@@ -117,6 +117,17 @@ def test_linked_folder_and_passport_are_not_followed(lab: Path) -> None:
         assert status in (400, 404) and "the secret" not in text
 
 
+@pytest.mark.parametrize(
+    ("page", "says"),
+    [("/results/two", "no run &#39;two&#39; in "), ("/results/one/report", "no file report.html"),
+     ("/results/compared/x", "no comparison of that name"), ("/passports/x", "no passport &#39;x&#39;"),
+     ("/diagnose/x", "no diagnosis &#39;x&#39;")],
+)  # fmt: skip
+def test_what_is_not_there_is_not_found_and_called_what_it_is(page: str, says: str, lab: Path) -> None:
+    status, text, _ = browser(lab).ask(page)
+    assert (status, says in text) == (404, True), text
+
+
 def test_report_is_served_as_it_lies_there(lab: Path) -> None:
     (lab / "runs" / "one" / "report.html").write_text("<p>the report", encoding="utf-8")
     status, text, headers = browser(lab).ask("/results/one/report")

@@ -43,6 +43,11 @@ class Reading:
     age_s: float
     state: str
 
+    @property
+    def is_stale(self) -> bool:
+        """Whether nothing new comes any more."""
+        return self.state.startswith("stale")
+
 
 class Followed:
     """One input, sample after sample.

@@ -134,7 +134,7 @@ def _links(file: BenchFile, run: Run | None, readings: list[Reading], fault: str
 def _answering(readings: list[Reading], fault: str) -> dict[str, str]:
     if not readings:
         return {"state": "not asked", "tone": "missing", "why": fault}
-    silent = [reading for reading in readings if reading.value is None or reading.state.startswith("stale")]
+    silent = [reading for reading in readings if reading.value is None or reading.is_stale]
     if len(silent) == len(readings):
         return {"state": "silent", "tone": "bad", "why": translated(silent[0].state)}
     return {"state": "answers", "tone": "good", "why": ""}

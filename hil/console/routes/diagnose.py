@@ -22,8 +22,9 @@ from hil.console.console import Console
 from hil.console.page import file_of, page
 from hil.console.routes import jobs
 from hil.console.routes.results import REPORT_HEADERS
+from hil.console.site import NotHereError
 from hil.console.uploads import form_of
-from hil.errors import ArchiveError, FileError, HilError, SettingError, UnknownNameError
+from hil.errors import ArchiveError, HilError, SettingError, UnknownNameError
 from hil.language.note import revived, translated
 from hil.physics.model import load_model
 from hil.physics.other_plant import plant_of_run
@@ -150,7 +151,7 @@ def _done(console: Console) -> list[str]:
 def _folder(console: Console, name: str) -> Path:
     folder = console.site.state / "diagnoses" / name
     if not re.fullmatch(r"diagnosis-[0-9T-]+", name) or not is_regular(folder, "diagnosis.json"):
-        raise FileError(f"no run of a diagnosis '{name:.80}'")
+        raise NotHereError(f"no diagnosis '{name:.80}'")
     return folder
 
 

@@ -14,8 +14,9 @@ from starlette.routing import Route
 from hil.console.console import Console
 from hil.console.page import file_of
 from hil.console.routes import jobs
+from hil.console.site import NotHereError
 from hil.console.uploads import form_of
-from hil.errors import FileError, SettingError
+from hil.errors import SettingError
 from hil.record.header import read_header
 
 _PASSPORT = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._+-]{0,120}\.pdf$")
@@ -41,7 +42,7 @@ def passport_file(request: Request) -> Response:
     """A passport that was issued here."""
     name = request.path_params["name"]
     if not _PASSPORT.match(name):
-        raise FileError(f"no run passport '{name:.80}'")
+        raise NotHereError(f"no passport '{name:.80}'")
     headers = {"Content-Disposition": f'attachment; filename="{name}"'}
     return file_of(Console.of(request).site.runs, f"passports/{name}", "application/pdf", headers)
 

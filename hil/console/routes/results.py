@@ -23,7 +23,8 @@ from hil.console.ending import ending_of
 from hil.console.page import file_of, page
 from hil.console.routes import jobs
 from hil.console.routes.passports import passports
-from hil.errors import ArchiveError, FileError, HilError, SettingError
+from hil.console.site import NotHereError
+from hil.errors import ArchiveError, HilError, SettingError
 from hil.findings.results import RESULTS_FILE, Results, read_results
 from hil.record.header import meta_of
 from hil.record.measurement import Measured
@@ -113,7 +114,7 @@ def compared(request: Request) -> Response:
     """The page of a comparison, as it was made."""
     name = request.path_params["name"]
     if not re.fullmatch(r"[0-9a-f]{16}\.html", name):
-        raise FileError("no run comparison of that name; compare again")
+        raise NotHereError("no comparison of that name; compare again")
     return file_of(Console.of(request).site.state, f"compared/{name}", "text/html", REPORT_HEADERS)
 
 
