@@ -33,6 +33,9 @@ def command(
     population: bool = typer.Option(
         False, "--population", help="Runs of a unit, or of a batch, beside the other units of the archive."
     ),
+    csv: Path | None = typer.Option(
+        None, "--csv", metavar="FILE.csv", help="With --population: the limits of a batch, most missed first."
+    ),
     archive: str = ARCHIVE,
     as_json: bool = typer.Option(False, "--json", help="Print JSON instead of a table."),
     input_name: Inputs = [],  # noqa: B006 — typer makes a new one
@@ -45,12 +48,14 @@ def command(
 
     Without `--model`: two runs of one procedure, the earlier and the later, each change with its significance.
     With `--population`: each value of a unit beside mean and scatter of the other units that did the same
-    procedure.
+    procedure; of several units also yield, first-pass yield, Cpk and the limits that are missed most.
     """
+    if csv is not None and not population:
+        raise typer.BadParameter("--csv goes with --population")
     if population:
         if model is not None or page is not None:
             raise typer.BadParameter("--population goes with neither --model nor --page")
-        compare_population(recordings, archive, as_json)
+        compare_population(recordings, archive, as_json, csv)
         return
     if model is None:
         _compare_runs(recordings, as_json, page)

@@ -12,23 +12,26 @@ from hil.cli.printed import in_short
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from hil.findings.batch import Batch, LimitOfBatch, Yield
     from hil.findings.population import Standing
     from hil.session.population import InPopulation
 
 
-def compare_population(runs: Sequence[Path], archive: str, as_json: bool) -> None:
-    """Print where runs lie among the other units of the archive."""
+def compare_population(runs: Sequence[Path], archive: str, as_json: bool, csv: Path | None = None) -> None:
+    """Print where runs lie among the other units of the archive; the limits of a batch go into a CSV file too."""
     from hil.archive.pending import caught_up
     from hil.cli.searches import not_entered
     from hil.session.population import in_population
 
     found = in_population(runs, caught_up(archive, not_entered))
+    if csv is not None:
+        _write_csv(found, csv)
     typer.echo(_json(found) if as_json else _text(found))
 
 
 def _json(found: InPopulation) -> str:
     from hil.findings.difference import ALPHA
-    from hil.record.plain import to_json
+    from hil.record.plain import plain, to_json
 
     rows = [
         {
@@ -43,15 +46,61 @@ def _json(found: InPopulation) -> str:
         "schema": "hil.population/1", "procedure": found.runs[0].procedure, "runs": [run.run for run in found.runs],
         "serials": [run.serial for run in found.runs], "others": found.units, "without_serial": found.nameless,
         "same_instruments": found.one_bench, "false_alarm_rate": ALPHA, "values": rows,
+        "batch": None if found.batch is None else plain(found.batch),
     })  # fmt: skip
+
+
+def _write_csv(found: InPopulation, path: Path) -> None:
+    from dataclasses import astuple, fields
+
+    from hil.cli.places import check_file
+    from hil.findings.batch import LimitOfBatch
+    from hil.findings.tables import write_table
+
+    if found.batch is None:
+        raise typer.BadParameter("several runs with limits are needed", param_hint="--csv")
+    check_file(path)
+    simulated = bool(found.runs[0].simulated)
+    heads = (*(field.name for field in fields(LimitOfBatch)), "simulated")
+    write_table(heads, ((*astuple(one), simulated) for one in found.batch.limits), path)
+    typer.echo(f"{path}: written", err=True)
 
 
 def _text(found: InPopulation) -> str:
     from hil.report.terminal import aligned, typed
 
-    head = ("of", "quantity", "unit", "value", "others: mean", "std", "units", "distance", "")
-    rows = [head, *(_row(one) for one in found.standings)]
-    return typed("\n".join([*aligned(rows), *_sentences(found)]))
+    lines = [*aligned([_HEAD, *map(_row, found.standings)]), *_sentences(found), *_batch(found.batch)]
+    return typed("\n".join(lines))
+
+
+def _batch(batch: Batch | None) -> list[str]:
+    from hil.report.terminal import aligned
+
+    if batch is None:
+        return []
+    rows = [("limit", "unit", "allowed", "units", "fail", "cannot tell", "of all misses", "mean", "std", "Cpk", "")]
+    return [
+        "",
+        f"yield: {_share(batch.final)} pass.",
+        f"first-pass yield: {_share(batch.first_pass)} passed in their first run.",
+        "Of all misses: with the limits above it. Cpk: with its 95 % interval, measurement uncertainty included.",
+        *aligned([*rows, *map(_limit_row, batch.limits)]),
+    ]
+
+
+def _share(found: Yield) -> str:
+    percent = (f"{100.0 * share:.0f}" for share in (found.passed / found.judged, found.low, found.high))
+    return "{} of {} units ({} %, 95 % interval {} … {} %)".format(found.passed, found.judged, *percent)
+
+
+def _limit_row(one: LimitOfBatch) -> tuple[str, ...]:
+    from hil.report.number import limits_text, number
+
+    share = "" if one.cumulative is None else f"{100.0 * one.cumulative:.0f} %"
+    mean, std = ("" if value is None else number(value, 4) for value in (one.mean, one.std))
+    cpk = f"{one.cpk:.2f} ({one.cpk_low:.2f} … {one.cpk_high:.2f})" if one.cpk is not None else ""
+    return (one.name, one.unit, limits_text(one.low, one.high), str(one.units), str(one.failed), str(one.cannot_tell),
+            share, mean, std, cpk, one.why)  # fmt: skip
 
 
 def _row(one: Standing) -> tuple[str, ...]:
@@ -84,4 +133,5 @@ def _sentences(found: InPopulation) -> list[str]:
     return [*lines, "They have different instruments or calibrations; these are in the uncertainty of each distance."]
 
 
+_HEAD = ("of", "quantity", "unit", "value", "others: mean", "std", "units", "distance", "")
 _RATE = "false-alarm rate {:g} % over all values together"

@@ -57,6 +57,15 @@ def write_csv(results: Results, path: Path) -> tuple[Path, ...]:
     return tuple(texts)
 
 
+def write_table(heads: Sequence[str], rows: Iterable[Sequence[object]], path: Path) -> None:
+    """Write one table as CSV.
+
+    Raises:
+        StorageError: the file cannot be written.
+    """
+    _write(path, csv_text(heads, rows).encode())
+
+
 def write_xlsx(results: Results, path: Path) -> None:
     """Write a spreadsheet: a sheet of values, one of transfer functions, one for each curve.
 

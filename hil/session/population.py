@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 from hil.archive.archive import Search, find_runs
 from hil.archive.entry import Entry
 from hil.archive.place import Place
 from hil.errors import SettingError
+from hil.findings.batch import Batch, batch_of
 from hil.findings.population import Standing, standings
 from hil.findings.results import Results
 from hil.record.header import read_header
 from hil.record.instruments import instruments_mark
+from hil.record.measurement import Verdict
 from hil.session.results import results_of_run
 
 
@@ -27,6 +30,7 @@ class InPopulation:
         nameless: runs that nobody gave a serial number; they belong to no unit and are left out.
         one_bench: whether the same instruments measured all.
         standings: every value.
+        batch: what several units come to against their limits; None for one unit, or where none was judged.
     """
 
     runs: tuple[Results, ...]
@@ -34,6 +38,7 @@ class InPopulation:
     nameless: int
     one_bench: bool
     standings: tuple[Standing, ...]
+    batch: Batch | None = None
 
 
 def in_population(folders: Sequence[Path], place: Place) -> InPopulation:
@@ -52,10 +57,22 @@ def in_population(folders: Sequence[Path], place: Place) -> InPopulation:
     known = find_runs(place, Search(procedure=runs[0].procedure), values=True)
     found = [run for run in known if _is_whole(run) and bool(run.simulated) == bool(runs[0].simulated)]
     others = {run.serial: run for run in found if run.serial and run.serial not in {one.serial for one in runs}}
-    marks = {instruments_mark(read_header(folder)) for folder in folders} | {run.instruments for run in others.values()}
+    headers = [read_header(folder) for folder in folders]
+    marks = {instruments_mark(header) for header in headers} | {run.instruments for run in others.values()}
     one_bench = len(marks) == 1
     placed = standings(runs, [run.values for run in others.values()], one_bench=one_bench)
-    return InPopulation(runs, tuple(others), sum(not run.serial for run in found), one_bench, tuple(placed))
+    latest = {run.serial or "": header.started_utc for run, header in zip(runs, headers, strict=True)}
+    batch = batch_of(runs, _first_verdicts(found, latest)) if len(runs) > 1 else None
+    return InPopulation(runs, tuple(others), sum(not run.serial for run in found), one_bench, tuple(placed), batch)
+
+
+def _first_verdicts(found: Sequence[Entry], latest: Mapping[str, datetime]) -> dict[str, Verdict | None]:
+    """Of the first judged run of each unit, up to the run that was named."""
+    first: dict[str, Verdict | None] = {}
+    for run in sorted(found, key=lambda run: run.started_utc):
+        if run.verdict and run.serial in latest and run.started_utc <= latest[run.serial]:
+            first.setdefault(run.serial, run.verdict)
+    return first
 
 
 def _is_whole(run: Entry) -> bool:
