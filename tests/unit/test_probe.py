@@ -37,7 +37,7 @@ def test_modbus_tcp_with_reads_alone(tmp_path: Path) -> None:
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (_, devices):
         (device,) = devices.values()
         line = RecordedLine(device.port)
-        found = _who("modbus", f"127.0.0.1:{line.port}", units="1..4")
+        found = _who("modbus", f"127.0.0.1:{line.port}", units="1..2", timeout_s="1.0")
         line.close()
         assert found and found[0].place.startswith("unit")
         assert line.modbus_functions == {3, 43}
@@ -166,7 +166,7 @@ def test_command_line(tmp_path: Path) -> None:
     runner, app = CliRunner(), _assembled()
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (_, devices):
         (device,) = devices.values()
-        told = ["probe", "modbus", f"127.0.0.1:{device.port}", "--set", "units=1..3"]
+        told = ["probe", "modbus", f"127.0.0.1:{device.port}", "--set", "units=1", "--set", "timeout_s=5.0"]
         assert runner.invoke(app, told).stdout.startswith("unit")
         answer = json.loads(runner.invoke(app, [*told, "--json"]).stdout)
         assert answer["schema"] == "hil.probe/1" and answer["found"]
