@@ -29,7 +29,7 @@ class Choice:
         rivals: pairs of names, of which the data do not say which it is.
         terms: everything that was looked for.
         left: the share of the misfit that stays.
-        alike: names that are as good, where none is named.
+        alike: names that come nearest, where none is named.
         chances: how probable each name is.
         events: causes without a law that it names, those that were taken out of the recordings among them.
         residuals: whitened, with everything that it names; None where they are those of `chosen`.

@@ -4,13 +4,14 @@
 
 χ₀² is the least χ² of any hypothesis, held within what is known of the noise; N says how much noise leaves, n how many
 independent samples that is; c causes, k unknowns, T names searched. Laws of a library are not those of nature: beyond m
-what is left counts by its logarithm. Something unknown stands beside every set of causes, also beside none.
+what is left counts by its logarithm. Something unknown stands beside every set of causes, also beside none. Beside it a
+name must divide what any other name leaves by what a cause costs: laws that come nearly as near only resemble it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -81,8 +82,12 @@ class Row:
     @property
     def label(self) -> str:
         """As a table says it: `friction + something unknown`."""
-        h = self.hypothesis
-        return " + ".join((*h.names, *h.changed, *((UNKNOWN,) if self.is_open else ()))) or "nothing"
+        return " + ".join((*self.causes_named, *((UNKNOWN,) if self.is_open else ()))) or "nothing"
+
+    @property
+    def causes_named(self) -> tuple[str, ...]:
+        """Effects, events and changed parameters."""
+        return (*self.hypothesis.names, *self.hypothesis.changed)
 
     @property
     def reported(self) -> tuple[str, ...]:
@@ -101,25 +106,27 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """All rows, the best first: the first one is the verdict."""
+    """All rows, the best first; where something unknown looks like several, what all of these name, and the unknown.
+
+    Attributes:
+        noise: what it leaves alone. `chi2`: χ₀².
+        rows: the first one is the verdict.
+        ambiguous: those within the stated odds of the best, the first, and those that resemble it.
+    """
 
     noise: Noise
     chi2: float
     rows: tuple[Row, ...]
+    ambiguous: tuple[Row, ...]
 
     @property
     def first(self) -> Row:
-        """The best row."""
+        """The verdict."""
         return self.rows[0]
-
-    @property
-    def ambiguous(self) -> tuple[Row, ...]:
-        """All rows within the stated odds of the first, that one included."""
-        return tuple(r for r in self.rows if r.probability * CRITERIA.odds >= self.first.probability)
 
     def without(self, excluded: DiagnosisVerdict) -> Table:
         """The same without rows that are told so, where something else has refuted them."""
-        return replace(self, rows=_with_odds([r for r in self.rows if r.verdict != excluded]))
+        return _ranked(self.noise, self.chi2, (r for r in self.rows if r.verdict != excluded))
 
     @property
     def alternatives(self) -> tuple[tuple[str, str], ...]:
@@ -136,7 +143,7 @@ class Table:
     @property
     def alike(self) -> tuple[str, ...]:
         """Names of sets that are not told apart from the first row."""
-        sets = (" + ".join(row.reported) for row in self.ambiguous if row.reported and not row.is_open)
+        sets = (" + ".join(row.reported) for row in self.ambiguous if row.reported)
         return tuple(dict.fromkeys(sets))
 
     def chance(self, name: str) -> float:
@@ -181,7 +188,7 @@ def table(noise: Noise, hypotheses: Iterable[Hypothesis]) -> Table:
             key = frozenset((*h.names, *h.changed)), row.is_open
             if key not in best or row.score < best[key].score:
                 best[key] = row
-    return Table(noise, noise.chi2(least), _with_odds(sorted(best.values(), key=lambda r: r.score)))
+    return _ranked(noise, noise.chi2(least), best.values())
 
 
 def _rows(noise: Noise, h: Hypothesis, left: float) -> tuple[Row, ...]:
@@ -190,9 +197,27 @@ def _rows(noise: Noise, h: Hypothesis, left: float) -> tuple[Row, ...]:
     return (own,) if h.is_open else (own, Row(h, True, causes, unknowns, less, score(noise, less, causes, unknowns)))
 
 
-def _with_odds(rows: Sequence[Row]) -> tuple[Row, ...]:
-    weights = np.exp(-np.array([r.score - rows[0].score for r in rows]) / (2.0 * CRITERIA.temper))
-    return tuple(replace(r, probability=float(w)) for r, w in zip(rows, weights / weights.sum(), strict=True))
+def _ranked(noise: Noise, chi2: float, rows: Iterable[Row]) -> Table:
+    ranked = sorted(rows, key=lambda r: r.score)
+    weights = np.exp(-np.array([r.score - ranked[0].score for r in ranked]) / (2.0 * CRITERIA.temper))
+    found = [replace(r, probability=float(w)) for r, w in zip(ranked, weights / weights.sum(), strict=True)]
+    best = found[0]
+    resembling = [r for r in found if _resembles(noise, chi2, r, best)]
+    near = [r for r in found if r.probability * CRITERIA.odds >= best.probability]
+    if resembling:
+        common = set.intersection(*(set(r.causes_named) for r in (best, *resembling)))
+        found.sort(key=lambda r: not r.is_open or set(r.causes_named) != common)
+        near = [found[0], *(r for r in found[1:] if r in near or r in resembling)]
+    return Table(noise, chi2, tuple(found), tuple(near))
+
+
+def _resembles(noise: Noise, chi2: float, row: Row, best: Row) -> bool:
+    """Whether something unknown may look like this as well as like what is best beside it."""
+    names, others = set(best.causes_named), set(row.causes_named)
+    if not (best.is_open and row.is_open and others) or names <= others:
+        return False
+    left = noise.left(row.hypothesis.chi2, chi2), noise.left(best.hypothesis.chi2, chi2)
+    return score(noise, left[0], 0, 0) < score(noise, left[1], 1, 0)
 
 
 def verdict(of: Table, *, is_alarm: bool | None = None) -> DiagnosisVerdict:

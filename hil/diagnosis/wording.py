@@ -95,9 +95,10 @@ def headline(
 ) -> str:
     """The verdict in one sentence.
 
-    `hidden`: why an agreement would mean nothing, if it would; `alike`: effects that would each explain everything,
-    where none is named because the data do not tell them apart. `is_cut`: whether the budget was spent before all
-    causes were looked at. `is_change`: whether it is of what has changed since identification; shares are of that.
+    `hidden`: why an agreement would mean nothing, if it would. `alike`: effects that come nearest where none is named,
+    since the data do not tell them from each other or from something unknown. `is_cut`: whether the budget was spent
+    before all causes were looked at. `is_change`: whether it is of what has changed since identification; shares are of
+    that.
     """
     if verdict == "consistent" and hidden:
         return hidden
@@ -121,9 +122,8 @@ def headline(
     )
     if alike:
         names = _listed([name.replace("_", " ") for name in alike])
-        if len(alike) == 1:
-            return f"{differ}. {names.capitalize()} comes nearest, and something unknown explains it as well."
-        return f"{differ}. Each of {names} would explain it; these data do not tell which."
+        come = "comes" if len(alike) == 1 else "come"
+        return f"{differ}. {names.capitalize()} {come} nearest, and something unknown explains it as well."
     if is_cut:
         return f"{differ}. Not finished: the budget was spent before all causes were looked at."
     return f"{differ}, and nothing in the library explains it."

@@ -54,10 +54,12 @@ def test_three_causes_that_leave_nothing_are_named() -> None:
     assert sorted(of.chosen.names) == ALL_THREE
 
 
-def test_a_third_cause_is_named_beside_two_that_were_named_without_it() -> None:
+def test_a_third_cause_is_not_named_where_others_come_nearly_as_near() -> None:
+    """With a lag of the sensor or a resonance in its place three times as much is left, and much is left anyhow."""
     of = answer(leak=0.1, play_mm=0.2, back=1.3)
     assert of.verdict == "partly_explained"
-    assert sorted(of.chosen.names) == ALL_THREE
+    assert sorted(of.chosen.names) == ["compliance", "end_stop"]
+    assert "internal_leakage" in {other for _, other in of.rivals} | set(" + ".join(of.alike).split(" + "))
 
 
 def test_three_causes_are_named_where_they_leave_little_beside_what_they_take() -> None:

@@ -53,7 +53,7 @@ def test_a_stop_that_was_not_reached_is_not_told() -> None:
 def test_where_each_of_several_would_do_the_library_is_not_said_to_have_nothing() -> None:
     left = Left(0.145, 0.029, 0.3, "l/min", None, (), 2.5)
     several = headline("unexplained", (), (), left, alike=("dead_time", "sensor_lag"))
-    assert several.endswith("Each of dead time and sensor lag would explain it; these data do not tell which.")
+    assert several.endswith("Dead time and sensor lag come nearest, and something unknown explains it as well.")
     assert headline("unexplained", (), (), left).endswith("and nothing in the library explains it.")
     cut = headline("unexplained", (), (), left, is_cut=True)
     assert cut.endswith("Not finished: the budget was spent before all causes were looked at.")
