@@ -71,20 +71,16 @@ def client_of(settings: LineSettings, trace: Callable[[bool, bytes], bytes] | No
 
 
 def request(
-    client: Any, function: int, address: int, count: int, values: Sequence[int], unit_id: int, **more: Any
+    client: Any, function: int, address: int, count: int, values: Sequence[int], unit_id: int, *, blindly: bool = False
 ) -> Any:
-    """Ask a client of the library by the number of a function."""
-    ask: dict[int, Callable[[], Any]] = {
-        1: lambda: client.read_coils(address, count=count, device_id=unit_id),
-        2: lambda: client.read_discrete_inputs(address, count=count, device_id=unit_id),
-        3: lambda: client.read_holding_registers(address, count=count, device_id=unit_id),
-        4: lambda: client.read_input_registers(address, count=count, device_id=unit_id),
-        5: lambda: client.write_coil(address, bool(values[0]), device_id=unit_id, **more),
-        6: lambda: client.write_register(address, values[0], device_id=unit_id, **more),
-        15: lambda: client.write_coils(address, [bool(value) for value in values], device_id=unit_id, **more),
-        16: lambda: client.write_registers(address, list(values), device_id=unit_id, **more),
-    }
-    return ask[function]()
+    """Ask a client of the library by the number of a function; `blindly` without waiting for the answer."""
+    from pymodbus.pdu import DecodePDU
+
+    kind, _ = DecodePDU.pdu_table[function]
+    asked = kind(address=address, dev_id=unit_id)
+    asked.count, asked.registers = max(count, len(values)), list(values)
+    asked.bits = [bool(value) for value in values]
+    return client.execute(blindly, asked)
 
 
 def belongs(answer: Any, function: int, address: int, count: int, values: Sequence[int]) -> bool:

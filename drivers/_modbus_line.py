@@ -93,7 +93,7 @@ class ModbusLine:
         with suppress(Exception):  # the checked writing that follows says what is wrong
             self.connect()
             for function, address, values in requests:
-                request(self.client, function, address, 1, values, self._settings.unit_id, no_response_expected=True)
+                request(self.client, function, address, 1, values, self._settings.unit_id, blindly=True)
         self.client.let_go()
 
     def ask(self, function: int, address: int, *, count: int = 1, values: Sequence[int] = ()) -> list[int]:
@@ -129,7 +129,7 @@ class ModbusLine:
             self._fail(
                 None, LinkError, f"an answer that does not belong to function {function} at {address:#06x}{may_be}"
             )
-        if self._two_came(_length(function, count)):
+        if self._two_came(len(answer.encode()) + _AROUND):
             self._fail(None, LinkError, f"two answers came to function {function} at {address:#06x}: one is another's")
         self._rest_until_s = time.monotonic() + self._settings.pause_s
         return [int(bit) for bit in answer.bits[:count]] if function in (1, 2) else list(answer.registers)
@@ -217,11 +217,7 @@ class ModbusLine:
                 self.client.quiet_until_s = self._quiet_until_s
 
 
-def _length(function: int, count: int) -> int:
-    """Bytes of an answer on a serial line."""
-    return {1: 5 + (count + 7) // 8, 2: 5 + (count + 7) // 8, 3: 5 + 2 * count, 4: 5 + 2 * count}.get(function, 8)
-
-
+_AROUND = 4  # bytes of an answer on a serial line beside its data: unit, function, checksum
 _EXCEPTIONS = {
     1: " (unknown function)",
     2: " (no such register)",

@@ -379,7 +379,7 @@ def _in_pieces(sent: bytes, *pieces: bytes) -> bool:
     line._trace(True, sent)
     for piece in pieces:
         line._trace(False, piece)
-    return line._two_came(modbus_line._length(sent[1], int.from_bytes(sent[4:6], "big")))
+    return line._two_came(5 + 2 * int.from_bytes(sent[4:6], "big"))
 
 
 @pytest.mark.parametrize("first", [1, 3, 6])
