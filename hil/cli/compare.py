@@ -46,7 +46,8 @@ def command(
 ) -> None:
     """Compare a model with recordings: fit, ceiling by the noise, and where the model fails.
 
-    Without `--model`: two runs of one procedure, the earlier and the later, each change with its significance.
+    Without `--model`: two runs of one procedure, the earlier and the later, each change with its significance. Of one
+    unit these are *as found* and *as left*.
     With `--population`: each value of a unit beside mean and scatter of the other units that did the same
     procedure; of several units also yield, first-pass yield, Cpk and the limits that are missed most.
     """
@@ -118,12 +119,14 @@ def _json(found: RunComparison) -> str:
 
 def _table(found: RunComparison) -> str:
     from hil.record.simulated import marked
-    from hil.report.comparison_page import change_text, headline, order_sentence, shared_sentence, value_text
+    from hil.report import comparison_page as page
     from hil.report.terminal import aligned, typed
 
-    runs = (marked(one.run, simulated=one.simulated) for one in (found.first, found.second))
-    rows = [("quantity", "unit", *runs, "change", "")]
+    both = (found.first, found.second)
+    runs = (marked(head, simulated=one.simulated) for head, one in zip(page.run_heads(*both), both, strict=True))
+    rows = [("quantity", "unit", *runs, "verdict", "change", "")]
     for one in found.differences:
-        rows.append((one.name, one.unit, value_text(one.first), value_text(one.second), change_text(one), one.meaning))
-    below = (headline(found.differences), order_sentence(found.first, found.second), shared_sentence(found.one_bench))
-    return typed("\n".join([*aligned(rows), *below]))
+        values = (page.value_text(one.first), page.value_text(one.second), page.verdict_change(one))
+        rows.append((one.name, one.unit, *values, page.change_text(one), one.meaning))
+    below = (page.headline(found.differences), page.verdicts_sentence(*both), page.order_sentence(*both))
+    return typed("\n".join([*aligned(rows), *filter(None, below), page.shared_sentence(found.one_bench)]))

@@ -42,7 +42,8 @@ def write_comparison_page(
     write_page(
         "comparison.html", path, simulated=bool(first.simulated or second.simulated), kicker=_("Two runs"),
         title=_("{first} and {second}").format(first=first.run, second=second.run),
-        headline=headline(found), order=order_sentence(first, second), shared=shared_sentence(one_bench),
+        headline=headline(found), verdicts=verdicts_sentence(first, second), order=order_sentence(first, second),
+        shared=shared_sentence(one_bench),
         sections=[Section(_("Values"), tables=(_table(first, second, found),)), *_overlays(first, second)],
     )  # fmt: skip
 
@@ -70,6 +71,27 @@ def headline(found: Sequence[Difference]) -> str:
     )
 
 
+def run_heads(first: Results, second: Results) -> tuple[str, str]:
+    """What stands above the values of each run: of one unit, the earlier is as found and the later as left."""
+    if not first.serial or first.serial != second.serial or first.run == second.run:
+        return first.run, second.run
+    return _("as found"), _("as left")
+
+
+def verdicts_sentence(first: Results, second: Results) -> str:
+    """The verdicts of both runs; nothing where neither was judged."""
+    if first.verdict is None and second.verdict is None:
+        return ""
+    one, other = (_(found.verdict or "not judged") for found in (first, second))
+    return _("Verdict: {first}, then {second}.").format(first=one, second=other)
+
+
+def verdict_change(one: Difference) -> str:
+    """`fail → pass`, or the one verdict that both runs gave; nothing for a value without a limit."""
+    given = [value.verdict for value in (one.first, one.second) if value and value.verdict]
+    return " → ".join(_(verdict) for verdict in dict.fromkeys(given))
+
+
 def shared_sentence(one_bench: bool) -> str:
     """What was done with the calibration."""
     if one_bench:
@@ -95,14 +117,14 @@ def change_text(one: Difference) -> str:
 
 
 def _table(first: Results, second: Results, found: Sequence[Difference]) -> Table:
-    heads = (_("Quantity"), _("Unit"), first.run, second.run, _("Change ± U"), _("Chance"), "")
+    heads = (_("Quantity"), _("Unit"), *run_heads(first, second), _("Verdict"), _("Change ± U"), _("Chance"), "")
     rows = tuple(
-        (value_words(one.name), one.unit, value_text(one.first), value_text(one.second), change_text(one),
-         _chance(one), _(one.meaning))
+        (value_words(one.name), one.unit, value_text(one.first), value_text(one.second), verdict_change(one),
+         change_text(one), _chance(one), _(one.meaning))
         for one in found
     )  # fmt: skip
     caption = _("Chance: how likely a change so large is when nothing has changed.")
-    return Table(caption, heads, rows, text_columns=(1, 6))
+    return Table(caption, heads, rows, text_columns=(1, 4, 7))
 
 
 def _chance(one: Difference) -> str:

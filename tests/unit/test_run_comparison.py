@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from hil.cli import app
+from hil.findings.collect import results_of
 from hil.findings.difference import ALPHA, differences
-from hil.findings.results import Results
-from hil.record.measurement import Measured
-from hil.report.comparison_page import headline
+from hil.findings.results import Results, write_results
+from hil.record.folder import write
+from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.recording import Channel, Recording
+from hil.report.comparison_page import headline, run_heads
 from hil.report.local_time import local_text
 from hil.session.comparison import compare_runs
 from tests.page import read_page
@@ -132,3 +135,33 @@ def test_wrong_use_is_said(monkeypatch, capsys, runs):
     status, said = _said(monkeypatch, capsys, "compare", runs / "new")
     assert status == 2
     assert "two runs are compared, 1 given" in said.err
+
+
+@pytest.fixture
+def adjusted(tmp_path):
+    """A unit before and after somebody adjusted it; a limit is missed, then met."""
+    rise = Measurement("rise", "ms", "", high=75.0)
+    for day, (name, number) in enumerate([("before", 80.0), ("after", 70.0)], start=1):
+        meta = {"procedure": "step", "valve": {"serial": "A7"}, "started_utc": f"2026-01-0{day}T00:00:00+00:00"}
+        channel = Channel("flow", "l/min", np.zeros(3))
+        recording = Recording(name, np.arange(3.0), {"flow": channel}, {**meta, "outcome": "completed"})
+        write(recording, tmp_path / name)
+        write_results(results_of(recording, Findings((rise.of(number, 0.5),))), tmp_path / name)
+    return tmp_path
+
+
+def test_one_unit_is_shown_as_found_and_as_left_with_verdicts(monkeypatch, capsys, adjusted):
+    page = adjusted / "page.html"
+    _, said = _said(monkeypatch, capsys, "compare", adjusted / "after", adjusted / "before", "--page", page)
+    assert "as found    as left     verdict" in said.out
+    assert said.out.splitlines()[1].split("  ")[-2:] == ["-10.0 ± 1.4", "differs"]
+    assert "fail → pass" in said.out
+    assert "Verdict: fail, then pass." in said.out
+    text = read_page(page).text
+    assert all(part in text for part in ("as found", "fail → pass", "Verdict: fail, then pass."))
+
+
+@pytest.mark.parametrize("serials", [("A7", "B1"), (None, None)])
+def test_two_units_keep_the_names_of_their_runs(serials):
+    first, second = (results().model_copy(update={"serial": one, "run": f"r{i}"}) for i, one in enumerate(serials))
+    assert run_heads(first, second) == ("r0", "r1")
