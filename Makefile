@@ -46,8 +46,10 @@ test: $(STAMP)   ## everything CI asks for
 	$(BIN)/pytest -n 8 --dist loadgroup -m "not slow"
 	@echo "not checked here: the calibration certificate against its XML schemas; python -m tests.dcc --schemas DIR does"
 
-test-slow: $(STAMP)  ## the rest: faults on every link in wall-clock time, on a machine that does nothing else
-	$(BIN)/pytest -m slow
+# Who judges tenths of seconds runs alone; the others wait most of their time, and wait together.
+test-slow: $(STAMP) warm  ## the rest: faults on every link in wall-clock time, on a machine that does nothing else
+	$(BIN)/pytest -m "slow and alone"
+	$(BIN)/pytest -n 12 --dist worksteal -m "slow and not alone"
 
 outside: $(STAMP)  ## the device against every word of the program: outages, named cases, 300 drawn combinations (an hour)
 	$(BIN)/python -m tests.outside --drawn 300

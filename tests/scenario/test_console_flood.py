@@ -63,6 +63,7 @@ def test_silence_keeps_no_page_and_no_stop_waiting(tmp_path: Path, capfd: pytest
                 answered_s(lab, "/stop", b"")
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", SAID)
 def test_eleven_hundred_silent_ones_delay_nothing(kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

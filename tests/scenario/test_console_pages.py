@@ -324,6 +324,7 @@ def test_the_next_test_of_a_diagnosis_stands_ready_on_the_form(page: Page, lab: 
     expect(page.locator(".notice").filter(has_text="tells friction")).to_be_visible()
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 def test_a_killed_run_is_shown_as_lost_within_a_second(page: Page, lab: Lab) -> None:
     for serial in ("SN-20", "SN-21", "SN-22"):
@@ -336,6 +337,7 @@ def test_a_killed_run_is_shown_as_lost_within_a_second(page: Page, lab: Lab) -> 
         assert time.monotonic() - begun_s < 1.0
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 def test_a_console_that_was_killed_and_started_again_shows_the_run_and_stops_it(
     browser: Browser, tmp_path: Path

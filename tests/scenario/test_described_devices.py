@@ -254,6 +254,7 @@ def test_an_encoder_against_frames_on_a_bus(tmp_path: Path) -> None:
         bus.shutdown()
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 @pytest.mark.parametrize("name", DEVICES)
 def test_each_passes_the_checks_on_its_twin(name: str, tmp_path: Path) -> None:

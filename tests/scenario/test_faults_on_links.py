@@ -19,7 +19,7 @@ def is_at_the_desk(case: Case) -> bool:
 
 
 def marked(case: Case):
-    return pytest.param(case, id=str(case), marks=() if is_at_the_desk(case) else pytest.mark.slow)
+    return pytest.param(case, id=str(case), marks=() if is_at_the_desk(case) else (pytest.mark.slow, pytest.mark.alone))
 
 
 @pytest.mark.parametrize("case", [marked(case) for case in CASES])

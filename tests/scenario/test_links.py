@@ -163,6 +163,7 @@ def test_step_response_of_the_procedure_is_the_direct_one(tmp_path: Path) -> Non
 SHORT = {**link_page.WHOLE, "frequencies": (0.5, 1.1, 1.7, 2.9, 4.1, 4.9), "measure_s": 6.0}
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 def test_frequency_response_of_the_procedure_over_a_serial_line_is_the_direct_one(tmp_path: Path) -> None:
     plain = link_page.direct("flow", tmp_path, SHORT)

@@ -84,6 +84,7 @@ def driven(after_s: float, answer_s: float) -> tuple[float, Exception]:
     return remote.safe_at_s - rose_s[0], ended.value
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 @pytest.mark.parametrize("after_s", [0.0, 0.4])
 @pytest.mark.parametrize("answer_s", [0.0, 0.02, 0.05, 0.1, 0.15])
@@ -93,6 +94,7 @@ def test_reaction_takes_a_block_or_a_sample_and_one_answer_however_slow(answer_s
     assert isinstance(ended, StoppedError) and "interlock 'pressure'" in str(ended)
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 @pytest.mark.parametrize("answer_s", [0.05, 0.1, 0.15])
 def test_link_that_stays_too_slow_has_ended_the_run_before(answer_s: float) -> None:

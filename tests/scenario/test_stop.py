@@ -105,6 +105,7 @@ def test_stop_of_a_run_at_work_is_its_own_end(tmp_path: Path) -> None:
     assert not list((tmp_path / "state").rglob("trips/*")), "nothing is latched"
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 @pytest.mark.parametrize("forward_s", [8 * 3600.0, 2**31 / 1000.0, 2.0**32])
 @pytest.mark.parametrize("hangs", [False, True], ids=["at work", "hung"])

@@ -10,6 +10,7 @@ from tests.stop_times import How, distribution, stops
 STOPS = 100
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("how", "viewers", "p99_s"),

@@ -262,6 +262,7 @@ def test_groups_of_j1939() -> None:
 CHANNELS = output("command", "set", role="command") + input_("volts", "measured", role="response")
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 def test_the_amplifier_passes_the_checks_on_its_twin(tmp_path: Path) -> None:
     written(tmp_path, "amplifier.dbc", DBC)

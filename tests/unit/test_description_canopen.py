@@ -444,6 +444,7 @@ def test_driver_and_twin_take_the_same_bits_for_a_terminal(form: str, lowest: in
             assert int(after) & rest == int(before) & rest
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 def test_the_module_passes_the_checks_on_its_twin(tmp_path: Path) -> None:
     told = f'driver = "canopen"\nmodel = "io-401"\nnode = 5\nwatchdog_s = 0.4\naddress = "virtual:{tmp_path.name}"'

@@ -227,6 +227,7 @@ EVERYTHING_BENCH = (
 )
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 def test_everything_passes_the_checks_on_its_twin(tmp_path: Path) -> None:
     written(tmp_path, "everything.toml", EVERYTHING)

@@ -236,6 +236,7 @@ CHANNELS = (
 )
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 def test_the_regulator_passes_the_checks_on_its_twin(tmp_path: Path) -> None:
     written(tmp_path, "regulator.toml", REGULATOR)
