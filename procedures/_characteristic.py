@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -54,7 +54,7 @@ class Characteristic:
     half_speed: tuple[Array, Array] | None
     measured: tuple[Measured, ...]
     dead_band: tuple[float, float] | None = None
-    notes: tuple[Note, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +130,7 @@ def characteristic(
     return Characteristic(
         estimate.command[at], estimate.whole_branch(1)[at], estimate.whole_branch(-1)[at],
         np.std(estimate.responses, axis=0)[at], half, (*measured, *found), dead_band,
-        (*of_loop, *_uncovered(swept_), *notes),
+        tuple(text for text in (*of_loop, *_uncovered(swept_), *notes) if text),
     )  # fmt: skip
 
 
@@ -270,7 +270,7 @@ def _both_ways(
 
 def _null(
     swept_: Swept, neutral: float, full: float, of: Mapping[str, Measurement], edges: Sequence[Measured]
-) -> tuple[list[Measured], list[Note]]:
+) -> tuple[list[Measured], list[str]]:
     """Null bias, lap with its class, and where the flow saturates; nothing where the response does not pass zero."""
     found = null_of(swept_.estimate, swept_.low.response, swept_.high.response)
     if found is None:
@@ -292,7 +292,7 @@ def _null(
         calibration=percent * math.hypot(level * spread, share * lap),
     )  # fmt: skip
     ends = [_saturated(swept_, found, sign, of) for sign in (1, -1)]
-    return [bias, width, *ends], list(_lap_class(width, edges))
+    return [bias, width, *ends], [_lap_class(width, edges)]
 
 
 def _saturated(swept_: Swept, found: Null, sign: int, of: Mapping[str, Measurement]) -> Measured:
@@ -307,18 +307,17 @@ def _saturated(swept_: Swept, found: Null, sign: int, of: Mapping[str, Measureme
     return what.of(value, std, calibration=calibration_std(swept_.command))
 
 
-def _lap_class(lap: Measured, edges: Sequence[Measured]) -> Iterator[Note]:
+def _lap_class(lap: Measured, edges: Sequence[Measured]) -> str:
     """What lap and dead band together make of a valve: the lines alone would call a curve that bends lapped."""
     if lap.value is None or lap.std is None or any(edge.value is None for edge in edges):
-        return
+        return ""
     dead = any(edge.relation == "=" for edge in edges)
     clear = abs(lap.value) > COVERAGE_FACTOR * lap.std
     if dead != (clear and lap.value > 0.0):
-        yield Note("Lap class: none. The curve bends near null, so the straight lines do not show the edges.")
-    elif not clear:
-        yield Note("Lap class: zero lap within its uncertainty.")
-    else:
-        yield Note("Lap class: overlapped.") if lap.value > 0.0 else Note("Lap class: underlapped.")
+        return Note("Lap class: none. The curve bends near null, so the straight lines do not show the edges.")
+    if not clear:
+        return Note("Lap class: zero lap within its uncertainty.")
+    return Note("Lap class: overlapped.") if lap.value > 0.0 else Note("Lap class: underlapped.")
 
 
 def _edge(
@@ -340,7 +339,7 @@ def _worse(sides: Collection[Side]) -> Read:
 
 def _one_way(
     swept_: Swept, part: Mapping[str, Any], of: Mapping[str, Measurement]
-) -> tuple[list[Measured], list[Note]]:
+) -> tuple[list[Measured], list[str]]:
     estimate, command, response = swept_.estimate, swept_.command, swept_.response
     start, end = swept_.low.response, swept_.high.response
     if abs(end - start) < 10.0 * float(np.median(np.std(estimate.responses, axis=0))):

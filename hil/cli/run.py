@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from hil.session.labels import Labels
     from hil.session.outcome import Outcome
     from hil.session.procedure import Procedure
-    from hil.session.rehearsal import Rehearsal
 
 
 def command(
@@ -108,7 +107,7 @@ def command(
             with shown() as progress:
                 keep = out if rehearse_only else None
                 rehearsed = rehearse_procedure(chosen, found, given, progress, resume, keep)
-            typer.echo(_rehearsed(rehearsed), err=as_json)
+            typer.echo("\n".join(_for_reader(rehearsed.notes)), err=as_json)
         if rehearse_only:
             return None
         inputs = understood(chosen, given, judged_by)
@@ -156,12 +155,6 @@ def understood(procedure: Procedure, given: Mapping[str, str], limits: Mapping[s
         text = typed(limits_text(limit.low, limit.high))
         lines.append(Note("limit {limit!l}", limit=f"{name} {text} {units[name.partition(', ')[0]]}".rstrip()))
     return "".join(f"\n{line}" for line in _for_reader(lines))
-
-
-def _rehearsed(rehearsal: Rehearsal) -> str:
-    done = Note("rehearsed on the simulated valve: {time_s:.1f} s, within all limits", time_s=rehearsal.bench_s)
-    lines = [Note("indication in the rehearsal: {text}", text=text) for text in rehearsal.indications]
-    return "\n".join(_for_reader([done, *lines]))
 
 
 def _for_reader(lines: Iterable[Note]) -> list[str]:

@@ -123,7 +123,7 @@ class Console:
                 del self.starting[name]
                 continue
             state = "starting" if status is None else "ended"
-            outcome = "" if status is None else one.process.last_line.removeprefix("hil: ")
+            outcome = "" if status is None else one.process.last_line
             by_name.setdefault(name, {"run": name, "state": state, "outcome": outcome})["by"] = "console"
         return list(by_name.values())
 

@@ -44,8 +44,8 @@ class Started:
 
     @property
     def last_line(self) -> str:
-        """The last thing it said; empty before the first."""
-        return next((line for line in reversed(self.lines) if line.strip()), "").strip()
+        """The last thing that it printed, without the name before an error; empty before the first."""
+        return next((line for line in reversed(self.lines) if line.strip()), "").strip().removeprefix("hil: ")
 
     def end(self) -> None:
         """Ask it to end; it makes its own outputs safe. Not as Ctrl-C does, which a shell lets its jobs ignore."""

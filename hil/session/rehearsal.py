@@ -14,6 +14,8 @@ from hil.bench.progress_report import Progress
 from hil.bench.read import BenchFile
 from hil.bench.rehearsal import twin_of
 from hil.errors import HardwareError, RangeError, RehearsalError, StorageError
+from hil.language.note import Note
+from hil.language.words import _, languages, marked, speaking
 from hil.record.folder import read
 from hil.record.recording import Recording
 from hil.session.procedure import Procedure
@@ -30,6 +32,24 @@ class Rehearsal:
 
     bench_s: float
     indications: tuple[str, ...]
+
+    @property
+    def notes(self) -> list[Note]:
+        """What it has shown, in words."""
+        return [Note(_REHEARSED, time_s=self.bench_s), *(Note(_INDICATED, text=text) for text in self.indications)]
+
+
+_REHEARSED = marked("rehearsed on the simulated valve: {time_s:.1f} s, within all limits")
+_INDICATED = marked("indication in the rehearsal: {text}")
+
+
+def is_of_rehearsal(line: str) -> bool:
+    """Whether a line that was printed is one of a rehearsal's notes, in any language."""
+    for language in languages():
+        with speaking(language):
+            if line.startswith(tuple(_(code).partition("{")[0] for code in (_REHEARSED, _INDICATED))):
+                return True
+    return False
 
 
 def rehearse(

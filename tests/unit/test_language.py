@@ -20,12 +20,14 @@ from hil.console.board import interlocks_of, lines_of
 from hil.errors import SettingError
 from hil.language.choice import choose, page_language
 from hil.language.figures import localised
+from hil.language.note import translated
 from hil.language.words import _, languages, plural, speaking, spoken
 from hil.record.measurement import Findings, Measurement
 from hil.report.number import fixed, number, with_uncertainty
 from hil.report.run_page import write_run_report
 from hil.report.terminal import findings_text
 from hil.session.procedure import load_procedure
+from hil.session.rehearsal import Rehearsal, is_of_rehearsal
 from tests.page import read_page
 from tests.passports import run_of
 from tests.unit.test_report_run import a_recording
@@ -149,6 +151,13 @@ def test_what_a_run_says_before_it_drives_is_german_for_a_console_only(monkeypat
     assert understood(procedure, {"biases": "50"}, {}) == "\nsetting biases = 50 %"
     monkeypatch.setenv("HIL_ACCOUNT", "")
     assert understood(procedure, {"biases": "50"}, {}) == "\nEinstellung biases = 50 %"
+
+
+@pytest.mark.parametrize("language", languages())
+def test_a_console_finds_what_a_rehearsal_has_shown_in_every_language(language: str) -> None:
+    with speaking(language):
+        lines = list(map(translated, Rehearsal(12.5, ("supply is low",)).notes))
+    assert all(map(is_of_rehearsal, lines)) and not is_of_rehearsal("50 %: 1 Hz")
 
 
 def test_the_board_of_a_bench_is_german_and_keeps_the_names_of_channels() -> None:

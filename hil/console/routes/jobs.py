@@ -57,7 +57,7 @@ def _state(console: Console, name: str) -> dict[str, Any]:
     status = made.exit_status
     # 1 is a verdict, not a failure
     state = "running" if status is None else "done" if status in (0, 1) else "refused"
-    return {"job": name, "state": state, "text": made.last_line.removeprefix("hil: "), "lines": made.lines[-30:],
+    return {"job": name, "state": state, "text": made.last_line, "lines": made.lines[-30:],
             "product": product if state == "done" else ""}  # fmt: skip
 
 

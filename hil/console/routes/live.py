@@ -61,7 +61,7 @@ def _state(console: Console, name: str) -> dict[str, Any]:
     """State, last words and verdict of a run."""
     started = console.started.get(name)
     status = started.exit_status if started else None
-    message = started.last_line.removeprefix("hil: ") if started else ""
+    message = started.last_line if started else ""
     state: dict[str, Any] = {
         "run": name,
         "text": message,

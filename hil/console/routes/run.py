@@ -28,6 +28,7 @@ from hil.record.folder import read
 from hil.report.number import number
 from hil.session.labels import folder_name, labelled, labels_of
 from hil.session.procedure import Procedure, load_procedure
+from hil.session.rehearsal import is_of_rehearsal
 
 _HAND = "jog"  # moves one output by hand from the command line; not a test of a unit
 _FIRST = "frequency_response"
@@ -83,7 +84,7 @@ def rehearsal(request: Request) -> Response:
         return JSONResponse({"state": "running", "text": made.last_line})
     procedure = load_procedure(request.query_params.get("procedure", ""))
     if made.exit_status:
-        text = made.last_line.removeprefix("hil: ")
+        text = made.last_line
         return JSONResponse({"state": "refused", "text": text, "setting": setting_named_in(procedure, text)})
     file = console.site.bench(request.query_params.get("bench", ""))
     return JSONResponse({"state": "rehearsed", "text": _message(made), **_planned(_kept(console, name), file)})
@@ -169,7 +170,7 @@ def _listed() -> list[tuple[str, str]]:
 
 
 def _message(made: Started) -> str:
-    return " ".join(line.strip() for line in made.lines if line.startswith(("rehearsed", "indication")))
+    return " ".join(line.strip() for line in made.lines if is_of_rehearsal(line))
 
 
 def _planned(folder: Path, file: BenchFile) -> dict[str, Any]:
