@@ -337,9 +337,7 @@ def _worse(sides: Collection[Side]) -> Read:
     return value, max(about(resampled, value), *(one.departure[1] for one in sides))
 
 
-def _one_way(
-    swept_: Swept, part: Mapping[str, Any], of: Mapping[str, Measurement]
-) -> tuple[list[Measured], list[str]]:
+def _one_way(swept_: Swept, part: Mapping[str, Any], of: Mapping[str, Measurement]) -> tuple[list[Measured], list[str]]:
     estimate, command, response = swept_.estimate, swept_.command, swept_.response
     start, end = swept_.low.response, swept_.high.response
     if abs(end - start) < 10.0 * float(np.median(np.std(estimate.responses, axis=0))):
