@@ -231,7 +231,7 @@ EVERYTHING_BENCH = (
 @pytest.mark.slow
 def test_everything_passes_the_checks_on_its_twin(tmp_path: Path) -> None:
     written(tmp_path, "everything.toml", EVERYTHING)
-    told = 'driver = "modbus"\nmodel = "everything.toml"\nwatchdog_s = 0.3\ntimeout_s = 0.1\nlongest_reply_s = 0.2\n'
+    told = 'driver = "modbus"\nmodel = "everything.toml"\nwatchdog_s = 0.9\ntimeout_s = 0.3\nlongest_reply_s = 0.6\n'
     text = bench(f'{told}address = "127.0.0.1:{free_port()}"', EVERYTHING_BENCH, "volts")
     path = written(tmp_path, "bench.toml", text)
     passed = passes(path, "modbus")
