@@ -127,7 +127,7 @@ def find_runs(
     """
     from hil.archive.archive import Search
     from hil.archive.archive import find_runs as found
-    from hil.archive.pending import caught_up
+    from hil.archive.pending import searched
 
     wanted = Search(serial, procedure.replace("-", "_"), since, verdict)
-    return found(caught_up(str(archive), notes), wanted, values=values)
+    return searched(str(archive), lambda place: found(place, wanted, values=values), notes)

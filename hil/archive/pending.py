@@ -10,6 +10,7 @@ import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import TypeVar
 
 from hil.archive.archive import enter, rebuild
 from hil.archive.begun import begun_in
@@ -19,6 +20,8 @@ from hil.record.durable import write_whole
 from hil.record.header import HEADER_FILE
 from hil.safety.latch import state_path
 from hil.untrusted import read_json
+
+Found = TypeVar("Found")
 
 
 def enter_or_keep(place: Place, folder: Path) -> str:
@@ -36,16 +39,21 @@ def enter_or_keep(place: Place, folder: Path) -> str:
     return "; ".join(f"not in the archive: {text}" for text in left_out)
 
 
-def caught_up(archive: str, notes: Callable[[str], None]) -> Place:
-    """The place of an archive, the runs that waited entered; `notes` gets why some could not be."""
+def searched(archive: str, look: Callable[[Place], Found], notes: Callable[[str], object]) -> Found:
+    """What a search finds once the runs that waited are entered; `notes` gets why some could not be.
+
+    Raises:
+        ArchiveError: the archive cannot be searched; that says as well why nothing could be entered.
+    """
     place = archive_place(archive)
     try:
         left_out = catch_up(place)
     except ArchiveError as error:
         left_out = [str(error)]
+    found = look(place)
     for text in left_out:
         notes(text)
-    return place
+    return found
 
 
 def catch_up(place: Place) -> list[str]:

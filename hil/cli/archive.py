@@ -57,10 +57,10 @@ def calibrations(
     import datetime as dt
 
     from hil.archive.calibrations import instruments
-    from hil.archive.pending import caught_up
+    from hil.archive.pending import searched
     from hil.cli.searches import not_entered
 
-    found, unread = instruments(caught_up(archive, not_entered))
+    found, unread = searched(archive, instruments, not_entered)
     day = dt.datetime.now(dt.UTC).date()
     shown = found if due_within is None else [one for one in found if _is_due(one, day, due_within)]
     undated = sum(one.in_use and one.calibration.due is None for one in found)

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 def compare_population(runs: Sequence[Path], archive: str, as_json: bool, csv: Path | None = None) -> None:
     """Print where runs lie among the other units of the archive; the limits of a batch go into a CSV file too."""
-    from hil.archive.pending import caught_up
+    from hil.archive.pending import searched
     from hil.cli.searches import not_entered
     from hil.session.population import in_population
 
-    found = in_population(runs, caught_up(archive, not_entered))
+    found = searched(archive, lambda place: in_population(runs, place), not_entered)
     if csv is not None:
         _write_csv(found, csv)
     typer.echo(_json(found) if as_json else _text(found))

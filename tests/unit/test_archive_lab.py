@@ -181,6 +181,25 @@ def test_an_index_of_a_newer_version_is_never_removed(tmp_path) -> None:
     assert (tmp_path / "lab" / INDEX_FILE).read_bytes() == before
 
 
+@pytest.mark.parametrize(
+    "command",
+    [("runs",), ("trend", "gain", "--serial", "A1"), ("archive", "calibrations"), ("compare", "--population")],
+)
+def test_why_an_archive_cannot_be_used_is_said_once_where_runs_wait(command, tmp_path, monkeypatch, capsys) -> None:
+    import sqlite3
+
+    place, waits = archive_place(str(tmp_path / "lab")), made_run(tmp_path / "waits")
+    enter(place, [made_run(tmp_path / "lab" / "a")])
+    with sqlite3.connect(tmp_path / "lab" / INDEX_FILE) as other:
+        other.execute("UPDATE alembic_version SET version_num = '9999'")
+    other.close()
+    assert "entered later" in enter_or_keep(place, waits)
+    words = (*command, *([str(waits)] if command[0] == "compare" else []), "--archive", str(tmp_path / "lab"))
+    monkeypatch.setattr("sys.argv", ["hil", *words])
+    assert app.main() == 2
+    assert capsys.readouterr().err.count("newer version of this program") == 1
+
+
 def test_an_index_that_somebody_locks_is_never_removed(tmp_path) -> None:
     import sqlite3
 
