@@ -31,7 +31,7 @@ def faults_of(draft: Draft, devices: Mapping[str, DeviceInUse], folder: Path) ->
     for i, instrument in enumerate(draft.instruments):
         if instrument.channel:
             yield from known_channel(("instruments", i, "channel"), instrument.channel, draft)
-    yield from _procedures_of_limits(draft)
+    yield from _named_procedures(draft)
     yield from _samples_in_a_block(draft)
     for name in draft.simulation.get("instruments", {}):
         yield from known_channel(("simulation", "instruments", name), name, draft)
@@ -71,12 +71,13 @@ def _samples_in_a_block(draft: Draft) -> Iterator[Fault]:
         )
 
 
-def _procedures_of_limits(draft: Draft) -> Iterator[Fault]:
-    for name in draft.acceptance:
-        try:
-            find("procedures", name)
-        except HilError as error:
-            yield Fault(("acceptance", name), str(error))
+def _named_procedures(draft: Draft) -> Iterator[Fault]:
+    for section, named in (("acceptance", draft.acceptance), ("presets", draft.presets)):
+        for name in named:
+            try:
+                find("procedures", name)
+            except HilError as error:
+                yield Fault((section, name), str(error))
 
 
 def _devices_that_mix(draft: Draft, devices: Mapping[str, DeviceInUse]) -> Iterator[Fault]:

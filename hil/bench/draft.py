@@ -36,6 +36,7 @@ class Draft:
     interlocks: dict[str, InterlockEntry] = field(default_factory=dict)
     instruments: tuple[InstrumentEntry, ...] = ()
     acceptance: dict[str, dict[str, AcceptanceLimit]] = field(default_factory=dict)
+    presets: dict[str, dict[str, dict[str, Any]]] = field(default_factory=dict)
     simulation: dict[str, Any] = field(default_factory=dict)
     faulty: set[Place] = field(default_factory=set)
 

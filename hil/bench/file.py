@@ -290,7 +290,8 @@ class AcceptanceLimit(_Strict):
 class Bench(_Strict):
     """A bench, whole and without faults.
 
-    `acceptance` has, by procedure and measured quantity, the limits of this valve.
+    `acceptance` has, by procedure and measured quantity, the limits of this valve. `presets` has, by
+    procedure and name, settings that are chosen together.
     """
 
     name: str = Field(min_length=1)
@@ -303,5 +304,6 @@ class Bench(_Strict):
     conditions: Conditions = Conditions()
     instruments: tuple[InstrumentEntry, ...] = ()
     acceptance: dict[str, dict[str, AcceptanceLimit]] = {}
+    presets: dict[str, dict[str, dict[str, Any]]] = {}
     simulation: dict[str, Any] = {}
     made_with: str = ""

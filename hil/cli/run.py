@@ -36,6 +36,9 @@ def command(
         autocompletion=benches_like,
     ),
     settings: list[str] = typer.Option([], "--set", metavar="NAME=VALUE", help="A setting; may be given again."),
+    preset: str = typer.Option(
+        "", "--preset", metavar="NAME", help="Settings by their name in the bench file; those given here go before."
+    ),
     limits: list[str] = typer.Option(
         [], "--limit", metavar="NAME=LOW..HIGH", help="Where a measured value must lie; one end may be left out."
     ),
@@ -74,6 +77,7 @@ def command(
     from hil.cli.progress import shown
     from hil.session.labels import folder_name, labelled, labels_of
     from hil.session.limit import checked_limits, split_limits
+    from hil.session.preset import preset_settings
     from hil.session.procedure import load_procedure
     from hil.session.setting import split_assignments
 
@@ -99,7 +103,7 @@ def command(
     found, labels = labelled(found, chosen, labels, _asked if sys.stdin.isatty() else None)
     folder = out or Path("runs") / folder_name(chosen.name, labels.serial)
     check_folder(folder)
-    given = split_assignments(settings)
+    given = {**preset_settings(found, chosen, preset), **split_assignments(settings)}
     judged_by = checked_limits(chosen.measurements, split_limits(limits))
 
     def run(known: Outputs) -> Outcome | None:

@@ -338,3 +338,12 @@ def test_same_message_is_logged_once_a_minute(monkeypatch: pytest.MonkeyPatch) -
     assert [once.filter(record) for record in records] == [True, False, True]
     now[0] += 61.0
     assert once.filter(records[0])
+
+
+def test_the_form_is_filled_with_a_preset_of_its_bench(site: Site) -> None:
+    own = site.benches / "own.toml"
+    preset = '\n[presets.step_response.quick]\nlevels = [0, 50]\nhold_s = "3 s"\n'
+    own.write_text(own.read_text(encoding="utf-8") + preset, encoding="utf-8")
+    console, procedure = Console(site, Underway(site.runs)), load_procedure("step_response")
+    assert run_routes._presets(console, "own", procedure, "quick") == (["quick"], {"levels": "0,50", "hold_s": "3"})
+    assert run_routes._presets(console, "own", procedure, "of another procedure") == (["quick"], {})

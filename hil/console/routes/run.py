@@ -27,8 +27,10 @@ from hil.errors import HilError, InUseError, SettingError
 from hil.record.folder import read
 from hil.report.number import number
 from hil.session.labels import folder_name, labelled, labels_of
+from hil.session.preset import preset_names, preset_settings
 from hil.session.procedure import Procedure, load_procedure
 from hil.session.rehearsal import is_of_rehearsal
+from hil.session.setting import value_text
 
 _HAND = "jog"  # moves one output by hand from the command line; not a test of a unit
 _FIRST = "frequency_response"
@@ -41,12 +43,26 @@ def show(request: Request) -> Response:
     procedure = load_procedure(asked.get("procedure") or _FIRST)
     given = {key.removeprefix("set."): value for key, value in asked.items() if key.startswith("set.")}
     bench = asked.get("bench") or next(iter(files), "")
+    presets, preset = _presets(console, bench, procedure, asked.get("preset", ""))
+    given = {**preset, **given}
     fields = [{**asdict(field), "value": given.get(field.name, field.default)} for field in fields_of(procedure)]
     return page(
         request, "run.html", benches=files, bench=bench, allowed=_allowed(console, bench),
         procedures=_listed(), procedure=procedure, fields=fields,
-        serial=asked.get("serial", ""), operator=asked.get("operator", ""), why=asked.get("why", ""),
+        presets=presets, preset=asked.get("preset", ""), serial=asked.get("serial", ""),
+        operator=asked.get("operator", ""), why=asked.get("why", ""),
     )  # fmt: skip
+
+
+def _presets(console: Console, bench: str, procedure: Procedure, name: str) -> tuple[list[str], dict[str, str]]:
+    """The presets of a bench for a procedure, and the settings of one as they would be typed."""
+    try:
+        file = console.site.bench(bench)
+    except HilError:
+        return [], {}
+    names = preset_names(file, procedure)
+    found = preset_settings(file, procedure, name if name in names else "")
+    return names, {setting: value_text(value) for setting, value in found.items()}
 
 
 def _allowed(console: Console, bench: str) -> list[str]:

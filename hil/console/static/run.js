@@ -33,9 +33,10 @@ document.getElementById("serial").addEventListener("keydown", event => {  // a s
   document.getElementById("operator").focus();
 });
 
-for (const name of ["procedure", "bench"]) document.getElementById(name).addEventListener("change", () => {
+for (const name of ["procedure", "bench", "preset"]) document.getElementById(name)?.addEventListener("change", () => {
   const kept = new URLSearchParams();
-  for (const key of ["procedure", "bench", "serial", "operator"]) kept.set(key, form.elements[key].value);
+  for (const key of ["procedure", "bench", "serial", "operator", "preset"])
+    if (form.elements[key]) kept.set(key, form.elements[key].value);
   location.search = kept;
 });
 

@@ -1,0 +1,61 @@
+"""Settings by the name that a bench file gives them."""
+
+from pathlib import Path
+
+import pytest
+
+from hil.bench.read import read_bench
+from hil.cli import app
+from hil.errors import SettingError
+from hil.record.header import read_header
+from hil.session.preset import preset_names, preset_settings
+from hil.session.procedure import load_procedure
+
+STEP = load_procedure("step_response")
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Path:
+    path = tmp_path / "bench.toml"
+    path.write_text(
+        'based_on = "brevini-hpv41"\n[presets.step_response.quick]\nlevels = [0, 50]\nhold_s = "3 s"\n'
+        "[presets.step_response.wrong]\nhold_s = -1\n"
+    )
+    return path
+
+
+def test_a_preset_is_understood_as_typed_settings_are(bench: Path) -> None:
+    file = read_bench(bench)
+    assert preset_names(file, STEP) == ["quick", "wrong"]
+    assert preset_settings(file, STEP, "quick") == {"levels": (0.0, 50.0), "hold_s": 3.0}
+    assert preset_settings(file, STEP, "") == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("quik", "no preset 'quik' of step_response; there are: quick, wrong"),
+        ("wrong", r"\[presets.step_response.wrong\]: setting hold_s"),
+    ],
+)
+def test_a_preset_that_cannot_be_taken_names_the_file(bench: Path, name: str, why: str) -> None:
+    with pytest.raises(SettingError, match=f"{bench}: {why}"):
+        preset_settings(read_bench(bench), STEP, name)
+
+
+def test_run_takes_a_preset_and_what_is_typed_goes_before(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = bench.parent / "run"
+    arguments = ["run", "step_response", "--bench", bench, "--preset", "quick", "--set", "hold_s=2", "--out", out]
+    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments), "--archive", str(bench.parent)])
+    assert app.main() == 0
+    settings = read_header(out).meta["settings"]
+    assert (settings["levels"], settings["hold_s"]) == ([0.0, 50.0], 2.0)
+
+
+def test_check_names_a_preset_of_an_unknown_procedure(
+    bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench.write_text('based_on = "brevini-hpv41"\n[presets.step_respnse.quick]\nlevels = [0, 50]\n')
+    monkeypatch.setattr("sys.argv", ["hil", "check", str(bench)])
+    assert app.main() == 2
+    assert "presets.step_respnse" in "".join(capsys.readouterr())
