@@ -44,7 +44,7 @@ from hil.physics.model import Covariance, Model, Value, load_model, typical_mode
 from hil.physics.plant import Parameter, Plant, Structure
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
-from hil.signals.interval import COVERED
+from hil.signals.interval import COVERED, rounded, width
 from hil.signals.products import one_blas_thread
 
 # Start values tried beside the given ones when the first fit stays far above the noise.
@@ -69,44 +69,33 @@ def _quiet(_done: float, _text: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class GreyBoxFit:
-    """A model fitted to experiments, the parameters that ended on a bound, and fit % per recording."""
+    """A model fitted to experiments, the parameters that ended on a bound, and fit % per recording.
+
+    `readings`: what a reader of the parameters would work out first, in words.
+    """
 
     model: Model
     on_bound: tuple[str, ...]
     fits: dict[str, float]
     notes: tuple[str, ...]
+    readings: tuple[str, ...] = ()
 
     def summary(self) -> str:
         """A table of parameters with their uncertainty, fits and notes, for a terminal."""
-        rows = [f"{self.model.plant}"]
+        rows = [f"{self.model.plant}", *(f"  {reading}" for reading in self.readings)]
         for name, found in self.model.parameters.items():
-            row = f"  {name:18} {_shown(found):>12} {_interval(found.std):12} {found.unit:8}{_whole(found)}"
+            if self.model.plant == LINEAR and found.std is None and found.value == self.model.definition.typical[name]:
+                continue  # of a section that the form does not have
+            row = (
+                f"  {name:18} {rounded(found.value, found.std):>12} {width(found.std):12} {found.unit:8}{_whole(found)}"
+            )
             rows.append(row.rstrip())
         for e in self.model.effects:
             for name, found in e.parameters.items():
-                rows.append(f"  {e.name + '.' + name:18} {_shown(found):>12} {_interval(found.std):12} {found.unit}")
+                shown = f"{rounded(found.value, found.std):>12} {width(found.std):12} {found.unit}"
+                rows.append(f"  {e.name + '.' + name:18} {shown}")
         rows += [f"  fit {fit:7.2f} %  {name}" for name, fit in self.fits.items()]
         return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
-
-
-def _shown(found: Value) -> str:
-    """The value to the second digit of its interval; one that has none to six."""
-    if not found.std or not np.isfinite(found.std):
-        return f"{found.value:.6g}"
-    return f"{found.value:.{_places(COVERED * found.std)}f}"
-
-
-def _interval(std: float | None) -> str:
-    if std is None:
-        return "held"
-    if not np.isfinite(std):
-        return "not identifiable"
-    return f"± {COVERED * std:.{_places(COVERED * std)}f}" if std else "± 0"
-
-
-def _places(width: float) -> int:
-    """Decimals that keep two digits of a width, none of one beyond 100."""
-    return max(0, 1 - math.floor(math.log10(float(f"{width:.1e}"))))
 
 
 def _whole(found: Value) -> str:
@@ -235,9 +224,8 @@ def _fitted(
     if choice is not None:
         of_form = np.diag([choice.form_std(u.name) ** 2 for u in found.unknowns])
         beside = replace(beside, model=beside.model + of_form, notes=(*beside.notes, *_other_forms(choice)))
-    if model.plant == LINEAR:
-        beside = replace(beside, notes=(*_real_pairs(found, beside.model), *beside.notes))
-    return _result(model, plant, found, used, (*remarks, *note), beside)
+    readings = tuple(_real_pairs(found, beside.model)) if model.plant == LINEAR else ()
+    return replace(_result(model, plant, found, used, (*remarks, *note), beside), readings=readings)
 
 
 def _structure_of(model: Model, experiments: Sequence[Experiment], weights: Sequence[float]) -> StructureChoice | None:
@@ -276,8 +264,8 @@ def _real_pairs(found: Estimate, beside: Array) -> Iterator[str]:
         texts = []
         for sign in (1.0, -1.0):
             slope = np.array([damping + sign * root, time_s * (1.0 + sign * damping / root)])
-            width = COVERED * math.sqrt(float(slope @ own @ slope))
-            texts.append(f"{time_s * (damping + sign * root):.{_places(width)}f} ± {width:.{_places(width)}f} s")
+            std = math.sqrt(float(slope @ own @ slope))
+            texts.append(f"{rounded(time_s * (damping + sign * root), std)} {width(std)} s")
         yield f"the poles of {pair} are real, with time constants of {' and '.join(texts)}"
 
 

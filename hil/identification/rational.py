@@ -19,6 +19,7 @@ from hil.record.recording import Array
 
 Complex = NDArray[np.complex128]
 
+_FAR_IN = 1e-9  # of the middle of the band
 _SK_STEPS = 8
 _DELAY_STARTS = 10
 _REFINED_STARTS = 3
@@ -236,13 +237,16 @@ def _starts(form: Form, given: Data) -> list[Array]:
 
 
 def _linear_start(form: Form, given: Data, dead_time: float) -> Array:
-    """Levy's linear problem, reweighted by the last denominator; factors within the bounds."""
+    """Levy's linear problem, reweighted by the last denominator, at the best of its rounds; factors within the bounds.
+
+    Of lines that no form comes near the weights run away from round to round.
+    """
     n, m = form.poles, form.zeros
     powers = given.s[:, None] ** np.arange(max(n, m) + 1)
     late = given.response * np.exp(given.s * dead_time)
     weight = np.sqrt(np.einsum("nij,nij->n", given.whitening, given.whitening) / 2.0)
     below = np.ones(len(given.s), dtype=np.complex128)
-    solution = np.zeros(m + 1 + n)
+    best, least = np.zeros(m + 1 + n), math.inf
     for _ in range(_SK_STEPS):
         # B(s) − H·(A(s) − 1) = H with A = 1 + a₁s + …
         matrix = (
@@ -251,9 +255,16 @@ def _linear_start(form: Form, given: Data, dead_time: float) -> Array:
         right = late * weight / np.abs(below)
         stacked = np.vstack((matrix.real, matrix.imag))
         norm = np.linalg.norm(stacked, axis=0)
+        if not 0.0 < norm.min() <= norm.max() < math.inf:
+            break
         solution = np.linalg.lstsq(stacked / norm, np.concatenate((right.real, right.imag)), rcond=None)[0] / norm
         below = 1.0 + powers[:, 1 : n + 1] @ solution[m + 1 :]
-    return _factors(form, solution[: m + 1], np.concatenate(([1.0], solution[m + 1 :])), dead_time)
+        if not below.all():
+            break
+        missed = float(np.linalg.norm(weight * (late - powers[:, : m + 1] @ solution[: m + 1] / below)))
+        if missed < least:
+            best, least = solution, missed
+    return _factors(form, best[: m + 1], np.concatenate(([1.0], best[m + 1 :])), dead_time)
 
 
 def _factors(form: Form, above: Array, below: Array, dead_time: float) -> Array:
@@ -268,8 +279,9 @@ def _factors(form: Form, above: Array, below: Array, dead_time: float) -> Array:
 def _split(coefficients: Array, orders: tuple[int, ...], *, mirror: bool) -> list[float]:
     """Factors 1 + f₁s (+ f₂s²) of a polynomial 1 + c₁s + …, the slowest real root in the single factor."""
     roots = np.roots(np.trim_zeros(coefficients[::-1], "f"))
+    roots = np.where(np.abs(roots) < _FAR_IN, -_FAR_IN, roots)  # one at zero has no factor
     if mirror:
-        roots = -np.abs(roots.real) + 1j * roots.imag
+        roots = -np.maximum(np.abs(roots.real), _NO_LESS * np.abs(roots)) + 1j * roots.imag
     roots = np.concatenate((roots, np.full(sum(orders) - len(roots), -1e3)))  # a lost power: a root far out
     pairs = [complex(r) for r in roots if r.imag > 1e-9 * abs(r)]
     real = sorted((float(r.real) for r in roots if abs(r.imag) <= 1e-9 * abs(r)), key=abs)

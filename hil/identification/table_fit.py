@@ -21,7 +21,7 @@ from hil.physics.transfer_function import straight
 from hil.record.recording import Array
 from hil.record.response_table import ResponseTable
 from hil.record.simulated import marked
-from hil.signals.interval import COVERED
+from hil.signals.interval import rounded, width
 
 _STEP = 1e-4  # of a parameter's standard uncertainty, for slopes
 _LEAST_STEP = 1e-6  # of the parameter itself, where lines without noise leave no uncertainty
@@ -37,11 +37,11 @@ class TableFit:
     notes: tuple[str, ...]
 
     def summary(self) -> str:
-        """Coefficients with 95 % intervals, the model's parameters, fit and notes, for a terminal."""
+        """What the fit says, the model's parameters that it has, and notes, for a terminal."""
         rows = [self.fit.summary(), f"{self.model.plant}"]
-        for name, found in self.model.parameters.items():
-            std = "held" if found.std is None else f"± {COVERED * found.std:.2g}"
-            rows.append(f"  {name:18} {found.value:12.6g} {std:12} {found.unit}")
+        fitted = {name: found for name, found in self.model.parameters.items() if found.std is not None}
+        for name, found in fitted.items():
+            rows.append(f"  {name:18} {rounded(found.value, found.std):>12} {width(found.std):12} {found.unit}")
         return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
 
 

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import InputError
-from hil.identification.factored import coefficients, model_of, units
+from hil.identification.factored import coefficients, model_of, readings, units
 from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.rational import Data, Form, Solution, data, solve
 from hil.language.note import Note
 from hil.physics.transfer_function import TransferFunction
 from hil.record.recording import Array
-from hil.signals.interval import COVERED
+from hil.signals.interval import rounded, width
 
 Complex = NDArray[np.complex128]
 
@@ -126,15 +126,29 @@ class TransferFunctionFit:
         return made
 
     def summary(self) -> str:
-        """Coefficients with 95 % intervals, poles, zeros, fit and notes, for a terminal."""
-        rows = [f"{self.form.poles} poles, {self.form.zeros} zeros, fit {self.fit_percent:.2f} %"]
+        """Time constants, oscillations, coefficients, each with 95 % intervals, poles, zeros, fit and notes."""
+        rows = [
+            f"{_counted(self.form.poles, 'pole')}, {_counted(self.form.zeros, 'zero')}, fit {self.fit_percent:.2f} %"
+        ]
+        known = readings(self.form, self.parameters)
+        stds = np.sqrt(np.diag(self.propagated(lambda p: np.array([row[2] for row in readings(self.form, p)]))))
+        for (name, unit, value), std in zip(known, stds.tolist(), strict=True):
+            whole = math.hypot(std, self.form_std_s) if name == "dead time" else std
+            rows.append(f"  {name:13} {rounded(value.real, whole):>12} {width(whole)} {unit}".rstrip())
         for name, value, std in zip(self.coefficient_names, self.coefficients, self.coefficient_std, strict=True):
-            uncertainty = f"± {COVERED * std:.2g}" if math.isfinite(std) else "cannot be told"
-            rows.append(f"  {name:12} {value:12.6g} {uncertainty}")
-        rows.append("  poles " + ", ".join(f"{p:.4g}" for p in self.model.poles) + " rad/s")
+            rows.append(f"  {name:13} {rounded(value, std):>12} {width(std)}")
+        rows.append("  poles " + ", ".join(map(_root, self.model.poles)) + " rad/s")
         if self.form.zeros:
-            rows.append("  zeros " + ", ".join(f"{z:.4g}" for z in self.model.zeros) + " rad/s")
+            rows.append("  zeros " + ", ".join(map(_root, self.model.zeros)) + " rad/s")
         return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
+
+
+def _root(root: complex) -> str:
+    return f"{root:.4g}" if root.imag else f"{root.real:.4g}"
+
+
+def _counted(count: int, name: str) -> str:
+    return f"{count} {name}" if count == 1 else f"{count} {name}s"
 
 
 def fit_form(

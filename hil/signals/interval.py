@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from hil.errors import InputError
 
 COVERED = 1.96
@@ -9,6 +11,25 @@ COVERED = 1.96
 
 CERTAIN = 4.0
 """Standard uncertainties below which the largest of many values stays by noise alone."""
+
+
+def rounded(value: float, std: float | None) -> str:
+    """A value to the second digit of its interval; one that has none to six."""
+    return f"{value:.{_places(COVERED * std)}f}" if std and math.isfinite(std) else f"{value:.6g}"
+
+
+def width(std: float | None) -> str:
+    """Half an interval as text, to two digits."""
+    if std is None:
+        return "held"
+    if not math.isfinite(std):
+        return "not identifiable"
+    return f"± {COVERED * std:.{_places(COVERED * std)}f}" if std else "± 0"
+
+
+def _places(half: float) -> int:
+    """Decimals that keep two digits of half an interval, none of one beyond 100."""
+    return max(0, 1 - math.floor(math.log10(float(f"{half:.1e}"))))
 
 
 def exact_limits(count: int, of: int, confidence: float = 0.95) -> tuple[float, float]:

@@ -175,7 +175,9 @@ def fitted(model, noise=0.02, bits=5):
 def test_real_poles_are_told_as_time_constants():
     found = fitted(transfer_function([4.0], np.polymul([0.9, 1.0], [0.2, 1.0])))
     assert found.model.origin["structure"] == "2 poles"
-    (said,) = [note for note in found.notes if "are real, with time constants of" in note]
+    (said,) = found.readings
+    assert "are real, with time constants of" in said and said in found.summary().splitlines()[1]
+    assert "held" not in found.summary()  # of sections that the form does not have
     slow, slow_width, fast, fast_width = (float(text) for text in re.findall(r"[\d.]+(?= ±| s)", said))
     assert abs(slow - 0.9) < slow_width < 0.1 and abs(fast - 0.2) < fast_width < 0.1
 
