@@ -26,7 +26,7 @@ from typing import Any
 
 from tests import observer
 from tests.faults import STRANGER
-from tests.links import bench_text, devices_of, moved
+from tests.links import SELDOM, bench_text, devices_of, moved
 from tests.waits import PATIENCE_S
 
 # By link: the bench, the address of the device with the output in it, how its output is looked at, and how exactly.
@@ -133,10 +133,7 @@ def measure(link: str, second: str, folder: Path) -> Row:
     text = bench_text(bench, ("block_s = 0.1\n", f"block_s = 0.1\nwatchdog_s = {WATCHDOG_S}\n"))
     if link != "CANopen":  # whose heartbeat cannot be left out
         text = text.replace("\nwatchdog_s = 1.0\n", "\n", 1)
-    for old, new in (
-        ('"/tmp/hil-modbus-rtu"', '"socket://127.0.0.1:1"'),
-        ("sample_rate_hz = 50", "sample_rate_hz = 20"),
-    ):
+    for old, new in (('"/tmp/hil-modbus-rtu"', '"socket://127.0.0.1:1"'), *SELDOM):
         text = text.replace(old, new)
     served = folder / "served.toml"
     served.write_text(moved(text, folder), encoding="utf-8")
@@ -152,7 +149,8 @@ def measure(link: str, second: str, folder: Path) -> Row:
         stack.callback(watch.close)
         run = _start(driven, folder, SECOND[second] is _terminal_gone)
         stack.callback(run.process.kill)
-        assert watch.wait(lambda: (watch.now or 0.0) > 30.0, PATIENCE_S), f"not driven: {run.text}"
+        watch.wait(lambda: (watch.now or 0.0) > 30.0 or run.process.poll() is not None, PATIENCE_S)
+        assert (watch.now or 0.0) > 30.0, f"not driven: {run.text}"
         time.sleep(1.0)
         line.dead = True
         SECOND[second](run)
