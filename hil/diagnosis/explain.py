@@ -64,17 +64,19 @@ class Option:
         """As the table has it; `known`: names of events that were read off the recordings themselves."""
         names, changed, unknowns = as_named(self.problem, self.own)
         events, described = [e.name for e in self.events], len(self.fitted.terms) - len(self.own.terms)
+        freed = len(self.freed)
         return Hypothesis(
             tuple(dict.fromkeys((*known, *events, *names))), self.chi2,
-            len(events) + len(names) + len(changed) + described + self.is_in_conflict,
-            unknowns + self.fitted.unknowns - self.own.unknowns + _OF_EVENTS * len(events), changed, described > 0,
+            len(events) + len(names) + len(changed) + described + freed,
+            unknowns + self.fitted.unknowns - self.own.unknowns + _OF_EVENTS * len(events) + freed, changed,
+            described > 0,
         )  # fmt: skip
 
     @property
-    def is_in_conflict(self) -> bool:
-        """Whether effects need a unit that is not the one that was identified: that costs one cause more."""
+    def freed(self) -> Sequence[str]:
+        """Parameters that have to have changed for its effects: each is a cause, as where it is named."""
         has_effects = any(t.kind == "effect" for t in self.fitted.terms)
-        return has_effects and bool(moved_too_far(self.problem, self.fitted))
+        return moved_too_far(self.problem, self.fitted) if has_effects else ()
 
     @property
     def own(self) -> Fitted:
