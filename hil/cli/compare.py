@@ -47,7 +47,7 @@ def command(
     """Compare a model with recordings: fit, ceiling by the noise, and where the model fails.
 
     Without `--model`: two runs of one procedure, the earlier and the later, each change with its significance. Of one
-    unit these are *as found* and *as left*.
+    unit that failed and does no more these are *as found* and *as left*.
     With `--population`: each value of a unit beside mean and scatter of the other units that did the same
     procedure; of several units also yield, first-pass yield, Cpk and the limits that are missed most.
     """

@@ -72,8 +72,9 @@ def headline(found: Sequence[Difference]) -> str:
 
 
 def run_heads(first: Results, second: Results) -> tuple[str, str]:
-    """What stands above the values of each run: of one unit, the earlier is as found and the later as left."""
-    if not first.serial or first.serial != second.serial or first.run == second.run:
+    """What stands above the values of each run: *as found* and *as left* of a unit that failed and does no more."""
+    is_adjusted = first.verdict == "fail" != second.verdict
+    if not first.serial or first.serial != second.serial or not is_adjusted:
         return first.run, second.run
     return _("as found"), _("as left")
 
