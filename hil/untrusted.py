@@ -49,11 +49,6 @@ def most_bytes() -> int:
     return max(_LEAST_BYTES, min(quarter, _LARGEST_BYTES))
 
 
-def size_allowed() -> str:
-    """For messages: what `most_bytes` allows."""
-    return f"at most {most_bytes() / 1e9:.3g} GB are read on this computer"
-
-
 def most_unpacked(stored_bytes: int) -> int:
     """What a recording of so many bytes may unpack to: measured values shrink to a tenth, not to a thousandth."""
     return min(max(_LEAST_UNPACKED, _MOST_SHRUNK * stored_bytes), most_bytes())

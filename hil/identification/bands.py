@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.identification.bandwidth import Crossing, model_crossing
-from hil.identification.factored import coefficients, model_of
 from hil.identification.rational import evaluate
 from hil.identification.transfer_function import TransferFunctionFit
 from hil.record.recording import Array
@@ -37,20 +36,6 @@ class Root:
 
     value: complex
     covariance: Array
-
-    @property
-    def real_std(self) -> float:
-        """Standard uncertainty of the real part."""
-        return math.sqrt(max(float(self.covariance[0, 0]), 0.0))
-
-
-@dataclass(frozen=True, slots=True)
-class StepBand:
-    """A unit-step response with its standard uncertainty; every array of shape (n,)."""
-
-    time_s: Array
-    response: Array
-    std: Array
 
 
 def bode_band(fit: TransferFunctionFit, frequency_hz: Array) -> BodeBand:
@@ -91,30 +76,6 @@ def zeros(fit: TransferFunctionFit) -> tuple[Root, ...]:
     """Zeros with uncertainty."""
     at = slice(0, fit.form.zeros + 1)
     return _roots(fit.coefficients[at], fit.coefficient_covariance[at, at])
-
-
-def step_band(fit: TransferFunctionFit, time_s: Array) -> StepBand:
-    """The unit-step response on even stamps."""
-    std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
-    slopes = np.empty((len(time_s), len(std)))
-    for k in range(len(std)):
-        step = _SMALL * (std[k] or abs(fit.parameters[k]) or 1.0)
-        moved = np.zeros(len(std))
-        moved[k] = step
-        up, down = (model_of(fit.form, fit.parameters + sign * moved).step(time_s) for sign in (1.0, -1.0))
-        slopes[:, k] = (up - down) / (2.0 * step)
-    return StepBand(time_s, fit.model.step(time_s), _std(slopes, fit.covariance))
-
-
-def dc_gain_std(fit: TransferFunctionFit) -> float:
-    """Standard uncertainty of the gain at rest."""
-
-    def gain(parameters: Complex) -> Complex:
-        found = coefficients(fit.form, parameters)
-        ratio: Complex = found[fit.form.zeros : fit.form.zeros + 1] / found[fit.form.zeros + fit.form.poles]
-        return ratio
-
-    return math.sqrt(max(float(fit.propagated(gain)[0, 0]), 0.0))
 
 
 def _slope(fit: TransferFunctionFit, frequency_hz: Array) -> tuple[Complex, Complex]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -75,16 +75,11 @@ class Estimate:
 
     @cached_property
     def identifiability(self) -> Identifiability:
-        """What the data tell of the values together."""
-        return self._identifiability_of(range(len(self.unknowns)))
-
-    def _identifiability_of(self, places: Sequence[int]) -> Identifiability:
-        """Of some of them, the others given; times residual variance and the loss of independent samples by colour."""
-        dof = max(len(self.residuals) - len(places), 1)
-        variance = self.chi2 / dof * colour_factor(self.residuals)
-        widths = np.array([self.unknowns[k].high - self.unknowns[k].low for k in places])
-        fixed_at_bound = [i for i, k in enumerate(places) if k in self.fixed_at_bound]
-        return identifiability(self.slopes.curvature.of(places), variance, widths, fixed_at_bound)
+        """What the data tell of the values; times residual variance and the loss of independent samples by colour."""
+        count = len(self.unknowns)
+        variance = self.chi2 / max(len(self.residuals) - count, 1) * colour_factor(self.residuals)
+        widths = np.array([u.high - u.low for u in self.unknowns])
+        return identifiability(self.slopes.curvature, variance, widths, sorted(self.fixed_at_bound))
 
     @property
     def covariance(self) -> Array:
@@ -110,23 +105,6 @@ class Estimate:
     def moved_by(self, change: Array) -> Array:
         """By how much the values would move if the residuals, shape (n,), changed by so much; shape (k,)."""
         return -self.identifiability.inverse @ (self.jacobian.T @ change)
-
-    def sigmas_away(self, places: Sequence[int], away: Array, held: Collection[int]) -> float:
-        """How many standard uncertainties some values together are away from others, if those that are held were known.
-
-        The root of awayᵀ·C⁻¹·away over those that the data tell, shape (places,); 0 where they tell none.
-        """
-        free = [i for i in range(len(self.unknowns)) if i not in held]
-        known = self._identifiability_of(free)
-        at = [free.index(k) for k in places]
-        seen = [i for i, k in enumerate(at) if not known.is_unidentifiable[k]]
-        if not seen:
-            return 0.0
-        if not known.variance:
-            return math.inf if np.any(away[seen]) else 0.0
-        kept = [at[i] for i in seen]
-        squared = float(away[seen] @ np.linalg.solve(known.whole[np.ix_(kept, kept)], away[seen]))
-        return math.sqrt(max(squared, 0.0))
 
     def value(self, name: str) -> float:
         """An estimated value by name."""

@@ -38,18 +38,6 @@ class Curvature:
     bent: Array | None = None
     rise: Callable[[Array], float] | None = None
 
-    def of(self, places: Sequence[int]) -> Curvature:
-        """That in some of the values."""
-        kept, rise = list(places), self.rise
-
-        def rise_of(move: Array) -> float:
-            whole = np.zeros(len(self.alike))
-            whole[kept] = move
-            return rise(whole) if rise else math.inf
-
-        square = np.ix_(kept, kept)
-        return Curvature(self.alike[square], None if self.bent is None else self.bent[square], rise and rise_of)
-
 
 @dataclass(frozen=True, slots=True)
 class Slopes:

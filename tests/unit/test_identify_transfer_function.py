@@ -106,9 +106,6 @@ def test_zeros_stay_out_of_the_right_half_plane_when_asked():
 def test_gain_at_rest_is_held():
     found = fit_form(noisy(TEN, seed=1), Form(3, 1, dc_gain=1.0))
     assert found.model.dc_gain == pytest.approx(1.0, rel=1e-12)
-    assert bands.dc_gain_std(found) < 1e-9
-    free = fit_form(noisy(TEN, seed=1), Form(3, 1))
-    assert bands.dc_gain_std(free) == pytest.approx(0.0036, abs=3e-4)
 
 
 def test_orders_are_found_by_evidence():
@@ -170,16 +167,12 @@ def test_bands_agree_with_the_scatter_over_repeats():
     assert np.allclose(np.std(scattered, axis=0), stated.magnitude_std_db, rtol=0.4)
     phases = [np.degrees(np.unwrap(np.angle(fit.model.at(at)))) for fit in fits]
     assert np.allclose(np.std(phases, axis=0), stated.phase_std_deg, rtol=0.4)
-    time_s = np.linspace(0, 1, 101)
-    band = bands.step_band(fits[0], time_s)
-    spread = np.std([fit.model.step(time_s) for fit in fits], axis=0)
-    assert np.allclose(spread[5:], band.std[5:], rtol=0.5, atol=2e-4)
     slow = [min(fit.model.poles.real, key=abs) for fit in fits]
     pole = bands.poles(fits[0])[0]
     assert pole.value.imag == 0.0
-    assert np.std(slow) == pytest.approx(pole.real_std, rel=0.35)
+    assert np.std(slow) == pytest.approx(np.sqrt(pole.covariance[0, 0]), rel=0.35)
     zero = bands.zeros(fits[0])[0]
-    assert np.std([fit.model.zeros[0].real for fit in fits]) == pytest.approx(zero.real_std, rel=0.35)
+    assert np.std([fit.model.zeros[0].real for fit in fits]) == pytest.approx(np.sqrt(zero.covariance[0, 0]), rel=0.35)
     crossing = bands.crossing(fits[0], -90.0, "°", 5.0)
     assert np.std([bands.crossing(f, -90.0, "°", 5.0).frequency_hz for f in fits]) == pytest.approx(
         crossing.std_hz, rel=0.35

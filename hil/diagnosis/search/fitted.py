@@ -51,11 +51,6 @@ class Fitted:
         named = (term.effect_name(values) for term, values in zip(self.terms, self.values, strict=True))
         return tuple(name for name in named if name)
 
-    @property
-    def first_name(self) -> str:
-        """What is said of it first: an effect, or that parameters changed."""
-        return self.names[0] if self.names else "parameter_change"
-
     def only(self, keep: Sequence[int]) -> Fitted:
         """Some of the terms, as they are; base parameters that were the others go back. χ² and residuals stay."""
         back = {t.name: t.nominal for k, t in enumerate(self.terms) if t.kind == "parameter" and k not in keep}
