@@ -73,10 +73,10 @@ def headline(found: Sequence[Difference]) -> str:
 
 def run_heads(first: Results, second: Results) -> tuple[str, str]:
     """What stands above the values of each run: *as found* and *as left* of a unit that failed and does no more."""
-    is_adjusted = first.verdict == "fail" != second.verdict
-    if not first.serial or first.serial != second.serial or not is_adjusted:
-        return first.run, second.run
-    return _("as found"), _("as left")
+    is_one = bool(first.serial) and first.serial == second.serial
+    if is_one and first.verdict == "fail" != second.verdict:
+        return _("as found"), _("as left")
+    return _("earlier"), _("later")
 
 
 def verdicts_sentence(first: Results, second: Results) -> str:

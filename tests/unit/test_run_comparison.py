@@ -165,9 +165,9 @@ def test_one_unit_is_shown_as_found_and_as_left_with_verdicts(monkeypatch, capsy
     ("serials", "verdicts"),
     [(("A7", "B1"), ("fail", "pass")), ((None, None), ("fail", "pass")), (("A7", "A7"), ("pass", "pass"))],
 )
-def test_two_units_or_one_that_was_not_adjusted_keep_the_names_of_their_runs(serials, verdicts):
+def test_two_units_or_one_that_was_not_adjusted_are_headed_by_time(serials, verdicts):
     first, second = (
         results().model_copy(update={"serial": serial, "run": f"r{i}", "verdict": verdict})
         for i, (serial, verdict) in enumerate(zip(serials, verdicts, strict=True))
     )
-    assert run_heads(first, second) == ("r0", "r1")
+    assert run_heads(first, second) == ("earlier", "later")
