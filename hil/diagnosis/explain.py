@@ -301,7 +301,7 @@ class Explanation:
         ranked = [o.fitted for o in self._ranked() if o.fitted.terms and o.problem is option.problem]
         near = [self._of(r) for r in printed.ambiguous]
         share = max(first.hypothesis.chi2 - printed.chi2, 0.0) / max(whole - printed.chi2, 1e-9)
-        names = {name for r in printed.rows for name in (*r.hypothesis.names, *r.hypothesis.changed)}
+        names = {name for r in printed.rows for name in r.hypothesis.named}
         is_beside = option.residuals is not option.fitted.residuals  # events that no fit has taken into account
         return problem, Choice(
             first.verdict, chosen if chosen.terms else baseline, baseline, nothing(problem), tuple(ranked),

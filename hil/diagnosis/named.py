@@ -39,10 +39,10 @@ def named(changed: Changed) -> Choice:
     problem.work.at(0.2, "fitting what may have changed")
     fits = _fitted(changed, terms)
     scores = _scores(changed, fits, len({term.label for term in terms})).without("consistent")  # the gate refutes that
-    by_label = {_causes(_hypothesis(f)): f for f in reversed(fits)}
-    ranked = [by_label[key] for row in scores.rows if not row.is_open and (key := _causes(row.hypothesis)) in by_label]
-    best = by_label.get(_causes(scores.first.hypothesis), ranked[0])
-    names = list(dict.fromkeys(name for row in scores.ambiguous for name in _causes(row.hypothesis)))
+    by_label = {_hypothesis(f).named: f for f in reversed(fits)}
+    ranked = [by_label[key] for row in scores.rows if not row.is_open and (key := row.hypothesis.named) in by_label]
+    best = by_label.get(scores.first.hypothesis.named, ranked[0])
+    names = list(dict.fromkeys(name for row in scores.ambiguous for name in row.hypothesis.named))
     as_it_was = changed.left_as_it_was
     left, whole = (max(chi2 - changed.count, 0.0) for chi2 in (best.chi2, float(as_it_was @ as_it_was)))
     chances = {name: scores.chance(name) for key in by_label for name in key}
@@ -78,10 +78,6 @@ def _scores(changed: Changed, fits: Sequence[Fitted], names: int) -> Table:
 def _hypothesis(f: Fitted) -> Hypothesis:
     changed = () if f.names else (f.terms[0].name,)
     return Hypothesis(f.names, f.chi2, 1, f.unknowns, changed)
-
-
-def _causes(h: Hypothesis) -> tuple[str, ...]:
-    return (*h.names, *h.changed)
 
 
 def _fitted(changed: Changed, terms: Sequence[Term]) -> list[Fitted]:

@@ -41,6 +41,11 @@ class Hypothesis:
     changed: tuple[str, ...] = ()
     is_open: bool = False
 
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Effects, events and changed parameters."""
+        return (*self.names, *self.changed)
+
 
 @dataclass(frozen=True, slots=True)
 class Noise:
@@ -82,12 +87,7 @@ class Row:
     @property
     def label(self) -> str:
         """As a table says it: `friction + something unknown`."""
-        return " + ".join((*self.causes_named, *((UNKNOWN,) if self.is_open else ()))) or "nothing"
-
-    @property
-    def causes_named(self) -> tuple[str, ...]:
-        """Effects, events and changed parameters."""
-        return (*self.hypothesis.names, *self.hypothesis.changed)
+        return " + ".join((*self.hypothesis.named, *((UNKNOWN,) if self.is_open else ()))) or "nothing"
 
     @property
     def reported(self) -> tuple[str, ...]:
@@ -100,7 +100,7 @@ class Row:
         """What it is told as."""
         h = self.hypothesis
         if self.is_open:
-            return "partly_explained" if h.names or h.changed else "unexplained"
+            return "partly_explained" if h.named else "unexplained"
         return "explained" if h.names else "parameter_change" if h.changed else "consistent"
 
 
@@ -148,7 +148,7 @@ class Table:
 
     def chance(self, name: str) -> float:
         """How probable it is that a name is there, whatever else is."""
-        return sum(r.probability for r in self.rows if name in (*r.hypothesis.names, *r.hypothesis.changed))
+        return sum(r.probability for r in self.rows if name in r.hypothesis.named)
 
     def as_dict(self, most: int) -> dict[str, Any]:
         """As `diagnosis.json` has it; so many rows at most."""
@@ -185,7 +185,7 @@ def table(noise: Noise, hypotheses: Iterable[Hypothesis]) -> Table:
     best: dict[tuple[frozenset[str], bool], Row] = {}
     for h in found:
         for row in _rows(noise, h, noise.left(h.chi2, least)):
-            key = frozenset((*h.names, *h.changed)), row.is_open
+            key = frozenset(h.named), row.is_open
             if key not in best or row.score < best[key].score:
                 best[key] = row
     return _ranked(noise, noise.chi2(least), best.values())
@@ -205,15 +205,15 @@ def _ranked(noise: Noise, chi2: float, rows: Iterable[Row]) -> Table:
     resembling = [r for r in found if _resembles(noise, chi2, r, best)]
     near = [r for r in found if r.probability * CRITERIA.odds >= best.probability]
     if resembling:
-        common = set.intersection(*(set(r.causes_named) for r in (best, *resembling)))
-        found.sort(key=lambda r: not r.is_open or set(r.causes_named) != common)
+        common = set.intersection(*(set(r.hypothesis.named) for r in (best, *resembling)))
+        found.sort(key=lambda r: not r.is_open or set(r.hypothesis.named) != common)
         near = [found[0], *(r for r in found[1:] if r in near or r in resembling)]
     return Table(noise, chi2, tuple(found), tuple(near))
 
 
 def _resembles(noise: Noise, chi2: float, row: Row, best: Row) -> bool:
     """Whether something unknown may look like this as well as like what is best beside it."""
-    names, others = set(best.causes_named), set(row.causes_named)
+    names, others = set(best.hypothesis.named), set(row.hypothesis.named)
     if not (best.is_open and row.is_open and others) or names <= others:
         return False
     left = noise.left(row.hypothesis.chi2, chi2), noise.left(best.hypothesis.chi2, chi2)
