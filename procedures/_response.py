@@ -151,7 +151,7 @@ def reference_deviations(found: Sequence[Evaluated]) -> tuple[Note, ...]:
     for one in found:
         for note in one.bandwidth.notes if one.follows else ():
             labels.setdefault(note, []).append(one.label)
-    return tuple(Note("{places!l}: {note}.", places=tuple(where), note=note) for note, where in labels.items())
+    return tuple(note.at(", ".join(where)).stopped for note, where in labels.items())
 
 
 def crossed(measurement: Measurement, crossing: Crossing) -> Measured:

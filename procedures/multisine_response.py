@@ -14,7 +14,6 @@ import numpy as np
 from hil.errors import SettingError
 from hil.identification.best_linear_approximation import BestLinearApproximation, best_linear_approximation
 from hil.identification.parametric_bootstrap import about
-from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
@@ -104,9 +103,7 @@ def evaluate(recording: Recording) -> Findings:
     linear = best_linear_approximation(recording, command.name, response.name, settle_periods=0)
     found = evaluated(recording, [one.response for one in linear])
     notes, deviations = chain_notes(recording, found[0].response.frequency_hz)
-    linearity = [
-        Note("{place!l}: {note}.", place=one.label, note=bla.sentence) for one, bla in zip(found, linear, strict=True)
-    ]
+    linearity = [bla.sentence.at(one.label).stopped for one, bla in zip(found, linear, strict=True)]
     return Findings(
         measured=tuple(
             measured

@@ -251,9 +251,7 @@ def _models(label: str, found: MeasuredStep, beside: ResponseTable | None) -> tu
             band=value.band, std_s=(std.rise_s, std.settling_s),
         )  # fmt: skip
     except InputError as error:
-        return {"models": [], "damping_roots": {}, "response": None}, [
-            Note("{place!l}: {why}.", place=label, why=str(error))
-        ]
+        return {"models": [], "damping_roots": {}, "response": None}, [Note("{why}", why=str(error)).at(label).stopped]
     models: dict[str, Any] = {
         "models": [one.as_dict() for one in made.models],
         "damping_roots": {"label": "roots of eq. 17", "real": made.roots.real, "imaginary": made.roots.imag},
@@ -265,7 +263,7 @@ def _models(label: str, found: MeasuredStep, beside: ResponseTable | None) -> tu
             "frequency_hz": response.frequency_hz, "magnitude_db": response.magnitude_db,
             "phase_deg": response.phase_deg,
         }  # fmt: skip
-    return models, [Note("{place!l}: {note}.", place=label, note=note) for note in made.notes]
+    return models, [note.at(label).stopped for note in made.notes]
 
 
 def _response_beside(place: str) -> dict[str, Any] | None:

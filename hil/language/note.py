@@ -42,6 +42,11 @@ class Note(str):
         """The same, after the place that it is about: `0 → 80 %: noise alone …`."""
         return Note(_AT, place=place, note=self)
 
+    @property
+    def stopped(self) -> Note:
+        """The same with a full stop."""
+        return Note("{note}.", note=self)
+
     def changed(self, change: Callable[[str], str]) -> Note:
         """The same with every text among its values changed."""
         return Note(self.code, **{name: _changed(value, change) for name, value in self.values.items()})

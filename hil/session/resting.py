@@ -83,7 +83,7 @@ def _measured(evaluate: Callable[[Recording], Findings], recording: Recording) -
     if isinstance(near, InputError):
         raise near
     found = _common(near, Findings() if isinstance(far, InputError) else far)
-    notes = [Note("{note}.", note=invalid_note(recording, name, mask)) for name, mask in lacking.items()]
+    notes = [invalid_note(recording, name, mask).stopped for name, mask in lacking.items()]
     if gone := [m.name for m, kept in zip(near.measured, found.measured, strict=True) if kept.value != m.value]:
         notes.append(
             Note("Not given, or as a bound only, because they rest on these samples: {names}.", names=tuple(gone))
