@@ -39,7 +39,7 @@ def enter_or_keep(place: Place, folder: Path) -> str:
     return "; ".join(f"not in the archive: {text}" for text in left_out)
 
 
-def searched(archive: str, look: Callable[[Place], Found], notes: Callable[[str], object]) -> Found:
+def searched(archive: str, search: Callable[[Place], Found], notes: Callable[[str], object]) -> Found:
     """What a search finds once the runs that waited are entered; `notes` gets why some could not be.
 
     Raises:
@@ -50,7 +50,7 @@ def searched(archive: str, look: Callable[[Place], Found], notes: Callable[[str]
         left_out = catch_up(place)
     except ArchiveError as error:
         left_out = [str(error)]
-    found = look(place)
+    found = search(place)
     for text in left_out:
         notes(text)
     return found

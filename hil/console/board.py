@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -88,11 +88,11 @@ def _input(head: tuple[str, str, str], reading: Reading | None, limit: str) -> L
     if reading is None:
         return Line(*head, False, None, None, None, limit, "not being read", "missing")
     value = reading.value if reading.value is not None and math.isfinite(reading.value) else None
-    state = reading.state
-    if reading.age_s > STALE_S and state == "ok":
-        state = Note("stale: nothing new for {time_s:.1f} s", time_s=reading.age_s)
-    tone = "good" if state == "ok" else "stale" if state.startswith("stale") else "missing" if value is None else "bad"
-    return Line(*head, False, value, reading.noise, reading.age_s, limit, translated(state), tone)
+    if reading.age_s > STALE_S and reading.state == "ok":
+        reading = replace(reading, state=Note("stale: nothing new for {time_s:.1f} s", time_s=reading.age_s))
+    is_ok = reading.state == "ok"
+    tone = "good" if is_ok else "stale" if reading.is_stale else "missing" if value is None else "bad"
+    return Line(*head, False, value, reading.noise, reading.age_s, limit, translated(reading.state), tone)
 
 
 def limits_of(bench: Bench) -> dict[str, str]:

@@ -103,7 +103,7 @@ def _limit(values: Sequence[Measured]) -> LimitOfBatch:
     mean, std = float(np.mean(numbers)), float(np.std(numbers, ddof=1))
     if std == 0.0:
         return replace(bare, mean=mean, std=std, why="all units have the same value")
-    cpk = min(distance for distance in _distances(mean, one.low, one.high)) / (3.0 * std)
+    cpk = min(_distances(mean, one.low, one.high)) / (3.0 * std)
     low, high = _cpk_limits(cpk, len(numbers))
     return replace(bare, mean=mean, std=std, cpk=cpk, cpk_low=low, cpk_high=high)
 

@@ -19,11 +19,9 @@ def overdue(bench: Bench, day: dt.date) -> Iterator[Note]:
             yield _overdue(Note("Channel '{name}'", name=name), given.due, day)
     for instrument in bench.instruments:
         if instrument.due is not None and instrument.due < day:
-            which = {"name": instrument.name, "serial": instrument.serial}
-            named = Note("Instrument '{name}' (serial {serial})", **which) if instrument.serial else Note(
-                "Instrument '{name}'", name=instrument.name
-            )  # fmt: skip
-            yield _overdue(named, instrument.due, day)
+            name, serial = instrument.name, instrument.serial
+            numbered = Note("Instrument '{name}' (serial {serial})", name=name, serial=serial)
+            yield _overdue(numbered if serial else Note("Instrument '{name}'", name=name), instrument.due, day)
 
 
 def _overdue(what: Note, due: dt.date, day: dt.date) -> Note:
