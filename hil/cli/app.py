@@ -61,7 +61,8 @@ def main() -> int:
 
 def _run() -> int:
     """The command line, on the streams as they are."""
-    silent, error_message.ended = len(sys.argv) == 1, False  # without a word the help is shown, and nothing was done
+    silent = len(sys.argv) == 1  # without a word the help is shown, and nothing was done
+    error_message.ended = error_message.debug = False  # of an earlier command in this process
     try:
         app = _assembled()
         with at_the_prompt():

@@ -145,6 +145,11 @@ def test_debug_adds_the_traceback(hil) -> None:
     assert err.splitlines()[-1].startswith("hil: nan.csv: line 43")
 
 
+def test_debug_is_not_asked_of_the_next_command_of_a_process(hil) -> None:
+    assert "Traceback" in hil("--debug", "check", "nowhere.toml")[2]
+    assert hil("frobnicate")[2].startswith("hil: ")
+
+
 @pytest.mark.usefixtures("recordings")
 def test_a_folder_that_is_not_there_is_found_before_the_work(hil) -> None:
     status, _, err = hil("identify", "good.csv", "--plant", "brevini-hpv41", "--out", "nowhere/model.json")
