@@ -32,6 +32,11 @@ class Lines:
     inputs: Mapping[str, InputChannel]
     beats: Mapping[str, Heartbeat]
 
+    def check(self) -> None:
+        """Raise what ended a line that should change again and again, if something did."""
+        for beat in self.beats.values():
+            beat.check()
+
     def standing(self) -> dict[str, float]:
         """How the outputs stand, as the device tells; one that changes again and again is on."""
         import nidaqmx
@@ -59,11 +64,9 @@ class Lines:
                 task.write(values[name] > 0.5, auto_start=True)
 
     def read(self) -> dict[str, float]:
-        """Every input, read now. Raises what ended a line that should change again and again."""
+        """Every input, read now."""
         import nidaqmx
 
-        for beat in self.beats.values():
-            beat.check()
         found = {}
         for name, channel in self.inputs.items():
             with nidaqmx.Task() as task:

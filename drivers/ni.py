@@ -372,6 +372,8 @@ class NiDaq:
         time_s = start_s + (first + np.arange(count)) / rate_hz
         driven = {name: values[first : first + count] for name, values in outputs.items()}
         self.levels = {name: float(values[-1]) for name, values in driven.items()}
+        with self._device_errors():  # before lines are looked at: a heartbeat that failed left its own on or off
+            self._lines.check()
         self._outputs_stand(self._lines.standing)
         self._after_s = float(time_s[-1]) + 1.0 / rate_hz
         clipped = {
