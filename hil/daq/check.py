@@ -23,20 +23,12 @@ def coerced_rate(promises: Promises, asked_hz: float) -> float:
     if not promises.lowest_rate_hz <= asked_hz <= promises.highest_rate_hz * (1.0 + 1e-9):
         raise RangeError(
             f"sample rate {asked_hz:g} Hz: the device offers {promises.lowest_rate_hz:g} … "
-            f"{promises.highest_rate_hz:.4g} Hz{_because(promises)}"
+            f"{promises.highest_rate_hz:.4g} Hz{', as its link was measured' if promises.timing == 'polled' else ''}"
         )
     if promises.clock_hz is None:
         return asked_hz
     fewest = math.ceil(promises.clock_hz / promises.highest_rate_hz - 1e-9)
     return promises.clock_hz / max(fewest, round(promises.clock_hz / asked_hz))
-
-
-def _because(promises: Promises) -> str:
-    if promises.latency_s is None or promises.sample_s is None:
-        return ""
-    return (
-        f": a sample takes {promises.sample_s:.3g} s on its link, {promises.latency_s:.3g} s of it to read (measured)"
-    )
 
 
 def check_waveform(waveform: Waveform, outputs: Mapping[str, OutputChannel], promises: Promises) -> None:
