@@ -95,8 +95,8 @@ class Port:
         if moved_to := _port_of(self._identity):
             return moved_to, True
         raise DeviceLostError(
-            f"{self._address}: another device has this name now ({identity}); the one that was opened "
-            f"({self._identity}) is not there"
+            f"{self._address}: another device has this name now ({identity}), not the one that was opened "
+            f"({self._identity})"
         )
 
 
