@@ -100,6 +100,7 @@ def input_points(file: BenchFile, channel: str, count: int, ask: Asked, answered
             ask(f"point {number} of {count}: bring it to its place, then type what the reference reads [{unit}]: ")
             while (reference := answered()) is None:
                 time.sleep(_AGAIN_S)
+            looked.forget()  # who answers at once, as a script does, has moved it only now
             (reading,) = looked.look(_AVERAGE_S)
             if looked.failures:
                 raise LinkError("; ".join(looked.failures.values()))

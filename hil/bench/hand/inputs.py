@@ -81,6 +81,11 @@ class Inputs:
         """What the terminal of an input read in the last second, shape (n,)."""
         return next(device.raw(name) for device in self._devices.values() if name in device.resolutions)
 
+    def forget(self) -> None:
+        """Count what was read until now no more to the last second."""
+        for device in self._devices.values():
+            device.forget()
+
     def resolution(self, name: str) -> float | None:
         """The smallest step between two readings of an input so far, in its unit; None where it did not change."""
         return next(device.resolutions[name] for device in self._devices.values() if name in device.resolutions)
@@ -146,6 +151,11 @@ class _Looked:
     def raw(self, name: str) -> Array:
         """What the terminal of an input read in the last second."""
         return self._followed[name].raw
+
+    def forget(self) -> None:
+        """Count what was read until now no more to the last second."""
+        for followed in self._followed.values():
+            followed.forget()
 
     @property
     def resolutions(self) -> Mapping[str, float | None]:

@@ -77,6 +77,10 @@ class Followed:
         while self._samples and self._samples[0][0] < self._samples[-1][0] - _NOISE_S:
             self._samples.popleft()
 
+    def forget(self) -> None:
+        """Count what was taken until now no more to the last second."""
+        self._samples.clear()
+
     def reading(self, age_s: float, silent: str = "") -> Reading:
         """How it stands.
 
