@@ -13,7 +13,8 @@ from hil.record.reading import Reading
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.passport.difference import Change, DateDifference, Size, Unchanged
+    from hil.passport.change import Change, Size, Unchanged
+    from hil.passport.difference import DateDifference
 
 
 @takes_reading

@@ -29,6 +29,7 @@ from hil.diagnosis.work import Progress, Work
 from hil.identification.experiment import Experiment
 from hil.physics.model import Model
 from hil.record.recording import Array
+from hil.record.show import table_html
 from hil.signals.products import one_blas_thread
 
 _WITH_EVENTS: Mapping[DiagnosisVerdict, DiagnosisVerdict] = {
@@ -44,8 +45,6 @@ class Diagnosed:
     corrected: Model
 
     def _repr_html_(self) -> str:
-        from hil.record.show import table_html
-
         found = self.diagnosis
         rows = [(f.name, f"{100 * f.probability:.0f} %", f.sentence) for f in found.effects]
         return table_html(("effect", "probability", "in words"), rows, f"{found.verdict}: {found.headline}")

@@ -14,6 +14,7 @@ from hil.record.cause import Cause
 from hil.record.durable import write_whole
 from hil.record.measurement import Measured, Verdict
 from hil.record.population_comparison import PopulationComparison
+from hil.record.show import dataset, figure_by_unit, needed, table_html
 from hil.record.since import Since
 from hil.untrusted import read_untrusted_json
 
@@ -52,25 +53,24 @@ class Curve(_Strict):
 
     def to_pandas(self) -> Any:
         """A pandas DataFrame with columns `name [unit]`. Raises `InputError` without pandas."""
-        from hil.record.show import needed
-
         heads = [f"{column.name} [{column.unit}]" for column in self.columns]
         return needed("pandas", "to_pandas").DataFrame(list(self.rows), columns=heads)
 
     def to_xarray(self) -> Any:
         """An xarray Dataset over the first column, units as attributes. Raises `InputError` without xarray."""
-        from hil.record.show import needed
-
         first, *others = self.columns
-        variables = {c.name: (first.name, list(self.column(c.name)), {"units": c.unit}) for c in others}
-        over = {first.name: (first.name, list(self.column(first.name)), {"units": first.unit})}
-        return needed("xarray", "to_xarray").Dataset(variables, over, {"name": self.name})
+        variables = {c.name: (list(self.column(c.name)), c.unit) for c in others}
+        return dataset(variables, (first.name, list(self.column(first.name)), first.unit), self.name)
 
     def plot(self) -> Any:
-        """A matplotlib figure: every column over the first, an axis for each unit."""
-        from hil.findings.show import curve_figure
-
-        return curve_figure(self)
+        """A matplotlib figure: every column over the first, an axis for each unit; a frequency is logarithmic."""
+        first, *others = self.columns
+        lines = [(c.name, c.unit, self.column(c.name)) for c in others if not c.name.endswith("std")]
+        figure = figure_by_unit(lines, f"{first.name} [{first.unit}]", self.column(first.name))
+        if first.unit == "Hz":
+            figure.axes[-1].set_xscale("log")
+        figure.axes[0].set_title(self.name)
+        return figure
 
 
 class FittedFunction(_Strict):
@@ -142,14 +142,12 @@ class Results(_Strict):
         return found
 
     def _repr_html_(self) -> str:
-        from hil.findings.show import results_html
-
-        return results_html(self)
+        rows = [(v.name, _value_text(v), v.unit, _limits_text(v), v.verdict or "") for v in self.values]
+        caption = f"{self.run}: {self.procedure}, {self.verdict or 'no limits were given'}"
+        return table_html(("quantity", "value", "unit", "limits", "verdict"), rows, caption)
 
     def to_pandas(self) -> Any:
         """The values as a pandas DataFrame, indexed by name. Raises `InputError` without pandas."""
-        from hil.record.show import needed
-
         rows = [asdict(value) for value in self.values]
         return needed("pandas", "to_pandas").DataFrame(rows).set_index("name")
 
@@ -163,6 +161,20 @@ class Results(_Strict):
     def as_json(self) -> str:
         """The document, indented, no NaN or infinity in it."""
         return self.model_dump_json(indent=1, by_alias=True) + "\n"
+
+
+def _value_text(value: Measured) -> str:
+    if value.value is None:
+        return "not determined"
+    sign = "" if value.relation == "=" else f"{value.relation} "
+    expanded = f" ± {value.expanded:.2g}" if value.expanded else ""
+    return f"{sign}{value.value:.6g}{expanded}"
+
+
+def _limits_text(value: Measured) -> str:
+    if value.low is None and value.high is None:
+        return ""
+    return f"{'' if value.low is None else f'{value.low:g}'} … {'' if value.high is None else f'{value.high:g}'}"
 
 
 def write_results(results: Results, folder: Path) -> None:

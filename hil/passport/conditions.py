@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from hil.passport.change import Change, Size
 from hil.record.conditions import measured_conditions
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Recording
-
-if TYPE_CHECKING:
-    from hil.passport.difference import Change
 
 
 class _Condition(NamedTuple):
@@ -30,8 +28,6 @@ _CONDITIONS = (
 
 def condition_changes(old: Sequence[Recording], new: Sequence[Recording]) -> list[Change]:
     """Those that were measured or stated at both dates and differ beyond their uncertainty."""
-    from hil.passport.difference import Change, Size
-
     found = []
     for one in _CONDITIONS:
         was, now = _mean(old, one), _mean(new, one)

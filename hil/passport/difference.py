@@ -15,13 +15,13 @@ from hil.diagnosis.diagnosis import Diagnosis, Finding
 from hil.diagnosis.work import SAMPLES_PER_S, budget_notes
 from hil.errors import SettingError
 from hil.identification.experiment import Experiment
+from hil.passport.change import Change, Size, Unchanged
 from hil.passport.conditions import condition_changes
-from hil.passport.owner import Owner, owner_among, owner_of
+from hil.passport.owner import owner_among, owner_of
 from hil.passport.sources import Dated
 from hil.physics.compose import kernel
 from hil.physics.model import Model, ModelEffect
 from hil.record.measurement import COVERAGE_FACTOR
-from hil.record.plain import plain
 from hil.record.simulated import is_simulated
 from hil.session.diagnosis import bound_to
 
@@ -29,55 +29,6 @@ ChangeVerdict = Literal["unchanged", "changed", "unexplained"]
 Progress = Callable[[float, str], None]
 SCHEMA = "hil.diff/1"
 _ONE_SIDED = 1.645  # standard deviations to an upper limit of 95 %
-
-
-@dataclass(frozen=True, slots=True)
-class Size:
-    """A value with its standard uncertainty; None where it is not known."""
-
-    value: float | None
-    std: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class Change:
-    """One thing that is not as it was; `share` of the whole change, None for a condition, which has none."""
-
-    name: str
-    stage: str
-    of: Owner
-    parameter: str
-    before: Size
-    after: Size
-    unit: str
-    share: float | None
-    probability: float | None
-
-    def as_dict(self) -> dict[str, Any]:
-        """As in `hil.diff/1`."""
-        found: dict[str, Any] = plain(self)
-        return {("from" if key == "before" else "to" if key == "after" else key): v for key, v in found.items()}
-
-
-@dataclass(frozen=True, slots=True)
-class Unchanged:
-    """What these data would have shown beyond this limit (95 %).
-
-    Attributes:
-        name: of an effect or parameter.
-        limit: the largest change that may have gone unseen. Of what is itself a limit, such as an end stop, the place
-            where it would have been seen: there is none there, nor below.
-        unit: of the limit.
-        is_identifiable: whether that excludes anything: a limit as large as the usual size of the effect, or as the
-            parameter itself, does not.
-        is_place: whether the limit is a place.
-    """
-
-    name: str
-    limit: float
-    unit: str
-    is_identifiable: bool = True
-    is_place: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,18 +52,14 @@ class DateDifference:
         return {
             "schema": SCHEMA,
             "changes": [change.as_dict() for change in self.changes],
-            "unchanged": [_limit_dict(one) for one in self.unchanged],
-            "cannot_tell": [_limit_dict(one) for one in self.cannot_tell],
+            "unchanged": [one.as_dict() for one in self.unchanged],
+            "cannot_tell": [one.as_dict() for one in self.cannot_tell],
             "verdict": self.verdict,
             "notes": list(self.notes),
             "simulated": self.simulated,
             "is_part": self.is_part,
             "not_searched": list(self.not_searched),
         }
-
-
-def _limit_dict(one: Unchanged) -> dict[str, Any]:
-    return {"name": one.name, "limit": one.limit, "unit": one.unit, "is_place": one.is_place}
 
 
 def difference(

@@ -19,6 +19,7 @@ from hil.physics.compose import kernel, plant
 from hil.physics.plant import Plant
 from hil.physics.simulate import ActiveEffect
 from hil.record.plain import plain
+from hil.record.show import needed, table_html
 from hil.record.simulated import SIMULATED, marked
 from hil.untrusted import parse_json, read_small
 from hil.version import PROGRAM, made_by
@@ -111,8 +112,6 @@ class Model:
     skeleton: Mapping[str, Any] | None = None
 
     def _repr_html_(self) -> str:
-        from hil.record.show import table_html
-
         rows = [_row(name, value) for name, value in self.parameters.items()]
         for effect in self.effects:
             rows += [_row(f"{effect.name}.{name}", value) for name, value in effect.parameters.items()]
@@ -131,8 +130,6 @@ class Model:
 
     def to_pandas(self) -> Any:
         """Every parameter with its standard uncertainty and unit as a pandas DataFrame, indexed by name."""
-        from hil.record.show import needed
-
         named = dict(self.parameters)
         for effect in self.effects:
             named |= {f"{effect.name}.{name}": value for name, value in effect.parameters.items()}

@@ -4,38 +4,15 @@ from __future__ import annotations
 
 import csv
 import re
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
-from pathlib import Path
 from typing import Literal
 
-from hil.errors import FileError
 from hil.record import heading as headings
-from hil.record.text_file import encoding_of, open_text
-from hil.record.tokens import (
-    decimal_and_thousands,
-    decimal_between_commas,
-    is_blank,
-    is_date_only,
-    is_number,
-    is_quantity,
-    is_stamp,
-    prefix_of,
-    unit_of,
-)
 
 WHITESPACE = r"\s+"
-_SEPARATORS = ("\t", ";", ",", "|", WHITESPACE)
-_LOOKED_AT = 600
-_JUDGED = 60
-_LEAST_NUMERIC = 0.2
-_NAME_LABELS = frozenset({"tagname", "tag", "name", "names", "channel", "channels", "signal", "signals", "variable"})
 _UNIT_LABELS = frozenset({"unit", "units", "einheit", "einheiten", "eu", "unité"})
 _TOA5 = ("TS", "RN")  # what stands for units of the stamp and of the record's number
-ALSO_UNITS = ("", "K", "T")  # of the letters for powers of ten: kelvin and tesla where every number has one
-_TYPES = frozenset({"float", "double", "single", "int", "integer", "real", "float64", "float32", "number", "f8"})
 
 Kind = Literal["number", "stamp", "text"]
 
@@ -78,197 +55,6 @@ def split(line: str, separator: str) -> list[str]:
     return [field.strip() for field in next(csv.reader([line.strip("\r\n")], delimiter=separator), [])]
 
 
-def layout(path: Path, named: bool = False) -> Layout:
-    """The layout of a file; `named`: its columns get names, whatever its headings say.
-
-    Raises:
-        FileError: no rows of numbers, or headings that do not belong to them; says what helps.
-    """
-    encoding = encoding_of(path)
-    with open_text(path, encoding) as file:
-        lines = [line.rstrip("\r\n") for line in islice(file, _LOOKED_AT)]
-        more = bool(file.readline())
-    found = _as_contract(encoding, lines) if not named else None
-    return found or _guessed(path, encoding, lines, more, named)
-
-
-def _as_contract(encoding: str, lines: Sequence[str]) -> Layout | None:
-    """The layout of a file whose first line is `name [unit]` in every column: nothing is guessed about it."""
-    hinted = bool(lines) and lines[0].lower().startswith("sep=")
-    at = 1 if hinted else 0
-    if len(lines) <= at:
-        return None
-    for mark in ",;\t":
-        cells = split(lines[at].lstrip("#% "), mark)
-        while len(cells) > 1 and not cells[-1]:
-            cells.pop()
-        if len(cells) > 1 and all(cell.count("[") == 1 and cell.endswith("]") for cell in cells):
-            rows = [split(line, mark) for line in lines[at + 1 :] if line.strip()]
-            kinds = tuple(_kind([row[i] for row in rows if len(row) > i]) for i in range(len(cells)))
-            decimal, thousands = _marks(mark, rows)
-            units = ("",) * len(cells)
-            return Layout(encoding, mark, decimal, thousands, tuple(cells), units, at + 1, at + 2, kinds)
-    return None
-
-
-def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named: bool) -> Layout:
-    filled = [line for line in lines if line.strip() and not line.lstrip().startswith(("#", "%"))]
-    judged = filled[-_JUDGED:]
-    separator, count = _separator(judged)
-    rows = [split(line, separator) for line in judged]
-    if count > 1 and not any(row[count - 1] for line in filled if len(row := split(line, separator)) == count):
-        count -= 1  # a mark at the end of each line
-    whole = [row for row in (split(line, separator) for line in filled) if len(row) >= count]
-    kinds = tuple(_kind([row[i] for row in rows if len(row) >= count], [row[i] for row in whole]) for i in range(count))
-    first = _first_row(lines, separator, count, kinds)
-    if first is None:
-        raise FileError(f"{path}: {_no_rows(filled, more)}")
-    rows = [split(line, separator) for line in lines[first:] if line.strip()]
-    decimal, thousands = _marks(separator, rows)
-    if decimal == "." and separator != "," and more and not any("." in cell for row in rows for cell in row):
-        decimal, thousands = _marks_further_on(path, encoding, first)
-    above = list(_above(lines[:first], separator, count))
-    at, cells, units = (0, ("",) * count, ("",) * count) if named else _headings(above, count)
-    if not at and not named:
-        raise FileError(f"{path}: {_unnamed(lines[:first], separator, count - _days_apart(rows[0], kinds))}")
-    if at and not any(units):
-        units = _units_above(lines[: at - 1], separator, cells)
-    inside = [_unit_in_cells([row[i] for row in rows if len(row) > i and not is_blank(row[i])]) for i in range(count)]
-    inside = ["" if headings.split(cell)[1] else found for cell, found in zip(cells, inside, strict=True)]
-    units = tuple(unit or found for unit, found in zip(units, inside, strict=True))
-    return Layout(encoding, separator, decimal, thousands, cells, units, at, first + 1, kinds)
-
-
-def _days_apart(cells: Sequence[str], kinds: Sequence[Kind]) -> int:
-    """How many columns hold days beside one of times of the day: these are read as one."""
-    dated = [cell for cell, kind in zip(cells, kinds, strict=False) if kind == "stamp"]
-    days = sum(map(is_date_only, dated))
-    return days if days < len(dated) else 0
-
-
-def _separator(lines: Sequence[str]) -> tuple[str, int]:
-    """The mark that leaves the most fields numbers or stamps, and the number of fields then."""
-    best, score = (",", 1), -1.0
-    for mark in _SEPARATORS:
-        rows = [split(line, mark) for line in lines]
-        count = Counter(len(row) for row in rows).most_common(1)[0][0] if rows else 0
-        cells = [cell for row in rows if len(row) == count for cell in row]
-        known = sum(is_blank(cell) or is_quantity(cell) or is_stamp(cell) for cell in cells)
-        share = known / len(cells) * sum(len(row) == count for row in rows) / len(rows) if cells else 0.0
-        if count > 1 and share > score + 1e-9 and share >= _LEAST_NUMERIC:
-            best, score = (mark, count), share
-    return best
-
-
-def _kind(cells: Sequence[str], others: Sequence[str] = ()) -> Kind:
-    """What a column holds; `others` are looked at where all these cells are blank."""
-    filled = [cell for cell in cells if not is_blank(cell)] or [cell for cell in others if not is_blank(cell)]
-    numbers = sum(is_number(cell) or prefix_of(cell) != "" for cell in filled)
-    dates = sum(map(is_stamp, filled))
-    if 2 * numbers >= len(filled) or _unit_in_cells(filled):
-        return "number"
-    return "stamp" if 2 * dates >= len(filled) else "text"
-
-
-def _unit_in_cells(filled: Sequence[str]) -> str:
-    """The unit that stands behind every number of a column; empty where there is none, or it may be a power of ten."""
-    units = {unit_of(cell) if prefix_of(cell) in ALSO_UNITS else "" for cell in filled}
-    return units.pop() if len(units) == 1 else ""
-
-
-def _first_row(lines: Sequence[str], separator: str, count: int, kinds: Sequence[Kind]) -> int | None:
-    """The first line whose cells are what the columns hold, or of those before it with one that is not."""
-
-    def fits(line: str) -> list[bool]:
-        cells = split(line, separator)
-        if len(cells) == count + 1 and not cells[-1]:
-            cells.pop()
-        if len(cells) != count or not any(is_quantity(c) or is_stamp(c) for c in cells):
-            return [False]
-        pairs = zip(cells, kinds, strict=True)
-        return [
-            is_blank(c) or (is_quantity(c) if kind == "number" else is_stamp(c))
-            for c, kind in pairs if kind != "text"
-        ]  # fmt: skip
-
-    first = next((i for i, line in enumerate(lines) if line.strip() and all(fits(line))), None)
-    while first and (before := fits(lines[first - 1]))[0] and 2 * sum(before) > len(before):
-        first -= 1
-    return first
-
-
-def _marks(separator: str, rows: Sequence[Sequence[str]]) -> tuple[str, str]:
-    cells = [cell for row in rows for cell in row]
-    if separator == ",":
-        return decimal_between_commas(cells)
-    return decimal_and_thousands(cells)
-
-
-def _marks_further_on(path: Path, encoding: str, first: int) -> tuple[str, str]:
-    """Where whole numbers alone stand at the beginning."""
-    with open_text(path, encoding) as file:
-        for line in islice(file, first, None):
-            if "," in line or "." in line:
-                return (",", ".") if "," in line and "." not in line else (".", "")
-    return ".", ""
-
-
-def _above(lines: Sequence[str], separator: str, count: int) -> Iterator[tuple[int, list[str]]]:
-    """Numbers and cells of the lines above the rows that have a cell for each column."""
-    for number, line in enumerate(lines, 1):
-        bare = line.lstrip("#% ")
-        raw = () if separator == WHITESPACE and line.startswith("%") else (line,)
-        for text in (bare, *raw) if bare.strip(separator) else ():
-            cells = _heading_cells(text, separator, count)
-            if len(cells) == count and any(cells):
-                yield number, cells
-                break
-
-
-def _heading_cells(text: str, separator: str, count: int) -> list[str]:
-    if separator != WHITESPACE:
-        cells = split(text, separator)
-        return cells if len(cells) != count + 1 or cells[-1] else cells[:-1]
-    tries = (re.split(r"\t|\s{2,}", text.strip()), re.split(r"\s+(?![\[(])", text.strip()), text.split())
-    fitting = (cells for cells in tries if len(cells) == count)
-    return next(
-        (cells for cells in fitting if not any(is_number(c.strip("()[]")) for c in cells)), []
-    )  # else a sentence
-
-
-def _units_above(above: Sequence[str], separator: str, cells: Sequence[str]) -> tuple[str, ...]:
-    from hil.record.header_metadata import units_above  # which needs a layout's parts
-
-    if any(headings.split(cell)[1] for cell in cells):
-        return ("",) * len(cells)
-    return units_above(above, separator, cells)
-
-
-def _headings(above: list[tuple[int, list[str]]], count: int) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
-    """Line, headings and units; line 0 where there are none."""
-    texts = [(number, cells) for number, cells in above if not all(is_number(c) or is_blank(c) for c in cells)]
-    texts = [(number, cells) for number, cells in texts if not all(c.casefold() in _TYPES or not c for c in cells)]
-    if not texts:
-        return 0, ("",) * count, ("",) * count
-    chosen = next((i for i, (_, cells) in enumerate(texts) if _is_heading(cells)), None)
-    if chosen is None:
-        plain = [i for i, (_, cells) in enumerate(texts) if i == 0 or not is_row_of_units(cells)]
-        chosen = plain[-1]
-    number, cells = texts[chosen]
-    others = [*texts[chosen + 1 :], *texts[:chosen]]
-    units = next((found for _, found in others if is_row_of_units(found)), [""] * count)
-    bare = ["" if unit.casefold() in _UNIT_LABELS or unit in _TOA5 else headings.unit_text(unit) for unit in units]
-    bare = ["" if is_time_format(unit) else unit for unit in bare]
-    return number, tuple(cells), tuple(bare)
-
-
-def _is_heading(cells: Sequence[str]) -> bool:
-    names = [headings.split(cell)[0] for cell in cells]
-    timed = any(headings.is_time(name) or headings.is_date(name) for name in names) and not any(map(is_stamp, cells))
-    labelled = cells[0].casefold() in _NAME_LABELS
-    return timed or labelled or sum("[" in cell for cell in cells) * 2 > len(cells)
-
-
 def is_row_of_units(cells: Sequence[str]) -> bool:
     """Whether the cells of a line above the samples are units, one for each column."""
     if cells[0].casefold() in _UNIT_LABELS or tuple(cells[:2]) == _TOA5:
@@ -281,34 +67,13 @@ def is_row_of_units(cells: Sequence[str]) -> bool:
     )  # fmt: skip
 
 
+def stands_for_unit(text: str) -> bool:
+    """Whether a cell of a row of units only labels that row, or says that its column has none."""
+    return text.casefold() in _UNIT_LABELS or text in _TOA5
+
+
 def is_time_format(text: str) -> bool:
     """Whether a text describes stamps, as `hh:mm:ss` does."""
     return bool(
         re.fullmatch(r"[\[(]?(y+|d+|m+|h+|s+|f+)([\W_T]+(y+|d+|m+|h+|s+|f+))+[\])]?", text.strip(), re.IGNORECASE)
-    )
-
-
-def _no_rows(filled: Sequence[str], more: bool) -> str:
-    if len(filled) <= 1 and not more:
-        return "no rows after the header"
-    return (
-        "no rows of numbers were found; each row holds one number per column, separated by commas, semicolons, tabs or "
-        "blanks"
-    )
-
-
-def _unnamed(above: Sequence[str], separator: str, count: int) -> str:
-    named = ["time", "command", "flow"] if count > 2 else ["command", "flow"]
-    example = ",".join([*named[:count], *["-"] * (count - 3)])
-    even = "" if count > 2 else ", and --interval S for the seconds between samples"
-    option = f"name the {count} columns with --columns, as in --columns {example}{even}"
-    filled = [(i, line) for i, line in enumerate(above, 1) if line.strip()]
-    if not filled:
-        return f"the columns have no headings; {option}"
-    number, line = filled[-1]
-    cells = len(split(line, separator))
-    hint = "; with decimal commas, put semicolons between the columns" if count == 2 * cells else ""
-    return (
-        f"line {number + 1} has {count} values, the header names {cells} columns in line {number}{hint}. If that line "
-        f"is no header, {option}"
     )

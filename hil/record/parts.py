@@ -6,16 +6,16 @@ On disk a part is two events with one number in `part`: `part started` with its 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from hil.record.recording import Array
+import numpy as np
+from numpy.typing import NDArray
 
 STARTED, STOPPED = "part started", "part stopped"
 PLACE = ("first", "count", "start_s", "stop_s", "unfinished")
 
 
-def parts_of(events: Sequence[Mapping[str, Any]], time_s: Array) -> list[dict[str, Any]]:
+def parts_of(events: Sequence[Mapping[str, Any]], time_s: NDArray[np.float64]) -> list[dict[str, Any]]:
     """The parts that events delimit: their details, and where their samples lie.
 
     `first` and `count` index the samples, `start_s` and `stop_s` are the stamps of the first and the last of
@@ -30,7 +30,7 @@ def parts_of(events: Sequence[Mapping[str, Any]], time_s: Array) -> list[dict[st
     return [part for part in found if part]
 
 
-def _place(row: int, stop: Mapping[str, Any] | None, time_s: Array) -> dict[str, Any]:
+def _place(row: int, stop: Mapping[str, Any] | None, time_s: NDArray[np.float64]) -> dict[str, Any]:
     first, end = max(row, 0), min(stop["row"] if stop else len(time_s), len(time_s))
     if end <= first:
         return {}
@@ -49,7 +49,7 @@ def as_events(parts: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
         yield {"event": STOPPED, "row": end, "time_s": part["stop_s"], "part": number, "details": cut}
 
 
-def cut(meta: Mapping[str, Any], first: int, time_s: Array) -> dict[str, Any]:
+def cut(meta: Mapping[str, Any], first: int, time_s: NDArray[np.float64]) -> dict[str, Any]:
     """What `meta` says about the samples from `first` on that have the stamps `time_s`: its parts and events.
 
     A part that reaches over an end of them is cut there and marked unfinished.

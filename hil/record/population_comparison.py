@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from hil.record.measurement import Measured, Verdict, judge
+from hil.record.measured import Measured, Verdict, judge
 from hil.record.plain import plain
 
 

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 from hil.errors import FileError, UnitError
 from hil.record.parts import cut
+from hil.record.show import data_frame, dataset, figure_by_unit, table_html
 from hil.units import check_unit, convert
 
 Array = NDArray[np.float64]
 
+# A picture shows no more points of a channel.
+_MOST_POINTS = 20_000
 _HEADING = re.compile(r"^\s*(?P<name>[^\[\]]+?)\s*\[(?P<unit>[^\[\]]*)\]\s*$")
 
 
@@ -86,27 +89,27 @@ class Recording:
         return len(self.time_s)
 
     def _repr_html_(self) -> str:
-        from hil.record.show import recording_html
-
-        return recording_html(self)
+        rows = [
+            (c.name, c.unit, f"{np.nanmin(c.values):.4g} … {np.nanmax(c.values):.4g}", c.source)
+            for c in self.channels.values()
+        ]
+        caption = f"{self.name}: {len(self)} samples, {self.duration_s:g} s"
+        return table_html(("channel", "unit", "range", "source"), rows, caption)
 
     def plot(self, *names: str) -> Any:
         """A matplotlib figure of these channels, of all when none is named; an axis for each unit."""
-        from hil.record.show import recording_figure
-
-        return recording_figure(self, names)
+        shown = slice(None, None, max(1, len(self) // _MOST_POINTS))
+        chosen = [self.channel(name) for name in names or self.channels]
+        return figure_by_unit([(c.name, c.unit, c.values[shown]) for c in chosen], "time [s]", self.time_s[shown])
 
     def to_pandas(self) -> Any:
         """A pandas DataFrame: columns `name [unit]`, indexed by `time [s]`. Raises `InputError` without pandas."""
-        from hil.record.show import recording_frame
-
-        return recording_frame(self)
+        return data_frame({c.heading: c.values for c in self.channels.values()}, "time [s]", self.time_s)
 
     def to_xarray(self) -> Any:
         """An xarray Dataset over `time`, units as attributes. Raises `InputError` without xarray."""
-        from hil.record.show import recording_dataset
-
-        return recording_dataset(self)
+        variables = {c.name: (c.values, c.unit) for c in self.channels.values()}
+        return dataset(variables, ("time", self.time_s, "s"), self.name)
 
     @property
     def duration_s(self) -> float:

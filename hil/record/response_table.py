@@ -19,6 +19,7 @@ from hil.record import heading as headings
 from hil.record.columns import Column, Table
 from hil.record.durable import write_whole
 from hil.record.recording import Array
+from hil.record.show import data_frame, dataset, table_html
 from hil.units import convert
 
 Complex = NDArray[np.complex128]
@@ -66,28 +67,53 @@ class ResponseTable:
     def __len__(self) -> int:
         return len(self.frequency_hz)
 
-    def _repr_html_(self) -> str:
-        from hil.record.show_responses import response_html
+    @property
+    def phase_deg(self) -> Array:
+        """The phase without its jumps, shape (n,)."""
+        return np.degrees(np.unwrap(np.angle(self.response)))
 
-        return response_html(self)
+    def _repr_html_(self) -> str:
+        lines = zip(self.frequency_hz, np.abs(self.response), self.phase_deg, strict=True)
+        rows = [(f"{f:.4g}", f"{gain:.4g}", f"{phase:.1f}") for f, gain, phase in lines]
+        return table_html(("frequency [Hz]", f"gain [{self.unit}]", "phase [deg]"), rows, self.name)
 
     def plot(self, *others: ResponseTable) -> Any:
         """A matplotlib figure: gain and phase, those of others beside them."""
-        from hil.record.show_responses import response_figure
+        from matplotlib.figure import Figure
 
-        return response_figure((self, *others))
+        figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+        above, below = figure.subplots(2, 1, sharex=True)
+        tables = (self, *others)
+        for table in tables:
+            gain_db, label = _DB * np.log(np.abs(table.response)), table.name.rsplit("/", 1)[-1]
+            above.plot(table.frequency_hz, gain_db, ".-", label=label, linewidth=1.0)
+            below.plot(table.frequency_hz, table.phase_deg, ".-", linewidth=1.0)
+        units = ", ".join(dict.fromkeys(table.unit for table in tables))
+        above.set_ylabel(f"gain [dB of {units}]" if units != "1" else "gain [dB]")
+        above.legend(fontsize="small")
+        below.set_ylabel("phase [deg]")
+        below.set_xlabel("frequency [Hz]")
+        below.set_xscale("log")
+        return figure
 
     def to_pandas(self) -> Any:
         """A pandas DataFrame: gain, phase and their uncertainty, indexed by `frequency [Hz]`."""
-        from hil.record.show_responses import response_frame
-
-        return response_frame(self)
+        columns = {f"{name} [{unit}]": values for name, (values, unit) in self._variables.items()}
+        return data_frame(columns, "frequency [Hz]", self.frequency_hz)
 
     def to_xarray(self) -> Any:
         """An xarray Dataset over `frequency`, units as attributes. Raises `InputError` without xarray."""
-        from hil.record.show_responses import response_dataset
+        return dataset(self._variables, ("frequency", self.frequency_hz, "Hz"), self.name)
 
-        return response_dataset(self)
+    @property
+    def _variables(self) -> dict[str, tuple[Array, str]]:
+        gain = np.abs(self.response)
+        found = {"gain": (gain, self.unit), "phase": (self.phase_deg, "deg")}
+        if self.gain_std is not None:
+            found["gain std"] = (gain * self.gain_std, self.unit)
+        if self.phase_std_rad is not None:
+            found["phase std"] = (np.degrees(self.phase_std_rad), "deg")
+        return found
 
 
 def are_responses(tables: Sequence[Table]) -> bool:

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from pydantic import AwareDatetime
 
-from hil.record.measurement import Measured, Verdict
+from hil.record.measured import Measured, Verdict
 
 
 @dataclass(frozen=True, slots=True)

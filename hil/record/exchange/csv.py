@@ -18,9 +18,9 @@ from hil.errors import FileError
 from hil.record.assemble import assemble
 from hil.record.columns import Table
 from hil.record.flat import flat
+from hil.record.guessed_layout import layout
 from hil.record.header_metadata import of_header_lines
 from hil.record.known_programs import of_known_program
-from hil.record.layout import layout
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
