@@ -112,9 +112,11 @@ def watch(
 def calibrate(
     bench: str | Path | BenchFile,
     channel: str,
-    reference: str,
-    answered: Callable[[], float | None],
+    reference: str = "",
+    answered: Callable[[], float | None] | None = None,
     *,
+    certificate: str | Path = "",
+    table: str = "",
     points: int = 5,
     between: tuple[float, float] | None = None,
     reference_uncertainty: float | None = None,
@@ -127,13 +129,17 @@ def calibrate(
     """Slope and offset of a channel against a reference (`hil calibrate`).
 
     The `write()` of what is returned changes the bench file. An input is averaged for a second at each point, with no
-    output opened; an output is driven through the guard and held until the answer is there.
+    output opened; an output is driven through the guard and held until the answer is there. A certificate has the
+    points in it: nothing is opened.
 
     Args:
         bench: bench file, or what was read from it.
         channel: an input or an output.
         reference: what it is compared with, in words.
         answered: asked for what the reference reads, in the channel's unit; None while nobody has answered.
+        certificate: instead of both, the sensor's Digital Calibration Certificate (PTB's DCC, XML): a table whose
+            quantities are `basic_referenceValue` and `basic_measuredValue`, in the channel's unit or the terminal's.
+        table: its name, where there are several.
         points: at how many places.
         between: where an output goes; its limits when not given.
         reference_uncertainty: expanded (k = 2), of each of the reference's readings.
@@ -145,16 +151,22 @@ def calibrate(
 
     Raises:
         UnknownNameError: no such channel.
-        SettingError: a point without a measurement, or an output without a run folder.
+        SettingError: a point without a measurement, an output without a run folder, or both or neither of reference and
+            certificate.
+        FileError: no such certificate or table, or a quantity that the channel does not have.
     """
     from hil.errors import SettingError, UnknownNameError
     from hil.safety.outputs import Outputs as Known
-    from hil.session.calibration import calibrated, input_points, output_points, targets_of
+    from hil.session.calibration import calibrated, certified, input_points, output_points, targets_of
     from hil.session.labels import labels_of
 
     file, labels = bench_of(bench), labels_of("", operator, [])
     if channel not in file.bench.channels:
         raise UnknownNameError("channel", channel, file.bench.channels)
+    if bool(certificate) == (answered is not None):
+        raise SettingError("either a reference, which is read beside the channel, or a certificate")
+    if answered is None:
+        return certified(file, channel, Path(certificate), table, labels.operator, valid_days)
     if not file.bench.channels[channel].is_output:
         found = input_points(file, channel, points, ask, answered)
     elif not str(out):

@@ -21,7 +21,14 @@ if TYPE_CHECKING:
 def command(
     bench: Path = typer.Argument(..., metavar="BENCH.toml", help="Bench file; it is changed when that is confirmed."),
     channel: str = typer.Argument(..., metavar="CHANNEL", help="An input, or an output."),
-    reference: str = typer.Option(..., "--reference", metavar="TEXT", help="What it is compared with, in words."),
+    reference: str = typer.Option("", "--reference", metavar="TEXT", help="What it is compared with, in words."),
+    certificate: Path | None = typer.Option(
+        None,
+        "--certificate",
+        metavar="FILE.xml",
+        help="Instead of a reference: the sensor's Digital Calibration Certificate (DCC).",
+    ),
+    table: str = typer.Option("", "--table", metavar="NAME", help="Its table of results, where it has several."),
     reference_uncertainty: str = typer.Option(
         "",
         "--reference-uncertainty",
@@ -43,15 +50,17 @@ def command(
 
     At each point the reference's reading is asked for: an input is averaged for a second, with no output opened; an
     output is driven through the guard and held until the answer is there, then goes back. The bench file keeps its
-    comments, and the values before in a history.
+    comments, and the values before in a history. A certificate has the points in it: nothing is opened then.
     """
     from hil import api
     from hil.bench.read import read_bench
     from hil.cli.quantity import quantity
     from hil.cli.run_end import entered, safely
     from hil.cli.typed import Typed
-    from hil.errors import UnknownNameError
+    from hil.errors import SettingError, UnknownNameError
 
+    if bool(reference) == bool(certificate):
+        raise SettingError("either --reference TEXT, what is read beside the channel, or --certificate FILE.xml")
     file = read_bench(bench)
     if channel not in file.bench.channels:
         raise UnknownNameError("channel", channel, file.bench.channels)
@@ -60,7 +69,7 @@ def command(
     ends = between.partition("..")
     limits = (quantity(ends[0], unit, "--between"), quantity(ends[2], unit, "--between")) if between else None
     typed = Typed()
-    folder = _folder(file, channel, out)
+    folder = None if certificate else _folder(file, channel, out)
 
     def ask_all(known: Outputs | None = None) -> Calibrated:
         return api.calibrate(
@@ -68,12 +77,16 @@ def command(
             reference_uncertainty=expanded, valid_days=valid_days, out=folder or "", ask=_ask, outputs=known,
         )  # fmt: skip
 
-    if folder is None:
+    if certificate is not None:
+        found = api.calibrate(
+            file, channel, certificate=certificate, table=table, operator=operator, valid_days=valid_days
+        )
+    elif folder is None:
         found = ask_all()
     else:
         found = safely(ask_all, folder, archive)
         entered(archive, folder)
-    typer.echo(_described(found, reference_stated=expanded is not None), err=as_json)
+    typer.echo(_described(found, reference_stated=bool(certificate) or expanded is not None), err=as_json)
     written = yes or _confirmed(f"write this into {bench}? [y/N] ", typed)
     if written:
         found.write()
@@ -140,8 +153,8 @@ def _described(found: Calibrated, *, reference_stated: bool) -> str:
     )  # fmt: skip
     lines = [
         *rows,
-        f"slope  {line.slope:.6g} ± {line.slope_interval:.2g} {per} (95 %; before: {entry.line.slope:.6g})",
-        f"offset {line.offset:.6g} ± {line.offset_interval:.2g} {entry.unit} (95 %; before: {entry.line.offset:.6g})",
+        f"slope  {new.slope:.6g} ± {line.slope_interval:.2g} {per} (95 %; before: {entry.line.slope:.6g})",
+        f"offset {new.offset:.6g} ± {line.offset_interval:.2g} {entry.unit} (95 %; before: {entry.line.offset:.6g})",
         f"non-linearity: {bent}; {verdict}",
         f"a value read through it: ± {line.uncertainty:.3g} {entry.unit} (k = 2); due {new.due}",
     ]

@@ -14,6 +14,7 @@ import numpy as np
 from hil.bench.audit import on_the_trail
 from hil.bench.ending import accounted, word_of_this_process
 from hil.bench.file import CalibrationLine
+from hil.bench.hand.certificate import read_certificate
 from hil.bench.hand.fit import Line, Point, fit_line
 from hil.bench.hand.inputs import inputs_of
 from hil.bench.hand.write import write_calibration
@@ -50,16 +51,37 @@ class Calibrated:
 
 def calibrated(
     file: BenchFile, channel: str, points: Sequence[Point], reference: str, std: float | None, operator: str,
-    valid_days: int,
+    valid_days: int, date: dt.date | None = None,
 ) -> Calibrated:  # fmt: skip
     """The line through the points, as an entry of the bench; `std`: standard uncertainty of a reference reading."""
-    line, today = fit_line(points, std), dt.datetime.now(dt.UTC).date()
+    line, date = fit_line(points, std), date or dt.datetime.now(dt.UTC).date()
     entry = CalibrationLine(
         slope=_short(line.slope, line.slope_interval), offset=_short(line.offset, line.offset_interval),
-        uncertainty=float(f"{line.uncertainty:.3g}"), date=today, due=today + dt.timedelta(days=valid_days),
+        uncertainty=float(f"{line.uncertainty:.3g}"), date=date, due=date + dt.timedelta(days=valid_days),
         source=reference, operator=operator, lag_s=None,
     )  # fmt: skip
     return Calibrated(file, channel, tuple(points), line, entry)
+
+
+def certified(
+    file: BenchFile, channel: str, path: Path, table: str, operator: str, valid_days: int
+) -> Calibrated:  # fmt: skip
+    """The line through the points of a certificate, as an entry of the bench; no terminal is opened.
+
+    Where the certificate tells values of the channel itself in place of what its terminal reads, they were made by the
+    line that the bench has now.
+
+    Raises:
+        FileError: no such certificate or table, or a quantity that the channel does not have.
+    """
+    entry, certificate = file.bench.channels[channel], read_certificate(path)
+    raw_unit = file.devices[entry.device].terminals[entry.terminal].unit
+    unit, stated = certificate.points(table, entry.unit, (raw_unit, entry.unit))
+    points = [
+        Point(p.indicated if unit == raw_unit else entry.line.raw_at(p.indicated), 0.0, p.reference) for p in stated
+    ]
+    std = max((p.std for p in stated if p.std is not None), default=None)
+    return calibrated(file, channel, points, certificate.source, std, operator, valid_days, certificate.date)
 
 
 def targets_of(file: BenchFile, channel: str, count: int, between: tuple[float, float] | None = None) -> list[float]:
