@@ -17,7 +17,6 @@ from hil.findings.results import write_results
 from hil.record.folder import read, write
 from hil.record.recording import Channel, Recording
 from hil.record.seal import seal_folder
-from hil.session.outcome import write_findings
 from hil.session.results import evaluated_anew, judged_by
 
 
@@ -47,7 +46,6 @@ def run_of(folder: Path, serial: str = "SN-7", *, gain: float = 50.0, hour: int 
     write(Recording(str(at), time_s, channels, meta), at)
     recording = read(at)
     findings = evaluated_anew(recording, at)
-    write_findings(findings, at)
     write_results(results_of(recording, findings), at)
     seal_folder(at, judged_by(recording, at))
     return at

@@ -12,13 +12,12 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 from hil.errors import FileError, StorageError
 from hil.record.cause import Cause
 from hil.record.durable import write_whole
-from hil.record.measurement import Measured, Verdict
+from hil.record.measurement import RESULTS_FILE, Measured, Verdict
 from hil.record.population_comparison import PopulationComparison
 from hil.record.show import dataset, figure_by_unit, needed, table_html
 from hil.record.since import Since
 from hil.untrusted import read_untrusted_json
 
-RESULTS_FILE = "results.json"
 SCHEMA: Literal["hil.results/1"] = "hil.results/1"
 
 

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from hil.errors import FileError, StorageError
-from hil.findings.results import RESULTS_FILE, read_results, write_results
+from hil.findings.results import read_results, write_results
 from hil.passport.unit import Unit, UnitRun
 from hil.record.folder import write
 from hil.record.header import sha256_of
+from hil.record.measurement import RESULTS_FILE
 from hil.record.recording import Recording
 from hil.record.seal import seal_folder
 from hil.session.outcome import REPORT_FILE

@@ -10,9 +10,9 @@ from pathlib import Path
 from hil.errors import FileError, SettingError
 from hil.findings.agreement import disagreements
 from hil.findings.collect import findings_of, results_of
-from hil.findings.results import RESULTS_FILE, Results
+from hil.findings.results import Results
 from hil.record.folder import read
-from hil.record.measurement import Findings, Verdict, ended_as_planned
+from hil.record.measurement import RESULTS_FILE, Findings, Verdict, ended_as_planned
 from hil.record.recording import Recording
 from hil.record.seal import Seal, check_seal
 from hil.record.simulated import is_simulated

@@ -17,8 +17,22 @@ from hil.record.population_comparison import PopulationComparison
 from hil.record.since import Since
 
 __all__ = [
-    "AS_PLANNED", "COVERAGE_FACTOR", "FINDINGS_FILE", "Findings", "Limit", "Measured", "Measurement", "Relation",
-    "Verdict", "ended_as_planned", "ending_of", "is_accepted", "judge", "names_of", "unproven",
+    "AS_PLANNED",
+    "COVERAGE_FACTOR",
+    "FINDINGS_FILE",
+    "RESULTS_FILE",
+    "Findings",
+    "Limit",
+    "Measured",
+    "Measurement",
+    "Relation",
+    "Verdict",
+    "ended_as_planned",
+    "ending_of",
+    "is_accepted",
+    "judge",
+    "names_of",
+    "unproven",
 ]  # fmt: skip
 
 
@@ -68,7 +82,9 @@ class Measurement:
         return self.of(value + expanded, 0.0, relation="<")
 
 
+RESULTS_FILE = "results.json"
 FINDINGS_FILE = "findings.json"
+"""In which versions before kept a part of the results; it is read where there is nothing else."""
 AS_PLANNED = ("completed", "written")
 """Outcomes of a run that ended as planned, and of a recording that was written."""
 
@@ -127,16 +143,6 @@ class Findings:
     def of_unfinished(self) -> Findings:
         """The same, of a run that did not end as planned: nothing in it has passed."""
         return replace(self, measured=tuple(replace(m, verdict=unproven(m.verdict)) for m in self.measured))
-
-    def as_dict(self) -> dict[str, Any]:
-        """Everything but the curves, as JSON values."""
-        return {
-            "verdict": self.verdict,
-            "measured": [found.as_dict() for found in self.measured],
-            "notes": list(self.notes),
-            "deviations": list(self.deviations),
-            **({} if self.likeness is None else {"likeness": self.likeness.as_dict()}),
-        }
 
 
 def unproven(verdict: Verdict | None) -> Verdict | None:

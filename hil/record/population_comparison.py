@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from hil.record.measured import Measured, Verdict, judge
-from hil.record.plain import plain
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +25,3 @@ class PopulationComparison:
     def those(self, verdict: Verdict) -> tuple[Measured, ...]:
         """Figures that lie within the range for certain (`pass`), beyond it (`fail`), or of which nobody can tell."""
         return tuple(m for m in self.figures if judge(m.value, m.std, m.low, m.high, m.relation) == verdict)
-
-    def as_dict(self) -> dict[str, Any]:
-        """As JSON values."""
-        found: dict[str, Any] = plain(self)
-        return found

@@ -17,7 +17,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
 from hil.errors import FileError, StorageError
 from hil.record.durable import sync_folder, write_whole
 from hil.record.header import END_FILE, HEADER_FILE, read_end, read_stated, sha256_of
-from hil.record.measurement import FINDINGS_FILE, Limit
+from hil.record.measurement import FINDINGS_FILE, RESULTS_FILE, Limit
 from hil.record.samples import ROWS_FILE
 from hil.version import PROGRAM
 
@@ -94,7 +94,8 @@ def check_seal(folder: Path, only: str = "") -> Seal | None:
     """
     seal, end = read_seal(folder), read_end(folder)
     recorded = {} if end is None else end.sha256
-    if seal is None and not only and ROWS_FILE in recorded and (folder / FINDINGS_FILE).is_file():
+    evaluated = any((folder / name).is_file() for name in (RESULTS_FILE, FINDINGS_FILE))
+    if seal is None and not only and ROWS_FILE in recorded and evaluated:
         raise FileError(
             f"{folder / SEAL_FILE}: is gone, or was never written; `hil report {folder}` evaluates and seals"
         )

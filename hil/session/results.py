@@ -11,21 +11,21 @@ from types import MappingProxyType
 from hil.bench.audit import evaluated_on_the_trail
 from hil.errors import FileError, HilError, InputError
 from hil.findings.collect import findings_of, results_of
-from hil.findings.results import RESULTS_FILE, Results, read_results, write_results
+from hil.findings.results import Results, read_results, write_results
 from hil.language.choice import in_page_language
 from hil.language.note import Note, revived
 from hil.record.cause import Cause
 from hil.record.conditions import condition_departures
 from hil.record.folder import read
 from hil.record.header import HEADER_FILE, read_header
-from hil.record.measurement import Findings, Limit, ended_as_planned
+from hil.record.measurement import FINDINGS_FILE, RESULTS_FILE, Findings, Limit, ended_as_planned
 from hil.record.recording import Recording
 from hil.record.seal import check_seal, read_seal, seal_folder
 from hil.record.simulated import is_simulated
 from hil.report.run_page import write_run_report
 from hil.safety.outputs import ending_words
 from hil.session.limit import TypedLimit, checked_limits, limits_of
-from hil.session.outcome import REPORT_FILE, Outcome, write_findings
+from hil.session.outcome import REPORT_FILE, Outcome
 from hil.session.procedure import Procedure, load_procedure
 from hil.session.responses import write_responses
 from hil.session.resting import measured_findings
@@ -76,7 +76,7 @@ def _with_origin(found: Results, folder: Path) -> Results:
 def report_again(
     folder: Path, limits: Mapping[str, Limit | TypedLimit] = MappingProxyType({}), archive: str = ""
 ) -> Outcome:
-    """Evaluate a run once more and write its findings, results and report.
+    """Evaluate a run once more and write its results and report.
 
     A run that was broken off before anything could be evaluated gets a report that says so.
 
@@ -187,9 +187,9 @@ def _in_words(recording: Recording) -> Recording:
 def write_evaluation(
     recording: Recording, findings: Findings, folder: Path, limits: Mapping[str, Limit] | None = None
 ) -> Outcome:
-    """Write findings, results and report into a run folder and seal it; no word of it in the audit trail."""
-    write_findings(findings, folder)
+    """Write results and report into a run folder and seal it; no word of it in the audit trail."""
     write_results(results_of(recording, findings), folder)
+    (folder / FINDINGS_FILE).unlink(missing_ok=True)  # what an earlier version found
     write_responses(findings, folder)
     write_run_report(_in_words(recording), findings, folder / REPORT_FILE, _units_of_settings(recording))
     seal_folder(folder, judged_by(recording, folder) if limits is None else limits)

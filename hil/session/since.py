@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 from hil.errors import ArchiveError, InputError
 from hil.findings.collect import results_of
 from hil.findings.difference import Difference, differences
-from hil.findings.results import RESULTS_FILE, Results, read_results
+from hil.findings.results import Results, read_results
 from hil.record.header import read_header
 from hil.record.instruments import instruments_mark
-from hil.record.measurement import Findings, is_accepted
+from hil.record.measurement import RESULTS_FILE, Findings, is_accepted
 from hil.record.recording import Recording
 from hil.record.since import Missed, Moved, Since
 from hil.session.procedure import Procedure

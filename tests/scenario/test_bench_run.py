@@ -75,7 +75,7 @@ def test_a_run_that_passes(tmp_path: Path) -> None:
     (folder,) = (tmp_path / "runs").iterdir()
     assert folder.name.startswith("tiny_step-2") and f"recording into runs/{folder.name}" in out
     assert "rise " in out and "± " in out and "verdict: pass" in out
-    assert json.loads((folder / "findings.json").read_text(encoding="utf-8"))["verdict"] == "pass"
+    assert json.loads((folder / "results.json").read_text(encoding="utf-8"))["verdict"] == "pass"
 
 
 @pytest.mark.parametrize(

@@ -177,7 +177,8 @@ def test_asking_an_archive_that_is_not_there_makes_none(tmp_path):
 def test_run_of_the_first_version_is_entered_with_its_findings(tmp_path):
     folder = made_run(tmp_path / "lab" / "a")
     (folder / "results.json").unlink()
-    findings = Findings((GAIN.of(0.7, 0.01),)).as_dict()
+    found = Findings((GAIN.of(0.7, 0.01),))
+    findings = {"verdict": found.verdict, "measured": [one.as_dict() for one in found.measured]}
     (folder / "findings.json").write_text(json.dumps(findings), encoding="utf-8")
     place = archive_place(str(tmp_path / "lab"))
     enter(place, [folder])

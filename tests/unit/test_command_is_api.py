@@ -151,7 +151,7 @@ def test_run(said, through, tmp_path):
     step = ("step_response", "--bench", "brevini-hpv41", "--set", "levels=0,80", "--operator", "ab")
     said("run", *step, "--out", tmp_path / "one")
     again = hil.run("step_response", "brevini-hpv41", tmp_path / "other", levels=(0, 80), operator="ab")
-    assert returned[0].findings.as_dict() == again.findings.as_dict()
+    assert returned[0].findings.measured == again.findings.measured
     same_samples(hil.read(tmp_path / "one"), hil.read(tmp_path / "other"))
     assert hil.read(tmp_path / "one").meta["operator"] == "ab"
     assert json.loads(said("report", tmp_path / "one", "--json")) == json.loads(hil.results(tmp_path / "one").as_json())

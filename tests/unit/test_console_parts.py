@@ -36,10 +36,10 @@ from hil.console.server import OnceAMinute
 from hil.console.site import Site
 from hil.console.underway import Underway, run_of
 from hil.errors import FileError, SettingError, StorageError, UnknownNameError
-from hil.findings.results import RESULTS_FILE, Results
+from hil.findings.results import Results
 from hil.record.folder import RunWriter
 from hil.record.header import new_header
-from hil.record.measurement import Verdict
+from hil.record.measurement import RESULTS_FILE, Verdict
 from hil.session.procedure import load_procedure
 
 

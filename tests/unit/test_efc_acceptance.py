@@ -26,7 +26,7 @@ def test_a_good_valve_passes_the_whole_sequence(tmp_path: Path) -> None:
     assert {"flow_curve", "steps", "responses"} <= set(found.curves)
     # 1 mA of friction makes a loop of twice that
     assert value(found, "hysteresis") == pytest.approx(2.0, abs=0.6)
-    assert json.loads((tmp_path / "run" / "findings.json").read_text(encoding="utf-8"))["verdict"] == "pass"
+    assert json.loads((tmp_path / "run" / "results.json").read_text(encoding="utf-8"))["verdict"] == "pass"
     run = read_recording(tmp_path / "run")
     check_handed_on(made, tmp_path)
     assert run.values("current")[-1] == 0.0

@@ -237,7 +237,7 @@ def test_steps_reach_the_pressures_of_the_thesis(tmp_path: Path) -> None:
         assert value(found, f"step_pressure, {current:g} A") == pytest.approx(pressure, abs=3.0)
     assert value(found, "rise, 1.6 A") == pytest.approx(73.0, abs=3.0)
     assert any(note.startswith("1.2 A: 2 of 2 steps move the pressure too little") for note in found.notes)
-    assert len(json.loads((tmp_path / "run" / "findings.json").read_text(encoding="utf-8"))["measured"]) > 15
+    assert len(json.loads((tmp_path / "run" / "results.json").read_text(encoding="utf-8"))["values"]) > 15
 
 
 # -- frequency response ------------------------------------------------------------------------------------

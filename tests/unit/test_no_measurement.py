@@ -218,7 +218,7 @@ def test_a_step_beyond_the_range_of_the_flow_meter_has_no_figure(tmp_path: Path)
     values = {m.name: m.value for m in outcome.findings.measured}
     assert values["change, 0 → 80 %"] is None and values["change, 80 → 0 %"] is None
     assert values["change, 0 → 50 %"] == pytest.approx(21.6, abs=0.5)
-    told = json.loads((tmp_path / "run" / "findings.json").read_text(encoding="utf-8"))
+    told = json.loads((tmp_path / "run" / "results.json").read_text(encoding="utf-8"))
     assert "'flow' was not measured in" in told["notes"][0] and "change, 0 → 80 %" in told["notes"][1]
     assert "was not measured in" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     events = [event["event"] for event in read_recording(tmp_path / "run").meta["events"]]

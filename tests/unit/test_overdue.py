@@ -62,7 +62,7 @@ def test_overdue_instrument_is_a_deviation_in_header_findings_and_page(
     assert run(bench(yesterday), monkeypatch) == 0
     assert f"deviation: {text}" in capsys.readouterr().out
     assert json.loads(Path("run/run.json").read_text("utf-8"))["meta"]["deviations"] == [text]
-    assert text in json.loads(Path("run/findings.json").read_text("utf-8"))["deviations"]
+    assert text in json.loads(Path("run/results.json").read_text("utf-8"))["deviations"]
     assert f"was due on {yesterday}" in Path("run/report.html").read_text("utf-8")
     assert overdue_in_archive() == [(Path("run").resolve(), yesterday)]
     assert report_again(Path("run")).findings.deviations.count(text) == 1  # the day is that of the run

@@ -230,7 +230,7 @@ def test_a_run_that_was_stopped_is_closed_on_the_trail(tmp_path: Path) -> None:
     drives, stop, closes = (link.line for link in chain(Audit().path))
     assert [drives["act"], stop["act"], closes["act"]] == ["drives", "stop", "closes"]
     edited(tmp_path / "run" / "end.json", lambda end: end.update(outcome="completed"))
-    for name in ("results.json", "findings.json", "seal.json"):
+    for name in ("results.json", "seal.json"):
         (tmp_path / "run" / name).unlink()
     with pytest.raises(FileError, match=r"end\.json: not the one that stands in the audit trail"):
         issue([tmp_path / "run"], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
@@ -412,7 +412,6 @@ def test_a_procedure_that_is_not_here_can_be_evaluated_by_nobody(tmp_path, monke
 def test_a_run_with_holes_and_one_that_broke_off_are_evaluated_like_others(tmp_path: Path) -> None:
     run = run_of(tmp_path, outcome="tripped: over-pressure")
     (run / "results.json").unlink()
-    (run / "findings.json").unlink()
     (run / "seal.json").unlink()
     assert read_unit_runs([run]).verdict == "cannot tell"
     assert np.isfinite(read(run).time_s).all()

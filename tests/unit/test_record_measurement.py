@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -102,16 +100,6 @@ def test_what_was_found_keeps_what_was_declared() -> None:
 )  # fmt: skip
 def test_the_worst_verdict_is_that_of_the_run(verdicts: tuple, whole: str | None) -> None:
     assert Findings(tuple(Measured("x", 1.0, "1", verdict=verdict) for verdict in verdicts)).verdict == whole
-
-
-def test_findings_are_json_without_the_curves() -> None:
-    findings = Findings((BANDWIDTH.of(np.float64(4.0), np.float64(np.nan)),), {"bode": object()}, ("note",), ("dev",))
-    written = json.loads(json.dumps(findings.as_dict(), allow_nan=False))
-    assert written["verdict"] == "cannot tell"
-    assert written["measured"][0]["value"] == 4.0
-    assert written["measured"][0]["std"] is None
-    assert written["notes"] == ["note"]
-    assert "curves" not in written
 
 
 def test_the_verdict_uses_the_whole_uncertainty_and_repeatability_is_what_is_left_of_it() -> None:

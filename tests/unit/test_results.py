@@ -12,10 +12,10 @@ from hil.cli import app
 from hil.errors import FileError
 from hil.findings.collect import results_of
 from hil.findings.curves import curves_of
-from hil.findings.results import RESULTS_FILE, Results, read_results, write_results
+from hil.findings.results import Results, read_results, write_results
 from hil.findings.tables import write_csv, write_xlsx
 from hil.record.folder import read, write
-from hil.record.measurement import Findings, Measurement
+from hil.record.measurement import RESULTS_FILE, Findings, Measurement
 from hil.record.recording import Channel, Recording
 
 GAIN = Measurement("gain", "l/min per %", "amplitude ratio", low=0.8)

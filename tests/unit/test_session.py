@@ -106,8 +106,8 @@ def test_run_leaves_samples_findings_and_verdict(tiny: Procedure, bench: BenchFi
     )
     assert told == sorted(told) and {0.5, 1.0} <= set(told)
     assert (outcome.findings.verdict, outcome.exit_status) == ("pass", 0)
-    found = json.loads((tmp_path / "run" / "findings.json").read_text(encoding="utf-8"))
-    assert [measured["name"] for measured in found["measured"]] == ["rise", "noise"]
+    found = json.loads((tmp_path / "run" / "results.json").read_text(encoding="utf-8"))
+    assert [measured["name"] for measured in found["values"]] == ["rise", "noise"]
     assert outcome.report == tmp_path / "run" / "report.html"
     assert "Brevini HPV41" in outcome.report.read_text(encoding="utf-8")
     run = read_recording(tmp_path / "run")
@@ -131,7 +131,7 @@ def test_what_cannot_be_told_is_exit_status_1_and_nothing_judged_is_0(
     free = {"rise": Limit(), "noise": Limit()}
     unjudged = run_procedure(tiny, bench, {"levels": "50"}, tmp_path / "free", limits=free)
     assert (unjudged.findings.verdict, unjudged.exit_status) == (None, 0)
-    assert json.loads((tmp_path / "free" / "findings.json").read_text(encoding="utf-8"))["verdict"] is None
+    assert json.loads((tmp_path / "free" / "results.json").read_text(encoding="utf-8"))["verdict"] is None
     assert "nothing was judged" in unjudged.report.read_text(encoding="utf-8")
 
 

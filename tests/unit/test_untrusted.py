@@ -11,7 +11,6 @@ import pytest
 from hil.errors import FileError
 from hil.passport.issue import Wanted, issue
 from hil.passport.key import signing_key
-from hil.record.measurement import FINDINGS_FILE
 from hil.record.seal import SEAL_FILE
 from hil.session.outcome import REPORT_FILE
 from hil.session.results import report_again
@@ -33,7 +32,7 @@ def begins(text: str) -> str:
     return repr(text[:12])
 
 
-WRITTEN = ("results.json", FINDINGS_FILE, REPORT_FILE, SEAL_FILE)
+WRITTEN = ("results.json", REPORT_FILE, SEAL_FILE)
 
 
 @pytest.fixture

@@ -18,8 +18,9 @@ from hil.console.stops import ask_listener
 from hil.console.underway import control_of, run_of
 from hil.console.uploads import form_of
 from hil.errors import FileError, HilError
-from hil.findings.results import RESULTS_FILE, read_results
+from hil.findings.results import read_results
 from hil.record.alive import lives
+from hil.record.measurement import RESULTS_FILE
 from hil.record.progress import WrittenProgress, progress_of
 from hil.untrusted import is_regular
 

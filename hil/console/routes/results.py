@@ -25,9 +25,9 @@ from hil.console.routes import jobs
 from hil.console.routes.passports import passports
 from hil.console.site import NotHereError
 from hil.errors import ArchiveError, HilError, SettingError
-from hil.findings.results import RESULTS_FILE, Results, read_results
+from hil.findings.results import Results, read_results
 from hil.record.header import meta_of
-from hil.record.measurement import Measured
+from hil.record.measurement import RESULTS_FILE, Measured
 from hil.record.simulated import is_simulated
 from hil.report.name import value_words
 from hil.session.comparison import RunComparison, compare_runs
