@@ -141,13 +141,17 @@ class _Valley:
     rise: Callable[[Array], float] | None
 
     def least_identifiable(self, kept: Sequence[int]) -> int | None:
-        """Of those that are not told, the one of whose slope least is left; None where all are told."""
+        """Of those that are not told, the one of whose slope least is left; None where all are told.
+
+        Less than slopes are good to is nothing: rounding, which each processor does otherwise, decides no order. There
+        the value goes first whose bounds let the residuals change least; those that are left give way the farthest.
+        """
         directions = {k: self._against(k, [j for j in kept if j != k]) for k in kept}
         left = {k: self._left(direction) for k, direction in directions.items()}
         doubtful = [k for k in kept if left[k] < _DOUBTFUL]
         blind = [k for k in kept if self._is_blind(k, directions[k])]
         blind = blind or [k for k in doubtful if self._costs_less(k, left[k], [j for j in doubtful if j != k])]
-        return min(blind, key=left.__getitem__, default=None)
+        return min(blind, key=lambda k: (max(left[k], _SLOPES_GOOD_TO), self.widths[k]), default=None)
 
     def all_along(self, k: int, kept: Sequence[int]) -> Array:
         """The way in which all others give way to a value."""
@@ -158,7 +162,7 @@ class _Valley:
         others = [j for j in kept if j != k]
         direction = self._against(k, others)
         blind = self._is_blind(k, direction)
-        for j in sorted(others, key=lambda j: abs(direction[j])):
+        for j in sorted(others, key=lambda j: (round(abs(float(direction[j])) / _SLOPES_GOOD_TO), self.widths[j])):
             fewer = self._against(k, [i for i in others if i != j])
             if self._is_blind(k, fewer) if blind else self._left(fewer) < _DOUBTFUL:
                 others.remove(j)

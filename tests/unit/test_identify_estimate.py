@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 from hil.identification.estimate import Estimate, Unknown, estimate
+from hil.identification.identifiability import Curvature, identifiability
 from hil.record.recording import Array
 
 
@@ -93,6 +96,20 @@ def test_the_bend_of_a_valley_is_no_information_about_the_way_along_it() -> None
     assert np.all(found.std[1:] > 0.1)
     # Without care the bend is a difference of rounded numbers, others on each BLAS; the samples alone give 1e-10.
     assert np.all(along_a_bent_valley(careful=False).identifiability.whole.diagonal()[1:] > 1e-3)
+
+
+def test_what_bounds_leave_of_a_valley_is_no_matter_of_rounding_or_order() -> None:
+    """One sum of three values shows: whatever rounding leaves of their slopes, and however they are listed."""
+    rng, slopes, widths = np.random.default_rng(7), np.array([0.5, 1.0, 0.4]), np.array([0.3, 1.0, 3.0])
+    found = []
+    for order in itertools.permutations(range(3)):
+        listed = list(order)
+        for _ in range(5):
+            alike = np.outer(slopes[listed], slopes[listed]) * 1e8 * (1.0 + 1e-15 * rng.standard_normal((3, 3)))
+            known = identifiability(Curvature(0.5 * (alike + alike.T)), 1.0, widths[listed])
+            found.append(np.sqrt(np.diag(known.whole))[np.argsort(listed)])
+    assert np.allclose(found, found[0], rtol=1e-6)
+    assert found[0] == pytest.approx([0.0866, 0.289, 0.722], rel=0.2)
 
 
 def test_what_is_no_more_certain_than_its_bounds_is_not_told() -> None:
