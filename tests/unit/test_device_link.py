@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from drivers.modbus import LineSettings, ModbusLink
+from hil.daq import device_link
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.device_link import DeviceLink, ReadBackTimes, stands_as_driven
 from hil.errors import DeviceLostError, LinkError, SettingError
@@ -151,19 +153,21 @@ def test_after_an_answer_that_did_not_come_what_is_late_passes_first() -> None:
     assert cell.happened == ["forgot"]
 
 
-def test_readings_come_after_one_slow_answer_and_not_after_two() -> None:
-    device, answer_s = Tables(inputs={0: 20}, holding={8: 0}), [0.0]
+def test_readings_come_after_one_slow_answer_and_not_after_two(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the clock of the device, which answers slowly twice: however slow this computer is."""
+    device, clock = Tables(inputs={0: 20}, holding={8: 0}), SimpleNamespace(now_s=0.0, answer_s=0.0)
+    monkeypatch.setattr(device_link, "time", SimpleNamespace(monotonic=lambda: clock.now_s, sleep=time.sleep))
 
     def answer(frame: bytes) -> bytes:
-        time.sleep(answer_s[0])
+        clock.now_s += clock.answer_s
         return device.on_tcp(frame)
 
     with ForeignLine(answer) as line:
         link = ModbusLink(LineSettings(address=f"127.0.0.1:{line.port}"), WIRING, MODEL)
         link.drive({"q": 5.0})
         asked = []
-        for slow_s, since_s in ((0.0, 0.6), (0.06, 0.6), (0.06, 2.1), (0.0, 0.6)):
-            answer_s[0], link._checked_s = slow_s, time.monotonic() - since_s
+        for answer_s, since_s in ((0.0, 0.6), (0.06, 0.6), (0.06, 2.1), (0.0, 0.6)):
+            clock.answer_s, clock.now_s = answer_s, clock.now_s + since_s
             before = len(line.heard)
             assert link.read() == {"t": 20.0}
             asked.append(READS_OUTPUTS in [frame[7] for _, frame in line.heard[before:]])
