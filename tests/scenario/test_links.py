@@ -33,7 +33,7 @@ IDLE = ("sample_rate_hz = 20", "sample_rate_hz = 5")  # between tests; a busy ho
 SECONDS = 3.5
 SETTLE_S = 0.5
 STALLED_RAD = 0.04  # standard uncertainty beyond which the host, not the link, decides what is measured
-TRIES = 3
+TRIES = 5
 UNEVEN = 0.2  # of the delay: a stamp lies in the middle of an exchange, the device acts somewhere within it
 LEVEL = 0.01  # of the response: converters
 
@@ -84,7 +84,7 @@ def direct(name: str, rate_hz: float = RATE_HZ) -> complex:
 
 
 def linked(file: BenchFile, folder: Path, rate_hz: float = RATE_HZ) -> tuple[Response, Recording, float]:
-    """The same over a link, and at which rate; up to three times, while the recording shows that the host stalled.
+    """The same over a link, and at which rate; several times, while the recording shows that the host stalled.
 
     A host that is too busy for a rate is asked for half of it. What a stalled one measured counts within its own
     uncertainty, which is large.
@@ -157,9 +157,14 @@ def test_step_response_of_the_procedure_is_the_direct_one(tmp_path: Path) -> Non
     plain = rise(read_bench(benches()["brevini-hpv41"]), tmp_path / "plain")
     assert plain.std and 150.0 < plain.value < 450.0
     off = []
-    with served("hpv41-modbus-tcp", tmp_path) as (file, _):
-        for attempt in range(TRIES):  # a host that stalls within the flank says nothing of the link
-            linked = rise(file, tmp_path / f"linked {attempt}")
+    with served("hpv41-modbus-tcp", tmp_path, JUDGED) as (file, _):
+        for attempt in range(TRIES):  # a host that stalls, within the flank or throughout, says nothing of the link
+            try:
+                linked = rise(file, tmp_path / f"linked {attempt}")
+            except LinkError:
+                if attempt == TRIES - 1 and not off:
+                    raise
+                continue
             off.append(abs(linked.value - plain.value) / (3.0 * np.hypot(linked.std, plain.std) + 5.0))
             if off[-1] < 1.0:
                 break
