@@ -13,9 +13,9 @@ from hil.errors import InputError
 from hil.identification.bands import bode_band
 from hil.identification.bandwidth import Bandwidth, Crossing, bandwidth
 from hil.identification.frequency_response import FrequencyResponse
-from hil.identification.linear_evidence import LEAST_FIT_PERCENT, doubts
+from hil.identification.linear_evidence import LEAST_FIT_PERCENT, doubts, unresolved
 from hil.identification.measuring_chain import check_chain, corrected
-from hil.identification.order_choice import fit_transfer_function
+from hil.identification.order_choice import fit_together, fit_transfer_function
 from hil.identification.parametric_bootstrap import DRAWS, about, draws_of
 from hil.identification.transfer_function import TransferFunctionFit, fit_percent
 from hil.language.note import Note
@@ -118,12 +118,16 @@ def evaluated(recording: Recording, responses: Iterable[FrequencyResponse]) -> t
     """Each response without the measuring chain (if the run asks for it), with bandwidths and transfer function."""
     settings, chain = settings_of(recording), chain_of(recording)
     share = math.hypot(*(calibration_share(channel) for channel in roles_of(recording)))
-    made = []
-    for raw in responses:
-        response = corrected(raw, chain) if settings["correct_chain"] else raw
-        found = _with_model(response, settings, _least_fit(recording, response.label))
-        made.append(replace(found, gain_share=share))
-    return tuple(made)
+    found = [corrected(raw, chain) if settings["correct_chain"] else raw for raw in responses]
+    least = [_least_fit(recording, one.label) for one in found]
+    asked = {name: settings[name] for name in ("poles", "zeros", "dead_time")}
+    fits = fit_together([_to_be_linear(one) for one in found], **asked)
+    if not any(fit and not doubts(fit, low) for fit, low in zip(fits, least, strict=True)):
+        fits = (None,) * len(found)  # no lines bear the form out: each may have fewer poles
+    return tuple(
+        replace(_with_model(one, fit, settings, low), gain_share=share)
+        for one, fit, low in zip(found, fits, least, strict=True)
+    )
 
 
 def chain_notes(recording: Recording, frequency_hz: Array) -> tuple[tuple[Note, ...], tuple[Note, ...]]:
@@ -178,11 +182,16 @@ def _least_fit(recording: Recording, label: str) -> float:
     return LEAST_FIT_PERCENT if low is None else float(low)
 
 
-def _with_model(response: FrequencyResponse, settings: Mapping[str, Any], least_percent: float) -> Evaluated:
-    """The response with its bandwidths, and a transfer function where the lines bear one out."""
+def _with_model(
+    response: FrequencyResponse, common: TransferFunctionFit | None, settings: Mapping[str, Any], least_percent: float
+) -> Evaluated:
+    """The response with its bandwidths, and a transfer function where the lines bear one out.
+
+    `common` is its fit in the form of all responses, which those bear out.
+    """
     label, corners = response.label, bandwidth(response)
     try:
-        fit, why, fewer = _borne_out(response, settings, least_percent)
+        fit, why, fewer = _borne_out(response, common, settings, least_percent)
     except InputError as error:
         none = Note("no transfer function: {why}", why=str(error))
         return Evaluated(label, response, corners, None, (none.at(label),))
@@ -201,13 +210,17 @@ def _with_model(response: FrequencyResponse, settings: Mapping[str, Any], least_
 
 
 def _borne_out(
-    response: FrequencyResponse, settings: Mapping[str, Any], least_percent: float
+    response: FrequencyResponse, common: TransferFunctionFit | None, settings: Mapping[str, Any], least_percent: float
 ) -> tuple[TransferFunctionFit, tuple[Note, ...], tuple[Note, ...]]:
     """A fit with as many poles as were asked for, or fewer where the lines bear out only those.
 
     Returns:
-        The fit, why it is none, and a sentence where it has fewer poles.
+        The fit, why it is none, and a sentence where it has fewer poles or needs the other responses.
     """
+    if common is not None and common.fit_percent >= least_percent:
+        alone = unresolved(common)
+        note = Note("other responses bear out this form, these lines alone do not ({reasons:; }).", reasons=alone)
+        return common, (), (note,) if alone else ()
     poles, lines = settings["poles"], _to_be_linear(response)
     asked = {name: settings[name] for name in ("zeros", "dead_time")}
     first = fit_transfer_function(lines, poles=poles, **asked)

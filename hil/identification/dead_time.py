@@ -51,6 +51,22 @@ def with_other_forms(
     return replace(chosen, form_std_s=_beyond_scatter(chosen, rivals, np.where(delayed, shares, 0.0)))
 
 
+def with_disagreement(fits: Sequence[TransferFunctionFit]) -> list[TransferFunctionFit]:
+    """Fits of one form to responses of one valve, each dead time with what they disagree about beyond their intervals.
+
+    Electronics and transport delay every amplitude alike. What moves with amplitude all the same is what the form
+    leaves out, as large as the variance between the responses (DerSimonian and Laird, Controlled Clin. Trials 7, 1986).
+    """
+    known = [fit for fit in fits if fit.form.dead_time and 0.0 < fit.coefficient_std[-1] < math.inf]
+    if len(known) < 2:
+        return list(fits)
+    weights = np.array([fit.coefficient_std[-1] ** -2.0 for fit in known])
+    values = np.array([fit.model.dead_time_s for fit in known])
+    excess = float(weights @ (values - weights @ values / weights.sum()) ** 2) - (len(known) - 1)
+    between_s = math.sqrt(max(excess, 0.0) / float(weights.sum() - weights @ weights / weights.sum()))
+    return [replace(fit, form_std_s=math.hypot(fit.form_std_s, between_s)) for fit in fits]
+
+
 def _is_by_zero(fit: TransferFunctionFit) -> bool:
     return not fit.form.dead_time and len(fit.model.right_half_plane_zeros) > 0
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,11 @@ from hil.signals.sine_fit import SineFit
 Complex = NDArray[np.complex128]
 
 DISTORTION_FLAG = 0.05  # customary limit of THD above which a response counts as distorted (5…10 %)
+
+_BY_LINE = (
+    "frequency_hz", "response", "covariance", "input_amplitude", "output_amplitude", "output_offset", "noise_std",
+    "harmonics",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,13 +169,13 @@ class FrequencyResponse:
             corrections=(*self.corrections, note),
         )  # fmt: skip
 
+    def scaled(self, factor: float) -> FrequencyResponse:
+        """The response times a number."""
+        return replace(self, response=factor * self.response, covariance=factor**2 * self.covariance)
+
     def select(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> FrequencyResponse:
         """Some of the frequencies."""
-        rows = (
-            "frequency_hz", "response", "covariance", "input_amplitude", "output_amplitude", "output_offset",
-            "noise_std", "harmonics",
-        )  # fmt: skip
-        return replace(self, **{name: getattr(self, name)[keep] for name in rows})
+        return replace(self, **{name: getattr(self, name)[keep] for name in _BY_LINE})
 
     def _std_along(self, direction: Complex) -> Array:
         """Standard deviation along a direction, over the size of the response."""
@@ -253,6 +259,12 @@ def from_polar(
         name, np.asarray(frequency_hz, dtype=np.float64), np.asarray(response, dtype=np.complex128), covariance, *units,
         math.nan, math.nan, unknown, unknown, unknown, unknown, np.zeros((n, 0), dtype=np.complex128),
     )  # fmt: skip
+
+
+def joined(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
+    """The lines of several responses by rising frequency; what is said of the whole is that of the first."""
+    rows: dict[str, Any] = {name: np.concatenate([getattr(one, name) for one in responses]) for name in _BY_LINE}
+    return replace(responses[0], **rows).select(np.argsort(rows["frequency_hz"], kind="stable"))
 
 
 def average(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 
-from hil.identification.dead_time import with_other_forms
+from hil.identification.dead_time import with_disagreement, with_other_forms
 from hil.identification.evidence import VERY_STRONG, bic, bic_of_known_noise, simplest_good
-from hil.identification.frequency_response import FrequencyResponse
+from hil.identification.frequency_response import FrequencyResponse, joined
 from hil.identification.held_out import held_out
 from hil.identification.linear_evidence import unresolved
 from hil.identification.rational import Form
 from hil.identification.right_half_plane import with_alternative
 from hil.identification.transfer_function import Candidate, TransferFunctionFit, Weights, check_form, fit_form
 from hil.language.note import Note
+from hil.signals.interval import COVERED
 
 _MOST_POLES = 5
 _MISFIT_NOTE = 2.0
@@ -52,18 +55,44 @@ def fit_transfer_function(
     Raises:
         InputError: fewer lines than the smallest form has unknowns, or an impossible form.
     """
-    forms = _forms(response, poles, zeros, dead_time, Form(1, 0, False, 0.0, stable, minimum_phase, dc_gain))
-    fits = [fit_form(response, form, weights) for form in forms]
-    if len(fits) == 1:
-        return with_alternative(_noted(fits[0]), response)
-    chosen, candidates = _choose(response, fits)
-    chosen = with_other_forms(chosen, fits, _bic(fits))
-    return replace(with_alternative(_noted(chosen), response), candidates=candidates)
+    base = Form(1, 0, False, 0.0, stable, minimum_phase, dc_gain)
+    asked = _forms(poles, zeros, dead_time, base)
+    forms = _possible(asked, response)
+    if len(asked) == 1 or not forms:
+        check_form(response, asked[0])
+    return _fitted([response], forms, weights)[0]
 
 
-def _forms(
-    response: FrequencyResponse, poles: int | None, zeros: int | None, dead_time: bool | float | None, base: Form
-) -> list[Form]:
+def fit_together(
+    responses: Sequence[FrequencyResponse],
+    *,
+    poles: int | None = None,
+    zeros: int | None = None,
+    dead_time: bool | None = None,
+) -> tuple[TransferFunctionFit | None, ...]:
+    """Fit a transfer function to each response of one plant, all in one form; what is None is chosen by evidence.
+
+    The form is the one that all lines above their noise ask for together, each response over its gain at the first
+    line, each line with the same relative error. What moves with amplitude and side is noise there: a nonlinear valve
+    does not buy poles and zeros by it. Parameters and their uncertainty are those of each response.
+
+    Args:
+        responses: of one plant, at several amplitudes, biases or sides.
+        poles: 1…5, None to choose.
+        zeros: None to choose among fewer zeros than poles.
+        dead_time: None to choose whether.
+
+    Returns:
+        One fit for each; None of a response with too few lines above noise for a form that the longest can have.
+    """
+    forms = _possible(_forms(poles, zeros, dead_time, Form(1, 0)), max(responses, key=len))
+    clear = [one.select(~(COVERED * one.gain_std >= np.abs(one.response))) for one in responses]
+    able = [bool(forms) and _possible(forms, one) == forms for one in clear]
+    fits = iter(_fitted(list(compress(responses, able)), forms, None, list(compress(clear, able))) if any(able) else [])
+    return tuple(next(fits) if one else None for one in able)
+
+
+def _forms(poles: int | None, zeros: int | None, dead_time: bool | float | None, base: Form) -> list[Form]:
     delays = [False, True] if dead_time is None else [dead_time]
     counts = range(1, _MOST_POLES + 1) if poles is None else [poles]
     made = []
@@ -73,19 +102,56 @@ def _forms(
                 free = delay is True
                 fixed = float(delay) if not isinstance(delay, bool) else 0.0
                 made.append(replace(base, poles=n, zeros=m, dead_time=free, dead_time_s=fixed))
-    possible = [form for form in made if form.zeros <= form.poles and form.unknowns < 2 * len(response)]
-    if len(made) == 1 or not possible:
-        check_form(response, made[0])
-    return possible
+    return made
+
+
+def _possible(forms: Sequence[Form], response: FrequencyResponse) -> list[Form]:
+    return [form for form in forms if form.zeros <= form.poles and form.unknowns < 2 * len(response)]
+
+
+def _fitted(
+    responses: Sequence[FrequencyResponse],
+    forms: Sequence[Form],
+    weights: Weights | None,
+    clear: Sequence[FrequencyResponse] = (),
+) -> list[TransferFunctionFit]:
+    """Fits in one form, of several responses by their `clear` lines."""
+    each = [[fit_form(one, form, weights) for form in forms] for one in responses]
+    lines, together = responses[0], each[0]
+    if len(responses) > 1 and len(forms) > 1:
+        lines = joined([one.scaled(1.0 / abs(one.response[0])) for one in clear])
+        together = [fit_form(lines, form, "relative") for form in forms]
+    k, candidates = _choose(lines, together, each) if len(forms) > 1 else (0, ())
+    criteria = _bic(together)
+    fits = with_disagreement([with_other_forms(own[k], own, criteria) for own in each])
+    return [
+        replace(with_alternative(_noted(fit, _refuted(k, own)), one), candidates=candidates)
+        for fit, own, one in zip(fits, each, responses, strict=True)
+    ]
+
+
+def _refuted(k: int, fits: Sequence[TransferFunctionFit]) -> Iterator[Note]:
+    """Where lines alone have very strong evidence for another form that they bear out."""
+    criteria = _bic(fits)
+    best = min(range(len(fits)), key=lambda i: (bool(unresolved(fits[i])), criteria[i]))
+    if criteria[k] > criteria[best] + VERY_STRONG:
+        form = fits[best].form
+        yield Note(
+            "fit {fit:.1f} % in the form that all responses have; these lines alone ask for another: poles {poles}, "
+            "zeros {zeros}, {late}, fit {own:.1f} %",
+            fit=fits[k].fit_percent, poles=form.poles, zeros=form.zeros,
+            late=Note("a dead time") if form.dead_time else Note("no dead time"), own=fits[best].fit_percent,
+        )  # fmt: skip
 
 
 def _choose(
-    response: FrequencyResponse, fits: list[TransferFunctionFit]
-) -> tuple[TransferFunctionFit, tuple[Candidate, ...]]:
+    lines: FrequencyResponse, fits: list[TransferFunctionFit], each: Sequence[list[TransferFunctionFit]]
+) -> tuple[int, tuple[Candidate, ...]]:
+    """Which of the forms of `fits`, which are to all lines; `each` are those to the lines of one response."""
     criteria = _bic(fits)
-    sound = [i for i, fit in enumerate(fits) if not unresolved(fit)] or list(range(len(fits)))
+    sound = [i for i in range(len(fits)) if any(not unresolved(own[i]) for own in each)] or list(range(len(fits)))
     first = min(sound, key=lambda i: criteria[i])
-    errors = {i: held_out(response, fits[i]) for i in sound if criteria[i] <= criteria[first] + VERY_STRONG}
+    errors = {i: held_out(lines, fits[i]) for i in sound if criteria[i] <= criteria[first] + VERY_STRONG}
     means = {i: float(np.mean(e)) if e.size else math.nan for i, e in errors.items()}
     unit = float(np.mean(fits[first].residuals ** 2)) * 2.0 or 1.0
     candidates = sorted(
@@ -97,12 +163,12 @@ def _choose(
     )
     judged = [i for i, mean in means.items() if math.isfinite(mean)]
     if not judged:
-        return fits[first], tuple(candidates)
+        return first, tuple(candidates)
     complexity = [(fits[i].form.unknowns, len(fits[i].model.right_half_plane_zeros), criteria[i]) for i in judged]
-    return fits[judged[simplest_good([errors[i] for i in judged], complexity)]], tuple(candidates)
+    return judged[simplest_good([errors[i] for i in judged], complexity)], tuple(candidates)
 
 
-def _bic(fits: list[TransferFunctionFit]) -> list[float]:
+def _bic(fits: Sequence[TransferFunctionFit]) -> list[float]:
     count = len(fits[0].residuals)
     sums = [float(fit.residuals @ fit.residuals) for fit in fits]
     if fits[0].weights == "covariance":
@@ -111,8 +177,8 @@ def _bic(fits: list[TransferFunctionFit]) -> list[float]:
     return [bic(s / count, count, fit.form.unknowns) for s, fit in zip(sums, fits, strict=True)]
 
 
-def _noted(fit: TransferFunctionFit) -> TransferFunctionFit:
-    notes = list(fit.notes)
+def _noted(fit: TransferFunctionFit, more: Iterable[Note] = ()) -> TransferFunctionFit:
+    notes = [*fit.notes, *more]
     if fit.misfit > _MISFIT_NOTE:
         notes.append(Note(
             "χ² is {misfit:.3g} per degree of freedom: a linear model of this form misses the lines by more than their "

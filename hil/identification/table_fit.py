@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.errors import FileError, InputError, SettingError
 from hil.identification.factored import model_of
-from hil.identification.frequency_response import FrequencyResponse, average, from_polar
+from hil.identification.frequency_response import FrequencyResponse, average, from_polar, joined
 from hil.identification.linear_evidence import doubts
 from hil.identification.order_choice import fit_transfer_function
 from hil.identification.recording_quality import runs_the_other_way
@@ -156,20 +156,10 @@ def as_response(tables: Sequence[ResponseTable]) -> FrequencyResponse:
     for other in tables[1:]:
         if other.unit != first.unit:
             raise FileError(f"{other.name}: its gain is in {other.unit}, that of {first.name} in {first.unit}")
-    frequency_hz = np.concatenate([table.frequency_hz for table in tables])
-    order = np.argsort(frequency_hz, kind="stable")
-    known = all(table.gain_std is not None and table.phase_std_rad is not None for table in tables)
-    stds = [(table.gain_std, table.phase_std_rad) for table in tables] if known else []
-    along, across = (
-        (np.concatenate([s for s in each if s is not None])[order] for each in zip(*stds, strict=True))
-        if known
-        else (None, None)
-    )
-    given, answer = _units(first.unit)
-    return from_polar(
-        first.name, frequency_hz[order], np.concatenate([table.response for table in tables])[order], along, across,
-        (given, answer),
-    )  # fmt: skip
+    units = _units(first.unit)
+    return joined([
+        from_polar(t.name, t.frequency_hz, t.response, t.gain_std, t.phase_std_rad, units) for t in tables
+    ])  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

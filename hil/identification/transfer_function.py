@@ -60,8 +60,8 @@ class TransferFunctionFit:
         notes: what the reader should know.
         alternative: the same data without the zeros in the right half plane, where there are some.
         candidates: every form that was tried, best evidence first, when the orders were left open.
-        form_std_s: standard uncertainty of the dead time by the choice of the form, beside its scatter; infinite where
-            a zero in the right half plane is as good a description.
+        form_std_s: standard uncertainty of the dead time by its form, beside its scatter: by which was chosen, and by
+            what responses in it disagree about; infinite where a zero in the right half plane is as good a description.
     """
 
     model: TransferFunction

@@ -14,6 +14,7 @@ from hil.identification.measuring_chain import MeasuringChain
 from hil.identification.sine_test import sine_test
 from hil.identification.step_response import step_figures
 from hil.physics.compose import plant
+from hil.physics.published import tordal
 from hil.physics.simulate import Drive, simulate
 from hil.record.folder import read
 from hil.session.procedure import load_procedure
@@ -78,6 +79,18 @@ def test_stepped_sines_give_the_describing_function_dead_time_and_bandwidths(mea
     down_3db = np.interp(3.0, -20.0 * np.log10(np.abs(fine / fine[0])), grid)
     near(measured["bandwidth_3db"], float(down_3db), factor=6.0)  # the crossing is read from a line, not a spline
     assert measured["thd"].value < 3.0
+
+
+def test_responses_of_one_valve_have_one_form_whose_dead_times_hold_the_truth(measure):
+    # friction bends each amplitude in another way: alone, each response would choose a form of its own
+    bench = benches()["hpv41-identified"]
+    findings = measure("frequency_response", bench, amplitudes="5,10,20", biases="50,-50", measure_periods="2")
+    models = [curve["model"] for curve in findings.curves["responses"]]
+    assert {(*map(str, model["coefficients"]),) for model in models} == {("b0", "a2", "a1", "a0", "dead_time_s")}
+    truth_s = tordal.valve().values["dead_time"]
+    off = [abs(model["dead_time_s"] - truth_s) / model["dead_time_std_s"] for model in models]
+    assert max(off) < 2.5 and np.sqrt(np.mean(np.square(off))) < 1.5
+    assert sum("these lines alone ask for another" in note for note in findings.notes) >= 2
 
 
 def test_a_zero_in_the_right_half_plane_is_told_for_the_dead_time_that_it_is(measure):

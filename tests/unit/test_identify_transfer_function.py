@@ -8,7 +8,7 @@ from hil.errors import InputError
 from hil.identification import bands
 from hil.identification.frequency_response import from_polar, from_table
 from hil.identification.held_out import held_out
-from hil.identification.order_choice import fit_transfer_function
+from hil.identification.order_choice import fit_together, fit_transfer_function
 from hil.identification.rational import Form
 from hil.identification.right_half_plane import judged_on_step, wrong_way
 from hil.identification.transfer_function import fit_form
@@ -258,3 +258,55 @@ def test_the_dead_time_is_as_uncertain_as_forms_that_fit_as_well_leave_it():
         assert abs(fit.model.dead_time_s - 0.02) < 1.96 * fit.coefficient_std[-1]
         assert fit.coefficient_std[-1] > fit.scatter[-1]
         assert ("not identifiable" in fit.summary()) is math.isinf(fit.form_std_s)
+
+
+def third_order(rate, frequency, damping, late):
+    """A pilot of first and a spool of second order behind a dead time."""
+    below = np.polymul([1 / rate, 1.0], [1 / frequency**2, 2 * damping / frequency, 1.0])
+    return transfer_function([1.0], below, late)
+
+
+def test_one_form_is_chosen_for_all_responses_of_a_valve_and_parameters_move():
+    rates = (5.0, 6.0, 7.0, 8.0)
+    valve = [third_order(rate, 33.0, 0.4, 0.02) for rate in rates]
+    inside, forms = [], []
+    for seed in range(20):
+        responses = [noisy(one, 0.01, 10 * seed + k) for k, one in enumerate(valve)]
+        fits = fit_together(responses)
+        forms.append({fit.form for fit in fits})
+        late = [fit for fit in fits if fit.form.dead_time]
+        inside += [abs(fit.model.dead_time_s - 0.02) < 1.96 * fit.coefficient_std[-1] for fit in late]
+        for fit, rate in zip(fits, rates, strict=True):
+            assert min(abs(fit.model.poles)) == pytest.approx(rate, rel=0.25)
+    assert all(len(one) == 1 for one in forms)
+    assert len(inside) >= 60 and np.mean(inside) >= 0.93
+
+
+def test_dead_times_that_disagree_widen_each_others_intervals():
+    apart = [noisy(third_order(7.0, 33.0, 0.4, late), 0.003, k) for k, late in enumerate((0.02, 0.03, 0.04))]
+    fits = fit_together(apart, poles=3, zeros=0, dead_time=True)
+    for fit in fits:
+        assert fit.form_std_s == pytest.approx(0.01, rel=0.3)
+        assert abs(fit.model.dead_time_s - 0.03) < 1.96 * fit.coefficient_std[-1]
+    (alone,) = fit_together(apart[:1], poles=3, zeros=0, dead_time=True)
+    assert alone.form_std_s == 0.0
+
+
+def test_a_response_within_its_noise_has_no_say_in_the_form():
+    late = third_order(7.0, 33.0, 0.4, 0.02)
+    clear = [noisy(late, 0.003, seed) for seed in (0, 1)]
+    lost = noisy(late, 5.0, 2)
+    with_it, without = fit_together([*clear, lost]), fit_together(clear)
+    assert with_it[2] is None
+    assert [fit.form for fit in with_it[:2]] == [fit.form for fit in without]
+
+
+def test_lines_that_alone_ask_for_another_form_are_named():
+    plain = [noisy(third_order(7.0, 33.0, 0.4, 0.02), 0.003, seed) for seed in (0, 1, 2)]
+    resonant = third_order(7.0, 33.0, 0.4, 0.02).at(FREQUENCIES) * (
+        1 + 0.05 * np.exp(-((FREQUENCIES - 2.5) ** 2) / 0.1)
+    )
+    other = replace(plain[0], response=resonant)
+    fits = fit_together([*plain, other])
+    assert len({fit.form for fit in fits}) == 1
+    assert ["ask for another" in " ".join(fit.notes) for fit in fits] == [False, False, False, True]
