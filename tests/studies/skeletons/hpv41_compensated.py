@@ -1,0 +1,171 @@
+"""hpv41_compensated: a lever feeds the spool's place back to its pilot; a compensator holds the drop over its edges.
+
+Brevini HPV41 as Tørdal, Klausen and Bak drive it, taken as a **load-sensing valve with an inlet compensator**;
+textbook physics (Merritt; Jelali and Kroll). **What differs** from a chain: the pilot closes a loop over a lever that
+has a little play; the spool's speed has a ceiling and the spool sticks; a second spool throttles the supply until the
+drop over the metering edge is that of its spring; pressures before the edges, in both ports and in the line that
+senses the load; edges of unequal overlap and width. 100 % is about 70 l/min, the dead band about ±27 %.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+PLANT = "brevini-hpv41"
+CHANNELS = {"command": "%", "flow": "l/min"}
+STEP_S = 0.004
+NOISE = {"flow": 0.25}
+SUBSTEPS = 80  # 20 kHz
+SETTLE_S = 1.0
+ROOT_PA = 1.0e5  # below this drop an orifice turns laminar
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One valve with its pilot, spool, compensator and the two ports that it feeds."""
+
+    wanted_m: float = 7.0e-3  # of the spool at 100 %
+    coil_lag_s: float = 0.008
+    remanence: float = 0.006  # share of full current
+    offset: float = 0.0  # likewise
+    lever_play_m: float = 3.0e-5
+    pilot_n_per_m: float = 6.0e4
+    spool_ns_per_m: float = 1600.0
+    pilot_m_per_s: float = 0.16  # the pilot's ceiling
+    coulomb_n: float = 2.0
+    breakaway: float = 1.3  # static over Coulomb
+    stop_m: float = 7.6e-3
+    overlap_a_m: float = 1.8e-3
+    overlap_b_m: float = 2.0e-3
+    width_a_m: float = 9.0e-3
+    width_b_m: float = 8.2e-3
+    edge_m: float = 1.2e-4
+    discharge: float = 0.65
+    oil_kg_per_m3: float = 862.0
+    leak_m2: float = 0.0  # past the edge towards A
+    supply_pa: float = 1.45e7
+    sag_pa_s_per_m3: float = 1.5e9
+    sag_lag_s: float = 0.03
+    compensator_m: float = 2.0e-3  # its stroke; fully open at rest
+    compensator_width_m: float = 1.5e-2
+    compensator_m2: float = 2.0e-4
+    compensator_pa: float = 7.0e5  # of its spring
+    compensator_n_per_m: float = 2.0e4
+    compensator_ns_per_m: float = 6000.0
+    bleed_m2: float = 6.0e-7
+    sensing_lag_s: float = 0.004
+    load_a: float = 4.1e-7  # m³/s per √Pa
+    load_b: float = 3.8e-7
+    inlet_pa_per_m3: float = 3.0e12
+    port_pa_per_m3: float = 1.6e12
+    sensor_lag_s: float = 0.012
+
+
+_Parameters: Any = namedtuple("_Parameters", [field.name for field in fields(Unit)])  # type: ignore[misc]
+SPREAD = {
+    "overlap_a_m": 0.03,
+    "overlap_b_m": 0.03,
+    "coulomb_n": 0.2,
+    "remanence": 0.2,
+    "edge_m": 0.2,
+    "lever_play_m": 0.3,
+}
+
+
+def draw(rng: np.random.Generator) -> Unit:
+    """A healthy unit: each parameter some percent around its nominal value."""
+    nominal = Unit()
+    around = {field.name: 1.0 + SPREAD.get(field.name, 0.05) * float(rng.uniform(-1.0, 1.0)) for field in fields(Unit)}
+    return replace(nominal, **{name: float(getattr(nominal, name)) * factor for name, factor in around.items()})
+
+
+@njit(cache=True)
+def _opening(p: Any, past_m: float, width_m: float) -> float:
+    """Area of a straight edge, rounded over its radius."""
+    return width_m * 0.5 * (past_m + math.sqrt(past_m * past_m + p.edge_m * p.edge_m))
+
+
+@njit(cache=True)
+def _root(drop_pa: float) -> float:
+    return drop_pa / math.sqrt(abs(drop_pa) + ROOT_PA)
+
+
+@njit(cache=True)
+def _spool(p: Any, s: Array, command: float, dt: float) -> None:
+    """Coil and iron, lever with play, pilot, and a spool that sticks."""
+    s[0] += (0.01 * command - s[0]) * dt / p.coil_lag_s
+    s[1] = max(s[0] - p.remanence, min(s[0] + p.remanence, s[1]))
+    s[4] = max(s[2] - p.lever_play_m, min(s[2] + p.lever_play_m, s[4]))
+    push = p.pilot_n_per_m * (p.wanted_m * (s[1] + p.offset) - s[4])
+    holds = p.coulomb_n * (p.breakaway if s[3] == 0.0 else 1.0)
+    s[3] = 0.0 if abs(push) <= holds else (push - math.copysign(p.coulomb_n, push)) / p.spool_ns_per_m
+    s[3] = max(-p.pilot_m_per_s, min(p.pilot_m_per_s, s[3]))
+    s[2] = max(-p.stop_m, min(p.stop_m, s[2] + dt * s[3]))
+
+
+@njit(cache=True)
+def _step(p: Any, s: Array, command: float, dt: float) -> None:
+    """Spool, compensator, pressures and sensor over one step."""
+    _spool(p, s, command, dt)
+    supply = p.supply_pa - p.sag_pa_s_per_m3 * s[10]
+    speed = p.discharge * math.sqrt(2.0 / p.oil_kg_per_m3)
+    drop = s[6] - s[9] - p.compensator_pa
+    s[5] += dt * (p.compensator_m2 * drop - p.compensator_n_per_m * s[5]) / p.compensator_ns_per_m
+    s[5] = max(0.0, min(p.compensator_m, s[5]))
+    drawn = speed * p.compensator_width_m * (p.compensator_m - s[5]) * _root(supply - s[6])
+    in_a = speed * (_opening(p, s[2] - p.overlap_a_m, p.width_a_m) + p.leak_m2) * _root(s[6] - s[7])
+    in_b = speed * _opening(p, -s[2] - p.overlap_b_m, p.width_b_m) * _root(s[6] - s[8])
+    out_a, out_b = p.load_a * _root(s[7]), p.load_b * _root(s[8])
+    s[6] += dt * p.inlet_pa_per_m3 * (drawn - in_a - in_b - speed * p.bleed_m2 * _root(s[6]))
+    s[7] += dt * p.port_pa_per_m3 * (in_a - out_a)
+    s[8] += dt * p.port_pa_per_m3 * (in_b - out_b)
+    s[9] += (max(s[7], s[8]) - s[9]) * dt / p.sensing_lag_s
+    s[10] += (drawn - s[10]) * dt / p.sag_lag_s
+    s[11] += (6.0e4 * (out_a - out_b) - s[11]) * dt / (p.sensor_lag_s + dt)
+
+
+@njit(cache=True)
+def _run(p: Any, command: Array, step_s: float, substeps: int) -> Array:
+    out = np.empty(command.size)
+    dt = step_s / substeps
+    s = np.zeros(12)  # current, iron, spool, its speed, lever, compensator, inlet, ports, sensed, drawn, sensor
+    for _ in range(int(SETTLE_S / dt)):
+        _step(p, s, command[0], dt)
+    for k in range(command.size):
+        out[k] = s[11]
+        for _ in range(substeps):
+            _step(p, s, command[k], dt)
+    return out
+
+
+def respond(unit: Unit, command: Array) -> dict[str, Array]:
+    """Flow, without noise, at the samples of a command in %."""
+    rows = _run(_Parameters(*astuple(unit)), np.ascontiguousarray(command, dtype=np.float64), STEP_S, SUBSTEPS)
+    return {"flow": rows}
+
+
+CHANGES: dict[str, Callable[[Unit, float], Unit]] = {
+    "friction_rise": lambda u, a: replace(u, coulomb_n=u.coulomb_n + 60.0 * a),
+    "breakaway_rise": lambda u, a: replace(u, breakaway=u.breakaway + 25.0 * a),
+    "play": lambda u, a: replace(u, lever_play_m=u.lever_play_m + 0.6e-3 * a),
+    "magnetic_hysteresis": lambda u, a: replace(u, remanence=u.remanence + 0.1 * a),
+    "slower_pilot": lambda u, a: replace(u, spool_ns_per_m=u.spool_ns_per_m * (1.0 + 6.0 * a)),
+    "edge_worn": lambda u, a: replace(u, edge_m=u.edge_m + 1.8e-3 * a),
+    "leakage": lambda u, a: replace(u, leak_m2=u.leak_m2 + 6.0e-6 * a),
+    "supply_sag": lambda u, a: replace(u, sag_pa_s_per_m3=u.sag_pa_s_per_m3 + 4.0e10 * a),
+    "zero_shift": lambda u, a: replace(u, offset=u.offset + 0.12 * a),
+    "gain_loss": lambda u, a: replace(u, wanted_m=u.wanted_m * (1.0 - 0.25 * a)),
+    "spring_weak": lambda u, a: replace(u, compensator_pa=u.compensator_pa * (1.0 - 0.6 * a)),
+    "asymmetry": lambda u, a: replace(u, width_a_m=u.width_a_m * (1.0 - 0.4 * a)),
+    "stroke_stop": lambda u, a: replace(u, stop_m=u.stop_m - 3.6e-3 * a),
+    "sensor_lag": lambda u, a: replace(u, sensor_lag_s=u.sensor_lag_s + 0.08 * a),
+}
