@@ -15,7 +15,7 @@ CERTAIN = 4.0
 
 def rounded(value: float, std: float | None) -> str:
     """A value to the second digit of its interval; one that has none to six."""
-    return f"{value:.{_places(COVERED * std)}f}" if std and math.isfinite(std) else f"{value:.6g}"
+    return _to_place(value, COVERED * std) if std and math.isfinite(std) else f"{value:.6g}"
 
 
 def width(std: float | None) -> str:
@@ -24,12 +24,13 @@ def width(std: float | None) -> str:
         return "held"
     if not math.isfinite(std):
         return "not identifiable"
-    return f"± {COVERED * std:.{_places(COVERED * std)}f}" if std else "± 0"
+    return f"± {_to_place(COVERED * std, COVERED * std)}" if std else "± 0"
 
 
-def _places(half: float) -> int:
-    """Decimals that keep two digits of half an interval, none of one beyond 100."""
-    return max(0, 1 - math.floor(math.log10(float(f"{half:.1e}"))))
+def _to_place(value: float, half: float) -> str:
+    """A value to the second digit of half an interval."""
+    places = 1 - math.floor(math.log10(float(f"{half:.1e}")))
+    return f"{round(value, places):.{max(places, 0)}f}"
 
 
 def exact_limits(count: int, of: int, confidence: float = 0.95) -> tuple[float, float]:
