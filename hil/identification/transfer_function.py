@@ -94,22 +94,21 @@ class TransferFunctionFit:
 
     @property
     def coefficient_covariance(self) -> Array:
-        """Of the coefficients, given the form."""
-        return self.propagated(lambda parameters: coefficients(self.form, parameters))
+        """Of the coefficients, that of the dead time with what its form says of it (`form_std_s`)."""
+        made = self.propagated(lambda parameters: coefficients(self.form, parameters))
+        if self.form.dead_time:
+            made[-1, -1] += self.form_std_s**2
+        return made
 
     @property
     def scatter(self) -> Array:
         """Standard uncertainties of the coefficients, given the form."""
-        made: Array = np.sqrt(np.maximum(np.diag(self.coefficient_covariance), 0.0))
-        return made
+        return _stds(self.propagated(lambda parameters: coefficients(self.form, parameters)))
 
     @property
     def coefficient_std(self) -> Array:
-        """Standard uncertainties of the coefficients; that of the dead time with the choice of the form."""
-        stds = self.scatter
-        if self.form.dead_time:
-            stds[-1] = math.hypot(stds[-1], self.form_std_s)
-        return stds
+        """Standard uncertainties of the coefficients; that of the dead time with its form."""
+        return _stds(self.coefficient_covariance)
 
     def propagated(self, function: Callable[[Complex], Complex]) -> Array:
         """Covariance of an analytic real function of the parameters, by its complex-step derivative.
@@ -141,6 +140,11 @@ class TransferFunctionFit:
         if self.form.zeros:
             rows.append("  zeros " + ", ".join(map(_root, self.model.zeros)) + " rad/s")
         return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
+
+
+def _stds(covariance: Array) -> Array:
+    made: Array = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return made
 
 
 def _root(root: complex) -> str:

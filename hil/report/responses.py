@@ -26,7 +26,7 @@ from hil.report.figure import (
     thinned,
 )
 from hil.report.figure import plain_log as plain_log_axis
-from hil.report.number import fixed, number
+from hil.report.number import fixed, number, with_uncertainty
 from hil.report.section import Listing, Section, Table
 from hil.signals.interval import COVERED
 
@@ -241,5 +241,5 @@ def _fit(model: Curve) -> str:
 
 
 def _dead_time(model: Curve) -> str:
-    value = model.get("dead_time_s")
-    return "—" if value is None else fixed(float(value), 4)
+    value, std = model.get("dead_time_s"), model.get("dead_time_std_s")
+    return "—" if value is None else with_uncertainty(float(value), None if std is None else COVERED * std)

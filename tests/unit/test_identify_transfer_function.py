@@ -310,3 +310,12 @@ def test_lines_that_alone_ask_for_another_form_are_named():
     fits = fit_together([*plain, other])
     assert len({fit.form for fit in fits}) == 1
     assert ["ask for another" in " ".join(fit.notes) for fit in fits] == [False, False, False, True]
+
+
+def test_the_covariance_of_a_dead_time_holds_its_form():
+    fit = fit_transfer_function(noisy(third_order(7.0, 33.0, 0.4, 0.02), 0.003, 1), poles=3, zeros=0, dead_time=True)
+    wide = replace(fit, form_std_s=0.01)
+    grown = wide.coefficient_covariance - fit.coefficient_covariance
+    assert grown[-1, -1] == pytest.approx(1e-4)
+    assert np.count_nonzero(grown) == 1
+    assert wide.coefficient_std[-1] == pytest.approx(math.hypot(fit.scatter[-1], 0.01))
