@@ -15,7 +15,9 @@ import os
 import re
 import sys
 import textwrap
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -73,24 +75,49 @@ def devices_page() -> Iterator[str]:
 
 
 def figures_page() -> Iterator[str]:
-    """Every declared quantity with its definition."""
+    """Every declared quantity with its definition, each defined once."""
     yield "# Figures"
     yield ""
     yield (
         "What each figure means and how it is read. `hil run NAME --describe` prints the same. How often the stated "
         "intervals hold is on a page of [its own](../explanation/coverage.md)."
     )
-    for entry in entries("procedures"):
+    told: dict[str, list[str]] = {}
+    for entry in sorted(entries("procedures"), key=lambda one: (one.name.startswith("efc_"), one.name)):
         procedure = load_procedure(entry.name)
         if any(m.definition for m in procedure.measurements):
-            yield from ("", f"## `{procedure.name}`", "", "| figure | unit | definition |", "|---|---|---|")
-            for m in procedure.measurements:
-                yield f"| `{m.name}` | {m.unit or 'of the bench'} | {m.definition or m.meaning} |"
+            rows = {m.name: f"| `{m.name}` | {m.unit or 'of the bench'} | {m.definition or m.meaning} |"
+                    for m in procedure.measurements}  # fmt: skip
+            own, as_of = told_before(list(rows.values()), told)
+            yield from ("", f"## `{entry.name}`")
+            yield from as_elsewhere(as_of)
+            yield from ("", "| figure | unit | definition |", "|---|---|---|", *own) if own else ()
+            told[entry.name] = list(rows.values())
+
+
+def told_before(rows: Sequence[str], told: Mapping[str, Sequence[str]]) -> tuple[list[str], dict[str, list[str]]]:
+    """The rows that no earlier table has, and the names of the others by the first table that has them."""
+    own: list[str] = []
+    as_of: dict[str, list[str]] = {}
+    for row in rows:
+        table = next((name for name, earlier in told.items() if row in earlier), "")
+        if table:
+            as_of.setdefault(table, []).append(row.split(" | ")[0].removeprefix("| "))
+        else:
+            own.append(row)
+    return own, as_of
+
+
+def as_elsewhere(as_of: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """A line for each earlier table that has rows of this one."""
+    for table, names in as_of.items():
+        yield from ("", f"As of [`{table}`](#{table}): {', '.join(names)}.")
 
 
 # -- commands ----------------------------------------------------------------------------------------------
 
 
+COMMON = 3  # so many commands have an option that is explained once
 COMMANDS = """\
 `hil COMMAND --help` says what is below. Results go to stdout; progress and errors to stderr: a bar on a terminal, plain
 lines otherwise. An error is one line that names the file, field or value, what was found and what is allowed;
@@ -113,13 +140,32 @@ A *recording* is any file or folder of [recordings](recordings.md), a *model* a 
 
 
 def command_line() -> Iterator[str]:
-    """The page of the command line: what every command says about itself."""
-    yield from ("# The command line", "", NOTE, "", COMMANDS)
+    """The page of the command line: what every command says about itself; a common option once."""
     top = said("--help")
     commands = [line.split()[0] for line in top.partition("Commands:\n")[2].splitlines() if line[2:3] != " "]
-    yield from block("hil", top)
-    for name in commands:
-        yield from block(f"hil {name}", said(name, "--help"))
+    helps = {name: said(name, "--help") for name in commands}
+    found = Counter(row for text in helps.values() for row in {option_row(option) for option in options(text)})
+    yield from ("# The command line", "", NOTE, "", COMMANDS, "", "## Common options", "")
+    yield "Left out below; `hil COMMAND --help` says which of them a command takes."
+    yield from ("", "| option | |", "|---|---|")
+    yield from sorted(row for row, count in found.items() if count >= COMMON)
+    yield from block("hil", top.partition("\nCommands:\n")[0])
+    for name, text in helps.items():
+        own = text
+        for option in options(text):
+            own = own.replace(option, "") if found[option_row(option)] >= COMMON else own
+        yield from block(f"hil {name}", own.strip().removesuffix("Options:"))
+
+
+def options(text: str) -> list[str]:
+    """Every option of a help, with all its lines."""
+    return re.findall(r"^  --.*\n(?: {6,}.*\n)*", text.partition("\nOptions:\n")[2] + "\n", re.M)
+
+
+def option_row(option: str) -> str:
+    """An option as a row of a table."""
+    name, _, meaning = option.strip().replace("|", "\\|").partition("  ")
+    return f"| `{name}` | {' '.join(meaning.split())} |"
 
 
 def block(title: str, text: str) -> Iterator[str]:
@@ -147,43 +193,71 @@ def said(*arguments: str) -> str:
 
 PLANTS = """\
 What `hil identify --plant NAME` fits. Bounds are those within which a fit may go; *held* parameters stay at their value
-unless `--free NAME` frees them. A column is found by its name; `--input` and `--output` override it."""
+unless `--free NAME` frees them. A column is found by its name; `--input` and `--output` override it. Inner signals are
+used where they were recorded. Parameters that are *as of* another plant have its unit, value, bounds and meaning.
+
+Every plant lists its places for effects, each with its stage and its unit. What may act there depends on the place
+alone:"""
 
 
 def plants_page() -> Iterator[str]:
     """The page of the plants: signals, parameters, places for effects."""
-    yield from ("# Plants", "", NOTE, "", PLANTS)
+    yield from ("# Plants", "", NOTE, "", PLANTS, "", "| place | effects |", "|---|---|")
+    found = {entry.name: plant(entry.name) for entry in entries("plants")}
+    for place in dict.fromkeys(hook.name for one in found.values() for hook in one.hooks):
+        here = ", ".join(f"[{e.name}](effects.md#{e.name})" for e in effects() if place in e.hooks)
+        yield f"| `{place}` | {here or '–'} |"
+    told: dict[str, list[str]] = {}
     for entry in entries("plants"):
-        yield from plant_section(plant(entry.name), entry.summary)
+        yield from plant_section(found[entry.name], entry.summary, told)
+        told[entry.name] = parameter_rows(found[entry.name].parameters)
 
 
-def plant_section(found: Plant, summary: str) -> Iterator[str]:
-    """One plant."""
+def plant_section(found: Plant, summary: str, told: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """One plant; parameters that an earlier one has are named, no more."""
     yield from ("", f"## `{found.name}`", "", summary)
     if found.source:
         yield from ("", f"Source: {found.source}.")
-    yield from ("", "| signal | |", "|---|---|")
-    yield from (f"| `{signal.heading}` | input |" for signal in found.inputs)
-    yield f"| `{found.output.heading}` | output |"
-    yield from (f"| `{signal.heading}` | inner signal, used where it was recorded |" for signal in found.observed)
-    yield from ("", "| parameter | unit | typical | bounds | meaning |", "|---|---|---|---|---|")
-    yield from (parameter_row(parameter) for parameter in found.parameters)
-    yield from ("", "| place for effects | stage | unit | effects |", "|---|---|---|---|")
-    for hook in found.hooks:
-        here = ", ".join(f"[{e.name}](effects.md#{e.name})" for e in effects() if hook.name in e.hooks)
-        yield f"| `{hook.name}` | {hook.stage} | {of_channel(hook.unit)} | {here or '–'} |"
+    inner = ", ".join(f"`{signal.heading}`" for signal in found.observed)
+    inputs = ", ".join(f"`{signal.heading}`" for signal in found.inputs)
+    yield ""
+    yield f"- Input: {inputs}. Output: `{found.output.heading}`.{f' Inner: {inner}.' if inner else ''}"
+    places = "; ".join(f"`{hook.name}` {hook.stage}, {of_channel(hook.unit)}" for hook in found.hooks)
+    yield f"- Places: {places}."
     yield from slowness(found)
+    own, as_of = told_before(parameter_rows(found.parameters), told)
+    yield from as_elsewhere(as_of)
+    if own:
+        yield from ("", "| parameter | unit | typical | bounds | meaning |", "|---|---|---|---|---|", *own)
 
 
 def slowness(found: Plant) -> Iterator[str]:
     """How much slower than a valve a plant is, where it is."""
     for times in sorted({hook.slower for hook in found.hooks} - {1.0}):
-        yield from ("", f"Times of effects are {number(times)} times those of the library here, rates as much smaller.")
+        yield f"- Times of effects are {number(times)} times those of the library here, rates as much smaller."
 
 
 def of_channel(unit: str) -> str:
     """A unit of a page of equations, where it is that of a channel."""
     return unit.replace("{input}", "input").replace("{output}", "output")
+
+
+def parameter_rows(parameters: Sequence[Parameter]) -> list[str]:
+    """The parameters of a plant; those that are numbered in one row, with the first and the last typical value."""
+    rows = []
+    for name, some in groupby(parameters, lambda one: str(one.name.rstrip("0123456789"))):
+        first, *others = some
+        if others and all(one.fixed == first.fixed for one in others):
+            last = others[-1]
+            row = parameter_row(first)
+            row = row.replace(f"`{first.name}`", f"`{first.name}` … `{last.name}`", 1)
+            row = row.replace(
+                f"| {number(first.typical)} |", f"| {number(first.typical)} … {number(last.typical)} |", 1
+            )
+            rows.append(row.replace(f" {first.name.removeprefix(name)} of", "s of"))
+        else:
+            rows += [parameter_row(one) for one in (first, *others)]
+    return rows
 
 
 def parameter_row(parameter: Parameter) -> str:
@@ -197,15 +271,15 @@ def parameter_row(parameter: Parameter) -> str:
 EFFECTS = """\
 The library that a diagnosis screens. One definition (`hil/physics/effects/NAME.py`) makes the simulation, the fit, the
 wording of the verdict and this page. Sizes marked FS are shares of the full scale at the place where the effect sits
-([plants](plants.md) lists the places; *of travel*: of the part that moves there); in a model file they stand in the
+([plants](plants.md) lists them; *of travel*: of the part that moves there); in a model file they stand in the
 unit of that place. Times and rates are those of valves; a slower plant says by how much they differ. At its *null* an
 effect does nothing; parameters without one are shapes, which may have any value while the effect is null."""
 
 
 def effects_page() -> Iterator[str]:
-    """The page of the effects: equation, signature, parameters, where each may sit."""
+    """The page of the effects: signature, equation, parameters, where each may sit."""
     yield from ("# Effects", "", NOTE, "", EFFECTS)
-    yield from ("", "| effect | what it is | what it looks like |", "|---|---|---|")
+    yield from ("", "| effect | what it is | what it looks like in data |", "|---|---|---|")
     yield from (f"| [`{e.name}`](#{e.name}) | {e.title} | {e.signature} |" for e in effects())
     for effect in effects():
         yield from effect_section(effect)
@@ -215,22 +289,11 @@ def effect_section(effect: Effect) -> Iterator[str]:
     """One effect."""
     summary = next(entry.summary for entry in entries("effects") if entry.name == effect.name)
     yield from ("", f"## {effect.name}", "", summary, "", "```text", effect.equation, "```", "")
-    yield f"- **In data:** {effect.signature}."
     yield f"- **Says to the operator:** “{effect.sentence}”"
-    yield f"- **Where:** {where(effect)}."
+    yield f"- **Where:** {', '.join(f'`{place}`' for place in sorted(effect.hooks))}."
     yield f"- **Source:** {effect.source}"
     yield from ("", "| parameter | unit | null | typical | bounds | meaning |", "|---|---|---|---|---|---|")
     yield from (effect_parameter_row(parameter) for parameter in effect.parameters)
-
-
-def where(effect: Effect) -> str:
-    """Plants and places that have the effect."""
-    places = {}
-    for entry in entries("plants"):
-        here = [hook.name for hook in plant(entry.name).hooks if hook.name in effect.hooks]
-        if here:
-            places[entry.name] = ", ".join(f"`{name}`" for name in here)
-    return "; ".join(f"{name}: {hooks}" for name, hooks in places.items())
 
 
 def effect_parameter_row(parameter: EffectParameter) -> str:
@@ -320,23 +383,30 @@ def _place(name: str) -> str:
 
 
 def python_page() -> Iterator[str]:
-    """The page of the public interface: every name with its signature and what it says of itself."""
+    """The page of the public interface: every name with its signature and what it says of itself; common ones once."""
     from hil import api
 
+    texts = {name: (inspect.getdoc(getattr(api, name)) or "") + "\n" for name in sorted(api.__all__, key=str.lower)}
+    found = Counter(given for text in texts.values() for given in set(arguments(text)))
+    common = [given for given in dict.fromkeys(one for text in texts.values() for one in arguments(text))
+              if found[given] >= COMMON]  # fmt: skip
     yield from ("# Python", "", NOTE, "", PYTHON, "", "```python", *_example(inspect.getdoc(api) or ""), "```")
-    for name in sorted(api.__all__, key=str.lower):
+    yield from ("", "Arguments of several functions, left out below:", "", "```text")
+    yield from (line[4:] for given in common for line in given.splitlines())
+    yield "```"
+    for name, text in texts.items():
         public = getattr(api, name)
         signature = "" if inspect.isclass(public) else signature_of(public)
-        yield from (
-            "",
-            f"## `{_place(name)}.{name}`",
-            "",
-            "```text",
-            *wrapped(f"{name}{signature}"),
-            "",
-            *said_of(public),
-            "```",
-        )
+        for given in common:
+            text = text.replace(given, "")
+        own = re.sub(r"Args:\n(?! )", "", text).strip().splitlines()
+        yield from ("", f"## `{_place(name)}.{name}`", "", "```text", *wrapped(f"{name}{signature}"), "", *own, "```")
+
+
+def arguments(text: str) -> list[str]:
+    """Every argument of a docstring, with all its lines."""
+    part = text.partition("Args:\n")[2].partition("\n\n")[0] + "\n"
+    return re.findall(r"^    \w+: .*\n(?: {8}.*\n)*", part, re.M)
 
 
 def _example(doc: str) -> list[str]:
@@ -359,11 +429,6 @@ def signature_of(function: Any) -> str:
 def wrapped(text: str) -> list[str]:
     """Text in lines that fit a page."""
     return textwrap.wrap(text, 110, subsequent_indent="    ", break_long_words=False)
-
-
-def said_of(public: Any) -> list[str]:
-    """The docstring of a name."""
-    return (inspect.getdoc(public) or "").splitlines()
 
 
 def number(value: float) -> str:
