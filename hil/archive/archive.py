@@ -12,7 +12,7 @@ from typing import Any
 from sqlalchemy import Select, delete, false, select
 from sqlalchemy.orm import Session
 
-from hil.archive.database import REFUSED, DamagedIndexError, opened, refused_by
+from hil.archive.database import DamagedIndexError, is_refusal, opened, refused_by
 from hil.archive.entry import Entry, entry_of, run_folders, this_host
 from hil.archive.place import INDEX_FILE, Place
 from hil.archive.tables import OF_CALIBRATION, CalibrationRow, RunRow, ValueRow
@@ -81,7 +81,9 @@ def _add(session: Session, place: Place, entries: Sequence[Entry], left_out: lis
             session.add_all([_row(entry) for entry in entries])
         session.expunge_all()
         return len(entries)
-    except REFUSED as error:
+    except Exception as error:
+        if not is_refusal(error):
+            raise
         if len(entries) > 1:
             return sum(_add(session, place, [entry], left_out) for entry in entries)
         left_out.append(f"{entries[0].folder}: {refused_by(place, error)}")

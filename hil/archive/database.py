@@ -22,8 +22,9 @@ _POSTGRESQL = {
 }
 
 
-REFUSED = (DataError, ValueError, OverflowError, TypeError)
-"""What a database raises of a run that it cannot hold: a name too long, a character that it does not know."""
+_OF_A_ROW = ("22", "23", "44", "54", "P0")
+"""Classes of SQLSTATE that concern what a row says: data, constraints, views, sizes, and triggers of a lab's own."""
+_ENTERED_MEANWHILE = "23505"
 
 
 class DamagedIndexError(ArchiveError):
@@ -101,9 +102,20 @@ def _version(connection: Connection) -> str | None:
     return found
 
 
+def is_refusal(error: Exception) -> bool:
+    """Whether an error is of a run that the database cannot hold, and would be raised of it again.
+
+    Such are a name too long, a character that it does not know, and a rule that the lab gave its database.
+    """
+    state = str(getattr(getattr(error, "orig", None), "sqlstate", None) or "")
+    of_a_row = state[:2] in _OF_A_ROW and state != _ENTERED_MEANWHILE
+    return of_a_row or isinstance(error, (DataError, ValueError, OverflowError, TypeError))
+
+
 def refused_by(place: Place, error: Exception) -> str:
     """Why a database does not take a run, in one sentence."""
-    return f"archive {place} refuses it: {place.without_password(getattr(error, 'orig', None) or error)}"
+    cause, *_ = str(getattr(error, "orig", None) or error).splitlines() or [""]
+    return f"archive {place} refuses it: {place.without_password(cause)}"
 
 
 def _refused(place: Place, error: Exception) -> ArchiveError:

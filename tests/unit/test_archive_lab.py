@@ -142,6 +142,31 @@ def test_a_run_that_the_database_refuses_is_told_and_holds_no_other(lab, tmp_pat
     assert count == 3 and str(bad) in left_out[0] and names(lab) == ["after", "before", "good"]
 
 
+RULES = {
+    "constraint": "ALTER TABLE run ADD CONSTRAINT lab CHECK (procedure <> 'wild')",
+    "trigger": "CREATE FUNCTION lab() RETURNS trigger AS $$ BEGIN IF NEW.procedure = 'wild' THEN RAISE 'no'; END IF; "
+    "RETURN NEW; END $$ LANGUAGE plpgsql; CREATE TRIGGER lab BEFORE INSERT ON run FOR EACH ROW EXECUTE FUNCTION lab()",
+    "size": "CREATE INDEX lab ON run (operator)",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_rule_of_the_lab_that_refuses_a_run_holds_no_other(lab, tmp_path, rule: str) -> None:
+    import psycopg
+
+    assert enter_or_keep(lab, made_run(tmp_path / "first")) == ""
+    with psycopg.connect(lab.url.replace("+psycopg", ""), autocommit=True) as administrator:
+        administrator.execute(RULES[rule])
+    bad = made_run(tmp_path / "bad")
+    content = json.loads((bad / "run.json").read_text())
+    content["meta"] |= {"procedure": "wild", "operator": "".join(chr(0x4E00 + 7919 * i % 20000) for i in range(4000))}
+    (bad / "run.json").write_text(json.dumps(content))
+    said = enter_or_keep(lab, bad)
+    assert "not in the archive" in said and "refuses it" in said and len(said) < 500
+    assert waiting_for(lab) == [] and enter_or_keep(lab, made_run(tmp_path / "good")) == ""
+    assert names(lab) == ["first", "good"]
+
+
 def test_runs_that_waited_behind_a_refused_one_are_entered(lab, tmp_path, monkeypatch) -> None:
     away = archive_place(lab.url.replace(lab.url.rsplit(":", 1)[1].split("/")[0], "9"))
     for folder in (refused_run(tmp_path / "bad", "too long"), made_run(tmp_path / "good")):
@@ -160,7 +185,7 @@ def test_a_name_that_is_no_text_is_refused_by_either_database_in_words(place, tm
     content["meta"]["operator"] = f"Eva{character}"
     path.write_text(json.dumps(content))
     said = enter_or_keep(place, folder)
-    assert said == "" or "refuses it" in said
+    assert said == "" or "refuses it" in said or "JSON was expected" in said
     assert enter_or_keep(place, made_run(tmp_path / "lab" / "b")) == "" and "b" in names(place)
 
 
