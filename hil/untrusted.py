@@ -39,6 +39,7 @@ _KINDS = (
 )  # fmt: skip
 # Atomic groups: a line of 100 kB is read once, whatever stands in it.
 _KEY = r"""(?>[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 _DOTTED = re.compile(rf"(?<![A-Za-z0-9_-]){_KEY}(?:[ \t]*+\.[ \t]*+{_KEY}){{{MOST_LEVELS}}}")
 
 
@@ -160,10 +161,13 @@ def parse_json(text: str | bytes, where: str) -> Any:
     if len(text) > MOST_BYTES:
         raise FileError(f"{where}: {_size(len(text))} of JSON; at most {_size(MOST_BYTES)} are read")
     try:
+        text = text if isinstance(text, str) else text.decode(json.detect_encoding(text))
         content = json.loads(text)
+        if _SURROGATE.search(text):  # half a character is none: what is made of it can be neither written nor sent
+            json.dumps(content, ensure_ascii=False).encode()
     except RecursionError:
         raise FileError(_too_deep(where, "JSON")) from None
-    except ValueError as error:  # a number of 5000 digits and bytes that are no text are one too
+    except ValueError as error:  # a number of 5000 digits and what is no text are one too
         raise FileError(f"{where}: JSON was expected: {error}") from None
     _check_levels(content, where, "JSON")
     return content

@@ -7,12 +7,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from hil.errors import FileError, StorageError
 from hil.record.cause import Cause
 from hil.record.durable import write_whole
 from hil.record.measurement import RESULTS_FILE, Measured, Verdict
+from hil.record.moment import Moment
 from hil.record.population_comparison import PopulationComparison
 from hil.record.show import dataset, figure_by_unit, needed, table_html
 from hil.record.since import Since
@@ -116,7 +117,7 @@ class Results(_Strict):
     procedure: str
     serial: str | None
     operator: str | None = None
-    started_utc: AwareDatetime | None = None
+    started_utc: Moment | None = None
     verdict: Verdict | None
     values: tuple[Measured, ...]
     curves: tuple[Curve, ...] = ()

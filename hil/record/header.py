@@ -9,10 +9,11 @@ from io import FileIO
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from hil.errors import FileError
 from hil.record.durable import sync_file, sync_folder, write_at
+from hil.record.moment import Moment
 from hil.record.plain import plain
 from hil.untrusted import ANY_SIZE, open_untrusted, read_untrusted_json
 from hil.version import PROGRAM, is_newer, made_by
@@ -69,7 +70,7 @@ class Header(_Strict):
     format: Literal["hil-run"] = "hil-run"
     version: Literal[1] = 1
     program: str = PROGRAM
-    started_utc: AwareDatetime = Field(default_factory=lambda: datetime.now(UTC))
+    started_utc: Moment = Field(default_factory=lambda: datetime.now(UTC))
     samples: Table
     meta: dict[str, Any] = {}
 
@@ -85,7 +86,7 @@ class End(_Strict):
     format: Literal["hil-run-end"] = "hil-run-end"
     version: Literal[1] = 1
     outcome: str
-    stopped_utc: AwareDatetime = Field(default_factory=lambda: datetime.now(UTC))
+    stopped_utc: Moment = Field(default_factory=lambda: datetime.now(UTC))
     rows: int = Field(ge=0)
     crc32: str = Field(pattern="^[0-9a-f]{8}$")
     sha256: dict[str, str]

@@ -12,12 +12,13 @@ from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
 from typing import Literal
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from hil.errors import FileError, StorageError
 from hil.record.durable import sync_folder, write_whole
 from hil.record.header import END_FILE, HEADER_FILE, read_end, read_stated, sha256_of
 from hil.record.measurement import FINDINGS_FILE, RESULTS_FILE, Limit
+from hil.record.moment import Moment
 from hil.record.samples import ROWS_FILE
 from hil.version import PROGRAM
 
@@ -35,7 +36,7 @@ class Seal(BaseModel):
     format: Literal["hil-run-seal"] = "hil-run-seal"
     version: Literal[1] = 1
     program: str = PROGRAM
-    sealed_utc: AwareDatetime = Field(default_factory=lambda: datetime.now(UTC))
+    sealed_utc: Moment = Field(default_factory=lambda: datetime.now(UTC))
     limits: dict[str, Limit]
     sha256: dict[str, str]
 

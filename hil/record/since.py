@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pydantic import AwareDatetime
-
 from hil.record.measured import Measured, Verdict
+from hil.record.moment import Moment
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +42,7 @@ class Since:
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}
     run: str
-    started_utc: AwareDatetime
+    started_utc: Moment
     verdict: Verdict | None
     moved: tuple[Moved, ...] = ()
     same: int = 0

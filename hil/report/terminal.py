@@ -9,6 +9,8 @@ if TYPE_CHECKING:
 
     from hil.record.measurement import Findings, Measured
 
+_WIDEST = 120  # characters of a column, but of the last one
+
 
 def findings_text(findings: Findings, *, simulated: bool = False) -> str:
     """Every measured value with its expanded uncertainty as in the report, limits and verdict; then notes and verdict.
@@ -45,7 +47,13 @@ def _beside(m: Measured) -> str:
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Rows of as many texts each as lines in which those of one column stand below each other."""
+    """Rows of as many texts each as lines in which those of one column stand below each other.
+
+    Of a longer text than `_WIDEST` the beginning is shown: one name of ten thousand letters moves no other column.
+    """
+    rows = [
+        [text if len(text) <= _WIDEST else f"{text[: _WIDEST - 1]}…" for text in row[:-1]] + [*row[-1:]] for row in rows
+    ]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 

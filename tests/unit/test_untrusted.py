@@ -115,6 +115,16 @@ def test_parse_json_reads_what_is_no_deeper() -> None:
     assert parse_json("1", "here") == 1
 
 
+@pytest.mark.parametrize("text", [r'{"a": ["\ud800"]}', rb'{"\uDC00x": 1}', b'"\xed\xa0\x80"'], ids=repr)
+def test_parse_json_refuses_half_a_character(text: str | bytes) -> None:
+    with pytest.raises(FileError, match=r"here: JSON was expected: .*can't (en|de)code"):
+        parse_json(text, "here")
+
+
+def test_parse_json_reads_both_halves() -> None:
+    assert parse_json(r'"\ud83d\ude00"', "here") == "\U0001f600" == parse_json('"\U0001f600"'.encode(), "here")
+
+
 @pytest.mark.parametrize("text", [b"", b"\xff\xfe\xfd", b"{", b"1" * 5000, b"\x00" * 10])
 def test_parse_json_says_what_is_no_json(text: bytes) -> None:
     with pytest.raises(FileError, match="here: JSON was expected"):
