@@ -321,3 +321,41 @@ def test_who_is_sent_away_before_being_met_is_hung_up_on() -> None:
                 door.close()
 
     assert asyncio.run(knocked()) == b""
+
+
+class Told(Guest):
+    """Somebody whose answer never ends, or who has said nothing yet."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self.transport = transport
+
+    def data_received(self, data: bytes) -> None:
+        self.waits = self.has_asked = True
+
+
+def test_answers_that_never_end_send_no_newcomer_away() -> None:
+    async def said(port: int) -> socket.socket:
+        loop, client = asyncio.get_running_loop(), socket.socket()
+        client.setblocking(False)
+        await loop.sock_connect(client, ("127.0.0.1", port))
+        await loop.sock_sendall(client, b"a")
+        await asyncio.sleep(0.02)
+        return client
+
+    async def knocked() -> tuple[bytes, bool]:
+        loop = asyncio.get_running_loop()
+        with socket.create_server(("127.0.0.1", 0)) as listening:
+            door = Door([(listening, None)], Told, 4, PATIENCE_S)
+            clients = [await said(listening.getsockname()[1]) for _ in range(5)]
+            try:
+                first = await asyncio.wait_for(loop.sock_recv(clients[0], 1), PATIENCE_S)
+            except ConnectionResetError:
+                first = b""
+            with pytest.raises(BlockingIOError):
+                clients[-1].recv(1)
+            door.close()
+            for client in clients:
+                client.close()
+            return first, door.is_busy
+
+    assert asyncio.run(knocked()) == (b"", True)

@@ -38,8 +38,8 @@ class Visitor(Protocol):
 class Door:
     """Takes the connections of sockets, within the running loop, until it is closed.
 
-    When more come than there is room for, the oldest goes that waits for nothing: who floods a server loses the
-    connections that said nothing, and a whole request is answered at once.
+    When more come than there is room for, the oldest goes of those that are more: that wait for an answer, or that
+    do not. Who floods a server with connections that say nothing, or with answers that never end, loses those.
 
     Args:
         sockets: that listen, each with its certificate.
@@ -98,8 +98,10 @@ class Door:
             self._drop(visitor)
 
     def _drop_one(self) -> None:
-        if self._open:
-            self._drop(min(self._open, key=lambda visitor: visitor.waits))  # the first of equals: the oldest
+        waiting = [visitor for visitor in self._open if visitor.waits]
+        more = waiting if 2 * len(waiting) > len(self._open) else [one for one in self._open if not one.waits]
+        if more:
+            self._drop(more[0])
 
     def _drop(self, visitor: Visitor) -> None:
         self._dropped()
