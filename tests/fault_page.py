@@ -1,4 +1,4 @@
-"""Measure every combination of the fault matrix and write the page of the documentation.
+"""Measure every combination of the fault matrix and write its section of the page of links.
 
 python -m tests.fault_page
 """
@@ -6,41 +6,53 @@ python -m tests.fault_page
 from __future__ import annotations
 
 import os
+import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from tests import faults_on_links, faults_simulated
 from tests.faults import Case, Seen
 
-PAGE = Path(__file__).parents[1] / "docs" / "reference" / "fault-matrix.md"
+PAGE = Path(__file__).parents[1] / "docs" / "reference" / "links.md"
+TITLE = "Faults at each moment"
 HEAD = """\
-# Fault matrix
+<!-- Made by `python -m tests.fault_page` from what it measures; a test compares the cells with the cases. -->
 
-<!-- Made by `python -m tests.fault_page` from what it measures; a test compares the rows with the cases. -->
+{count} combinations of a fault, a moment and a link, each made to happen by a test
+(`tests/scenario/test_faults_*.py`) and measured **at the device**: what counts is when its output stood at the safe
+value for good. Cells are s from the fault to there; "–" is where nobody can reach the output. NOT SAFE is said where
+the outputs did not answer: then only an emergency stop, the device itself or the watchdog process helps.
 
-What happens when something fails while a valve is driven: {count} combinations of a fault, a moment and a link, each
-made to happen by a test (`tests/scenario/test_faults_*.py`) and measured **at the device**: what counts is when its
-output stood at the safe value for good, not when the program thought so. Devices are simulated ones that speak the real
-protocols; nothing here was measured on hardware.
-
-- *safe after*: from the fault to the safe output. In virtual time for the simulated DAQ (blocks of {block_s:g} s, ramp
-  of {ramp:g} %/s from 60 or 70 %), in wall-clock time on the links. *promised* is what the test asks for. “–” is where
-  nobody can reach the output: the message says NOT SAFE, the exit status is 3, and only an emergency stop, the device
-  itself or the watchdog process helps, once it can be reached again. −9 is a program that was killed.
-- “No answers”, “garbled”, “late”, “restarts” concern what comes back: the device still hears, and outputs are told to
-  be safe without waiting for an answer. “Cable pulled” is where nothing gets through: there its own watchdog acts.
-- *lost*: samples that the device had given and the recording does not have, where they can be counted. Samples for
-  which the disk has no room cannot be recorded.
-- What is said of outputs, and the exit status, follow from what the device answered when it was asked
-  ([safety](../explanation/safety.md#what-is-known-of-an-output)). A device that freezes its output and says that it
-  obeys reads back safe: the interlock tells.
-- In every case the run folder could be read afterwards, up to its last block, where there was one.
-- On the links, blocks are 0.1 s, time-outs 0.1 … 0.2 s and the devices' own watchdogs 0.5 … 1 s. Where the *program* is
-  killed or hangs, the devices' own watchdogs were off, except on CANopen, and the watchdog process ({watchdog_s:g} s)
-  acted.
-- The second master wrote for 3 s; nothing but an interlock notices it surely, and nobody wins against it.
+- *promised*: what the test asks for, in s. *status*: the exit status; −9 is a program that was killed.
+- *lost*: samples that the device had given and the recording does not have, each number once in the order of the
+  columns. Those for which the disk has no room cannot be recorded. In every case the run folder could be read
+  afterwards, up to its last block, where there was one.
+- A device that freezes its output and says that it obeys reads back safe: the interlock tells. What is said of
+  outputs follows from their answers ([safety](../explanation/safety.md#what-is-known-of-an-output)).
+- Simulated DAQ: virtual time, blocks of {block_s:g} s, ramp of {ramp:g} %/s from 60 or 70 %.
+- Links: wall-clock time, while it is driven; blocks 0.1 s, time-outs 0.1 … 0.2 s, the devices' own watchdogs 0.5 … 1
+  s. Where the *program* is killed or hangs, those were off, except on CANopen, and the watchdog process
+  ({watchdog_s:g} s) acted.
+- "No answers", "garbled", "late", "restarts" concern what comes back: the device still hears. "Cable pulled" is where
+  nothing gets through: there its own watchdog acts. The second master wrote for 3 s; only an interlock surely notices
+  it.
 """
+
+
+@dataclass(frozen=True)
+class Row:
+    """A measured case, in words."""
+
+    link: str
+    fault: str
+    moment: str
+    after: str
+    promised: str
+    lost: str
+    status: str
+    message: str
 
 
 def main() -> None:
@@ -50,29 +62,86 @@ def main() -> None:
         *_rows(faults_simulated.CASES, faults_simulated.measure),
         *_rows(faults_on_links.CASES, faults_on_links.measure),
     ]
-    head = HEAD.format(
-        count=len(rows), block_s=faults_simulated.BLOCK_S, ramp=faults_simulated.RAMP_PER_S,
-        watchdog_s=faults_on_links.WATCHDOG_S,
-    )  # fmt: skip
-    table = ["| link | fault | moment | safe after [s] | promised [s] | lost | exit status | what is said |",
-             "|---|---|---|---|---|---|---|---|"]  # fmt: skip
-    PAGE.write_text("\n".join([head, *table, *rows]) + "\n", encoding="utf-8")
+    write_section(TITLE, section(rows))
 
 
-def _rows(cases: list[Case], measure: object) -> Iterator[str]:
+def write_section(title: str, text: str) -> None:
+    """Put another text below a heading of the page."""
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(f"\n## {title}\n")
+    _, mark, after = rest.partition("\n## ")
+    PAGE.write_text(f"{before}\n## {title}\n\n{text.strip()}\n{mark}{after}", encoding="utf-8")
+
+
+def _rows(cases: list[Case], measure: object) -> Iterator[Row]:
     assert callable(measure)
     for case in cases:
         with tempfile.TemporaryDirectory() as folder:
             yield row(case, measure(case, Path(folder)), folder)
 
 
-def row(case: Case, seen: Seen, folder: str) -> str:
-    """A row of the table."""
-    after = "–" if seen.safe_after_s is None else f"{seen.safe_after_s:.3f}"
-    promised = "–" if case.within_s is None else f"{case.within_s:.3g}"
-    lost = "" if seen.lost is None else f"{seen.lost}"
-    message = seen.message.replace(f"{folder}/", "").replace("|", "\\|")
-    return f"| {case.link} | {case.fault} | {case.moment} | {after} | {promised} | {lost} | {seen.status} | {message} |"
+def row(case: Case, seen: Seen, folder: str) -> Row:
+    """What was seen, in words."""
+    return Row(
+        case.link, case.fault, case.moment,
+        "–" if seen.safe_after_s is None else f"{seen.safe_after_s:.3f}",
+        "–" if case.within_s is None else f"{case.within_s:.3g}",
+        "" if seen.lost is None else f"{seen.lost}", f"{seen.status}", seen.message.replace(f"{folder}/", ""),
+    )  # fmt: skip
+
+
+def section(rows: list[Row]) -> str:
+    """Head and both tables: moments beside each other, then links."""
+    simulated = [one for one in rows if one.link == rows[0].link]
+    linked = [one for one in rows if one.link != rows[0].link]
+    head = HEAD.format(
+        count=len(rows), block_s=faults_simulated.BLOCK_S, ramp=faults_simulated.RAMP_PER_S,
+        watchdog_s=faults_on_links.WATCHDOG_S,
+    )  # fmt: skip
+    return "\n".join([head, *_table(simulated, "moment"), "", *_table(linked, "link")])
+
+
+def _table(rows: list[Row], across: str) -> Iterator[str]:
+    columns = list(dict.fromkeys(getattr(one, across) for one in rows))
+    titles = ["fault", *columns, "promised", "lost", "status", "what is said, for instance"]
+    yield f"| {' | '.join(titles)} |"
+    yield "|" + "---|" * len(titles)
+    for fault in dict.fromkeys(one.fault for one in rows):
+        found = {getattr(one, across): one for one in rows if one.fault == fault}
+        seen = [_cell(found[column]) if column in found else "" for column in columns]
+        facts = (_each(getattr(one, name) for one in found.values()) for name in ("promised", "lost", "status"))
+        said = next((said for said in map(_said, found.values()) if said), "")
+        yield f"| {' | '.join([fault, *seen, *facts, said])} |"
+
+
+def _cell(one: Row) -> str:
+    return f"{one.after} NOT SAFE" if "NOT SAFE" in one.message else one.after
+
+
+def _each(values: Iterable[str]) -> str:
+    """Every value once, in order."""
+    return ", ".join(dict.fromkeys(value for value in values if value))
+
+
+def _said(one: Row) -> str:
+    """What was said of the cause: the error without its class, what is said of outputs, and the way out."""
+    cause = re.sub(r"^\w+Error: ", "", one.message)
+    return re.sub(r"[;:] (NOT SAFE|outputs are safe|find the cause|what was recorded).*", "", cause).replace("|", "\\|")
+
+
+def cells(page: str) -> dict[str, str]:
+    """The measured time of each case of the page, by the case in words."""
+    found = {}
+    part = page.partition(f"\n## {TITLE}\n")[2].partition("\n## ")[0]
+    for table in re.findall(r"(?:^\|.*\n?)+", part, re.M):
+        head, _, *rows = (line.strip("|").split("|") for line in table.strip().splitlines())
+        columns = [one.strip() for one in head[1 : head.index(" promised ")]]
+        for fault, *values in rows:
+            for column, value in zip(columns, values, strict=False):
+                if value.strip():
+                    simulated = column in faults_simulated.MOMENTS
+                    link, moment = ("simulated DAQ", column) if simulated else (column, "while it is driven")
+                    found[f"{link}, {fault.strip()}, {moment}"] = value.strip()
+    return found
 
 
 if __name__ == "__main__":

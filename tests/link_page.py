@@ -1,4 +1,4 @@
-"""Run the frequency-response test over every link in wall-clock time and write the page of the documentation.
+"""Run the frequency-response test over every link in wall-clock time and write its section of the page of links.
 
 python -m tests.link_page
 """
@@ -26,9 +26,10 @@ from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
 from procedures._recorded import roles_of
 from procedures._response import evaluated
+from tests.fault_page import write_section
 from tests.links import PATIENT, devices_of, moved
 
-PAGE = Path(__file__).parents[1] / "docs" / "reference" / "links.md"
+TITLE = "The frequency response over each link"
 LINKS = {
     "hpv41-modbus-tcp": "Modbus TCP",
     "hpv41-modbus-rtu": "Modbus RTU",
@@ -48,8 +49,6 @@ RATE_HZ = 1000.0  # of the direct test, in virtual time
 RESUMED = 4  # so often a run is begun or resumed
 CLEAR = 2.0  # standard uncertainties beyond which a deviation is named
 HEAD = """\
-# The frequency response over each link
-
 <!-- Made by `python -m tests.link_page` from what it measures. -->
 
 The procedure `frequency_response` on the HPV41 of each bench on a link, {count} sines of {lowest:g} … {highest:g} Hz,
@@ -194,7 +193,7 @@ def main() -> None:
             apart += list(far(title, seen, references[response]))
             later_ms.append(seen.corrected["dead time"].value - references[response]["dead time"].value)
             print(sections[-1], flush=True)
-    PAGE.write_text("\n".join([_head(), *sections, _short(apart, later_ms)]), encoding="utf-8")
+    write_section(TITLE, "\n".join([_head(), *sections, _short(apart, later_ms)]))
 
 
 def section(title: str, bench: str, seen: Seen, plain: Mapping[str, Figure]) -> str:
@@ -206,7 +205,7 @@ def section(title: str, bench: str, seen: Seen, plain: Mapping[str, Figure]) -> 
     ]
     response = roles_of(seen.recording)[1].name
     return "\n".join([
-        f"## {title}", "", f"Bench `{bench}`; response: {response}. {link_sentence(seen.recording)}",
+        f"### {title}", "", f"Bench `{bench}`; response: {response}. {link_sentence(seen.recording)}",
         "", "| figure | direct | corrected | off by | uncorrected | off by |", "|---|---|---|---|---|---|", *rows, "",
     ])  # fmt: skip
 
@@ -255,7 +254,7 @@ def _short(apart: list[str], later_ms: list[float]) -> str:
     figures_told = "; ".join(apart) if apart else "none"
     dead_times = ", ".join(f"{value:+.1f}" for value in later_ms)
     return f"""\
-## What falls short
+### What falls short
 
 - Figures off by more than {CLEAR:g} standard uncertainties: {figures_told}. By chance one or two of 35 would be.
 - Dead times over the links, in the order above, less the direct one: {dead_times} ms. They tend to come out long: a

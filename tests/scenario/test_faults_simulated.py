@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests import faults_on_links
-from tests.fault_page import PAGE
+from tests.fault_page import PAGE, cells
 from tests.faults import Case
 from tests.faults_simulated import CASES, MOMENTS, measure
 
@@ -41,14 +41,12 @@ def test_without_a_fault_the_course_is_as_the_moments_say(tmp_path: Path) -> Non
 
 
 def test_the_page_has_just_these_cases_and_what_it_says_was_measured_keeps_what_is_promised() -> None:
-    rows = [line.strip("| ").split(" | ") for line in PAGE.read_text(encoding="utf-8").splitlines() if " | " in line][
-        1:
-    ]
-    cases = [*CASES, *faults_on_links.CASES]
-    assert [", ".join(row[:3]) for row in rows] == [str(case) for case in cases]
-    for row, case in zip(rows, cases, strict=True):
+    measured = cells(PAGE.read_text(encoding="utf-8"))
+    cases = {str(case): case for case in (*CASES, *faults_on_links.CASES)}
+    assert set(measured) == set(cases)
+    for name, case in cases.items():
+        after = measured[name].removesuffix(" NOT SAFE")
         if case.within_s is None:
-            assert row[3] == "–" or case.moment == "before anything moves", row
+            assert after == "–" or case.moment == "before anything moves", name
         else:
-            assert float(row[3]) <= case.within_s, row
-        assert row[6] and row[7]
+            assert float(after) <= case.within_s, name

@@ -22,6 +22,7 @@ from hil.record.recording import Array, Recording
 from hil.session.procedure import load_procedure
 from hil.signals.sine_fit import sine_fit
 from tests import link_page
+from tests.fault_page import PAGE
 from tests.links import CALM, answered, bench_text, devices_of, moved, served
 from tests.simulated import FLOW, SPOOL, hpv41
 
@@ -186,8 +187,8 @@ def test_frequency_response_of_the_procedure_over_a_serial_line_is_the_direct_on
 
 
 def test_the_page_of_links_names_what_is_off() -> None:
-    text = link_page.PAGE.read_text(encoding="utf-8")
-    sections = dict(part.split("\n", 1) for part in text.split("\n## ")[1:])
+    text = PAGE.read_text(encoding="utf-8").partition(f"\n## {link_page.TITLE}\n")[2]
+    sections = dict(part.split("\n", 1) for part in text.split("\n### ")[1:])
     *links, short = sections
     assert links == list(link_page.LINKS.values())
     for title in links:

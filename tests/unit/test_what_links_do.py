@@ -23,7 +23,7 @@ from tests.links import free_port
 from tests.modbus_pair import MODEL, WIRING
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "reference" / "what-links-do.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "reference" / "links.md").read_text(encoding="utf-8")
 
 METER = """\
 protocol = "{protocol}"
