@@ -194,7 +194,7 @@ def survives(text: str, folder: Path) -> None:
     assert tomlkit.dumps(second.model_dump(mode="json", exclude_none=True, exclude_unset=True)) == again  # type: ignore[attr-defined]
 
 
-HOW_TO = Path(__file__).parents[2] / "docs" / "how-to" / "a-bench-in-an-afternoon.md"
+HOW_TO = Path(__file__).parents[2] / "docs" / "how-to" / "a-new-bench.md"
 
 
 def test_the_files_of_the_how_to_have_no_faults(tmp_path: Path) -> None:
