@@ -56,6 +56,6 @@ def _listed(found: Results) -> str:
     from hil.report.terminal import findings_text, typed
 
     lines = [findings_text(findings_of(found), simulated=bool(found.simulated))]
-    lines += [f"transfer function: {one.name}: {one.formula}" for one in found.transfer_functions]
+    lines += [one.line for one in found.transfer_functions]
     lines += [f"curve: {curve.name} ({len(curve.rows)} rows)" for curve in found.curves]
     return typed("\n".join(lines))

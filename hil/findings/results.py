@@ -104,6 +104,24 @@ class FittedFunction(_Strict):
         text = formula(transfer_function(self.numerator, self.denominator, self.dead_time_s))
         return text if self.unit == "1" else f"{text} {self.unit}"
 
+    @property
+    def line(self) -> str:
+        """What everybody reads of it with 95 % intervals, then the formula."""
+        import numpy as np
+
+        from hil.physics.readings import readings
+        from hil.signals.interval import rounded, width
+
+        found = readings(
+            np.array(self.numerator), np.array(self.denominator), self.dead_time_s,
+            np.array(self.covariance, dtype=np.float64), "" if self.unit == "1" else self.unit,
+        )  # fmt: skip
+        read = [
+            " ".join(filter(None, (one.name, rounded(one.value, one.std), width(one.std) if one.std else "", one.unit)))
+            for one in found
+        ]
+        return f"transfer function: {self.name}: {'; '.join(filter(None, (', '.join(read), self.formula)))}"
+
 
 class Results(_Strict):
     """Everything that a run found. `run` is the name of its folder.

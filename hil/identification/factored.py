@@ -27,31 +27,6 @@ def coefficients(form: Form, parameters: NDArray[np.number]) -> Complex:
     return np.concatenate((above / below[0], below[1:] / below[0], late))
 
 
-def readings(form: Form, parameters: NDArray[np.number]) -> list[tuple[str, str, complex]]:
-    """What everybody reads: name, unit and value of gain, dead time, time constants, oscillations and zeros.
-
-    The values are analytic functions of the parameters.
-    """
-    gain, lags, leads, dead_time = _parts(form, np.asarray(parameters, dtype=np.complex128))
-    late = [("dead time", "s", dead_time)] if form.dead_time or form.dead_time_s else []
-    poles = [row for lag in lags for row in _lag(lag)]
-    return [("gain", "", gain), *late, *sorted(poles, key=lambda row: row[0] != "time constant"), *_zeros(leads)]
-
-
-def _lag(factor: Complex) -> list[tuple[str, str, complex]]:
-    if len(factor) == 1:
-        return [("time constant", "s", complex(factor[0]))]
-    root, square = np.sqrt(factor[0] ** 2 / 4.0 - factor[1]), np.sqrt(factor[1])
-    if abs(root.real) > abs(root.imag):
-        return [("time constant", "s", complex(factor[0] / 2.0 + sign * root)) for sign in (1.0, -1.0)]
-    return [("frequency", "rad/s", complex(1.0 / square)), ("damping", "", complex(factor[0] / 2.0 / square))]
-
-
-def _zeros(leads: list[Complex]) -> list[tuple[str, str, complex]]:
-    """Those that are one by one; what a pair says is in the list of zeros."""
-    return [("zero", "rad/s", complex(-1.0 / lead[0])) for lead in leads if len(lead) == 1 and lead[0]]
-
-
 def _parts(form: Form, p: Complex) -> tuple[complex, list[Complex], list[Complex], complex]:
     at = int(form.dc_gain is None)
     gain = complex(p[0]) if form.dc_gain is None else complex(form.dc_gain)

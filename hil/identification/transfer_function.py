@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import InputError
-from hil.identification.factored import coefficients, model_of, readings, units
+from hil.identification.factored import coefficients, model_of, units
 from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.rational import Data, Form, Solution, data, solve
 from hil.language.note import Note
+from hil.physics.readings import readings
 from hil.physics.transfer_function import TransferFunction
 from hil.record.recording import Array
 from hil.signals.interval import rounded, width
@@ -129,11 +130,10 @@ class TransferFunctionFit:
         rows = [
             f"{_counted(self.form.poles, 'pole')}, {_counted(self.form.zeros, 'zero')}, fit {self.fit_percent:.2f} %"
         ]
-        known = readings(self.form, self.parameters)
-        stds = np.sqrt(np.diag(self.propagated(lambda p: np.array([row[2] for row in readings(self.form, p)]))))
-        for (name, unit, value), std in zip(known, stds.tolist(), strict=True):
-            whole = math.hypot(std, self.form_std_s) if name == "dead time" else std
-            rows.append(f"  {name:13} {rounded(value.real, whole):>12} {width(whole)} {unit}".rstrip())
+        model = self.model
+        for one in readings(model.numerator, model.denominator, model.dead_time_s, self.coefficient_covariance):
+            shown = rounded(one.value, one.std)
+            rows.append(f"  {one.name:13} {shown:>12} {width(one.std)} {one.unit}".rstrip())
         for name, value, std in zip(self.coefficient_names, self.coefficients, self.coefficient_std, strict=True):
             rows.append(f"  {name:13} {rounded(value, std):>12} {width(std)}")
         rows.append("  poles " + ", ".join(map(_root, self.model.poles)) + " rad/s")

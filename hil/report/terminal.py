@@ -28,7 +28,7 @@ def findings_text(findings: Findings, *, simulated: bool = False) -> str:
         (m.name, typed(value_text(m)), m.unit, typed(limits_text(m.low, m.high)), m.verdict or "", _beside(m))
         for m in findings.measured
     ]
-    functions = [f"transfer function: {one.name}: {one.formula}" for one in functions_of(findings.curves)]
+    functions = [one.line for one in functions_of(findings.curves)]
     notes = [f"note: {note}" for note in findings.notes]
     deviations = [f"deviation: {deviation}" for deviation in findings.deviations]
     verdict = (

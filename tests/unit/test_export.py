@@ -94,3 +94,11 @@ def test_model_of_another_plant_hands_on_its_parameters():
     scope: dict = {}
     exec(model_text(model, "valve", "python"), scope)
     assert scope["PARAMETERS"]["dead_band"] == (20.0, None, "%")
+
+
+def test_a_line_reads_with_its_intervals_before_its_formula():
+    read, formula = FITTED.line.rsplit("; ", 1)
+    assert read.startswith("transfer function: +50 ± 20 %: gain ") and "dead time 0.0060 ± 0.0020 s" in read
+    assert formula == FITTED.formula
+    plain = FITTED.model_copy(update={"coefficients": (), "covariance": (), "denominator": (*DENOMINATOR, 0.0)})
+    assert plain.line == f"transfer function: +50 ± 20 %: {plain.formula}"

@@ -14,6 +14,7 @@ from hil.identification.right_half_plane import judged_on_step, wrong_way
 from hil.identification.transfer_function import fit_form
 from hil.physics.compose import plant
 from hil.physics.published.tordal import RUNS
+from hil.physics.readings import readings
 from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import transfer_function
 from hil.record.recording import recording
@@ -319,3 +320,23 @@ def test_the_covariance_of_a_dead_time_holds_its_form():
     assert grown[-1, -1] == pytest.approx(1e-4)
     assert np.count_nonzero(grown) == 1
     assert wide.coefficient_std[-1] == pytest.approx(math.hypot(fit.scatter[-1], 0.01))
+
+
+def test_readings_scatter_as_their_intervals_say():
+    late = transfer_function([1225.0 * 6 * 0.8], np.poly([-6.0, -12 + 32j, -12 - 32j]), 0.03)
+    fits = [fit_form(noisy(late, 0.01, seed), Form(3, 0, dead_time=True)) for seed in range(60)]
+    rows = [
+        readings(f.model.numerator, f.model.denominator, f.model.dead_time_s, f.coefficient_covariance) for f in fits
+    ]
+    assert [one.name for one in rows[0]] == ["gain", "dead time", "time constant", "frequency", "damping"]
+    spread = np.std([[one.value for one in row] for row in rows], axis=0)
+    assert spread == pytest.approx([one.std for one in rows[0]], rel=0.35)
+    zero = readings(np.array([2.0, 20.0]), np.array([1.0, 4.0, 30.0]), 0.0, np.zeros((0, 0)), "mm")
+    assert zero[0] == ("gain", 20.0 / 30.0, None, "mm") and zero[-1] == ("zero", -10.0, None, "rad/s")
+    assert readings(np.array([1.0]), np.array([1.0, 5.0, 0.0]), 0.0, np.zeros((0, 0))) == []
+
+
+def test_a_double_pole_has_time_constants_that_are_not_identifiable():
+    found = readings(np.array([4.0]), np.array([1.0, 4.0, 4.0]), 0.0, np.eye(3))
+    assert [one.value for one in found[1:]] == pytest.approx([0.5, 0.5], rel=1e-6)
+    assert [one.std for one in found[1:]] == [math.inf, math.inf]
