@@ -42,11 +42,12 @@ def _time_constant_s(model: Model, e: Experiment, interval_s: float) -> float:
 
 
 def _moved_by(model: Model, e: Experiment, share: float, interval_s: float) -> Array:
-    """How far the output moves after a step from where the recording begins, shape (_SAMPLES,)."""
+    """How much further the output moves with a step from where the recording begins than without, (_SAMPLES,)."""
     rest, full = e.drive.inputs[:, :1], model.definition.inputs[0].full_scale
-    inputs = np.repeat(rest, _SAMPLES, axis=1)
-    inputs[0, 1:] += share * full * (-1.0 if rest[0, 0] > 0.5 * full else 1.0)
-    drive = Drive(inputs, e.drive.first_output, interval_s)
-    answer = simulate(model.definition, model.values, drive, model.active_effects)[0]
-    moved: Array = np.abs(answer - answer[0])
+    held = np.repeat(rest, _SAMPLES, axis=1)
+    stepped = held.copy()
+    stepped[0, 1:] += share * full * (-1.0 if rest[0, 0] > 0.5 * full else 1.0)
+    drives = (Drive(inputs, e.drive.first_output, interval_s) for inputs in (held, stepped))
+    without, answer = (simulate(model.definition, model.values, d, model.active_effects)[0] for d in drives)
+    moved: Array = np.abs(answer - without)
     return moved
