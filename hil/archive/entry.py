@@ -104,13 +104,22 @@ def _found(folder: Path) -> tuple[Verdict | None, tuple[Measured, ...]]:
 
 
 def run_folders(below: Path, levels: int = MOST_LEVELS) -> Iterator[Path]:
-    """Every run folder in a folder, at so many levels; a run folder holds no others."""
+    """Every run folder in a folder, at so many levels; a run folder holds no others.
+
+    One further down that cannot be listed is among them: who reads it hears why.
+
+    Raises:
+        FileError: the folder itself cannot be listed.
+    """
     if is_regular(below, HEADER_FILE):
         yield below
         return
     try:
         inner = sorted(path for path in below.iterdir() if path.is_dir() and not path.is_symlink())
     except OSError as error:
-        raise FileError(f"{below}: cannot be read: {error.strerror}") from None
+        if levels == MOST_LEVELS:
+            raise FileError(f"{below}: cannot be read: {error.strerror}") from None
+        yield below
+        return
     for path in inner if levels else ():
         yield from run_folders(path, levels - 1)

@@ -154,6 +154,23 @@ def test_a_missing_index_is_made_anew_when_it_is_asked(tmp_path):
     assert {run.folder.name for run in find_runs(place, Search())} == {"a", "b"}
 
 
+def test_a_folder_that_cannot_be_listed_hides_no_run_beside_it(tmp_path, monkeypatch):
+    made_run(tmp_path / "lab" / "deep" / "a")
+    shut, listed = tmp_path / "lab" / "deep" / "of somebody else", Path.iterdir
+    shut.mkdir()
+
+    def iterdir(path):
+        if path == shut:
+            raise PermissionError(13, "Permission denied", str(path))
+        return listed(path)
+
+    monkeypatch.setattr(Path, "iterdir", iterdir)  # the tests may run as root, whom nothing is denied
+    place = archive_place(str(tmp_path / "lab"))
+    count, (left_out,) = rebuild(place, [tmp_path / "lab"])
+    assert count == 1 and str(shut) in left_out
+    assert [run.folder.name for run in find_runs(place, Search())] == ["a"]
+
+
 def test_a_run_that_finds_no_index_does_not_hide_those_before_it(tmp_path):
     place = archive_place(str(tmp_path / "lab"))
     for name in ("a", "b"):
