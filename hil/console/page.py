@@ -20,6 +20,7 @@ from hil.console.site import NotHereError
 from hil.errors import HilError, UnknownNameError
 from hil.language.note import error_text
 from hil.language.words import ENGLISH, _, languages, marked, speaking, spoken
+from hil.printable import printable
 from hil.report.page import templates
 from hil.untrusted import read_untrusted
 from hil.version import __version__
@@ -50,7 +51,7 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
             account=request.scope.get("hil.account"),
             logged_in=bool(getattr(request.scope.get("hil.session"), "name", "")),
         )  # fmt: skip
-    response = HTMLResponse(text, status)
+    response = HTMLResponse(printable(text), status)  # no name turns the direction of what stands beside it
     if request.query_params.get("lang") in languages():
         response.set_cookie(COOKIE, language, max_age=31_536_000, samesite="strict", httponly=True)
     return response
