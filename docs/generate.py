@@ -24,8 +24,8 @@ from unittest.mock import patch
 
 from hil.catalog import entries
 from hil.description.find import descriptions
-from hil.description.page import page
-from hil.description.read import read_description
+from hil.description.page import names_of
+from hil.description.read import Description, read_description
 from hil.physics.compose import effects, plant
 from hil.physics.effect import Effect, EffectParameter
 from hil.physics.plant import Parameter, Plant
@@ -56,19 +56,29 @@ def pages() -> dict[str, str]:
 
 
 def devices_page() -> Iterator[str]:
-    """Every installed description."""
+    """Every installed description, in a row each."""
     yield NOTE
     yield ""
     yield "# Described devices"
     yield ""
     yield (
-        "What comes with the program; [descriptions](descriptions.md) says how to write one for another device, and "
-        "`hil describe NAME` prints the same. None of them has run on the hardware. Addresses in brackets are those of "
-        "manuals."
+        "What comes with the program. `hil describe NAME` prints the page of each: addresses, scales, what makes its "
+        "outputs safe, and the manual it is written after. [Descriptions](descriptions.md) says how to write one for "
+        "another device. None of them has run on the hardware."
     )
-    for name, path in descriptions().items():
-        yield ""
-        yield from page(name, read_description(path), "##")
+    yield from ("", "| `driver` | `model` | what it is | driven | read |", "|---|---|---|---|---|")
+    found = {name: read_description(path) for name, path in descriptions().items()}
+    for name, one in sorted(found.items(), key=lambda item: (item[1].protocol, item[0])):
+        ways = (", ".join(terminals(one, way)) or "–" for way in ("out", "in"))
+        yield f"| `{one.protocol}` | `{name}` | {one.summary} | {' | '.join(ways)} |"
+
+
+def terminals(one: Description, way: str) -> Iterator[str]:
+    """The terminals of one direction, with range and unit; neighbours that are alike together."""
+    some = ((key, terminal) for key, terminal in one.terminals.items() if terminal.direction == way)
+    for (low, high, unit), alike in groupby(some, lambda item: (*item[1].range, item[1].unit)):
+        names = ", ".join(names_of(key, terminal) for key, terminal in alike)
+        yield f"{names} ({number(low)} … {number(high)}{'' if unit == '1' else f' {unit}'})"
 
 
 # -- figures -----------------------------------------------------------------------------------------------
@@ -117,10 +127,12 @@ def as_elsewhere(as_of: Mapping[str, Sequence[str]]) -> Iterator[str]:
 # -- commands ----------------------------------------------------------------------------------------------
 
 
-COMMON = 3  # so many commands have an option that is explained once
+COMMON = 3  # so many functions have an argument that is explained once
+READING = ("--time", "--interval", "--unit", "--rename", "--columns", "--gaps")
 COMMANDS = """\
-`hil COMMAND --help` says what is below. Results go to stdout; progress and errors to stderr: a bar on a terminal, plain
-lines otherwise. An error is one line that names the file, field or value, what was found and what is allowed;
+`hil COMMAND --help` says what each command and each option does, with units, defaults and limits. Results go to
+stdout; progress and errors to stderr: a bar on a terminal, plain lines otherwise. An error is one line that names the
+file, field or value, what was found and what is allowed;
 `hil --debug COMMAND …` adds the traceback.
 
 | exit status | means |
@@ -136,41 +148,42 @@ lines otherwise. An error is one line that names the file, field or value, what 
 ([safety](../explanation/safety.md#what-is-known-of-an-output)).
 
 A *recording* is any file or folder of [recordings](recordings.md), a *model* a [model file](model-file.md), a *bench* a
-[bench file](bench-file.md) or the name of an installed one."""
+[bench file](bench-file.md) or the name of an installed one. Where options say *reading*, the first six are meant: how a
+table of a stranger is read. `--json` prints the result for programs ([schemas](json.md))."""
 
 
 def command_line() -> Iterator[str]:
     """The page of the command line: what every command says about itself; a common option once."""
-    top = said("--help")
-    commands = [line.split()[0] for line in top.partition("Commands:\n")[2].splitlines() if line[2:3] != " "]
-    helps = {name: said(name, "--help") for name in commands}
-    found = Counter(row for text in helps.values() for row in {option_row(option) for option in options(text)})
-    yield from ("# The command line", "", NOTE, "", COMMANDS, "", "## Common options", "")
-    yield "Left out below; `hil COMMAND --help` says which of them a command takes."
-    yield from ("", "| option | |", "|---|---|")
-    yield from sorted(row for row, count in found.items() if count >= COMMON)
-    yield from block("hil", top.partition("\nCommands:\n")[0])
-    for name, text in helps.items():
-        own = text
-        for option in options(text):
-            own = own.replace(option, "") if found[option_row(option)] >= COMMON else own
-        yield from block(f"hil {name}", own.strip().removesuffix("Options:"))
+    yield from ("# The command line", "", NOTE, "", COMMANDS, "", "| option | |", "|---|---|")
+    told = options(said("compare", "--help"))
+    yield from (f"| `{name}` | {told[name]} |" for name in (*READING, "--input", "--output", "--archive", "--language"))
+    yield from ("", "| command | what it does | options |", "|---|---|---|")
+    yield from command_rows("hil")
 
 
-def options(text: str) -> list[str]:
-    """Every option of a help, with all its lines."""
-    return re.findall(r"^  --.*\n(?: {6,}.*\n)*", text.partition("\nOptions:\n")[2] + "\n", re.M)
+def command_rows(command: str) -> Iterator[str]:
+    """A row for a command, and for each command of a group."""
+    text = said(*command.split()[1:], "--help")
+    usage, _, rest = text.partition("\n\n")
+    group = text.partition("Commands:\n")[2]
+    named = [name for name in options(text) if name != "--help"]
+    if named or not group:
+        taken = usage.partition(command)[2].replace("[OPTIONS]", "").split()
+        does = " ".join(rest.partition("\n\n")[0].split())
+        own = [f"`{name}`" for name in named if name not in READING]
+        reading = ["*reading*"] if set(READING) <= set(named) else []
+        whole = " ".join([command, *taken]).replace("|", "\\|")
+        yield f"| `{whole}` | {does} | {' '.join([*own, *reading])} |"
+    for line in group.splitlines():
+        if line[2:3] != " ":
+            yield from command_rows(f"{command} {line.split()[0]}")
 
 
-def option_row(option: str) -> str:
-    """An option as a row of a table."""
-    name, _, meaning = option.strip().replace("|", "\\|").partition("  ")
-    return f"| `{name}` | {' '.join(meaning.split())} |"
-
-
-def block(title: str, text: str) -> Iterator[str]:
-    """A heading and what the program says, as it says it."""
-    yield from ("", f"## `{title}`", "", "```text", *(line.rstrip() for line in text.strip().splitlines()), "```")
+def options(text: str) -> dict[str, str]:
+    """What a help says of every option, by its name."""
+    part = text.partition("\nOptions:\n")[2].partition("\n\n")[0] + "\n"
+    found = re.findall(r"^  (--[\w-]+).*?  +(.*\n(?: {6,}.*\n)*)", part, re.M)
+    return {name: " ".join(meaning.split()) for name, meaning in found}
 
 
 def said(*arguments: str) -> str:

@@ -284,7 +284,7 @@ def error(
     *,
     reading: Reading,
 ) -> None:
-    """Eq. 4.1 of the EFC thesis, its crisp class and the degrees of eqs 4.2 to 4.7."""
+    """Deviation from reference steps, its crisp class and degrees: eqs 4.1 to 4.7 of the EFC thesis."""
     from hil.errors import SettingError
     from hil.session.analyses import error_between
 

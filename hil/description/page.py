@@ -14,15 +14,14 @@ from hil.description.text import TextDescription
 from hil.units import behind_a_number
 
 
-def page(name: str, description: Description, level: str = "#") -> Iterator[str]:
+def page(name: str, description: Description) -> Iterator[str]:
     """Lines of Markdown: what the device is, its terminals, what makes it safe.
 
     Args:
         name: of the description.
         description: what it says.
-        level: of the heading.
     """
-    yield f"{level} {name}"
+    yield f"# {name}"
     yield ""
     yield f'{description.summary}. `driver = "{description.protocol}"`, `model = "{name}"`.'
     if description.source:
@@ -33,12 +32,14 @@ def page(name: str, description: Description, level: str = "#") -> Iterator[str]
     for key, terminal in description.terminals.items():
         low, high = terminal.range
         way = "driven" if terminal.direction == "out" else "read"
-        yield f"| {_names(key, terminal)} | {way} | {terminal.unit} | {low:g} … {high:g} | {_where(description, key)} |"
+        where = _where(description, key)
+        yield f"| {names_of(key, terminal)} | {way} | {terminal.unit} | {low:g} … {high:g} | {where} |"
     safety = list(_safety(description))
     yield from ["", *safety] if safety else []
 
 
-def _names(key: str, terminal: DescribedTerminal) -> str:
+def names_of(key: str, terminal: DescribedTerminal) -> str:
+    """The name of a terminal, or the first and the last of several."""
     if terminal.count == 1:
         return f"`{key}`"
     first, last = (key.replace("{n}", str(n)) for n in (terminal.first, terminal.first + terminal.count - 1))
