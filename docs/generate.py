@@ -15,7 +15,6 @@ import os
 import re
 import sys
 import textwrap
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
@@ -127,7 +126,6 @@ def as_elsewhere(as_of: Mapping[str, Sequence[str]]) -> Iterator[str]:
 # -- commands ----------------------------------------------------------------------------------------------
 
 
-COMMON = 3  # so many functions have an argument that is explained once
 READING = ("--time", "--interval", "--unit", "--rename", "--columns", "--gaps")
 COMMANDS = """\
 `hil COMMAND --help` says what each command and each option does, with units, defaults and limits. Results go to
@@ -385,7 +383,8 @@ PYTHON = """\
 `import hil` offers the names below and imports none of them before it is used. They are what the commands do, as
 functions on values: recordings, models, results. Each of these shows itself in a notebook; `Recording` and `Results`
 have `.plot()` (a matplotlib figure) and `.to_pandas()`, recordings `.to_xarray()` too. Errors are
-`hil.errors.HilError`, one sentence each."""
+`hil.errors.HilError`, one sentence each. `help(hil.NAME)` explains each argument, with its unit, what
+is returned and what is raised; the commands' words are in brackets."""
 
 
 def _place(name: str) -> str:
@@ -396,30 +395,16 @@ def _place(name: str) -> str:
 
 
 def python_page() -> Iterator[str]:
-    """The page of the public interface: every name with its signature and what it says of itself; common ones once."""
+    """The page of the public interface: every name with its signature and what it is for."""
     from hil import api
 
-    texts = {name: (inspect.getdoc(getattr(api, name)) or "") + "\n" for name in sorted(api.__all__, key=str.lower)}
-    found = Counter(given for text in texts.values() for given in set(arguments(text)))
-    common = [given for given in dict.fromkeys(one for text in texts.values() for one in arguments(text))
-              if found[given] >= COMMON]  # fmt: skip
     yield from ("# Python", "", NOTE, "", PYTHON, "", "```python", *_example(inspect.getdoc(api) or ""), "```")
-    yield from ("", "Arguments of several functions, left out below:", "", "```text")
-    yield from (line[4:] for given in common for line in given.splitlines())
-    yield "```"
-    for name, text in texts.items():
+    for name in sorted(api.__all__, key=str.lower):
         public = getattr(api, name)
-        signature = "" if inspect.isclass(public) else signature_of(public)
-        for given in common:
-            text = text.replace(given, "")
-        own = re.sub(r"Args:\n(?! )", "", text).strip().splitlines()
-        yield from ("", f"## `{_place(name)}.{name}`", "", "```text", *wrapped(f"{name}{signature}"), "", *own, "```")
-
-
-def arguments(text: str) -> list[str]:
-    """Every argument of a docstring, with all its lines."""
-    part = text.partition("Args:\n")[2].partition("\n\n")[0] + "\n"
-    return re.findall(r"^    \w+: .*\n(?: {8}.*\n)*", part, re.M)
+        does = " ".join((inspect.getdoc(public) or "").partition("\n\n")[0].split())
+        yield from ("", f"## `{_place(name)}.{name}`", "", does)
+        if not inspect.isclass(public):
+            yield from ("", "```text", *wrapped(f"{name}{signature_of(public)}"), "```")
 
 
 def _example(doc: str) -> list[str]:
