@@ -122,6 +122,7 @@ def issue_passport(
     model: Model | str | Path | None = None,
     key: str | Path | None = None,
     evaluated_anew: bool = False,
+    power: bool = False,
     progress: Progress = quiet,
 ) -> Issued:
     """Put runs of one unit into one signed PDF (`hil passport`).
@@ -134,6 +135,7 @@ def issue_passport(
         model: of the type, or the path of its file; states what these data excluded.
         key: file of the lab's key with its certificate, PEM or PKCS #12; else this machine's.
         evaluated_anew: where another version of the program found something else, take what is found now.
+        power: seek the least fault of each kind that breaks each limit, by simulated repeats; takes minutes.
         progress: told how far it is.
 
     Returns:
@@ -146,7 +148,7 @@ def issue_passport(
     from hil.passport.issue import Wanted, issue
     from hil.passport.key import signing_key
 
-    wanted = Wanted(names, identify, None if model is None else model_of(model), evaluated_anew)
+    wanted = Wanted(names, identify, None if model is None else model_of(model), evaluated_anew, power)
     given: list[str | Path] = several(runs)
     folders, signer = [Path(one) for one in given], signing_key(None if key is None else Path(key))
     return issue(folders, Path(out), signer, wanted, progress)

@@ -23,6 +23,9 @@ def command(
         "--evaluated-anew",
         help="Where another version found something else: take what is found now, and say so.",
     ),
+    power: bool = typer.Option(
+        False, "--power", help="Say for each limit the least faults that would have broken it; takes minutes."
+    ),
     key: Path | None = typer.Option(
         None, "--key", metavar="FILE", help="The lab's key with its certificate, PEM or PKCS #12; else this machine's."
     ),
@@ -33,6 +36,7 @@ def command(
     from hil import api
     from hil.cli.places import check_distinct, check_file
     from hil.cli.progress import shown
+    from hil.passport.power import as_dict, notes, rows
     from hil.record.simulated import marked
 
     check_distinct(runs)
@@ -40,7 +44,7 @@ def command(
     with shown() as progress:
         found = api.issue_passport(
             runs, out, names=not no_names, identify=not no_model, model=model, key=key, evaluated_anew=evaluated_anew,
-            progress=progress,
+            power=power, progress=progress,
         )  # fmt: skip
     unit, signer, says = found.unit, found.signer, found.understood.says
     unfinished = "" if unit.finished else "; a test did not end as planned"
@@ -52,8 +56,12 @@ def command(
         f"model: {says}"
     )
     moved = [f"{run.folder}: {text}" for run in unit.runs for text in run.moved]
-    words = "\n".join((words, *(f"evaluated anew: {text}" for text in moved)))
+    caught = [f"would have failed: {limit}: {name} ({stage}) {size}, {failed}" for limit, name, stage, size, failed
+              in rows(found.powers)]  # fmt: skip
+    caught += map(str, notes(found.powers))
+    words = "\n".join((words, *(f"evaluated anew: {text}" for text in moved), *caught))
     document = {"file": found.path, "valve": unit.valve, "serial": unit.serial, "verdict": unit.verdict,
             "simulated": unit.simulated}  # fmt: skip
     document |= {"signer": signer.name, "fingerprint": signer.fingerprint, "model": says, "moved": moved}
+    document |= {"power": as_dict(found.powers)["runs"]} if power else {}
     printed({"schema": "hil.issued/1", **document}, words, as_json)

@@ -22,7 +22,7 @@ from hil.session.results import judged_by, write_evaluation
 Relation = Literal["source", "data", "supplement"]
 RUNS = "runs"
 MODEL_FILE, TYPE_MODEL_FILE, DIAGNOSIS_FILE = "model.json", "type-model.json", "diagnosis.json"
-DCC_FILE = "certificate.xml"
+DCC_FILE, POWER_FILE = "certificate.xml", "power.json"
 CONTENT_FILE = "passport.json"
 _TYPES = {".json": "application/json", ".jsonl": "application/x-ndjson", ".csv": "text/csv", ".html": "text/html",
           ".xml": "application/xml", ".toml": "application/toml"}  # fmt: skip

@@ -153,8 +153,13 @@ def accepted_within(m: Measured) -> str:
 
 
 def _name(m: Measured) -> str:
-    place = label_text(m.name.partition(", ")[2])
-    return capital(_(quantity_words(m.quantity))) + (f", {place}" if place else "")
+    return name_words(m.name)
+
+
+def name_words(name: str) -> str:
+    """The name of a measured value, for a page."""
+    quantity, _comma, place = name.partition(", ")
+    return capital(_(quantity_words(quantity))) + (f", {label_text(place)}" if place else "")
 
 
 def _instruments(runs: Sequence[UnitRun]) -> list[list[str]]:

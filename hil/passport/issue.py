@@ -6,7 +6,7 @@ import hashlib
 import json
 import uuid
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Any
 from hil.bench.audit import Audit, head, is_on_the_trail, issued_on_the_trail
 from hil.errors import InputError, SettingError, StorageError
 from hil.language.choice import in_page_language
+from hil.language.note import Note
 from hil.passport.attached import (
     DCC_FILE,
     DIAGNOSIS_FILE,
     MODEL_FILE,
+    POWER_FILE,
     TYPE_MODEL_FILE,
     Attached,
     attached_runs,
@@ -30,13 +32,15 @@ from hil.passport.figures import pictures
 from hil.passport.identified import Progress, Understood, understood
 from hil.passport.key import SigningKey, fingerprint, name_of
 from hil.passport.pdf import compiled
+from hil.passport.power import Power, notes, power_of, rows
+from hil.passport.power import as_dict as power_dict
 from hil.passport.revoked import read_revocations
 from hil.passport.sign import signed
 from hil.passport.unit import Unit, read_unit_runs
 from hil.passport.verify import Soundness, Trust, verify
 from hil.physics.other_plant import other_plants
 from hil.record.durable import write_whole
-from hil.record.plain import plain
+from hil.record.plain import plain, to_json
 from hil.version import PROGRAM
 
 if TYPE_CHECKING:
@@ -54,22 +58,25 @@ class Wanted:
         identify: whether the unit is identified.
         model: of the type, for what the data excluded.
         anew: take what an evaluation now finds, where that is not what the run was said to have found.
+        power: whether the least faults that break each limit are sought.
     """
 
     names: bool = True
     identify: bool = True
     model: Model | None = None
     anew: bool = False
+    power: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Issued:
-    """The passport that was written, and what it is about."""
+    """The passport that was written, what it is about, and what the limits of its runs would have caught."""
 
     path: Path
     unit: Unit
     understood: Understood
     signer: Signer
+    powers: tuple[Power, ...] = ()
 
 
 def issue(
@@ -86,18 +93,35 @@ def issue(
     unit, trail = read_unit_runs(folders, also_moved=wanted.anew), trail_of(folders)
     _check_kind(unit, wanted.model)
     signer = Signer(name_of(key.certificate), fingerprint(key.certificate))
+    if wanted.power and not wanted.identify:
+        raise SettingError("--power needs the model of the unit; leave out --no-model")
     known = understood(unit, wanted.identify, wanted.model, progress)
+    powers = _powers(unit, known, out, progress) if wanted.power else ()
+    if powers:
+        annex = Note("What its limits would have caught is in the annex.")
+        known = replace(known, sentences=(*known.sentences, annex))
     with TemporaryDirectory(prefix="hil-passport-") as folder:
         place = Path(folder)
         unit = evaluated_copies(unit, place / "anew")
         if not wanted.names:
             unit = nameless(unit, place / "nameless")
         progress(0.9, "setting the pages")
-        content = _sealed(unit, known, signer, wanted, key, place, trail)
+        content = _sealed(unit, known, powers, signer, wanted, key, place, trail)
     _written(content, out)
     issued_on_the_trail(out, hashlib.sha256(content).hexdigest(), unit.serial)
     progress(1.0, "done")
-    return Issued(out, unit, known, signer)
+    return Issued(out, unit, known, signer, powers)
+
+
+def _powers(unit: Unit, known: Understood, out: Path, progress: Progress) -> tuple[Power, ...]:
+    """Of every run that was judged; what was found so far is kept beside the passport until it is written."""
+    if known.model is None:
+        raise InputError(f"--power needs the model of the unit. {known.sentences[0]}")
+    judged = [run for run in unit.runs if any(m.verdict for m in run.findings.measured)]
+    return tuple(
+        power_of(run, known.model, progress, out.with_name(f".{out.name}.power{n}.json"))
+        for n, run in enumerate(judged)
+    )
 
 
 def _check_kind(unit: Unit, kind: Model | None) -> None:
@@ -117,10 +141,11 @@ def trail_of(folders: Sequence[Path]) -> Trail:
 
 
 def _sealed(
-    unit: Unit, known: Understood, signer: Signer, wanted: Wanted, key: SigningKey, place: Path, trail: Trail
-) -> bytes:
-    page, drawn = _page_and_pictures(unit, known, signer, wanted, trail)
-    inside = [*_made(unit, known, signer, wanted, place / "made"), *attached_runs(unit)]
+    unit: Unit, known: Understood, powers: Sequence[Power], signer: Signer, wanted: Wanted, key: SigningKey,
+    place: Path, trail: Trail,
+) -> bytes:  # fmt: skip
+    page, drawn = _page_and_pictures(unit, known, powers, signer, wanted, trail)
+    inside = [*_made(unit, known, powers, signer, wanted, place / "made"), *attached_runs(unit)]
     content = {
         "schema": SCHEMA, "serial": unit.serial, "valve": unit.valve, "verdict": unit.verdict,
         "simulated": unit.simulated,
@@ -142,16 +167,19 @@ def _sealed(
 
 @in_page_language
 def _page_and_pictures(
-    unit: Unit, known: Understood, signer: Signer, wanted: Wanted, trail: Trail
+    unit: Unit, known: Understood, powers: Sequence[Power], signer: Signer, wanted: Wanted, trail: Trail
 ) -> tuple[dict[str, Any], list[tuple[str, bytes]]]:
     """What the pages say and show; the files beside them are in English whatever the pages are in."""
     page = certificate_of(unit, signer, known.says, names=wanted.names, trail=trail)
     page |= {"valve": unit.valve, "serial": unit.serial, "model_about": known.about,
-             "parameters": known.parameters, "excluded": known.excluded}  # fmt: skip
+             "parameters": known.parameters, "excluded": known.excluded,
+             "power": rows(powers), "power_notes": [note.translated for note in notes(powers)]}  # fmt: skip
     return page, pictures(run.results for run in unit.runs)
 
 
-def _made(unit: Unit, known: Understood, signer: Signer, wanted: Wanted, place: Path) -> list[Attached]:
+def _made(
+    unit: Unit, known: Understood, powers: Sequence[Power], signer: Signer, wanted: Wanted, place: Path
+) -> list[Attached]:
     """The files that are made for this passport."""
     place.mkdir()
     xml = place / DCC_FILE
@@ -173,6 +201,10 @@ def _made(unit: Unit, known: Understood, signer: Signer, wanted: Wanted, place: 
             json.dumps(plain(known.diagnosed.diagnosis.as_dict()), indent=1, ensure_ascii=False), encoding="utf-8"
         )
         found.append(Attached(DIAGNOSIS_FILE, path, "data", "the diagnosis against the model of its type"))
+    if powers:
+        path = place / POWER_FILE
+        path.write_text(to_json(power_dict(powers)), encoding="utf-8")
+        found.append(Attached(POWER_FILE, path, "data", "the least faults that break each limit"))
     return found
 
 

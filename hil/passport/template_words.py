@@ -28,6 +28,10 @@ _WORDS = {
     "excluded": marked("What these data excluded"),
     "largest": marked("The largest size of each effect with which these data agree (95 %)."),
     "effect": marked("Effect"), "stage": marked("Stage"), "at_most": marked("At most"),
+    "power": marked("What these limits would have caught"),
+    "power_how": marked("The unit's own model was driven and evaluated as in the run, with one fault at a time. At "
+                        "this size at least 95 % of simulated repeats fail. The two most harmless of each limit."),
+    "fault": marked("Fault"), "size": marked("Least size that fails"), "failed": marked("Repeats that failed"),
     "files": marked("Files inside"), "name": marked("Name"), "bytes": marked("Bytes"),
     "checksums": marked("Checksums are whole in passport.json."),
 }  # fmt: skip

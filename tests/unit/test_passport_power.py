@@ -1,0 +1,99 @@
+"""What limits would have caught: least faults of a unit's own model, confirmed, resumable, on the passport."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pypdf import PdfReader
+
+from hil.api import issue_passport, run
+from hil.diagnosis.search.terms import Term, all_terms
+from hil.passport import power
+from hil.passport.contents import lay_out
+from hil.passport.unit import UnitRun, read_unit_runs
+from hil.physics.model import Model, typical_model
+
+CHANGE, OVERSHOOT = "change, 0 → 50 %", "overshoot, 0 → 50 %"
+TRIED = ("full_flow", "load_force at spool", "sensor_lag")
+
+
+@pytest.fixture(autouse=True)
+def a_short_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    def few(*posed: Any) -> tuple[Term, ...]:
+        return tuple(term for term in all_terms(*posed) if term.label in TRIED)
+
+    monkeypatch.setattr(power, "all_terms", few)
+    monkeypatch.setattr(power, "REPEATS", 10)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run on the simulated HPV41: one step, its change and its overshoot limited."""
+    at = tmp_path_factory.mktemp("power") / "run"
+    limits = [f"{CHANGE}=19..24", f"{OVERSHOOT}=..30"]
+    run("step_response", "brevini-hpv41", at, levels=(0.0, 50.0), hold_s=1.0, serial="7", limits=limits)
+    return at
+
+
+@pytest.fixture
+def unit(folder: Path) -> UnitRun:
+    return read_unit_runs([folder]).runs[0]
+
+
+@pytest.fixture
+def model() -> Model:
+    return replace(typical_model("brevini-hpv41"), input="command [%]", output="flow [l/min]")
+
+
+def silent(_done: float, _text: str) -> None:
+    pass
+
+
+def sizes(found: power.Power, limit: str) -> dict[str, float]:
+    return {fault.name: fault.size for fault in found.faults if fault.limit == limit}
+
+
+def test_least_size_is_where_the_value_leaves_its_guarded_limit(unit: UnitRun, model: Model) -> None:
+    """The flow is proportional to the full flow: it fails where the change is U and 1.6 scatters beyond 24 l/min."""
+    found = power.power_of(unit, model, silent)
+    change = unit.results[CHANGE]
+    assert change.value and change.expanded and change.repeatability
+    needed = (24.0 + change.expanded + 1.64 * change.repeatability) / change.value
+    flow = next(fault for fault in found.faults if fault.name == "full_flow")
+    assert flow.limit == CHANGE and flow.size / flow.nominal == pytest.approx(needed, rel=0.03)
+    assert all(fault.failed >= 0.95 * fault.repeats for fault in found.faults)
+    assert OVERSHOOT in found.unbroken and not found.unproven
+    assert set(found.tried) == set(TRIED)
+
+
+def test_stopped_it_goes_on_where_it_was(unit: UnitRun, model: Model, tmp_path: Path) -> None:
+    kept, done = tmp_path / "kept.json", list[str]()
+
+    def stopping(_done: float, text: str) -> None:
+        if "confirming" in text:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        power.power_of(unit, model, stopping, kept)
+    state = json.loads(kept.read_text("utf-8"))
+    state["found"] = {key: {CHANGE: 1.0} for key in state["found"]}  # what is kept is believed, not sought again
+    kept.write_text(json.dumps(state), "utf-8")
+    whole = power.power_of(unit, model, lambda _done, text: done.append(text), kept)
+    assert not kept.exists() and any("confirming" in text for text in done)
+    assert sizes(whole, CHANGE)["full_flow"] in (0.5 * model.values["full_flow"], 2.0 * model.values["full_flow"])
+
+
+def test_passport_says_it_in_the_annex_and_in_a_file(folder: Path, tmp_path: Path) -> None:
+    found = issue_passport(folder, tmp_path / "unit.pdf", power=True)
+    (one,) = found.powers
+    assert "full_flow" in sizes(one, CHANGE)
+    lay_out(found.path.read_bytes(), tmp_path / "inside")
+    told = json.loads((tmp_path / "inside" / "power.json").read_text("utf-8"))
+    assert told["schema"] == "hil.power/1" and told["runs"][0]["unbroken"] == [OVERSHOOT]
+    text = " ".join("".join(page.extract_text() for page in PdfReader(found.path).pages).split())
+    assert "What these limits would have caught" in text and "full flow" in text
+    assert not list(tmp_path.glob(".*.json"))
