@@ -35,7 +35,7 @@ def write_whole(path: Path, content: bytes | str, mode: int = 0o666) -> None:
     A link, a pipe or a socket of that name is replaced, never written through: in a folder that somebody else made it
     would lead anywhere.
     """
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    part = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_native_id()}.part")  # two threads write one name
     part.unlink(missing_ok=True)
     try:
         descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), mode)

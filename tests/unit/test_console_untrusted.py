@@ -8,6 +8,7 @@ import shutil
 import socket
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from threading import Thread
@@ -212,3 +213,12 @@ def test_file_that_nobody_can_read_is_a_press_and_no_console(made: Callable[[Pat
     made(lab / "accounts.json")
     with pytest.raises(FileError):
         Accounts(lab / "accounts.json").all()
+
+
+def test_stop_that_many_press_at_once_is_refused_to_none(tmp_path: Path) -> None:
+    switch = StopSwitch(tmp_path)
+    with ThreadPoolExecutor(8) as pressing:
+        accounts = [press.account for press in pressing.map(switch.press, map(str, range(200)))]
+    assert accounts == [str(number) for number in range(200)]
+    assert switch.pressed is not None and switch.pressed.account in accounts
+    assert [path.name for path in tmp_path.iterdir()] == ["stop-pressed.json"]

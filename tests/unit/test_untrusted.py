@@ -5,6 +5,7 @@ import shutil
 import socket
 import time
 from pathlib import Path
+from threading import get_native_id
 
 import pytest
 
@@ -183,7 +184,7 @@ def test_report_again_writes_through_no_link_and_into_no_pipe(
     (links / SEAL_FILE).unlink()
     shutil.copytree(links, pipes)
     for name in WRITTEN[:-1] if not partly else WRITTEN:  # the seal is read too, and refused
-        for place in (f"{name}.part", f"{name}.{os.getpid()}.part") if partly else (name,):
+        for place in (f"{name}.part", f"{name}.{os.getpid()}-{get_native_id()}.part") if partly else (name,):
             for folder in (links, pipes):
                 (folder / place).unlink(missing_ok=True)
             (links / place).symlink_to(own)
