@@ -270,7 +270,7 @@ def _repeated(time_s: Array) -> str:
     steps = np.diff(time_s)
     moves = steps[steps != 0.0]
     again = steps.size - moves.size
-    if again and moves.min() > 0.0 and again <= 0.1 * time_s.size:
+    if again and moves.size and moves.min() > 0.0 and again <= 0.1 * time_s.size:
         return (
             f". {again} of {time_s.size} samples have the stamp of the one before; --gaps leaves them out, --interval "
             "S reads all of them as evenly spaced"

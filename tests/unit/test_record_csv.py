@@ -168,3 +168,10 @@ def test_stamps_since_1970_are_known_by_their_size(tmp_path: Path, factor: float
     found = read_recording(tmp_path / "x.csv")
     assert found.duration_s == pytest.approx(9.5, abs=1e-6)
     assert any(words in text for text in found.meta["assumed"])
+
+
+def test_time_that_never_moves_is_told_as_such(tmp_path: Path) -> None:
+    path = tmp_path / "stopped.csv"
+    path.write_text("time [s],flow [l/min]\n" + "0,1\n" * 20)
+    with pytest.raises(FileError, match=r"time must increase\. If the samples are evenly spaced, --interval S gives"):
+        read_recording(path)
