@@ -15,8 +15,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # tests/proof is run from the project's folder
 
-from hil.identification.experiment import Experiment, experiment, for_model
-from hil.identification.grey_box import fit_plant
+from hil.identification.grey_box.identify import fit_plant
+from hil.identification.preparation.experiment import Experiment, experiment, for_model
 from hil.physics.model import Model, typical_model
 from hil.record.recording import Array, Recording, recording
 from tests.proof.cases.draw import draw, programme_of

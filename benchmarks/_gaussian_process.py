@@ -16,7 +16,7 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-from hil.identification.experiment import Experiment
+from hil.identification.preparation.experiment import Experiment
 from hil.record.recording import Array
 
 _DELAYS_S = (0.1, 0.4)

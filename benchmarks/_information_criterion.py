@@ -19,9 +19,9 @@ from _concealed import Answer, Case
 from hil.cores import spread
 from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.search.terms import Term, all_terms
-from hil.identification.estimate import Unknown, estimate
-from hil.identification.experiment import Experiment
-from hil.identification.grey_box import unknown
+from hil.identification.grey_box.estimate import Unknown, estimate
+from hil.identification.grey_box.identify import unknown
+from hil.identification.preparation.experiment import Experiment
 from hil.physics.model import Noise
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array

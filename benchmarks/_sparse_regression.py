@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from hil.diagnosis.search.terms import all_terms
-from hil.identification.experiment import Experiment
+from hil.identification.preparation.experiment import Experiment
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 

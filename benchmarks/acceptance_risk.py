@@ -24,8 +24,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hil` itself does
 from hil.bench.find import find_bench
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
-from hil.identification.classification import wilson
-from hil.identification.efc_condition import FREQUENCIES_HZ, simulated_tests
+from hil.identification.papers.classification import wilson
+from hil.identification.papers.efc_condition import FREQUENCIES_HZ, simulated_tests
 from hil.physics.model import Model, typical_model
 from hil.physics.published.efc_population import population
 from hil.physics.published.tugsal import CLASSES

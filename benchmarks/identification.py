@@ -23,12 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 from table import Row, milliseconds, show
 
-from hil.identification.experiment import experiment
-from hil.identification.frequency_response import FrequencyResponse, from_table
-from hil.identification.grey_box import fit_plant
-from hil.identification.order_choice import fit_transfer_function
-from hil.identification.rational import Form
-from hil.identification.transfer_function import fit_form
+from hil.identification.frequency.frequency_response import FrequencyResponse, from_table
+from hil.identification.frequency.order_choice import fit_transfer_function
+from hil.identification.frequency.rational import Form
+from hil.identification.frequency.transfer_function import fit_form
+from hil.identification.grey_box.identify import fit_plant
+from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.published.tordal import FREQUENCIES_HZ, RUNS

@@ -28,7 +28,7 @@ from _concealed import Answer, Case, conceal, fit_on_unseen, has_gap, judged, no
 from table import Row, show
 
 from hil.diagnosis.diagnose import diagnose
-from hil.identification.experiment import Experiment
+from hil.identification.preparation.experiment import Experiment
 from hil.record.recording import Array
 from tests.proof.cases.label import NOTHING, parse
 from tests.proof.score.judge import AMONG, BOTH, CONSISTENT, FIRST, ONE, WRONG

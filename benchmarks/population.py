@@ -16,7 +16,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hil` itself does
 
 from table import Row, show
 
-from hil.identification.efc_condition import compared, reference_steps, simulated_tests
+from hil.identification.papers.efc_condition import compared, reference_steps, simulated_tests
 
 
 def main() -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from table import Row, milliseconds, show
 
-from hil.identification.recursive_least_squares import ArxForm, RecursiveLeastSquares
+from hil.identification.papers.recursive_least_squares import ArxForm, RecursiveLeastSquares
 from hil.physics.published.tugsal import EXAMPLE
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.characteristic import (
+from hil.identification.steady.characteristic import (
     Loop,
     Read,
     Side,
@@ -22,9 +22,9 @@ from hil.identification.characteristic import (
     reaches_both_sides,
     side,
 )
-from hil.identification.null import Null, null_of
-from hil.identification.parametric_bootstrap import about
-from hil.identification.sweep_estimate import Standing, Sweep, SweepEstimate, settled, sweep_estimate, together
+from hil.identification.steady.null import Null, null_of
+from hil.identification.steady.sweep_estimate import Standing, Sweep, SweepEstimate, settled, sweep_estimate, together
+from hil.identification.uncertainty.parametric_bootstrap import about
 from hil.language.note import Note
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording

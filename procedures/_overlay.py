@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.identification.sine_segments import Segment
+from hil.identification.frequency.sine_segments import Segment
 from hil.record.recording import Array, Recording
 from hil.signals.sine_fit import SineFit, sine_fit
 from procedures._recorded import roles_of

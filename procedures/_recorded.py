@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import FileError
-from hil.identification.measuring_chain import MeasuringChain
+from hil.identification.frequency.measuring_chain import MeasuringChain
 from hil.language.note import Note
 from hil.record.conditions import measured_conditions
 from hil.record.measurement import COVERAGE_FACTOR

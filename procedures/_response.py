@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.bands import bode_band
-from hil.identification.bandwidth import Bandwidth, Crossing, bandwidth
-from hil.identification.frequency_response import FrequencyResponse
-from hil.identification.linear_evidence import LEAST_FIT_PERCENT, doubts, unresolved
-from hil.identification.measuring_chain import check_chain, corrected
-from hil.identification.order_choice import fit_together, fit_transfer_function
-from hil.identification.parametric_bootstrap import DRAWS, about, draws_of
-from hil.identification.transfer_function import TransferFunctionFit, fit_percent
+from hil.identification.frequency.bands import bode_band
+from hil.identification.frequency.bandwidth import Bandwidth, Crossing, bandwidth
+from hil.identification.frequency.frequency_response import FrequencyResponse
+from hil.identification.frequency.linear_evidence import LEAST_FIT_PERCENT, doubts, unresolved
+from hil.identification.frequency.measuring_chain import check_chain, corrected
+from hil.identification.frequency.order_choice import fit_together, fit_transfer_function
+from hil.identification.frequency.transfer_function import TransferFunctionFit, fit_percent
+from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
 from hil.language.note import Note
 from hil.physics.formula import formula
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement

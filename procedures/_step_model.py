@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.identification.step_response import StepFigures
+from hil.identification.step.step_response import StepFigures
 from hil.language.note import Note
 from hil.record.recording import Array
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import SettingError
-from hil.identification.coil import COPPER_PER_K
+from hil.identification.steady.coil import COPPER_PER_K
 from hil.language.note import Note
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, Measurement
 from hil.record.recording import Recording

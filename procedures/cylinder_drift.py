@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from hil.errors import SettingError, UnitError
-from hil.identification.parametric_bootstrap import DRAWS, about, draws_of
+from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording

@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.efc_condition import (
+from hil.identification.papers.efc_condition import (
     BEYOND,
     FREQUENCIES_HZ,
     GoodRanges,
@@ -30,8 +30,8 @@ from hil.identification.efc_condition import (
     good_reference,
     reference_steps,
 )
-from hil.identification.pressure_curve import PressureCurve, pressure_curve
-from hil.identification.sweep_estimate import Sweep
+from hil.identification.steady.pressure_curve import PressureCurve, pressure_curve
+from hil.identification.steady.sweep_estimate import Sweep
 from hil.language.note import Note
 from hil.physics.published.tugsal import CLASSIFIED_CURRENT_A
 from hil.record.measurement import Findings, Measured, Measurement

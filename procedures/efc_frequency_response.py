@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from hil.errors import InputError, SettingError
-from hil.identification.pressure_curve import PressureCurve
+from hil.identification.steady.pressure_curve import PressureCurve
 from hil.language.note import Note, changed
 from hil.record.measurement import Findings
 from hil.record.recording import Recording

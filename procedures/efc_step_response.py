@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.step_estimate import MeasuredStep, measured_steps
+from hil.identification.step.step_estimate import MeasuredStep, measured_steps
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from hil.errors import SettingError
-from hil.identification.coil import COPPER_PER_K, Coil, CoilReadings, copper_factor, fit_coil
+from hil.identification.steady.coil import COPPER_PER_K, Coil, CoilReadings, copper_factor, fit_coil
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording

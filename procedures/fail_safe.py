@@ -14,9 +14,9 @@ from typing import Annotated, Any
 import numpy as np
 
 from hil.errors import InputError, SettingError
-from hil.identification.characteristic import Read
-from hil.identification.step_estimate import measured_steps
-from hil.identification.threshold_estimate import Stop, drift_of
+from hil.identification.steady.characteristic import Read
+from hil.identification.steady.threshold_estimate import Stop, drift_of
+from hil.identification.step.step_estimate import measured_steps
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import Rig

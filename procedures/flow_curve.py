@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import SettingError
-from hil.identification.flow_curve import monotone, polynomial, polynomial_text
+from hil.identification.steady.flow_curve import monotone, polynomial, polynomial_text
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig

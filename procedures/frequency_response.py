@@ -13,9 +13,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.identification.frequency_response import DISTORTION_FLAG, FrequencyResponse
-from hil.identification.parametric_bootstrap import DRAWS, draws_of
-from hil.identification.sine_segments import Segment, declared_segments, frequency_responses, hum_beneath
+from hil.identification.frequency.frequency_response import DISTORTION_FLAG, FrequencyResponse
+from hil.identification.frequency.sine_segments import Segment, declared_segments, frequency_responses, hum_beneath
+from hil.identification.uncertainty.parametric_bootstrap import DRAWS, draws_of
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording

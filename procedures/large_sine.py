@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from hil.errors import SettingError
-from hil.identification.sine_segments import declared_segments
+from hil.identification.frequency.sine_segments import declared_segments
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from hil.errors import SettingError
-from hil.identification.best_linear_approximation import BestLinearApproximation, best_linear_approximation
-from hil.identification.parametric_bootstrap import about
+from hil.identification.frequency.best_linear_approximation import BestLinearApproximation, best_linear_approximation
+from hil.identification.uncertainty.parametric_bootstrap import about
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig

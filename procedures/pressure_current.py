@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.characteristic import averaged_over, largest_slope, level_at, over_all, polyline
-from hil.identification.pressure_curve import PressureCurve, pressure_curve
-from hil.identification.sweep_estimate import Sweep
+from hil.identification.steady.characteristic import averaged_over, largest_slope, level_at, over_all, polyline
+from hil.identification.steady.pressure_curve import PressureCurve, pressure_curve
+from hil.identification.steady.sweep_estimate import Sweep
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from hil.errors import InputError, SettingError
-from hil.identification.sine_segments import Segment, declared_segments
+from hil.identification.frequency.sine_segments import Segment, declared_segments
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
@@ -264,7 +264,7 @@ def _fitted(answer: SineFit, time_s: Array) -> Array:
 
 def _model_note(recording: Recording, rows: slice, place: str, closed: bool) -> Note:
     """Gain and time of the process model that one sine supports, with its fit to the same data."""
-    from hil.identification.process_model import process_model
+    from hil.identification.papers.process_model import process_model
 
     command, response = roles_of(recording)
     part = recording.rows(rows.start, rows.stop - rows.start)

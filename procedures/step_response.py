@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from hil.errors import InputError, SettingError
-from hil.identification.step_estimate import MeasuredStep, measured_steps
-from hil.identification.step_models import over_lowest, step_models
-from hil.identification.table_fit import as_response
+from hil.identification.frequency.table_fit import as_response
+from hil.identification.papers.step_models import over_lowest, step_models
+from hil.identification.step.step_estimate import MeasuredStep, measured_steps
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from hil.identification.threshold_estimate import (
+from hil.identification.steady.threshold_estimate import (
     CLEAR,
     Ramp,
     Reading,

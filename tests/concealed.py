@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 from scipy.signal import lfilter
 
-from hil.identification.experiment import Experiment, for_model
-from hil.identification.grey_box import fit_plant
+from hil.identification.grey_box.identify import fit_plant
+from hil.identification.preparation.experiment import Experiment, for_model
 from hil.physics.compose import plant
 from hil.physics.model import Model, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

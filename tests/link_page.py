@@ -18,8 +18,8 @@ import numpy as np
 from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.errors import LinkError
-from hil.identification.sine_segments import frequency_responses
-from hil.identification.transfer_function import TransferFunctionFit
+from hil.identification.frequency.sine_segments import frequency_responses
+from hil.identification.frequency.transfer_function import TransferFunctionFit
 from hil.record.read import read_recording
 from hil.record.recording import Array, Recording
 from hil.session.procedure import load_procedure

@@ -24,7 +24,7 @@ def compiled(plant: str) -> None:
 
 def learnt(normally_open: bool) -> None:
     """The classes of EFC valves that the short acceptance tests judge by."""
-    from hil.identification.efc_condition import reference_classes
+    from hil.identification.papers.efc_condition import reference_classes
 
     reference_classes(TESTED_HZ, normally_open)
 

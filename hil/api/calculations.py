@@ -14,10 +14,10 @@ from hil.api.several import several
 
 if TYPE_CHECKING:
     from hil.diagnosis.diagnose import Diagnosed
-    from hil.identification.compare import Comparison
-    from hil.identification.linearise import Linearised
-    from hil.identification.step_models import StepModels
-    from hil.identification.table_fit import TableComparison
+    from hil.identification.frequency.table_fit import TableComparison
+    from hil.identification.grey_box.compare import Comparison
+    from hil.identification.papers.linearise import Linearised
+    from hil.identification.papers.step_models import StepModels
     from hil.physics.model import Model
     from hil.record.reading import Reading
     from hil.record.recording import Recording
@@ -69,7 +69,7 @@ def identify(
     Returns:
         `model`, the fit in words as `text`, and the `experiments` that were fitted.
     """
-    from hil.identification.table_fit import orders_of
+    from hil.identification.frequency.table_fit import orders_of
     from hil.record.reading import AS_IT_IS
     from hil.session.identification import identified, read_for
     from hil.session.sources import notes_on
@@ -137,8 +137,8 @@ def simulate(
         reading: how a path is read.
         notes: told what was assumed of the recording.
     """
-    from hil.identification.experiment import for_model
-    from hil.identification.plausibility.look import implausible_metadata
+    from hil.identification.preparation.experiment import for_model
+    from hil.identification.preparation.plausibility.look import implausible_metadata
     from hil.record.reading import AS_IT_IS
     from hil.record.recording import recording as make
     from hil.session.sources import notes_on, samples_of
@@ -231,7 +231,7 @@ def linearise(
         zeros: likewise.
         load_pressure_bar: P_L, at which K_q and K_c are taken.
     """
-    from hil.identification.linearise import linearised
+    from hil.identification.papers.linearise import linearised
 
     return linearised(
         model_of(model), at, step=step, window_s=window_s, poles=poles, zeros=zeros, load_pressure_bar=load_pressure_bar

@@ -81,7 +81,7 @@ def average(
         reading: how paths are read.
         part: of runs that measured several responses, this one.
     """
-    from hil.identification.table_fit import averaged
+    from hil.identification.frequency.table_fit import averaged
     from hil.record.reading import AS_IT_IS
     from hil.session.sources import tables_of
 

@@ -224,7 +224,7 @@ def recursive(
     reading: Reading,
 ) -> None:
     """Recursive least squares, sample by sample: eqs 3.7 to 3.15 of the EFC thesis."""
-    from hil.identification.recursive_least_squares import ArxForm
+    from hil.identification.papers.recursive_least_squares import ArxForm
     from hil.session.analyses import channels_of, estimated_online
 
     read = _read(recording, reading)
@@ -250,7 +250,7 @@ def loop(
 ) -> None:
     """The plant of a closed loop: eqs 10 to 12 of the SP08-47C paper. A plant that would run away is said."""
     from hil.errors import SettingError
-    from hil.identification.closed_loop import UNITY, opened
+    from hil.identification.papers.closed_loop import UNITY, opened
     from hil.physics.formula import formula
     from hil.physics.model import load_model
     from hil.record.plain import plain

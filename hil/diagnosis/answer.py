@@ -48,8 +48,8 @@ from hil.diagnosis.wording import (
     sentence,
     unlikely,
 )
-from hil.identification.evidence import bic_of_known_noise
-from hil.identification.fit import fit_ceiling, fit_percent
+from hil.identification.uncertainty.evidence import bic_of_known_noise
+from hil.identification.uncertainty.fit import fit_ceiling, fit_percent
 from hil.physics.compose import effect as installed_effect
 from hil.physics.compose import effects as installed_effects
 from hil.physics.model import Model

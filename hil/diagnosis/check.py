@@ -9,16 +9,16 @@ import numpy as np
 
 from hil.diagnosis.thresholds import NEXT_TO_NOTHING, SELDOM_BY_CHANCE
 from hil.errors import FileError
-from hil.identification.clipped import without_clipped
-from hil.identification.content import is_of_its_origin
-from hil.identification.experiment import DEAD, Experiment, require_excitation
-from hil.identification.gaps import bridged
-from hil.identification.noise import resolution, white_floor
-from hil.identification.plausibility.look import implausible
-from hil.identification.plausibility.suspicion import Suspicion, expected
-from hil.identification.plausibility.time_unit import wrong_time
-from hil.identification.repeated import without_held
-from hil.identification.time_constant import time_constant_s
+from hil.identification.preparation.clipped import without_clipped
+from hil.identification.preparation.content import is_of_its_origin
+from hil.identification.preparation.experiment import DEAD, Experiment, require_excitation
+from hil.identification.preparation.gaps import bridged
+from hil.identification.preparation.plausibility.look import implausible
+from hil.identification.preparation.plausibility.suspicion import Suspicion, expected
+from hil.identification.preparation.plausibility.time_unit import wrong_time
+from hil.identification.preparation.repeated import without_held
+from hil.identification.preparation.time_constant import time_constant_s
+from hil.identification.uncertainty.noise import resolution, white_floor
 from hil.physics.model import Model
 from hil.record.recording import Array
 

@@ -11,7 +11,7 @@ import numpy as np
 from hil.diagnosis.diagnosis import DiagnosisVerdict
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
-from hil.identification.experiment import sample_intervals_s
+from hil.identification.preparation.experiment import sample_intervals_s
 from hil.physics.compose import effect as installed_effect
 from hil.physics.model import Covariance, Model, ModelEffect, Value
 

@@ -26,7 +26,7 @@ from hil.diagnosis.solver import settled
 from hil.diagnosis.within_prior import as_in_this_unit
 from hil.diagnosis.wording import quantity_text
 from hil.diagnosis.work import Progress, Work
-from hil.identification.experiment import Experiment
+from hil.identification.preparation.experiment import Experiment
 from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.record.show import table_html

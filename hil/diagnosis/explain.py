@@ -26,7 +26,7 @@ from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
 from hil.diagnosis.search.probes import keys
 from hil.diagnosis.search.terms import all_terms
 from hil.diagnosis.within_prior import is_no_news
-from hil.identification.experiment import Experiment
+from hil.identification.preparation.experiment import Experiment
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 from hil.signals.interval import COVERED

@@ -16,7 +16,7 @@ from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.thresholds import FEW
-from hil.identification.time_constant import time_constant_s
+from hil.identification.preparation.time_constant import time_constant_s
 from hil.record.recording import Array
 
 # After so many time constants a plant has forgotten nineteen twentieths of where it was.

@@ -11,7 +11,7 @@ from scipy.special import chdtrc
 from hil.cores import spread
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.thresholds import LISTED
-from hil.identification.experiment import Experiment
+from hil.identification.preparation.experiment import Experiment
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 from hil.signals.runs import runs

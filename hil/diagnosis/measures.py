@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hil.diagnosis.search.terms import Term
-from hil.identification.estimate import Unknown
+from hil.identification.grey_box.estimate import Unknown
 
 
 def is_another(term: Term, values: Sequence[float]) -> bool:

@@ -16,7 +16,7 @@ from hil.diagnosis.score import UNKNOWN, Hypothesis, Noise, Table, table, verdic
 from hil.diagnosis.search.effort import EFFORT, Steps
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing, starting
 from hil.diagnosis.search.terms import Term, all_terms
-from hil.identification.estimate import estimate
+from hil.identification.grey_box.estimate import estimate
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 

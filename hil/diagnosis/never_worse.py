@@ -6,7 +6,7 @@ import numpy as np
 
 from hil.diagnosis.kept_back import NOTHING, KeptBack
 from hil.diagnosis.problem import Problem
-from hil.identification.time_constant import time_constant_s
+from hil.identification.preparation.time_constant import time_constant_s
 from hil.record.recording import Array
 
 # Blocks are so many time constants long at least; so few of them say nothing; and the risk of being wrong.

@@ -18,8 +18,8 @@ from hil.diagnosis.diagnosis import DiagnosisVerdict, NextTest
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of
 from hil.diagnosis.search.terms import Term
-from hil.identification.experiment import Experiment
-from hil.identification.noise import whiten
+from hil.identification.preparation.experiment import Experiment
+from hil.identification.uncertainty.noise import whiten
 from hil.physics.simulate import Drive
 from hil.record.recording import Array
 from hil.signals.ramps import triangle

@@ -12,11 +12,11 @@ import numpy as np
 from hil.diagnosis.prior import Prior
 from hil.diagnosis.thresholds import PLAINLY
 from hil.diagnosis.work import Work
-from hil.identification.estimate import jacobian, side_by_side
-from hil.identification.experiment import Experiment
-from hil.identification.initial_condition import start_slope, with_free_start
-from hil.identification.lines import line_at
-from hil.identification.noise import channel_floors, noise_in, whiten
+from hil.identification.grey_box.estimate import jacobian, side_by_side
+from hil.identification.grey_box.lines import line_at
+from hil.identification.preparation.experiment import Experiment
+from hil.identification.preparation.initial_condition import start_slope, with_free_start
+from hil.identification.uncertainty.noise import channel_floors, noise_in, whiten
 from hil.physics.compose import kernel
 from hil.physics.model import Model, Noise
 from hil.physics.plant import Parameter, Plant
@@ -121,7 +121,7 @@ class Problem:
 
     @cached_property
     def start_slopes(self) -> tuple[Array | None, ...]:
-        """Of each whitened output in what its first reading got wrong (see `hil.identification.initial_condition`)."""
+        """Of each whitened output in what its first reading got wrong (see `preparation.initial_condition`)."""
         if self.following:  # the start is forgotten
             return (None,) * len(self.experiments)
         model, found = self.model, []

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from hil.diagnosis.diagnosis import Asked
 from hil.diagnosis.skeleton.table import VERSION, Table, library_of, read_table, table_of
 from hil.errors import FileError, SettingError, reason
-from hil.identification.content import is_of_its_origin
-from hil.identification.experiment import Experiment
+from hil.identification.preparation.content import is_of_its_origin
+from hil.identification.preparation.experiment import Experiment
 from hil.physics.model import Model
 
 QUESTIONS: tuple[Asked, ...] = ("changed", "left_out")

@@ -10,7 +10,7 @@ from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import MOST
-from hil.identification.lines import is_commanded
+from hil.identification.grey_box.lines import is_commanded
 from hil.record.recording import Array
 from hil.signals.runs import runs
 

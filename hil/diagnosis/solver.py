@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.diagnosis.problem import COARSER, Problem
 from hil.diagnosis.thresholds import FAR, NEXT_TO_NOTHING
-from hil.identification.evidence import VERY_STRONG
+from hil.identification.uncertainty.evidence import VERY_STRONG
 
 # A finer step may change the simulation by this share of the noise before the step counts as too coarse.
 _HARMLESS = 0.1

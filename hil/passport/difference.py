@@ -14,7 +14,7 @@ from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.diagnosis.diagnosis import Diagnosis, Finding
 from hil.diagnosis.work import SAMPLES_PER_S, budget_notes
 from hil.errors import SettingError
-from hil.identification.experiment import Experiment
+from hil.identification.preparation.experiment import Experiment
 from hil.passport.change import Change, Size, Unchanged
 from hil.passport.conditions import condition_changes
 from hil.passport.owner import owner_among, owner_of

@@ -123,7 +123,7 @@ def _diagnosed(unit: Unit, kind: Model | None, progress: Progress) -> tuple[Diag
         asked = marked("What these data excluded was not asked: no model of the type was given (--model MODEL.json).")
         return None, Note(asked)
     from hil.diagnosis.diagnose import diagnose
-    from hil.identification.experiment import for_model
+    from hil.identification.preparation.experiment import for_model
     from hil.record.read import read_recording
 
     progress(0.5, "comparing with the type's model")

@@ -22,7 +22,7 @@ from hil.cores import spread
 from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.errors import InputError
-from hil.identification.experiment import for_model
+from hil.identification.preparation.experiment import for_model
 from hil.language.note import Note
 from hil.language.words import _
 from hil.passport.certificate import name_words

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.identification.experiment import Experiment
+from hil.identification.preparation.experiment import Experiment
 from hil.language.choice import in_page_language
 from hil.language.words import _
 from hil.physics.formula import formula

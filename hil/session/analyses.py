@@ -13,18 +13,18 @@ import numpy as np
 
 from hil.catalog import models
 from hil.errors import FileError, InputError, SettingError, StorageError, UnitError
-from hil.identification.asymptotic_bode import AsymptoticFit, asymptotic_bode
-from hil.identification.curve_model import curve_model, with_measured_curve
-from hil.identification.frequency_response import FrequencyResponse
-from hil.identification.recursive_least_squares import (
+from hil.identification.frequency.frequency_response import FrequencyResponse
+from hil.identification.frequency.table_fit import as_response
+from hil.identification.papers.asymptotic_bode import AsymptoticFit, asymptotic_bode
+from hil.identification.papers.curve_model import curve_model, with_measured_curve
+from hil.identification.papers.recursive_least_squares import (
     ArxForm,
     Forgetting,
     RecursiveLeastSquares,
     excitation_order,
 )
-from hil.identification.step_estimate import MeasuredStep, measured_steps
-from hil.identification.step_models import StepModels, step_models
-from hil.identification.table_fit import as_response
+from hil.identification.papers.step_models import StepModels, step_models
+from hil.identification.step.step_estimate import MeasuredStep, measured_steps
 from hil.language.note import Note
 from hil.language.words import marked
 from hil.physics.model import Model, load_model, typical_model

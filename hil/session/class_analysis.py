@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import FileError, InputError
-from hil.identification.classification import (
+from hil.identification.papers.classification import (
     Labels,
     by_thresholds,
     learn,

@@ -9,9 +9,9 @@ from pathlib import Path
 from hil.errors import SettingError
 from hil.findings.difference import Difference, differences
 from hil.findings.results import Results
-from hil.identification.compare import Comparison, compare_all
-from hil.identification.experiment import for_model
-from hil.identification.table_fit import TableComparison, compare_table
+from hil.identification.frequency.table_fit import TableComparison, compare_table
+from hil.identification.grey_box.compare import Comparison, compare_all
+from hil.identification.preparation.experiment import for_model
 from hil.physics.model import Model
 from hil.physics.other_plant import other_plants
 from hil.record.header import Header, read_header

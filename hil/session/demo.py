@@ -15,8 +15,8 @@ from hil.bench.find import find_bench
 from hil.bench.read import read_bench
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.errors import FileError, UnknownNameError
-from hil.identification.experiment import experiment, for_model
-from hil.identification.grey_box import GreyBoxFit, fit_plant, starting_model
+from hil.identification.grey_box.identify import GreyBoxFit, fit_plant, starting_model
+from hil.identification.preparation.experiment import experiment, for_model
 from hil.physics.model import save_model
 from hil.physics.simulate import ActiveEffect
 from hil.record.read import read_recording

@@ -17,8 +17,8 @@ from hil.diagnosis.diagnosis import NextTest
 from hil.diagnosis.next_test import Span, span_within
 from hil.diagnosis.skeleton.table import library_of
 from hil.errors import SettingError, StorageError
-from hil.identification.experiment import Experiment, for_model
-from hil.identification.informative_segments import experiments_of
+from hil.identification.preparation.experiment import Experiment, for_model
+from hil.identification.preparation.informative_segments import experiments_of
 from hil.language.note import codes_of
 from hil.physics.model import Model, save_model
 from hil.physics.other_plant import other_plants

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import InputError, SettingError, StorageError
-from hil.identification.characteristic import (
+from hil.identification.steady.characteristic import (
     largest_slope,
     level_at,
     loop,
@@ -22,9 +22,9 @@ from hil.identification.characteristic import (
     reaches_both_sides,
     side,
 )
-from hil.identification.flow_curve import monotone, polynomial, polynomial_text
-from hil.identification.own_sweeps import OwnSweeps, own_sweeps
-from hil.identification.sweep_estimate import SweepEstimate, sweep_estimate, together
+from hil.identification.steady.flow_curve import monotone, polynomial, polynomial_text
+from hil.identification.steady.own_sweeps import OwnSweeps, own_sweeps
+from hil.identification.steady.sweep_estimate import SweepEstimate, sweep_estimate, together
 from hil.record.durable import write_whole
 from hil.record.invalid_samples import measured_rows
 from hil.record.measurement import COVERAGE_FACTOR

@@ -10,10 +10,10 @@ from typing import Any
 
 from hil.diagnosis.skeleton.table import table_of
 from hil.errors import FileError, SettingError
-from hil.identification.experiment import Experiment, experiment
-from hil.identification.grey_box import fit_plant, starting_model
-from hil.identification.informative_segments import experiments_of
-from hil.identification.table_fit import AS_THEY_SHOW, Orders, fit_tables
+from hil.identification.frequency.table_fit import AS_THEY_SHOW, Orders, fit_tables
+from hil.identification.grey_box.identify import fit_plant, starting_model
+from hil.identification.preparation.experiment import Experiment, experiment
+from hil.identification.preparation.informative_segments import experiments_of
 from hil.physics.model import Model
 from hil.physics.plant import Plant
 from hil.record.plain import plain

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.identification.own_sweeps import branches
-from hil.identification.sine_segments import found_segments
-from hil.identification.step_estimate import jumps
+from hil.identification.frequency.sine_segments import found_segments
+from hil.identification.steady.own_sweeps import branches
+from hil.identification.step.step_estimate import jumps
 from hil.record.recording import Recording
 
 _MOST_SAMPLES = 200_000  # of which a look takes no longer than a glance

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from hil.errors import FileError
-from hil.identification.bandwidth import Bandwidth, bandwidth
-from hil.identification.frequency_response import FrequencyResponse
-from hil.identification.sine_segments import frequency_responses
-from hil.identification.table_fit import as_table
+from hil.identification.frequency.bandwidth import Bandwidth, bandwidth
+from hil.identification.frequency.frequency_response import FrequencyResponse
+from hil.identification.frequency.sine_segments import frequency_responses
+from hil.identification.frequency.table_fit import as_table
 from hil.record.invalid_samples import measured_rows
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain

@@ -17,7 +17,7 @@ from hil.record.response_table import ResponseTable
 if TYPE_CHECKING:
     import pandas as pd
 
-    from hil.identification.experiment import Experiment
+    from hil.identification.preparation.experiment import Experiment
 
 Source = Union[Recording, ResponseTable, str, Path, Mapping[str, Any], "pd.DataFrame"]
 

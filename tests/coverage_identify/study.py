@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hil.identification.grey_box import fit_plant, starting_model
+from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.record.recording import Recording
 from hil.session.identification import bound
 from tests.coverage_identify.benches import RATE_HZ

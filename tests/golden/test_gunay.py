@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from hil.identification.closed_loop import amplification, closed, opened, opened_response
+from hil.identification.papers.closed_loop import amplification, closed, opened, opened_response
 from hil.physics.published import gunay
 from hil.physics.transfer_function import transfer_function
 

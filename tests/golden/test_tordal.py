@@ -10,13 +10,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hil.identification.bandwidth import bandwidth, model_crossing, phase_crossing
-from hil.identification.flow_curve import polynomial
-from hil.identification.frequency_response import average, from_table
-from hil.identification.order_choice import fit_transfer_function
-from hil.identification.rational import Form
-from hil.identification.right_half_plane import wrong_way
-from hil.identification.step_response import (
+from hil.identification.frequency.bandwidth import bandwidth, model_crossing, phase_crossing
+from hil.identification.frequency.frequency_response import average, from_table
+from hil.identification.frequency.order_choice import fit_transfer_function
+from hil.identification.frequency.rational import Form
+from hil.identification.frequency.right_half_plane import wrong_way
+from hil.identification.frequency.transfer_function import fit_form, fit_percent
+from hil.identification.steady.flow_curve import polynomial
+from hil.identification.step.step_response import (
     damping_roots,
     dead_time_explaining,
     first_order_from_rise,
@@ -24,7 +25,6 @@ from hil.identification.step_response import (
     second_order_from_step,
     step_figures,
 )
-from hil.identification.transfer_function import fit_form, fit_percent
 from hil.physics.compose import plant
 from hil.physics.published import tordal
 from hil.physics.simulate import Drive, simulate

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.identification.bandwidth import magnitude_crossing, phase_crossing
-from hil.identification.frequency_response import from_table
-from hil.identification.response_fit import fit_responses
-from hil.identification.sine_test import sine_test
-from hil.identification.transfer_function import fit_percent
+from hil.identification.frequency.bandwidth import magnitude_crossing, phase_crossing
+from hil.identification.frequency.frequency_response import from_table
+from hil.identification.frequency.sine_test import sine_test
+from hil.identification.frequency.transfer_function import fit_percent
+from hil.identification.grey_box.response_fit import fit_responses
 from hil.physics.model import load_model, save_model
 from hil.physics.published import tordal
 

@@ -10,12 +10,12 @@ from itertools import product
 import numpy as np
 import pytest
 
-from hil.identification.asymptotic_bode import asymptote, asymptotic_bode, log_corner
-from hil.identification.bandwidth import model_crossing
-from hil.identification.frequency_response import from_table
-from hil.identification.order_choice import fit_transfer_function
-from hil.identification.recursive_least_squares import ArxForm, RecursiveLeastSquares, excitation_order
-from hil.identification.step_response import step_figures
+from hil.identification.frequency.bandwidth import model_crossing
+from hil.identification.frequency.frequency_response import from_table
+from hil.identification.frequency.order_choice import fit_transfer_function
+from hil.identification.papers.asymptotic_bode import asymptote, asymptotic_bode, log_corner
+from hil.identification.papers.recursive_least_squares import ArxForm, RecursiveLeastSquares, excitation_order
+from hil.identification.step.step_response import step_figures
 from hil.physics.model import typical_model
 from hil.physics.published import tugsal
 from hil.physics.published.efc_population import valve

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.signal import freqz
 
-from hil.identification.asymptotic_bode import asymptotic_bode
-from hil.identification.frequency_response import from_table
-from hil.identification.order_choice import fit_transfer_function
-from hil.identification.recursive_least_squares import ArxForm, RecursiveLeastSquares
-from hil.identification.sine_test import sine_test
+from hil.identification.frequency.frequency_response import from_table
+from hil.identification.frequency.order_choice import fit_transfer_function
+from hil.identification.frequency.sine_test import sine_test
+from hil.identification.papers.asymptotic_bode import asymptotic_bode
+from hil.identification.papers.recursive_least_squares import ArxForm, RecursiveLeastSquares
 from hil.physics.published.efc_population import CORNERS_HZ, valve
 from hil.physics.published.tugsal import FREQUENCY_MODELS
 from hil.physics.simulate import Drive, simulate

@@ -14,8 +14,8 @@ import numpy as np
 import typer
 
 from hil.diagnosis.diagnose import Diagnosed, diagnose
-from hil.identification.experiment import Experiment, for_model
-from hil.identification.grey_box import fit_plant
+from hil.identification.grey_box.identify import fit_plant
+from hil.identification.preparation.experiment import Experiment, for_model
 from hil.physics.model import Model, Value, typical_model
 from hil.physics.published import tordal
 from hil.physics.simulate import Drive, simulate

@@ -21,8 +21,8 @@ import typer
 
 from hil.bench.find import find_bench
 from hil.bench.read import read_bench
-from hil.identification.experiment import experiment, for_model
-from hil.identification.grey_box import fit_plant, starting_model
+from hil.identification.grey_box.identify import fit_plant, starting_model
+from hil.identification.preparation.experiment import experiment, for_model
 from hil.physics.compose import Site, kernel
 from hil.physics.model import Model, load_model, save_model
 from hil.physics.simulate import ActiveEffect

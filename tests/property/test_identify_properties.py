@@ -4,10 +4,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil.identification.frequency_response import from_table
-from hil.identification.measuring_chain import MeasuringChain, corrected
-from hil.identification.rational import Form
-from hil.identification.transfer_function import fit_form
+from hil.identification.frequency.frequency_response import from_table
+from hil.identification.frequency.measuring_chain import MeasuringChain, corrected
+from hil.identification.frequency.rational import Form
+from hil.identification.frequency.transfer_function import fit_form
 from hil.physics.transfer_function import from_factors, from_parameters
 
 FREQUENCIES = np.geomspace(0.05, 10.0, 30)

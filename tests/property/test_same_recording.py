@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
-from hil.identification.experiment import experiment
-from hil.identification.grey_box import GreyBoxFit, fit_plant, starting_model
+from hil.identification.grey_box.identify import GreyBoxFit, fit_plant, starting_model
+from hil.identification.preparation.experiment import experiment
 from hil.physics.simulate import Drive, simulate
 from hil.record.read import formats, read_recording, write_recording
 from hil.record.reading import Reading

@@ -9,8 +9,8 @@ import numpy as np
 from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
-from hil.identification.experiment import experiment
-from hil.identification.grey_box import fit_plant, starting_model
+from hil.identification.grey_box.identify import fit_plant, starting_model
+from hil.identification.preparation.experiment import experiment
 from hil.record.read import read_recording
 
 TRUTH = {"dead_time": 0.03, "pilot_rate": 9.0, "dead_band": 17.0, "full_flow": 64.0}

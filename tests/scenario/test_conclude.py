@@ -10,7 +10,7 @@ import pytest
 from hil.bench.read import read_bench
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.errors import FileError
-from hil.identification.experiment import Experiment, for_model
+from hil.identification.preparation.experiment import Experiment, for_model
 from hil.physics.model import Model
 from hil.physics.simulate import ActiveEffect
 from hil.record.folder import read

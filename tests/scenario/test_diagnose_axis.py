@@ -17,7 +17,7 @@ from hil.diagnosis.search.fits import fit, with_known_start
 from hil.diagnosis.search.fitted import Fitted, nothing, output_of
 from hil.diagnosis.search.terms import all_terms
 from hil.errors import FileError
-from hil.identification.experiment import Experiment, experiment
+from hil.identification.preparation.experiment import Experiment, experiment
 from hil.physics.compose import plant
 from hil.physics.model import Model, Noise, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

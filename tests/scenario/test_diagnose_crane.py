@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from hil.diagnosis.diagnose import diagnose
-from hil.identification.experiment import Experiment, experiment
-from hil.identification.fit import fit_percent
-from hil.identification.grey_box import fit_plant, starting_model
+from hil.identification.grey_box.identify import fit_plant, starting_model
+from hil.identification.preparation.experiment import Experiment, experiment
+from hil.identification.uncertainty.fit import fit_percent
 from hil.physics.compose import plant
 from hil.physics.model import Model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

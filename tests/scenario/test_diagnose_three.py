@@ -10,7 +10,7 @@ import numpy as np
 from hil.diagnosis.choice import Choice
 from hil.diagnosis.explain import explained
 from hil.diagnosis.problem import pose
-from hil.identification.experiment import Experiment, experiment
+from hil.identification.preparation.experiment import Experiment, experiment
 from hil.physics.compose import plant
 from hil.physics.model import Noise, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

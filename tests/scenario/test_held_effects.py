@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hil.diagnosis.diagnose import Diagnosed, diagnose
-from hil.identification.experiment import for_model
+from hil.identification.preparation.experiment import for_model
 from hil.passport.difference import difference
 from hil.passport.sources import Dated
 from hil.physics.model import Model, ModelEffect, Value, typical_model

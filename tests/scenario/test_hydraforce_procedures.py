@@ -11,8 +11,8 @@ from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
 from hil.errors import InputError, SettingError, StoppedError
-from hil.identification.experiment import experiment
-from hil.identification.grey_box import fit_plant, starting_model
+from hil.identification.grey_box.identify import fit_plant, starting_model
+from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
 from hil.record.folder import read
 from hil.record.read import read_recording

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from hil.identification.bands import crossing
-from hil.identification.measuring_chain import MeasuringChain, corrected
-from hil.identification.rational import Form
-from hil.identification.sine_segments import frequency_responses
-from hil.identification.transfer_function import fit_form
+from hil.identification.frequency.bands import crossing
+from hil.identification.frequency.measuring_chain import MeasuringChain, corrected
+from hil.identification.frequency.rational import Form
+from hil.identification.frequency.sine_segments import frequency_responses
+from hil.identification.frequency.transfer_function import fit_form
 from hil.physics.published import tordal
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import recording

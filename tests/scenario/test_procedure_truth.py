@@ -10,9 +10,9 @@ import pytest
 from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
-from hil.identification.measuring_chain import MeasuringChain
-from hil.identification.sine_test import sine_test
-from hil.identification.step_response import step_figures
+from hil.identification.frequency.measuring_chain import MeasuringChain
+from hil.identification.frequency.sine_test import sine_test
+from hil.identification.step.step_response import step_figures
 from hil.physics.compose import plant
 from hil.physics.published import tordal
 from hil.physics.simulate import Drive, simulate

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from hil.cores import spread
-from hil.identification.experiment import Experiment, experiment
-from hil.identification.grey_box import fit_plant
+from hil.identification.grey_box.identify import fit_plant
+from hil.identification.preparation.experiment import Experiment, experiment
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

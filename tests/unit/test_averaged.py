@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.identification.averaged import means, with_means
-from hil.identification.estimate import Estimate, estimate
-from hil.identification.experiment import Experiment
-from hil.identification.grey_box import starting_model, unknown
-from hil.identification.residuals import Residuals
+from hil.identification.grey_box.estimate import Estimate, estimate
+from hil.identification.grey_box.identify import starting_model, unknown
+from hil.identification.grey_box.residuals import Residuals
+from hil.identification.preparation.averaged import means, with_means
+from hil.identification.preparation.experiment import Experiment
 from hil.physics.model import Model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array

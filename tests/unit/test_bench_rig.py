@@ -17,7 +17,7 @@ from hil.bench.recorder import Recorder
 from hil.bench.rig import BenchRig
 from hil.daq.contract import Block
 from hil.errors import FileError, HardwareError, RangeError, StoppedError, TrippedError
-from hil.identification.experiment import declared_read_at
+from hil.identification.preparation.experiment import declared_read_at
 from hil.physics.model import Value, save_model, typical_model
 from hil.record.folder import RunWriter
 from hil.record.read import read_recording

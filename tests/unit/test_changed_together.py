@@ -9,7 +9,7 @@ import pytest
 
 from hil.diagnosis.explain import explained
 from hil.diagnosis.problem import pose
-from hil.identification.experiment import for_model
+from hil.identification.preparation.experiment import for_model
 from hil.physics.model import typical_model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import recording

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identification.classification import (
+from hil.identification.papers.classification import (
     accuracy,
     by_thresholds,
     learn,
@@ -17,7 +17,7 @@ from hil.identification.classification import (
     ordered_thresholds,
     wilson,
 )
-from hil.identification.efc_condition import (
+from hil.identification.papers.efc_condition import (
     FEATURES,
     FREQUENCIES_HZ,
     Instruments,
@@ -28,9 +28,9 @@ from hil.identification.efc_condition import (
     reference_steps,
     simulated_tests,
 )
-from hil.identification.efc_condition import tested as run_test
-from hil.identification.pressure_curve import pressure_curve
-from hil.identification.sweep_estimate import Sweep
+from hil.identification.papers.efc_condition import tested as run_test
+from hil.identification.steady.pressure_curve import pressure_curve
+from hil.identification.steady.sweep_estimate import Sweep
 from hil.physics.published.efc_population import population, valve
 from hil.physics.published.tugsal import CLASSES
 from tests.warm import TESTED_HZ

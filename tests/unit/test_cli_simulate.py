@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hil.__main__ import main
-from hil.identification.fit import fit_percent
+from hil.identification.uncertainty.fit import fit_percent
 from hil.physics.model import Model, Value, load_model, save_model, typical_model
 from hil.physics.simulate import Drive, simulate
 from hil.record.read import read_recording, write_recording

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identification.closed_loop import amplification, closed, opened, opened_response
+from hil.identification.papers.closed_loop import amplification, closed, opened, opened_response
 from hil.physics.transfer_function import transfer_function
 
 AXIS = transfer_function((2.0,), (1.0, 5.0, 0.0))

@@ -8,8 +8,8 @@ import pytest
 import hil
 from hil.cli import app
 from hil.errors import FileError, InputError
-from hil.identification.curve_model import curve_model, table_nodes, with_measured_curve
-from hil.identification.flow_curve import spline
+from hil.identification.papers.curve_model import curve_model, table_nodes, with_measured_curve
+from hil.identification.steady.flow_curve import spline
 from hil.physics.measured_curve import NODES
 from hil.physics.model import typical_model
 from hil.physics.published import tordal

@@ -10,7 +10,7 @@ import pytest
 from hil.diagnosis.check import check
 from hil.diagnosis.problem import pose
 from hil.errors import FileError
-from hil.identification.grey_box import fit_plant
+from hil.identification.grey_box.identify import fit_plant
 from hil.physics.model import typical_model
 from hil.record.recording import Channel, Recording
 from tests.concealed import PLANT, bound, nominal, records

@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from hil.diagnosis.check import check
 from hil.errors import FileError
-from hil.identification.grey_box import fit_plant
+from hil.identification.grey_box.identify import fit_plant
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect

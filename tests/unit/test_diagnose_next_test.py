@@ -7,7 +7,7 @@ import pytest
 
 from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.next_test import Span, menu
-from hil.identification.experiment import Experiment, for_model
+from hil.identification.preparation.experiment import Experiment, for_model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import recording
 from hil.session.procedure import load_procedure

@@ -11,11 +11,11 @@ import pytest
 
 from hil.diagnosis.check import check
 from hil.errors import FileError
-from hil.identification.content import content_of
-from hil.identification.experiment import experiment, for_model
-from hil.identification.grey_box import fit_plant
-from hil.identification.plausibility.time_unit import wrong_time
-from hil.identification.plausibility.unit import unit_factors
+from hil.identification.grey_box.identify import fit_plant
+from hil.identification.preparation.content import content_of
+from hil.identification.preparation.experiment import experiment, for_model
+from hil.identification.preparation.plausibility.time_unit import wrong_time
+from hil.identification.preparation.plausibility.unit import unit_factors
 from hil.physics.compose import plant
 from hil.physics.model import Model, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

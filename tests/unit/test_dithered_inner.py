@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hil.diagnosis.problem import pose
-from hil.identification.experiment import experiment
-from hil.identification.grey_box import starting_model
+from hil.identification.grey_box.identify import starting_model
+from hil.identification.preparation.experiment import experiment
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import recording
 

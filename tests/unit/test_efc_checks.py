@@ -12,9 +12,9 @@ import pytest
 from efc_bench import BENCH, STUCK, friction, outcome, value, valve
 
 from hil.errors import InputError, RangeError, SettingError, TrippedError
-from hil.identification.coil import CoilReadings, copper_factor, fit_coil
-from hil.identification.pressure_curve import pressure_curve
-from hil.identification.sweep_estimate import Sweep
+from hil.identification.steady.coil import CoilReadings, copper_factor, fit_coil
+from hil.identification.steady.pressure_curve import pressure_curve
+from hil.identification.steady.sweep_estimate import Sweep
 from hil.record.folder import read
 from hil.record.measurement import Findings
 from hil.record.read import read_recording

@@ -10,7 +10,7 @@ from hil.diagnosis.explain import Option
 from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.search.fitted import nothing
 from hil.diagnosis.search.terms import Term, all_terms
-from hil.identification.experiment import experiment
+from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
 from hil.physics.model import Noise, typical_model
 from hil.physics.simulate import Drive, simulate

@@ -11,7 +11,7 @@ from hil.errors import InputError
 from hil.exports.function import function_of
 from hil.exports.texts import functions_text, model_text
 from hil.findings.results import FittedFunction
-from hil.identification.linearise import linearised
+from hil.identification.papers.linearise import linearised
 from hil.physics.model import Covariance, Value, typical_model
 from hil.physics.transfer_function import transfer_function
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from hil.identification.null import null_of
-from hil.identification.sweep_estimate import Sweep, sweep_estimate
+from hil.identification.steady.null import null_of
+from hil.identification.steady.sweep_estimate import Sweep, sweep_estimate
 from hil.record.measurement import Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.signals.ramps import triangle

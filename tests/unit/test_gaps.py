@@ -12,11 +12,11 @@ from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.events.repeats import without_stale
 from hil.diagnosis.problem import pose
 from hil.errors import FileError
-from hil.identification.compare import compare
-from hil.identification.experiment import Experiment, experiment
-from hil.identification.gaps import filled
-from hil.identification.grey_box import fit_plant
-from hil.identification.noise import channel_floor, white_floor
+from hil.identification.grey_box.compare import compare
+from hil.identification.grey_box.identify import fit_plant
+from hil.identification.preparation.experiment import Experiment, experiment
+from hil.identification.preparation.gaps import filled
+from hil.identification.uncertainty.noise import channel_floor, white_floor
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import Drive, simulate

@@ -10,9 +10,9 @@ import pytest
 
 from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.problem import pose
-from hil.identification.estimate import Unknown, estimate
-from hil.identification.experiment import Experiment
-from hil.identification.grey_box import GreyBoxFit, _wider_than_themselves, fit_plant
+from hil.identification.grey_box.estimate import Unknown, estimate
+from hil.identification.grey_box.identify import GreyBoxFit, _wider_than_themselves, fit_plant
+from hil.identification.preparation.experiment import Experiment
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import Drive, simulate

@@ -12,8 +12,8 @@ from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
 from hil.daq.channel import OutputChannel, Pwm
-from hil.identification.driven import FINER, PHASES, as_driven, with_dither
-from hil.identification.experiment import experiment
+from hil.identification.preparation.driven import FINER, PHASES, as_driven, with_dither
+from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate
 from hil.record.folder import read

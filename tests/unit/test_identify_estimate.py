@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from hil.identification.estimate import Estimate, Unknown, estimate
-from hil.identification.identifiability import Curvature, identifiability
+from hil.identification.grey_box.estimate import Estimate, Unknown, estimate
+from hil.identification.uncertainty.identifiability import Curvature, identifiability
 from hil.record.recording import Array
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identification.characteristic import Side, largest_slope, loop, side
-from hil.identification.flow_curve import polynomial, spline
-from hil.identification.parametric_bootstrap import DRAWS
-from hil.identification.sweep_estimate import Sweep, sweep_estimate
+from hil.identification.steady.characteristic import Side, largest_slope, loop, side
+from hil.identification.steady.flow_curve import polynomial, spline
+from hil.identification.steady.sweep_estimate import Sweep, sweep_estimate
+from hil.identification.uncertainty.parametric_bootstrap import DRAWS
 from hil.record.measurement import Measurement
 from hil.signals.ramps import triangle
 from hil.signals.rounding import rounding_of_means

@@ -5,15 +5,20 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identification.bandwidth import (
+from hil.identification.frequency.bandwidth import (
     ReferenceRule,
     bandwidth,
     magnitude_crossing,
     phase_crossing,
 )
-from hil.identification.frequency_response import average, from_fits, from_polar, from_table
-from hil.identification.measuring_chain import MeasuringChain, check_chain, corrected
-from hil.identification.sine_segments import declared_segments, found_segments, frequency_responses, hum_beneath
+from hil.identification.frequency.frequency_response import average, from_fits, from_polar, from_table
+from hil.identification.frequency.measuring_chain import MeasuringChain, check_chain, corrected
+from hil.identification.frequency.sine_segments import (
+    declared_segments,
+    found_segments,
+    frequency_responses,
+    hum_beneath,
+)
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import transfer_function

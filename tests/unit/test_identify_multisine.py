@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identification.best_linear_approximation import best_linear_approximation
-from hil.identification.parametric_bootstrap import about
+from hil.identification.frequency.best_linear_approximation import best_linear_approximation
+from hil.identification.uncertainty.parametric_bootstrap import about
 from hil.physics.transfer_function import transfer_function
 from hil.record.recording import recording
 from hil.signals.multisine import odd_multisine
@@ -102,7 +102,7 @@ def test_rounding_that_is_alike_in_every_period_is_no_distortion(monkeypatch):
     (found,) = best_linear_approximation(rounded, "command", "flow")
     level = float(np.median(found.odd_std))
     assert level < 4.0 * about(np.median(found.resampled_odd, axis=1), level)  # a bound, where it would be a value
-    monkeypatch.setattr("hil.identification.best_linear_approximation.rounding_step", lambda _values: 0.0)
+    monkeypatch.setattr("hil.identification.frequency.best_linear_approximation.rounding_step", lambda _values: 0.0)
     (taken,) = best_linear_approximation(rounded, "command", "flow")
     level = float(np.median(taken.odd_std))
     assert level > 4.0 * about(np.median(taken.resampled_odd, axis=1), level)

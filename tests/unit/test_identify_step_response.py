@@ -6,8 +6,8 @@ import pytest
 from scipy.signal import lfilter
 
 from hil.errors import InputError
-from hil.identification.step_estimate import measured_steps
-from hil.identification.step_response import second_order_from_step, step_figures
+from hil.identification.step.step_estimate import measured_steps
+from hil.identification.step.step_response import second_order_from_step, step_figures
 from hil.physics.transfer_function import transfer_function
 from hil.record.recording import recording
 from procedures._extreme import extreme

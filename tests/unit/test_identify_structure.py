@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from hil.identification.evidence import simplest_good
-from hil.identification.experiment import experiment
-from hil.identification.grey_box import fit_plant, starting_model
-from hil.identification.noise import white_floor
-from hil.identification.structure import StructureChoice, Tried, choose_structure
+from hil.identification.grey_box.identify import fit_plant, starting_model
+from hil.identification.grey_box.structure import StructureChoice, Tried, choose_structure
+from hil.identification.preparation.experiment import experiment
+from hil.identification.uncertainty.evidence import simplest_good
+from hil.identification.uncertainty.noise import white_floor
 from hil.physics.compose import plant
 from hil.physics.model import load_model, save_model
 from hil.physics.simulate import Drive, simulate

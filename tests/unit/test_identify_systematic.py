@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hil.identification.experiment import Experiment
-from hil.identification.grey_box import GreyBoxFit, fit_plant, starting_model
+from hil.identification.grey_box.identify import GreyBoxFit, fit_plant, starting_model
+from hil.identification.preparation.experiment import Experiment
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Recording, recording

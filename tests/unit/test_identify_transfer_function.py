@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identification import bands
-from hil.identification.frequency_response import from_polar, from_table
-from hil.identification.held_out import held_out
-from hil.identification.order_choice import fit_together, fit_transfer_function
-from hil.identification.rational import Form
-from hil.identification.right_half_plane import judged_on_step, wrong_way
-from hil.identification.transfer_function import fit_form
+from hil.identification.frequency import bands
+from hil.identification.frequency.frequency_response import from_polar, from_table
+from hil.identification.frequency.held_out import held_out
+from hil.identification.frequency.order_choice import fit_together, fit_transfer_function
+from hil.identification.frequency.rational import Form
+from hil.identification.frequency.right_half_plane import judged_on_step, wrong_way
+from hil.identification.frequency.transfer_function import fit_form
 from hil.physics.compose import plant
 from hil.physics.published.tordal import RUNS
 from hil.physics.readings import readings

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.identification import informative_segments as module
-from hil.identification.experiment import Experiment, experiment
-from hil.identification.grey_box import fit_plant, starting_model
-from hil.identification.informative_segments import Segment, experiments_of, informative_segments
+from hil.identification.grey_box.identify import fit_plant, starting_model
+from hil.identification.preparation import informative_segments as module
+from hil.identification.preparation.experiment import Experiment, experiment
+from hil.identification.preparation.informative_segments import Segment, experiments_of, informative_segments
 from hil.physics.model import Model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array, Recording, recording

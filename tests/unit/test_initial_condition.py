@@ -8,10 +8,10 @@ import numpy as np
 
 from hil.diagnosis.explain import explained
 from hil.diagnosis.problem import pose
-from hil.identification.experiment import Experiment, experiment
-from hil.identification.grey_box import fit_plant
-from hil.identification.initial_condition import start_slope, with_free_start
-from hil.identification.lines import common_line, line_at
+from hil.identification.grey_box.identify import fit_plant
+from hil.identification.grey_box.lines import common_line, line_at
+from hil.identification.preparation.experiment import Experiment, experiment
+from hil.identification.preparation.initial_condition import start_slope, with_free_start
 from hil.physics.compose import plant
 from hil.physics.model import Model, Noise, typical_model
 from hil.physics.simulate import Drive, simulate

@@ -19,7 +19,7 @@ from hil.diagnosis.search.around import around
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
 from hil.diagnosis.search.terms import all_terms
-from hil.identification.experiment import Experiment, experiment
+from hil.identification.preparation.experiment import Experiment, experiment
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

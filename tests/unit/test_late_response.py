@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from hil.identification.experiment import experiment
-from hil.identification.gaps import filled
-from hil.identification.grey_box import fit_plant, starting_model
+from hil.identification.grey_box.identify import fit_plant, starting_model
+from hil.identification.preparation.experiment import experiment
+from hil.identification.preparation.gaps import filled
 from hil.physics.compose import plant
 from hil.record.assemble import assemble
 from hil.record.columns import Column, Table

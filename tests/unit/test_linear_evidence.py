@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.identification.frequency_response import from_table
-from hil.identification.linear_evidence import doubts, unresolved
-from hil.identification.order_choice import fit_transfer_function
-from hil.identification.rational import Form
-from hil.identification.transfer_function import fit_form
+from hil.identification.frequency.frequency_response import from_table
+from hil.identification.frequency.linear_evidence import doubts, unresolved
+from hil.identification.frequency.order_choice import fit_transfer_function
+from hil.identification.frequency.rational import Form
+from hil.identification.frequency.transfer_function import fit_form
 from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.measurement import Findings, Limit, Measured
 from hil.record.recording import recording

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from hil.identification.experiment import Experiment, experiment
-from hil.identification.fit import fit_percent
-from hil.identification.grey_box import fit_plant, starting_model
-from hil.identification.linear_starts import poles_rad_s
+from hil.identification.grey_box.identify import fit_plant, starting_model
+from hil.identification.grey_box.linear_starts import poles_rad_s
+from hil.identification.preparation.experiment import Experiment, experiment
+from hil.identification.uncertainty.fit import fit_percent
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import from_factors

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.identification.lines import prominence
+from hil.identification.grey_box.lines import prominence
 
 
 def test_a_falling_spectrum_has_no_line_but_the_one_put_there() -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.identification.experiment import experiment
-from hil.identification.grey_box import fit_plant, unknown
-from hil.identification.multistart import far_places
+from hil.identification.grey_box.identify import fit_plant, unknown
+from hil.identification.grey_box.multistart import far_places
+from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import Drive, simulate

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from hil.identification.compare import compare
-from hil.identification.experiment import Experiment, experiment
-from hil.identification.grey_box import fit_plant
-from hil.identification.noise import Measured, measured_noise, noise_of
+from hil.identification.grey_box.compare import compare
+from hil.identification.grey_box.identify import fit_plant
+from hil.identification.preparation.experiment import Experiment, experiment
+from hil.identification.uncertainty.noise import Measured, measured_noise, noise_of
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

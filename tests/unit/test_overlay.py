@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.identification.sine_segments import Segment
+from hil.identification.frequency.sine_segments import Segment
 from hil.record.recording import recording
 from procedures._overlay import overlay
 

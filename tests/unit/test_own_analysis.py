@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 import hil
 from hil.cli import app
 from hil.errors import InputError
-from hil.identification.sine_segments import found_segments
+from hil.identification.frequency.sine_segments import found_segments
 from hil.record.recording import recording
 from hil.session.known_signal import command_for
 from hil.signals.interval import exact_limits

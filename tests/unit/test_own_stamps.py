@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.identification.bandwidth import phase_crossing
-from hil.identification.best_linear_approximation import best_linear_approximation
-from hil.identification.experiment import experiment
-from hil.identification.frequency_response import from_table
-from hil.identification.measuring_chain import MeasuringChain, corrected
-from hil.identification.process_model import process_model
-from hil.identification.rational import Form
-from hil.identification.sine_segments import frequency_responses
-from hil.identification.step_estimate import measured_steps
-from hil.identification.transfer_function import fit_form
+from hil.identification.frequency.bandwidth import phase_crossing
+from hil.identification.frequency.best_linear_approximation import best_linear_approximation
+from hil.identification.frequency.frequency_response import from_table
+from hil.identification.frequency.measuring_chain import MeasuringChain, corrected
+from hil.identification.frequency.rational import Form
+from hil.identification.frequency.sine_segments import frequency_responses
+from hil.identification.frequency.transfer_function import fit_form
+from hil.identification.papers.process_model import process_model
+from hil.identification.preparation.experiment import experiment
+from hil.identification.step.step_estimate import measured_steps
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import transfer_function

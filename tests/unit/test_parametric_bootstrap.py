@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.identification.parametric_bootstrap import DRAWS, about, draws_of
+from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
 
 SAMPLES = np.random.default_rng(3).normal(size=500)
 

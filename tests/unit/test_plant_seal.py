@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from hil.identification.experiment import experiment
-from hil.identification.grey_box import fit_plant, starting_model
+from hil.identification.grey_box.identify import fit_plant, starting_model
+from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import recording

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from hil.findings.collect import findings_of, results_of
-from hil.identification.efc_condition import GoodRange, GoodRanges, ValveTest
+from hil.identification.papers.efc_condition import GoodRange, GoodRanges, ValveTest
 from hil.record.measurement import Findings, Measurement
 from hil.record.population_comparison import PopulationComparison
 from hil.report.results import beside_good, verdict_box

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.identification.bandwidth import bandwidth
-from hil.identification.frequency_response import FrequencyResponse
+from hil.identification.frequency.bandwidth import bandwidth
+from hil.identification.frequency.frequency_response import FrequencyResponse
 from procedures._response import Evaluated, reference_deviations
 
 FREQUENCY_HZ = np.linspace(0.1, 4.9, 25)

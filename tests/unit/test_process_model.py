@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 
 from hil.errors import InputError
-from hil.identification.process_model import ProcessForm, excitation, process_model
+from hil.identification.papers.process_model import ProcessForm, excitation, process_model
 from hil.record.recording import recording
 from hil.signals.multisine import odd_multisine
 from hil.signals.steps import binary_sequence, step_sequence

@@ -12,7 +12,7 @@ from hil.catalog import models
 from hil.cli import app
 from hil.errors import FileError
 from hil.findings.results import read_results
-from hil.identification.grey_box import starting_model
+from hil.identification.grey_box.identify import starting_model
 from hil.physics.model import load_model
 from hil.physics.published import tordal
 from hil.physics.published.models import FOLDER, TABLES, published_models, published_tables

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from hil.identification.noise import measured_noise
-from hil.identification.witnesses import repeat_difference
+from hil.identification.grey_box.witnesses import repeat_difference
+from hil.identification.uncertainty.noise import measured_noise
 
 
 def test_a_misfit_does_not_pass_for_the_noise_of_a_channel_that_stands_still():

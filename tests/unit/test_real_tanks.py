@@ -3,8 +3,8 @@
 import numpy as np
 
 from hil.diagnosis.diagnose import Diagnosed, diagnose
-from hil.identification.experiment import experiment
-from hil.identification.grey_box import fit_plant, starting_model
+from hil.identification.grey_box.identify import fit_plant, starting_model
+from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Recording, recording

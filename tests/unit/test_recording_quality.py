@@ -12,13 +12,13 @@ import pytest
 from hil import api
 from hil.diagnosis.check import check
 from hil.errors import FileError
-from hil.identification.compare import compare_all
-from hil.identification.content import content_of
-from hil.identification.experiment import experiment
-from hil.identification.grey_box import fit_plant
-from hil.identification.noise import channel_floor
-from hil.identification.plausibility.suspicion import Suspicion
-from hil.identification.recording_quality import Looked, believed, doubts, look, runs_the_other_way
+from hil.identification.grey_box.compare import compare_all
+from hil.identification.grey_box.identify import fit_plant
+from hil.identification.preparation.content import content_of
+from hil.identification.preparation.experiment import experiment
+from hil.identification.preparation.plausibility.suspicion import Suspicion
+from hil.identification.preparation.recording_quality import Looked, believed, doubts, look, runs_the_other_way
+from hil.identification.uncertainty.noise import channel_floor
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array, Recording, recording

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from hil.errors import InputError
-from hil.identification.recursive_least_squares import ArxForm, RecursiveLeastSquares, excitation_order
+from hil.identification.papers.recursive_least_squares import ArxForm, RecursiveLeastSquares, excitation_order
 
 A, B = np.array([1.0, -1.5, 0.7]), np.array([0.5, 0.2])
 TRUE = np.array([*A[1:], *B])

@@ -11,8 +11,8 @@ from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.refuted import refuted
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
 from hil.diagnosis.search.terms import all_terms
-from hil.identification.experiment import experiment
-from hil.identification.lines import is_commanded
+from hil.identification.grey_box.lines import is_commanded
+from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

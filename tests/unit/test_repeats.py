@@ -10,7 +10,7 @@ import pytest
 from hil.diagnosis.events.repeats import held_outputs, without_stale
 from hil.diagnosis.problem import pose
 from hil.diagnosis.search.fitted import nothing
-from hil.identification.noise import channel_floor, white_floor
+from hil.identification.uncertainty.noise import channel_floor, white_floor
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Recording
 from tests.concealed import DURATION_S, NOISE, RATE_HZ, bound, nominal, records

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from hil.diagnosis.events.bursts import block_power, block_size
-from hil.identification.experiment import Experiment
+from hil.identification.preparation.experiment import Experiment
 from tests.concealed import bound, nominal, records
 
 

@@ -20,9 +20,9 @@ from hil.diagnosis.skeleton.misfit import scattered
 from hil.diagnosis.skeleton.rows import Rows, row_s, rows_of
 from hil.diagnosis.skeleton.table import Table, read_table, table_of
 from hil.errors import FileError, SettingError
-from hil.identification.content import content_of, is_of_its_origin
-from hil.identification.experiment import Experiment, experiment
-from hil.identification.grey_box import fit_plant
+from hil.identification.grey_box.identify import fit_plant
+from hil.identification.preparation.content import content_of, is_of_its_origin
+from hil.identification.preparation.experiment import Experiment, experiment
 from hil.physics.compose import plant
 from hil.physics.model import Model, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

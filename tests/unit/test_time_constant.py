@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.identification.experiment import for_model
-from hil.identification.time_constant import time_constant_s
+from hil.identification.preparation.experiment import for_model
+from hil.identification.preparation.time_constant import time_constant_s
 from hil.physics.model import typical_model
 from hil.record.recording import recording
 

@@ -7,7 +7,7 @@ import pytest
 
 from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.search.terms import all_terms
-from hil.identification.experiment import experiment
+from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
 from hil.physics.model import Model, Value
 from hil.physics.simulate import Drive, simulate

@@ -9,7 +9,7 @@ import numpy as np
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.thresholds import FAR
-from hil.identification.experiment import Experiment
+from hil.identification.preparation.experiment import Experiment
 from hil.record.recording import Array
 from hil.signals.runs import runs
 

@@ -10,8 +10,8 @@ from hil.diagnosis.events.event import Events
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.thresholds import FAR, MOST
-from hil.identification.experiment import Experiment
-from hil.identification.noise import resolution
+from hil.identification.preparation.experiment import Experiment
+from hil.identification.uncertainty.noise import resolution
 from hil.record.recording import Array
 
 # A line and its uncertainty take so many levels.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.identification.experiment import Experiment
+from hil.identification.preparation.experiment import Experiment
 from hil.record.recording import Array
 
 

@@ -14,8 +14,8 @@ from hil.diagnosis.events.event import Events, Interval, how_often
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, residuals_of
 from hil.diagnosis.thresholds import A_GOOD_PART
-from hil.identification.experiment import Experiment
-from hil.identification.repeated import LEAST_INTERVALS
+from hil.identification.preparation.experiment import Experiment
+from hil.identification.preparation.repeated import LEAST_INTERVALS
 from hil.record.recording import Array
 
 # A jump is this share of the command's range; what comes with so many of them, and hardly without, has a law.

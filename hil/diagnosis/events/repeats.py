@@ -12,10 +12,10 @@ from hil.diagnosis.events.event import Events, Interval, how_often
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of, residuals_of
 from hil.diagnosis.thresholds import A_GOOD_PART, CERTAIN, MOST
-from hil.identification.experiment import Experiment
-from hil.identification.noise import white_floor
-from hil.identification.repeated import LEAST_INTERVALS, STALE_RUN, longer_than_by_chance, same_again
-from hil.identification.repeated import without_stale as repeats_left_out
+from hil.identification.preparation.experiment import Experiment
+from hil.identification.preparation.repeated import LEAST_INTERVALS, STALE_RUN, longer_than_by_chance, same_again
+from hil.identification.preparation.repeated import without_stale as repeats_left_out
+from hil.identification.uncertainty.noise import white_floor
 from hil.record.recording import Array
 from hil.signals.runs import runs
 

@@ -9,8 +9,8 @@ import numpy as np
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, rows_of
-from hil.identification.experiment import Experiment
-from hil.identification.lines import common_line, is_commanded
+from hil.identification.grey_box.lines import common_line, is_commanded
+from hil.identification.preparation.experiment import Experiment
 from hil.record.recording import Array
 
 _LEAST_TONE_RATIO, _FEWEST_TONE_CYCLES = 60.0, 4

@@ -15,7 +15,7 @@ from hil.diagnosis.search.effort import EFFORT, Steps
 from hil.diagnosis.search.fitted import Fitted, evaluated, residuals_of, simulated, starting
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import FAR, SELDOM_BY_CHANCE
-from hil.identification.estimate import Unknown, estimate
+from hil.identification.grey_box.estimate import Unknown, estimate
 from hil.record.recording import Array
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.terms import Term
-from hil.identification.estimate import Estimate, Unknown
-from hil.identification.experiment import Experiment
+from hil.identification.grey_box.estimate import Estimate, Unknown
+from hil.identification.preparation.experiment import Experiment
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.thresholds import FEW, MUCH_THE_SAME
-from hil.identification.estimate import Unknown
-from hil.identification.lines import between_bins, prominence
+from hil.identification.grey_box.estimate import Unknown
+from hil.identification.grey_box.lines import between_bins, prominence
 from hil.physics.compose import Site, kernel
 from hil.physics.effect import EffectParameter, Seen
 from hil.physics.plant import Parameter

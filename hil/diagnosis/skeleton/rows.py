@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.diagnosis.skeleton.columns import Column
-from hil.identification.experiment import Experiment
-from hil.identification.time_constant import time_constant_s
+from hil.identification.preparation.experiment import Experiment
+from hil.identification.preparation.time_constant import time_constant_s
 from hil.physics.model import Model
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array

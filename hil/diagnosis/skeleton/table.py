@@ -16,9 +16,9 @@ from hil.diagnosis.skeleton.columns import Column, columns_of
 from hil.diagnosis.skeleton.gate import Before, before_of
 from hil.diagnosis.skeleton.misfit import Misfit, Remainder
 from hil.diagnosis.skeleton.rows import Rows, row_s, rows_of
-from hil.identification.experiment import Experiment
-from hil.identification.gaps import bridged
-from hil.identification.noise import channel_floors
+from hil.identification.preparation.experiment import Experiment
+from hil.identification.preparation.gaps import bridged
+from hil.identification.uncertainty.noise import channel_floors
 from hil.physics.compose import kernel
 from hil.physics.model import Model
 from hil.record.recording import Array

@@ -16,8 +16,8 @@ from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import nothing
 from hil.diagnosis.search.terms import all_terms
 from hil.errors import FileError, HilError
-from hil.identification.experiment import Experiment, experiment
-from hil.identification.grey_box import fit_plant, starting_model
+from hil.identification.grey_box.identify import fit_plant, starting_model
+from hil.identification.preparation.experiment import Experiment, experiment
 from hil.physics.compose import effect as installed_effect
 from hil.physics.model import Model, Value
 from hil.physics.plant import Plant

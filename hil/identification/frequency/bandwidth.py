@@ -1,0 +1,219 @@
+"""Bandwidths: where magnitude falls 3 dB below its reference, and phase below −90°, with uncertainty."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.identification.frequency.frequency_response import FrequencyResponse
+from hil.language.note import Note
+from hil.physics.transfer_function import TransferFunction
+from hil.record.measurement import COVERAGE_FACTOR
+from hil.record.recording import Array
+from hil.signals.interval import COVERED
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+_GRID = 2000
+_HEARD = {"dB": 3.0, "°": 20.0}  # standard uncertainty up to which a line is heard: a third of it is noise
+
+
+@dataclass(frozen=True, slots=True)
+class Crossing:
+    """The lowest frequency at which a curve falls to a level.
+
+    Attributes:
+        level, unit: −3 dB, −90 °.
+        frequency_hz: None when the curve does not get there within the measured range, or noise hides where.
+        std_hz: standard uncertainty; NaN when that of the response is unknown.
+        beyond_hz: up to which the curve is above the level for sure: the highest measured frequency, or less.
+    """
+
+    level: float
+    unit: str
+    frequency_hz: float | None
+    std_hz: float
+    beyond_hz: float
+
+    def __str__(self) -> str:
+        name = f"{self.level:g} {self.unit}"
+        if self.frequency_hz is None:
+            return f"{name}: not reached up to {self.beyond_hz:g} Hz"
+        error = "" if math.isnan(self.std_hz) else f" ± {COVERED * self.std_hz:.2g}"
+        return f"{name}: {self.frequency_hz:.4g}{error} Hz"
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceRule:
+    """Where the 0 dB reference lies: `highest_hz`, or a share of the −90° frequency if that is lower.
+
+    The defaults are those of GOST 28971 cl. 9.1 (ISO 6404). The HPV41 paper takes its lowest frequency.
+    """
+
+    highest_hz: float = 5.0
+    share_of_phase_90: float = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Bandwidth:
+    """Bandwidths of one frequency response.
+
+    Attributes:
+        reference_hz, reference_db: the magnitude that −3 dB is counted from.
+        amplitude: the −3 dB crossing. `phase`: the −90° crossing.
+        notes: what departs from the reference rule.
+    """
+
+    reference_hz: float
+    reference_db: float
+    amplitude: Crossing
+    phase: Crossing
+    notes: tuple[Note, ...] = ()
+
+    @property
+    def quoted(self) -> Crossing:
+        """The smaller of the two, as is customary; the reached one if only one is."""
+        reached = [c for c in (self.amplitude, self.phase) if c.frequency_hz is not None]
+        return min(reached, key=lambda c: c.frequency_hz or math.inf) if reached else self.amplitude
+
+
+def bandwidth(response: FrequencyResponse, rule: ReferenceRule | None = None) -> Bandwidth:
+    """−3 dB and −90° frequencies of a measured response.
+
+    Magnitude counts from the lowest frequency (eq. 1 of the HPV41 paper); a rule is held against that choice
+    and a departure noted.
+    """
+    phase = phase_crossing(response, -90.0)
+    reference_db = float(response.magnitude_db[0])
+    notes = reference_notes(response, phase, rule or ReferenceRule())
+    return Bandwidth(float(response.frequency_hz[0]), reference_db, magnitude_crossing(response, -3.0), phase, notes)
+
+
+def reference_notes(response: FrequencyResponse, phase_90: Crossing, rule: ReferenceRule) -> tuple[Note, ...]:
+    """What departs from the rule when the lowest frequency is the reference."""
+    used = float(response.frequency_hz[0])
+    if used > rule.highest_hz:
+        return (
+            Note("reference at {used_hz:g} Hz, the rule asks for {asked_hz:g} Hz or less",
+                 used_hz=used, asked_hz=rule.highest_hz),
+        )  # fmt: skip
+    if phase_90.frequency_hz is None:
+        return ()
+    allowed = rule.share_of_phase_90 * phase_90.frequency_hz
+    if used <= allowed * (1.0 + 1e-9):
+        return ()
+    note = Note(
+        "reference at {used_hz:g} Hz is {share:.1f} % of the −90° frequency; the rule asks for {asked:g} % or less, "
+        "{allowed_hz:.3f} Hz",
+        used_hz=used, share=100.0 * used / phase_90.frequency_hz, asked=100 * rule.share_of_phase_90,
+        allowed_hz=allowed,
+    )  # fmt: skip
+    return (note,)
+
+
+def magnitude_crossing(response: FrequencyResponse, level_db: float, reference_hz: float | None = None) -> Crossing:
+    """Where magnitude falls to a level relative to that at a reference (the lowest frequency when None)."""
+    at = 0 if reference_hz is None else int(np.argmin(np.abs(response.frequency_hz - reference_hz)))
+    own = response.magnitude_std_db
+    shared = np.full(len(own), own[at])  # the reference is in every other line
+    shared[at] = own[at] = 0.0
+    return _crossing(response.frequency_hz, response.normalised(reference_hz).magnitude_db, own, shared, level_db, "dB")
+
+
+def phase_crossing(response: FrequencyResponse, level_deg: float) -> Crossing:
+    """Where the unwrapped phase falls to a level."""
+    own, shared = response.own_phase_std_deg, response.shared_phase_std_deg
+    return _crossing(response.frequency_hz, response.phase_deg, own, shared, level_deg, "°")
+
+
+def _crossing(frequency_hz: Array, values: Array, own: Array, shared: Array, level: float, unit: str) -> Crossing:
+    """First fall to a level; lines that are hardly heard are left out: their noise would bend the whole curve.
+
+    Where none that is heard is so low, the others tell whether it is reached, and no less is known than by those heard.
+    """
+    heard = own <= _HEARD[unit]
+    by_all = _fall(frequency_hz, values, own, shared, level, unit)
+    if heard.sum() < 2 or heard.all():
+        return by_all
+    alone = _fall(frequency_hz[heard], values[heard], own[heard], shared[heard], level, unit)
+    if np.any(values[heard] <= level):
+        return alone
+    return by_all if by_all.frequency_hz is not None else max(alone, by_all, key=lambda one: one.beyond_hz)
+
+
+def _fall(frequency_hz: Array, values: Array, own: Array, shared: Array, level: float, unit: str) -> Crossing:
+    """First fall to a level of the cubic spline through the values over log frequency.
+
+    The spline is linear in the values, so its uncertainty at every frequency follows from theirs exactly: `own` errors
+    of the lines are independent, `shared` ones common. Where the curve less its expanded uncertainty is above the
+    level, and where with it it is below, there is no crossing: what lies between is the interval (Fieller, J. R.
+    Statist. Soc. B 16(2), 1954), and its middle the value. Over the slope at the crossing alone the interval would be
+    too narrow: noise crosses where it makes a flat curve steep.
+    """
+    top = float(frequency_hz[-1])
+    grid = np.linspace(math.log(frequency_hz[0]), math.log(frequency_hz[-1]), _GRID)
+    weights = _spline(frequency_hz, np.eye(len(values)))(grid)
+    curve = weights @ values
+    if curve[0] <= level:
+        return Crossing(level, unit, float(frequency_hz[0]), math.nan, top)
+    wide = COVERAGE_FACTOR * np.hypot(np.linalg.norm(weights * own, axis=1), weights @ shared)
+    if not np.isfinite(wide).all():
+        at = _first_fall(grid, curve - level)
+        return Crossing(level, unit, None if at is None else math.exp(at), math.nan, top)
+    low, high = (_first_fall(grid, curve + sign * wide - level) for sign in (-1.0, 1.0))
+    if low is None or high is None:
+        return Crossing(level, unit, None, math.nan, top if low is None else math.exp(low))
+    least, most = math.exp(low), math.exp(high)
+    return Crossing(level, unit, (least + most) / 2.0, (most - least) / (2.0 * COVERAGE_FACTOR), top)
+
+
+def _first_fall(places: Array, above: Array) -> float | None:
+    """Where values first fall to 0, between two places along a straight line; None where they do not."""
+    i = int(np.argmax(above <= 0.0))
+    if above[i] > 0.0:
+        return None
+    if i == 0:
+        return float(places[0])
+    return float(places[i - 1] + above[i - 1] / (above[i - 1] - above[i]) * (places[i] - places[i - 1]))
+
+
+def _spline(frequency_hz: Array, values: Array) -> BSpline:
+    from scipy.interpolate import make_interp_spline
+
+    return make_interp_spline(np.log(frequency_hz), values, k=min(3, len(values) - 1))
+
+
+def model_crossing(model: TransferFunction, level: float, unit: str, top_hz: float, low_hz: float = 1e-3) -> Crossing:
+    """Where a transfer function falls to a level: dB below its gain at rest, or degrees."""
+    from scipy.optimize import brentq
+
+    grid = np.geomspace(low_hz, top_hz, _GRID)
+    values = _db(model, grid) if unit == "dB" else _degrees(model, grid)
+    below = values <= level
+    if not below.any():
+        return Crossing(level, unit, None, math.nan, top_hz)
+    i = int(np.argmax(below))
+    if i == 0:
+        return Crossing(level, unit, low_hz, math.nan, top_hz)
+
+    def above(frequency_hz: float) -> float:
+        if unit == "dB":
+            return float(_db(model, np.array([frequency_hz]))[0]) - level
+        return float(_degrees(model, np.append(grid[:i], frequency_hz))[-1]) - level
+
+    found = float(brentq(above, grid[i - 1], grid[i], xtol=1e-12, rtol=1e-12))
+    return Crossing(level, unit, found, math.nan, top_hz)
+
+
+def _db(model: TransferFunction, frequency_hz: Array) -> Array:
+    made: Array = 20.0 * np.log10(np.abs(model.at(frequency_hz)) / abs(model.dc_gain))
+    return made
+
+
+def _degrees(model: TransferFunction, frequency_hz: Array) -> Array:
+    made: Array = np.degrees(np.unwrap(np.angle(model.at(frequency_hz) * np.sign(model.dc_gain))))
+    return made

@@ -1,0 +1,264 @@
+"""Where in a recording are the sines? From the parts its procedure wrote down, or from the input itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import InputError
+from hil.identification.frequency.frequency_response import FrequencyResponse, from_fits
+from hil.identification.uncertainty.noise import white_floor
+from hil.record.recording import Array, Recording
+from hil.signals.frequency_fit import frequency_fit
+from hil.signals.rounding import rounding_step
+from hil.signals.sine_fit import SineFit, sine_fit, with_rounding
+from hil.signals.steady import steadiness
+from hil.signals.tone import standing_tone
+
+_SAME_PERIOD = 0.015  # relative difference up to which two periods belong to one frequency
+_SAME_LEVEL = 0.05  # of the amplitude: levels closer than that are one test
+_NOISES, _WIDEST = 5.0, 0.1  # standard deviations, and share of the range, about the middle within which noise turns
+_HARMONICS = 5
+_LEAST_SAMPLES = 16
+_LISTENED = 3  # of the longest sines: a hum may lie on a harmonic of one
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """Samples first…first + count that hold one sine of a known frequency."""
+
+    frequency_hz: float
+    first: int
+    count: int
+    amplitude: float
+    bias: float
+
+    @property
+    def samples(self) -> slice:
+        """As an index."""
+        return slice(self.first, self.first + self.count)
+
+
+def frequency_responses(
+    recordings: Recording | Sequence[Recording], input_name: str, output_name: str
+) -> tuple[FrequencyResponse, ...]:
+    """One frequency response for each amplitude and bias that recordings hold together, in the order they were run.
+
+    Sines come from `recording.meta["parts"]` (kind "sine") when the procedure wrote them, and are looked for
+    in the input otherwise; then settling periods are cut off by the response itself.
+
+    Raises:
+        InputError: no sine is found, the input does not move, or the recordings have other units than the first.
+    """
+    each = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    units = [(r.channel(input_name).unit, r.channel(output_name).unit) for r in each]
+    for recording, found in zip(each, units, strict=True):
+        if found != units[0]:
+            raise InputError(f"{recording.name}: in {found[1]} over {found[0]}, {each[0].name} in other units")
+    sines = [_Sine(recording, one) for recording in each for one in _segments(recording, input_name, output_name)]
+    made = []
+    for group in _by_level(sines):
+        harmonics = min(_harmonics(sine.recording.time_s, sine.segment) for sine in group)
+        fits = [_fitted(sine, input_name, output_name, harmonics) for sine in group]
+        first = group[0].segment
+        made.append(from_fits(each[0].name, fits, units[0], first.amplitude, first.bias))
+    return tuple(made)
+
+
+@dataclass(frozen=True, slots=True)
+class _Sine:
+    recording: Recording
+    segment: Segment
+
+
+def _segments(recording: Recording, input_name: str, output_name: str) -> list[Segment]:
+    """Settled sines of a recording."""
+    declared = declared_segments(recording)
+    if declared:
+        return declared
+    u, y = recording.channel(input_name), recording.channel(output_name)
+    found = found_segments(recording.time_s, u.values)
+    if not found:
+        raise InputError(
+            f"{recording.name}: no sine in channel '{u.heading}': neither written down in its parts nor two equal "
+            "periods to be seen"
+        )
+    return [_settled(recording.time_s, y.values, segment) for segment in found]
+
+
+def _fitted(sine: _Sine, input_name: str, output_name: str, harmonics: int) -> tuple[SineFit, SineFit]:
+    """The sine in input and output."""
+    recording, part = sine.recording, sine.segment.samples
+    given, answer = (
+        sine_fit(
+            recording.stamps(name)[part], recording.values(name)[part], sine.segment.frequency_hz,
+            harmonics=harmonics, drift_order=order,
+        )
+        for name, order in ((input_name, 0), (output_name, 1))
+    )  # fmt: skip
+    return given, with_rounding(answer, rounding_step(recording.values(output_name)))
+
+
+def hum_beneath(recording: Recording, output_name: str, segments: Sequence[Segment]) -> float | None:
+    """Frequency of a tone that goes on beneath the sines, beside their harmonics in two of the longest; or None.
+
+    Harmonics of a sine lie elsewhere beneath a sine of another frequency, a hum does not.
+    """
+    stamps_s, output = recording.stamps(output_name), recording.values(output_name)
+    found: list[tuple[float, float]] = []
+    for segment in sorted(segments, key=lambda one: one.count)[-_LISTENED:]:
+        time_s, values = stamps_s[segment.samples], output[segment.samples]
+        harmonics = _harmonics(recording.time_s, segment)
+        fit = sine_fit(time_s, values, segment.frequency_hz, harmonics=harmonics, drift_order=1)
+        tone = standing_tone([(time_s, fit.left(time_s, values))])
+        if tone is None:
+            continue
+        resolved_hz = 1.0 / float(time_s[-1] - time_s[0])
+        if any(abs(hz - tone.frequency_hz) < resolved_hz and of != segment.frequency_hz for hz, of in found):
+            return tone.frequency_hz
+        found.append((tone.frequency_hz, segment.frequency_hz))
+    return None
+
+
+def declared_segments(recording: Recording) -> list[Segment]:
+    """Sines that the procedure wrote down; neighbouring parts of one sine are joined."""
+    found: list[Segment] = []
+    for part in recording.meta.get("parts", ()):
+        if part.get("kind") != "sine":
+            continue
+        new = Segment(
+            float(part["frequency_hz"]), int(part["first"]), int(part["count"]),
+            float(part["amplitude"]), float(part["bias"]),
+        )  # fmt: skip
+        last = found[-1] if found else None
+        if last and last.first + last.count == new.first and _same_sine(last, new):
+            found[-1] = Segment(last.frequency_hz, last.first, last.count + new.count, last.amplitude, last.bias)
+        else:
+            found.append(new)
+    return found
+
+
+def found_segments(time_s: Array, values: Array) -> list[Segment]:
+    """Stretches of at least two equal periods of a sine, found from where the signal passes its middle.
+
+    What is left between them (another bias, another amplitude) is searched again about its own middle.
+    """
+    found = _within(time_s, values, 0, len(values))
+    return sorted(found, key=lambda segment: segment.first)
+
+
+def _within(time_s: Array, values: Array, start: int, stop: int) -> list[Segment]:
+    part = values[start:stop]
+    if stop - start < 2 * _LEAST_SAMPLES or np.ptp(part) == 0.0:
+        return []
+    middle = (float(part.max()) + float(part.min())) / 2.0
+    above = _above(part, middle)
+    crossed = np.flatnonzero((part[:-1] <= middle) & (part[1:] > middle))
+    rises = np.flatnonzero(~above[:-1] & above[1:])  # the last passage before each counts
+    up = start + crossed[np.searchsorted(crossed, rises, side="right") - 1]
+    share = (middle - values[up]) / (values[up + 1] - values[up])
+    found = _of_equal_periods(time_s, values, time_s[up] + share * (time_s[up + 1] - time_s[up]))
+    if found:
+        edges = [start, *(edge for s in found for edge in (s.first, s.first + s.count)), stop]
+        rest = list(zip(edges[::2], edges[1::2], strict=True))
+    else:
+        edges = [start, *(start + 1 + np.flatnonzero(above[:-1] != above[1:])).tolist(), stop]
+        rest = list(pairwise(edges)) if len(edges) > 2 else []
+    return found + [segment for first, last in rest for segment in _within(time_s, values, first, last)]
+
+
+def _above(part: Array, middle: float) -> NDArray[np.bool_]:
+    """Whether values are above a middle, or were when noise of a measured command last let it be seen."""
+    band = min(_NOISES * white_floor(part), _WIDEST * float(np.ptp(part)))
+    seen = np.abs(part - middle) > band
+    last = np.maximum.accumulate(np.where(seen, np.arange(len(part)), 0))
+    made: NDArray[np.bool_] = part[last] > middle
+    return made
+
+
+def _of_equal_periods(time_s: Array, values: Array, rises: Array) -> list[Segment]:
+    """Runs of equal distances between rises that hold a sine."""
+    periods = np.diff(rises)
+    found = []
+    first = 0
+    for i in range(1, len(periods) + 1):
+        if i < len(periods) and abs(periods[i] - periods[first]) <= _SAME_PERIOD * periods[first]:
+            continue
+        if i - first >= 2:
+            segment = _segment(time_s, values, rises[first], rises[i])
+            found += [segment] if segment else []
+        first = i
+    return found
+
+
+def _segment(time_s: Array, values: Array, start_s: float, stop_s: float) -> Segment | None:
+    first, stop = (int(i) for i in np.searchsorted(time_s, [start_s, stop_s]))
+    part = values[first:stop]
+    if stop - first < _LEAST_SAMPLES:
+        return None
+    fit = frequency_fit(time_s[first:stop], part, None)
+    if fit.residual_std > 0.1 * fit.amplitude or _stands(part) > _at_peak(part, fit):
+        return None  # periodic, but no sine
+    return Segment(fit.frequency_hz, first, stop - first, fit.amplitude, fit.offset)
+
+
+def _stands(part: Array) -> int:
+    """The most samples one after another that have one value."""
+    changes = np.flatnonzero(np.diff(part) != 0.0)
+    return int(np.diff(np.concatenate(([-1], changes, [len(part) - 1]))).max())
+
+
+def _at_peak(part: Array, fit: SineFit) -> float:
+    """The most samples of a rounded sine that have one value: those within a step of its peak."""
+    step = min(rounding_step(part) / fit.amplitude, 1.0)
+    return float(np.arccos(1.0 - step)) / np.pi * len(part) / fit.periods + 2.0
+
+
+def _settled(time_s: Array, output: Array, segment: Segment) -> Segment:
+    """The segment without its first period and further ones while the output still settles; two stay at least."""
+    period_s = 1.0 / segment.frequency_hz
+    stamps = time_s[segment.samples]
+    count = round((stamps[-1] - stamps[0]) / period_s)
+    edges = segment.first + np.searchsorted(stamps, stamps[0] + period_s * np.arange(count))
+    edges = np.append(edges, segment.first + segment.count)
+    fits: list[SineFit] = []
+    for i in range(count):
+        part = slice(edges[i], edges[i + 1])
+        fits.append(sine_fit(time_s[part], output[part], segment.frequency_hz, harmonics=1))
+    skip = 1
+    while skip < count - 2 and not steadiness(fits[: skip + 1]).steady:
+        skip += 1
+    first = int(edges[min(skip, count - 1)])
+    return Segment(segment.frequency_hz, first, segment.first + segment.count - first, segment.amplitude, segment.bias)
+
+
+def _harmonics(time_s: Array, segment: Segment) -> int:
+    """How many harmonics lie below half the sample rate, up to the fifth."""
+    stamps = time_s[segment.samples]
+    rate_hz = (len(stamps) - 1) / float(stamps[-1] - stamps[0])
+    return max(1, min(_HARMONICS, int(0.499 * rate_hz / segment.frequency_hz)))
+
+
+def _by_level(sines: Sequence[_Sine]) -> list[list[_Sine]]:
+    groups: list[list[_Sine]] = []
+    for sine in sines:
+        for group in groups:
+            if _same_level(group[0].segment, sine.segment):
+                group.append(sine)
+                break
+        else:
+            groups.append([sine])
+    return groups
+
+
+def _same_level(a: Segment, b: Segment) -> bool:
+    near = _SAME_LEVEL * max(a.amplitude, b.amplitude)
+    return abs(a.amplitude - b.amplitude) <= near and abs(a.bias - b.bias) <= near
+
+
+def _same_sine(a: Segment, b: Segment) -> bool:
+    return a.frequency_hz == b.frequency_hz and _same_level(a, b)

@@ -1,0 +1,1 @@
+"""A plant's parameters fitted to recordings, and what the fit leaves."""

@@ -1,0 +1,122 @@
+"""Other values that fit as well, away from where the slopes at a fit can see.
+
+Slopes tell of the neighbourhood of a fit. A range that ends exactly at a level that was driven makes a corner there;
+lags in a row may change places; and what gives way to a value that is not told does so along a bend. Each is tried by
+fitting again from there, and what fits as well is granted.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from hil.identification.grey_box.estimate import Estimate
+from hil.record.recording import Array
+
+FitAt = Callable[[Mapping[str, float], Sequence[str]], Estimate]
+"""Fits the named parameters, the others held, from these values."""
+
+_AS_GOOD = 9.0  # variances by which a fit may be worse and still be as good
+_CORNER = 0.3  # of a slope, by which it may bend over its step
+_FIRST_STEP, _DOUBLINGS = 4.0, 8  # standard uncertainties, and how often that is doubled
+_ASIDE = 1.0 / math.sqrt(3.0)  # standard deviation of what lies anywhere up to so far, to one side
+
+
+def alternative_optima(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> tuple[Array, tuple[str, ...]]:
+    """Covariance of how far values that fit as well lie away, shape (k, k), and what to say of them.
+
+    Args:
+        found: the fit.
+        at: values of all parameters there.
+        fit_at: fits again.
+    """
+    made, notes = np.zeros((len(found.values),) * 2), []
+    for apart, note in (*_beyond_corners(found, at, fit_at), *_exchanged(found, at, fit_at), *_held(found, at, fit_at)):
+        made += np.outer(apart, apart)
+        notes += [note] if note else []
+    return made, tuple(dict.fromkeys(notes))
+
+
+def _beyond_corners(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[tuple[Array, str]]:
+    """Values in a corner, held ever farther to both sides for as long as the fit stays as good."""
+    curvature = found.slopes.curvature
+    if curvature.bent is None:
+        return
+    is_corner = np.diag(curvature.bent) > _CORNER**2 * np.diag(curvature.alike)
+    for k in np.flatnonzero(is_corner).tolist():
+        for sign in (1.0, -1.0):
+            farthest = _walked(found, at, fit_at, k, sign * _FIRST_STEP * float(found.std[k]))
+            if farthest is not None:
+                note = (
+                    f"parameter '{found.unknowns[k].name}' rests where a range ends at a level that was driven; its "
+                    "interval reaches as far as the fit stays as good; a level within the range would tell it"
+                )
+                yield 2.0 * _ASIDE * farthest, note
+
+
+def _walked(found: Estimate, at: Mapping[str, float], fit_at: FitAt, k: int, step: float) -> Array | None:
+    """How far all values lie away at the farthest, in steps that double; None where the first is too far."""
+    u, farthest = found.unknowns[k], None
+    for doubled in range(_DOUBLINGS):
+        value = float(found.values[k]) + step * 2.0**doubled
+        if not (math.isfinite(value) and u.low <= value <= u.high):
+            break
+        again = _fit_held(found, at, fit_at, k, value)
+        if again is None:
+            break
+        farthest = again
+    return farthest
+
+
+def _held(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[tuple[Array, str]]:
+    """A value that only its bounds hold, at both ends of where it may lie: where the others go then, without it."""
+    widths = np.array([u.high - u.low for u in found.unknowns])
+    for direction in found.identifiability.unidentifiable:
+        k = int(np.argmax(np.abs(direction) / widths))
+        u, reach = found.unknowns[k], abs(float(direction[k]))
+        for value in (max(float(found.values[k]) - reach, u.low), min(float(found.values[k]) + reach, u.high)):
+            apart = _fit_held(found, at, fit_at, k, value)
+            if apart is not None:
+                apart[k] = 0.0
+                yield apart / 2.0, ""
+
+
+def _fit_held(found: Estimate, at: Mapping[str, float], fit_at: FitAt, k: int, value: float) -> Array | None:
+    """How far values lie away with one held and the others fitted again; None where that fits worse."""
+    name = found.unknowns[k].name
+    again = fit_at({**at, name: value}, [u.name for u in found.unknowns if u.name != name])
+    if not _as_good(found, again):
+        return None
+    return np.insert(again.values, k, value) - found.values
+
+
+def _exchanged(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[tuple[Array, str]]:
+    """A lag in the place of the slow one of an overdamped pair, which in a row act alike."""
+    names = [u.name for u in found.unknowns]
+    for pair in (name.removesuffix("_damping") for name in names if name.endswith("_damping")):
+        frequency, damping = at.get(f"{pair}_frequency", 0.0), at[f"{pair}_damping"]
+        if f"{pair}_frequency" not in names or damping <= 1.0:
+            continue
+        root = math.sqrt(damping**2 - 1.0)
+        slow, fast = frequency * (damping - root), frequency * (damping + root)
+        for lag in (name for name in names if name.endswith("_lag") and at[name] > 0.0):
+            for stays, goes in ((fast, slow), (slow, fast)):
+                swapped = math.sqrt(stays / at[lag])
+                values = {lag: 1.0 / goes, f"{pair}_frequency": swapped}
+                values[f"{pair}_damping"] = (stays + 1.0 / at[lag]) / (2.0 * swapped)
+                limits = {u.name: (u.low, u.high) for u in found.unknowns}
+                if not all(limits[name][0] <= value <= limits[name][1] for name, value in values.items()):
+                    continue
+                again = fit_at({**at, **values}, names)
+                if _as_good(found, again):
+                    note = (
+                        f"these recordings do not tell {lag} from a lag of the {pair}: they may change places; a "
+                        "channel between them would tell"
+                    )
+                    yield _ASIDE * (again.values - found.values), note
+
+
+def _as_good(found: Estimate, again: Estimate) -> bool:
+    return again.chi2 - found.chi2 <= _AS_GOOD * found.identifiability.variance

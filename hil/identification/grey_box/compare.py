@@ -1,0 +1,163 @@
+"""Model against recording: the fit, what the noise allows, and where the model fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hil.identification.preparation.experiment import DEAD, Experiment
+from hil.identification.preparation.gaps import bridged
+from hil.identification.preparation.plausibility.look import suspicions
+from hil.identification.preparation.recording_quality import without_invalid
+from hil.identification.uncertainty.fit import fit_ceiling, fit_percent
+from hil.identification.uncertainty.noise import channel_floor, noise_in
+from hil.physics.model import Model
+from hil.record.recording import Array
+from hil.record.simulated import marked
+
+_BLOCKS = 50
+_WORST = 3
+_STILL = 1e-9  # of its size: what a simulation at rest moves by rounding
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A stretch of time with the rms error there."""
+
+    start_s: float
+    stop_s: float
+    rms: float
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One model on one recording.
+
+    Attributes:
+        fit, ceiling: in %; the ceiling is what the true model would reach, given the noise, and never below a fit that
+            is reached. None where the output stands still.
+        rms_error, noise_std: in `unit`, the output's unit.
+        mean_error: simulated minus measured.
+        lag_s: by how much the model is late (positive) or early, at the best correlation of their slopes; None where
+            one of them does not move.
+        worst: where the error is largest, in time.
+        by_level: rms error over the lower, middle and upper third of the model's output.
+        notes: what of the recording says nothing and is left out, in words.
+        simulated: whether the recording is of a simulated valve.
+    """
+
+    name: str
+    unit: str
+    fit: float | None
+    ceiling: float | None
+    rms_error: float
+    noise_std: float
+    mean_error: float
+    lag_s: float | None
+    worst: tuple[Interval, ...]
+    by_level: tuple[float, float, float]
+    notes: tuple[str, ...]
+    simulated: bool = False
+
+    @property
+    def headline(self) -> str:
+        """The fit in words."""
+        if self.fit is None or self.ceiling is None:
+            return "no fit: the output stands still"
+        return f"fit {self.fit:.2f} % (the noise allows {self.ceiling:.2f} %)"
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON values."""
+        return {"file": self.name, **{k: v for k, v in asdict(self).items() if k != "name"}}
+
+    def as_text(self) -> str:
+        """As lines for a terminal."""
+        worst = ", ".join(f"{i.start_s:.4g}…{i.stop_s:.4g} s ({i.rms:.3g})" for i in self.worst)
+        low, middle, high = self.by_level
+        late = "" if self.lag_s is None else f", model late by {round(1e3 * self.lag_s, 1) + 0.0:+.1f} ms"
+        notes = "".join(f"\n  note: {note}" for note in self.notes)
+        return (
+            f"{marked(self.name, simulated=self.simulated)}\n"
+            f"  {self.headline}, "
+            f"rms error {self.rms_error:.4g} {self.unit}, noise {self.noise_std:.3g} {self.unit}\n"
+            f"  mean error {self.mean_error:+.3g} {self.unit}{late}\n"
+            f"  largest errors at {worst}\n"
+            f"  rms by level: low {low:.3g}, middle {middle:.3g}, high {high:.3g} {self.unit}{notes}"
+        )
+
+
+def compare_all(
+    model: Model, experiments: Sequence[Experiment], progress: Callable[[float, str], None] = lambda _done, _text: None
+) -> list[Comparison]:
+    """Each recording as `compare` does, with what looks wrong in it beside this model among its notes."""
+    found = []
+    for i, e in enumerate(experiments):
+        progress(i / (len(experiments) + 1), f"{e.name}: the model beside {len(e.output)} samples")
+        found.append(compare(model, e))
+    progress(len(experiments) / (len(experiments) + 1), "checking units, signs and channels")
+    implausible_metadata = list(suspicions(model, experiments))
+    return [
+        replace(
+            one, notes=(*one.notes, *(wrong.sentence for wrong in implausible_metadata if wrong.recording == one.name))
+        )
+        for one in found
+    ]
+
+
+def compare(model: Model, experiment: Experiment) -> Comparison:
+    """Simulate a model on a recording's input and measure the difference, where the recording says something."""
+    measured_only, left_out = without_invalid(experiment)
+    (e,), notes = bridged(model, [measured_only])
+    notes = (*left_out, *notes, *experiment.notes)
+    response = e.respond(model.definition, model.values, model.active_effects)[0]
+    time_s, measured, simulated = e.time_s[e.valid], e.output[e.valid], response[e.valid]
+    error = simulated - measured
+    noise = noise_in(model.noise, channel_floor(measured)).std
+    fit = fit_percent(measured, simulated)
+    moves = not e.stands_still
+    if not moves:
+        notes = (*notes, f"{e.where_it_stands}: no fit can be stated; {DEAD}")
+    elif np.ptp(e.drive.inputs[0]) == 0.0:
+        notes = (*notes, f"{e.name}: channel '{e.input}' never changes: what is compared is a level and no dynamics")
+    return Comparison(
+        e.name,
+        e.output_heading.rpartition("[")[2].rstrip("]"),
+        fit if moves else None,
+        max(fit, fit_ceiling(measured, noise)) if moves else None,
+        _rms(error),
+        noise,
+        float(error.mean()),
+        _lag(time_s, measured, simulated),
+        _worst(time_s, error),
+        _by_level(simulated, error),
+        notes,
+    )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def _worst(time_s: Array, error: Array) -> tuple[Interval, ...]:
+    parts = np.array_split(np.arange(len(error)), min(_BLOCKS, len(error)))
+    found = [Interval(float(time_s[p[0]]), float(time_s[p[-1]]), _rms(error[p])) for p in parts]
+    return tuple(sorted(found, key=lambda i: -i.rms)[:_WORST])
+
+
+def _by_level(simulated: Array, error: Array) -> tuple[float, float, float]:
+    low, high = np.quantile(simulated, [1 / 3, 2 / 3])
+    bins = np.digitize(simulated, [low, high])
+    first, second, third = (_rms(error[bins == k]) for k in range(3))
+    return first, second, third
+
+
+def _lag(time_s: Array, measured: Array, simulated: Array) -> float | None:
+    """The shift that makes the error orthogonal to the slope: first order, enough for a hint."""
+    if np.ptp(simulated) <= _STILL * float(np.abs(simulated).max()) or np.ptp(measured) == 0.0:
+        return None
+    slope = np.gradient(simulated, time_s)
+    late_s = float(slope @ (measured - simulated)) / float(slope @ slope)
+    return late_s if abs(late_s) < time_s[-1] - time_s[0] else None

@@ -1,0 +1,540 @@
+"""Grey-box identification: the physical parameters of a plant, from several recordings together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+from pathlib import Path
+from threading import Lock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.catalog import entries, models
+from hil.identification.grey_box.alternative_optima import alternative_optima
+from hil.identification.grey_box.discrepancy import discrepancy_of, sentence_of
+from hil.identification.grey_box.estimate import Estimate, Unknown, estimate
+from hil.identification.grey_box.free import all_values, check_free, moved, moved_effects, unknown_of
+from hil.identification.grey_box.lines import common_line, line_at
+from hil.identification.grey_box.multistart import multistart
+from hil.identification.grey_box.residuals import Residuals
+from hil.identification.grey_box.structure import StructureChoice, choose_structure
+from hil.identification.grey_box.systematic import Systematic, systematic
+from hil.identification.grey_box.witnesses import witnesses
+from hil.identification.preparation.averaged import with_means
+from hil.identification.preparation.content import content_of
+from hil.identification.preparation.experiment import DEAD, Experiment, require_excitation, sample_intervals_s
+from hil.identification.preparation.gaps import bridged
+from hil.identification.preparation.initial_condition import start_slope, with_free_start
+from hil.identification.preparation.recording_quality import (
+    LINEAR,
+    believed,
+    doubts,
+    fastest_pole_rad_s,
+    fastest_shown_rad_s,
+    look,
+    one_frequency,
+)
+from hil.identification.preparation.sub_sample_response import dead_time_std_s, responds_within_sample
+from hil.identification.uncertainty.fit import fit_percent
+from hil.identification.uncertainty.noise import Measured, channel_floor, measured_noise, resolution
+from hil.physics.model import Covariance, Model, Value, load_model, typical_model
+from hil.physics.plant import Parameter, Plant, Structure
+from hil.record.recording import Array
+from hil.signals.colour import colour_factor
+from hil.signals.interval import COVERED, rounded, width
+from hil.signals.products import one_blas_thread
+
+# Start values tried beside the given ones when the first fit stays far above the noise.
+_RESTARTS = (0.4, 2.5)
+_WELL_ABOVE_FLOOR = 1.5
+_MOST_OVER_FLOOR = 2.0
+_TELLING_CHI2 = 25.0
+# Simulations after which a fit is usually half done, and the share that is done before it.
+_USUAL_SIMULATIONS, _BEFORE_FIT = 60.0, 0.1
+# A fit that explains no more than this share of the outputs' variance has begun in the wrong place.
+_LITTLE = 0.5
+# Units are taken for slower than the start says where so many times more samples are then left out.
+_LATE_SETTLING = 1.1
+
+Progress = Callable[[float, str], None]
+Tick = Callable[[], None]
+
+
+def _quiet(_done: float, _text: str) -> None:
+    """Progress that nobody asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class GreyBoxFit:
+    """A model fitted to experiments, the parameters that ended on a bound, and fit % per recording.
+
+    `readings`: what a reader of the parameters would work out first, in words.
+    """
+
+    model: Model
+    on_bound: tuple[str, ...]
+    fits: dict[str, float]
+    notes: tuple[str, ...]
+    readings: tuple[str, ...] = ()
+
+    def summary(self) -> str:
+        """A table of parameters with their uncertainty, fits and notes, for a terminal."""
+        rows = [f"{self.model.plant}", *(f"  {reading}" for reading in self.readings)]
+        for name, found in self.model.parameters.items():
+            if self.model.plant == LINEAR and found.std is None and found.value == self.model.definition.typical[name]:
+                continue  # of a section that the form does not have
+            row = (
+                f"  {name:18} {rounded(found.value, found.std):>12} {width(found.std):12} {found.unit:8}{_whole(found)}"
+            )
+            rows.append(row.rstrip())
+        for e in self.model.effects:
+            for name, found in e.parameters.items():
+                shown = f"{rounded(found.value, found.std):>12} {width(found.std):12} {found.unit}"
+                rows.append(f"  {e.name + '.' + name:18} {shown}")
+        rows += [f"  fit {fit:7.2f} %  {name}" for name, fit in self.fits.items()]
+        return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
+
+
+def _whole(found: Value) -> str:
+    """With what the stated calibrations add; nothing where none was stated."""
+    whole = found.std_with_calibration
+    if whole is None or not found.calibration_std or not np.isfinite(whole):
+        return ""
+    return f"with calibration ± {COVERED * whole:.2g}"
+
+
+def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:
+    """The start of an identification: a plant at its typical values, or a model: its file, or an installed one's name.
+
+    Raises:
+        FileError, UnknownNameError: no such plant or file. SettingError: a parameter to free is unknown.
+    """
+    path = Path(plant_or_file)
+    installed = plant_or_file in models() and plant_or_file not in {entry.name for entry in entries("plants")}
+    model = load_model(path) if path.suffix == ".json" or installed else typical_model(plant_or_file)
+    for name in free:
+        check_free(model, name)
+    return model
+
+
+def fit_plant(
+    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str] = (), progress: Progress = _quiet
+) -> GreyBoxFit:
+    """Estimate the plant's parameters from all experiments together, effects of the model included as they are.
+
+    Args:
+        model: start values; parameters that are not free stay at them.
+        experiments: what to fit.
+        also_free: parameters to estimate beside those that the plant does not hold fixed.
+        progress: told how far it is, a share and what is done; how many simulations a fit takes is a guess.
+
+    Raises:
+        FileError: no input or no output moves.
+    """
+    with one_blas_thread():
+        return _fit_plant(model, experiments, also_free, progress)
+
+
+def _fit_plant(
+    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], progress: Progress
+) -> GreyBoxFit:
+    require_excitation(experiments)
+    progress(0.0, "looking at the recordings")
+    still = tuple(f"{e.name}: {e.where_it_stands}: {DEAD}; it is left out" for e in experiments if e.stands_still)
+    looked = look(model, [e for e in experiments if not e.stands_still])
+    alive = looked.experiments
+    still = (*still, *looked.notes)
+    even, remarks = bridged(model, alive)
+    tick = _ticking(progress)
+    found = _fitted(model, even, also_free, (*still, *remarks), tick)
+    again, remarks = bridged(found.model, alive)
+    lost, more_lost = (sum(e.count_lost for e in each) for each in (even, again))
+    if more_lost > _LATE_SETTLING * lost:  # the start settles too soon to be left in
+        found = _fitted(model, again, also_free, (*still, *remarks), tick)
+    progress(1.0, "fitted")
+    found = replace(found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.on_bound))))
+    used = [e for e in experiments if not e.stands_still]
+    found = replace(found, model=_with_content(found.model, used))
+    return _none_identifiable(found) if model.definition.structures and one_frequency(alive) else found
+
+
+def _with_content(model: Model, experiments: Sequence[Experiment]) -> Model:
+    """The model with what tells its recordings from any others."""
+    return replace(model, origin={**model.origin, "content": {e.name: content_of(e) for e in experiments}})
+
+
+def _none_identifiable(found: GreyBoxFit) -> GreyBoxFit:
+    """The same with no parameter told: of a linear plant one frequency tells two numbers, whatever its form."""
+    parameters = {n: v if v.std is None else replace(v, std=np.inf) for n, v in found.model.parameters.items()}
+    return replace(found, model=replace(found.model, parameters=parameters))
+
+
+def _driven_out(found: Estimate) -> tuple[int, ...]:
+    """Places of values that ended on a bound which is no natural end: the fit would have gone on beyond it."""
+    return tuple(
+        k
+        for k, (u, value) in enumerate(zip(found.unknowns, found.values.tolist(), strict=True))
+        if u.at_bound(value) and not u.at_natural_end(value) and abs(value) > 1e-3 * u.scale
+    )
+
+
+def _ticking(progress: Progress) -> Tick:
+    """What tells of every simulation that there was another one."""
+    counted, one_at_a_time = count(1), Lock()
+
+    def tick() -> None:
+        with one_at_a_time:
+            done = next(counted)
+            progress(
+                _BEFORE_FIT + (1.0 - _BEFORE_FIT) * done / (done + _USUAL_SIMULATIONS), f"fitting, simulation {done}"
+            )
+
+    return tick
+
+
+def _fitted(
+    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], remarks: tuple[str, ...], tick: Tick
+) -> GreyBoxFit:
+    weights = [1.0 / max(channel_floor(e.valid_output), _resolution(e.output)) for e in experiments]
+    choice = _structure_of(model, experiments, weights)
+    model, note = (model, ()) if choice is None else (_of_structure(model, choice), (choice.sentence,))
+    plant = model.definition
+    experiments, averaged = with_means(model, experiments)
+    remarks = (*remarks, *averaged)
+    names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
+    names += [name for name in dict.fromkeys(also_free) if "." in name]
+    found, used = _best_reading(model, names, experiments, weights, tick)
+    near = model
+    if any(e.ripples is not None for e in used):  # what the phase of a dither does is only known about the fit itself
+        near = moved(model, _merged(model, found))
+        found = _fit_from(near, used, weights, _unknowns(model, names, _merged(model, found)), tick)
+    found = replace(found, fixed_at_bound=_driven_out(found))
+    at = _merged(model, found)
+    about = Residuals(plant, used, weights, near.values, moved_effects(model, at))
+    beside = systematic(about, found, {p.name: at[p.name] for p in plant.parameters})
+
+    def fit_at(values: Mapping[str, float], names: Sequence[str]) -> Estimate:
+        return _fit_from(moved(model, values), used, weights, _unknowns(model, names, dict(values)), tick)
+
+    other, remarks_of_others = alternative_optima(found, at, fit_at)
+    beside = replace(beside, model=beside.model + other, notes=(*beside.notes, *remarks_of_others))
+    if choice is not None:
+        of_form = np.diag([choice.form_std(u.name) ** 2 for u in found.unknowns])
+        beside = replace(beside, model=beside.model + of_form, notes=(*beside.notes, *_other_forms(choice)))
+    readings = tuple(_real_pairs(found, beside.model)) if model.plant == LINEAR else ()
+    return replace(_result(model, plant, found, used, (*remarks, *note), beside), readings=readings)
+
+
+def _structure_of(model: Model, experiments: Sequence[Experiment], weights: Sequence[float]) -> StructureChoice | None:
+    """The structure that experiments support, if the plant has several and none was chosen before.
+
+    A pole faster than samples can show may stand for samples that were read at the end of their interval: then that is
+    tried, unless the recordings declare it.
+    """
+    plant = model.definition
+    if not plant.structures or _structure(model) is not None:
+        return None
+    choice = choose_structure(plant, experiments, weights)
+    if model.plant != LINEAR or any(e.reading_known for e in experiments):
+        return choice
+    if fastest_pole_rad_s(choice.chosen.values) <= fastest_shown_rad_s(experiments):
+        return choice
+    other = choose_structure(plant, [e.reading_at(1.0) for e in experiments], weights)
+    is_plainer = len(other.chosen.structure.free) <= len(choice.chosen.structure.free)
+    return other if is_plainer and other.chosen.mean_square <= choice.chosen.mean_square else choice
+
+
+def _of_structure(model: Model, choice: StructureChoice) -> Model:
+    values = {name: Value(value, model.parameters[name].unit) for name, value in choice.chosen.values.items()}
+    return replace(model, parameters=values, origin={**model.origin, "structure": choice.chosen.structure.name})
+
+
+def _real_pairs(found: Estimate, beside: Array) -> Iterator[str]:
+    """Time constants of pairs of poles that are real: what everybody reads, where the pair's own numbers say little."""
+    at = {u.name: k for k, u in enumerate(found.unknowns)}
+    for pair in ("pair1", "pair2"):
+        places = [at[name] for name in (f"{pair}_time", f"{pair}_damping") if name in at]
+        if len(places) < 2 or (damping := float(found.values[places[1]])) <= 1.0:
+            continue
+        time_s, root = float(found.values[places[0]]), math.sqrt(damping**2 - 1.0)
+        own = (found.identifiability.whole + beside)[np.ix_(places, places)]
+        texts = []
+        for sign in (1.0, -1.0):
+            slope = np.array([damping + sign * root, time_s * (1.0 + sign * damping / root)])
+            std = math.sqrt(float(slope @ own @ slope))
+            texts.append(f"{rounded(time_s * (damping + sign * root), std)} {width(std)} s")
+        yield f"the poles of {pair} are real, with time constants of {' and '.join(texts)}"
+
+
+def _other_forms(choice: StructureChoice) -> tuple[str, ...]:
+    """What is said where other forms are as probable as the chosen one."""
+    rivals = [f"'{t.structure.name}' {100.0 * share:.0f} %" for t, share in choice.probable if t is not choice.chosen]
+    if not rivals:
+        return ()
+    return (f"intervals hold the choice of the form; also probable are {', '.join(rivals)}",)
+
+
+def _structure(model: Model) -> Structure | None:
+    """The structure that was chosen when the model was identified."""
+    name = model.origin.get("structure")
+    return next((s for s in model.definition.structures if s.name == name), None)
+
+
+def _is_free(model: Model, parameter: Parameter) -> bool:
+    structure = _structure(model)
+    return not parameter.fixed if structure is None else parameter.name in structure.free
+
+
+def _kept(model: Model) -> dict[str, str]:
+    structure = _structure(model)
+    return {"structure": structure.name} if structure else {}
+
+
+def _resolution(values: Array) -> float:
+    """The least noise to assume: a ten-thousandth of the channel's span."""
+    return 1e-4 * float(np.ptp(values)) or 1.0
+
+
+def _best_reading(
+    model: Model,
+    names: Sequence[str],
+    experiments: Sequence[Experiment],
+    weights: Sequence[float],
+    tick: Tick,
+) -> tuple[Estimate, list[Experiment]]:
+    """Fit with both conventions of when a sample is read, unless the recordings declare it; keep the better."""
+    best: tuple[Estimate, list[Experiment]] | None = None
+    declared = {e.drive.read_at for e in experiments if e.reading_known}
+    for read_at in sorted(declared) or (0.0, 1.0):
+        moved = [e.reading_at(read_at) for e in experiments]
+        start = _unknowns(model, names, all_values(model) if best is None else _merged(model, best[0]))
+        found = _fit_from(model, moved, weights, start, tick)
+        if best is None:
+            found = _restarted(model, moved, weights, found, tick)
+        # Where a dead time can stand in for it, the data do not tell the reading instant: keep the plain one. Nor does
+        # what a model of another structure leaves: there a difference counts in units of that.
+        excess = 1.0 if best is None else max(1.0, best[0].chi2 / len(best[0].residuals))
+        if best is None or found.chi2 < best[0].chi2 - _TELLING_CHI2 * excess:
+            best = found, moved
+    assert best is not None  # noqa: S101
+    return best
+
+
+def _merged(model: Model, found: Estimate) -> dict[str, float]:
+    return all_values(model) | {u.name: float(v) for u, v in zip(found.unknowns, found.values, strict=True)}
+
+
+def _restarted(
+    model: Model, experiments: Sequence[Experiment], weights: Sequence[float], first: Estimate, tick: Tick
+) -> Estimate:
+    """Try other starts while the fit stays far above the noise; a poor start must not pass for physics."""
+    best = first
+    for factor in _RESTARTS:
+        if best.chi2 < _WELL_ABOVE_FLOOR * len(best.residuals):
+            break
+        moved = [
+            Unknown(u.name, u.unit, float(np.clip(u.start * factor, u.low, u.high)), u.low, u.high, u.scale)
+            if u.unit in ("s", "rad/s")
+            else u
+            for u in first.unknowns
+        ]
+        other = _fit_from(model, experiments, weights, moved, tick)
+        best = min(best, other, key=lambda found: found.chi2)
+    if _explains(best, experiments, weights) > _LITTLE:
+        return best
+    others = [
+        _fit_from(model, experiments, weights, start, tick)
+        for start in multistart(_residuals(model, experiments, weights, first.unknowns, tick), first.unknowns)
+    ]
+    return min([best, *others], key=lambda found: found.chi2)
+
+
+def _explains(found: Estimate, experiments: Sequence[Experiment], weights: Sequence[float]) -> float:
+    """The share of the outputs' variance that a fit explains."""
+    swings = (w**2 * float(np.sum((e.valid_output - e.valid_output.mean()) ** 2)) for e, w in
+              zip(experiments, weights, strict=True))  # fmt: skip
+    return 1.0 - found.chi2 / max(sum(swings), 1e-300)
+
+
+def _unknowns(model: Model, names: Sequence[str], values: dict[str, float]) -> list[Unknown]:
+    plant = model.definition
+    return [
+        unknown_of(moved(model, values), name) if "." in name else unknown(plant.parameter(name), values[name])
+        for name in names
+    ]
+
+
+def unknown(parameter: Parameter, start: float) -> Unknown:
+    """A parameter as something to be estimated."""
+    scale = parameter.scale if parameter.typical else abs(start) or parameter.scale
+    return Unknown(parameter.name, parameter.unit, start, parameter.low, parameter.high, scale)
+
+
+def _fit_from(
+    model: Model, experiments: Sequence[Experiment], weights: Sequence[float], start: Sequence[Unknown], tick: Tick
+) -> Estimate:
+    return estimate(_residuals(model, experiments, weights, start, tick), start, careful=True)
+
+
+def _residuals(
+    model: Model, experiments: Sequence[Experiment], weights: Sequence[float], unknowns: Sequence[Unknown], tick: Tick
+) -> Callable[[Array], Array]:
+    """Weighted residuals over the values of the unknowns."""
+    names = [u.name for u in unknowns]
+    base, active = model.values, model.active_effects
+    of_plant = Residuals(model.definition, experiments, weights, base, active)
+
+    def residuals(values: Array) -> Array:
+        tick()
+        tried = dict(zip(names, values.tolist(), strict=True))
+        parameters = base | {name: value for name, value in tried.items() if "." not in name}
+        return of_plant.at(parameters, moved_effects(model, tried))
+
+    return residuals
+
+
+def _noise(
+    model: Model, experiments: Sequence[Experiment], errors: Sequence[Array], simulated: Sequence[Array]
+) -> Measured:
+    """The noise of the output from what the model leaves, a tone that runs through everything apart."""
+    floor = float(np.sqrt(np.mean([channel_floor(e.valid_output) ** 2 for e in experiments])))
+
+    def measured(outputs: Sequence[Array], errors: Sequence[Array]) -> Measured:
+        outputs_there = [values[e.valid] for e, values in zip(experiments, outputs, strict=True)]
+        seen = witnesses(model, experiments, outputs, simulated, floor)
+        return measured_noise(outputs_there, seen, errors, experiments[0].interval_s)
+
+    outputs = [e.output for e in experiments]
+    is_noise = float(np.sqrt(np.mean([np.mean(error**2) for error in errors]))) < _MOST_OVER_FLOOR * floor
+    hum_hz = common_line(experiments, errors) if is_noise else None  # a misfit has lines that are no hum
+    if hum_hz is None:
+        return measured(outputs, errors)
+    found = [line_at(e.time_s, error, hum_hz) for e, error in zip(experiments, errors, strict=True)]
+    without = [[values - tone for values, (tone, _) in zip(rows, found, strict=True)] for rows in (outputs, errors)]
+    own, hum = measured(without[0], without[1]), float(np.median([amplitude for _, amplitude in found]))
+    return replace(own, noise=replace(own.noise, hum_hz=hum_hz, hum=hum))
+
+
+def _with_noise_where_invalid(errors: Array, valid: NDArray[np.bool_]) -> Array:
+    """Errors with white noise of their own size where the output says nothing: zeros would make it look less noisy."""
+    if valid.all():
+        return errors
+    noise = np.random.default_rng(len(errors)).standard_normal(len(errors))
+    return np.where(valid, errors, float(np.std(errors[valid])) * noise)
+
+
+def _covariance(found: Estimate) -> Covariance:
+    """The covariance for the model file; a direction that no sample tells is as uncertain as bounds let it be.
+
+    It is that of repeats: what the model lacks is lacking in them too, and cancels where units are compared.
+    """
+    return Covariance(
+        tuple(u.name for u in found.unknowns), tuple(tuple(row) for row in found.identifiability.whole.tolist())
+    )
+
+
+def _unidentifiable(found: Estimate) -> list[str]:
+    """What the recordings do not tell, or only together, in words."""
+    shared = [
+        u.name
+        for u, is_shared in zip(found.unknowns, found.identifiability.is_shared_beyond_noise, strict=True)
+        if is_shared
+    ]
+    if len(shared) == 1:
+        return [f"these recordings do not tell {shared[0]}; drive more levels, some of them near where it acts"]
+    names = f"{', '.join(shared[:-1])} and {shared[-1]}" if shared else ""
+    return [f"these recordings tell {names} only together; levels between those driven may part them"] if shared else []
+
+
+def _wider_than_themselves(plant: Plant, values: Mapping[str, float], stds: Mapping[str, float]) -> tuple[str, ...]:
+    """Parameters whose interval reaches farther to either side than they, and as they usually are, lie from nothing."""
+    return tuple(
+        p.name
+        for p in plant.parameters
+        if p.name in stds
+        and np.isfinite(stds[p.name])
+        and COVERED * stds[p.name] >= max(abs(values[p.name]), abs(p.scale))
+    )
+
+
+def _std_of_noise(found: Estimate) -> Array:
+    """Standard uncertainties that the noise alone would leave, had the model left nothing else; shape (k,)."""
+    beyond = found.chi2 / max(len(found.residuals) - len(found.values), 1) * colour_factor(found.residuals)
+    made: Array = found.std / math.sqrt(max(beyond, 1.0))
+    return made
+
+
+def _undetermined(by_test: Sequence[str], by_model: Sequence[str]) -> list[str]:
+    """Which parameters are not identifiable, and whether the test or the model is to blame."""
+    notes = [
+        f"these recordings do not determine parameter '{name}': its interval would be wider than the value; drive more "
+        "levels and faster changes, or record a signal nearer to where it acts"
+        for name in by_test
+    ]
+    if by_model:
+        notes.append(
+            f"not identifiable: {', '.join(by_model)}: noise would leave them known, but what the model lacks may have "
+            "moved them by more than they are; a model that has it would tell them, another test would not"
+        )
+    return notes
+
+
+def _result(
+    model: Model, plant: Plant, found: Estimate, experiments: Sequence[Experiment], remarks: tuple[str, ...],
+    beside: Systematic,
+) -> GreyBoxFit:  # fmt: skip
+    names = [u.name for u in found.unknowns]
+    stds = dict(zip(names, np.sqrt(found.std**2 + np.diag(beside.model)).tolist(), strict=True))
+    by_calibration = {} if beside.calibration is None else dict(zip(names, beside.calibration.tolist(), strict=True))
+    values = _merged(model, found)
+    if "dead_time" in stds and responds_within_sample(values):
+        stds["dead_time"] = float(np.hypot(stds["dead_time"], dead_time_std_s(experiments)))
+    wide = _wider_than_themselves(plant, values, stds)
+    stds |= dict.fromkeys(wide, np.inf)
+    units = plant.units(experiments[0].input, experiments[0].output_heading)
+    parameters = {
+        p.name: Value(values[p.name], units[p.name], stds.get(p.name), by_calibration.get(p.name))
+        for p in plant.parameters
+    }
+    effects, active = moved(model, values, stds).effects, moved_effects(model, values)
+    plain = {p.name: values[p.name] for p in plant.parameters}
+    fits, errors, answers = {}, [], []
+    for e in experiments:
+        simulated = e.respond(plant, plain, active)[0]
+        answers.append(simulated)
+        fits[e.name] = fit_percent(e.output[e.valid], simulated[e.valid])
+        floor = channel_floor(e.valid_output)
+        slope = start_slope(e, plant, plain, active, floor, plain=simulated)
+        error = floor * with_free_start(e.telling((e.output - simulated) / floor), slope)
+        errors.append(_with_noise_where_invalid(error, e.valid))
+    made = Model(
+        model.plant, parameters, effects, experiments[0].input, experiments[0].output_heading,
+        experiments[0].drive.read_at,
+        None,
+        _covariance(found),
+        {
+            "recordings": [e.name for e in experiments], "fit_percent": fits,
+            "intervals_s": sample_intervals_s(experiments),
+            "std": {name: std if np.isfinite(std) else None for name, std in stds.items() if name in parameters},
+            "resolution": float(np.median([resolution(e.output) for e in experiments])), **_kept(model),
+        },
+    )  # fmt: skip
+    measured = _noise(made, experiments, errors, answers)
+    beyond = discrepancy_of(made, experiments, [-error for error in errors], measured)
+    made = replace(made, noise=measured.noise, origin={**made.origin, **({"discrepancy": beyond} if beyond else {})})
+    fixed_at_bound = [found.unknowns[k].name for k in found.fixed_at_bound]
+    natural = [u.name for u, v in zip(found.unknowns, found.values.tolist(), strict=True) if u.at_natural_end(v)]
+    ended = [name for name in found.on_bound if name not in natural]
+    notes = [f"parameter '{name}' ended on a bound: a warning, not physics" for name in ended]
+    notes += [
+        f"parameter '{name}' cannot be told: the fit would have gone on beyond its bound; drive more levels, some of "
+        "them near where it acts"
+        for name in fixed_at_bound
+    ]
+    by_noise = _wider_than_themselves(plant, values, dict(zip(names, _std_of_noise(found).tolist(), strict=True)))
+    notes += _undetermined([name for name in wide if name in by_noise], [name for name in wide if name not in by_noise])
+    notes += [*([sentence_of(beyond)] if beyond else []), *_unidentifiable(found), *beside.notes]
+    return GreyBoxFit(made, found.on_bound, fits, (*remarks, *notes, *doubts(made, experiments, fits)))

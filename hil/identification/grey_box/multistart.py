@@ -1,0 +1,57 @@
+"""Grossly different starts: where a fit explains little, the values that it began at were no start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hil.cores import spread
+from hil.identification.grey_box.estimate import Unknown
+from hil.record.recording import Array
+
+# As many places are looked at (a power of two, for an even spread), fewer where that would be more residuals than so
+# many; up to so many times a size away, and so many of them fitted.
+_PLACES, _FEWEST, _RESIDUALS, _FAR, _FITTED = 128, 8, 10_000_000, 30.0, 3
+
+
+def multistart(residuals: Callable[[Array], Array], unknowns: Sequence[Unknown]) -> list[list[Unknown]]:
+    """The most promising of many starts all over the bounds, the best first; `residuals` as in `estimate`.
+
+    Sizes are spread over orders of magnitude, what may have either sign evenly about its start.
+    """
+    count, size = _PLACES, len(residuals(np.array([u.start for u in unknowns])))
+    while count > _FEWEST and count * size > _RESIDUALS:
+        count //= 2
+    tried = far_places(unknowns, count)
+
+    def chi2(values: Array) -> float:
+        r = residuals(values)
+        return float(r @ r)
+
+    found = sorted((c, k) for k, c in enumerate(spread(chi2, tried)) if math.isfinite(c))
+    return [_starting(unknowns, tried[k]) for _, k in found[:_FITTED]]
+
+
+def far_places(unknowns: Sequence[Unknown], count: int) -> list[Array]:
+    """So many values (a power of two) all over the bounds, each of shape (k,); the same at every call."""
+    from scipy.stats import qmc  # seconds of import, for the few plants that are started from afar
+
+    places = qmc.Sobol(len(unknowns), scramble=False).random(count)
+    return [np.array([_at(u, share) for u, share in zip(unknowns, place, strict=True)]) for place in places]
+
+
+def _at(u: Unknown, share: float) -> float:
+    """A place within the bounds, counted from 0 to 1."""
+    if u.low >= 0.0:
+        size = u.start if u.start > 0.0 else u.scale
+        low, high = max(u.low, size / _FAR), min(u.high, size * _FAR)
+        return float(low * (high / low) ** share)
+    low, high = max(u.low, u.start - _FAR * u.scale), min(u.high, u.start + _FAR * u.scale)
+    return float(low + (high - low) * share)
+
+
+def _starting(unknowns: Sequence[Unknown], values: Array) -> list[Unknown]:
+    return [replace(u, start=float(v)) for u, v in zip(unknowns, values, strict=True)]

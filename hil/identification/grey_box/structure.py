@@ -1,0 +1,324 @@
+"""Choose a plant's structure from recordings in time, by evidence that more freedom must pay for.
+
+Structures are fitted from the simplest on, each from the estimate of the one that it grows from. The Bayesian
+criterion counts samples as the residual's colour leaves them independent; what it does not rule out is judged
+by parts of the recordings, foretold from those before or after them. Where every form leaves more than noise, plain
+ones are judged so too, whatever the criterion says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.identification.grey_box.estimate import Estimate, Unknown, estimate, side_by_side
+from hil.identification.grey_box.linear_starts import poles_rad_s
+from hil.identification.preparation.experiment import Experiment
+from hil.identification.preparation.initial_condition import start_slope, with_free_start
+from hil.identification.uncertainty.evidence import VERY_STRONG, bic, odds, simplest_good
+from hil.physics.plant import Parameter, Plant, Structure
+from hil.physics.transfer_function import from_parameters, pole_parameters
+from hil.record.recording import Array
+from hil.signals.colour import colour_factor
+from hil.signals.interval import COVERED
+
+_BLOCKS = 5
+_FORETOLD = (3, 4, 1, 0)  # blocks: the last two from those before them, the first two from those after them
+_TRIAL_TIMES = 6
+_MOST_JUDGED = 6
+_MISFIT = 1.5  # mean square of residuals, in units of the noise's, from which a form leaves more than noise
+_PLAIN = 4  # unknowns of a gain, an offset and a pair of poles, beside a bend
+_SEARCH_EVALUATIONS = 25
+_REFINED_EVALUATIONS = 60
+_POLES = {"lag_time": 1, "pair1_time": 2, "pair2_time": 2}
+_EXCLUDED = 2.0 * math.log(20.0)  # difference of BIC beyond which a form is excluded, as 95 % exclude a value
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """A structure that was fitted.
+
+    Attributes:
+        values: every parameter of the plant.
+        bic: smaller is better; infinite of a form that gave way to another, since nothing shows its gain at rest.
+        mean_square: of the weighted residuals.
+        held_out: root mean square error where it was foretold, in noise standard deviations; NaN
+            where the criterion alone ruled the structure out.
+    """
+
+    structure: Structure
+    values: Mapping[str, float]
+    bic: float
+    mean_square: float
+    held_out: float
+
+
+@dataclass(frozen=True, slots=True)
+class StructureChoice:
+    """The chosen structure and everything that was tried, best evidence first."""
+
+    chosen: Tried
+    tried: tuple[Tried, ...]
+
+    @property
+    def probable(self) -> tuple[tuple[Tried, float], ...]:
+        """The forms that evidence does not exclude, each with its probability; the chosen one is always among them."""
+        least = min(t.bic for t in self.tried)
+        near = [t for t in self.tried if t.bic <= least + _EXCLUDED or t is self.chosen]
+        return tuple(zip(near, odds([t.bic for t in near]).tolist(), strict=True))
+
+    def form_std(self, name: str) -> float:
+        """By how much a free parameter depends on the form: root mean square distance in forms that have it free too.
+
+        The lag is a real pole's, which other forms may have as one of a pair: of theirs the nearest counts.
+        """
+        own = self.chosen.values[name]
+        having = [
+            (min(values, key=lambda value: abs(value - own)), share)
+            for t, share in self.probable
+            if (values := _real_times_s(t.values) if name == "lag_time" else _free_value(t, name))
+        ]
+        total = sum(share for _, share in having)
+        return math.sqrt(sum(share * (value - own) ** 2 for value, share in having) / total) if having else 0.0
+
+    @property
+    def sentence(self) -> str:
+        """Why this one, in one line."""
+        rivals = [t for t in self.tried if np.isfinite(t.held_out) and t is not self.chosen]
+        text = f"structure '{self.chosen.structure.name}' of {len(self.tried)} tried"
+        if not rivals:
+            return f"{text}: no other comes near its evidence"
+        best = min(rivals, key=lambda t: t.held_out)
+        return (
+            f"{text}: where it was foretold it errs by {self.chosen.held_out:.3g} noise standard deviations, "
+            f"'{best.structure.name}' by {best.held_out:.3g}"
+        )
+
+
+def _real_times_s(values: Mapping[str, float]) -> list[float]:
+    """Time constants of the poles of a transfer function that hardly oscillate."""
+    poles = from_parameters(values).poles
+    return [-1.0 / pole.real for pole in poles if abs(pole.imag) < -pole.real]
+
+
+def _free_value(tried: Tried, name: str) -> list[float]:
+    return [tried.values[name]] if name in tried.structure.free else []
+
+
+def choose_structure(plant: Plant, experiments: Sequence[Experiment], weights: Sequence[float]) -> StructureChoice:
+    """The structure of a plant that experiments support.
+
+    Args:
+        plant: with structures.
+        experiments: bound to the plant.
+        weights: per experiment, one over the noise's standard deviation.
+    """
+    choice = _chosen(_Search(plant, experiments, weights, plant.typical))
+    for switch in plant.switches:
+        turned = plant.typical | {switch: 1.0 - choice.chosen.values[switch]}
+        search = _Search(plant, experiments, weights, turned)
+        if search.improves(choice.chosen):
+            choice = _chosen(search)
+    return choice
+
+
+def _chosen(search: _Search) -> StructureChoice:
+    fitted: dict[str, tuple[Mapping[str, float], Estimate]] = {}
+    for structure in search.plant.structures:
+        before = fitted[structure.after][0] if structure.after else search.off
+        fitted[structure.name] = search.best(structure, before)
+    least = min((found.residuals for _, found in fitted.values()), key=lambda r: float(r @ r))
+    count = independent(least)
+    tried = [
+        Tried(s, values, _bic(found, count), found.chi2 / len(found.residuals), float("nan"))
+        for s, (values, found) in zip(search.plant.structures, fitted.values(), strict=True)
+    ]
+    fits = {name: found for name, (_, found) in fitted.items()}
+    return _judged(search, sorted(tried, key=lambda t: t.bic), fits)
+
+
+def independent(residuals: Array) -> float:
+    """How many independent samples coloured residuals are worth."""
+    return max(len(residuals) / colour_factor(residuals), 2.0)
+
+
+def _bic(found: Estimate, count: float) -> float:
+    return bic(max(found.chi2 / len(found.residuals), 1e-12), count, len(found.values))
+
+
+def _judged(search: _Search, tried: list[Tried], fits: Mapping[str, Estimate]) -> StructureChoice:
+    near = [t for t in tried if t.bic <= tried[0].bic + VERY_STRONG][:_MOST_JUDGED]
+    if tried[0].mean_square > _MISFIT:  # no form is right, and evidence between wrong ones favours the most pliant
+        near += [t for t in tried if len({*t.structure.free} - {"bend"}) <= _PLAIN and t not in near]
+    rest = [t for t in tried if t not in near]
+    if len(near) == 1:
+        return StructureChoice(tried[0], tuple(tried))
+    errors = [search.foretold(t) for t in near]
+    judged = [replace(t, held_out=float(np.sqrt(np.mean(error)))) for t, error in zip(near, errors, strict=True)]
+    shown = [search.shows_gain(fits[t.structure.name]) for t in near]
+    chosen = simplest_good(errors, [(len(t.structure.free), t.bic) for t in near])
+    if not shown[chosen]:  # a pole as slow as the recording is long follows a bend or a drift, and goes on with it
+        plainest = [(not s, len(t.structure.free), t.bic) for s, t in zip(shown, near, strict=True)]
+        chosen = simplest_good(errors, plainest, COVERED)
+    if shown[chosen]:
+        judged = [t if s else replace(t, bic=math.inf) for s, t in zip(shown, judged, strict=True)]
+    return StructureChoice(judged[chosen], (*judged, *rest))
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    plant: Plant
+    experiments: Sequence[Experiment]
+    weights: Sequence[float]
+    off: Mapping[str, float]
+
+    def improves(self, other: Tried) -> bool:
+        """Whether what is off here, but was on there, or the reverse, makes a structure simulate very much better.
+
+        From the start as it was read: where that is free, a wrong one costs nothing.
+        """
+        start = self._unknowns(other.structure, other.values)
+        fitted = estimate(self._residuals(other.structure), start, max_evaluations=_REFINED_EVALUATIONS)
+        wanted = self._wanted()
+        before, now = (
+            self._answers(values) - wanted for values in (other.values, self._values(other.structure, fitted.values))
+        )
+        gain = float(np.log(before @ before) - np.log(max(float(now @ now), 1e-300)))
+        return gain * independent(now) > VERY_STRONG
+
+    def best(self, structure: Structure, before: Mapping[str, float]) -> tuple[Mapping[str, float], Estimate]:
+        """The best fit of a structure over its starts."""
+        residuals = self._residuals(structure)
+        found = [
+            estimate(residuals, self._unknowns(structure, start), max_evaluations=_SEARCH_EVALUATIONS, tolerance=1e-4)
+            for start in (*self._starts(structure, before), *self._of_samples(structure))
+        ]
+        good = min(found, key=lambda fit: fit.chi2)
+        refined = self._refined(structure, good, residuals)
+        return self._values(structure, refined.values), refined
+
+    def shows_gain(self, found: Estimate) -> bool:
+        """Whether the gain at rest is known to within the whole response; of a bent curve it is that of any level."""
+        names = [u.name for u in found.unknowns]
+        if "gain" not in names or "bend" in names:
+            return True
+        std = float(found.std[names.index("gain")])
+        return COVERED * std <= self._natural(self.plant.parameter("gain"))
+
+    def foretold(self, tried: Tried) -> Array:
+        """Mean squared weighted error in blocks of the recordings, each fitted to those on one side of it alone.
+
+        A form that follows a bend or a drift by slow poles does so between blocks, and not beyond them. Both ways: a
+        staircase up is another test than the same staircase down.
+        """
+        structure = tried.structure
+        residuals = self._residuals(structure)
+        owner = np.concatenate([np.arange(len(e.output)) * _BLOCKS // len(e.output) for e in self.experiments])
+        made = []
+        for block in _FORETOLD:
+            start = self._unknowns(structure, tried.values)
+            fitted = _masked(residuals, owner < block if block > _BLOCKS // 2 else owner > block)
+            before = estimate(fitted, start, max_evaluations=_SEARCH_EVALUATIONS, tolerance=1e-4)
+            made.append(float(np.mean(residuals(before.values)[owner == block] ** 2)))
+        return np.array(made)
+
+    def _refined(self, structure: Structure, found: Estimate, residuals: Callable[[Array], Array]) -> Estimate:
+        start = self._unknowns(structure, self._values(structure, found.values))
+        return estimate(residuals, start, max_evaluations=_REFINED_EVALUATIONS)
+
+    def _residuals(self, structure: Structure) -> Callable[[Array], Array]:
+        return lambda values: self._errors(self._values(structure, values))
+
+    def _errors(self, parameters: Mapping[str, float]) -> Array:
+        """Weighted simulated minus measured, all experiments one after another."""
+
+        def errors_of(i: int) -> list[Array]:
+            e = self.experiments[i]
+            simulated = e.respond(self.plant, parameters)[0]
+            slope = start_slope(e, self.plant, parameters, (), 1.0 / self.weights[i], plain=simulated)
+            return [with_free_start(e.telling((simulated - e.output) * self.weights[i]), slope)]
+
+        return side_by_side(errors_of, len(self.experiments))
+
+    def _values(self, structure: Structure, values: Array) -> dict[str, float]:
+        return {**self.off, **structure.fixed, **dict(zip(structure.free, values.tolist(), strict=True))}
+
+    def _starts(self, structure: Structure, before: Mapping[str, float]) -> Iterator[dict[str, float]]:
+        for time_s in self._times(before):
+            for given in structure.starts:
+                scaled = {name: value * time_s ** self._power(name) for name, value in given.items()}
+                yield {name: scaled.get(name, before[name]) for name in structure.free}
+
+    def _of_samples(self, structure: Structure) -> Iterator[dict[str, float]]:
+        """The start whose poles the samples themselves show; gain, offset and zeros follow by linear least squares."""
+        count = sum(_POLES.get(name, 0) for name in structure.free)
+        if not count or structure.fixed or "dead_time" in structure.free:
+            return
+        found = poles_rad_s(self.experiments, count)
+        if found is None:
+            return
+        at = {**self.plant.typical, **pole_parameters(found), "gain": 1.0}
+        zeros = [name for name in structure.free if name.endswith(("_zero", "_zero_square"))]
+        plain = self._answers(at)
+        columns = [plain, *(self._answers(at | {name: 1.0}) - plain for name in zeros)]
+        one = self._weighted([np.ones(len(e.output)) for e in self.experiments])
+        gain, *above, offset = np.linalg.lstsq(np.array([*columns, one]).T, self._wanted(), rcond=None)[0].tolist()
+        if gain:
+            ratios = {name: value / gain for name, value in zip(zeros, above, strict=True)}
+            yield {name: (at | {"gain": gain, "offset": offset, **ratios})[name] for name in structure.free}
+
+    def _wanted(self) -> Array:
+        return self._weighted([e.output for e in self.experiments])
+
+    def _weighted(self, rows: Sequence[Array]) -> Array:
+        """Rows in units of the noise, 0 where the output says nothing, all experiments one after another."""
+        each = zip(self.experiments, self.weights, rows, strict=True)
+        return np.concatenate([e.telling(row * weight) for e, weight, row in each])
+
+    def _answers(self, parameters: Mapping[str, float]) -> Array:
+        """Weighted simulated outputs, all experiments one after another."""
+
+        def answers_of(i: int) -> list[Array]:
+            e = self.experiments[i]
+            return [e.telling(e.respond(self.plant, parameters)[0] * self.weights[i])]
+
+        return side_by_side(answers_of, len(self.experiments))
+
+    def _times(self, before: Mapping[str, float]) -> list[float]:
+        """The slowest time known so far, or trial times between a sample and the record."""
+        known = max((abs(before[p.name]) for p in self.plant.parameters if p.unit == "s"), default=0.0)
+        if known > 0.0:
+            return [known]
+        interval_s = min(e.drive.interval_s for e in self.experiments)
+        length_s = max(e.duration_s for e in self.experiments)
+        return [float(t) for t in np.geomspace(2.0 * interval_s, length_s / 5.0, _TRIAL_TIMES)]
+
+    def _power(self, name: str) -> int:
+        return {"s": 1, "s^2": 2}.get(self.plant.parameter(name).unit, 0)
+
+    def _unknowns(self, structure: Structure, start: Mapping[str, float]) -> list[Unknown]:
+        return [self._unknown(self.plant.parameter(name), start[name]) for name in structure.free]
+
+    def _unknown(self, parameter: Parameter, start: float) -> Unknown:
+        scale = self._natural(parameter)
+        size = max(abs(start), 1e-3 * scale) if parameter.unit in ("s", "s^2") else scale
+        return Unknown(parameter.name, parameter.unit, start, parameter.low, parameter.high, size)
+
+    def _natural(self, parameter: Parameter) -> float:
+        """The size of a parameter that these recordings suggest."""
+        output = float(np.mean([np.std(e.output) for e in self.experiments])) or 1.0
+        given = float(np.mean([np.std(e.drive.inputs[0]) for e in self.experiments])) or 1.0
+        length_s = max(e.duration_s for e in self.experiments)
+        natural = {
+            "{output}": output, "{input}": given, "[{output}]/[{input}]": output / given, "1/[{input}]": 1.0 / given,
+            "s": length_s, "s^2": length_s**2, "[{output}]/[{input}]/s": output / given / length_s,
+        }  # fmt: skip
+        return natural.get(parameter.unit, 1.0)
+
+
+def _masked(residuals: Callable[[Array], Array], kept: NDArray[np.bool_]) -> Callable[[Array], Array]:
+    return lambda values: residuals(values) * kept

@@ -1,0 +1,164 @@
+"""What moves estimates without showing as scatter: a model that lacks something, its solver, calibrations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hil.cores import spread
+from hil.identification.grey_box.estimate import Estimate
+from hil.identification.grey_box.free import effects_at
+from hil.identification.grey_box.residuals import Residuals
+from hil.record.recording import Array
+from hil.signals.colour import colour_factor
+
+# Residuals are coloured beyond chance when their colour factor exceeds that of white noise by so many of its spreads.
+_BEYOND_CHANCE = 4.0
+_BLOCK = 200
+# Finer steps of the solver; rounds of following where it leads, until one moves nothing by this share of its scatter
+# and of the whole way.
+_FINER, _ROUNDS, _STILL = 8.0, 12, 0.1
+# Shares of the whole that what is lacking may add to the residuals, over the noise: tried in steps of a half.
+_SHARES = np.concatenate(([0.0], np.geomspace(1e-3, 1e4, 15) ** 2))
+_SMALL = 1e-3  # of what passes a hook: so small an addition acts in proportion
+
+
+@dataclass(frozen=True, slots=True)
+class Systematic:
+    """By how much estimates may be off beside their scatter.
+
+    Attributes:
+        model: covariance of what the model lacks and what its solver leaves, shape (k, k).
+        calibration: standard uncertainties by the stated calibrations, shape (k,); None where none is stated.
+        notes: in words.
+    """
+
+    model: Array
+    calibration: Array | None
+    notes: tuple[str, ...]
+
+
+def systematic(residuals: Residuals, found: Estimate, parameters: Mapping[str, float]) -> Systematic:
+    """Beside the scatter of an estimate, at these parameters."""
+    base = residuals.at(parameters, residuals.effects)
+    finer = _by_solver(residuals, found, parameters)
+    covariance = np.outer(finer, finer)
+    notes: tuple[str, ...] = ()
+    if _is_coloured(found.residuals):
+        lacking, share, stage = _lacking(residuals, found, parameters, base)
+        covariance = covariance + lacking
+        cause = (
+            f"the model lacks something, most likely at its {stage}: the residuals are no noise; intervals are widened"
+        )
+        notes = (f"{cause} by what that may have moved; hil diagnose looks for it",) if share > 0.0 else ()
+    return Systematic(covariance, _calibrations(residuals, found, parameters, base), notes)
+
+
+def _by_solver(residuals: Residuals, found: Estimate, parameters: Mapping[str, float]) -> Array:
+    """By how much the values move when the plant is solved in finer steps, shape (k,)."""
+    low, high = (np.array([getattr(u, end) for u in found.unknowns]) for end in ("low", "high"))
+    best, least, tried = found.values, math.inf, found.values
+    for _ in range(_ROUNDS):
+        named = dict(zip((u.name for u in found.unknowns), tried.tolist(), strict=True))
+        at = {**parameters, **{name: value for name, value in named.items() if name in parameters}}
+        left = residuals.at(at, effects_at(residuals.effects, named), factor=_FINER)
+        if not float(left @ left) < least:
+            break
+        best, least = tried, float(left @ left)
+        tried = np.clip(tried + found.moved_by(left), low, high)
+        if np.all(np.abs(tried - best) <= _STILL * np.hypot(found.std, tried - found.values)):
+            best = tried
+            break
+    return best - found.values
+
+
+def _is_coloured(values: Array) -> bool:
+    blocks = max(len(values) / _BLOCK, 1.0)
+    return colour_factor(values, _BLOCK) > 1.0 + _BEYOND_CHANCE / math.sqrt(blocks)
+
+
+def _lacking(
+    residuals: Residuals, found: Estimate, parameters: Mapping[str, float], base: Array
+) -> tuple[Array, float, str]:
+    """Covariance of what physics at the hooks may have moved, its share of the residuals, and the stage where most is.
+
+    Each kind of addition at each hook has a size of its own, drawn about zero; how large they are on the whole is what
+    makes the residuals most probable (empirical Bayes).
+    """
+    kinds = list(_kinds(residuals, residuals.passing(parameters)))
+
+    def slope(k: int) -> Array:
+        hook, added = kinds[k]
+        moved = residuals.at(parameters, residuals.effects, inject=lambda i: (hook, added[i]))
+        made: Array = moved - base
+        return made
+
+    columns = list(spread(slope, range(len(kinds))))
+    sizes = np.array([float(np.linalg.norm(column)) for column in columns])
+    seen = np.isfinite(sizes) & (sizes > 0.0)
+    slopes = np.array([columns[k] / sizes[k] for k in np.flatnonzero(seen)]).T
+    if not slopes.size:
+        return np.zeros((len(found.values),) * 2), 0.0, ""
+    moves = np.array([found.moved_by(column) for column in slopes.T]).T
+    apart = slopes + found.jacobian @ moves  # what is left of each once the estimate has given way to it
+    alike, along = apart.T @ apart, apart.T @ found.residuals
+    share, variance, mean, spread_of = _most_probable(alike, along, found.residuals)
+    if share == 0.0:
+        return np.zeros((len(found.values),) * 2), 0.0, ""
+    off = moves @ mean
+    at = [kinds[k][0] for k in np.flatnonzero(seen)]
+    stage = max(set(at), key=lambda hook: float(np.sum(mean[[h == hook for h in at]] ** 2)))
+    stages = {hook.name: hook.stage for hook in residuals.plant.hooks}
+    return moves @ spread_of @ moves.T * variance + np.outer(off, off), share, stages[stage]
+
+
+def _most_probable(alike: Array, along: Array, left: Array) -> tuple[float, float, Array, Array]:
+    """Share of what is added over the noise, the noise's variance, the sizes' mean and their spread in its units."""
+    total, count = float(left @ left), len(left)
+    values, vectors = np.linalg.eigh(alike)
+    values, seen = np.maximum(values, 0.0), vectors.T @ along
+
+    def explained(share: float) -> tuple[float, float]:
+        inner = share / (1.0 + share * values)
+        variance = max(total - float(np.sum(inner * seen**2)), 1e-12 * total) / count
+        return -0.5 * (count * math.log(variance) + float(np.sum(np.log1p(share * values)))), variance
+
+    share = max(_SHARES, key=lambda s: explained(float(s))[0])
+    inner = float(share) / (1.0 + float(share) * values)
+    return float(share), explained(float(share))[1], vectors @ (inner * -seen), (vectors * inner) @ vectors.T
+
+
+def _kinds(residuals: Residuals, passing: list[Array]) -> Iterator[tuple[str, list[Array]]]:
+    """Additions at a hook that depend on what passes: one sign of its motion, levels, bends, and its rate."""
+    for k, hook in enumerate(residuals.plant.hooks):
+        values = [trace[k] for trace in passing]
+        largest = max(float(np.abs(v).max()) for v in values)
+        if not largest > 0.0 or not math.isfinite(largest):
+            continue
+        size = _SMALL * hook.full_scale
+        shares = [v / largest for v in values]
+        moves = [np.sign(np.gradient(s)) for s in shares]
+        yield hook.name, [size * m for m in moves]
+        yield hook.name, [size * np.sign(s) for s in shares]
+        yield hook.name, [size * np.ones_like(s) for s in shares]
+        yield hook.name, [size * np.abs(s) for s in shares]
+        yield hook.name, [size * s * np.abs(s) for s in shares]
+        rates = [np.gradient(s) for s in shares]
+        fastest = max(float(np.abs(r).max()) for r in rates)
+        if fastest > 0.0:
+            yield hook.name, [size * r / fastest for r in rates]
+
+
+def _calibrations(residuals: Residuals, found: Estimate, parameters: Mapping[str, float], base: Array) -> Array | None:
+    """Root sum of squares of what a slope error of each calibrated channel would move, in all recordings alike."""
+    moved = []
+    for name, share in residuals.stated_gains():
+        if name == "":
+            change = residuals.driven_by(1.0 + share).at(parameters, residuals.effects) - base
+        else:
+            change = -share * residuals.readings([None if name == "output" else name])
+        moved.append(found.moved_by(change))
+    return np.sqrt(np.sum(np.square(moved), axis=0)) if moved else None

@@ -1,0 +1,1 @@
+"""The published methods of the three valves' papers."""

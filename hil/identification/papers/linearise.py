@@ -1,0 +1,160 @@
+"""A plant about an operating point as a transfer function, and the gains K_q and K_c of its metering edges.
+
+The command stands, then steps up or down by a little; half the difference of the two answers is the step response of
+the linear plant. What is the same in both (a piston that travels on, copper that warms) falls out. Eqs 3 to 6 of the
+SP08-47C paper are this for a spool with friction and leakage left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import InputError
+from hil.identification.frequency.frequency_response import from_polar
+from hil.identification.frequency.order_choice import fit_transfer_function
+from hil.physics.model import Model
+from hil.physics.plants.brevini_hpv41 import metered
+from hil.physics.simulate import Drive, simulate
+from hil.physics.transfer_function import TransferFunction, transfer_function
+from hil.record.recording import Array, split_heading
+
+_INTERVAL_S = 1e-3
+_LINES = 40
+_LEAST_PERIODS, _LEAST_SAMPLES = 1.0, 25  # within the window, and in a period
+_STANDS = 0.02  # of the whole change, within which an answer has settled
+_STEP = 1e-4  # of an argument, for slopes
+
+
+@dataclass(frozen=True, slots=True)
+class Linearised:
+    """A plant about an operating point.
+
+    Attributes:
+        model: the transfer function; an integrator is a pole at 0.
+        fit_percent: of it to the linear plant's own frequency response.
+        output: at the operating point, in its unit.
+        gains: K_q and K_c with their units, for plants with metering edges.
+        uneven: how far up and down differ, as a share of the answer: 0 for a linear plant.
+    """
+
+    model: TransferFunction
+    fit_percent: float
+    output: float
+    gains: Mapping[str, tuple[float, str]]
+    uneven: float
+
+
+def linearised(
+    model: Model,
+    at: float,
+    *,
+    step: float | None = None,
+    window_s: float = 1.0,
+    settle_s: float = 0.5,
+    poles: int | None = None,
+    zeros: int | None = None,
+    load_pressure_bar: float = 0.0,
+) -> Linearised:
+    """The plant of a model about a command.
+
+    Args:
+        model: with the effects that are switched on in it.
+        at: the command, in the plant's unit.
+        step: of the command; 1 % of its full scale when not given.
+        window_s: of the answer that is looked at; it must have settled (or its rate: the plant integrates then).
+        settle_s: under the command before it.
+        poles: of the transfer function, without the integrator; by evidence when None.
+        zeros: likewise.
+        load_pressure_bar: P_L, at which K_q and K_c are taken.
+
+    Raises:
+        InputError: the plant does not answer, as inside a dead band.
+    """
+    plant = model.definition
+    size = step or 0.01 * plant.inputs[0].full_scale
+    up, down = (_answer(model, at, sign * size, window_s, settle_s) for sign in (1.0, -1.0))
+    stood = _answer(model, at, 0.0, window_s, settle_s)
+    moved = (up - down) / (2.0 * size)
+    rate = np.diff(moved) / _INTERVAL_S
+    integrates = not _settled(moved)
+    answer = rate if integrates else moved
+    if not np.ptp(answer) > 0.0:
+        raise InputError(
+            f"{model.plant}: no answer to ±{size:g} {plant.inputs[0].unit} about {at:g}; it stands in a dead band, a "
+            "hysteresis or at an end there: take another command, or a larger --step"
+        )
+    top_hz = 1.0 / (_LEAST_SAMPLES * _INTERVAL_S)
+    if not _settled(answer):
+        raise InputError(
+            f"{model.plant}: neither the answer to a step nor its rate settles within {window_s:g} s; look at it "
+            "longer with --window"
+        )
+    frequency_hz = np.geomspace(_LEAST_PERIODS / window_s, top_hz, _LINES)
+    fit = fit_transfer_function(
+        from_polar("linearised", frequency_hz, _response(answer, frequency_hz)), poles=poles, zeros=zeros,
+        dead_time=None if poles is None else False,
+    )  # fmt: skip
+    linear = fit.model
+    if integrates:
+        linear = transfer_function(linear.numerator, np.append(linear.denominator, 0.0), linear.dead_time_s)
+    uneven = float(np.abs(up + down - 2.0 * stood).max() / np.abs(up - down).max())
+    return Linearised(linear, fit.fit_percent, float(stood[0]), _gains(model, at, load_pressure_bar), uneven)
+
+
+def _settled(answer: Array) -> bool:
+    """Whether an answer hardly moves any more over its last tenth."""
+    tail = answer[-len(answer) // 10 :]
+    return bool(np.ptp(tail) <= _STANDS * np.ptp(answer))
+
+
+def _answer(model: Model, at: float, size: float, window_s: float, settle_s: float, row: int = 0) -> Array:
+    """Output from the step on, shape (n,)."""
+    before, after = round(settle_s / _INTERVAL_S), round(window_s / _INTERVAL_S)
+    command = np.concatenate((np.full(before, at), np.full(after, at + size)))
+    rest = [np.zeros_like(command)] * (len(model.definition.inputs) - 1)
+    drive = Drive(np.array([command, *rest]), math.nan, _INTERVAL_S, model.read_at)
+    made: Array = simulate(model.definition, model.values, drive, model.active_effects)[row][before:]
+    return made
+
+
+def _response(answer: Array, frequency_hz: Array) -> NDArray[np.complex128]:
+    """H(f) of a settled step response: the transform of its increments."""
+    steps = np.diff(answer, prepend=0.0)
+    time_s = _INTERVAL_S * (np.arange(len(steps)) - 0.5)
+    made = np.exp(-2j * math.pi * np.outer(frequency_hz, time_s)) @ steps
+    return np.asarray(made, dtype=np.complex128)
+
+
+def _gains(model: Model, at: float, load_bar: float) -> dict[str, tuple[float, str]]:
+    """K_q = ∂q/∂x and K_c = −∂q/∂P_L of eq. 3, where the plant's metering law is known."""
+    law = _LAWS.get(model.plant)
+    if law is None:
+        return {}
+    observed = [signal.name for signal in model.definition.observed]
+    spool = _answer(model, at, 0.0, _INTERVAL_S, 2.0, 1 + observed.index("spool position"))[-1]
+    unit = split_heading(model.output)[1] if model.plant == "brevini-hpv41" else "l/min"
+    by_spool, by_load = _STEP * 100.0, _STEP * 100.0
+    slope = (law(model.values, spool + by_spool, load_bar) - law(model.values, spool - by_spool, load_bar)) / 2e-2
+    softness = (law(model.values, spool, load_bar - by_load) - law(model.values, spool, load_bar + by_load)) / 2e-2
+    return {"K_q": (float(slope), f"({unit})/%"), "K_c": (float(softness), f"({unit})/bar")}
+
+
+def _four_edges(p: Mapping[str, float], spool: float, load_bar: float) -> float:
+    """Flow of a spool with like edges in l/min: half of what the load leaves of the supply falls over each of two."""
+    drop = max((p["supply_pressure"] - math.copysign(load_bar, spool * load_bar)) / 2.0, 0.0)
+    return p["rated_flow"] * 0.01 * spool * math.sqrt(drop / 35.0)
+
+
+def _compensated(p: Mapping[str, float], spool: float, _load_bar: float) -> float:
+    """The compensator keeps the drop: flow follows the spool alone, and K_c is 0."""
+    return float(metered(spool, p["dead_band"], p["full_flow"], p["curve_exponent"]))
+
+
+_LAWS: Mapping[str, Callable[[Mapping[str, float], float, float], float]] = {
+    "hydraforce-open-loop": _four_edges, "brevini-hpv41": _compensated,
+}  # fmt: skip

@@ -1,0 +1,58 @@
+"""Long recordings compared as means of neighbouring samples: memory follows what they tell, not how often they tell it.
+
+A mean of m neighbours times √m has the variance of one sample where noise is white, and all that they tell of a plant
+that moves little between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hil.identification.preparation.experiment import Experiment
+from hil.physics.model import Model
+from hil.record.recording import Array
+
+# Of so many values slopes in a dozen parameters take some megabytes: fewer are compared one by one.
+_MANY = 1 << 16
+# Of the power of the plant's motion that means may lose: estimates move by its root, a twentieth of their std, or less.
+_LOST = 0.05**2
+
+
+def means(errors: Array, count: int) -> Array:
+    """Of so many neighbouring errors each, times the root of their number, shape (ceil(n / count),)."""
+    if count == 1:
+        return errors
+    firsts = np.arange(0, len(errors), count)
+    made: Array = np.add.reduceat(errors, firsts) / np.sqrt(np.minimum(count, len(errors) - firsts))
+    return made
+
+
+def with_means(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], tuple[str, ...]]:
+    """Experiments with as many samples to a mean as lose nothing of the model's motion, and that in words."""
+    made = [replace(e, averaged=_count(model, e)) for e in experiments]
+    notes = (
+        f"{e.name}: {e.averaged} neighbouring samples are compared as one mean: the plant moves little between them"
+        for e in made
+        if e.averaged > 1
+    )
+    return made, tuple(notes)
+
+
+def _count(model: Model, e: Experiment) -> int:
+    if len(e.output) < 2 * _MANY:
+        return 1
+    motion = [np.diff(row) for row in e.respond(model.definition, model.values, model.active_effects)]
+    moving = [row for row in motion if float(row @ row) > 0.0]
+    count = 1
+    while len(e.output) >= 2 * count * _MANY and all(_lost(row, 2 * count) <= _LOST for row in moving):
+        count *= 2
+    return count
+
+
+def _lost(motion: Array, count: int) -> float:
+    """The share of its power that means do not have."""
+    kept = means(motion, count)
+    return 1.0 - float(kept @ kept) / float(motion @ motion)

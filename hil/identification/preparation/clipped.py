@@ -1,0 +1,77 @@
+"""Samples at the end of a channel's range: they say that the quantity was there or beyond, and no more."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.identification.preparation.experiment import Experiment
+from hil.identification.uncertainty.noise import NOISE_OVER_RESOLUTION, resolution, white_floor
+from hil.record.recording import Array
+from hil.signals.runs import runs
+
+_LEAST_CLIPPED = 0.002
+_LEAST_RUN, _FEW_BELOW = 5, 50
+
+
+def without_clipped(e: Experiment) -> tuple[Experiment, list[str]]:
+    """The experiment without samples at the end of a channel's range, of the output and of inner signals; in words.
+
+    Samples at one extreme value, in runs, are a channel at the end of its range, not the valve. Those of a unit of
+    which nothing is asked are its rest.
+    """
+    notes = []
+    clipped, at = clipped_samples(e.output)
+    if clipped is not None:
+        clipped = clipped & ~_rest(e, clipped)
+    if clipped is not None and clipped.any():
+        notes.append(_sentence(e.name, e.output_heading, clipped, at))
+        e = e.without(clipped)
+    for name, values in e.observed.items():
+        clipped, at = clipped_samples(values)
+        if clipped is not None:
+            notes.append(_sentence(e.name, name, clipped, at))
+            e = e.without_inner(name, clipped)
+    return e, notes
+
+
+def _rest(e: Experiment, clipped: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Runs of samples at one value in most of which the command is at its least size, and it has others."""
+    asked, rest = np.abs(e.on_grid_input()), np.zeros_like(clipped)
+    for start, stop in runs(clipped):
+        rest[start:stop] = asked.max() > np.median(asked[start:stop]) == asked.min()
+    return rest
+
+
+def clipped_samples(values: Array) -> tuple[NDArray[np.bool_] | None, float]:
+    """Which samples are at the end of the channel's range, and that end; None where there are none."""
+    floor = white_floor(values)
+    if floor <= 0.0:
+        return None, 0.0
+    # a coarse channel is at its extreme again and again, and nothing in between is wrong
+    fine = floor >= NOISE_OVER_RESOLUTION * resolution(values)
+    few_below = _FEW_BELOW if fine else 0
+    clipped = np.zeros(len(values), dtype=np.bool_)
+    for extreme in (float(values.max()), float(values.min())):
+        clipped |= _at_the_end(values == extreme, few_below)
+    if clipped.mean() < _LEAST_CLIPPED:
+        return None, 0.0
+    at = values[clipped & ((values == values.max()) | (values == values.min()))]
+    return clipped, float(at[0])
+
+
+def _sentence(name: str, heading: str, clipped: NDArray[np.bool_], at: float) -> str:
+    share = 100.0 * clipped.mean()
+    return f"{name}: channel '{heading}' is clipped at {at:.4g} in {share:.1f} % of its samples; they are left out"
+
+
+def _at_the_end(at_extreme: NDArray[np.bool_], few_below: int) -> NDArray[np.bool_]:
+    """Stretches of the extreme value in which there is a run; noise leaves it for a few samples where it just ends."""
+    together, kept = at_extreme.copy(), np.zeros_like(at_extreme)
+    for start, stop in runs(~at_extreme):
+        if stop - start <= few_below:
+            together[start:stop] = True
+    for start, stop in runs(together):
+        if any(last - first >= _LEAST_RUN for first, last in runs(at_extreme[start:stop])):
+            kept[start:stop] = True
+    return kept

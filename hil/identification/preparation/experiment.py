@@ -1,0 +1,583 @@
+"""A recording made ready for a plant: what drives it, and what it is compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import FileError, SettingError
+from hil.identification.preparation.driven import FINER, PHASES, as_driven, stood_before, with_dither
+from hil.identification.preparation.time_base import held_grid, is_known_throughout, missing_of_even
+from hil.identification.uncertainty.noise import white_floor
+from hil.physics.model import Model
+from hil.physics.plant import Plant
+from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.invalid_samples import across, measured_rows
+from hil.record.recording import Array, Channel, Recording, Samples, split_heading
+
+_GRID_PER_UNEVEN_SAMPLE = 8
+_FELT_BEND = 0.5  # of the noise, as an error
+DEAD = "a dead sensor, no supply or a wrong column"
+# A rest of fewer samples tells no more than its first; halves that differ by more than this moved.
+_FEWEST_AT_REST, _NO_MOTION_SIGMAS = 8, 3.0
+FEWEST_SAMPLES = 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Experiment:
+    """One recording as a plant sees it.
+
+    Attributes:
+        name: of the recording.
+        input, output_heading: the bound channels, as `name [unit]` in the units used.
+        time_s: stamps of the samples.
+        drive: the inputs on an even grid.
+        grid_s: the grid's stamps when the recording's are uneven, else None.
+        output: the measured output, shape (n,), in the plant's unit.
+        observed: measured inner signals, by name, where the recording has them.
+        ignored: samples of the output that say nothing (clipped, held, lost), shape (n,), or None.
+        lost: those of them where no channel says anything (see `gaps`), shape (n,), or None.
+        reading_known: whether the recording (or a model) declared when in a sample the output is read.
+        read_s: where the recording knows when every single sample was read: those instants for the output and the
+            plant's inner signals, shape (1 + observed, n), else None. They lie on the time of `grid_s` then, and
+            `drive.read_at` says nothing.
+        silent: samples of inner signals that say nothing, by name, shape (n,) each.
+        skew_s: how much later than the output each row of `respond` was read, where that is the same in every sample.
+        notes: what of the recording is used in another way than it was sampled, in words.
+        is_late: whether the command is known before the first sample of the output: simulated from there, a unit that
+            forgets its past is in its true state when the comparison begins.
+        command_is_known: whether it was sampled apart from the output, and without a hole: gaps of the output say
+            nothing of it.
+        gain_stds: what calibrations state, as a relative standard uncertainty of the slope, by inner signal, `"output"`
+            and `""` for the command. The stated uncertainty is taken to belong to the largest reading.
+        is_timed: whether the bench that made the recording timed its samples: their unit of time is no heading.
+        stated_units: names of channels whose unit its user stated, `time` for that of the stamps: it is no mistake.
+        ripples: what the command's dither adds to `drive.inputs` of a plant that rectifies it, at even phases, shape
+            (PHASES, inputs, FINER * (m + n)), from m samples before the first on, in which the command stood as
+            in the first; None where there is none.
+        averaged: so many neighbouring samples are compared as one mean (see `hil.identification.preparation.averaged`).
+    """
+
+    name: str
+    input: str
+    output_heading: str
+    time_s: Array
+    drive: Drive
+    grid_s: Array | None
+    output: Array
+    observed: Mapping[str, Array]
+    reading_known: bool = False
+    ignored: NDArray[np.bool_] | None = None
+    lost: NDArray[np.bool_] | None = None
+    read_s: Array | None = None
+    notes: tuple[str, ...] = ()
+    silent: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    skew_s: tuple[float, ...] = ()
+    is_late: bool = False
+    command_is_known: bool = False
+    gain_stds: Mapping[str, float] = field(default_factory=dict)
+    is_timed: bool = False
+    stated_units: frozenset[str] = frozenset()
+    ripples: Array | None = None
+    averaged: int = 1
+
+    def respond(
+        self,
+        plant: Plant,
+        parameters: Mapping[str, float],
+        effects: Sequence[ActiveEffect] = (),
+        *,
+        factor: float = 1.0,
+        inject: tuple[str, Array] | None = None,
+        following: bool = False,
+    ) -> Array:
+        """Simulated output and observed signals when the recording's own were read, shape (1 + observed, n).
+
+        `factor` and `inject` as in `hil.physics.simulate.simulate`; `following`: led back to the recorded output.
+        """
+        measured = self.to_follow if following else None
+        if self.ripples is None:
+            rows = simulate(plant, parameters, self.drive, effects, factor=factor, inject=inject, measured=measured)
+        else:
+            # what the plant makes of a dither is the same at any phase but for its ripple, opposite at opposite ones
+            each = [
+                self._dithered(plant, parameters, effects, self.ripples[k], factor, inject) for k in (0, PHASES // 2)
+            ]
+            rows = (each[0] + each[1]) / 2.0
+        if self.is_late and plant.integrates is not None and plant.integrates(parameters):
+            grid_s, begins_s = self.time_s if self.grid_s is None else self.grid_s, self.time_s[self.valid][0]
+            rows[0] += self.drive.first_output - np.interp(begins_s, grid_s, rows[0])  # where it stood then
+        if self.grid_s is None or self.read_s is None:
+            return self._skewed(self.at_stamps(rows))
+        grid_s = self.grid_s
+        return np.array([np.interp(read_s, grid_s, row) for read_s, row in zip(self.read_s, rows, strict=True)])
+
+    def by_dither(
+        self, plant: Plant, parameters: Mapping[str, float], effects: Sequence[ActiveEffect] = ()
+    ) -> tuple[Array, ...]:
+        """What a dither of another phase may add to the rows of `respond`; none if there is no dither.
+
+        Sine and cosine of it, and of its second harmonic: a dither that is cut off at the end of a range has one, and
+        the two opposite phases of `respond` make the same of it.
+        """
+        if self.ripples is None:
+            return ()
+        each = np.array([self._skewed(self._dithered(plant, parameters, effects, ripple)) for ripple in self.ripples])
+        turned = 2.0 * np.pi * np.arange(PHASES) / PHASES
+        waves = [wave(harmonic * turned) for harmonic in (1, 2) for wave in (np.cos, np.sin)]
+        return tuple(2.0 / PHASES * np.tensordot(wave, each, axes=1) for wave in waves)
+
+    def _dithered(
+        self, plant: Plant, parameters: Mapping[str, float], effects: Sequence[ActiveEffect], ripple: Array,
+        factor: float = 1.0, inject: tuple[str, Array] | None = None,
+    ) -> Array:  # fmt: skip
+        before = ripple.shape[1] // FINER - len(self.time_s)
+        held = np.pad(self.drive.inputs, ((0, 0), (before, 0)), mode="edge")
+        finer = Drive(np.repeat(held, FINER, axis=1) + ripple, self.drive.first_output, self.drive.interval_s / FINER)
+        given = (inject[0], np.repeat(np.pad(inject[1], (before, 0), mode="edge"), FINER)) if inject else None
+        rows = simulate(plant, parameters, finer, effects, factor=factor, inject=given)
+        read = FINER * (before + np.arange(len(self.time_s))) + round(FINER * self.drive.read_at)
+        made: Array = rows[:, np.minimum(read, rows.shape[1] - 1)]
+        return made
+
+    def _skewed(self, rows: Array) -> Array:
+        """Rows that were read a little later than the output, along straight lines between the samples."""
+        if not any(self.skew_s):
+            return rows
+        for row, late_s in zip(rows, self.skew_s, strict=True):
+            if self.grid_s is None and 0.0 < late_s < self.drive.interval_s:  # the usual case, several times as quick
+                row[:-1] += late_s / self.drive.interval_s * np.diff(row)
+            elif late_s:
+                row[:] = np.interp(self.time_s + late_s, self.time_s, row)
+        return rows
+
+    def observed_errors(self, plant: Plant, rows: Array, noise: Mapping[str, float]) -> list[Array]:
+        """Simulated minus recorded inner signals, in units of the noise of those that have one; `rows` of `respond`.
+
+        0 where they are lost.
+        """
+        return [
+            _but_for(
+                self.silent.get(signal.name),
+                _but_for(self.lost, (row - self.observed[signal.name]) / noise[signal.name]),
+            )
+            for signal, row in zip(plant.observed, rows[1:], strict=True)
+            if signal.name in noise
+        ]
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Which samples of the output say something, shape (n,)."""
+        return np.ones(len(self.output), dtype=np.bool_) if self.ignored is None else ~self.ignored
+
+    @property
+    def valid_output(self) -> Array:
+        """The output where it says something, one sample after another."""
+        found: Array = self.output[self.valid]
+        return found
+
+    @property
+    def valid_observed(self) -> dict[str, Array]:
+        """Inner signals where they say something, one sample after another."""
+        return {name: values[self.inner_tells(name)] for name, values in self.observed.items()}
+
+    @property
+    def count_lost(self) -> int:
+        """How many samples no channel says anything at."""
+        return 0 if self.lost is None else int(self.lost.sum())
+
+    def telling(self, errors: Array) -> Array:
+        """Errors of the output, 0 where it says nothing, shape (n,)."""
+        return _but_for(self.ignored, errors)
+
+    def inner_tells(self, name: str) -> NDArray[np.bool_]:
+        """Which samples of an inner signal say something, shape (n,)."""
+        none = np.zeros(len(self.output), dtype=np.bool_)
+        return ~(self.silent.get(name, none) | (none if self.lost is None else self.lost))
+
+    def across_silence(self, errors: Array) -> Array:
+        """Errors of the output, straight from one telling sample to the next where it says nothing, shape (n,).
+
+        For filters with a memory: what was recorded there is no measurement, and would be felt after it.
+        """
+        if self.ignored is None or self.ignored.all():
+            return errors
+        silent, telling = np.flatnonzero(self.ignored), np.flatnonzero(~self.ignored)
+        crossed = errors.copy()
+        crossed[silent] = np.interp(silent, telling, errors[telling])
+        return crossed
+
+    @property
+    def duration_s(self) -> float:
+        """From the first stamp to the last."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+    @property
+    def interval_s(self) -> float:
+        """The median interval of the samples; that of the drive's grid is `drive.interval_s`."""
+        return float(np.median(np.diff(self.time_s)))
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether the output has one value all the time."""
+        return float(np.ptp(self.output)) == 0.0
+
+    @property
+    def where_it_stands(self) -> str:
+        """The channel and its value, for an operator."""
+        return f"channel '{self.output_heading}' stands at {self.output[0]:.4g} all the time"
+
+    @property
+    def to_follow(self) -> Array:
+        """The recorded output on the grid, NaN where it says nothing."""
+        recorded = self.output if self.ignored is None else np.where(self.ignored, np.nan, self.output)
+        return recorded if self.grid_s is None else np.interp(self.grid_s, self.time_s, recorded)
+
+    def at_stamps(self, rows: Array) -> Array:
+        """Rows on the grid, read at the recording's stamps."""
+        if self.grid_s is None:
+            return rows
+        read: Array = np.array([np.interp(self.time_s, self.grid_s, row) for row in rows])
+        return read
+
+    def on_grid_input(self) -> Array:
+        """The command at the recording's stamps, shape (n,)."""
+        command: Array = self.at_stamps(self.drive.inputs)[0]
+        return command
+
+    def without(self, samples: NDArray[np.bool_]) -> Experiment:
+        """The same with more samples of the output ignored, shape (n,)."""
+        return replace(self, ignored=_either(self.ignored, samples))
+
+    def without_inner(self, name: str, samples: NDArray[np.bool_]) -> Experiment:
+        """The same with samples of an inner signal left out, shape (n,)."""
+        return replace(self, silent={**self.silent, name: _either(self.silent.get(name), samples)})
+
+    def without_all(self, samples: NDArray[np.bool_]) -> Experiment:
+        """The same with more samples of every channel ignored, shape (n,)."""
+        return replace(self.without(samples), lost=_either(self.lost, samples))
+
+    def reading_at(self, read_at: float) -> Experiment:
+        """The same with another reading instant, unless the instants are known one by one."""
+        return self if self.read_s is not None else replace(self, drive=replace(self.drive, read_at=read_at))
+
+
+def _but_for(samples: NDArray[np.bool_] | None, errors: Array) -> Array:
+    return errors if samples is None else np.where(samples, 0.0, errors)
+
+
+def _either(known: NDArray[np.bool_] | None, more: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    return more if known is None else known | more
+
+
+def experiment(
+    recording: Recording,
+    plant: Plant,
+    input_name: str | Sequence[str] | None = None,
+    output_name: str | None = None,
+    read_at: float | None = None,
+) -> Experiment:
+    """Bind a recording to a plant by channel names.
+
+    A command acts as its output drives it and holds between its samples; the output is compared when it was sampled.
+
+    Args:
+        recording: what was measured.
+        plant: what it is bound to.
+        input_name: of the command, or of the plant's inputs in their order, if not the plant's own names.
+        output_name: of the response, likewise.
+        read_at: the reading instant, if it is known.
+
+    Raises:
+        FileError: a channel is missing, or the input never changes.
+        UnitError: a channel's unit does not convert to the plant's.
+    """
+    with_dithers = with_dither(stood_before(recording)) if plant.rectifies and recording.is_even() else ()
+    recording, sampled = as_driven(recording), len(recording)
+    names = _input_names(plant, input_name)
+    output_name = output_name or plant.output.name
+    _check_named(recording, plant, names[0], output_name)
+    recording = measured_rows(recording, names)
+    stated = _gain_stds(recording, names[0], output_name, plant)
+    units = _input_units(plant, recording, names[0])
+    if any(name in recording.own for name in (*names, output_name, *(signal.name for signal in plant.observed))):
+        return replace(_on_own_stamps(recording, plant, names, units, output_name, read_at), gain_stds=stated)
+    inputs = np.array([recording.values(name, unit) for name, unit in zip(names, units, strict=True)])
+    measured = recording.channel(output_name)
+    output_unit = measured.unit if plant.output.unit == "any" else plant.output.unit
+    output, ignored = across(recording.values(measured.name, output_unit))
+    inner = {
+        signal.name: across(recording.values(signal.name, signal.unit))
+        for signal in plant.observed
+        if signal.name in recording.channels
+    }
+    observed = {name: values for name, (values, _) in inner.items()}
+    silent = {name: lacking for name, (_, lacking) in inner.items() if lacking.any()}
+    read_s = _read_s(recording, measured.name, plant)
+    at = declared_read_at(recording) if read_at is None else read_at
+    if read_s is not None:
+        at = 0.0
+    grid_s, on_grid, interval_s = _even(recording, inputs, read_s)
+    ripples = None
+    if with_dithers and grid_s is None and len(recording) == sampled:
+        driven = np.array([[one.values(n, u) for n, u in zip(names, units, strict=True)] for one in with_dithers])
+        held = np.pad(on_grid, ((0, 0), (driven.shape[2] // FINER - sampled, 0)), mode="edge")
+        ripples = driven - np.repeat(held, FINER, axis=1)
+    drive = Drive(on_grid, _at_rest(inputs, output), interval_s, at or 0.0)
+    skew_s = () if read_s is not None else _skew_s(recording, measured.name, plant, at or 0.0)
+    if any(skew_s):
+        late_s = dict(zip((signal.name for signal in plant.observed), skew_s[1:], strict=True))
+        bent = {name: _bends(values, late_s[name] / interval_s) for name, values in observed.items()}
+        silent |= {name: _either(silent.get(name), samples) for name, samples in bent.items() if samples.any()}
+    return Experiment(
+        recording.name, f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]",
+        recording.time_s, drive, grid_s, output, observed, at is not None, ignored if ignored.any() else None,
+        read_s=read_s, gain_stds=stated, silent=silent,
+        ripples=ripples, skew_s=skew_s, is_timed="sampling" in recording.meta,
+        stated_units=frozenset(recording.meta.get("stated_units", ())),
+    )  # fmt: skip
+
+
+def _bends(values: Array, late: float) -> NDArray[np.bool_]:
+    """Samples beside which a channel bends so much that straight lines do not tell it `late` samples later, shape (n,).
+
+    A corner between two samples shows in what was read of it only from the corner on.
+    """
+    bend = np.abs(np.diff(values, 2, prepend=values[0], append=values[-1]))
+    within = (values > values.min()) & (values < values.max())  # at the end of a range there is no noise
+    beyond: NDArray[np.bool_] = bend * abs(late) > _FELT_BEND * white_floor(values[within])
+    beyond[:-1] |= beyond[1:].copy()
+    return beyond
+
+
+def _gain_stds(recording: Recording, command: str, output: str, plant: Plant) -> dict[str, float]:
+    named = {"": command, "output": output, **{signal.name: signal.name for signal in plant.observed}}
+    found = {}
+    for role, name in named.items():
+        channel = recording.channels.get(name)
+        stated = channel.calibration.get("uncertainty") if channel is not None else None
+        largest = float(np.nanmax(np.abs(channel.values), initial=0.0)) if channel is not None else 0.0
+        if stated and largest > 0.0:
+            found[role] = float(stated) / 2.0 / largest
+    return found
+
+
+def _input_names(plant: Plant, given: str | Sequence[str] | None) -> list[str]:
+    """Channels of the plant's inputs: those given, in the plant's order, then its own names."""
+    named = [given] if isinstance(given, str) else list(given or ())
+    if len(named) > len(plant.inputs):
+        raise SettingError(f"{plant.name} has {len(plant.inputs)} inputs, {len(named)} were named: {', '.join(named)}")
+    return [
+        *(name for name in named if name),
+        *(signal.name for signal in plant.inputs[len([n for n in named if n]) :]),
+    ]
+
+
+def _on_own_stamps(
+    recording: Recording, plant: Plant, names: Sequence[str], units: Sequence[str], output_name: str,
+    read_at: float | None,
+) -> Experiment:  # fmt: skip
+    """An experiment of channels that were sampled at different times: commands are held, the output stays as it was."""
+    measured = recording.channel(output_name)
+    output_unit = measured.unit if plant.output.unit == "any" else plant.output.unit
+    given = [recording.samples(name, unit) for name, unit in zip(names, units, strict=True)]
+    output = recording.samples(measured.name, output_unit)
+    first, last = max(one.time_s[0] for one in given), recording.time_s[-1]
+    kept = (output.time_s >= first - 1e-9) & (output.time_s <= last + recording.interval_s)
+    if np.count_nonzero(kept) < FEWEST_SAMPLES:
+        raise FileError(
+            f"{recording.name}: '{output_name}' has {np.count_nonzero(kept)} samples while '{names[0]}' is known; at "
+            f"least {FEWEST_SAMPLES} are needed"
+        )
+    output = Samples(output.time_s[kept], output.values[kept])
+    # a loop that adds up starts at its first reading; what went before tells nobody where it stood
+    begins_s = float(output.time_s[0] if plant.observer is not None else min(first, output.time_s[0]))
+    grid_s, interval_s = held_grid(given, output.time_s, begins_s)
+    inputs = np.ascontiguousarray([one.held_at(grid_s) for one in given])
+    is_late = bool(output.time_s[0] - grid_s[0] > 0.5 * interval_s)
+    ignored = missing_of_even(grid_s, output.time_s, interval_s)
+    if is_late and ignored is not None and not ignored[int(np.argmin(ignored)) :].any():
+        ignored = None  # nothing is missing once it has begun
+    observed, left_out = _inner(recording, plant, output.time_s)
+    notes = [f"{recording.name}: {sentence}" for sentence in left_out]
+    at = declared_read_at(recording) if read_at is None else read_at
+    headings = f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]"
+    at_rest = _at_rest(np.array([one.held_at(output.time_s) for one in given]), output.values)
+    drive = Drive(inputs, at_rest, interval_s, at or 0.0)
+    if ignored is not None and not observed:
+        values = output.held_at(grid_s)
+        return Experiment(
+            recording.name,
+            *headings,
+            grid_s,
+            drive,
+            None,
+            values,
+            {},
+            at is not None,
+            ignored,
+            notes=tuple(notes),
+            is_late=is_late,
+        )
+    on_grid = len(grid_s) == len(output.time_s) and bool(np.all(np.abs(grid_s - output.time_s) < 1e-3 * interval_s))
+    return Experiment(
+        recording.name, *headings, output.time_s, drive, None if on_grid else grid_s, output.values, observed,
+        at is not None, notes=tuple(notes), is_late=is_late, command_is_known=all(map(is_known_throughout, given)),
+    )  # fmt: skip
+
+
+def _inner(recording: Recording, plant: Plant, output_s: Array) -> tuple[dict[str, Array], list[str]]:
+    """Inner signals at the times of the output; slower ones, which would count more than once, are left out."""
+    found, left_out = {}, []
+    for signal in plant.observed:
+        if signal.name not in recording.channels:
+            continue
+        taken = recording.samples(signal.name, signal.unit)
+        if np.median(np.diff(taken.time_s)) > 1.05 * np.median(np.diff(output_s)):
+            left_out.append(f"'{signal.name}' is sampled more slowly than the output and is not compared")
+        else:
+            found[signal.name] = np.interp(output_s, taken.time_s, taken.values)
+    return found, left_out
+
+
+def _at_rest(inputs: Array, output: Array) -> float:
+    """Where the output stands at the start: its mean while no input has moved and it shows no motion; else its first.
+
+    One noisy sample as the start would leave a loop an error to correct, which play or friction then keep.
+    """
+    moved = np.flatnonzero((inputs != inputs[:, :1]).any(axis=0))
+    count = int(moved[0]) if moved.size else len(output)
+    while count >= _FEWEST_AT_REST:
+        early, late = output[: count // 2], output[count // 2 : count]
+        uncertainty = np.hypot(np.std(early), np.std(late)) / np.sqrt(count / 2.0)
+        if abs(early.mean() - late.mean()) <= _NO_MOTION_SIGMAS * uncertainty:
+            return float(output[:count].mean())
+        count //= 2
+    return float(output[0])
+
+
+def for_model(
+    model: Model,
+    recording: Recording,
+    input_name: str | Sequence[str] = "",
+    output_name: str = "",
+    *,
+    output_needed: bool = True,
+) -> Experiment:
+    """Bind a recording to a model: its channels (other names may be given) and its reading instant.
+
+    Args:
+        model: with the names of its channels.
+        recording: what was measured.
+        input_name: of the command, if not the model's own.
+        output_name: of the response, if not the model's own.
+        output_needed: no: a recording without the response is bound too, to be simulated; the response is NaN then.
+
+    Raises:
+        FileError: a channel is missing.
+        UnitError: a channel's unit does not convert to the plant's.
+    """
+    plant = model.definition
+    output_name = output_name or split_heading(model.output)[0]
+    if output_name not in recording.channels and not output_needed:
+        nothing = Channel(output_name, plant.output.unit, np.full(len(recording), np.nan))
+        recording = replace(recording, channels={**recording.channels, output_name: nothing})
+    named = [input_name] if isinstance(input_name, str) else list(input_name)
+    input_name = [named[0] if named and named[0] else split_heading(model.input)[0], *named[1:]]
+    return experiment(recording, plant, input_name, output_name, model.read_at)
+
+
+def declared_read_at(recording: Recording) -> float | None:
+    """The reading instant that the bench promised for this recording, None when it says nothing."""
+    promised = recording.meta.get("sampling", {})
+    value = promised.get("read_at") if isinstance(promised, Mapping) else None
+    return None if value is None else float(value)
+
+
+def _check_named(recording: Recording, plant: Plant, input_name: str, output_name: str) -> None:
+    for role, name in (("input", input_name), ("output", output_name)):
+        if name in recording.channels:
+            continue
+        have = ", ".join(channel.heading for channel in recording.channels.values())
+        alike = [known for known in recording.channels if known.casefold() == name.casefold()]
+        hint = f", did you mean '{alike[0]}'?" if alike else ";"
+        raise FileError(
+            f"{recording.name}: no channel '{name}', the {role} of {plant.name}{hint} it has: {have or 'none'}; "
+            f"say which is the {role} with --{role} NAME (of hil simulate: --{role}-name NAME)"
+        )
+
+
+def _input_units(plant: Plant, recording: Recording, first: str) -> list[str]:
+    if plant.inputs[0].unit == "any":
+        return [recording.channel(first).unit, *(signal.unit for signal in plant.inputs[1:])]
+    return [signal.unit for signal in plant.inputs]
+
+
+def _read_s(recording: Recording, output: str, plant: Plant) -> Array | None:
+    """When every sample was read that simulated ones are held against; None where that is the same in each sample.
+
+    A link that only says how long its readings take on the whole (`delay_s`) gives the same delay to every sample.
+    """
+    names = [output, *(signal.name for signal in plant.observed)]
+    stamps = np.array([_stamps(recording, name) for name in names])
+    return None if (stamps == recording.time_s).all() else stamps
+
+
+def _skew_s(recording: Recording, output: str, plant: Plant, read_at: float) -> tuple[float, ...]:
+    """How much later than `read_at` says the output and the inner signals were read, as the header states it."""
+    sampling = recording.meta.get("sampling")
+    delays = sampling.get("delay_s") if isinstance(sampling, Mapping) else None
+    if not isinstance(delays, Mapping):
+        return ()
+    at_s = read_at * recording.interval_s
+    return tuple(float(delays.get(name, at_s)) - at_s for name in (output, *(signal.name for signal in plant.observed)))
+
+
+def _stamps(recording: Recording, name: str) -> Array:
+    if name not in recording.channels:
+        return recording.time_s
+    stamps = recording.stamps(name)
+    sampling = recording.meta.get("sampling")
+    if stamps is recording.time_s and isinstance(sampling, Mapping) and sampling.get("delays_s"):
+        return recording.time_s + float(sampling["delays_s"].get(name, 0.0))
+    return stamps
+
+
+def _even(recording: Recording, inputs: Array, read_s: Array | None) -> tuple[Array | None, Array, float]:
+    if read_s is None and recording.is_even():
+        return None, np.ascontiguousarray(inputs), recording.interval_s
+    # Uneven stamps: inputs are held on a finer even grid, outputs are read at the stamps they really had.
+    interval_s = recording.interval_s / _GRID_PER_UNEVEN_SAMPLE
+    start, stop = (
+        recording.time_s[0],
+        recording.time_s[-1] if read_s is None else max(recording.time_s[-1], read_s.max()),
+    )
+    grid_s = start + interval_s * np.arange(int(np.ceil((stop - start) / interval_s)) + 1)
+    # A stamp that falls on the grid must not miss it by a rounding error: its input would come a step late.
+    reached = np.searchsorted(recording.time_s, grid_s + 1e-6 * interval_s, side="right")
+    held = np.clip(reached - 1, 0, len(recording) - 1)
+    return grid_s, np.ascontiguousarray(inputs[:, held]), interval_s
+
+
+def sample_intervals_s(experiments: Sequence[Experiment]) -> list[float]:
+    """The intervals at which these were recorded, each once, in ascending order."""
+    return sorted({float(f"{e.interval_s:.6g}") for e in experiments})
+
+
+def require_excitation(experiments: Sequence[Experiment]) -> None:
+    """Raise `FileError` when a recording is too short to tell anything, or no output or its input moves."""
+    for e in experiments:
+        count = int(np.count_nonzero(e.valid))
+        if count < FEWEST_SAMPLES:
+            of = "" if count == len(e.output) else f" of '{e.output_heading}' that were measured"
+            raise FileError(f"{e.name}: {count} samples{of}; at least {FEWEST_SAMPLES} are needed to identify")
+    telling = [e for e in experiments if not e.stands_still] or experiments
+    if all(np.ptp(e.drive.inputs[0]) == 0.0 for e in telling):
+        names = ", ".join(e.name for e in telling)
+        raise FileError(f"{names}: the input never changes; nothing can be identified from a constant input")
+    if all(e.stands_still for e in experiments):
+        e = experiments[0]
+        raise FileError(f"{e.name}: {e.where_it_stands}, and so in every recording: {DEAD}")

@@ -1,0 +1,169 @@
+"""Channels that are not in the unit that their heading says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hil.errors import UnitError
+from hil.identification.preparation.experiment import Experiment
+from hil.identification.preparation.plausibility.suspicion import (
+    GOOD_FIT,
+    HALF,
+    POOR_FIT,
+    Suspicion,
+    fit_but_for_gain,
+    good_fit,
+    moves,
+    spoken_of,
+    times,
+)
+from hil.identification.uncertainty.fit import fit_percent
+from hil.physics.model import Model
+from hil.record.recording import Array, split_heading
+from hil.units import scale_and_offset
+
+# Units in which channels of one kind are written; one of them taken for another is off by their ratio.
+_CONFUSED = (
+    ("l/min", "ml/min", "l/s", "m^3/h", "m^3/s", "gallon/minute", "cm^3/s"),
+    ("bar", "mbar", "kPa", "MPa", "Pa", "psi"),
+    ("m", "cm", "mm", "um", "inch"),
+    ("N", "kN", "kgf", "lbf"),
+    ("A", "mA"),
+    ("V", "mV"),
+    ("%", "1"),
+    ("N*m", "kgf*m", "lbf*ft"),
+    ("rad", "deg"),
+    ("m/s", "mm/s", "mm/min", "m/min"),
+    ("rpm", "rad/s", "Hz"),
+)
+_BARE = ("%", "rad", "rpm")  # kinds that arithmetic of units does not tell from other numbers
+_LARGEST_FACTOR = 2000.0
+# Decimals that were lost.
+_DECIMALS = (1000.0, 100.0, 10.0, 0.1, 0.01, 0.001)
+_FACTOR_TOLERANCE = 0.08
+_MUCH_LESS, _SAME_FIT = 0.2, 0.1
+_ALSO_MOVES = 0.5
+# Below and above so many times what is expected, in level and moves alike, no effect makes an output of the same shape;
+# an effect beside a wrong unit hides how many times exactly.
+_TOO_SMALL, _TOO_LARGE = 0.12, 5.0
+
+
+def unit_factors(unit: str) -> tuple[float, ...]:
+    """Factors that a wrong unit brings to a channel of this one."""
+    factors = set(_DECIMALS)
+    for group in _CONFUSED:
+        try:
+            sizes = [scale_and_offset(other, unit)[0] for other in group]
+        except UnitError:
+            continue
+        belongs = any(abs(np.log(size)) < _FACTOR_TOLERANCE for size in sizes)
+        if belongs or group[0] not in _BARE:
+            both = {factor for size in sizes for factor in (size, 1.0 / size)}
+            large = {f for f in both if _FACTOR_TOLERANCE < abs(np.log(f)) < np.log(_LARGEST_FACTOR)}
+            factors |= {f for f in large if all(abs(np.log(f / known)) > 1e-6 for known in factors)}
+    return tuple(sorted(factors, key=lambda f: float(f"{f:.12g}")))
+
+
+def wrong_unit(model: Model, e: Experiment, simulated: Array) -> Suspicion | None:
+    """A channel that is what the model expects but for the factor of a unit; `simulated` of `suspicion.expected`."""
+    before, led_back = fit_percent(e.output, simulated), model.definition.observer is not None
+    if not (before < POOR_FIT or led_back):  # led back, a model fits half of anything
+        return None
+    of_moves, fit_of_moves = moves(simulated, e.output)
+    level, fit_of_level = times(simulated, e.output)  # small moves may be smaller for a reason, a level hardly is
+    also_moves = abs(of_moves / level - 1.0) < _ALSO_MOVES if level else False
+    name = split_heading(e.output_heading)[0]
+    slopes = ((of_moves, fit_of_moves), (level, fit_of_level if also_moves else 0.0))
+    for slope, fit in () if name in e.stated_units else slopes:
+        beyond_effects = also_moves and not led_back and not _TOO_SMALL < slope < _TOO_LARGE
+        factor = _unit_factor(e.output_heading, slope, np.inf if beyond_effects else _FACTOR_TOLERANCE)
+        if factor and fit > GOOD_FIT:
+            found = f"channel '{e.output_heading}' is {slope:.3g} times what {spoken_of(model)} gives"
+            cause = f"a factor near {factor:.4g} looks like a wrong unit"
+            sentence = f"{e.name}: {found}; {cause}. {_if_right(e.output_heading)}"
+            return Suspicion(e.name, sentence, fit)
+    return _fits_in_another_unit(model, e, before)
+
+
+def _fits_in_another_unit(model: Model, e: Experiment, before: float) -> Suspicion | None:
+    tried = [
+        _in_another_unit(model, e, channel, k)
+        for channel in range(len(e.drive.inputs) + 1)
+        if split_heading(_heading(model, e, channel))[0] not in e.stated_units
+        for k in unit_factors(_unit_of(model, e, channel))
+    ]
+    if not tried:
+        return None
+    best = max(tried, key=lambda found: np.nan_to_num(found.fit, nan=-np.inf))
+    if not best.fit > _enough(model, before, best.factor):
+        return None
+    first, *others = [found for found in tried if found.factor == best.factor and found.fit >= best.fit - _SAME_FIT]
+    also = "".join(f" (or '{other.channel}' {other.how} by it)" for other in others)
+    only = f"fits {spoken_of(model)} only when {first.how} by {first.factor:.4g}{also}; it looks like a wrong unit"
+    return Suspicion(e.name, f"{e.name}: channel '{first.channel}' {only}. {_if_right(first.channel)}", first.fit)
+
+
+def _if_right(heading: str) -> str:
+    """What a user does who knows better."""
+    name, unit = split_heading(heading)
+    return f"If it is right, --unit '{name}={unit}' says so"
+
+
+def _heading(model: Model, e: Experiment, channel: int) -> str:
+    """Of an input, in their order; of the output after them."""
+    if channel == len(e.drive.inputs):
+        return e.output_heading
+    return model.definition.inputs[channel].heading if channel else e.input
+
+
+@dataclass(frozen=True, slots=True)
+class _InAnotherUnit:
+    """The fit of the model with an input multiplied by a factor, or with the output divided by it."""
+
+    channel: str
+    how: str
+    factor: float
+    fit: float
+
+
+def _in_another_unit(model: Model, e: Experiment, channel: int, factor: float) -> _InAnotherUnit:
+    """`channel`: of the inputs, in their order; the output after them."""
+    if channel < len(e.drive.inputs):
+        inputs = e.drive.inputs.copy()
+        inputs[channel] *= factor
+        read = replace(e, drive=replace(e.drive, inputs=inputs))
+        return _InAnotherUnit(_heading(model, e, channel), "multiplied", factor, fit_but_for_gain(model, read))
+    # a loop that starts at its first reading starts somewhere else
+    begins = replace(e.drive, first_output=e.drive.first_output / factor)
+    read = replace(e, drive=begins, output=e.output / factor)
+    return _InAnotherUnit(e.output_heading, "divided", factor, fit_but_for_gain(model, read))
+
+
+def _enough(model: Model, before: float, factor: float) -> float:
+    """The fit in another unit from which no physics is looked for.
+
+    What integrates does not move many times as much as expected for any reason: friction stops it from moving.
+    """
+    halved = 100.0 - HALF * (100.0 - before)
+    if model.definition.observer is None:
+        return max(halved, good_fit(model))
+    if factor > _TOO_LARGE:
+        return halved
+    return GOOD_FIT if before < POOR_FIT else 100.0 - _MUCH_LESS * (100.0 - before)
+
+
+def _unit_of(model: Model, e: Experiment, channel: int) -> str:
+    """The unit of an input, in their order; of the output after them."""
+    if channel == len(e.drive.inputs):
+        return split_heading(e.output_heading)[1]
+    return model.definition.inputs[channel].unit if channel else split_heading(e.input)[1]
+
+
+def _unit_factor(heading: str, slope: float, tolerance: float) -> float | None:
+    """The factor of a wrong unit of this channel that is nearest, within a tolerance of its logarithm."""
+    if slope <= 0.0:
+        return None
+    near = min(unit_factors(split_heading(heading)[1]), key=lambda factor: abs(np.log(slope / factor)))
+    return near if abs(np.log(slope / near)) < tolerance else None

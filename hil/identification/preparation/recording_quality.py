@@ -1,0 +1,186 @@
+"""A look at recordings before they are fitted, and at a fit before it is believed: a sentence for each doubt."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hil.errors import FileError
+from hil.identification.preparation.clipped import without_clipped
+from hil.identification.preparation.content import is_of_its_origin
+from hil.identification.preparation.experiment import Experiment
+from hil.identification.preparation.feedback import runs_in_a_loop
+from hil.identification.preparation.plausibility.look import implausible
+from hil.identification.preparation.plausibility.suspicion import Suspicion, can_be_held_against
+from hil.identification.preparation.plausibility.time_unit import wrong_time
+from hil.identification.preparation.repeated import stale_sentence, without_held, without_stale
+from hil.identification.preparation.sub_sample_response import sub_sample_limits
+from hil.identification.preparation.time_constant import time_constant_s
+from hil.physics.model import Model
+from hil.physics.plant import Plant
+from hil.physics.transfer_function import from_parameters
+from hil.record.recording import Array
+
+_SAME_FREQUENCY, _LEAST_PERIODS, _LINE_WIDTH, _ALL_POWER = 1.05, 3, 3, 0.999  # of a command that is one sine
+_GROWS, _LEAST_GROWN = 2.0, 40  # times from quarter to quarter: an integrator's grows by 3/2 or less; samples
+_SIGNIFICANT = 3.0  # standard deviations
+LINEAR = "transfer-function"
+
+
+@dataclass(frozen=True, slots=True)
+class Looked:
+    """Experiments as they are fitted; what was done to them, and what stays doubtful, in words.
+
+    `suspicions`: headings that look wrong beside the start. A unit unlike a typical one may be right all the same: the
+    fit tells (see `Suspicion.outweighs`).
+    """
+
+    experiments: tuple[Experiment, ...]
+    notes: tuple[str, ...]
+    suspicions: tuple[Suspicion, ...] = ()
+
+
+def look(model: Model, experiments: Sequence[Experiment]) -> Looked:
+    """Leave out what is no measurement; say what recordings cannot tell, or look like.
+
+    Raises:
+        FileError: samples so far apart that a plant of this kind moves between them alone, as in a wrong unit of time.
+    """
+    strange = [e for e in experiments if not is_of_its_origin(model, e)]
+    held_against = strange if can_be_held_against(model) else []
+    suspicions = wrong_time(model, held_against)
+    slow = [sentence for e in held_against for sentence in _too_slow(model, e)]
+    if slow and suspicions:
+        raise FileError(suspicions[0].sentence)
+    kept, notes = [], []
+    for e in experiments:
+        suspicions += implausible(model, e) if e in held_against else ()
+        measured, left_out = without_invalid(e)
+        kept.append(measured)
+        notes += [*left_out, *_in_a_loop(e)]
+    return Looked(tuple(kept), (*notes, *slow, *one_frequency(experiments)), tuple(suspicions))
+
+
+def without_invalid(e: Experiment) -> tuple[Experiment, list[str]]:
+    """The experiment without samples that are no measurement (clipped, held, not measured anew), and that in words."""
+    measured, clipped = without_clipped(e)
+    measured, held = without_held(measured)
+    measured, repeated = without_stale(measured)
+    return measured, [*clipped, *held, *([stale_sentence(e, repeated)] if repeated else [])]
+
+
+def believed(suspicions: Sequence[Suspicion], fits: Mapping[str, float], at_bounds: bool) -> tuple[str, ...]:
+    """What is still to be said of suspicions where recordings were fitted as they say they are, fits in %.
+
+    `at_bounds`: whether the fit drove parameters to their bounds.
+
+    Raises:
+        FileError: a suspicion outweighs the fit.
+    """
+    for suspicion in suspicions:
+        if suspicion.outweighs(fits[suspicion.recording], at_bounds=at_bounds):
+            raise FileError(suspicion.sentence)
+    return tuple(f"{s.sentence}. Other values of the plant fit it as it is" for s in suspicions)
+
+
+def doubts(model: Model, experiments: Sequence[Experiment], fits: Mapping[str, float]) -> tuple[str, ...]:
+    """What of a fitted model should not be believed as it stands."""
+    below = [
+        f"{name}: the fit is below 0 %: a constant would do better; is it the right channel, unit, sign and plant?"
+        for name, fit in fits.items()
+        if fit < 0.0
+    ]
+    away = [sentence for e in experiments for sentence in _runs_away(model, e)]
+    sub_sample = sub_sample_limits(model, experiments) if model.plant == LINEAR else ()
+    beyond = _beyond_nyquist(model, experiments)
+    return (*below, *away, *sub_sample, *beyond, *_integrates(model), *runs_the_other_way(model))
+
+
+def _runs_away(model: Model, e: Experiment) -> list[str]:
+    """What is said of a response that grows and grows while its command does not: faster than any integrator's."""
+    if model.plant != LINEAR or len(e.output) < _LEAST_GROWN:
+        return []
+
+    def sizes(values: Array) -> Array:
+        return np.array([float(np.abs(part - values[0]).max()) for part in np.array_split(values, 4)])
+
+    out, given = sizes(e.output), sizes(e.on_grid_input())
+    if not np.all(out[1:] > _GROWS * out[:-1]) or given[-1] > _GROWS * given[:-1].max():
+        return []
+    seen = "the output grows ever faster while the input does not: the plant is unstable, and no stable form fits it"
+    return [f"{e.name}: {seen}; record it in the loop that holds it"]
+
+
+def _too_slow(model: Model, e: Experiment) -> list[str]:
+    constant_s = time_constant_s(model, e)
+    if not 0.0 < 2.0 * constant_s < e.interval_s:
+        return []
+    apart = f"samples lie {e.interval_s:.3g} s apart"
+    follows = f"a {model.definition.title} has followed its command after {constant_s:.2g} s"
+    return [f"{e.name}: {apart}, and {follows}; is the unit of time right?"]
+
+
+def one_frequency(experiments: Sequence[Experiment]) -> list[str]:
+    """What is said where every command holds the same single frequency."""
+    found_hz = [single_frequency_hz(e.on_grid_input(), e.interval_s) for e in experiments]
+    if not found_hz or not all(found_hz) or max(found_hz) > _SAME_FREQUENCY * min(found_hz):
+        return []
+    tells = f"the command holds one frequency, {found_hz[0]:.4g} Hz, which tells two numbers, a gain and a phase there"
+    return [f"{tells}; the gain at rest and the order are not determined: add a frequency or steps"]
+
+
+def single_frequency_hz(values: Array, interval_s: float) -> float:
+    """The frequency of a steady sine, 0 for anything else."""
+    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values)))) ** 2
+    at, total = int(np.argmax(power)), float(power.sum())
+    if at < _LEAST_PERIODS or total == 0.0:
+        return 0.0
+    near = float(power[max(at - _LINE_WIDTH, 0) : at + _LINE_WIDTH + 1].sum())
+    return at / (len(values) * interval_s) if near > _ALL_POWER * total else 0.0
+
+
+def _in_a_loop(e: Experiment) -> list[str]:
+    if not runs_in_a_loop(e.on_grid_input(), e.output):
+        return []
+    seen = "the command answers to the noise of the output: this was recorded in a closed loop"
+    return [
+        f"{e.name}: {seen}. A fit as if in an open one may be wrong, and no stable form fits an unstable plant",
+    ]
+
+
+def fastest_shown_rad_s(experiments: Sequence[Experiment]) -> float:
+    """The fastest pole that samples so far apart can show."""
+    return math.pi / min(e.interval_s for e in experiments)
+
+
+def fastest_pole_rad_s(values: Mapping[str, float]) -> float:
+    """Of a transfer function by its parameters; 0 for one without poles."""
+    return float(np.abs(from_parameters(values).poles).max(initial=0.0))
+
+
+def _beyond_nyquist(model: Model, experiments: Sequence[Experiment]) -> tuple[str, ...]:
+    fastest_s, limit = min(e.interval_s for e in experiments), fastest_shown_rad_s(experiments)
+    corners = {name: v.value for name, v in model.parameters.items() if v.unit == "rad/s" and v.std is not None}
+    if model.plant == LINEAR:
+        corners = {"a pole": fastest_pole_rad_s(model.values)}
+    shown = f"what samples {fastest_s:.3g} s apart can show ({limit:.4g} rad/s)"
+    beyond = [f"{name} at {value:.4g} rad/s" for name, value in corners.items() if value > limit]
+    return tuple(f"{what} lies beyond {shown}: it is no measurement" for what in beyond)
+
+
+def runs_the_other_way(model: Model) -> tuple[str, ...]:
+    """What is said of a transfer function with a gain below zero, beyond its uncertainty."""
+    gains = [model.parameters[name] for name in ("gain", "integrator_gain")] if model.plant == LINEAR else []
+    if not any(gain.value < -_SIGNIFICANT * gain.std for gain in gains if gain.std):
+        return ()
+    return ("the output falls where the input rises: is its sign right, or that of the input?",)
+
+
+def _integrates(model: Model) -> tuple[str, ...]:
+    plant: Plant = model.definition
+    if plant.integrates is None or not plant.integrates(model.values):
+        return ()
+    return ("the output goes on while the input stands: the plant integrates",)

@@ -1,0 +1,114 @@
+"""Samples that were not measured anew: the recording repeats its last value."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.identification.preparation.experiment import Experiment
+from hil.identification.uncertainty.noise import NOISE_OVER_RESOLUTION, resolution, white_floor
+from hil.record.recording import Array
+from hil.signals.runs import runs
+
+Run = tuple[int, int]
+
+# A noisy channel shows the same value so often in a row only when nobody has measured it anew: chance would make
+# such a run in one of so many recordings.
+STALE_RUN = 4
+_CHANCE_RUNS = 1e-4
+_BESIDE = 50  # samples on either side of a run: a channel with few levels shows its value there too
+LEAST_INTERVALS = 3  # fewer may be anything
+_LONE_S, _LONE_SAMPLES = 1.0, 50  # a single run so long is a recorder that stopped
+_SAME_RUN, _FEWEST_RUNS = 0.95, 20  # share of equal runs of repeats, of a channel held between slower samples
+
+
+def without_stale(e: Experiment) -> tuple[Experiment, list[Run]]:
+    """The experiment with samples ignored that only repeat the one before, and those runs, first and after last.
+
+    Samples that are ignored already are not looked at.
+    """
+    there = np.flatnonzero(e.valid)
+    every = [(int(there[first]), int(there[last - 1]) + 1) for first, last in _stale_runs(e.valid_output)]
+    repeated = [(start, stop) for start, stop in every if start > 0 or stop > _first_move(e)]
+    if len(repeated) < LEAST_INTERVALS and not any(_is_long(e, start, stop) for start, stop in repeated):
+        return e, []
+    stale = np.zeros(len(e.output), dtype=np.bool_)
+    for start, stop in repeated:
+        stale[start + 1 : stop] = True
+    return e.without(stale), repeated
+
+
+def stale_sentence(e: Experiment, repeated: list[Run]) -> str:
+    """The same in words."""
+    lasting_s = float(np.mean([e.time_s[stop - 1] - e.time_s[start] for start, stop in repeated]))
+    often = "once" if len(repeated) == 1 else f"{len(repeated)} times"
+    average = "" if len(repeated) == 1 else " on average"
+    return (
+        f"{e.name}: channel '{e.output_heading}' was not measured anew {often}, for {lasting_s:.2g} s{average}: it "
+        "repeats its last value; the repeats are left out"
+    )
+
+
+def without_held(e: Experiment) -> tuple[Experiment, list[str]]:
+    """The experiment without samples that only repeat one of a slower channel, and that in words."""
+    starts = np.flatnonzero(np.diff(e.output, prepend=np.nan) != 0.0)
+    lengths = np.diff(starts)
+    if len(lengths) < _FEWEST_RUNS:
+        return e, []
+    usual = int(np.median(lengths))
+    fresh = e.output[starts]
+    noisy = white_floor(fresh) >= NOISE_OVER_RESOLUTION * resolution(fresh) > 0.0
+    if usual < 2 or not noisy or np.mean(lengths == usual) < _SAME_RUN:
+        return e, []
+    repeated = np.ones(len(e.output), dtype=np.bool_)
+    repeated[starts] = False
+    note = (
+        f"{e.name}: channel '{e.output_heading}' shows each value {usual} times: it was sampled every "
+        f"{usual * e.interval_s:.4g} s and held in between; the repeats are left out"
+    )
+    return e.without(repeated), [note]
+
+
+def longer_than_by_chance(steps: Array, floor: float) -> int:
+    """So many identical values in a row are more than chance makes anywhere in a recording."""
+    longest = 1.0 + np.log(_CHANCE_RUNS / (len(steps) + 1)) / np.log(same_again(steps, floor))
+    return max(STALE_RUN, int(np.ceil(longest)))
+
+
+def same_again(steps: Array, floor: float) -> float:
+    """The probability that two readings of white noise agree within the resolution."""
+    moving = steps[steps > 0.0]
+    return float(moving.min()) / (2.0 * np.sqrt(np.pi) * floor) if moving.size and floor > 0.0 else 1.0
+
+
+def _first_move(e: Experiment) -> int:
+    """The sample at which an input moves first: a recording may begin with one value of a unit that rests."""
+    moved = np.any(np.diff(e.drive.inputs) != 0.0, axis=0)
+    return int(np.argmax(moved)) + 1 if e.grid_s is None and moved.any() else 0
+
+
+def _is_long(e: Experiment, start: int, stop: int) -> bool:
+    return bool(stop - start >= _LONE_SAMPLES and e.time_s[stop - 1] - e.time_s[start] >= _LONE_S)
+
+
+def _stale_runs(values: Array) -> list[Run]:
+    """Runs of identical values in a channel whose noise is well above its resolution."""
+    steps = np.abs(np.diff(values))
+    moving = steps[steps > 0.0]
+    floor = white_floor(values)
+    if not moving.size or floor < NOISE_OVER_RESOLUTION * float(moving.min()):
+        return []
+    least = longer_than_by_chance(steps, floor)
+    ends: NDArray[np.float64] = np.array([values.max(), values.min()])
+    return [
+        (start, stop + 1)
+        for start, stop in runs(steps == 0.0)
+        if stop - start >= least - 1 and values[start] not in ends and not _by_itself(values, start, stop)
+    ]
+
+
+def _by_itself(values: Array, start: int, stop: int) -> bool:
+    """Whether chance may make a run, the values beside it being what they are."""
+    beside = np.concatenate([values[max(start - _BESIDE, 0) : start], values[stop + 1 : stop + 1 + _BESIDE]])
+    chance = float(np.mean(beside == values[start])) if beside.size else 0.0
+    return bool(len(values) * chance ** (stop - start) > _CHANCE_RUNS)

@@ -1,0 +1,73 @@
+"""A response that follows its command at once, as far as samples show: what is told of it, and what would tell more."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from hil.identification.preparation.experiment import Experiment
+from hil.physics.model import Model
+from hil.record.recording import Array
+from hil.signals.colour import colour_factor
+
+_LAGS = ("lag_time", "pair1_time", "pair2_time", "integrator_gain")
+_RISES_BY = 3.84  # of χ²: 95 %, one number
+_SHORTEST, _LONGEST, _HALVINGS = 1e-2, 1e3, 12  # samples
+_SIGNIFICANT = 2.0  # standard deviations
+
+
+def responds_within_sample(values: Mapping[str, float]) -> bool:
+    """Whether a transfer function is a gain, with a dead time or without."""
+    return all(values.get(name) == 0.0 for name in _LAGS)
+
+
+def dead_time_std_s(experiments: Sequence[Experiment]) -> float:
+    """How well such a one's dead time is told: between two samples all look the same, and it rests at either."""
+    return min(e.interval_s for e in experiments) / math.sqrt(3.0)
+
+
+def sub_sample_limits(model: Model, experiments: Sequence[Experiment]) -> tuple[str, ...]:
+    """What is said of a transfer function without dynamics: why none were seen, and how they would be."""
+    gain = model.parameters["gain"]
+    if not responds_within_sample(model.values) or gain.std is None or not abs(gain.value) > _SIGNIFICANT * gain.std:
+        return ()
+    interval_s, hidden_s = min(e.interval_s for e in experiments), _longest_hidden_s(model, experiments)
+    known = "the gain at rest and, to one sample, the dead time" if model.values["dead_time"] else "the gain at rest"
+    if hidden_s < interval_s:
+        over = f"the response is over within one sample, {interval_s:.3g} s: no more than {known} is told"
+        shown = f"A time constant above {hidden_s:.2g} s would have shown"
+        return (f"{over}. {shown}: sample at {_rounded(1.0 / hidden_s)} Hz or faster to see a shorter one",)
+    if not math.isfinite(hidden_s):
+        return (f"no more than {known} is told: the command is too slow for any time constant; add steps",)
+    hides = f"with this command a time constant below {hidden_s:.2g} s does not show"
+    return (f"no more than {known} is told: {hides}; faster changes of the command would tell",)
+
+
+def _longest_hidden_s(model: Model, experiments: Sequence[Experiment]) -> float:
+    """The longest lag that these recordings do not tell from none (95 %); infinite where any may hide."""
+
+    def errors(lag_s: float) -> list[Array]:
+        values = model.values | {"lag_time": lag_s}
+        return [e.telling(e.respond(model.definition, values, model.active_effects)[0] - e.output) for e in experiments]
+
+    plain = np.concatenate(errors(0.0))
+    allowed = float(plain @ plain) * (1.0 + _RISES_BY * colour_factor(plain) / len(plain))
+    interval_s = min(e.interval_s for e in experiments)
+
+    def shows(lag_s: float) -> bool:
+        other = np.concatenate(errors(lag_s))
+        return float(other @ other) > allowed
+
+    low, high = math.log(_SHORTEST * interval_s), math.log(_LONGEST * interval_s)
+    if not shows(math.exp(high)):
+        return math.inf
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if shows(math.exp(middle)) else (middle, high)
+    return math.exp(high)
+
+
+def _rounded(value: float) -> str:
+    return f"{float(f'{value:.2g}'):g}"

@@ -1,0 +1,1 @@
+"""What is measured at rest or in slow sweeps: flow and pressure curves, null, threshold, coil."""

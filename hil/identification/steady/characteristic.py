@@ -1,0 +1,251 @@
+"""Figures of a steady characteristic, read from the smooth curve through sweeps, each with its uncertainty."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import InputError
+from hil.identification.steady.sweep_estimate import BINS, LEVELS, SweepEstimate
+from hil.identification.uncertainty.parametric_bootstrap import about, draws_of
+from hil.record.recording import Array
+from hil.signals.rounding import rounding_of_means
+
+GAIN_FROM, GAIN_TO = 0.3, 0.9  # of the response at the end, between which a gain is read
+_GAIN_POINTS = 200
+_A_SIDE = 0.05  # of a sweep, which must lie beyond neutral
+_EVENLY = np.array([0.5, *[1.0] * (_GAIN_POINTS - 2), 0.5]) / (_GAIN_POINTS - 1)  # weights of an integral
+_EDGE_DRAWS = 12
+_STEEP = 0.3  # of the steepest slope: where the width of the loop can be read
+_AVERAGED = 101  # places at which a slope is averaged
+_CLEAR = 10.0  # times its standard uncertainty: a response that can be read
+_FOOT_TO = 0.4  # of the response at the end, up to which the edge of the dead band is read
+_STICTION = (
+    0.3  # by which static friction exceeds sliding friction, at most (Armstrong-Hélouvry, Automatica 30(7), 1994)
+)
+# Friction that falls with speed as exp(−(v/v_s)²) differs between a sweep and one at half its speed by up to 0.39 of
+# that; the straight line through both lies above the friction at rest by up to 0.19 of it.
+_BETWEEN_SPEEDS, _AT_REST = 0.39, 0.19
+
+Read = tuple[float, float]
+"""Value and standard uncertainty."""
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One side of a curve that goes both ways from neutral; `departures` are those of the resampled curves."""
+
+    edge: Read
+    gain: Read
+    departure: Read
+    departures: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """What lies between the branches, along the command; `lag` and `width` are None for sweeps of one speed.
+
+    Attributes:
+        lag: s. `width`: the largest that speed does not explain, where the curve is steep.
+        is_friction: whether the width is more than noise makes.
+    """
+
+    lag: Read | None
+    width: Read | None
+    is_friction: bool
+
+
+def over_all(estimate: SweepEstimate, figure: Callable[[Array, Array], float]) -> Read:
+    """A figure of (response, slope) at the levels, with its uncertainty from the resampled curves."""
+    value = figure(estimate.response, estimate.slope)
+    resampled = [figure(one, slope) for one, slope in zip(estimate.responses, estimate.slopes, strict=True)]
+    return value, about(np.array(resampled), value)
+
+
+def loop(estimate: SweepEstimate, certain: float, speeds: tuple[float, ...]) -> Loop:
+    """Lag and hysteresis; friction that depends on speed could be taken for lag, and is granted to both.
+
+    Args:
+        estimate: of the sweeps.
+        certain: standard uncertainties from which a width is no noise.
+        speeds: of the sweeps, in the command's unit per second.
+    """
+    if math.isnan(estimate.lag_s):
+        return Loop(None, None, False)
+    low, high = estimate.covered
+    steep = (np.abs(estimate.slope) > _STEEP * float(np.max(np.abs(estimate.slope)))) & (
+        (estimate.command >= low) & (estimate.command <= high)
+    )
+    width = float(np.max(np.abs(estimate.width[steep])))
+    width_std = about(np.max(np.abs(estimate.widths[:, steep]), axis=1), width)
+    lag_std_s = about(estimate.lags_s, estimate.lag_s)
+    friction = width >= certain * width_std
+    if friction:
+        granted = width * _STICTION / (1.0 + _STICTION) / math.sqrt(3.0)
+        width_std = math.hypot(width_std, _AT_REST * granted)
+        lag_std_s = math.hypot(lag_std_s, _BETWEEN_SPEEDS * granted / (2.0 * (max(speeds) - min(speeds))))
+    return Loop((estimate.lag_s, lag_std_s), (width, width_std), friction)
+
+
+def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign: int, step: float = 0.0) -> Side:
+    """Edge of the dead band, gain, and largest departure from its line as a share of the response at the end.
+
+    Args:
+        estimate: of the sweeps.
+        neutral: command from which both sides go.
+        zero: response there.
+        end: response at the end of this side.
+        sign: 1 for the side above neutral, −1 for that below.
+        step: between two codes of the converter that read the response; 0 where there is none.
+
+    Raises:
+        InputError: no response beyond the noise, or too few levels carry one.
+    """
+    noise = float(np.median(np.std(estimate.responses, axis=0)))
+    if abs(end - zero) < _CLEAR * noise:
+        raise InputError(f"flow curve: at the {'positive' if sign > 0 else 'negative'} end no flow beyond the noise")
+    mine = sign * (estimate.command - neutral) >= 0.0
+    command, outwards = estimate.command[mine], slice(None, None, sign)
+
+    def line(response: Array) -> tuple[float, float]:
+        share = ((response[mine] - zero) / (end - zero))[outwards]
+        first, last = (level_at(command[outwards], share, part) for part in (GAIN_FROM, GAIN_TO))
+        if math.isnan(first) or math.isnan(last):
+            raise InputError("flow curve: too few levels carry flow on one side of centre")
+        middle, level, gain = line_through(command, response[mine], first, last)
+        places = np.linspace(first, last, _GAIN_POINTS)
+        left = np.interp(places, command, response[mine]) - level - gain * (places - middle)
+        return gain, float(np.max(np.abs(left))) / abs(end - zero)
+
+    found = line(estimate.response)
+    resampled = np.array([line(one) for one in estimate.responses])
+    gain, departure = ((value, about(again, value)) for value, again in zip(found, resampled.T, strict=True))
+    return Side(_edge(estimate, neutral, zero, end, sign, step), gain, departure, resampled[:, 1])
+
+
+def line_through(command: Array, response: Array, first: float, last: float) -> tuple[float, float, float]:
+    """(middle command, response there, slope) of the least-squares line over all commands from `first` to `last`.
+
+    Over all commands between, not over so many points: whole weight at both ends would turn the line of a curve that
+    bends.
+    """
+    places, middle = np.linspace(first, last, _GAIN_POINTS), (first + last) / 2.0
+    values, late = np.interp(places, command, response), places - middle
+    slope = float((_EVENLY * late) @ values / (_EVENLY @ late**2))
+    return middle, float(_EVENLY @ values), slope
+
+
+def level_at(levels: Array, values: Array, wanted: float) -> float:
+    """First level at which the values pass a wanted one; NaN where they do not."""
+    beyond = (values >= wanted) if values[-1] > values[0] else (values <= wanted)
+    i = int(np.argmax(beyond))
+    if not beyond[i] or i == 0:
+        return math.nan
+    share = (wanted - values[i - 1]) / (values[i] - values[i - 1])
+    return float(levels[i - 1] + share * (levels[i] - levels[i - 1]))
+
+
+def largest_slope(estimate: SweepEstimate, speeds: Sequence[float]) -> tuple[Read, float]:
+    """(steepest slope, the level at which it is) of sweeps with these speeds.
+
+    What is late by more than one delay averages the curve over the commands that were just before: by none, if all of
+    the lag is one dead time, by those that a first order of this lag averages, at most. Half of what that takes from
+    the steepest slope is given back, and as much is granted.
+    """
+    steepest = int(np.argmax(np.abs(estimate.slope)))
+    sign = math.copysign(1.0, float(estimate.slope[steepest]))
+    value, std = over_all(estimate, lambda _response, slope: float(np.max(sign * slope)))
+    reach = math.sqrt(3.0) * averaged_over(estimate, speeds)
+    places = np.clip(estimate.command[steepest] + np.linspace(-reach, reach, _AVERAGED), *estimate.command[[0, -1]])
+    lost = max(value - float(np.mean(np.interp(places, estimate.command, sign * estimate.slope))), 0.0)
+    return (sign * (value + lost / 2.0), math.hypot(std, lost / math.sqrt(12.0))), float(estimate.command[steepest])
+
+
+def averaged_over(estimate: SweepEstimate, speeds: Sequence[float]) -> float:
+    """Standard deviation, in the command's unit, of the commands over which a first order of the sweeps' lag averages.
+
+    The mean square over the sweeps, each for as long as it takes; of one sweep, all that keeps its branches apart.
+    """
+    if math.isnan(estimate.lag_s):
+        return abs(float(estimate.half_widths[0]))
+    lasted = [1.0 / speed for speed in speeds]
+    return abs(estimate.lag_s) * math.sqrt(sum(speeds) / sum(lasted))
+
+
+def reaches_both_sides(low: float, high: float, neutral: float) -> bool:
+    """Whether a sweep from low to high shows both sides of a valve."""
+    reach = _A_SIDE * (high - low)
+    return low < neutral - reach and high > neutral + reach
+
+
+def polyline(count: int = 121) -> NDArray[np.int64]:
+    """Indices of so many levels of an estimate, evenly spread: a curve for the page."""
+    made: NDArray[np.int64] = np.linspace(0, LEVELS - 1, count).round().astype(np.int64)
+    return made
+
+
+def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign: int, step: float) -> Read:
+    """Where a power law through the foot of the curve begins, with its uncertainty.
+
+    At the foot the response stays on one code of a coarse converter for many samples; what that hides is no noise, and
+    is drawn beside it, with the codes anywhere.
+    """
+    from scipy.optimize import least_squares
+
+    points = estimate.points
+    place = sign * (points.command - neutral)
+    share = (points.response - zero) / (end - zero)
+    foot = (place > 0.0) & (share < _FOOT_TO)
+    if foot.sum() < 5:
+        raise InputError("flow curve: too few levels carry flow on one side of centre")
+    opening, part = place[foot], share[foot]
+    weight = 1.0 / np.maximum(estimate.std[foot] / abs(end - zero), 1e-6)
+    top = float(opening.max())
+
+    def law_at(place: Array, p: Array) -> Array:
+        over = np.maximum((place - p[0]) / (top - p[0]), 0.0)
+        made: Array = p[3] + p[4] * place / top + p[2] * over ** p[1]
+        return made
+
+    def residuals(p: Array) -> Array:
+        made: Array = (law_at(opening, p) - part) * weight
+        return made
+
+    def slopes(p: Array) -> Array:
+        over = np.maximum((opening - p[0]) / (top - p[0]), 0.0)
+        flows = over > 0.0
+        safe = np.where(flows, over, 1.0)
+        power = np.where(flows, safe ** p[1], 0.0)
+        moved = (opening - top) / (top - p[0]) ** 2
+        made: Array = np.column_stack((
+            p[2] * p[1] * power / safe * moved, p[2] * power * np.log(safe), power, np.ones(len(opening)), opening / top
+        ))  # fmt: skip
+        return made * weight[:, None]
+
+    # leakage beside a dead band makes its foot lean
+    bounds = ([0.0, 0.3, 0.0, -0.5, -0.5], [0.98 * top, 5.0, 2.0, 0.5, 0.5])
+    flowing = np.sort(opening[part > 0.02])
+    start = float(flowing[0]) if len(flowing) else 0.0
+    found = least_squares(
+        residuals, [min(0.9 * start, 0.9 * top), 1.2, float(part.max()), 0.0, 0.0],
+        jac=slopes, bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0, 1.0],
+    )  # fmt: skip
+    # a corner is no place for a linear uncertainty: the law is fitted again to noise about itself
+    scale = math.sqrt(max(1.0, 2.0 * found.cost / max(len(opening) - 4, 1)))
+    law, rng = law_at(opening, found.x), draws_of(points.response)
+    half = float(np.ptp(estimate.command)) / BINS / 2.0
+    passed = np.abs(law_at(opening + half, found.x) - law_at(opening - half, found.x))
+    code = step / abs(end - zero)
+    noise = float(np.median(estimate.std[foot] * np.sqrt(points.count[foot])))
+    edges = []
+    for _ in range(_EDGE_DRAWS):
+        hidden = rounding_of_means(law, passed, code, noise / abs(end - zero), rng.uniform())
+        part = law + hidden + scale * rng.normal(size=len(law)) / weight
+        edges.append(
+            least_squares(residuals, found.x, jac=slopes, bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0, 1.0]).x[0]
+        )
+    return neutral + sign * float(found.x[0]), about(np.array(edges), float(found.x[0]))

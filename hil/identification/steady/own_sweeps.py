@@ -1,0 +1,170 @@
+"""Slow sweeps in a recording that no procedure wrote: where the command rises and falls, and where it waits.
+
+A sweep is a command that goes up and down over one range at an even speed. Between two turns it may stand still;
+what the response is there, at an end, belongs to the curve as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from hil.errors import InputError
+from hil.identification.steady.sweep_estimate import Standing, Sweep, settled
+from hil.record.recording import Array, Recording
+
+_TURN = 0.05  # of the range, by which a command must come back for a turn
+_STRAIGHT = 0.02  # of the range, within which a ramp is a straight line in time
+_STANDS = 0.002  # of the range, within which a waiting command stays
+_SAME_SPEED = 0.1
+_LONG = 0.25  # of the range: a shorter way between two turns is no branch
+_LEAST_SAMPLES = 40  # of a branch: fewer are a step
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """Samples first…last (exclusive) in which the command goes one way at an even speed, per second."""
+
+    first: int
+    last: int
+    speed_per_s: float
+
+    @property
+    def samples(self) -> slice:
+        """As an index."""
+        return slice(self.first, self.last)
+
+
+@dataclass(frozen=True, slots=True)
+class OwnSweeps:
+    """The sweeps of recordings, one for each speed, fastest first, and the waits at the ends of their range.
+
+    Attributes:
+        sweeps: with the command as the straight lines that it follows.
+        standing: at the lower and the upper end, as far as the command waited there.
+        at_rest: (mean response, its standard uncertainty) while the command waited at neutral; None where it did not.
+    """
+
+    sweeps: tuple[Sweep, ...]
+    standing: tuple[Standing, ...]
+    at_rest: tuple[float, float] | None
+
+
+def own_sweeps(recordings: Sequence[Recording], input_name: str, output_name: str, neutral: float = 0.0) -> OwnSweeps:
+    """The sweeps that recordings hold together.
+
+    Raises:
+        InputError: one holds no sweep, or only the way up or the way down.
+    """
+    ways: list[tuple[float, Array, Array]] = []
+    standing: list[Standing] = []
+    rests: list[tuple[float, float]] = []
+    for recording in recordings:
+        command, response = recording.values(input_name), recording.values(output_name)
+        found = branches(recording.time_s, command)
+        if not found:
+            raise InputError(
+                f"{recording.name}: no sweep in channel '{input_name}': a ramp up and down of at least "
+                f"{_LEAST_SAMPLES} samples each; `hil analyse step` knows steps, `hil analyse sines` sines"
+            )
+        ways += [(one.speed_per_s, _line(recording.time_s, command, one), response[one.samples]) for one in found]
+        standing += _at_ends(command, response)
+        rests += _at_level(command, response, neutral)
+    directions = {bool(speed > 0.0) for speed, _, _ in ways}
+    if len(directions) < 2:
+        only = "rises" if True in directions else "falls"
+        raise InputError(f"{recordings[0].name}: the command only {only}; a flow curve needs the way back as well")
+    return OwnSweeps(_by_speed(ways), tuple(standing), rests[0] if rests else None)
+
+
+def branches(time_s: Array, command: Array) -> list[Branch]:
+    """Where a command goes one way along a straight line, between its turns and its waits."""
+    span = float(np.ptp(command))
+    if span == 0.0:
+        return []
+    edges = _turns(command, _TURN * span)
+    found = [_moving(time_s, command, first, last, span) for first, last in pairwise(edges)]
+    return [one for one in found if one is not None]
+
+
+def _turns(command: Array, back: float) -> list[int]:
+    """Places of the extremes from which the command comes back by more than `back`, with both ends."""
+    found, extreme, place, direction = [0], float(command[0]), 0, 0
+    for i, value in enumerate(command.tolist()):
+        away = value - extreme
+        if direction == 0 and abs(away) > back:
+            direction = 1 if away > 0.0 else -1
+        if direction and away * direction >= 0.0:
+            extreme, place = value, i
+        elif direction and abs(away) > back:
+            found.append(place)
+            extreme, place, direction = value, i, -direction
+    return [*found, len(command) - 1]
+
+
+def _moving(time_s: Array, command: Array, first: int, last: int, span: float) -> Branch | None:
+    """The branch between two turns without the waits at its ends; None where it is no ramp."""
+    part = command[first : last + 1]
+    low, high = min(part[0], part[-1]), max(part[0], part[-1])
+    inside = np.flatnonzero((part > low + _STANDS * span) & (part < high - _STANDS * span))
+    if high - low < _LONG * span or len(inside) < _LEAST_SAMPLES:
+        return None
+    moving = slice(first + int(inside[0]), first + int(inside[-1]) + 1)
+    slope, level = np.polyfit(time_s[moving], command[moving], 1)
+    off = np.sqrt(np.mean((command[moving] - level - slope * time_s[moving]) ** 2))
+    if off > _STRAIGHT * span or abs(slope) * np.ptp(time_s[moving]) < (1.0 - 2.0 * _TURN) * (high - low):
+        return None
+    ends_s = np.sort((np.array([part[0], part[-1]]) - level) / slope)
+    begin, end = np.searchsorted(time_s, ends_s + np.array([-1e-9, 1e-9]) * np.ptp(ends_s))
+    return Branch(max(int(begin), first), min(int(end), last + 1), float(slope))
+
+
+def _line(time_s: Array, command: Array, branch: Branch) -> Array:
+    """The command of a branch as the line that it follows: noise of a measured command turns no sample back."""
+    late = time_s[branch.samples] - time_s[branch.first]
+    slope, level = np.polyfit(late, command[branch.samples], 1)
+    made: Array = level + slope * late
+    return made
+
+
+def _by_speed(ways: Sequence[tuple[float, Array, Array]]) -> tuple[Sweep, ...]:
+    """Branches of one speed together, whichever way they go."""
+    groups: list[list[tuple[float, Array, Array]]] = []
+    for way in sorted(ways, key=lambda one: -abs(one[0])):
+        if groups and abs(way[0]) >= (1.0 - _SAME_SPEED) * abs(groups[-1][0][0]):
+            groups[-1].append(way)
+        else:
+            groups.append([way])
+    return tuple(
+        Sweep(
+            np.concatenate([command for _, command, _ in group]), np.concatenate([answer for _, _, answer in group]),
+            float(np.mean([abs(speed) for speed, _, _ in group])),
+        )
+        for group in groups
+    )  # fmt: skip
+
+
+def _at_ends(command: Array, response: Array) -> list[Standing]:
+    """Waits at the lowest and the highest command."""
+    found = []
+    for level, risen in ((float(command.min()), False), (float(command.max()), True)):
+        for value, std, count in _waits(command, response, level):
+            found.append(Standing(level, value, std, count, risen))
+    return found
+
+
+def _at_level(command: Array, response: Array, level: float) -> list[tuple[float, float]]:
+    return [(value, std) for value, std, _ in _waits(command, response, level)]
+
+
+def _waits(command: Array, response: Array, level: float) -> list[tuple[float, float, int]]:
+    """(mean of the second half, its standard uncertainty, samples) of every wait at a level."""
+    still = np.flatnonzero(np.abs(command - level) <= _STANDS * float(np.ptp(command)))
+    found = []
+    for run in np.split(still, np.flatnonzero(np.diff(still) > 1) + 1):
+        if len(run) >= _LEAST_SAMPLES:
+            found.append((*settled(response[run]), len(run) - len(run) // 2))
+    return found

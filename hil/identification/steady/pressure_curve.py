@@ -1,0 +1,120 @@
+"""A pressure curve from sweeps of the current up and down at two speeds: what is hysteresis, and what is lag.
+
+The branches lie apart by w = w₀ + 2τ·speed along the current: Coulomb friction F makes w₀ = 2F at any speed, a lag τ
+the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hil.errors import InputError
+from hil.identification.steady.characteristic import Loop, loop
+from hil.identification.steady.sweep_estimate import Standing, Sweep, SweepEstimate, sweep_estimate
+from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about
+from hil.record.recording import Array
+
+
+@dataclass(frozen=True, slots=True)
+class PressureCurve:
+    """The curve and what was read from it.
+
+    Attributes:
+        estimate: the smooth curve that the sweeps share.
+        loop: what lies between the branches.
+        rising, falling: branches at the levels of the estimate, lag taken out, shape (levels,).
+    """
+
+    estimate: SweepEstimate
+    loop: Loop
+    rising: Array
+    falling: Array
+
+    @property
+    def current(self) -> Array:
+        """Levels, rising, from the lowest current to the highest."""
+        return self.estimate.command
+
+    @property
+    def nominal(self) -> Array:
+        """Pressure at the levels, between the branches."""
+        return self.estimate.response
+
+    @property
+    def std(self) -> Array:
+        """Standard uncertainty of the pressure at the levels, of the noise alone."""
+        made: Array = np.std(self.estimate.responses, axis=0)
+        return made
+
+    @property
+    def hysteresis_a(self) -> float:
+        """Mean width of the loop along the current that no speed explains, in A."""
+        return self.estimate.mean_width
+
+    @property
+    def lag_s(self) -> float:
+        """What widens it with speed."""
+        return self.estimate.lag_s
+
+    @property
+    def span(self) -> float:
+        """Change of pressure from the lowest to the highest current; negative for a valve that current closes."""
+        return float(self.nominal[-1] - self.nominal[0])
+
+    @property
+    def span_std(self) -> float:
+        """Standard uncertainty of the span, of the noise alone."""
+        resampled = self.estimate.responses[:, -1] - self.estimate.responses[:, 0]
+        return about(resampled, self.span)
+
+    def pressure_at(self, current: float) -> float:
+        """Nominal pressure at a current."""
+        return float(np.interp(current, self.current, self.nominal))
+
+    def current_at(self, pressure: float) -> float:
+        """Current at which the nominal curve passes a pressure.
+
+        Raises:
+            InputError: it does not.
+        """
+        rising = self.nominal if self.span > 0.0 else -self.nominal
+        monotone = np.maximum.accumulate(rising)
+        wanted = pressure if self.span > 0.0 else -pressure
+        if not monotone[0] <= wanted <= monotone[-1]:
+            low, high = sorted((float(self.nominal[0]), float(self.nominal[-1])))
+            raise InputError(f"pressure {pressure:g} psi: the curve goes from {low:.4g} to {high:.4g} psi")
+        i = max(int(np.argmax(monotone >= wanted)), 1)
+        share = (wanted - monotone[i - 1]) / (monotone[i] - monotone[i - 1])
+        return float(self.current[i - 1] + share * (self.current[i] - self.current[i - 1]))
+
+
+def pressure_curve(
+    name: str,
+    sweeps: Sequence[Sweep],
+    standing: Sequence[Standing] = (),
+    certain: float = 4.0,
+    draws: int = DRAWS,
+) -> PressureCurve:
+    """The curve of the sweeps; their speeds tell lag from hysteresis.
+
+    Args:
+        name: of the recording, for messages.
+        sweeps: at two speeds.
+        standing: where the current waited until the pressure was steady.
+        certain: standard uncertainties from which the width of the loop is no noise.
+        draws: how often it is resampled for its uncertainty.
+
+    Raises:
+        InputError: fewer than two sweeps, all of one speed, or a current that does not go up and down.
+    """
+    speeds = tuple(sweep.speed_per_s for sweep in sweeps)
+    if len(sweeps) < 2 or np.ptp(speeds) == 0.0:
+        raise InputError(f"{name}: a pressure curve needs sweeps at two speeds")
+    estimate = sweep_estimate(name, sweeps, standing, draws=draws)
+    rising, falling = (
+        np.where(np.isnan(branch), estimate.response, branch) for branch in (estimate.branch(1), estimate.branch(-1))
+    )
+    return PressureCurve(estimate, loop(estimate, certain, speeds), rising, falling)

@@ -1,0 +1,302 @@
+"""A steady characteristic from slow sweeps up and down: one smooth curve, and how far its branches lie apart.
+
+Both branches are one curve, y = F(u ∓ h): while the command rises the response belongs to an earlier command, while it
+falls as well. The half width h = w/2 + τ·speed has a part w that speed does not change (hysteresis) and a part from
+whatever is late by τ. Sweeps at two speeds tell them apart. F is smoothed over all branches at once; where the width
+differs from level to level, a second smooth curve says by how much.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hil.errors import InputError
+from hil.identification.uncertainty.parametric_bootstrap import DRAWS, draws_of
+from hil.record.recording import Array
+from hil.signals.colour import colour_factor
+from hil.signals.products import one_blas_thread
+from hil.signals.smooth_curve import Curves, Smoother
+
+LEVELS = 401
+BINS = 240  # of a sweep's range, for each branch
+_LEAST_SHARE = 0.25  # of the range that both branches must cover
+_FEW_COEFFICIENTS, _COEFFICIENTS, _WIDTH_COEFFICIENTS = 40, 100, 24
+_ROUNDS = 4  # of shifting the branches together, at most
+_NEAR, _TOGETHER = 1e-3, 1e-6  # of the range: shifts that no longer matter, for a first look and for the result
+_TRANSIENT = 5.0  # lags after a turn until the response runs parallel to the command
+_MOST_DROPPED = 0.2  # of the range, after each turn
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """Command and response over one sweep up and down, each of shape (n,); speed in the command's unit per second."""
+
+    current: Array
+    pressure: Array
+    speed_per_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """A steady response: where the command stands, the mean there with its standard uncertainty from noise alone.
+
+    `risen` says whether the command rose to it.
+    """
+
+    command: float
+    response: float
+    std: float
+    samples: int
+    risen: bool
+
+
+def settled(waited: Array) -> tuple[float, float]:
+    """Mean of the second half of a wait, and its standard uncertainty from noise."""
+    rest = waited[len(waited) // 2 :]
+    return float(np.mean(rest)), float(np.std(rest)) * math.sqrt(colour_factor(rest) / len(rest))
+
+
+def together(waits: Sequence[Standing]) -> Standing:
+    """The waits at one end as one; the first is what a single visit would have shown."""
+    weights = np.array([wait.samples for wait in waits], dtype=np.float64)
+    value = float(np.average([wait.response for wait in waits], weights=weights))
+    std = float(np.sqrt(np.sum((weights * [wait.std for wait in waits]) ** 2)) / weights.sum())
+    return Standing(waits[0].command, value, std, int(weights.sum()), waits[0].risen)
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """Means of samples that belong to neighbouring commands on one branch.
+
+    Attributes:
+        command, response, count: shape (p,).
+        side: 1 while the command rises, −1 while it falls. `sweep`: which it belongs to.
+        both: whether the other branch has been there too.
+    """
+
+    command: Array
+    response: Array
+    count: Array
+    side: Array
+    sweep: Array
+    both: Array
+
+
+@dataclass(frozen=True, slots=True)
+class SweepEstimate:
+    """The characteristic; rows of resampled arrays belong to the same resampled recording.
+
+    Attributes:
+        command: levels, rising, shape (LEVELS,), from end to end of the sweeps.
+        response, slope, width: of the curve there, and the width of the loop along the command that no speed
+            explains, shape (LEVELS,). `responses`, `slopes`, `widths`: resampled, shape (draws, LEVELS).
+        lag_s, mean_width: what makes the loop wider with speed, and what does not; NaN for sweeps of one speed.
+            `lags_s`, `mean_widths`: resampled more often than curves are, shape (more,).
+        half_widths: of each sweep, lag included. `resampled_half_widths`: shape (more, sweeps).
+        points: the means, commands shifted to where the curve is; `std` their standard uncertainty, shape (p,).
+        covered: lowest and highest command of the curve that the moving command reached on both branches.
+    """
+
+    command: Array
+    response: Array
+    slope: Array
+    width: Array
+    responses: Array
+    slopes: Array
+    widths: Array
+    lag_s: float
+    lags_s: Array
+    mean_width: float
+    mean_widths: Array
+    half_widths: Array
+    resampled_half_widths: Array
+    points: Points
+    std: Array
+    covered: tuple[float, float]
+
+    def branch(self, side: int, sweep: int = 0) -> Array:
+        """Mean response on a branch of a sweep at the levels, lag taken out, shape (LEVELS,); NaN where it was not."""
+        mine = (self.points.side == side) & (self.points.sweep == sweep) & (self.points.count > 0)
+        # what is left of the shift to the curve is hysteresis
+        place = self.points.command[mine] + side * self.mean_width_or_all / 2.0
+        order = np.argsort(place)
+        made: Array = np.interp(
+            self.command, place[order], self.points.response[mine][order], left=np.nan, right=np.nan
+        )
+        return made
+
+    def whole_branch(self, side: int) -> Array:
+        """A branch of the first sweep, the curve where it has not been, shape (LEVELS,)."""
+        found = self.branch(side)
+        made: Array = np.where(np.isnan(found), self.response, found)
+        return made
+
+    @property
+    def mean_width_or_all(self) -> float:
+        """Mean width of the loop; with one speed the lag is in it."""
+        return 2.0 * float(self.half_widths[0]) if np.isnan(self.mean_width) else self.mean_width
+
+
+def sweep_estimate(
+    name: str,
+    sweeps: Sequence[Sweep],
+    standing: Sequence[Standing] = (),
+    waited_s: float = 0.0,
+    draws: int = DRAWS,
+) -> SweepEstimate:
+    """The characteristic of sweeps over one range.
+
+    Args:
+        name: of the recording, for messages.
+        sweeps: at two speeds, or one.
+        standing: where the command waited until the response was steady.
+        waited_s: time after a turn that is left out while the lag is not known.
+        draws: how often it is resampled; few where nobody asks how certain it is.
+
+    Raises:
+        InputError: the command does not go both up and down over one range, or the response does not follow it.
+    """
+    low = min(float(s.current.min()) for s in sweeps)
+    high = max(float(s.current.max()) for s in sweeps)
+    if not high > low:
+        raise InputError(f"{name}: the command does not move; a flow curve needs a sweep")
+    speeds = np.array([sweep.speed_per_s for sweep in sweeps])
+    with one_blas_thread():
+        points = _points(name, sweeps, low, high, [waited_s] * len(sweeps))
+        half, _, _ = _aligned(points, standing, speeds, np.zeros(len(speeds)), _FEW_COEFFICIENTS, _NEAR * (high - low))
+        late = _TRANSIENT * np.abs(half) / speeds
+        points = _points(name, sweeps, low, high, late.tolist())
+        half, smoother, curves = _aligned(points, standing, speeds, half, _COEFFICIENTS, _TOGETHER * (high - low))
+        return _estimate(points, standing, speeds, half, smoother, curves, np.linspace(low, high, LEVELS), draws)
+
+
+def _points(name: str, sweeps: Sequence[Sweep], low: float, high: float, drops_s: Sequence[float]) -> Points:
+    width = (high - low) / BINS
+    found = []
+    for number, (sweep, drop_s) in enumerate(zip(sweeps, drops_s, strict=True)):
+        drop = min(drop_s * sweep.speed_per_s, _MOST_DROPPED * (high - low))
+        slope = np.gradient(sweep.current)
+        for side in (1.0, -1.0):
+            begun = sweep.current - low if side > 0.0 else high - sweep.current
+            kept = (side * slope > 0.0) & (begun >= drop)
+            bins = np.clip(((sweep.current[kept] - low) / width).astype(np.int64), 0, BINS - 1)
+            count = np.bincount(bins, minlength=BINS)
+            full = count >= max(2.0, 0.5 * float(np.median(count[count > 0]))) if count.any() else count > 0
+            sums = [np.bincount(bins, values[kept], BINS)[full] for values in (sweep.current, sweep.pressure)]
+            place = np.flatnonzero(full)
+            found.append((sums[0] / count[full], sums[1] / count[full], count[full], side, number, place))
+    up, down = (set(np.concatenate([p for *_, s, _, p in found if s == side]).tolist()) for side in (1.0, -1.0))
+    shared = up & down
+    if len(shared) < _LEAST_SHARE * BINS:
+        raise InputError(f"{name}: the command does not sweep both up and down over one range")
+    return Points(
+        np.concatenate([one[0] for one in found]),
+        np.concatenate([one[1] for one in found]),
+        np.concatenate([one[2] for one in found]).astype(np.float64),
+        np.concatenate([np.full(len(one[0]), one[3]) for one in found]),
+        np.concatenate([np.full(len(one[0]), one[4]) for one in found]),
+        np.concatenate([np.isin(one[5], list(shared)) for one in found]),
+    )  # fmt: skip
+
+
+def _split(half: Array, speeds: Array) -> tuple[float, float]:
+    """(lag, width) from h = w/2 + τ·speed; NaN for one speed."""
+    if np.ptp(speeds) == 0.0:
+        return np.nan, np.nan
+    (lag_s, half_width), *_ = np.linalg.lstsq(np.column_stack((speeds, np.ones(len(speeds)))), half, rcond=None)
+    return float(lag_s), 2.0 * float(half_width)
+
+
+def _shifted(points: Points, standing: Sequence[Standing], speeds: Array, half: Array) -> tuple[Array, Array]:
+    """(where the samples belong on the curve, weight of each), standing responses behind the moving ones."""
+    _, width = _split(half, speeds)
+    rest = 0.0 if np.isnan(width) else width / 2.0
+    moving = points.command - points.side * half[points.sweep]
+    places = np.concatenate((moving, [s.command - (rest if s.risen else -rest) for s in standing]))
+    weights = np.sqrt(np.concatenate((points.count, [float(s.samples) for s in standing])))
+    return places, weights
+
+
+def _aligned(
+    points: Points, standing: Sequence[Standing], speeds: Array, half: Array, coefficients: int, enough: float
+) -> tuple[Array, Smoother, Curves]:
+    """Half widths that bring all branches onto one curve to within `enough`, by Gauss and Newton, and that curve."""
+    samples = np.concatenate((points.response, [s.response for s in standing]))
+    for last in range(_ROUNDS):
+        places, weights = _shifted(points, standing, speeds, half)
+        smoother = Smoother.on(places, coefficients, weights=weights)
+        curves = smoother.curves(samples)
+        if last == _ROUNDS - 1:
+            break
+        step = _apart(points, smoother, curves, samples[None, : len(points.command)], len(speeds))[0]
+        if np.max(np.abs(step)) < enough:
+            break
+        half = half + step
+    return half, smoother, curves
+
+
+def _apart(points: Points, smoother: Smoother, curves: Curves, samples: Array, sweeps: int) -> Array:
+    """By how much the half widths of the sweeps are too small, shape (m, sweeps), for samples of shape (m, p)."""
+    count = len(points.command)
+    values, slopes = _moving(smoother, curves, count)
+    weight = np.where(points.both, points.count, 0.0)
+    pull = -points.side * slopes * (samples - values) * weight
+    push = slopes**2 * weight
+    one = np.equal.outer(points.sweep, np.arange(sweeps)).astype(np.float64)
+    made: Array = (pull @ one) / np.maximum(push @ one, 1e-300)
+    return made
+
+
+def _moving(smoother: Smoother, curves: Curves, count: int) -> tuple[Array, Array]:
+    """Curves and slopes at the moving samples, shape (m, count)."""
+    return smoother.at(curves)[:, :count], smoother.slopes(curves)[:, :count]
+
+
+def _estimate(
+    points: Points, standing: Sequence[Standing], speeds: Array, half: Array, smoother: Smoother, curves: Curves,
+    levels: Array, draws: int,
+) -> SweepEstimate:  # fmt: skip
+    count, sweeps = len(points.command), len(speeds)
+    places, weights = _shifted(points, standing, speeds, half)
+    wide = Smoother.on(places[:count][points.both], _WIDTH_COEFFICIENTS, weights=weights[:count][points.both])
+    samples = np.concatenate((points.response, [s.response for s in standing]))[None, :]
+    bend, local = _widths(points, wide, smoother, curves, samples[:, :count], levels)
+    lag_s, width = _split(half, speeds)
+
+    rng = draws_of(points.response)
+    noise_std = float(curves.noise_std[0]) / weights
+    shown = smoother.at(curves)[0]
+    shown[:count][points.both] += points.side[points.both] * bend[0]
+    drawn = shown + noise_std * rng.normal(size=(draws, len(shown)))
+    again = smoother.curves(drawn)
+    off = _apart(points, smoother, again, drawn[:, :count], sweeps)
+    splits = np.array([_split(one, speeds) for one in half + off])
+    _, slopes = _moving(smoother, again, count)
+    aligned = drawn[:, :count] + points.side * slopes * off[:, points.sweep]
+    _, local_again = _widths(points, wide, smoother, again, aligned, levels)
+    base, bases = (2.0 * float(half[0]), 2.0 * (half + off)[:, 0]) if np.isnan(width) else (width, splits[:, 1])
+    response, slope = (found[0] for found in smoother.beside(curves, levels))
+    responses, slopes_again = smoother.beside(again, levels)
+    reached = points.command[points.both] - (points.side * half[points.sweep])[points.both]
+    shifted = Points(places[:count], points.response, points.count, points.side, points.sweep, points.both)
+    return SweepEstimate(
+        levels, response, slope, base + local[0], responses, slopes_again, bases[:, None] + local_again,
+        lag_s, splits[:, 0], width, splits[:, 1], half, half + off, shifted, noise_std[:count],
+        (float(reached.min()), float(reached.max())),
+    )  # fmt: skip
+
+
+def _widths(
+    points: Points, wide: Smoother, smoother: Smoother, curves: Curves, samples: Array, levels: Array
+) -> tuple[Array, Array]:
+    """(what the branches keep apart at the samples, by how much wider than on the whole the loop is at the levels)."""
+    left = points.side * (samples - smoother.at(curves)[:, : len(points.command)])
+    found = wide.curves(left[:, points.both])
+    _, slopes = smoother.beside(curves, levels)
+    apart, _ = wide.beside(found, levels)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return wide.at(found), np.where(slopes != 0.0, -2.0 * apart / slopes, 0.0)
