@@ -1,7 +1,7 @@
 """What a limit would have caught: for each, the least fault of this unit that would have failed it.
 
 The unit's own model is driven as the run was, with one fault at a time, and evaluated as the run was. Least sizes are
-sought without noise, beside the scatter of healthy repeats; those that are told are confirmed by repeats with noise.
+sought without noise, beside the scatter of healthy repeats; those that are shown are confirmed by repeats with noise.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ from hil.signals.smooth_curve import coloured
 from hil.units import convert
 
 REPEATS = 40
-"""Runs with noise: of the healthy unit, and of each fault that is told."""
+"""Runs with noise: of the healthy unit, and of each fault that is shown."""
 _SHARE = 0.95  # of them must fail, or pass for the healthy unit
-_TOLD = 2  # of each limit, the most harmless first
+_SHOWN = 2  # of each limit, the most harmless first
 # Shares of an effect's typical size, and of a doubling or halving of a parameter, between which a least size is sought.
 _SHARES = tuple(2.0**k for k in range(-8, 5, 2))
 _HALVINGS = 4  # of the logarithm between two of them: to 9 %
@@ -269,15 +269,15 @@ def _confirmed(
     world: _World, limit: str, ranked: Sequence[tuple[Term, tuple[float, ...], float]]
 ) -> Iterator[LeastFault]:
     """The most harmless faults that fail a limit in 95 % of repeats with noise; each name once."""
-    told = set[str]()
+    shown = set[str]()
     for term, start, least in ranked:
-        if len(told) == _TOLD or term.name in told:
+        if len(shown) == _SHOWN or term.name in shown:
             continue
         for attempt in range(_TRIES):
             fault = _faulty(term, start, least * _LARGER**attempt)
             failed = round(REPEATS * _share(world.repeated(fault), limit, "fail"))
             if failed >= _SHARE * REPEATS:
-                told.add(term.name)
+                shown.add(term.name)
                 size, u = fault[0][1][0], term.unknowns[0]
                 nominal = term.nominal if term.kind == "parameter" else term.null
                 others = zip(term.unknowns[1:], fault[0][1][1:], strict=True)

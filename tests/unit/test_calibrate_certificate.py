@@ -86,16 +86,16 @@ def test_the_command_writes_it_and_asks_for_nothing_else(tmp_path: Path) -> None
     file = bench(tmp_path)
     one = column("basic_measuredValue", "-5 0 5", r"\volt")
     one += column("basic_referenceValue", "-51 0 51", r"\litre\minute\tothe{-1}", WIDTH_2_2.format("0.2"))
-    told = ["calibrate", str(file), "flow", "--certificate", str(certificate(tmp_path, one, one)), "--yes"]
-    found = CliRunner().invoke(_assembled(), told)
+    command = ["calibrate", str(file), "flow", "--certificate", str(certificate(tmp_path, one, one)), "--yes"]
+    found = CliRunner().invoke(_assembled(), command)
     assert isinstance(found.exception, FileError) and "holds the tables 'table 1', 'table 2'; name one" in str(
         found.exception
     )
-    found = CliRunner().invoke(_assembled(), [*told, "--table", "table 2"])
+    found = CliRunner().invoke(_assembled(), [*command, "--table", "table 2"])
     assert found.exit_code == 0 and "as the stated uncertainties make it" in found.stdout, found.output
     entry = read_bench(file).bench.channels["flow"]
     assert entry.calibration is not None and entry.calibration.slope == pytest.approx(10.2)
-    both = CliRunner().invoke(_assembled(), [*told, "--reference", "meter 3"])
+    both = CliRunner().invoke(_assembled(), [*command, "--reference", "meter 3"])
     assert isinstance(both.exception, SettingError)
 
 

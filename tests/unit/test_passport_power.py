@@ -92,8 +92,8 @@ def test_passport_says_it_in_the_annex_and_in_a_file(folder: Path, tmp_path: Pat
     (one,) = found.powers
     assert "full_flow" in sizes(one, CHANGE)
     lay_out(found.path.read_bytes(), tmp_path / "inside")
-    told = json.loads((tmp_path / "inside" / "power.json").read_text("utf-8"))
-    assert told["schema"] == "hil.power/1" and told["runs"][0]["unbroken"] == [OVERSHOOT]
+    inside = json.loads((tmp_path / "inside" / "power.json").read_text("utf-8"))
+    assert inside["schema"] == "hil.power/1" and inside["runs"][0]["unbroken"] == [OVERSHOOT]
     text = " ".join("".join(page.extract_text() for page in PdfReader(found.path).pages).split())
     assert "What these limits would have caught" in text and "full flow" in text
     assert not list(tmp_path.glob(".*.json"))

@@ -52,8 +52,8 @@ class Certificate:
 
         Args:
             table: its name; may be left empty where there is only one.
-            unit: in which reference and uncertainty are told.
-            indicated_in: units that the indication may have; it is told in the first that it can be.
+            unit: of reference and uncertainty.
+            indicated_in: units that the indication may have; it is converted to the first that it can be.
 
         Returns:
             The unit of the indication, and the points.
