@@ -241,7 +241,8 @@ class HeartbeatClient:
         self._process.wait()
 
     def _gone(self) -> StoppedError:
-        how = self._failed or f"gave no answer for {self._limit_s:g} s"
+        ended = "" if self._process.poll() is None else self._death()  # its pipe may tell that later
+        how = self._failed or ended or f"gave no answer for {self._limit_s:g} s"
         return StoppedError(f"the watchdog process {how}; the run was stopped")
 
     def _say_line(self, content: Mapping[str, Any]) -> None:
