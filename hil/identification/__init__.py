@@ -39,4 +39,4 @@ class _InItsRoom(MetaPathFinder, Loader):
             module.__spec__ = own.loader_state
 
 
-sys.meta_path.append(_InItsRoom())
+sys.meta_path.insert(0, _InItsRoom())  # before what a folder of before, left empty by an update, is taken for
