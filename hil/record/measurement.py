@@ -9,12 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hil.record.cause import Cause
 from hil.record.measured import COVERAGE_FACTOR, Limit, Measured, Relation, Verdict, judge, names_of
-from hil.record.population_comparison import PopulationComparison
-from hil.record.since import Since
+
+if TYPE_CHECKING:  # named in annotations alone; since.py needs pydantic, and procedures do not
+    from hil.record.cause import Cause
+    from hil.record.population_comparison import PopulationComparison
+    from hil.record.since import Since
 
 __all__ = [
     "AS_PLANNED",
