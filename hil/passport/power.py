@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -30,15 +30,16 @@ from hil.passport.unit import UnitRun
 from hil.physics.model import Model
 from hil.physics.simulate import ActiveEffect
 from hil.record.durable import write_whole
+from hil.record.invalid_samples import with_blanks
 from hil.record.measurement import Limit, Measured, Verdict
 from hil.record.plain import to_json
-from hil.record.read import read_recording
 from hil.record.recording import Array, split_heading
 from hil.report.number import number, unit_text
 from hil.session.procedure import Procedure
 from hil.session.results import evaluated, judged_by, procedure_of
 from hil.signals.smooth_curve import coloured
 from hil.units import convert
+from hil.version import PROGRAM
 
 REPEATS = 40
 """Runs with noise: of the healthy unit, and of each fault that is shown."""
@@ -109,34 +110,51 @@ def power_of(run: UnitRun, model: Model, progress: Progress, kept: Path | None =
     """
     world = _World.of(run, model)
     progress(0.0, "what limits catch: the healthy unit")
-    healthy = world.repeated(())
-    passed = [name for name in world.limits if _share(healthy, name, "pass") >= _SHARE]
+    healthy = world.repeated(None)
+    passed = [name for name in world.limits if _fraction(healthy, name, "pass") >= _SHARE]
     scatter = {name: found for name in passed if (found := _scatter(healthy, name)) is not None}
-    proven = tuple(scatter)
-    state = _State.of(kept, run, model)
-    terms = [(term, start) for term in world.terms for start in _ends(term)]
-    for n, (term, start) in enumerate(terms):
-        progress(0.05 + 0.8 * n / len(terms), f"what limits catch: {term.label}")
-        key = f"{term.label} {start}"
-        if key not in state.found:
-            state.add(key, _least(world, term, start, proven, scatter))
-        world.seen.clear()
+    state = _State.of(kept, world)
+    growing = [_Growing(term, start) for term in world.terms for start in _ends(term)]
+    for n, one in enumerate(growing):
+        progress(0.05 + 0.8 * n / len(growing), f"what limits catch: {one.term.label}")
+        if one.key not in state.found:
+            state.add(one.key, _least(world, one, scatter))
     faults: list[LeastFault] = []
-    for n, name in enumerate(proven):
-        progress(0.85 + 0.15 * n / len(proven), f"what limits catch: confirming {name}")
-        broken = [(t, s, least) for t, s in terms if (least := state.found[f"{t.label} {s}"].get(name))]
-        ranked = sorted(broken, key=lambda one: world.disturbance(_faulty(one[0], one[1], one[2])))
+    for n, name in enumerate(scatter):
+        progress(0.85 + 0.15 * n / len(scatter), f"what limits catch: confirming {name}")
+        broken = [(one, least) for one in growing if (least := state.found[one.key].get(name))]
+        ranked = sorted(broken, key=lambda found: world.disturbance(found[0].at(found[1])))
         faults += _confirmed(world, name, ranked)
     state.close()
     caught = {fault.limit for fault in faults}
     return Power(
-        run.results.run, tuple(faults), tuple(name for name in proven if name not in caught),
-        tuple(name for name in world.limits if name not in proven),
-        tuple(dict.fromkeys(term.label for term, _ in terms)),
+        run.results.run, tuple(faults), tuple(name for name in scatter if name not in caught),
+        tuple(name for name in world.limits if name not in scatter),
+        tuple(dict.fromkeys(one.term.label for one in growing)),
     )  # fmt: skip
 
 
-_Fault = tuple[tuple[Term, tuple[float, ...]], ...]
+_Fault = tuple[Term, tuple[float, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Growing:
+    """A fault that grows from nothing, in shares of one of the starts of its term."""
+
+    term: Term
+    start: tuple[float, ...]
+
+    @property
+    def key(self) -> str:
+        """Unlike that of any other."""
+        return f"{self.term.name} {self.term.hook} {self.start}"
+
+    def at(self, share: float) -> _Fault:
+        """The fault of this size, as far as it may go."""
+        if self.term.kind == "effect":
+            return self.term, self.term.scaled(self.start, share)
+        u, nominal = self.term.unknowns[0], self.term.nominal
+        return self.term, (float(np.clip(nominal + share * (self.start[0] - nominal), u.low, u.high)),)
 
 
 @dataclass(slots=True)
@@ -150,25 +168,24 @@ class _World:
     limits: tuple[str, ...]
     terms: tuple[Term, ...]
     nominal: Array
-    seen: dict[_Fault, Values]
-    repeats: dict[_Fault, list[Values]]
+    repeats: dict[_Fault | None, list[Values]]
 
     @classmethod
     def of(cls, run: UnitRun, model: Model) -> _World:
         limits = tuple(m.name for m in run.findings.measured if m.verdict is not None)
         if not limits:
             raise InputError(f"{run.results.run}: no limit was given")
-        problem = pose(model, [for_model(model, read_recording(run.folder))])
+        problem = pose(model, [for_model(model, with_blanks(run.recording))])
         rows = problem.experiments[0].respond(model.definition, model.values, model.active_effects)
         terms = all_terms(problem, problem.nominal_residuals)
         procedure, judged = procedure_of(run.recording), judged_by(run.recording, run.folder)
-        return cls(run, problem, procedure, judged, limits, terms, rows, {}, {})
+        return cls(run, problem, procedure, judged, limits, terms, rows, {})
 
-    def rows(self, fault: _Fault) -> Array:
+    def rows(self, fault: _Fault | None) -> Array:
         """Output and inner signals, shape (1 + observed, n)."""
         parameters, effects = dict(self.problem.model.values), list[ActiveEffect](self.problem.model.active_effects)
-        for term, values in fault:
-            term.apply(values, parameters, effects)
+        if fault is not None:
+            fault[0].apply(fault[1], parameters, effects)
         with np.errstate(all="ignore"):
             return self.problem.experiments[0].respond(self.problem.plant, parameters, effects)
 
@@ -179,11 +196,9 @@ class _World:
 
     def still(self, fault: _Fault) -> Values:
         """What is found without noise."""
-        if fault not in self.seen:
-            self.seen[fault] = self._found(self.rows(fault))
-        return self.seen[fault]
+        return self._found(self.rows(fault))
 
-    def _noisy(self, fault: _Fault, seed: int) -> Values:
+    def _noisy(self, fault: _Fault | None, seed: int) -> Values:
         rows, (noise,), (inner,) = self.rows(fault), self.problem.noises, self.problem.observed_noise
         rng, n = np.random.default_rng(seed), rows.shape[1]
         white = rng.standard_normal((1, n + 1000))
@@ -194,7 +209,7 @@ class _World:
             rows[k] += inner.get(signal.name, 0.0) * rng.standard_normal(n)
         return self._found(rows)
 
-    def repeated(self, fault: _Fault) -> Sequence[Values]:
+    def repeated(self, fault: _Fault | None) -> Sequence[Values]:
         """What repeats with noise find, each with its own."""
         if fault not in self.repeats:
             self.repeats[fault] = spread(partial(self._noisy, fault), range(REPEATS))
@@ -226,33 +241,23 @@ def _ends(term: Term) -> tuple[tuple[float, ...], ...]:
     return tuple(signed.values()) if term.scales else ()
 
 
-def _faulty(term: Term, start: tuple[float, ...], share: float) -> _Fault:
-    if term.kind == "effect":
-        return ((term, term.scaled(start, share)),)
-    u = term.unknowns[0]
-    return ((term, (float(np.clip(term.nominal + share * (start[0] - term.nominal), u.low, u.high)),)),)
-
-
-def _least(
-    world: _World, term: Term, start: tuple[float, ...], limits: Sequence[str], scatter: Mapping[str, float]
-) -> dict[str, float]:
+def _least(world: _World, growing: _Growing, scatter: Mapping[str, float]) -> dict[str, float]:
     """The least share at which each limit is missed in 95 %; those that none misses are left out.
 
     From the largest down, until nothing is missed any more.
     """
+    found = cache(lambda share: world.still(growing.at(share)))
     lowest: dict[str, float] = {}
     for share in reversed(_SHARES):
-        found = world.still(_faulty(term, start, share))
-        missed = [name for name in limits if _misses(found.get(name), scatter[name])]
+        missed = [name for name, std in scatter.items() if _misses(found(share).get(name), std)]
         lowest |= dict.fromkeys(missed, share)
-        if not missed and all(name in found and found[name].value is not None for name in limits):
+        if not missed and all(name in found(share) and found(share)[name].value is not None for name in scatter):
             break
     for name, share in lowest.items():
         low, high = share / _SHARES[1] * _SHARES[0], share
         for _halving in range(_HALVINGS):
             middle = math.sqrt(low * high)
-            found = world.still(_faulty(term, start, middle))
-            low, high = (low, middle) if _misses(found.get(name), scatter[name]) else (middle, high)
+            low, high = (low, middle) if _misses(found(middle).get(name), scatter[name]) else (middle, high)
         lowest[name] = high
     return lowest
 
@@ -265,31 +270,28 @@ def _misses(found: Measured | None, scatter: float) -> bool:
     return found.verdict == "fail" if probability is None else probability >= _SHARE
 
 
-def _confirmed(
-    world: _World, limit: str, ranked: Sequence[tuple[Term, tuple[float, ...], float]]
-) -> Iterator[LeastFault]:
+def _confirmed(world: _World, limit: str, ranked: Sequence[tuple[_Growing, float]]) -> Iterator[LeastFault]:
     """The most harmless faults that fail a limit in 95 % of repeats with noise; each name once."""
     shown = set[str]()
-    for term, start, least in ranked:
-        if len(shown) == _SHOWN or term.name in shown:
+    for growing, least in ranked:
+        if len(shown) == _SHOWN or growing.term.name in shown:
             continue
         for attempt in range(_TRIES):
-            fault = _faulty(term, start, least * _LARGER**attempt)
-            failed = round(REPEATS * _share(world.repeated(fault), limit, "fail"))
+            fault = term, values = growing.at(least * _LARGER**attempt)
+            failed = round(REPEATS * _fraction(world.repeated(fault), limit, "fail"))
             if failed >= _SHARE * REPEATS:
                 shown.add(term.name)
-                size, u = fault[0][1][0], term.unknowns[0]
+                u, *others = term.unknowns
                 nominal = term.nominal if term.kind == "parameter" else term.null
-                others = zip(term.unknowns[1:], fault[0][1][1:], strict=True)
-                shape = {one.name: (value, one.unit) for one, value in others}
+                shape = {one.name: (value, one.unit) for one, value in zip(others, values[1:], strict=True)}
                 yield LeastFault(
-                    limit, term.name, term.stage, u.name, size, nominal, u.unit, shape, world.disturbance(fault),
+                    limit, term.name, term.stage, u.name, values[0], nominal, u.unit, shape, world.disturbance(fault),
                     failed, REPEATS,
                 )  # fmt: skip
                 break
 
 
-def _share(repeats: Sequence[Values], limit: str, verdict: Verdict) -> float:
+def _fraction(repeats: Sequence[Values], limit: str, verdict: Verdict) -> float:
     return sum(one[limit].verdict == verdict for one in repeats if limit in one) / len(repeats)
 
 
@@ -310,8 +312,11 @@ class _State:
     found: dict[str, dict[str, float]]
 
     @classmethod
-    def of(cls, path: Path | None, run: UnitRun, model: Model) -> _State:
-        text = to_json([run.results.run, run.recording.meta.get("started_utc"), model.as_dict()])
+    def of(cls, path: Path | None, world: _World) -> _State:
+        run = world.run
+        judged = {name: asdict(limit) for name, limit in world.judged_by.items()}
+        parts = [run.results.run, run.recording.meta.get("started_utc"), world.problem.model.as_dict(), judged, PROGRAM]
+        text = to_json(parts)
         key, found = hashlib.sha256(text.encode()).hexdigest(), dict[str, dict[str, float]]()
         if path is not None and path.is_file():
             with suppress(OSError, ValueError, KeyError):
