@@ -163,10 +163,14 @@ def calibrate(
     file, labels = bench_of(bench), labels_of("", operator, [])
     if channel not in file.bench.channels:
         raise UnknownNameError("channel", channel, file.bench.channels)
-    if bool(certificate) == (answered is not None):
-        raise SettingError("either a reference, which is read beside the channel, or a certificate")
-    if answered is None:
+    if bool(certificate) == bool(reference):
+        raise SettingError("either --reference, which is read beside the channel, or --certificate")
+    if certificate:
+        if reference_uncertainty is not None or between is not None or str(out):
+            raise SettingError("--certificate has its points and their uncertainty in it, and nothing is driven")
         return certified(file, channel, Path(certificate), table, labels.operator, valid_days)
+    if answered is None:
+        raise SettingError("who tells what the reference reads (answered)?")
     if not file.bench.channels[channel].is_output:
         found = input_points(file, channel, points, ask, answered)
     elif not str(out):

@@ -57,10 +57,8 @@ def command(
     from hil.cli.quantity import quantity
     from hil.cli.run_end import entered, safely
     from hil.cli.typed import Typed
-    from hil.errors import SettingError, UnknownNameError
+    from hil.errors import UnknownNameError
 
-    if bool(reference) == bool(certificate):
-        raise SettingError("either --reference TEXT, what is read beside the channel, or --certificate FILE.xml")
     file = read_bench(bench)
     if channel not in file.bench.channels:
         raise UnknownNameError("channel", channel, file.bench.channels)
@@ -69,19 +67,16 @@ def command(
     ends = between.partition("..")
     limits = (quantity(ends[0], unit, "--between"), quantity(ends[2], unit, "--between")) if between else None
     typed = Typed()
-    folder = None if certificate else _folder(file, channel, out)
+    folder = None if certificate or not reference else _folder(file, channel, out)
 
     def ask_all(known: Outputs | None = None) -> Calibrated:
         return api.calibrate(
             file, channel, reference, _answers(typed, unit), points=points, between=limits, operator=operator,
-            reference_uncertainty=expanded, valid_days=valid_days, out=folder or "", ask=_ask, outputs=known,
+            reference_uncertainty=expanded, valid_days=valid_days, out=folder or out or "", ask=_ask, outputs=known,
+            certificate=certificate or "", table=table,
         )  # fmt: skip
 
-    if certificate is not None:
-        found = api.calibrate(
-            file, channel, certificate=certificate, table=table, operator=operator, valid_days=valid_days
-        )
-    elif folder is None:
+    if folder is None:
         found = ask_all()
     else:
         found = safely(ask_all, folder, archive)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
+from hil.bench.hand.certificate import DCC, SI
 from hil.errors import UnitError
 from hil.passport.certificate import Signer
 from hil.passport.unit import Unit, UnitRun
@@ -16,7 +17,7 @@ from hil.report.results import value_text
 from hil.units import scale_and_offset
 from hil.version import __version__
 
-DCC, SI, VERSION = "https://ptb.de/dcc", "https://ptb.de/si", "3.2.1"
+VERSION = "3.2.1"
 _AS_THEY_ARE = {"1": r"\one", "%": r"\percent", "deg": r"\degree", "°": r"\degree",
                 "rad/s": r"\radian\second\tothe{-1}",
                 "°C": r"\degreecelsius", "degC": r"\degreecelsius"}  # fmt: skip

@@ -18,12 +18,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from xml.etree.ElementTree import Element, ParseError, fromstring, tostring
 
+from hil.bench.hand.certificate import DCC
 from hil.errors import InputError
 from hil.language.words import languages, speaking
 from hil.passport.attached import CONTENT_FILE, DCC_FILE, MODEL_FILE, RUNS
 from hil.passport.certificate import Signer, certificate_of
 from hil.passport.contents import lay_out
-from hil.passport.dcc import DCC, certificate_xml
+from hil.passport.dcc import certificate_xml
 from hil.passport.identified import Understood
 from hil.passport.unit import Unit, read_unit_runs
 from hil.version import PROGRAM

@@ -113,12 +113,39 @@ def test_what_does_not_fit_is_named(tmp_path: Path, measured: str, said: str) ->
         api.calibrate(bench(tmp_path), "flow", certificate=certificate(tmp_path, table))
 
 
+@pytest.mark.parametrize(
+    ("values", "width", "said"),
+    [
+        ("10 nan 30", "", "basic_referenceValue: nan is no value"),
+        ("10 ten 30", "", "basic_referenceValue: could not convert string to float: 'ten'"),
+        ("10 20 30", WIDTH_2_1.format("0.1 0.2"), "2 uncertainties or coverage factors for 3 values"),
+        ("10 20 30", WIDTH_2_1.format("0.1").replace(">2<", ">0<"), "basic_referenceValue: a coverage factor of 0"),
+    ],
+)
+def test_what_is_no_number_is_named(tmp_path: Path, values: str, width: str, said: str) -> None:
+    table = column("basic_measuredValue", "1 2 3", r"\volt")
+    table += column("basic_referenceValue", values, r"\litre\minute\tothe{-1}", width)
+    with pytest.raises(FileError, match=said):
+        api.calibrate(bench(tmp_path), "flow", certificate=certificate(tmp_path, table))
+
+
+def test_tables_of_one_name_are_two(tmp_path: Path) -> None:
+    table = column("basic_measuredValue", "1 2 3", r"\volt")
+    table += column("basic_referenceValue", "10 20 30", r"\litre\minute\tothe{-1}")
+    path = certificate(tmp_path, table, table)
+    path.write_text(path.read_text("utf-8").replace("table 2", "table 1"), "utf-8")
+    with pytest.raises(FileError, match="holds the tables 'table 1', 'table 1 2'"):
+        api.calibrate(bench(tmp_path), "flow", certificate=path)
+    with pytest.raises(SettingError, match="has its points and their uncertainty in it"):
+        api.calibrate(bench(tmp_path), "flow", certificate=path, table="table 1", reference_uncertainty=0.2)
+
+
 def test_neither_or_no_certificate_is_refused(tmp_path: Path) -> None:
     file = bench(tmp_path)
     (tmp_path / "page.xml").write_text("<html/>", encoding="utf-8")
     with pytest.raises(FileError, match="is no Digital Calibration Certificate"):
         api.calibrate(file, "flow", certificate=tmp_path / "page.xml")
-    with pytest.raises(SettingError, match="either a reference"):
+    with pytest.raises(SettingError, match="either reference"):
         api.calibrate(file, "flow")
 
 

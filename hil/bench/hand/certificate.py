@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError, fromstring
@@ -13,6 +14,9 @@ from hil.errors import FileError, UnitError
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.units import scale_and_offset
 from hil.untrusted import open_untrusted
+
+DCC, SI = "https://ptb.de/dcc", "https://ptb.de/si"
+"""Namespaces of the certificate and of its values."""
 
 _REFERENCE, _INDICATED, _ERROR = "basic_referenceValue", "basic_measuredValue", "basic_measurementError"
 _TOKEN = re.compile(r"\\([A-Za-z]+)(?:\{([^}]*)\})?")
@@ -33,11 +37,10 @@ class CertifiedPoint:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """What a certificate says of an instrument: `item`, by which laboratory, and until which day it was measured."""
+    """What a laboratory certifies of an instrument, and the last day on which it measured."""
 
     identifier: str
     laboratory: str
-    item: str
     date: dt.date
     tables: dict[str, Element]
     path: Path
@@ -82,10 +85,11 @@ class Certificate:
         """Unit, values and standard uncertainties of all quantities of a kind, in the order of the certificate."""
         unit, values, stds = "", list[float](), list[float | None]()
         for quantity in _quantities(table, kind):
-            stated = [
-                one for tag in ("realListXMLList", "real") for one in quantity.iter(f"{{https://ptb.de/si}}{tag}")
-            ]
-            read = next((r for to in units for one in stated if (r := _converted(one, to)) is not None), None)
+            stated = [one for tag in ("realListXMLList", "real") for one in quantity.iter(f"{{{SI}}}{tag}")]
+            try:
+                read = next((r for to in units for one in stated if (r := _converted(one, to)) is not None), None)
+            except ValueError as error:
+                raise FileError(f"{self.path}: {kind}: {error}") from None
             if read is None or unit not in ("", read[0]):
                 has = ", ".join(dict.fromkeys(_text(one, "unit", "unitXMLList") or "no unit" for one in stated))
                 raise FileError(f"{self.path}: {kind} is in {has or 'no unit'}, which is not {' or '.join(units)}")
@@ -111,11 +115,12 @@ def read_certificate(path: Path) -> Certificate:
     if _local(root) != "digitalCalibrationCertificate":
         raise FileError(f"{path}: is no Digital Calibration Certificate (DCC); its first element is '{_local(root)}'")
     tables, kinds = {}, dict[str, None]()
-    for number, result in enumerate(root.iter("{https://ptb.de/dcc}result"), 1):
-        own = [kind for one in result.iter("{https://ptb.de/dcc}quantity") for kind in one.get("refType", "").split()]
+    for number, result in enumerate(root.iter(f"{{{DCC}}}result"), 1):
+        own = [kind for one in result.iter(f"{{{DCC}}}quantity") for kind in one.get("refType", "").split()]
         kinds |= dict.fromkeys(own)
         if _REFERENCE in own and _INDICATED in own:
-            tables[_content(result, "{*}name") or str(number)] = result
+            name = _content(result, "{*}name")
+            tables[name if name and name not in tables else f"{name} {number}".strip()] = result
     if not tables:
         raise FileError(
             f"{path}: no result holds quantities of the types {_REFERENCE} and {_INDICATED}; it has "
@@ -128,8 +133,7 @@ def read_certificate(path: Path) -> Certificate:
         raise FileError(f"{path}: endPerformanceDate: it does not say when it was measured") from None
     return Certificate(
         (root.findtext(f"{core}uniqueIdentifier") or "").strip(),
-        _content(root, "{*}administrativeData/{*}calibrationLaboratory/{*}contact/{*}name"),
-        _content(root, "{*}administrativeData/{*}items/{*}item/{*}name"), date, tables, path,
+        _content(root, "{*}administrativeData/{*}calibrationLaboratory/{*}contact/{*}name"), date, tables, path,
     )  # fmt: skip
 
 
@@ -150,31 +154,48 @@ def unit_of(d_si: str) -> str:
 
 
 def _converted(stated: Element, to: str) -> tuple[str, list[float], list[float | None]] | None:
-    """(unit, values, standard uncertainties) in a unit; None where the quantity is another."""
-    units = set((_text(stated, "unit", "unitXMLList")).split())
+    """(unit, values, standard uncertainties) in a unit; None where the quantity is another.
+
+    Raises:
+        ValueError: a value or an uncertainty is no number.
+    """
+    units = set(_text(stated, "unit", "unitXMLList").split())
+    values = _numbers(_text(stated, "value", "valueXMLList"))
     try:
         scale, offset = scale_and_offset(unit_of(units.pop()), to) if len(units) == 1 else (0.0, 0.0)
-        values = [scale * float(text) + offset for text in _text(stated, "value", "valueXMLList").split()]
-    except (UnitError, ValueError):
+    except UnitError:
         return None
     if not scale or not values:
         return None
     stds: list[float | None] = [None] * len(values)
     for name, expanded in _WIDTHS.items():
-        widths = [float(text) for text in _below(stated, name).split()]
-        if widths:
-            factors = [float(text) for text in _below(stated, "coverageFactor").split()] if expanded else [1.0]
-            factors = factors or [COVERAGE_FACTOR]
-            stds = [
-                abs(scale) * widths[min(k, len(widths) - 1)] / factors[min(k, len(factors) - 1)]
-                for k in range(len(values))
-            ]
+        if widths := _numbers(_below(stated, name)):
+            stated_factors = _numbers(_below(stated, "coverageFactor")) or [COVERAGE_FACTOR]
+            if 0.0 in stated_factors:
+                raise ValueError("a coverage factor of 0")
+            factors = _as_many(stated_factors if expanded else [1.0], values)
+            stds = [abs(scale) * w / k for w, k in zip(_as_many(widths, values), factors, strict=True)]
             break
-    return to, values, stds
+    return to, [scale * value + offset for value in values], stds
+
+
+def _numbers(text: str) -> list[float]:
+    """Finite numbers with blanks between; raises `ValueError` for any other."""
+    found = [float(part) for part in text.split()]
+    if bad := next((value for value in found if not math.isfinite(value)), None):
+        raise ValueError(f"{bad} is no value")
+    return found
+
+
+def _as_many(numbers: Sequence[float], values: Sequence[float]) -> Sequence[float]:
+    """One number for each value; a single one holds for all."""
+    if len(numbers) not in (1, len(values)):
+        raise ValueError(f"{len(numbers)} uncertainties or coverage factors for {len(values)} values")
+    return [numbers[0]] * len(values) if len(numbers) == 1 else numbers
 
 
 def _quantities(table: Element, kind: str) -> Iterator[Element]:
-    every = table.iter("{https://ptb.de/dcc}quantity")
+    every = table.iter(f"{{{DCC}}}quantity")
     return (one for one in every if kind in one.get("refType", "").split())
 
 
