@@ -20,6 +20,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from tests.studies.skeletons import around
+
 Array = NDArray[np.float64]
 PLANT = "hydraforce-open-loop"
 CHANNELS = {"current": "A", "position": "mm", "pressure A": "bar", "pressure B": "bar"}
@@ -99,9 +101,7 @@ SPREAD = {
 
 def draw(rng: np.random.Generator) -> Unit:
     """A healthy unit: each parameter some percent around its nominal value."""
-    nominal = Unit()
-    around = {field.name: 1.0 + SPREAD.get(field.name, 0.05) * float(rng.uniform(-1.0, 1.0)) for field in fields(Unit)}
-    return replace(nominal, **{name: float(getattr(nominal, name)) * factor for name, factor in around.items()})
+    return around(Unit(), SPREAD, 0.05, rng)
 
 
 @njit(cache=True)

@@ -20,6 +20,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from tests.studies.skeletons import around
+
 Array = NDArray[np.float64]
 PLANT = "hydraforce-open-loop"
 CHANNELS = {"current": "A", "position": "mm"}
@@ -81,9 +83,7 @@ SPREAD = {"half_m": 0.0, "head_m2": 0.0, "rod_m2": 0.0, "overlap_m": 0.03, "seal
 
 def draw(rng: np.random.Generator) -> Unit:
     """A healthy unit: each parameter some percent around its nominal value."""
-    nominal = Unit()
-    around = {field.name: 1.0 + SPREAD.get(field.name, 0.04) * float(rng.uniform(-1.0, 1.0)) for field in fields(Unit)}
-    return replace(nominal, **{name: float(getattr(nominal, name)) * factor for name, factor in around.items()})
+    return around(Unit(), SPREAD, 0.04, rng)
 
 
 @njit(cache=True)
