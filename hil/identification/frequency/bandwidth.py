@@ -210,8 +210,7 @@ def model_crossing(model: TransferFunction, level: float, unit: str, top_hz: flo
 
 
 def _db(model: TransferFunction, frequency_hz: Array) -> Array:
-    made: Array = 20.0 * np.log10(np.abs(model.at(frequency_hz)) / abs(model.dc_gain))
-    return made
+    return 20.0 * np.log10(np.abs(model.at(frequency_hz)) / abs(model.dc_gain))
 
 
 def _degrees(model: TransferFunction, frequency_hz: Array) -> Array:

@@ -182,8 +182,7 @@ def _noise(rest: Complex) -> Array:
 def _pooled(noise: Array) -> Array:
     """Of each line and its neighbours: noise is smooth over frequency, and few periods tell little of one line."""
     around = np.ones(min(_POOLED, len(noise)))
-    made: Array = np.convolve(noise, around, "same") / np.convolve(np.ones(len(noise)), around, "same")
-    return made
+    return np.convolve(noise, around, "same") / np.convolve(np.ones(len(noise)), around, "same")
 
 
 def _level(periods: Array) -> Array:

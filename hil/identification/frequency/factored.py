@@ -49,5 +49,4 @@ def units(form: Form, scale: float) -> Array:
     """Factors that turn scaled parameters into seconds."""
     orders = [k + 1 for order in (*form.lags, *form.leads) for k in range(order)]
     powers = [0] * int(form.dc_gain is None) + orders + [1] * int(form.dead_time)
-    made: Array = scale ** -np.array(powers, dtype=np.float64)
-    return made
+    return scale ** -np.array(powers, dtype=np.float64)

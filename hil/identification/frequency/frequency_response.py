@@ -74,20 +74,17 @@ class FrequencyResponse:
     @property
     def gain_std(self) -> Array:
         """Standard uncertainty of the gain, in its unit, shape (n,)."""
-        made: Array = np.abs(self.response) * (10.0 ** (self.magnitude_std_db / 20.0) - 1.0)
-        return made
+        return np.abs(self.response) * (10.0 ** (self.magnitude_std_db / 20.0) - 1.0)
 
     @property
     def magnitude_db(self) -> Array:
         """20·lg of the raw ratio."""
-        made: Array = 20.0 * np.log10(np.abs(self.response))
-        return made
+        return 20.0 * np.log10(np.abs(self.response))
 
     @property
     def phase_deg(self) -> Array:
         """Phase, unwrapped from the lowest frequency on, beyond −360° where it goes there."""
-        made: Array = np.degrees(np.unwrap(np.angle(self.response)))
-        return made
+        return np.degrees(np.unwrap(np.angle(self.response)))
 
     @property
     def magnitude_std_db(self) -> Array:
@@ -102,14 +99,12 @@ class FrequencyResponse:
     @property
     def own_phase_std_deg(self) -> Array:
         """The part of it that is each line's own."""
-        made: Array = np.degrees(self._std_along(1j * self.response))
-        return made
+        return np.degrees(self._std_along(1j * self.response))
 
     @property
     def shared_phase_std_deg(self) -> Array:
         """The part of it that the lines share, by their common delay."""
-        made: Array = 360.0 * self.frequency_hz * self.delay_std_s
-        return made
+        return 360.0 * self.frequency_hz * self.delay_std_s
 
     @property
     def distortion(self) -> Array:
@@ -135,8 +130,7 @@ class FrequencyResponse:
     def coherence(self) -> Array:
         """Share of the output's power that the fundamental carries; the rest is harmonics and noise."""
         sine = self.output_amplitude**2 / 2.0
-        made: Array = sine / (sine * (1.0 + self.distortion**2) + self.noise_std**2)
-        return made
+        return sine / (sine * (1.0 + self.distortion**2) + self.noise_std**2)
 
     def distorted(self, limit: float = DISTORTION_FLAG) -> Array:
         """Frequencies at which THD is above a limit."""

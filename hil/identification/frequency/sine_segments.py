@@ -176,8 +176,7 @@ def _above(part: Array, middle: float) -> NDArray[np.bool_]:
     band = min(_NOISES * white_floor(part), _WIDEST * float(np.ptp(part)))
     seen = np.abs(part - middle) > band
     last = np.maximum.accumulate(np.where(seen, np.arange(len(part)), 0))
-    made: NDArray[np.bool_] = part[last] > middle
-    return made
+    return part[last] > middle
 
 
 def _of_equal_periods(time_s: Array, values: Array, rises: Array) -> list[Segment]:

@@ -122,8 +122,7 @@ class TransferFunctionFit:
             moved = self.parameters.astype(np.complex128)
             moved[k] += 1j * step
             slope[:, k] = function(moved).imag / step
-        made: Array = slope @ self.covariance @ slope.T
-        return made
+        return slope @ self.covariance @ slope.T
 
     def summary(self) -> str:
         """Time constants, oscillations, coefficients, each with 95 % intervals, poles, zeros, fit and notes."""
@@ -143,8 +142,7 @@ class TransferFunctionFit:
 
 
 def _stds(covariance: Array) -> Array:
-    made: Array = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return made
+    return np.sqrt(np.maximum(np.diag(covariance), 0.0))
 
 
 def _root(root: complex) -> str:

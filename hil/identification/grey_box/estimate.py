@@ -243,8 +243,7 @@ def _slopes_both_ways(
     def at(k: int, step: float) -> Array:
         moved = values.copy()
         moved[k] += step
-        made: Array = (residuals(moved) - base) / step
-        return made
+        return (residuals(moved) - base) / step
 
     slopes = np.empty((len(values), len(base)))
     bends: NDArray[np.float32] = np.empty(slopes.shape, np.float32)  # only their size is asked for

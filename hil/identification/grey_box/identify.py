@@ -463,8 +463,7 @@ def _wider_than_themselves(plant: Plant, values: Mapping[str, float], stds: Mapp
 def _std_of_noise(found: Estimate) -> Array:
     """Standard uncertainties that the noise alone would leave, had the model left nothing else; shape (k,)."""
     beyond = found.chi2 / max(len(found.residuals) - len(found.values), 1) * colour_factor(found.residuals)
-    made: Array = found.std / math.sqrt(max(beyond, 1.0))
-    return made
+    return found.std / math.sqrt(max(beyond, 1.0))
 
 
 def _undetermined(by_test: Sequence[str], by_model: Sequence[str]) -> list[str]:

@@ -75,8 +75,7 @@ def _iterated(signals: Sequence[_Signals], count: int) -> Iterator[tuple[float, 
 def _stable(roots: Complex) -> Complex:
     """Roots outside the unit circle mirrored into it."""
     size = np.maximum(np.abs(roots), 1e-12)
-    made: Complex = np.where(size >= 1.0, roots / size**2 * _INSIDE, roots)
-    return made
+    return np.where(size >= 1.0, roots / size**2 * _INSIDE, roots)
 
 
 def _equations(s: _Signals, below: Array, count: int) -> tuple[Array, Array]:

@@ -93,8 +93,7 @@ def _lacking(
     def slope(k: int) -> Array:
         hook, added = kinds[k]
         moved = residuals.at(parameters, residuals.effects, inject=lambda i: (hook, added[i]))
-        made: Array = moved - base
-        return made
+        return moved - base
 
     columns = list(spread(slope, range(len(kinds))))
     sizes = np.array([float(np.linalg.norm(column)) for column in columns])

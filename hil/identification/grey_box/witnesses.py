@@ -86,8 +86,7 @@ def _variance_from(values: Array) -> Array:
     counts = np.arange(len(values), 0, -1)
     centred = values - values.mean()
     means = np.cumsum(centred[::-1])[::-1] / counts
-    result: Array = np.cumsum(centred[::-1] ** 2)[::-1] / counts - means**2
-    return result
+    return np.cumsum(centred[::-1] ** 2)[::-1] / counts - means**2
 
 
 def _mean_square_difference(values: Array) -> Array:

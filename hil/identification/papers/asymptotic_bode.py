@@ -41,14 +41,12 @@ class AsymptoticFit:
     @property
     def poles_rad_s(self) -> Array:
         """Corners of the poles, slowest first."""
-        made: Array = np.abs(self.model.poles)
-        return made
+        return np.abs(self.model.poles)
 
     @property
     def zeros_rad_s(self) -> Array:
         """Corners of the zeros, slowest first."""
-        made: Array = np.abs(self.model.zeros)
-        return made
+        return np.abs(self.model.zeros)
 
     @property
     def rms_db(self) -> float:
@@ -58,14 +56,12 @@ class AsymptoticFit:
 
 def log_corner(x: Array, corner: float, kind: int) -> Array:
     """A real corner's part of ln|G| (eq. 3.3): `kind` 1 for a pole, −1 for a zero."""
-    made: Array = -0.5 * kind * np.logaddexp(0.0, 2.0 * (x - corner))
-    return made
+    return -0.5 * kind * np.logaddexp(0.0, 2.0 * (x - corner))
 
 
 def asymptote(x: Array, corner: float, kind: int) -> Array:
     """Its asymptote (eq. 3.4)."""
-    made: Array = -kind * np.maximum(x - corner, 0.0)
-    return made
+    return -kind * np.maximum(x - corner, 0.0)
 
 
 def asymptotic_bode(response: FrequencyResponse, poles: int, zeros: int = 0) -> AsymptoticFit:

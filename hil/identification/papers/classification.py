@@ -176,8 +176,7 @@ def ordered_thresholds(values: Array, labels: Labels, classes: int) -> Array:
 
 def by_thresholds(values: Array, thresholds: Array) -> Labels:
     """Class of each value: how many thresholds it reaches."""
-    made: Labels = np.searchsorted(thresholds, values, side="right").astype(np.int64)
-    return made
+    return np.searchsorted(thresholds, values, side="right").astype(np.int64)
 
 
 def leave_one_out_thresholds(values: Array, labels: Labels, classes: int) -> Labels:

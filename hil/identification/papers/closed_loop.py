@@ -85,14 +85,12 @@ def opened_response(closed: Complex, sensor: Complex | float = 1.0, place: Place
         sensor: C at the same, shape (n,), or a constant.
         place: of C.
     """
-    made: Complex = closed / (sensor * (1.0 - closed) if place == "forward" else 1.0 - sensor * closed)
-    return made
+    return closed / (sensor * (1.0 - closed) if place == "forward" else 1.0 - sensor * closed)
 
 
 def amplification(closed: Complex, sensor: Complex | float = 1.0, place: Place = "forward") -> Array:
     """How many times larger the relative error of G is than that of T: 1/|1 − T| or 1/|1 − C·T|, shape (n,)."""
-    made: Array = 1.0 / np.abs(1.0 - (closed if place == "forward" else sensor * closed))
-    return made
+    return 1.0 / np.abs(1.0 - (closed if place == "forward" else sensor * closed))
 
 
 def closed(plant: TransferFunction, sensor: TransferFunction = UNITY, place: Place = "forward") -> TransferFunction:

@@ -101,8 +101,7 @@ def table_nodes(command: Array, flow: Array) -> Array:
         if away.max() <= near:
             break
         chosen = sorted([*chosen, int(np.argmax(away))])
-    made: Array = fine[chosen]
-    return made
+    return fine[chosen]
 
 
 def _dynamics(linear: TransferFunction) -> dict[str, float]:

@@ -145,14 +145,12 @@ class RecursiveLeastSquares:
     @property
     def covariance(self) -> Array:
         """Of the parameters, shape (k, k), prior included."""
-        made: Array = self._state.covariance * self.noise_std**2
-        return made
+        return self._state.covariance * self.noise_std**2
 
     @property
     def std(self) -> Array:
         """Standard uncertainties of the parameters; those of the prior, in units of noise, where nothing was told."""
-        made: Array = np.sqrt(np.maximum(np.diag(self._state.covariance), 0.0)) * self.noise_std
-        return made
+        return np.sqrt(np.maximum(np.diag(self._state.covariance), 0.0)) * self.noise_std
 
     @property
     def excitation(self) -> Excitation:

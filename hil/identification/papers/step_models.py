@@ -190,8 +190,7 @@ def _model(
 def _slope(make: Callable[[tuple[float, float]], TransferFunction], times: tuple[float, float], k: int) -> Array:
     step = _STEP * times[k]
     high, low = (make((times[0] + sign * step * (k == 0), times[1] + sign * step * (k == 1))) for sign in (1.0, -1.0))
-    made: Array = (_coefficients(high) - _coefficients(low)) / (2.0 * step)
-    return made
+    return (_coefficients(high) - _coefficients(low)) / (2.0 * step)
 
 
 def _coefficients(model: TransferFunction) -> Array:

@@ -26,8 +26,7 @@ def means(errors: Array, count: int) -> Array:
     if count == 1:
         return errors
     firsts = np.arange(0, len(errors), count)
-    made: Array = np.add.reduceat(errors, firsts) / np.sqrt(np.minimum(count, len(errors) - firsts))
-    return made
+    return np.add.reduceat(errors, firsts) / np.sqrt(np.minimum(count, len(errors) - firsts))
 
 
 def with_means(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], tuple[str, ...]]:

@@ -27,8 +27,7 @@ class _Wave:
     def of(self, how: Mapping[str, Any]) -> Array:
         """Its values where its frequency is known."""
         turned = 2.0 * math.pi * float(how["dither_hz"]) * self.time_s
-        made: Array = float(how["dither_amplitude"]) * np.sin(turned + self.phase_rad)
-        return made
+        return float(how["dither_amplitude"]) * np.sin(turned + self.phase_rad)
 
 
 def as_driven(recording: Recording) -> Recording:
@@ -114,12 +113,10 @@ def _acted(command: Array, how: Mapping[str, Any], wave: _Wave | None = None) ->
         return rounded
     if wave is not None:
         return np.clip(rounded + wave.of(how), low, high)
-    acted: Array = rounded + dither * (_missing((low - rounded) / dither) - _missing((rounded - high) / dither))
-    return acted
+    return rounded + dither * (_missing((low - rounded) / dither) - _missing((rounded - high) / dither))
 
 
 def _missing(end: Array) -> Array:
     """Mean of what a sine of amplitude 1 lacks below an end of its range, ∫ max(end − sin, 0) over a period."""
     inside = np.clip(end, -1.0, 1.0)
-    mean: Array = (inside * (math.pi / 2.0 + np.arcsin(inside)) + np.sqrt(1.0 - inside**2)) / math.pi
-    return mean
+    return (inside * (math.pi / 2.0 + np.arcsin(inside)) + np.sqrt(1.0 - inside**2)) / math.pi

@@ -140,8 +140,7 @@ class Experiment:
         given = (inject[0], np.repeat(np.pad(inject[1], (before, 0), mode="edge"), FINER)) if inject else None
         rows = simulate(plant, parameters, finer, effects, factor=factor, inject=given)
         read = FINER * (before + np.arange(len(self.time_s))) + round(FINER * self.drive.read_at)
-        made: Array = rows[:, np.minimum(read, rows.shape[1] - 1)]
-        return made
+        return rows[:, np.minimum(read, rows.shape[1] - 1)]
 
     def _skewed(self, rows: Array) -> Array:
         """Rows that were read a little later than the output, along straight lines between the samples."""
@@ -176,8 +175,7 @@ class Experiment:
     @property
     def valid_output(self) -> Array:
         """The output where it says something, one sample after another."""
-        found: Array = self.output[self.valid]
-        return found
+        return self.output[self.valid]
 
     @property
     def valid_observed(self) -> dict[str, Array]:
@@ -240,8 +238,7 @@ class Experiment:
         """Rows on the grid, read at the recording's stamps."""
         if self.grid_s is None:
             return rows
-        read: Array = np.array([np.interp(self.time_s, self.grid_s, row) for row in rows])
-        return read
+        return np.array([np.interp(self.time_s, self.grid_s, row) for row in rows])
 
     def on_grid_input(self) -> Array:
         """The command at the recording's stamps, shape (n,)."""

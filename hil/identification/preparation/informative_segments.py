@@ -178,8 +178,7 @@ def _information(values: Array, low: float, span: float) -> Array:
     moved = [np.concatenate((np.zeros(lag), u[lag:] - u[:-lag])) for lag in _LAGS if lag < len(u)]
     moved += [np.zeros(len(u))] * (len(_LAGS) - len(moved))
     seen = np.stack([np.ones(len(u)), u, u * u, u * u * u, *moved])
-    found: Array = seen @ seen.T / len(u)
-    return found
+    return seen @ seen.T / len(u)
 
 
 def _joined(chosen: Sequence[int], length: int) -> list[Segment]:

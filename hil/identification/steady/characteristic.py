@@ -184,8 +184,7 @@ def reaches_both_sides(low: float, high: float, neutral: float) -> bool:
 
 def polyline(count: int = 121) -> NDArray[np.int64]:
     """Indices of so many levels of an estimate, evenly spread: a curve for the page."""
-    made: NDArray[np.int64] = np.linspace(0, LEVELS - 1, count).round().astype(np.int64)
-    return made
+    return np.linspace(0, LEVELS - 1, count).round().astype(np.int64)
 
 
 def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign: int, step: float) -> Read:
@@ -212,8 +211,7 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
         return made
 
     def residuals(p: Array) -> Array:
-        made: Array = (law_at(opening, p) - part) * weight
-        return made
+        return (law_at(opening, p) - part) * weight
 
     def slopes(p: Array) -> Array:
         over = np.maximum((opening - p[0]) / (top - p[0]), 0.0)

@@ -132,8 +132,7 @@ class SweepEstimate:
     def whole_branch(self, side: int) -> Array:
         """A branch of the first sweep, the curve where it has not been, shape (LEVELS,)."""
         found = self.branch(side)
-        made: Array = np.where(np.isnan(found), self.response, found)
-        return made
+        return np.where(np.isnan(found), self.response, found)
 
     @property
     def mean_width_or_all(self) -> float:
@@ -247,8 +246,7 @@ def _apart(points: Points, smoother: Smoother, curves: Curves, samples: Array, s
     pull = -points.side * slopes * (samples - values) * weight
     push = slopes**2 * weight
     one = np.equal.outer(points.sweep, np.arange(sweeps)).astype(np.float64)
-    made: Array = (pull @ one) / np.maximum(push @ one, 1e-300)
-    return made
+    return (pull @ one) / np.maximum(push @ one, 1e-300)
 
 
 def _moving(smoother: Smoother, curves: Curves, count: int) -> tuple[Array, Array]:

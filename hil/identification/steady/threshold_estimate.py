@@ -146,8 +146,7 @@ def drift_of(stops: Sequence[Sequence[Stop]]) -> Read:
 
 def _moved(ramp: Ramp, drift_per_s: float) -> Array:
     """Change of the response since the stop, in the direction that it is to go, without drift."""
-    made: Array = ramp.sense * (ramp.response - ramp.before.response - drift_per_s * (ramp.time_s - ramp.before.time_s))
-    return made
+    return ramp.sense * (ramp.response - ramp.before.response - drift_per_s * (ramp.time_s - ramp.before.time_s))
 
 
 def _between_s(ramp: Ramp) -> float:

@@ -181,8 +181,7 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
 
 def _within(curve: Array, start: float, final: float) -> Array:
     """A response that stops at its final value."""
-    made: Array = np.minimum(curve, final) if final > start else np.maximum(curve, final)
-    return made
+    return np.minimum(curve, final) if final > start else np.maximum(curve, final)
 
 
 def _overshoot(changed: Array, tail: slice) -> float:
@@ -293,8 +292,7 @@ def _whitener(step: _Step) -> Array:
 def _straightened(values: Array) -> Array:
     """Less the straight line through it."""
     late = np.linspace(-1.0, 1.0, len(values))
-    made: Array = values - np.mean(values) - late * float(late @ values) / float(late @ late)
-    return made
+    return values - np.mean(values) - late * float(late @ values) / float(late @ late)
 
 
 def jumps(values: Array) -> list[int]:

@@ -68,8 +68,7 @@ class Identifiability:
     @property
     def whole(self) -> Array:
         """The covariance with what the bounds alone say in the directions that are not told, shape (k, k)."""
-        made: Array = self.covariance + self.unidentifiable.T @ self.unidentifiable
-        return made
+        return self.covariance + self.unidentifiable.T @ self.unidentifiable
 
     @property
     def inverse(self) -> Array:
