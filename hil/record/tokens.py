@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from datetime import date
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,8 @@ _PREFIXES = {"p": "e-12", "n": "e-9", "u": "e-6", "µ": "e-6", "μ": "e-6", "m":
 _PREFIXED = re.compile(rf"([+\-\u2212]?[\d.,]+)([{''.join(_PREFIXES)}])$")
 _QUANTITY = re.compile(r"([+\-\u2212]?[\d.,]+([eE][+-]?\d+)?)\s*([^\d\s.,:;+-][^\s:]*)$")
 _FRACTION = re.compile(r"^(\d+:\d\d:\d\d):(\d{1,3})$")
-_OVER_A_YEAR = re.compile(r"\s*(1[3-9]|[23]\d)[-/]\d")  # more than its months
+_TWO_WAYS = re.compile(r"\s*(\d{1,2})[-/](\d{1,2})[-/](\d{2,4})")
+_MONTHS = 12
 _DAY = np.timedelta64(1, "D")
 
 
@@ -142,13 +144,23 @@ def stamps(texts: Sequence[str]) -> NDArray[Any]:
     first = next((text for text in texts if text.strip()), "")
     if _CLOCK.match(first.strip()):
         return _clock(pd, [text.strip().replace(",", ".") for text in texts])
-    # 12/06 is a day of December or of June: other days of the file may tell
-    day_first = bool(re.match(r"\d{1,2}\.", first.strip())) or any(map(_OVER_A_YEAR.match, texts))
+    day_first = bool(re.match(r"\d{1,2}\.", first.strip())) or _is_day_first(texts)
     cleaned = pd.Series([re.sub(r",(\d+)", r".\1", text.strip()) for text in texts])
     form = {"format": "ISO8601"} if re.match(r"\d{4}-", first.strip()) else {"dayfirst": day_first, "format": "mixed"}
     found = pd.to_datetime(cleaned, utc=True, **form)
     made: NDArray[Any] = found.dt.tz_localize(None).to_numpy().astype("M8[ns]")
     return made
+
+
+def _is_day_first(texts: Sequence[str]) -> bool:
+    """Whether 12/06 is a day of June, not of December: as the file's other days tell, else those that lie closer."""
+    found = dict.fromkeys(match.groups() for match in map(_TWO_WAYS.match, texts) if match)
+    days = [(int(first), int(second), int(year)) for first, second, year in found]
+    if any(max(first, second) > _MONTHS for first, second, _ in days):
+        return any(first > _MONTHS for first, _, _ in days)
+    months_first = [date(2000 + year % 100, first, second).toordinal() for first, second, year in days]
+    days_first = [date(2000 + year % 100, second, first).toordinal() for first, second, year in days]
+    return int(np.abs(np.diff(days_first)).sum()) < int(np.abs(np.diff(months_first)).sum())
 
 
 def joined(days: NDArray[Any], clocks: NDArray[Any]) -> NDArray[Any]:

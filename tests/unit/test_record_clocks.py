@@ -81,6 +81,13 @@ def test_two_clocks_of_different_units_are_refused_until_somebody_says(tmp_path:
         assert read(tmp_path, heading, stamps, reading).duration_s == pytest.approx(5.95)
 
 
+@pytest.mark.parametrize("form", ["%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S"])
+def test_a_midnight_tells_which_number_is_the_month(tmp_path: Path, form: str) -> None:
+    start = datetime(2024, 6, 5, 23, 59, 55)
+    stamps = [f"{start + timedelta(seconds=i):{form}}" for i in range(20)]
+    assert read(tmp_path, "DateTime", stamps).duration_s == 19.0
+
+
 def test_two_clocks_without_a_sample_are_a_file_without_one(tmp_path: Path) -> None:
     pandas = pytest.importorskip("pandas")
     empty = {"Test_Time [s]": np.zeros(0), "DateTime": np.zeros(0, dtype="M8[ns]"), "u [V]": np.zeros(0)}
