@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -41,8 +42,9 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
     """Look for recordings that would be taken for physics.
 
     Raises:
-        FileError: the command or the output never moves, a recording is shorter than one time constant of the plant,
-            two columns are swapped, or a channel or the time is off by the factor of a wrong unit.
+        FileError: the command or the output never moves, a recording is shorter than one time constant of the plant
+            that recordings of identification reach, two columns are swapped, or a channel or the time is off by the
+            factor of a wrong unit.
     """
     require_excitation(experiments)
     strange = [e for e in experiments if not is_of_its_origin(model, e)]  # what a model was made of is what it says
@@ -82,8 +84,9 @@ def _without_dead(model: Model, experiments: Sequence[Experiment]) -> tuple[list
 
 
 def _refuse_short(model: Model, e: Experiment) -> None:
+    """A time constant beyond all that a model was made of was never seen: there it is as one that does not settle."""
     needed_s = time_constant_s(model, e)
-    if e.duration_s < needed_s:
+    if e.duration_s < needed_s <= float(model.origin.get("longest_s", math.inf)):
         raise FileError(
             f"{e.name}: {e.duration_s:.3g} s long; at least one time constant of the plant is needed, {needed_s:.3g} s"
         )

@@ -40,6 +40,7 @@ def corrected(problem: Problem, f: Fitted, verdict: DiagnosisVerdict) -> Model:
         "nominal": dict(model.origin),
         "resolution": model.origin.get("resolution", 0.0),
         "intervals_s": sorted({*model.origin.get("intervals_s", ()), *sample_intervals_s(problem.experiments)}),
+        "longest_s": max(model.origin.get("longest_s", 0.0), *(e.duration_s for e in problem.experiments)),
         "diagnosed": [e.name for e in problem.experiments],
         "verdict": verdict,
     }

@@ -516,7 +516,7 @@ def _result(
         _covariance(found),
         {
             "recordings": [e.name for e in experiments], "fit_percent": fits,
-            "intervals_s": sample_intervals_s(experiments),
+            "intervals_s": sample_intervals_s(experiments), "longest_s": max(e.duration_s for e in experiments),
             "std": {name: std if np.isfinite(std) else None for name, std in stds.items() if name in parameters},
             "resolution": float(np.median([resolution(e.output) for e in experiments])), **_kept(model),
         },
