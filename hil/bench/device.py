@@ -184,7 +184,7 @@ def simulation_of(names: Collection[str], draft: Draft | Bench, folder: Path) ->
     simulation = dict(draft.simulation)
     plant = simulation.get("plant") or (draft.valve.plant if draft.valve else "")
     own = simulation.get("instruments", {})
-    instruments = {name: _instrument(name, channel, own.get(name, {}) if isinstance(own, dict) else {})
+    instruments = {name: _instrument(name, channel, own.get(name, {}))
                    for name, channel in draft.channels.items() if channel.device in names}  # fmt: skip
     return simulation | {"plant": model_path(plant, folder), "instruments": instruments}
 

@@ -21,7 +21,7 @@ from hil.bench.file import (
     Valve,
 )
 from hil.bench.lines import Place
-from hil.bench.wording import described
+from hil.bench.wording import described, misread
 
 
 @dataclass(slots=True)
@@ -63,7 +63,11 @@ def sound_part(kind: Any, content: Any, place: Place) -> tuple[Any, list[Fault]]
     None when nothing can be made of it.
     """
     try:
-        return TypeAdapter(kind).validate_python(content), []
+        value = TypeAdapter(kind).validate_python(content)
+        faults = list(misread(content, value, place))
+        if not faults:
+            return value, []
+        bad = {key for fault in faults for key in fault.place[len(place) :][:1]}
     except ValidationError as error:
         faults = described(error, kind, place)
         bad = {found["loc"][0] for found in error.errors() if found["loc"]}
@@ -74,7 +78,7 @@ def sound_part(kind: Any, content: Any, place: Place) -> tuple[Any, list[Fault]]
 
 
 def _section(name: str, info: FieldInfo, content: Any) -> tuple[Any, list[Fault]]:
-    if get_origin(info.annotation) is not dict or name == "simulation" or not isinstance(content, dict):
+    if get_origin(info.annotation) is not dict or not isinstance(content, dict):
         kind = Annotated[(info.annotation, *info.metadata)] if info.metadata else info.annotation
         return sound_part(kind, content, (name,))
     parts = {key: sound_part(get_args(info.annotation)[1], entry, (name, key)) for key, entry in content.items()}

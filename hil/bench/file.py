@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import datetime as dt
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat, field_validator, model_validator
+from typing_extensions import TypedDict
 
 from hil.daq.calibration import Calibration
 from hil.daq.channel import Pwm
@@ -287,6 +288,18 @@ class AcceptanceLimit(_Strict):
         return self
 
 
+class SimulationTable(TypedDict, total=False):
+    """What simulated devices are told of the world behind them; each of them says what else it knows."""
+
+    __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
+
+    plant: str
+    parameters: dict[str, FiniteFloat]
+    effects: list[dict[str, Any]]
+    seed: Annotated[int, Field(ge=0)]
+    instruments: dict[str, dict[str, Any]]
+
+
 class Bench(_Strict):
     """A bench, whole and without faults.
 
@@ -305,5 +318,5 @@ class Bench(_Strict):
     instruments: tuple[InstrumentEntry, ...] = ()
     acceptance: dict[str, dict[str, AcceptanceLimit]] = {}
     presets: dict[str, dict[str, dict[str, Any]]] = {}
-    simulation: dict[str, Any] = {}
+    simulation: SimulationTable = {}
     made_with: str = ""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import datetime as dt
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from typing import Any, get_args
 
@@ -9,6 +12,10 @@ from pydantic import BaseModel, ValidationError
 
 from hil.bench.fault import Fault
 from hil.bench.lines import Place
+
+_SHAPES = {
+    "dict_type": "a table", "model_type": "a table", "tuple_type": "a list", "list_type": "a list",
+}  # fmt: skip
 
 
 def described(error: ValidationError, kind: Any, above: Place = ()) -> list[Fault]:
@@ -21,9 +28,42 @@ def _sentence(found: dict[str, Any], kind: Any) -> str:
         return "is missing"
     if found["type"] == "extra_forbidden":
         return _unknown(str(found["loc"][-1]), _fields(kind, found["loc"][:-1]))
+    if shape := _SHAPES.get(found["type"]):
+        return _found(shape, found["input"])
     text = found["msg"].removeprefix("Value error, ")
     shown = "" if found["type"] == "value_error" else f"; found {found['input']!r:.40}"
     return f"{text[0].lower()}{text[1:]}{shown}"
+
+
+def _found(wanted: str, content: Any) -> str:
+    return f"input should be {wanted}; found {content!r:.40}"
+
+
+def misread(content: Any, value: Any, place: Place) -> Iterator[Fault]:
+    """Where a value of a file was read as something else: true as 1, a number as a date, or a number that is none.
+
+    Args:
+        content: what the file says.
+        value: what pydantic made of it.
+        place: of it.
+    """
+    for key, part, made in _parts(content, value):
+        yield from misread(part, made, (*place, key))
+    if isinstance(value, float) and not math.isfinite(value):
+        yield Fault(place, _found("a finite number", content))
+    elif isinstance(content, bool) and isinstance(value, int | float) and not isinstance(value, bool):
+        yield Fault(place, _found("a number", content))
+    elif isinstance(content, int | float) and isinstance(value, dt.date):
+        yield Fault(place, _found("a date, such as 2026-03-02", content))
+
+
+def _parts(content: Any, value: Any) -> Iterable[tuple[int | str, Any, Any]]:
+    if isinstance(content, Mapping):
+        made = value if isinstance(value, Mapping) else {key: getattr(value, key, None) for key in content}
+        return ((key, part, made.get(key)) for key, part in content.items())
+    if isinstance(content, list | tuple) and isinstance(value, list | tuple):
+        return ((i, part, made) for i, (part, made) in enumerate(zip(content, value, strict=False)))
+    return ()
 
 
 def _unknown(key: str, known: list[str]) -> str:
