@@ -13,9 +13,10 @@ from drivers._modbus_line import ModbusLine
 from drivers._modbus_model import Model, check_level
 from drivers._modbus_ready import Readiness
 from drivers._register_blocks import RegisterBlock, register_blocks, written
-from drivers._registers import Flag, Register, WordOrder
+from drivers._registers import Register, WordOrder
 from drivers._start_up import once_started
 from hil.daq.channel import Wiring
+from hil.description.modbus import Flag
 from hil.errors import LinkError
 
 
@@ -41,17 +42,18 @@ class ModbusLink(OnALine):
         chosen = {name: register for name, register in model.registers.items() if name in used}
         outputs = {name: r for name, r in chosen.items() if r.direction == "out"}
         self._inputs = {name: r for name, r in chosen.items() if r.direction == "in"}
-        self._out = written(outputs, model.longest_write)
-        self._back = register_blocks({name: r for name, r in outputs.items() if r.can_be_read}, 0, model.longest_read)
-        self._in = register_blocks(self._inputs, model.gap, model.longest_read)
+        wire = model.wire
+        self._out = written(outputs, wire.longest_write)
+        self._back = register_blocks({name: r for name, r in outputs.items() if r.can_be_read}, 0, wire.longest_read)
+        self._in = register_blocks(self._inputs, wire.gap, wire.longest_read)
         self._words_sent: dict[str, tuple[int, ...]] = {}
         self._around: dict[int, list[int]] = {}
         self._before: dict[str, float] = {}
         close = {name: register.close or 0.0 for name, register in outputs.items()}
         super().__init__(wiring, settings.watchdog_s, close=close)
         settings = settings.model_copy(
-            update={"echo": settings.echo or (model.echo and settings.transport == "rtu"),
-                    "pause_s": max(settings.pause_s, model.pause_s)}
+            update={"echo": settings.echo or (wire.echo and settings.transport == "rtu"),
+                    "pause_s": max(settings.pause_s, wire.pause_s)}
         )  # fmt: skip
         self._startup_s = 0.0 if wiring.only_safe else settings.startup_s
         self._line = ModbusLine(settings, self._watchdog.heard)

@@ -1,41 +1,26 @@
-"""A kind of Modbus device: its registers, and what it needs to be made safe, to obey, and to be asked."""
+"""A kind of Modbus device: its registers, and what its description says of watchdog, enabling and faults."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from drivers._registers import Flag, Register, WordOrder
+from drivers._registers import Register, WordOrder
 from hil.daq.channel import Terminal, Wiring
-from hil.description.modbus import TIMES, safe_of
-from hil.description.modbus_place import Table
+from hil.description.modbus import (
+    TIMES,
+    Enable,
+    Faults,
+    ModbusDescription,
+    ModbusTerminal,
+    Place,
+    SafeMode,
+    Wire,
+    Write,
+    safe_of,
+)
+from hil.description.terminal import counts_of, nan_of
 from hil.errors import SettingError
-
-
-@dataclass(frozen=True, slots=True)
-class Step:
-    """One write: where, and a number or one of the placeholders of `Model.watchdog`."""
-
-    address: int
-    value: int | str
-    table: Table = "holding"
-
-
-@dataclass(frozen=True, slots=True)
-class Enabling:
-    """What outputs need before they obey.
-
-    Attributes:
-        steps: written with the outputs at their safe values.
-        ready: what is so when they obey; None where the device does not tell.
-        patience_s: how long that is waited for.
-        undo: written when the device is let go of.
-    """
-
-    steps: Sequence[Step] = ()
-    ready: Flag | None = None
-    patience_s: float = 2.0
-    undo: Sequence[Step] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,43 +35,32 @@ class Model:
             by other means, and the bench file then only says how it was set.
         expires_to: where the device puts its outputs when its watchdog expires, if it is always the same; it is
             armed only where that is every channel's safe value.
-        safe_status, clear_safe: first coil of the flags by output that say that the device has made it safe, and of
-            those that end it.
-        enabling: what outputs need before they obey.
-        faults: what the device reports; looked at when it is opened and with each reading back.
-        clear: written when one is so at opening.
-        clear_patience_s: how long they may take to go.
-        gap, longest_read, longest_write: how registers are put together in requests.
-        pause_s, echo: of every device of its kind.
+        enable, faults, safe_mode, wire: as in `hil.description.modbus`, with addresses as they stand on the wire.
         may_have_watchdog: whether it has one at all.
     """
 
     registers: Mapping[str, Register]
-    watchdog: Sequence[tuple[int, int | str] | Step] = ()
+    watchdog: Sequence[tuple[int, int | str] | Write] = ()
     expires_to: float | None = None
-    safe_status: int | None = None
-    clear_safe: int | None = None
     word_order: WordOrder = "big"
-    enabling: Enabling = field(default_factory=Enabling)
-    faults: Sequence[Flag] = ()
-    clear: Sequence[Step] = ()
-    clear_patience_s: float = 1.0
-    gap: int = 0
-    longest_read: int = 125
-    longest_write: int = 123
-    pause_s: float = 0.0
-    echo: bool = False
+    enable: Enable | None = None
+    faults: Faults | None = None
+    safe_mode: SafeMode | None = None
+    wire: Wire = field(default_factory=lambda: Wire.model_validate({"addresses": "wire"}))
     may_have_watchdog: bool = True
 
     def __post_init__(self) -> None:
         for step in self.arming:
             if isinstance(step.value, str):
-                _check_placeholder(step.address, step.value, self.registers)
+                _check_placeholder(step.address, step.value, self.outputs)
 
     @property
-    def arming(self) -> tuple[Step, ...]:
+    def arming(self) -> tuple[Write, ...]:
         """What is written to arm its watchdog."""
-        return tuple(step if isinstance(step, Step) else Step(*step) for step in self.watchdog)
+        return tuple(
+            step if isinstance(step, Write) else Write.model_construct(table="holding", address=step[0], value=step[1])
+            for step in self.watchdog
+        )
 
     @property
     def outputs(self) -> dict[str, Register]:
@@ -102,6 +76,28 @@ class Model:
         }
 
 
+def model_of(description: ModbusDescription) -> Model:
+    """The model that a description says."""
+    told = description.on_the_wire
+    arm, expires_to = (told.watchdog.arm, told.watchdog.expires_to) if told.watchdog else ((), None)
+    return Model(
+        {name: _register(terminal) for name, terminal in told.terminals.items()}, arm, expires_to,
+        told.modbus.byte_order, told.enable, told.faults, told.safe_mode, told.modbus, told.watchdog is not None,
+    )  # fmt: skip
+
+
+def _register(told: ModbusTerminal) -> Register:
+    port = told.terminal
+    back = told.read_back if isinstance(told.read_back, Place) else None
+    return Register(
+        port.direction, port.kind, port.unit, port.low, port.high, told.table or "holding", told.address,
+        told.type or "u16", *told.scale,
+        back.address if back else None, back.table if back else None, told.byte_order, told.field,
+        told.write or 0, back is not None or port.direction == "in", told.close, counts_of(told.invalid),
+        nan_of(told.invalid), told.status,
+    )  # fmt: skip
+
+
 def check_level(model: Model, wiring: Wiring) -> None:
     """Refuse a watchdog that would put an output elsewhere than at its safe value.
 
@@ -112,10 +108,11 @@ def check_level(model: Model, wiring: Wiring) -> None:
         register = model.registers[channel.terminal]
         goes_to = channel.safe if model.expires_to is None else model.expires_to
         if register.words_of(goes_to, "big") != register.words_of(channel.safe, "big"):
+            where_it_is_set = "" if model.watchdog else ", or set that at the device and say so with watchdog_level"
             raise SettingError(
                 f"watchdog_s: when it expires the device puts {channel.terminal} at {goes_to:g} {register.unit}, but "
                 f"'{name}' is safe at {channel.safe:g} {register.unit}; take watchdog_s away, or connect the valve so "
-                f"that {goes_to:g} {register.unit} is safe{_where_it_can_be_set(model)}"
+                f"that {goes_to:g} {register.unit} is safe{where_it_is_set}"
             )
 
 
@@ -124,14 +121,9 @@ def levels_of(model: Model) -> dict[str, float]:
     return {} if model.expires_to is None else dict.fromkeys(model.outputs, model.expires_to)
 
 
-def _where_it_can_be_set(model: Model) -> str:
-    return "" if model.watchdog else ", or set that at the device and say so with watchdog_level"
-
-
-def _check_placeholder(address: int, text: str, registers: Mapping[str, Register]) -> None:
-    if text in TIMES or ((safe := safe_of(text)) in registers and registers[safe].direction == "out"):
-        return
-    raise SettingError(
-        f"Model.watchdog: '{text}' for register {address:#06x}: a number, {', '.join(TIMES)} or "
-        f"{{safe:TERMINAL}} with the name of an output"
-    )
+def _check_placeholder(address: int, text: str, outputs: Mapping[str, Register]) -> None:
+    if text not in TIMES and safe_of(text) not in outputs:
+        raise SettingError(
+            f"Model.watchdog: '{text}' for register {address:#06x}: a number, {', '.join(TIMES)} or "
+            f"{{safe:TERMINAL}} with the name of an output"
+        )

@@ -6,14 +6,13 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from drivers._modbus_line import ModbusLine
-from drivers._modbus_model import Model, Step
+from drivers._modbus_model import Model
 from drivers._register_blocks import RegisterBlock
-from drivers._registers import Flag, WordOrder
-from hil.description.modbus import TIMES, safe_of
+from drivers._registers import FUNCTIONS, WordOrder
+from hil.description.modbus import TIMES, Flag, Place, Write, safe_of
 from hil.errors import LinkError
 
 _LOOK_S = 0.02  # how often a flag is looked at that is waited for
-_ADDRESSES = {"coil": 1, "discrete": 2, "holding": 3, "input": 4}
 
 
 class Readiness:
@@ -58,7 +57,7 @@ class Readiness:
         """Outputs that were enabled are so no longer, where the device has that."""
         if self._enabled:
             self._enabled = False
-            self._do(self._model.enabling.undo)
+            self._do(self._model.enable.disable if self._model.enable else ())
 
     def no_fault(self) -> None:
         """Raise `LinkError` for a fault that the device reports."""
@@ -68,10 +67,10 @@ class Readiness:
     def in_safe_mode(self) -> list[str]:
         """Outputs that the device itself has made safe."""
         flagged: list[str] = []
-        if self._model.safe_status is None:
+        if (mode := self._model.safe_mode) is None:
             return flagged
         for block in self._out:
-            flags = self._line.ask(1, self._model.safe_status + block.first - self._first_output, count=block.count)
+            flags = self._line.ask(1, self._of_output(mode.status, block.first), count=block.count)
             flagged += [name for name, flag in zip(block.terminals, flags, strict=False) if flag]
         return flagged
 
@@ -80,13 +79,13 @@ class Readiness:
         words: dict[tuple[str, int], int] = {}
         states: dict[Flag, bool] = {}
         for flag in flags:
-            place = flag.table, flag.address
+            place = str(flag.table), flag.address
             if place not in words:
-                (words[place],) = self._line.ask(_ADDRESSES[flag.table], flag.address)
+                (words[place],) = self._line.ask(FUNCTIONS[place[0]], flag.address)
             states[flag] = flag.is_so(words[place])
         return states
 
-    def _do(self, steps: Iterable[Step]) -> None:
+    def _do(self, steps: Iterable[Write]) -> None:
         """Write what stands in a description, its placeholders filled in."""
         for step in steps:
             words = self._filled(step.value)
@@ -113,10 +112,11 @@ class Readiness:
         Raises:
             LinkError: it is not.
         """
-        if not self._model.clear or not (reported := self._reported()):
+        faults = self._model.faults
+        if faults is None or not faults.clear or not (reported := self._reported()):
             return
-        self._do(self._model.clear)
-        if not self._waited(lambda: not self._reported(), self._model.clear_patience_s):
+        self._do(faults.clear)
+        if not self._waited(lambda: not self._reported(), faults.patience_s):
             raise LinkError(f"the device reports a fault and cannot be cleared: {', '.join(reported)}")
 
     def _enable(self, go_safe: Callable[[], None]) -> None:
@@ -125,35 +125,39 @@ class Readiness:
         Raises:
             LinkError: the device does not get ready.
         """
-        enabling = self._model.enabling
-        if enabling.steps and not (enabling.ready is not None and self._is_so(enabling.ready)):
+        enable = self._model.enable
+        if enable is None:
+            return
+        ready = enable.ready
+        if enable.write and not (ready is not None and self._is_so(ready)):
             go_safe()
-            self._do(enabling.steps)
-            ready = enabling.ready
-            if ready is not None and not self._waited(lambda: self._is_so(ready), enabling.patience_s):
+            self._do(enable.write)
+            if ready is not None and not self._waited(lambda: self._is_so(ready), enable.patience_s):
                 raise LinkError(
-                    f"the outputs do not obey {enabling.patience_s:g} s after they were enabled: "
+                    f"the outputs do not obey {enable.patience_s:g} s after they were enabled: "
                     f"{ready.table} {ready.address:#06x} does not say {ready.means or 'that they are ready'}"
                 )
-        self._enabled = bool(enabling.undo)
+        self._enabled = bool(enable.disable)
 
     def _leave_safe_mode(self, go_safe: Callable[[], None]) -> None:
         """A device that made its outputs safe in an earlier run takes commands again, from the safe values on."""
-        if self._model.safe_status is None or self._model.clear_safe is None or not self.in_safe_mode():
+        mode = self._model.safe_mode
+        if mode is None or not self.in_safe_mode():
             return
         go_safe()
         for block in self._out:
             for register in block.terminals.values():
-                self._line.ask(5, self._model.clear_safe + register.address - self._first_output, values=[1])
+                self._line.ask(5, self._of_output(mode.clear, register.address), values=[1])
 
-    @property
-    def _first_output(self) -> int:
-        return min(r.address for r in self._model.outputs.values())
+    def _of_output(self, first: Place, address: int) -> int:
+        """The coil of the output at an address, in a row of coils that begins with that of the first output."""
+        return first.address + address - min(r.address for r in self._model.outputs.values())
 
     def _reported(self) -> list[str]:
         """What of its faults the device reports, in words."""
-        flags = self.flags(self._model.faults)
-        return [flag.means or f"{flag.table} {flag.address:#06x}" for flag in self._model.faults if flags[flag]]
+        reports = self._model.faults.flags if self._model.faults else ()
+        flags = self.flags(reports)
+        return [flag.means or f"{flag.table} {flag.address:#06x}" for flag in reports if flags[flag]]
 
     def _is_so(self, flag: Flag) -> bool:
         return self.flags([flag])[flag]

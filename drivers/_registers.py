@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from hil.daq.channel import Direction, Kind
+from hil.description.modbus import Flag
 from hil.description.modbus import Type as Format
 from hil.description.modbus_place import Table
 from hil.errors import SettingError
@@ -16,27 +17,11 @@ from hil.errors import SettingError
 WordOrder = Literal["big", "little", "ABCD", "CDAB", "BADC", "DCBA"]
 """How the bytes of a number in several registers come: `ABCD` (`big`) with the highest first."""
 _LETTERS = {"u16": "H", "s16": "h", "u32": "I", "s32": "i", "f32": "f", "u64": "Q", "s64": "q", "f64": "d"}
-_FUNCTIONS: Mapping[str, int] = {"coil": 1, "discrete": 2, "holding": 3, "input": 4}
+FUNCTIONS: Mapping[str, int] = {"coil": 1, "discrete": 2, "holding": 3, "input": 4}
 _NAMED: Mapping[str, str] = {"big": "ABCD", "little": "CDAB"}
 _HUGE = 10.0  # a float so many times its full scale was put together in the wrong order
 _TINY = 1e-8  # of full scale: less than any instrument resolves, but what bytes in the wrong order look like
 _NEAR = 1e-2  # of full scale: only from so near a reading comes that close to zero
-
-
-@dataclass(frozen=True, slots=True)
-class Flag:
-    """A bit or register that tells something: it is so when what is masked is `equals`, not 0 if that is not said."""
-
-    table: Table
-    address: int
-    mask: int = 0xFFFF
-    equals: int | None = None
-    means: str = ""
-
-    def is_so(self, word: int) -> bool:
-        """Whether a register, or a coil, says it."""
-        seen = word & self.mask
-        return bool(seen) if self.equals is None else seen == self.equals
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +70,7 @@ class Register:
     status: tuple[Flag, ...] = ()
 
     def __post_init__(self) -> None:
-        for what, stated, known in (("format", self.format, get_args(Format)), ("table", self.table, _FUNCTIONS)):
+        for what, stated, known in (("format", self.format, get_args(Format)), ("table", self.table, FUNCTIONS)):
             if stated not in known:
                 raise SettingError(f"register {self.address:#06x}: {what} '{stated}' is not known: {', '.join(known)}")
         if self.direction == "out" and self.table not in ("holding", "coil"):
@@ -112,7 +97,7 @@ class Register:
     @property
     def function(self) -> int:
         """By which it is read."""
-        return _FUNCTIONS[self.table]
+        return FUNCTIONS[self.table]
 
     @property
     def writing(self) -> int:
@@ -123,7 +108,7 @@ class Register:
     def read_back_at(self) -> tuple[int, int]:
         """Function and address of its read-back."""
         there: Table = self.read_back_table or ("holding" if self.table == "holding" else self.table)
-        return _FUNCTIONS[there], self.address if self.read_back is None else self.read_back
+        return FUNCTIONS[there], self.address if self.read_back is None else self.read_back
 
     @property
     def field(self) -> tuple[int, int]:

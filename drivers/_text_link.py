@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 from pydantic import Field, FiniteFloat, PositiveFloat
 
+from drivers._described import ByDescription
 from drivers._edge import edge
 from drivers._line import Line, SerialSettings, answering
 from drivers._meeting import OnALine
 from drivers._templates import Numbers, filled, matched, names_safe, remedy
 from hil.daq.channel import Wiring
-from hil.description.named import description_of
 from hil.description.text import ENDS, TextDescription, TextTerminal
 from hil.errors import LinkError
 
@@ -34,17 +34,7 @@ class Settings(SerialSettings):
     watchdog_level: FiniteFloat | None = None
 
 
-def text_description(settings: Settings) -> TextDescription:
-    """The description that settings name."""
-    return description_of(settings, "text")
-
-
-def level_of(settings: Settings) -> float | None:
-    """Where its watchdog puts outputs; None where that is not always the same, or not known."""
-    watchdog = text_description(settings).watchdog
-    if settings.watchdog_level is not None:
-        return settings.watchdog_level
-    return None if watchdog is None else watchdog.expires_to
+DEVICES = ByDescription("text")
 
 
 class SpokenLink(OnALine):
@@ -57,15 +47,16 @@ class SpokenLink(OnALine):
         watchdog_s, expires_to: as in `DeviceLink`.
     """
 
-    protocol: ClassVar[Literal["text", "scpi"]]
+    devices: ClassVar[ByDescription]
+    _description: TextDescription
     _line: Line
 
     def __init__(
         self, settings: SerialSettings, wiring: Wiring, *, close: float | None = None, watchdog_s: float | None = None,
         expires_to: float | None = None,
     ) -> None:  # fmt: skip
-        self._settings, self._description = settings, description_of(settings, self.protocol)
-        whole, self._talk = self._description.whole, self._description.text
+        self._settings, self._description = settings, self.devices.told(settings)
+        whole, self._talk = self._description.by_name, self._description.text
         self._numbers = Numbers(self._talk.decimal, self._talk.no_measurement)
         self._outputs = {c.terminal: whole[c.terminal] for c in wiring.outputs.values()}
         self._inputs = {c.terminal: whole[c.terminal] for c in wiring.inputs.values()}
@@ -136,11 +127,11 @@ class TextLink(SpokenLink):
         SettingError: a watchdog that would put an output elsewhere than at its safe value.
     """
 
-    protocol = "text"
+    devices = DEVICES
     _settings: Settings
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        super().__init__(settings, wiring, watchdog_s=settings.watchdog_s, expires_to=level_of(settings))
+        super().__init__(settings, wiring, watchdog_s=settings.watchdog_s, expires_to=DEVICES.level(settings))
 
     def _identified(self) -> str:
         talk = self._talk

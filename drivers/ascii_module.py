@@ -14,12 +14,12 @@ from collections.abc import Iterator, Mapping
 
 from pydantic import Field, PositiveFloat
 
-from drivers._edge import edge, reply_faults
+from drivers._described import ByDescription
+from drivers._edge import edge
 from drivers._line import Line, SerialSettings
 from drivers._meeting import OnALine
-from hil.daq.channel import Terminal, Wiring
+from hil.daq.channel import Wiring
 from hil.description.ascii_module import ModuleDescription
-from hil.description.named import description_faults, description_of, ports_of
 from hil.errors import LinkError
 
 _VALUE = re.compile(r"[+-]\d\d\.\d{3}")  # as the manual has it for ±10 V: one byte less is no answer
@@ -35,6 +35,10 @@ _INPUT_TYPES = {
 }
 _FORMATS = {0: "engineering units", 1: "% of full scale", 2: "hexadecimal", 3: "ohms"}
 _CLOSE_V = 2e-3  # two of the steps in which it is told
+
+
+_devices = ByDescription("ascii_module")
+terminals = _devices.terminals
 
 
 class Settings(SerialSettings):
@@ -53,20 +57,13 @@ class Settings(SerialSettings):
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beyond the types."""
-    wrong = list(description_faults(settings, "ascii_module"))
-    yield from wrong
-    yield from reply_faults(settings)
-    if settings.watchdog_s is None or wrong:
+    yield from _devices.faults(settings)
+    if settings.watchdog_s is None or not _devices.is_sound(settings):
         return
-    if _description(settings).channels.direction == "in":
+    if _devices.told(settings).channels.direction == "in":
         yield ("watchdog_s",), f"{settings.model} has no outputs that a watchdog could make safe; take this away"
     elif not 0.1 <= settings.watchdog_s <= 999.9:
         yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the module counts 0.1 … 999.9 s"
-
-
-def terminals(settings: Settings) -> dict[str, Terminal]:
-    """Those of the description; none while it has faults."""
-    return ports_of(settings, "ascii_module")
 
 
 def needs(_settings: Settings) -> tuple[str, ...]:
@@ -91,10 +88,12 @@ class AsciiModuleLink(OnALine):
     """
 
     _line: Line
+    _model: ModuleDescription
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        self._settings, self._model = settings, _description(settings)
-        self._number, self._at = self._model.numbers, f"{settings.module:02X}"
+        self._settings, self._model = settings, _devices.told(settings)
+        self._number = {name: one.first for name, one in self._model.by_name.items()}
+        self._at = f"{settings.module:02X}"
         self._inputs = [channel.terminal for channel in wiring.inputs.values()]
         self._outputs = [channel.terminal for channel in wiring.outputs.values()]
         close = dict.fromkeys(self._outputs, _CLOSE_V)
@@ -219,7 +218,3 @@ class AsciiModuleLink(OnALine):
 
 def _in_words(text: str | None) -> str:
     return f" ({text})" if text else ""
-
-
-def _description(settings: Settings) -> ModuleDescription:
-    return description_of(settings, "ascii_module")

@@ -8,9 +8,13 @@ from pydantic import ConfigDict
 
 from drivers._can import bus_fault
 from drivers._canopen_link import CanopenLink, NodeSettings
-from hil.daq.channel import Terminal, Wiring
-from hil.description.canopen import CanopenDescription
-from hil.description.named import Described, description_faults, description_of, expired_levels, ports_of
+from drivers._described import ByDescription
+from hil.daq.channel import Wiring
+from hil.description.named import Described, description_faults
+
+_devices = ByDescription("canopen")
+terminals, has_watchdog = _devices.terminals, _devices.has_watchdog
+watchdog_levels = _devices.watchdog_levels
 
 
 class Settings(NodeSettings, Described):
@@ -25,19 +29,13 @@ class Settings(NodeSettings, Described):
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beyond the types."""
-    wrong = list(description_faults(settings, "canopen"))
-    yield from wrong
+    yield from description_faults(settings, "canopen")
     if text := bus_fault(settings.address):
         yield ("address",), text
     if settings.watchdog_s is not None and settings.longest_reply_s >= settings.watchdog_s:
         yield ("longest_reply_s",), f"must be shorter than watchdog_s = {settings.watchdog_s:g}, or the node faults"
-    if not wrong and settings.watchdog_s is not None and not has_watchdog(settings):
+    if settings.watchdog_s is not None and _devices.is_sound(settings) and not has_watchdog(settings):
         yield ("watchdog_s",), "its description has no [watchdog]: say there where outputs go, or take this away"
-
-
-def terminals(settings: Settings) -> dict[str, Terminal]:
-    """Those of the description; none while it has faults."""
-    return ports_of(settings, "canopen")
 
 
 def needs(_settings: Settings) -> tuple[str, ...]:
@@ -45,20 +43,6 @@ def needs(_settings: Settings) -> tuple[str, ...]:
     return ("can", "canopen")
 
 
-def has_watchdog(settings: Settings) -> bool:
-    """Whether the node watches our heartbeat."""
-    return _description(settings).watchdog is not None
-
-
-def watchdog_levels(settings: Settings) -> dict[str, float]:
-    """Where outputs go when it misses it."""
-    return expired_levels(_description(settings))
-
-
 def open_link(settings: Settings, wiring: Wiring) -> CanopenLink:
     """The node, recognised, its PDOs mapped, operational."""
-    return CanopenLink(settings, wiring, _description(settings))
-
-
-def _description(settings: Settings) -> CanopenDescription:
-    return description_of(settings, "canopen")
+    return CanopenLink(settings, wiring, _devices.told(settings))

@@ -8,25 +8,28 @@ from typing import Any
 
 from pydantic import ConfigDict, FiniteFloat
 
-from drivers._described_modbus import model_of
+from drivers._described import ByDescription
 from drivers._edge import reply_faults
 from drivers._modbus_client import LineSettings, host_and_port
 from drivers._modbus_link import ModbusLink
-from drivers._modbus_model import Model, Step, check_level, levels_of
+from drivers._modbus_model import Model, check_level, levels_of, model_of
 from drivers._register_blocks import RegisterBlock, register_blocks
-from drivers._registers import Flag, Register, WordOrder, float32
-from hil.daq.channel import Terminal, Wiring
-from hil.description.modbus import TIMES, ModbusDescription
+from drivers._registers import Register, WordOrder, float32
+from hil.daq.channel import Wiring
+from hil.description.modbus import TIMES
 from hil.description.modbus import Type as Format
-from hil.description.named import Described, description_faults, description_of, ports_of
+from hil.description.named import Described, description_faults
 
 __all__ = [
-    "Flag", "Format", "LineSettings", "ModbusLink", "Model", "Register", "RegisterBlock", "Settings", "Step",
-    "WordOrder", "check_level", "faults", "float32", "has_watchdog", "levels_of", "line_faults", "line_needs",
-    "not_read_back", "open_link", "register_blocks", "terminals",
+    "Format", "LineSettings", "ModbusLink", "Model", "Register", "RegisterBlock", "Settings", "WordOrder",
+    "check_level", "faults", "float32", "has_watchdog", "levels_of", "line_faults", "line_needs", "not_read_back",
+    "open_link", "register_blocks", "terminals",
 ]  # fmt: skip
 PROBES = "modbus"
 _NOTHING = Model({})
+_devices = ByDescription("modbus")
+terminals, has_watchdog, not_read_back = _devices.terminals, _devices.has_watchdog, _devices.not_read_back
+watchdog_levels = _devices.watchdog_levels
 
 
 class Settings(LineSettings, Described):
@@ -46,10 +49,9 @@ class Settings(LineSettings, Described):
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beyond the types."""
-    wrong = list(description_faults(settings, "modbus"))
-    yield from wrong
-    model = _NOTHING if wrong else _described(settings)
-    yield from line_faults(settings, model) if not wrong else ()
+    yield from description_faults(settings, "modbus")
+    model = _model(settings) if (is_sound := _devices.is_sound(settings)) else _NOTHING
+    yield from line_faults(settings, model) if is_sound else ()
     if settings.watchdog_level is not None and (settings.watchdog_s is None or model.watchdog):
         yield ("watchdog_level",), "only for a watchdog that was set at the device itself; take this away"
 
@@ -84,11 +86,6 @@ def probe() -> Any:
     return _probe_modbus
 
 
-def terminals(settings: Settings) -> dict[str, Terminal]:
-    """Those of the description; none while it has faults."""
-    return ports_of(settings, "modbus")
-
-
 def needs(settings: Settings) -> tuple[str, ...]:
     """Packages that must be installed."""
     return line_needs(settings)
@@ -100,35 +97,11 @@ def line_needs(settings: LineSettings) -> tuple[str, ...]:
     return ("pymodbus", "serial") if is_port else ("pymodbus",)
 
 
-def watchdog_levels(settings: Settings) -> dict[str, float]:
-    """Where the device's watchdog puts outputs, raw, of those of which that is known."""
-    return levels_of(_model(settings))
-
-
-def has_watchdog(settings: Settings) -> bool:
-    """Whether the device has one."""
-    return _described(settings).may_have_watchdog
-
-
-def not_read_back(settings: Settings) -> set[str]:
-    """Outputs that cannot be read back."""
-    return {name for name, register in _described(settings).outputs.items() if not register.can_be_read}
-
-
 def open_link(settings: Settings, wiring: Wiring) -> ModbusLink:
     """The device, connected, its watchdog armed."""
     return ModbusLink(settings, wiring, _model(settings))
 
 
-def _description(settings: Settings) -> ModbusDescription:
-    return description_of(settings, "modbus")
-
-
-def _described(settings: Settings) -> Model:
-    return model_of(_description(settings))
-
-
 def _model(settings: Settings) -> Model:
     """The model, its watchdog as this device was set."""
-    model = _described(settings)
-    return model if settings.watchdog_level is None else replace(model, expires_to=settings.watchdog_level)
+    return replace(model_of(_devices.told(settings)), expires_to=_devices.level(settings))

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from drivers._described_modbus import model_of
 from drivers._edge import edge
-from drivers.modbus import LineSettings, ModbusLink, Model, line_faults, line_needs
+from drivers._modbus_model import Model, model_of
+from drivers.modbus import LineSettings, ModbusLink, line_faults, line_needs
 from hil.daq.channel import OutputChannel, Terminal, Wiring
 from hil.description.named import Described, description_of
 from hil.errors import SettingError

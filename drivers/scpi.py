@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Literal
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from drivers._edge import edge, reply_faults
+from drivers._described import ByDescription
+from drivers._edge import edge
 from drivers._line import SerialSettings, answering
 from drivers._templates import matched
 from drivers._text_link import SpokenLink
-from hil.daq.channel import Terminal, Wiring
-from hil.description.named import description_faults, description_of, ports_of
+from hil.daq.channel import Wiring
 from hil.description.text import ENDS, TextTerminal
 from hil.errors import LinkError
 
@@ -26,6 +26,8 @@ _RESOLUTION = 1e-3  # of what is set, in its unit; coarser instruments say `step
 _UNIT = re.compile(r'(?:"(?:[^"]|"")*"|[^;"])+')  # up to a semicolon that no text has in it
 _ERROR = re.compile(r'\s*([+-]?\d+)\s*,\s*"(.*)"\s*')
 PROBES = "scpi"
+DEVICES = ByDescription("scpi")
+faults, terminals, not_read_back = DEVICES.faults, DEVICES.terminals, DEVICES.not_read_back
 
 
 class Settings(SerialSettings):
@@ -44,12 +46,6 @@ class Settings(SerialSettings):
     startup_s: float = Field(default=0.0, ge=0.0, le=300.0)
 
 
-def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """What is wrong beyond the types."""
-    yield from description_faults(settings, "scpi")
-    yield from reply_faults(settings)
-
-
 def probe() -> Any:
     """Who is on such a line (see `hil.daq.probe`)."""
     from drivers import _probe_scpi
@@ -57,19 +53,9 @@ def probe() -> Any:
     return _probe_scpi
 
 
-def terminals(settings: Settings) -> dict[str, Terminal]:
-    """Those of the description; none while it has faults."""
-    return ports_of(settings, "scpi")
-
-
 def needs(_settings: Settings) -> tuple[str, ...]:
     """Packages that must be installed."""
     return ("serial",)
-
-
-def not_read_back(settings: Settings) -> set[str]:
-    """Outputs that cannot be asked where they stand."""
-    return description_of(settings, "scpi").not_read_back
 
 
 def open_link(settings: Settings, wiring: Wiring) -> ScpiLink:
@@ -90,7 +76,7 @@ class ScpiLink(SpokenLink):
         LinkError: what answers is no SCPI instrument.
     """
 
-    protocol = "scpi"
+    devices = DEVICES
     _settings: Settings
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:

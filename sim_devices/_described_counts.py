@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 
-from hil.description.modbus import WORDS, ModbusDescription, ModbusTerminal
+from hil.description.modbus import WORDS, ModbusTerminal
 from hil.description.terminal import counts_of
 from sim_devices._bits import Bits
 
@@ -22,13 +22,12 @@ class Counts:
     """A terminal's numbers in its registers.
 
     Args:
-        description: the description.
-        terminal: of it.
+        terminal: of a description that has its addresses on the wire (`ModbusDescription.on_the_wire`).
         order: of the bytes of more than one register, where the terminal says none.
     """
 
-    def __init__(self, description: ModbusDescription, terminal: ModbusTerminal, order: str) -> None:
-        form = description.form_of(terminal)
+    def __init__(self, terminal: ModbusTerminal, order: str) -> None:
+        form = terminal.type or "u16"
         self.terminal, self.words = terminal, WORDS[form]
         order = terminal.byte_order or (_ORDERS.get(order, order) if self.words > 1 else "AB")
         self._slope, self._offset = terminal.scale

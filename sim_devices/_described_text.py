@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from hil.description.text import ENDS, HOLE, TIMES, TextDescription, TextTerminal
-from sim_devices._field import Side
+from sim_devices._field import Side, nearest_zero
 from sim_devices._lines_of_text import TextDevice
 
 _REFUSED = '-222,"Data out of range"'
@@ -25,7 +25,7 @@ class DescribedText(TextDevice):
 
     def __init__(self, side: Side, description: TextDescription, settings: Mapping[str, Any]) -> None:
         super().__init__(side)
-        self._description, self._whole = description, description.whole
+        self._description, self._whole = description, description.by_name
         self.end = ENDS[description.text.end].encode("ascii")
         self._answer_end = ENDS[description.text.answer_end or description.text.end].encode("ascii")
         self._errors: list[str] = []
@@ -74,7 +74,7 @@ class DescribedText(TextDevice):
         self._armed_s, self._errors = None, []
         self._safe.clear()
         for name, terminal in self._outputs():
-            self.side.drive({name: _nearest_zero(terminal)})
+            self.side.drive({name: nearest_zero(*terminal.range)})
 
     def tick(self) -> None:
         """Outputs go where the watchdog puts them when nothing came for its time."""
@@ -92,7 +92,7 @@ class DescribedText(TextDevice):
         if self._level is not None:
             return float(self._level)
         expires_to = self._description.watchdog.expires_to if self._description.watchdog else None
-        return self._safe.get(name, _nearest_zero(terminal) if expires_to is None else expires_to)
+        return self._safe.get(name, nearest_zero(*terminal.range) if expires_to is None else expires_to)
 
     def _armed(self, line: str) -> str | None:
         """A line of the watchdog; None when it is none of them."""
@@ -162,8 +162,3 @@ class DescribedText(TextDevice):
     @staticmethod
     def _value(terminal: TextTerminal, number: float) -> float:
         return number * terminal.slope + terminal.offset
-
-
-def _nearest_zero(terminal: TextTerminal) -> float:
-    low, high = terminal.range
-    return min(max(0.0, low), high)

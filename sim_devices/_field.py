@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hil.clock import Clock, RealClock
-from hil.daq.channel import OutputChannel, Pwm, Wiring
+from hil.daq.channel import Pwm, Wiring
 from sim_devices._chain import InputStages, OutputStage
 from sim_devices._lines import lines_of
 from sim_devices._quirks import Quirks
@@ -52,7 +52,7 @@ class Field:
         self._inputs = InputStages(
             inputs, fitted, Settings.model_validate({"simulation": simulation, "bits": _BITS, "clock_hz": clock_hz})
         )
-        self._levels = {name: _found(channel) for name, channel in outputs.items()}
+        self._levels = {name: nearest_zero(c.low, c.high) for name, c in outputs.items()}
         self._safe = {name: channel.safe for name, channel in outputs.items()}
         self._sticking: dict[str, float] = {}
         rest = {signal: values[0] for signal, values in self._driven(1, 0).items()}
@@ -174,6 +174,6 @@ class Side:
         return self._loose.get(terminal, 0.0)
 
 
-def _found(channel: OutputChannel) -> float:
-    """Where an output stands when the device is switched on: at zero, or as near as its range lets it."""
-    return min(max(0.0, channel.low), channel.high)
+def nearest_zero(low: float, high: float) -> float:
+    """Where an output stands when its device is switched on: at zero, or as near as its range lets it."""
+    return min(max(0.0, low), high)

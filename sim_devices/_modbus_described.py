@@ -6,30 +6,24 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hil.description.modbus import TIMES, Flag, ModbusDescription, ModbusTerminal, Write, safe_of
-from hil.description.modbus_place import Table
-from hil.description.terminal import each
+from hil.description.modbus import TIMES, Flag, ModbusDescription, Place, Write, safe_of
 from sim_devices._described_counts import Counts
-from sim_devices._field import Side
+from sim_devices._field import Side, nearest_zero
 from sim_devices._modbus_bank import Bank
 from sim_devices._modbus_frames import Refused
 
-Spot = tuple[Table, int]
+Spot = tuple[str, int]
+"""Table, and address on the wire."""
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A terminal in the address space: its first register, and where an output is read back."""
+    """A terminal in the address space: its registers, and those where an output is read back; empty where it is not."""
 
     name: str
     counts: Counts
-    first: Spot
-    back: Spot | None
-
-    def spots(self, first: Spot) -> Iterator[Spot]:
-        """Its registers from there on."""
-        table, address = first
-        return ((table, address + i) for i in range(self.counts.words))
+    spots: tuple[Spot, ...]
+    back: tuple[Spot, ...]
 
 
 class DescribedBank(Bank):
@@ -42,37 +36,32 @@ class DescribedBank(Bank):
 
     def __init__(self, side: Side, description: ModbusDescription, settings: Mapping[str, Any]) -> None:
         super().__init__(side)
-        self._description = description
+        told = description.on_the_wire
+        watchdog, self._faults, self._enable = told.watchdog, told.faults, told.enable
+        self._arm = watchdog.arm if watchdog else ()
         self._level = settings.get("watchdog_level")
-        self._set_s = settings.get("watchdog_s") if description.watchdog and not description.watchdog.arm else None
-        order = str(settings.get("word_order") or description.modbus.byte_order)
-        self._blocks = [
-            Block(
-                one,
-                Counts(description, terminal, order),
-                description.place_of(terminal, i),
-                _back(description, terminal, i),
-            )
-            for name, terminal in description.terminals.items()
-            for one, i in each(name, terminal)
-        ]
-        self._outputs = [block for block in self._blocks if block.counts.terminal.direction == "out"]
-        self._inputs = {
-            spot: block for block in self._blocks if block not in self._outputs for spot in block.spots(block.first)
-        }
-        self._written = {spot: block for block in self._outputs for spot in block.spots(block.first)}
-        self._parts = {spot for spot in self._written if sum(spot in s.spots(s.first) for s in self._outputs) > 1}
-        self._read_back = {
-            to: at for s in self._outputs if s.back and s.back != s.first
-            for at, to in zip(s.spots(s.first), s.spots(s.back), strict=True)
-        }  # fmt: skip
+        if self._level is None and watchdog:
+            self._level = watchdog.expires_to
+        self._set_s = settings.get("watchdog_s") if watchdog and not self._arm else None
+        order = str(settings.get("word_order") or told.modbus.byte_order)
+        blocks = {name: (terminal.direction, self._block(name, Counts(terminal, order)))
+                  for name, terminal in told.terminals.items()}  # fmt: skip
+        self._outputs = [block for direction, block in blocks.values() if direction == "out"]
+        self._inputs = [block for direction, block in blocks.values() if direction == "in"]
+        self._written = {spot: block for block in self._outputs for spot in block.spots}
+        self._parts = {spot for spot in self._written if sum(spot in block.spots for block in self._outputs) > 1}
+        self._read_back = {back: spot for block in self._outputs
+                           for spot, back in zip(block.spots, block.back, strict=False) if spot != back}  # fmt: skip
+        self._safe_at = {name: spots_from(write, blocks[name][1].counts.words) for write in self._arm
+                         if (name := safe_of(write.value))}  # fmt: skip
+        mode = told.safe_mode
+        self._says_safe, self._ends_safe = (self._row(mode.status), self._row(mode.clear)) if mode else ({}, {})
         self._memory: dict[Spot, int] = {}
-        self._flags = [(description.wire(flag), flag) for flag in _all_flags(description)]
-        self._steps = {description.wire(write): write for write in _all_writes(description)}
+        self._flags = [(spot_of(flag), flag) for flag in _all_flags(told)]
+        self._steps = {spot_of(write) for write in _all_writes(told)}
         self._safe_mode: set[str] = set()
-        self._tripped = False
-        self._enabled = description.enable is None
-        self._expired = False
+        self._tripped = self._expired = False
+        self._enabled = told.enable is None
         for block in self._outputs:
             self._store(block, side.standing(block.name))
 
@@ -86,7 +75,7 @@ class DescribedBank(Bank):
 
     def output(self, address: int) -> int:
         """What a write to a holding register changes."""
-        spot: Spot = ("holding", address)
+        spot = ("holding", address)
         return self._memory[spot] if spot in self._written else self._read(spot)
 
     def coil(self, address: int) -> bool:
@@ -114,10 +103,9 @@ class DescribedBank(Bank):
         """Outputs at zero or as near as they come, nothing armed, enabled or in safe mode."""
         self._memory.clear()
         self._safe_mode.clear()
-        self._tripped, self._enabled, self._expired = False, self._description.enable is None, False
+        self._tripped, self._enabled, self._expired = False, self._enable is None, False
         for block in self._outputs:
-            low, high = block.counts.terminal.range
-            self._goes_to(block, min(max(0.0, low), high))
+            self._goes_to(block, nearest_zero(*block.counts.terminal.range))
 
     def heard(self) -> None:
         """A valid request came."""
@@ -129,186 +117,147 @@ class DescribedBank(Bank):
         time_s = self._watchdog_s()
         if time_s is None or self._expired or self.silent_s <= time_s:
             return
-        self._expired, self._tripped = True, self._description.faults is not None
-        if self._description.enable is not None:
-            self._enabled = False
+        self._expired, self._tripped = True, self._faults is not None
+        self._enabled &= self._enable is None
         for block in self._outputs:
-            if self._description.safe_mode is not None:
+            if self._says_safe:
                 self._safe_mode.add(block.name)
-                self._side_goes_to(block, self._safe_level(block))
+                self.side.drive({block.name: self._safe_level(block)})
             else:
                 self._goes_to(block, self._safe_level(block))
 
+    def _block(self, name: str, counts: Counts) -> Block:
+        terminal = counts.terminal
+        spots = spots_from(terminal, counts.words)
+        back = spots_from(terminal.read_back, counts.words) if isinstance(terminal.read_back, Place) else ()
+        return Block(name, counts, spots, back)
+
+    def _row(self, first: Place) -> dict[Spot, Block]:
+        """By output, in the order of their registers, a coil in a row that begins with that of the first one."""
+        lowest = min(block.spots[0][1] for block in self._outputs)
+        return {(str(first.table), first.address + block.spots[0][1] - lowest): block for block in self._outputs}
+
     def _read(self, spot: Spot) -> int:
-        if (flagged := self._flag_word(spot)) is not None:
-            return flagged
+        flags = [flag for place, flag in self._flags if place == spot]
+        inputs = [block for block in self._inputs if spot in block.spots]
+        if flags and not inputs and spot not in self._written:  # a status bit beside a reading is not raised
+            return sum({_bits(flag, self._is_so(flag)) for flag in flags})
+        if not flags and spot in self._says_safe:
+            return int(self._says_safe[spot].name in self._safe_mode)
         if spot in self._read_back:
             return self._memory[self._read_back[spot]]
-        if spot in self._inputs:
-            return self._input_word(spot)
-        if spot in self._written and self._written[spot].back is not None:
+        if inputs:
+            return self._input_word(spot, inputs)
+        if spot in self._written and self._written[spot].back:
             return self._memory[spot]
         if spot in self._steps:
             return self._memory.get(spot, 0)
         raise Refused(2)
 
-    def _input_word(self, spot: Spot) -> int:
+    def _input_word(self, spot: Spot, blocks: list[Block]) -> int:
         """What all inputs in a register say together."""
-        word = 0
-        readings = self.side.read()
-        for block in self._blocks:
-            if block not in self._outputs and spot in block.spots(block.first):
-                words = block.counts.encoded(readings.get(block.name, 0.0), self.side.quirks.word_order)
-                word |= words[spot[1] - block.first[1]]
+        word, readings = 0, self.side.read()
+        for block in blocks:
+            words = block.counts.encoded(readings.get(block.name, 0.0), self.side.quirks.word_order)
+            word |= words[block.spots.index(spot)]
         return word
 
-    def _flag_word(self, spot: Spot) -> int | None:
-        """A register of flags; None where none stands."""
-        here = [flag for place, flag in self._flags if place == spot]
-        if not here:
-            return self._safe_flag(spot)
-        if spot in self._inputs or spot in self._written:  # a status bit beside a reading is not raised
-            return None
-        return sum({_bits(flag, self._is_so(flag)) for flag in here})
-
-    def _safe_flag(self, spot: Spot) -> int | None:
-        mode = self._description.safe_mode
-        block = self._block_of_flag(spot, self._description.wire(mode.status)) if mode is not None else None
-        return None if block is None else int(block.name in self._safe_mode)
-
     def _is_so(self, flag: Flag) -> bool:
-        enable, faults = self._description.enable, self._description.faults
-        if enable is not None and flag == enable.ready:
+        if self._enable is not None and flag == self._enable.ready:
             return self._enabled
-        return faults is not None and flag == faults.flags[0] and self._tripped
+        return self._faults is not None and flag == self._faults.flags[0] and self._tripped
 
     def _check_writable(self, spot: Spot, count: int) -> None:
         if spot in self._written:
             counts = self._written[spot].counts
             if counts.words == 1 and spot not in self._parts and not counts.takes([count]):
                 raise Refused(3)
-        elif spot not in self._steps and self._setting(spot) is None and self._cleared(spot) is None:
+        elif spot not in self._steps | self._ends_safe.keys() and not any(spot in at for at in self._safe_at.values()):
             raise Refused(2)
 
     def _put(self, spot: Spot, count: int) -> None:
         self._memory[spot] = count
         if spot in self._written:
             for block in self._outputs:
-                if spot == list(block.spots(block.first))[-1]:  # a number in several registers counts when it is whole
+                if spot == block.spots[-1]:  # a number in several registers counts when it is whole
                     self._obey(block)
-        elif (cleared := self._cleared(spot)) is not None and count:
-            self._safe_mode.discard(cleared.name)
-            self._obey(cleared)
+        elif spot in self._ends_safe and count:
+            self._safe_mode.discard(self._ends_safe[spot].name)
+            self._obey(self._ends_safe[spot])
         self._look_at_steps(spot)
 
     def _look_at_steps(self, spot: Spot) -> None:
         """A sequence is done when its last write came and all of it stands."""
-        description = self._description
-        armed = description.watchdog is not None and self._is_last(description.watchdog.arm, spot)
-        if description.faults is not None and (
-            self._is_last(description.faults.clear, spot) or (armed and not description.faults.clear)
-        ):
-            self._tripped = False  # where nothing else clears it, arming the watchdog anew does
-        if description.enable is not None and self._is_last(description.enable.disable, spot):
+        clear = self._faults.clear if self._faults else ()
+        if self._is_last(clear or self._arm, spot):  # where nothing else clears it, arming the watchdog anew does
+            self._tripped = False
+        if self._enable is not None and self._is_last(self._enable.disable, spot):
             self._enabled = False
-        if description.enable is not None and self._is_last(description.enable.write, spot) and not self._tripped:
+        if self._enable is not None and self._is_last(self._enable.write, spot) and not self._tripped:
             self._enabled = True
             for block in self._outputs:
                 self._obey(block)
 
     def _is_last(self, writes: tuple[Write, ...], spot: Spot) -> bool:
-        if not writes or self._description.wire(writes[-1]) != spot:
-            return False
-        last = {self._description.wire(write): write.value for write in writes}
+        return bool(writes) and spot_of(writes[-1]) == spot and self._stand(writes)
+
+    def _stand(self, writes: tuple[Write, ...]) -> bool:
+        """Whether what was written last to each place is what these write there."""
+        last = {spot_of(write): write.value for write in writes}
         return all(self._memory.get(at) == value for at, value in last.items() if isinstance(value, int))
 
     def _obey(self, block: Block) -> None:
         if self._enabled and block.name not in self._safe_mode and not self._tripped:
-            words = [self._memory[spot] for spot in block.spots(block.first)]
-            self.side.drive({block.name: block.counts.decoded(words)})
+            self.side.drive({block.name: block.counts.decoded([self._memory[spot] for spot in block.spots])})
 
     def _goes_to(self, block: Block, value: float) -> None:
         self._store(block, value)
-        self._side_goes_to(block, value)
-
-    def _side_goes_to(self, block: Block, value: float) -> None:
         self.side.drive({block.name: value})
 
     def _store(self, block: Block, value: float) -> None:
-        spots = list(block.spots(block.first))
-        around = [self._memory.get(spot, 0) for spot in spots]
-        self._memory.update(zip(spots, block.counts.encoded(value, around=around), strict=True))
+        around = [self._memory.get(spot, 0) for spot in block.spots]
+        self._memory.update(zip(block.spots, block.counts.encoded(value, around=around), strict=True))
 
     def _watchdog_s(self) -> float | None:
         """Its time, None while it is not armed."""
-        watchdog = self._description.watchdog
-        if watchdog is None or not watchdog.arm:
+        if not self._arm:
             return None if self._set_s is None else float(self._set_s)
-        last = {self._description.wire(write): write.value for write in watchdog.arm}
-        if not all(self._memory.get(at) == value for at, value in last.items() if isinstance(value, int)):
-            return None
-        for at, value in last.items():
-            if isinstance(value, str) and value in TIMES:
-                return self._memory.get(at, 0) / TIMES[value] or None
+        times = {str(write.value): spot_of(write) for write in self._arm if write.value in TIMES}
+        for unit, spot in times.items() if self._stand(self._arm) else ():
+            return self._memory.get(spot, 0) / TIMES[unit] or None
         return None
 
     def _safe_level(self, block: Block) -> float:
         """Where the watchdog puts an output: where it was set to, by the description, or where that was written."""
         if self._level is not None:
             return float(self._level)
-        watchdog = self._description.watchdog
-        if watchdog is not None and watchdog.expires_to is not None:
-            return watchdog.expires_to
-        for spot, terminal in self._settings_of_safe():
-            if terminal == block.name:
-                words = [self._memory.get((spot[0], spot[1] + i), 0) for i in range(block.counts.words)]
-                return block.counts.decoded(words)
-        low, high = block.counts.terminal.range
-        return min(max(0.0, low), high)
-
-    def _settings_of_safe(self) -> Iterator[tuple[Spot, str]]:
-        """Where safe values are written, and of which output."""
-        for write in self._description.watchdog.arm if self._description.watchdog else ():
-            if terminal := safe_of(write.value):
-                yield self._description.wire(write), terminal
-
-    def _setting(self, spot: Spot) -> Block | None:
-        """The output whose safe value a register is part of."""
-        for (table, first), terminal in self._settings_of_safe():
-            block = next(block for block in self._outputs if block.name == terminal)
-            if table == spot[0] and first <= spot[1] < first + block.counts.words:
-                return block
-        return None
-
-    def _cleared(self, spot: Spot) -> Block | None:
-        """The output whose safe mode a coil ends."""
-        mode = self._description.safe_mode
-        return None if mode is None else self._block_of_flag(spot, self._description.wire(mode.clear))
-
-    def _block_of_flag(self, spot: Spot, first: Spot) -> Block | None:
-        """The output of a flag, which follow in the order of the outputs' registers."""
-        lowest = min(block.first[1] for block in self._outputs)
-        for block in self._outputs:
-            if spot == (first[0], first[1] + block.first[1] - lowest):
-                return block
-        return None
+        if block.name in self._safe_at:
+            return block.counts.decoded([self._memory.get(spot, 0) for spot in self._safe_at[block.name]])
+        return nearest_zero(*block.counts.terminal.range)
 
 
-def _back(description: ModbusDescription, terminal: ModbusTerminal, i: int) -> Spot | None:
-    return description.read_back_of(terminal, i) if terminal.direction == "out" else None
+def spot_of(place: Any) -> Spot:
+    """Where something of a description stands that has its addresses on the wire."""
+    return str(place.table), int(place.address)
 
 
-def _all_flags(description: ModbusDescription) -> Iterator[Flag]:
-    yield from description.faults.flags if description.faults else ()
-    yield from [description.enable.ready] if description.enable and description.enable.ready else []
-    for terminal in description.terminals.values():
-        yield from (flag.of_row(i) for flag in terminal.status for i in range(terminal.count))
+def spots_from(place: Any, count: int) -> tuple[Spot, ...]:
+    """So many registers from there on."""
+    table, first = spot_of(place)
+    return tuple((table, first + i) for i in range(count))
 
 
-def _all_writes(description: ModbusDescription) -> Iterator[Write]:
-    yield from description.watchdog.arm if description.watchdog else ()
-    yield from (*description.enable.write, *description.enable.disable) if description.enable else ()
-    yield from description.faults.clear if description.faults else ()
+def _all_flags(told: ModbusDescription) -> Iterator[Flag]:
+    yield from told.faults.flags if told.faults else ()
+    yield from [told.enable.ready] if told.enable and told.enable.ready else []
+    for terminal in told.terminals.values():
+        yield from terminal.status
+
+
+def _all_writes(told: ModbusDescription) -> Iterator[Write]:
+    yield from told.watchdog.arm if told.watchdog else ()
+    yield from (*told.enable.write, *told.enable.disable) if told.enable else ()
+    yield from told.faults.clear if told.faults else ()
 
 
 def _bits(flag: Flag, so: bool) -> int:

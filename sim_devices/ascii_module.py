@@ -31,7 +31,7 @@ class Module(TextDevice):
 
     def __init__(self, side: Side, description: ModuleDescription, at: int) -> None:
         super().__init__(side)
-        names = list(description.numbers)
+        names = list(description.by_name)
         is_in = description.channels.direction == "in"
         self._outputs, self._inputs = ([], names) if is_in else (names, [])
         self._module, self._at, (self._low, self._high) = description, f"{at:02X}", description.channels.range

@@ -13,7 +13,7 @@ from sim_devices._bits import Bits
 from sim_devices._can_bus import CanServer
 from sim_devices._canopen_node import CanopenNode, Place
 from sim_devices._eds import objects_of
-from sim_devices._field import Side
+from sim_devices._field import Side, nearest_zero
 from sim_devices._quirks import Quirks
 from sim_devices._twin import Twin, TwinSettings, named_in, quirks, world
 
@@ -38,8 +38,7 @@ class DescribedNode(CanopenNode):
         super().power_on()
         for place, names in self._outputs.items():
             for name in names:
-                low, high = self._terminals[name].range
-                self._goes_to(place, name, min(max(0.0, low), high))
+                self._goes_to(place, name, nearest_zero(*self._terminals[name].range))
 
     def value(self, index: int, sub: int) -> float:
         """Terminals as they are now, in an object as it was written."""

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Literal
 
 from pydantic import Field
 
-from hil.bench.lines import Place
-from hil.description.terminal import DescribedDevice, DescribedTerminal, each, name_faults
+from hil.description.terminal import DescribedDevice, DescribedTerminal
 
 
-class ModuleDescription(DescribedDevice):
+class ModuleDescription(DescribedDevice[DescribedTerminal]):
     """A module with outputs or inputs, all alike.
 
     Attributes:
@@ -29,13 +27,3 @@ class ModuleDescription(DescribedDevice):
     def channels(self) -> DescribedTerminal:
         """What its channels are."""
         return next(iter(self.terminals.values()))
-
-    @property
-    def numbers(self) -> dict[str, int]:
-        """The module's number of each channel, by terminal."""
-        return {one: terminal.first + i for name, terminal in self.terminals.items() for one, i in each(name, terminal)}
-
-
-def module_faults(description: ModuleDescription) -> Iterator[tuple[Place, str]]:
-    """Every fault with its place in the file."""
-    yield from name_faults(description.terminals)

@@ -10,7 +10,7 @@ from pydantic import Field, FiniteFloat, PositiveFloat
 from hil.bench.lines import Place
 from hil.description.dbc import dbc_text
 from hil.description.makers_text import makers_file
-from hil.description.terminal import DescribedDevice, Invalid, ScaledTerminal, Strict, name_faults
+from hil.description.terminal import DescribedDevice, Invalid, ScaledTerminal, Strict
 from hil.errors import FileError
 from hil.extras import is_installed
 
@@ -38,6 +38,11 @@ class CanTerminal(ScaledTerminal):
     signal: str
     read_back: Signal | None = None
     invalid: Invalid = Field(default_factory=dict)
+
+    @property
+    def is_read_back(self) -> bool:
+        """Whether a message says it."""
+        return self.read_back is not None
 
 
 class Checksum(Strict):
@@ -98,7 +103,7 @@ class CanWatchdog(Strict):
     expires_to: FiniteFloat
 
 
-class CanDescription(DescribedDevice):
+class CanDescription(DescribedDevice[CanTerminal]):
     """A device on CAN.
 
     Attributes:
@@ -110,7 +115,6 @@ class CanDescription(DescribedDevice):
     dbc: str
     j1939: J1939 | None = None
     messages: dict[str, Message] = Field(default_factory=dict)
-    terminals: dict[str, CanTerminal] = Field(min_length=1)
     watchdog: CanWatchdog | None = None
 
     def about(self, message: str) -> Message:
@@ -146,7 +150,6 @@ Raises `FileError`."""
 
 def can_faults(description: CanDescription) -> Iterator[tuple[Place, str]]:
     """Every fault with its place in the file; the text says what is allowed."""
-    yield from name_faults(description.terminals)
     if not is_installed("cantools"):
         return
     try:
@@ -181,7 +184,7 @@ def can_faults(description: CanDescription) -> Iterator[tuple[Place, str]]:
             signal_ = known[name][message.checksum.signal]
             if signal_.length != 8 or signal_.start % 8 not in (0, 7):
                 yield ("messages", name, "checksum", "signal"), "is not a whole byte"
-    yield from description.needless("watchdog")
+    yield from description.needless()
 
 
 def _page(terminal: CanTerminal, about: Message, known: dict[str, dict[str, Any]]) -> Iterator[str]:

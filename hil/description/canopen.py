@@ -5,17 +5,15 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator
-from functools import cached_property
 from pathlib import Path
 from typing import Literal, Self
 
-from pydantic import Field, FiniteFloat, field_validator, model_validator
+from pydantic import FiniteFloat, field_validator, model_validator
 
 from hil.bench.lines import Place
-from hil.daq.channel import Kind
 from hil.description.eds import FORMS, Dictionary, Object, dictionary_in
 from hil.description.makers_text import makers_file
-from hil.description.terminal import DescribedDevice, PartTerminal, Strict, each, name_faults
+from hil.description.terminal import DescribedDevice, Flagged, PartTerminal, Strict
 from hil.errors import FileError
 
 _OBJECT = re.compile(r"(?:0x)?([0-9A-Fa-f]{4})(?:\.([0-9]{1,3}))?")
@@ -52,31 +50,14 @@ class ObjectValue(InObject):
     value: int | float
 
 
-class ObjectFlag(InObject):
-    """A bit, or a whole object, that tells something: it is so when the masked value is `equals`.
-
-    Attributes:
-        bit: of its count, 0 is the lowest.
-        mask: bits that are looked at, where it is more than one.
-        equals: what they are when it is so; not 0 if not given.
-        means: in words.
-    """
-
-    bit: int | None = Field(None, ge=0, le=31)
-    mask: int | None = Field(None, ge=1, le=0xFFFFFFFF)
-    equals: int | None = Field(None, ge=0, le=0xFFFFFFFF)
-    means: str = ""
+class ObjectFlag(InObject, Flagged):
+    """A flag in an object."""
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
         if self.bit is not None and (self.mask is not None or self.equals is not None):
             raise ValueError("bit, or mask and equals, not both")
         return self
-
-    def is_so(self, count: int) -> bool:
-        """Whether that is what an object with this count tells."""
-        looked_at = count & (1 << self.bit if self.bit is not None else self.mask or 0xFFFFFFFF)
-        return looked_at != 0 if self.equals is None else looked_at == self.equals
 
 
 class CanopenTerminal(InObject, PartTerminal):
@@ -89,19 +70,15 @@ class CanopenTerminal(InObject, PartTerminal):
 
     status: tuple[ObjectFlag, ...] = ()
 
-    @property
-    def is_of(self) -> Kind:
-        """Its kind; one bit is digital where nothing else is said."""
-        return "digital" if self.kind is None and self.bit is not None else super().is_of
-
     def of_row(self, i: int) -> Self:
-        """The terminal `i` of a row, from 0."""
-        if self.bit is not None:
-            return self.model_copy(update={"bit": self.bit + i, "count": 1})
-        if self.bits is not None:
-            on = i * (self.bits[1] - self.bits[0] + 1)
-            return self.model_copy(update={"bits": (self.bits[0] + on, self.bits[1] + on), "count": 1})
-        return self
+        """The terminal `i` of a row, from 0, by itself."""
+        bit, bits = self.bit, self.bits
+        if bit is not None:
+            bit += i
+        elif bits is not None:
+            on = i * (bits[1] - bits[0] + 1)
+            bits = bits[0] + on, bits[1] + on
+        return super().of_row(i).model_copy(update={"bit": bit, "bits": bits})
 
 
 class NodeWatchdog(Strict):
@@ -110,7 +87,7 @@ class NodeWatchdog(Strict):
     expires_to: FiniteFloat
 
 
-class CanopenDescription(DescribedDevice):
+class CanopenDescription(DescribedDevice[CanopenTerminal]):
     """A node on CANopen.
 
     Attributes:
@@ -121,13 +98,7 @@ class CanopenDescription(DescribedDevice):
     protocol: Literal["canopen"]
     eds: str
     setup: tuple[ObjectValue, ...] = ()
-    terminals: dict[str, CanopenTerminal] = Field(min_length=1)
     watchdog: NodeWatchdog | None = None
-
-    @cached_property
-    def by_name(self) -> dict[str, CanopenTerminal]:
-        """Every terminal by its own name, rows laid out."""
-        return {one: terminal.of_row(i) for name, terminal in self.terminals.items() for one, i in each(name, terminal)}
 
     @property
     def dictionary(self) -> Dictionary:
@@ -141,7 +112,6 @@ dictionary = makers_file("an EDS or DCF", dictionary_in)
 
 def canopen_faults(description: CanopenDescription) -> Iterator[tuple[Place, str]]:
     """Every fault with its place in the file; the text says what is allowed."""
-    yield from name_faults(description.terminals)
     try:
         objects = description.dictionary
     except FileError as error:
@@ -150,6 +120,7 @@ def canopen_faults(description: CanopenDescription) -> Iterator[tuple[Place, str
     for name, terminal in description.terminals.items():
         found = objects.get(terminal.place)
         yield from ((("terminals", name, "object"), text) for text in _object(found, terminal))
+        yield from ((("terminals", name, key), text) for key, text in _part(found, terminal))
         for i, flag in enumerate(terminal.status):
             found = objects.get(flag.place)
             yield from ((("terminals", name, "status", i, "object"), text) for text in _flag(found, flag))
@@ -157,7 +128,6 @@ def canopen_faults(description: CanopenDescription) -> Iterator[tuple[Place, str
             yield ("terminals", name), "invalid and status belong to an input; take them away"
         if terminal.count > 1 and terminal.field is None:
             yield ("terminals", name, "count"), "a row stands in the bits of one object; describe each object"
-        yield from ((("terminals", name, key), text) for key, text in _part(found, terminal))
     yield from _overlaps(description)
     for i, value in enumerate(description.setup):
         if (found := objects.get(value.place)) is None or not found.writable:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Annotated, Literal, Self
+from functools import cached_property
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, FiniteFloat, PositiveFloat, field_validator, model_validator
 
-from hil.daq.channel import Terminal
+from hil.daq.channel import Kind
 from hil.description.modbus_place import BITS, Addresses, Table, on_the_wire
-from hil.description.terminal import DescribedDevice, PartTerminal, Strict
+from hil.description.terminal import DescribedDevice, Flagged, PartTerminal, Strict, each
 
 Type = Literal["bit", "u16", "s16", "u32", "s32", "f32", "u64", "s64", "f64"]
 Order = Literal["ABCD", "CDAB", "BADC", "DCBA"]
@@ -50,26 +51,14 @@ class Write(Place):
         raise ValueError(f"'{value}': a number, {', '.join(TIMES)} or {{safe:TERMINAL}} with the name of an output")
 
 
-class Flag(Place):
-    """A bit, or a whole register, that tells something: it is so when the masked value is `equals`.
+class Flag(Place, Flagged):
+    """A flag in a register, or a coil.
 
     Attributes:
-        bit: of the register, 0 is the lowest.
-        mask: bits that are looked at, where it is more than one.
-        equals: what they are when it is so; not 0, or 1 for a coil, if not given.
-        means: in words.
         step: from the flag of one terminal of a row to that of the next, in registers.
     """
 
-    bit: int | None = Field(None, ge=0, le=15)
-    mask: int | None = Field(None, ge=1, le=0xFFFF)
-    equals: int | None = Field(None, ge=0, le=0xFFFF)
-    means: str = ""
     step: int = Field(0, ge=0, le=1000)
-
-    def of_row(self, i: int) -> Self:
-        """That of the terminal `i` of a row, from 0."""
-        return self.model_copy(update={"address": self.address + i * self.step})
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -111,6 +100,16 @@ class ModbusTerminal(PartTerminal):
         if self.direction == "in" and (self.write is not None or self.read_back is not None or self.close is not None):
             raise ValueError("write, read_back and close belong to an output")
         return self
+
+    @property
+    def is_read_back(self) -> bool:
+        """Whether it may be read."""
+        return self.read_back is not False
+
+    @property
+    def is_of(self) -> Kind:
+        """Its kind; a bit of a table of bits is digital too."""
+        return "digital" if self.kind is None and self.type == "bit" else super().is_of
 
     @property
     def scale(self) -> tuple[float, float]:
@@ -196,22 +195,49 @@ class Faults(Strict):
     patience_s: PositiveFloat = 1.0
 
 
-class ModbusDescription(DescribedDevice):
+class ModbusDescription(DescribedDevice[ModbusTerminal]):
     """A device on Modbus TCP or RTU."""
 
     protocol: Literal["modbus"]
     modbus: Wire
-    terminals: dict[str, ModbusTerminal] = Field(min_length=1)
     watchdog: Watchdog | None = None
     safe_mode: SafeMode | None = None
     enable: Enable | None = None
     faults: Faults | None = None
 
-    def kind_of(self, terminal: ModbusTerminal) -> Terminal:
-        """As a bench connects to it; one bit is digital where nothing else is said."""
-        one = terminal.terminal
-        is_bit = terminal.kind is None and (self.form_of(terminal) == "bit" or terminal.bit is not None)
-        return Terminal(one.direction, "digital", one.unit, one.low, one.high, one.over) if is_bit else one
+    @cached_property
+    def by_name(self) -> dict[str, ModbusTerminal]:
+        """Every terminal by its own name; tables and addresses, types and read-backs are those on the wire."""
+        return {one: self._laid(terminal, i) for name, terminal in self.terminals.items()
+                for one, i in each(name, terminal)}  # fmt: skip
+
+    def _laid(self, terminal: ModbusTerminal, i: int) -> ModbusTerminal:
+        table, address = self.place_of(terminal, i)
+        back = self.read_back_of(terminal, i) if terminal.direction == "out" else None
+        flags = (flag.model_copy(update={"address": flag.address + i * flag.step}) for flag in terminal.status)
+        there = {
+            "table": table, "address": address, "type": self.form_of(terminal), "status": tuple(map(self.there, flags)),
+            "read_back": back is not None and Place(table=back[0], address=back[1]),
+        }  # fmt: skip
+        return terminal.of_row(i).model_copy(update=there)
+
+    @cached_property
+    def on_the_wire(self) -> Self:
+        """The same with each terminal by itself, and every address as it stands on the wire."""
+        wire = self.modbus.model_copy(update={"addresses": "wire"})
+        sections = {key: self.there(getattr(self, key)) for key in ("watchdog", "safe_mode", "enable", "faults")}
+        return self.model_copy(update={"terminals": self.by_name, "modbus": wire, **sections})
+
+    def there(self, said: Any) -> Any:
+        """A place beside the terminals, or what has some in it, with wire addresses."""
+        if isinstance(said, Place):
+            table, address = self.wire(said)
+            return said.model_copy(update={"table": table, "address": address})
+        if isinstance(said, tuple):
+            return tuple(map(self.there, said))
+        if isinstance(said, Strict):
+            return said.model_copy(update={key: self.there(value) for key, value in said})
+        return said
 
     def place_of(self, terminal: ModbusTerminal, i: int = 0) -> tuple[Table, int]:
         """Table and wire address of the i-th of a row."""

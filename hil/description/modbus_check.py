@@ -8,20 +8,14 @@ from typing import get_args
 from hil.bench.lines import Place as Where
 from hil.description.modbus import WORDS, Flag, ModbusDescription, ModbusTerminal, Order, Place, Type, Write, safe_of
 from hil.description.modbus_place import BITS, Table
-from hil.description.terminal import name_faults
 
 Fault = tuple[Where, str]
 
 
 def modbus_faults(description: ModbusDescription) -> Iterator[Fault]:
     """Every fault with its place in the file; the text says what is allowed."""
-    yield from name_faults(description.terminals)
-    sound = True
     for name, terminal in description.terminals.items():
-        for key, text in _terminal(description, terminal):
-            sound = False
-            yield ("terminals", name, *key), text
-    outputs = description.outputs if sound else []
+        yield from ((("terminals", name, *key), text) for key, text in _terminal(description, terminal))
     for where, place in _places(description):
         try:
             table, _ = description.wire(place)
@@ -29,10 +23,12 @@ def modbus_faults(description: ModbusDescription) -> Iterator[Fault]:
             yield (*where, "address"), str(error)
             continue
         if isinstance(place, Write):
-            yield from _write(where, place, table, outputs)
+            yield from _write(where, place, table, description.outputs)
         if isinstance(place, Flag) and place.bit and table in BITS:
             yield (*where, "bit"), f"a {table} is one bit; take this away"
-    yield from description.needless("watchdog", "safe_mode", "enable") if sound else ()
+        elif isinstance(place, Flag) and max(place.bit or 0, (place.mask or 0).bit_length() - 1) > 15:
+            yield where, "a register has the bits 0 … 15"
+    yield from description.needless()
 
 
 def _terminal(description: ModbusDescription, terminal: ModbusTerminal) -> Iterator[Fault]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -13,22 +13,23 @@ from hil.bench.draft import sound_part
 from hil.bench.fault import BenchError, Fault
 from hil.bench.files import at_home
 from hil.bench.lines import Place, line_at, lines_of
-from hil.description.ascii_module import ModuleDescription, module_faults
+from hil.description.ascii_module import ModuleDescription
 from hil.description.can import CanDescription, can_faults
 from hil.description.canopen import CanopenDescription, canopen_faults
 from hil.description.modbus import ModbusDescription
 from hil.description.modbus_check import modbus_faults
+from hil.description.terminal import name_faults
 from hil.description.text import TextDescription, text_faults
 from hil.errors import FileError, SettingError
 from hil.untrusted import parse_toml, read_text
 
 Description = CanDescription | CanopenDescription | ModbusDescription | ModuleDescription | TextDescription
 """A device in words, by protocol."""
-_PROTOCOLS: Mapping[str, tuple[type[BaseModel], Callable[[Any], Iterator[tuple[Place, str]]]]] = {
+_PROTOCOLS: Mapping[str, tuple[type[BaseModel], Callable[[Any], Iterable[tuple[Place, str]]]]] = {
     "modbus": (ModbusDescription, modbus_faults),
     "can": (CanDescription, can_faults),
     "canopen": (CanopenDescription, canopen_faults),
-    "ascii_module": (ModuleDescription, module_faults),
+    "ascii_module": (ModuleDescription, lambda _description: ()),
     "text": (TextDescription, text_faults),
     "scpi": (TextDescription, text_faults),
 }
@@ -71,7 +72,7 @@ def checked(content: Mapping[str, Any]) -> tuple[Description | None, list[Fault]
     model, rules = _PROTOCOLS[protocol]
     description, faults = sound_part(model, dict(content), ())
     if description is not None and not faults:
-        faults = [Fault(place, text) for place, text in rules(description)]
+        faults = [Fault(*found) for found in (*name_faults(description.terminals), *rules(description))]
     return (None if faults else description), faults
 
 

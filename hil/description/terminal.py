@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Self
+from functools import cached_property
+from typing import Annotated, Generic, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, field_validator, model_validator
 
@@ -93,6 +94,15 @@ class DescribedTerminal(Strict):
         """Its kind, said or by its unit."""
         return self.kind or _KINDS.get(self.unit, "value")
 
+    @property
+    def is_read_back(self) -> bool:
+        """Whether the device can be asked where an output stands."""
+        return True
+
+    def of_row(self, i: int) -> Self:
+        """The terminal `i` of a row, from 0, by itself."""
+        return self.model_copy(update={"count": 1, "first": self.first + i})
+
 
 class ScaledTerminal(DescribedTerminal):
     """A terminal whose values are slope · number + offset, the number as the device has it."""
@@ -127,6 +137,11 @@ class PartTerminal(ScaledTerminal):
         return self
 
     @property
+    def is_of(self) -> Kind:
+        """Its kind; one bit is digital where nothing else is said."""
+        return "digital" if self.kind is None and self.bit is not None else super().is_of
+
+    @property
     def field(self) -> tuple[int, int] | None:
         """Lowest bit and number of bits, of what does not fill its count."""
         if self.bit is not None:
@@ -140,7 +155,31 @@ def each(name: str, terminal: DescribedTerminal) -> Iterator[tuple[str, int]]:
         yield name.replace(_NUMBER, str(terminal.first + i)), i
 
 
-class DescribedDevice(Strict):
+class Flagged(Strict):
+    """A bit, or a whole count, that tells something: it is so when the masked value is `equals`.
+
+    Attributes:
+        bit: of the count, 0 is the lowest.
+        mask: bits that are looked at, where it is more than one.
+        equals: what they are when it is so; not 0 if not given.
+        means: in words.
+    """
+
+    bit: int | None = Field(None, ge=0, le=31)
+    mask: int | None = Field(None, ge=1, le=0xFFFFFFFF)
+    equals: int | None = Field(None, ge=0, le=0xFFFFFFFF)
+    means: str = ""
+
+    def is_so(self, count: int) -> bool:
+        """Whether a count says it."""
+        seen = count >> self.bit & 1 if self.bit is not None else count & (self.mask or 0xFFFFFFFF)
+        return bool(seen) if self.equals is None else seen == self.equals
+
+
+_T = TypeVar("_T", bound=DescribedTerminal)
+
+
+class DescribedDevice(Strict, Generic[_T]):
     """What every description says of its device.
 
     Attributes:
@@ -150,30 +189,28 @@ class DescribedDevice(Strict):
 
     summary: str
     source: str = ""
-    terminals: Mapping[str, DescribedTerminal]
+    terminals: dict[str, _T] = Field(min_length=1)
+
+    @cached_property
+    def by_name(self) -> dict[str, _T]:
+        """Every terminal by its own name, rows laid out."""
+        return {one: terminal.of_row(i) for name, terminal in self.terminals.items() for one, i in each(name, terminal)}
 
     @property
     def ports(self) -> dict[str, Terminal]:
         """What a bench can connect to."""
-        return {
-            one: self.kind_of(terminal) for name, terminal in self.terminals.items() for one, _ in each(name, terminal)
-        }
+        return {name: terminal.terminal for name, terminal in self.by_name.items()}
 
     @property
     def outputs(self) -> list[str]:
         """Names of outputs."""
-        return [name for name, port in self.ports.items() if port.direction == "out"]
+        return [one for name, t in self.terminals.items() if t.direction == "out" for one, _ in each(name, t)]
 
-    def needless(self, *sections: str) -> Iterator[tuple[tuple[str, ...], str]]:
+    def needless(self) -> Iterator[tuple[tuple[str, ...], str]]:
         """Sections about outputs, where there is none."""
-        for section in sections:
-            if getattr(self, section) is not None and not self.outputs:
+        for section in ("watchdog", "safe_mode", "enable"):
+            if getattr(self, section, None) is not None and not self.outputs:
                 yield (section,), "there is no output that it could be for; take this away"
-
-    def kind_of(self, terminal: Any) -> Terminal:
-        """A terminal as a bench connects to it."""
-        port: Terminal = terminal.terminal
-        return port
 
 
 def name_faults(terminals: Mapping[str, DescribedTerminal]) -> Iterator[tuple[tuple[str, ...], str]]:

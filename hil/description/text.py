@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import Literal
+from typing import Literal, Self
 
 from pydantic import Field, FiniteFloat, field_validator
 
 from hil.bench.lines import Place
-from hil.description.terminal import DescribedDevice, ScaledTerminal, Strict, each, name_faults
+from hil.description.terminal import DescribedDevice, ScaledTerminal, Strict
 
 End = Literal["LF", "CRLF", "CR"]
 ENDS: Mapping[str, str] = {"LF": "\n", "CRLF": "\r\n", "CR": "\r"}
@@ -36,6 +36,20 @@ class TextTerminal(ScaledTerminal):
     ask: str = ""
     answer: str = "{value}"
     field: int | None = Field(None, ge=0)
+
+    @property
+    def is_read_back(self) -> bool:
+        """Whether it says what asks for it."""
+        return bool(self.ask)
+
+    def of_row(self, i: int) -> Self:
+        """The terminal `i` of a row, from 0, by itself: its number in the place of `{n}`."""
+
+        def filled(text: str) -> str:
+            return HOLE.sub(lambda hole: format(self.first + i, hole[2] or "d") if hole[1] == "n" else hole[0], text)
+
+        lines = {key: filled(getattr(self, key)) for key in ("tell", "reply", "ask", "answer")}
+        return super().of_row(i).model_copy(update=lines)
 
     @field_validator("tell", "answer")
     @classmethod
@@ -88,45 +102,23 @@ class TextWatchdog(Strict):
     expires_to: FiniteFloat | None = None
 
 
-class TextDescription(DescribedDevice):
-    """A device that is told and asked in lines of text; `scpi` has the common commands and an error queue."""
+class TextDescription(DescribedDevice[TextTerminal]):
+    """A device that is told and asked in lines of text."""
 
     protocol: Literal["text", "scpi"]
     text: Talk = Field(default_factory=lambda: Talk.model_validate({}))
-    terminals: dict[str, TextTerminal] = Field(min_length=1)
     watchdog: TextWatchdog | None = None
-
-    @property
-    def whole(self) -> dict[str, TextTerminal]:
-        """Every terminal by its name, `{n}` filled in."""
-        return {one: _numbered(terminal, terminal.first + i) for name, terminal in self.terminals.items()
-                for one, i in each(name, terminal)}  # fmt: skip
-
-    @property
-    def not_read_back(self) -> set[str]:
-        """Outputs that cannot be asked where they stand."""
-        return {name for name, terminal in self.whole.items() if terminal.direction == "out" and not terminal.ask}
-
-
-def _numbered(terminal: TextTerminal, n: int) -> TextTerminal:
-    def filled(text: str) -> str:
-        return HOLE.sub(lambda hole: format(n, hole[2] or "d") if hole[1] == "n" else hole[0], text)
-
-    return terminal.model_copy(
-        update={key: filled(getattr(terminal, key)) for key in ("tell", "reply", "ask", "answer")}
-    )
 
 
 def text_faults(description: TextDescription) -> Iterator[tuple[Place, str]]:
     """Every fault with its place in the file; the text says what is allowed."""
-    yield from name_faults(description.terminals)
     for name, terminal in description.terminals.items():
         for key, text in _terminal(description, terminal):
             yield ("terminals", name, key), text
     for i, line in enumerate(description.watchdog.arm if description.watchdog else ()):
         for text in (*_form_faults(line), *_safe_faults(line, description.outputs)):
             yield ("watchdog", "arm", i), text
-    yield from description.needless("watchdog")
+    yield from description.needless()
 
 
 def _terminal(description: TextDescription, terminal: TextTerminal) -> Iterator[tuple[str, str]]:

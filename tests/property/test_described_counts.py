@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers._described_modbus import model_of
+from drivers._modbus_model import model_of
 from hil.description.modbus import ModbusDescription
 from sim_devices._described_counts import Counts
 
@@ -41,7 +41,7 @@ def described(form: str, order: str, scale: dict[str, Any]) -> ModbusDescription
 def both_of(form: str, order: str, scale: int) -> tuple[Any, Counts, tuple[float, float]]:
     """The driver's register, its twin, slope and offset; neither remembers anything."""
     told = described(form, order, SCALES[scale])
-    twin = Counts(told, told.terminals["x"], told.modbus.byte_order)
+    twin = Counts(told.by_name["x"], told.modbus.byte_order)
     return model_of(told).registers["x"], twin, told.terminals["x"].scale
 
 
@@ -85,7 +85,7 @@ def test_a_part_of_a_register_leaves_the_rest(lowest: int, width: int, word: int
         "terminals": {"x": {"direction": "out", "range": [-1e5, 1e5], "table": "holding", "address": 0,
                             "type": "s16" if signed else "u16", "bits": [lowest, lowest + width - 1]}},
     })  # fmt: skip
-    register, twin = model_of(told).registers["x"], Counts(told, told.terminals["x"], "ABCD")
+    register, twin = model_of(told).registers["x"], Counts(told.by_name["x"], "ABCD")
     field = int(f"{word:016b}"[16 - lowest - width : 16 - lowest], 2)
     count = field - (1 << width) if signed and field >> width - 1 else field
     assert register.value_of([word], "ABCD") == twin.decoded([word]) == count

@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import _modbus_client, modbus
-from drivers._described_modbus import model_of
+from drivers._modbus_model import model_of
 from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Waveform

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from drivers._can_messages import Received
-from drivers._described_modbus import model_of
+from drivers._modbus_model import model_of
 from drivers._pdo_mapping import pdos_for
 from hil.bench.fault import BenchError
 from hil.description.can import database

@@ -1,0 +1,60 @@
+"""What a driver whose devices have descriptions says of them before they are opened."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from drivers._edge import reply_faults
+from hil.daq.channel import Terminal
+from hil.description.named import description_faults, description_of
+from hil.errors import HilError
+
+
+@dataclass(frozen=True, slots=True)
+class ByDescription:
+    """The devices of a protocol; `settings` are those of their driver (see `hil.description.named.Described`)."""
+
+    protocol: str
+
+    def told(self, settings: Any) -> Any:
+        """Its description. Raises `HilError`."""
+        return description_of(settings, self.protocol)
+
+    def faults(self, settings: Any) -> Iterator[tuple[tuple[str | int, ...], str]]:
+        """What is wrong with the description, and with the times of its link."""
+        yield from description_faults(settings, self.protocol)
+        yield from reply_faults(settings)
+
+    def is_sound(self, settings: Any) -> bool:
+        """Whether there is nothing wrong with the description."""
+        return not any(description_faults(settings, self.protocol))
+
+    def terminals(self, settings: Any) -> dict[str, Terminal]:
+        """Those of the description; none while it has faults."""
+        try:
+            found: dict[str, Terminal] = self.told(settings).ports
+        except HilError:
+            return {}
+        return found
+
+    def has_watchdog(self, settings: Any) -> bool:
+        """Whether the device has one."""
+        return self.told(settings).watchdog is not None
+
+    def level(self, settings: Any) -> float | None:
+        """Where its watchdog puts outputs: as it was set, or as described; None where that is not always the same."""
+        if (level := getattr(settings, "watchdog_level", None)) is None and self.has_watchdog(settings):
+            level = self.told(settings).watchdog.expires_to
+        return None if level is None else float(level)
+
+    def watchdog_levels(self, settings: Any) -> dict[str, float]:
+        """The same by terminal, of those of which it is known."""
+        level = self.level(settings)
+        return {} if level is None else dict.fromkeys(self.told(settings).outputs, level)
+
+    def not_read_back(self, settings: Any) -> set[str]:
+        """Outputs of which the device cannot be asked where they stand."""
+        told = self.told(settings).by_name
+        return {name for name, one in told.items() if one.direction == "out" and not one.is_read_back}
