@@ -10,15 +10,12 @@ import numpy as np
 
 from hil.clock import Clock, RealClock
 from hil.daq.channel import Pwm, Wiring
-from sim_devices._chain import InputStages, OutputStage
-from sim_devices._lines import lines_of
 from sim_devices._quirks import Quirks
+from sim_devices._rig import Rig
 from sim_devices._settings import Settings
-from sim_devices._simulation import Simulation, model_of
-from sim_devices._world import Signals, World
+from sim_devices._simulation import Simulation
 
 _BITS = 24  # the protocol rounds, not a converter
-_CHUNK_TICKS = 1 << 14
 _STILL = 1e-3  # of a terminal's unit: nearer than that to its safe value an output is there
 _LONGEST_S = 5.0  # a plant that nobody looked at has settled after so long; more is not computed
 
@@ -42,23 +39,16 @@ class Field:
         self.clock: Clock = by or RealClock()
         outputs = {name: c for wiring in wirings.values() for name, c in wiring.outputs.items()}
         inputs = {name: c for wiring in wirings.values() for name, c in wiring.inputs.items()}
-        model = model_of(simulation)
-        lines, instruments = lines_of(model), simulation.instruments
-        fitted = {name: (instrument, lines.get(instrument.signal)) for name, instrument in instruments.items()}
         self._wirings = wirings
         self._lock = threading.RLock()
         self._hz = clock_hz
-        self._stages = {name: OutputStage(c, *fitted[name], _BITS) for name, c in outputs.items()}
-        self._inputs = InputStages(
-            inputs, fitted, Settings.model_validate({"simulation": simulation, "bits": _BITS, "clock_hz": clock_hz})
-        )
         self._levels = {name: nearest_zero(c.low, c.high) for name, c in outputs.items()}
         self._safe = {name: channel.safe for name, channel in outputs.items()}
         self._sticking: dict[str, float] = {}
-        rest = {signal: values[0] for signal, values in self._driven(1, 0).items()}
-        self._world = World(model, 1.0 / clock_hz, rest)
+        settings = Settings.model_validate({"simulation": simulation, "bits": _BITS, "clock_hz": clock_hz})
+        self._rig = Rig(settings, Wiring(outputs, inputs), self._levels)
         self._zero_s = self.clock.now_s
-        self._seen, self._samples = self._advanced(1), 1
+        self._seen, self._samples = self._rig.hold(self._levels, 1)
 
     def side(self, device: str) -> Side:
         """The terminals of one device."""
@@ -85,37 +75,25 @@ class Field:
         """Give a PWM current output this carrier and dither from now on."""
         with self._lock:
             self._catch_up()
-            self._stages[channel].pwm = pwm
+            self._rig.stages[channel].pwm = pwm
 
     def read(self) -> dict[str, float]:
         """Every input now, by channel, in the terminal's unit."""
         with self._lock:
             self._catch_up()
-            readings = self._inputs.read(self._seen, float(self._samples), 1, np.array([self._world.ticks / self._hz]))
+            readings = self._rig.inputs.read(
+                self._seen, float(self._samples), 1, np.array([self._rig.ticks / self._hz])
+            )
             return {name: float(values[0]) for name, values in readings.items()}
 
     def _catch_up(self) -> None:
-        behind = math.floor((self.clock.now_s - self._zero_s) * self._hz + 1e-6) - self._world.ticks
+        behind = math.floor((self.clock.now_s - self._zero_s) * self._hz + 1e-6) - self._rig.ticks
         if behind > _LONGEST_S * self._hz:  # nobody looked; time that nobody saw is left out
             left_out = behind - round(_LONGEST_S * self._hz)
             self._zero_s += left_out / self._hz
             behind -= left_out
-        while behind > 0:
-            some = min(behind, _CHUNK_TICKS)
-            self._seen, self._samples = self._advanced(some), some
-            behind -= some
-
-    def _advanced(self, ticks: int) -> Signals:
-        return self._world.advance(self._driven(ticks, self._world.ticks))
-
-    def _driven(self, ticks: int, first: int) -> dict[str, np.ndarray]:
-        return {
-            stage.signal: stage.drive(
-                np.full(ticks, self._sticking.get(name, self._levels[name])), 1, first, 1.0 / self._hz
-            )
-            for name, stage in self._stages.items()
-            if stage.signal
-        }
+        if behind > 0:
+            self._seen, self._samples = self._rig.hold({**self._levels, **self._sticking}, behind)
 
 
 class Side:

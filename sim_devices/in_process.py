@@ -13,17 +13,11 @@ from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.check import check_waveform, checked_task, coerced_rate
 from hil.daq.contract import Block, Promises, ReadBack, Waveform
 from hil.errors import DeviceLostError, HardwareError, OutputUnderflowError, OverrunError
-from hil.record.recording import Array
-from sim_devices._chain import InputStages, OutputStage
 from sim_devices._converter import Converter
-from sim_devices._lines import lines_of
+from sim_devices._rig import Rig
 from sim_devices._settings import Fault, Settings, faults, terminals
-from sim_devices._simulation import model_of
-from sim_devices._world import World
 
 __all__ = ["Settings", "faults", "open_daq", "terminals"]
-
-_CHUNK_TICKS = 1 << 16
 
 
 def open_daq(settings: Settings, wiring: Wiring, by: Clock | None = None) -> SimulatedDaq:
@@ -58,15 +52,7 @@ class SimulatedDaq:
             name: min(max(settings.power_on, channel.low), channel.high) for name, channel in wiring.outputs.items()
         }
         self._settings, self._clock = settings, by
-        model = model_of(settings.simulation)
-        lines, instruments = lines_of(model), settings.simulation.instruments
-        fitted = {name: (instrument, lines.get(instrument.signal)) for name, instrument in instruments.items()}
-        self._output_stages = {name: OutputStage(c, *fitted[name], settings.bits) for name, c in wiring.outputs.items()}
-        self._input_stages = InputStages(wiring.inputs, fitted, settings)
-        driven = {stage.signal for stage in self._output_stages.values()}
-        self._idle = [signal.name for signal in model.definition.inputs if signal.name not in driven]
-        rest = self._driven({name: np.array([level]) for name, level in self.levels.items()}, 1, 1, 0)
-        self._world = World(model, 1.0 / settings.clock_hz, {signal: values[0] for signal, values in rest.items()})
+        self._rig = Rig(settings, wiring, self.levels)
         self._zero_s = by.now_s - self._now_s
         self._samples = 0
         self._fault = settings.fault
@@ -109,7 +95,7 @@ class SimulatedDaq:
     @property
     def _now_s(self) -> float:
         """The device's own time."""
-        return self._world.ticks / self._settings.clock_hz
+        return self._rig.ticks / self._settings.clock_hz
 
     def _task(self, waveforms: Iterator[Waveform], too_late: type[HardwareError]) -> Iterator[Block]:
         self._refuse_if_lost()
@@ -138,10 +124,9 @@ class SimulatedDaq:
         outputs = {name: np.full(samples, level) for name, level in self.levels.items() if name not in waveform.outputs}
         outputs |= {name: values[:samples] for name, values in waveform.outputs.items()}
         every = round(self._settings.clock_hz / waveform.rate_hz)
-        first = self._world.ticks
-        signals = self._world.advance(self._driven(outputs, samples, every, first))
+        first, signals = self._rig.ticks, self._rig.run(outputs, samples, every)
         time_s = (first + every * np.arange(samples)) / self._settings.clock_hz
-        inputs = self._input_stages.read(signals, self.promises.read_at * every, every, time_s)
+        inputs = self._rig.inputs.read(signals, self.promises.read_at * every, every, time_s)
         self.levels = {name: float(outputs[name][-1]) for name in self.outputs}
         self._samples += samples
         return Block(time_s, inputs, outputs)
@@ -154,22 +139,12 @@ class SimulatedDaq:
         self._lost = fault.kind == "lost"
         return _error(fault, self._samples)
 
-    def _driven(self, outputs: Mapping[str, Array], samples: int, every: int, first_tick: int) -> dict[str, Array]:
-        """What acts on the plant, tick by tick; what no output is connected to stays at zero."""
-        tick_s = 1.0 / self._settings.clock_hz
-        driven = {stage.signal: stage.drive(outputs[name], every, first_tick, tick_s)
-                  for name, stage in self._output_stages.items() if stage.signal}  # fmt: skip
-        return driven | {signal: np.zeros(every * samples) for signal in self._idle}
-
     def _catch_up(self) -> None:
         """Let the time pass for which outputs have stood since the last task."""
         behind_s = self._clock.now_s - self._zero_s - self._now_s
         ticks = math.floor(behind_s * self._settings.clock_hz + 1e-6)
-        while ticks > 0:
-            some = min(ticks, _CHUNK_TICKS)
-            still = {name: np.full(some, level) for name, level in self.levels.items()}
-            self._world.advance(self._driven(still, some, 1, self._world.ticks))
-            ticks -= some
+        if ticks > 0:
+            self._rig.hold(self.levels, ticks)
 
     def _check_punctual(self, too_late: type[HardwareError]) -> None:
         late_s = self._clock.now_s - self._zero_s - self._now_s

@@ -167,27 +167,6 @@ class Scanner(Instrument):
         return ",".join(self.measured(f"in{n - 100}") for n in _channels(parameters, range(101, 121)))
 
 
-class DcSource(Instrument):
-    """A current source for a coil."""
-
-    model = "dc-source"
-
-    def commands(self) -> Mapping[str, Callable[[str], str | None]]:
-        """Set and ask the current, measure it and the voltage."""
-        return {
-            "SOURce:CURRent": self._set, "SOURce:CURRent?": lambda _: f"{self.side.standing('current'):+.8E}",
-            "MEASure:CURRent?": lambda _: self.measured("coil current"),
-            "MEASure:VOLTage?": lambda _: self.measured("coil voltage"),
-        }  # fmt: skip
-
-    def reset(self) -> None:
-        """No current."""
-        self.side.drive({"current": 0.0})
-
-    def _set(self, parameters: str) -> None:
-        self.side.drive({"current": _number(parameters, 0.0, 3.0)})
-
-
 class Described(Instrument):
     """What a description says beside the common commands; headers in the form that stands there, long or short."""
 
@@ -219,9 +198,8 @@ class Described(Instrument):
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
     """Serve the instrument where the driver will look for it."""
-    known = {"scanner": Scanner, "dc-source": DcSource}.get(settings.get("model", ""))
-    if known is not None:
-        return serve_text(known, settings, side, behave)
+    if settings.get("model") == "scanner":
+        return serve_text(Scanner, settings, side, behave)
     described = description_of(named_in(settings), "scpi")
     return serve_text(lambda terminals: Described(terminals, described), settings, side, behave)
 
