@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hil.identification.preparation.experiment import Experiment
+from hil.identification.preparation.start_in_motion import begun_in_motion
 from hil.language.choice import in_page_language
 from hil.language.words import _
 from hil.physics.formula import formula
@@ -118,6 +119,7 @@ def _in_db_and_deg(response: np.ndarray[Any, Any]) -> dict[str, Any]:
 
 
 def _samples(model: Model, e: Experiment, k: int) -> Picture:
+    e, _said = begun_in_motion(model, e)
     simulated = e.respond(model.definition, model.values, model.active_effects)[0]
     shown = np.where(e.valid, e.output, np.nan)
 

@@ -12,6 +12,7 @@ from hil.identification.preparation.experiment import DEAD, Experiment
 from hil.identification.preparation.gaps import bridged
 from hil.identification.preparation.plausibility.look import suspicions
 from hil.identification.preparation.recording_quality import without_invalid
+from hil.identification.preparation.start_in_motion import begun_in_motion
 from hil.identification.uncertainty.fit import fit_ceiling, fit_percent
 from hil.identification.uncertainty.noise import channel_floor, noise_in
 from hil.physics.model import Model
@@ -110,8 +111,9 @@ def compare_all(
 def compare(model: Model, experiment: Experiment) -> Comparison:
     """Simulate a model on a recording's input and measure the difference, where the recording says something."""
     measured_only, left_out = without_invalid(experiment)
-    (e,), notes = bridged(model, [measured_only])
-    notes = (*left_out, *notes, *experiment.notes)
+    (even,), notes = bridged(model, [measured_only])
+    e, moved = begun_in_motion(model, even)
+    notes = (*left_out, *notes, *moved, *experiment.notes)
     response = e.respond(model.definition, model.values, model.active_effects)[0]
     time_s, measured, simulated = e.time_s[e.valid], e.output[e.valid], response[e.valid]
     error = simulated - measured

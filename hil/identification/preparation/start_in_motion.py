@@ -1,0 +1,72 @@
+"""A recording that begins while the unit still moves: what was commanded before it is an unknown of its own.
+
+A simulation begins at rest at the first command. Where a longer recording was cut in two, or the recorder was started
+late, the unit was still on its way, and a true model would look wrong until that is forgotten. The command before the
+recording is taken in levels that last twice as long each, the further back they lie: whatever the unit's times are,
+some of them tell where it stood and how it moved.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from hil.identification.preparation.experiment import Experiment
+from hil.identification.uncertainty.fit import fit_percent
+from hil.physics.model import Model
+from hil.record.recording import Array
+from hil.signals.colour import colour_factor
+
+_ROUNDS = 3
+_SLOPE = 0.1  # of the command's range, for the slope in a level
+
+
+def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[str, ...]]:
+    """The recording with the command before it that explains how it begins, and what was done, in words.
+
+    As it is where the Bayesian criterion finds those levels not worth their number, where the plant never forgets, and
+    where the samples lie on no grid.
+    """
+    span = float(np.ptp(e.drive.inputs[0]))
+    told = (e.grid_s, e.read_s, e.ripples) != (None, None, None) or e.is_late
+    if told or span == 0.0 or e.stands_still or not model.definition.forgets(model.values):
+        return e, ()
+    count = int(math.log2(len(e.output)))
+
+    def errors(change: Array) -> Array:
+        begun = _after(e, change)
+        return begun.telling(begun.respond(model.definition, model.values, model.active_effects)[0] - e.output)
+
+    change = np.zeros(count)
+    left = plain = errors(change)
+    for _ in range(_ROUNDS):
+        slopes = np.array([errors(change + _SLOPE * span * unit) - left for unit in np.eye(count)]).T / _SLOPE
+        # a level lies about the first one as far as the command goes, and what is left says how much a sample tells
+        power = float(np.mean(left**2))
+        step = np.linalg.solve(slopes.T @ slopes + power * np.eye(count), -slopes.T @ left - power * change / span)
+        tried = errors(change + span * step)
+        if not float(tried @ tried) < float(left @ left):
+            break
+        change, left = change + span * step, tried
+    telling = left[e.valid]
+    independent = len(telling) / colour_factor(telling)
+    gained = independent * math.log(float(plain @ plain) / float(left @ left)) if left.any() else 0.0
+    if not gained > count * math.log(independent):
+        return e, ()
+    fit = fit_percent(e.valid_output, e.valid_output + plain[e.valid])
+    note = f"{e.name}: begins in motion; what moved it before is fitted too, begun at rest the fit is {fit:.2f} %"
+    return _after(e, change), (note,)
+
+
+def _after(e: Experiment, change: Array) -> Experiment:
+    """The recording after levels of its first input that differ from its first value, the oldest first, shape (k,)."""
+    held = np.repeat(change, 2 ** np.arange(len(change))[::-1])
+    earlier = np.repeat(e.drive.inputs[:, :1], len(held), axis=1)
+    earlier[0] += held
+    before_s = e.time_s[0] - e.drive.interval_s * np.arange(len(held), 0, -1)
+    return replace(
+        e, drive=replace(e.drive, inputs=np.ascontiguousarray(np.hstack((earlier, e.drive.inputs)))),
+        grid_s=np.concatenate((before_s, e.time_s)), is_late=True, command_is_known=True,
+    )  # fmt: skip

@@ -1,0 +1,70 @@
+"""A recording that was cut out of a longer one begins where the unit still moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil.identification.grey_box.compare import compare
+from hil.identification.preparation.experiment import experiment
+from hil.physics.model import Model, typical_model
+from hil.physics.simulate import Drive, simulate
+from hil.record.recording import Recording, recording
+from tests.concealed import NOISE, bound, nominal, records, with_rows
+
+INTERVAL_S = 0.01
+
+
+def second_order(**values: float) -> Model:
+    model = typical_model("transfer-function")
+    given = {name: replace(model.parameters[name], value=value) for name, value in values.items()}
+    return replace(model, parameters={**model.parameters, **given}, input="u [V]", output="y [bar]")
+
+
+def recorded(model: Model, seed: int) -> Recording:
+    """Steps and what the model makes of them with noise, over 40 s."""
+    rng = np.random.default_rng(seed)
+    command = np.repeat(rng.uniform(-5.0, 5.0, 27), 150)[:4000]
+    output = simulate(model.definition, model.values, Drive(command[None, :], 0.0, INTERVAL_S))[0]
+    made = output + 0.02 * rng.standard_normal(len(output))
+    return recording("cut", INTERVAL_S * np.arange(len(output)), {"u [V]": command, "y [bar]": made})
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"gain": 2.0, "lag_time": 8.0},
+        {"gain": 2.0, "pair1_time": 0.2, "pair1_damping": 0.03},
+        {"gain": 1.2, "pair1_time": 1.4, "pair1_damping": 1.06, "pair1_zero": -1.5, "dead_time": 0.2},
+    ],
+)
+def test_the_true_model_fits_what_was_cut_out_of_a_longer_recording(values: dict[str, float]) -> None:
+    model = second_order(**values)
+    for seed in range(3):
+        whole = recorded(model, seed)
+        cut = whole.rows(2020, 1900)
+        found = compare(model, experiment(cut, model.definition, "u", "y"))
+        assert found.fit is not None and found.ceiling is not None
+        assert found.rms_error < 1.05 * 0.02
+        assert any("begins in motion" in note and "begun at rest the fit is" in note for note in found.notes)
+        assert not compare(model, experiment(whole, model.definition, "u", "y")).notes
+
+
+def test_a_valve_that_is_cut_in_a_step_fits_and_one_that_rests_is_left_as_it_is() -> None:
+    model, notes = nominal(), []
+    for each in records(seed=51):
+        (whole,) = bound(model, [each])
+        assert not compare(model, whole).notes
+        (cut,) = bound(model, [with_rows(each, np.arange(len(each) // 3 + 7, len(each)))])
+        found = compare(model, cut)
+        notes += found.notes
+        assert found.rms_error < 1.05 * NOISE
+    assert any("begins in motion" in note for note in notes)
+
+
+def test_a_gain_that_is_wrong_is_not_taken_for_a_start_in_motion() -> None:
+    model = second_order(gain=2.0, lag_time=0.3)
+    other = replace(model, parameters={**model.parameters, "gain": replace(model.parameters["gain"], value=2.2)})
+    assert not compare(other, experiment(recorded(model, 1), model.definition, "u", "y")).notes
