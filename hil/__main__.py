@@ -29,6 +29,7 @@ _LEAVES_S = 5.0  # so long threads and children that a procedure has left behind
 
 def main() -> None:
     """Entry point of the console script."""
+    _stand_in_for_closed_streams()
     for name in ("SIGTTOU", "SIGTTIN"):  # in the background of a terminal: to write, or to read nothing, stops no run
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -46,6 +47,15 @@ def main() -> None:
         leaving.daemon = True
         leaving.start()
     sys.exit(status)
+
+
+def _stand_in_for_closed_streams() -> None:
+    """Who starts this may have closed a stream: no file of a run takes its number, and nobody writes to None."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            stream = open(os.devnull, "w" if number else "r", encoding="utf-8")  # noqa: PTH123, SIM115  # the lowest free number
+            os.set_inheritable(stream.fileno(), True)  # children have it too
+            setattr(sys, name, stream)
 
 
 def _is_program() -> bool:

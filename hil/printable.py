@@ -6,10 +6,13 @@ the user. The streams of a command show such characters as `\x1b`; new lines and
 
 from __future__ import annotations
 
+import codecs
+import json
 import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import TextIOWrapper
 from typing import IO, Any
 
 # Controls of ASCII and of Latin-1, and marks that turn the direction of writing; "\r\n" ends a row of CSV.
@@ -19,6 +22,16 @@ _COMMANDS = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u061c\u200e\u200f\u
 def printable(text: str) -> str:
     """A text with what would command a terminal shown as escapes."""
     return _COMMANDS.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+
+
+def _escaped(error: UnicodeError) -> tuple[str, int]:
+    """What a stream's encoding does not have, as JSON escapes it: words stay readable, and JSON stays JSON."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return json.dumps(error.object[error.start : error.end])[1:-1], error.end
+
+
+codecs.register_error("hil.escaped", _escaped)
 
 
 class Printable:
@@ -33,12 +46,28 @@ class Printable:
 
     def write(self, text: str) -> int:
         """Write a text as it can be shown."""
-        self.raw.write(printable(text))
+        with self._named():
+            self.raw.write(printable(text))
         return len(text)
 
     def writelines(self, lines: list[str]) -> None:
         """Write texts as they can be shown."""
-        self.raw.writelines(map(printable, lines))
+        with self._named():
+            self.raw.writelines(map(printable, lines))
+
+    def flush(self) -> None:
+        """Hand on what is kept back."""
+        with self._named():
+            self.raw.flush()
+
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        """An error of the system names the stream."""
+        try:
+            yield
+        except OSError as error:
+            error.filename = error.filename or self.raw.name
+            raise
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.raw)
@@ -51,6 +80,9 @@ class Printable:
 def printable_streams() -> Iterator[None]:
     """What is printed while this lasts commands no terminal."""
     before = sys.stdout, sys.stderr
+    for stream in before:
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="hil.escaped")
     sys.stdout, sys.stderr = (Printable(stream) if stream else stream for stream in before)  # type: ignore[assignment]
     try:
         yield

@@ -26,7 +26,7 @@ def write(text: str, within_s: float, stream: IO[str] | None = None) -> bool:
         with suppress(AttributeError, OSError, ValueError):
             stream.write(text)
         return True
-    left, until_s = memoryview(text.encode(encoding, "backslashreplace")), time.monotonic() + within_s
+    left, until_s = memoryview(text.encode(encoding, "hil.escaped")), time.monotonic() + within_s
     with suppress(OSError, ValueError):
         while left and _takes(place, until_s - time.monotonic()):
             left = left[os.write(place, left[:_CHUNK_BYTES]) :]

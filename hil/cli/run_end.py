@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import threading
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
@@ -89,15 +89,20 @@ def ended(run: Callable[[Outputs], Outcome | None], folder: Path, archive: str, 
         as_json: whether its results are printed as JSON instead of words, with what is known of the outputs.
     """
     from hil.archive.begun import forget_begun
+    from hil.cli.error_message import WAITS_S
     from hil.safety.outputs import Outputs
+    from hil.stderr import write
 
     known = Outputs()
     outcome = safely(run, folder, archive, known=known, as_json=as_json)
     if outcome is None:
         forget_begun(folder)
         raise typer.Exit
-    with suppress(OSError):  # nobody reads it: the verdict stands in the folder, and in the exit status
+    try:
         say_outcome(outcome, known, as_json=as_json, say=_print)
+    except OSError as error:  # the verdict stands in the folder, and in the exit status
+        if not isinstance(error, BrokenPipeError):
+            write(f"hil: {error.filename}: {error.strerror}; the results stand in {folder}\n", WAITS_S)
     entered(archive, folder)
     raise typer.Exit(outcome.exit_status)
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import pty
+import shlex
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
 from hil.cli.app import main
-from hil.printable import Printable, printable, raw
+from hil.printable import Printable, printable, printable_streams, raw
 from hil.stderr import write
 
 TITLE = "\x1b]0;pwned\x07"
@@ -89,3 +92,26 @@ def test_a_terminal_sees_no_command(folder: Path) -> None:
         pass
     os.close(ours)
     assert done.returncode == 0 and b"pwned" in seen and b"\x1b]0" not in seen
+
+
+def test_printable_streams_escape_what_their_encoding_lacks_as_json_does() -> None:
+    inner = io.TextIOWrapper(io.BytesIO(), encoding="latin-1", write_through=True)
+    with patch.object(sys, "stdout", inner), printable_streams():
+        print(json.dumps("80 → 0 %, 20 °C", ensure_ascii=False))
+    inner.seek(0)
+    assert json.loads(inner.read()) == "80 → 0 %, 20 °C"
+
+
+def test_stream_that_is_full_is_named(tmp_path: Path) -> None:
+    words = [sys.executable, "-P", "-m", "hil", "list"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, cwd=tmp_path, check=False)
+    assert (done.returncode, done.stderr) == (2, "hil: <stdout>: No space left on device\n")
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "<&- >&- 2>&-"])
+def test_closed_streams_end_no_command(closed: str, tmp_path: Path) -> None:
+    run = "run jog --bench brevini-hpv41 --out run --set value=5 --set for_s=0.1"
+    shell = f"{shlex.quote(sys.executable)} -P -m hil {run} {closed}"
+    assert subprocess.run(["sh", "-c", shell], cwd=tmp_path, check=False).returncode == 0
+    assert (tmp_path / "run" / "report.html").is_file()
