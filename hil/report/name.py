@@ -30,8 +30,8 @@ def words(name: str, *, capital: bool = False) -> str:
 
 
 def quantity_words(name: str) -> str:
-    """`bandwidth 3 dB` from `bandwidth_3db`."""
-    text = name.replace("_", " ")
+    """`bandwidth 3 dB` from `bandwidth_3db`, `ISO 10770-1` from `iso_10770_1`."""
+    text = re.sub(r"\biso (\d+) (\d+)\b", r"ISO \1-\2", name.replace("_", " "))
     for ending, unit in (("db", " dB"), ("deg", "°"), ("hz", " Hz")):
         text = re.sub(rf"(?<=\d){ending}\b", unit, text)
     return re.sub(r"\b(thd|efc)\b", lambda found: found[0].upper(), text)

@@ -23,6 +23,10 @@ SHORT = {
         "brevini-hpv41",
         {"frequencies": (1, 2, 4), "amplitudes": (20,), "biases": (50,), "measure_s": 0.5},
     ),
+    "iso_10770_1": (
+        "brevini-hpv41",
+        {"cycle_s": 12, "steps": (50,), "amplitudes": (10,), "biases": (50,), "rate_hz": 200},
+    ),
     "jog": ("brevini-hpv41", {"value": 20}),
     "large_sine": ("brevini-hpv41", {"frequencies": (0.5,), "cycles": 1}),
     "leakage_check": ("cummins-efc-acceptance", {}),

@@ -1,0 +1,107 @@
+"""ISO 10770-1 in one run: flow curve, steps, frequency response, threshold and fail-safe of a valve; a certificate.
+
+One rehearsal, one time, one page. A run that was broken off goes on with the test that it had not completed. All six
+frequency responses are measured by multisines, in a fifth of the time of stepped sines; `frequency_response` measures
+them by those. What of the standard is in it, and what is not: docs/explanation/standard.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import ModuleType
+from typing import Any, Literal
+
+from hil.errors import SettingError
+from hil.language.note import Note
+from hil.record.measurement import Findings
+from hil.record.recording import Recording
+from hil.rig import Rig
+from procedures import fail_safe, flow_curve, multisine_response, step_response, threshold
+from procedures._scale import scale_of
+from procedures._sequence import SequencedTest, drive, evaluated
+from procedures._settings import NotNegative, Positive
+
+CERTIFICATE, RESUMABLE = True, True
+_TESTS: Mapping[str, tuple[ModuleType, Note, tuple[str, ...]]] = {
+    "flow_curve": (flow_curve, Note("flow curve"), ("cycle_s",)),
+    "step_response": (step_response, Note("steps"), ("levels",)),
+    "multisine_response": (multisine_response, Note("frequency response"), ("amplitudes", "biases", "high_hz")),
+    "threshold": (threshold, Note("threshold"), ("biases",)),
+    "fail_safe": (fail_safe, Note("fail-safe"), ()),
+}
+MEASUREMENTS = tuple(one for test, _, _ in _TESTS.values() for one in test.MEASUREMENTS)
+
+_TOP_HZ, _SAMPLES = 4.9, 20.0  # of the HPV41 paper; the least samples of a period of the top frequency
+
+_Name = Literal["flow_curve", "step_response", "multisine_response", "threshold", "fail_safe"]
+
+
+def run(
+    rig: Rig,
+    *,
+    tests: tuple[_Name, ...] = ("flow_curve", "step_response", "multisine_response", "threshold", "fail_safe"),
+    steps: tuple[Positive, ...] = (5.0, 25.0, 90.0),
+    amplitudes: tuple[Positive, ...] = (5.0, 10.0, 20.0),
+    biases: tuple[float, ...] | None = None,
+    high_hz: Positive | None = None,
+    cycle_s: Positive = 60.0,
+    warm_up_s: NotNegative = 0.0,
+    full_command: Positive | None = None,
+    rate_hz: Positive | None = None,
+) -> None:
+    """Drive the tests, in the order that they are named.
+
+    Args:
+        rig: the bench.
+        tests: which of them, each once.
+        steps: sizes of the steps from neutral and back, in % of full command; to both sides where it has two.
+        amplitudes: peaks of the multisines, in % of full command.
+        biases: about which multisines swing and thresholds are sought, in % of full command from neutral. When not
+            given: the bench's operating point, else ±50, or the middle of a one-way command.
+        high_hz: highest frequency of the responses, in Hz; 4.9, or a twentieth of a lower sample rate, when not given.
+        cycle_s: time of one sweep of the flow curve up and down, in s.
+        warm_up_s: time at the first level of the first test before anything is measured, in s.
+        full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
+        rate_hz: sample rate; that of the bench when not given.
+    """
+    if not tests or len(set(tests)) < len(tests):
+        raise SettingError(f"setting tests: {', '.join(tests) or 'none'}; at least one is needed, and each once")
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    asked = {
+        "tests": tests, "amplitudes": amplitudes, "biases": biases,
+        "high_hz": high_hz or min(_TOP_HZ, rate_hz / _SAMPLES),
+        "cycle_s": cycle_s, "warm_up_s": warm_up_s, "full_command": full_command, "rate_hz": rate_hz,
+        "levels": _levels(steps, both_ways=scale_of(rig, full_command).both_ways),
+    }  # fmt: skip
+    drive(rig, _asked(asked))
+
+
+def evaluate(recording: Recording) -> Findings:
+    """Findings of all tests together; what was not done is said, and what has a limit there cannot be told."""
+    found, notes = evaluated(recording, _asked({**recording.meta["settings"], "levels": ()}))
+    every = found.values()
+    return Findings(
+        tuple(one for test in every for one in test.measured),
+        {name: curve for test in every for name, curve in test.curves.items()},
+        tuple(dict.fromkeys([*notes, *(note for test in every for note in test.notes)])),
+        tuple(dict.fromkeys(one for test in every for one in test.deviations)),
+    )
+
+
+def _asked(settings: Mapping[str, Any]) -> list[SequencedTest]:
+    """The tests with what is asked of each; the first one warms up."""
+    found: list[SequencedTest] = []
+    for name in settings["tests"]:
+        procedure, title, takes = _TESTS[name]
+        warm_up = ("warm_up_s",) if not found else ()
+        given = {one: settings[one] for one in ("full_command", "rate_hz", *warm_up, *takes)}
+        found.append(SequencedTest(procedure, title, given))
+    return found
+
+
+def _levels(sizes: Sequence[float], *, both_ways: bool) -> tuple[float, ...]:
+    """Steps from neutral and back, the small ones first."""
+    levels = [0.0]
+    for size in sizes:
+        levels += [size, 0.0, -size, 0.0] if both_ways else [size, 0.0]
+    return tuple(levels)
