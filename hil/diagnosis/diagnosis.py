@@ -68,6 +68,12 @@ class Finding:
         """Whether the nominal model lacks it."""
         return all(q.was is None for q in self.parameters.values())
 
+    def as_dict(self) -> dict[str, Any]:
+        """As in `diagnosis.json`: without what only a page says of it."""
+        said = ("name", "probability", "stage", "where", "sentence", "equation", "source")
+        parameters = {name: q.as_dict() for name, q in self.parameters.items()}
+        return {"parameters": parameters, **{name: getattr(self, name) for name in said}}
+
 
 @dataclass(frozen=True, slots=True)
 class ChangedParameter:
@@ -85,6 +91,11 @@ class ChangedParameter:
     def times(self) -> float:
         """How many times what it was; 1 where it was nothing."""
         return self.after / self.before if self.before else 1.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """As in `diagnosis.json`."""
+        said = {name: getattr(self, name) for name in ("name", "std", "unit", "at_bound")}
+        return {**said, "from": self.before, "to": self.after}
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,49 +241,37 @@ class Diagnosis:
 
     def as_dict(self) -> dict[str, Any]:
         """`diagnosis.json`: the contract's fields and more, without the pictures' arrays."""
-        return {
-            "schema": SCHEMA,
-            "question": self.question,
-            "why_asked": self.why_asked,
-            "verdict": self.verdict,
-            "headline": self.headline,
-            "plant": self.plant,
-            "effects": [_finding(f) for f in self.effects],
-            "changed_parameters": [
-                {"name": c.name, "from": c.before, "to": c.after, "std": c.std, "unit": c.unit, "at_bound": c.at_bound}
-                for c in self.changed_parameters
-            ],
-            "not_separable": [list(names) for names in self.not_separable],
-            "next_test": plain(self.next_test) if self.next_test else None,
-            "candidates": [plain(c) for c in self.candidates],
-            "fit": {
-                "held_out": plain(self.held_out),
-                "kept_back": self.kept_back,
-                "recordings": {name: plain(fit) for name, fit in self.recordings.items()},
-            },
-            "left_out": None if self.left_out is None else dict(self.left_out),
-            "gate": None if self.gate is None else dict(self.gate),
-            "table": None if self.table is None else dict(self.table),
-            "corrected_is": self.corrected_is,
-            "why_corrected": self.why_corrected,
-            "mismatch": _where(self.mismatch),
-            "left": {
-                "share": self.left.share,
-                "rms": self.left.rms,
-                "nominal_rms": self.left.nominal_rms,
-                "noise_std": self.left.noise_std,
-                "unit": self.left.unit,
-                "where": _where(self.left.where),
-                "stages": [plain(s) for s in self.left.stages],
-            },
-            "limits": [plain(limit) for limit in self.limits],
-            "warnings": list(self.warnings),
-            "false_alarm_rate": self.false_alarms.rate,
-            "false_alarm_scope": self.false_alarms.scope,
-            "seconds": self.seconds,
-            "work": dict(self.work),
-            SIMULATED: self.simulated,
-        }
+        made: dict[str, Any] = plain(
+            {
+                "schema": SCHEMA,
+                "question": self.question,
+                "why_asked": self.why_asked,
+                "verdict": self.verdict,
+                "headline": self.headline,
+                "plant": self.plant,
+                "effects": [f.as_dict() for f in self.effects],
+                "changed_parameters": [c.as_dict() for c in self.changed_parameters],
+                "not_separable": self.not_separable,
+                "next_test": self.next_test,
+                "candidates": self.candidates,
+                "fit": {"held_out": self.held_out, "kept_back": self.kept_back, "recordings": self.recordings},
+                "left_out": self.left_out,
+                "gate": self.gate,
+                "table": self.table,
+                "corrected_is": self.corrected_is,
+                "why_corrected": self.why_corrected,
+                "mismatch": self.mismatch,
+                "left": self.left,
+                "limits": self.limits,
+                "warnings": self.warnings,
+                "false_alarm_rate": self.false_alarms.rate,
+                "false_alarm_scope": self.false_alarms.scope,
+                "seconds": self.seconds,
+                "work": self.work,
+                SIMULATED: self.simulated,
+            }
+        )
+        return made
 
     def as_text(self) -> str:
         """For a terminal: the headline, findings, fits, and what to do next."""
@@ -291,28 +290,3 @@ class Diagnosis:
 
 def _setting(value: Any) -> str:
     return ",".join(f"{v:g}" for v in value) if isinstance(value, tuple | list) else str(value)
-
-
-def _finding(f: Finding) -> dict[str, Any]:
-    return {
-        "name": f.name,
-        "probability": f.probability,
-        "stage": f.stage,
-        "parameters": {name: q.as_dict() for name, q in f.parameters.items()},
-        "where": _where(f.where),
-        "sentence": f.sentence,
-        "equation": f.equation,
-        "source": f.source,
-    }
-
-
-def _where(where: Where | None) -> dict[str, Any] | None:
-    if where is None:
-        return None
-    return {
-        "recording": where.recording,
-        "time_s": [list(interval) for interval in where.time_s],
-        "frequency_hz": list(where.frequency_hz),
-        "region": where.region,
-        "shares": dict(where.shares),
-    }
