@@ -15,11 +15,9 @@ from hil.diagnosis.problem import COARSER, Problem
 from hil.diagnosis.skeleton.gate import Later, later_of
 from hil.diagnosis.skeleton.rows import Rows, answers, samples_in
 from hil.diagnosis.skeleton.table import Table
+from hil.diagnosis.thresholds import PLAINLY
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
-
-# An alarm of one recording within so many times the threshold is unsure.
-_UNSURE = 1.5
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,7 @@ class Changed:
     def is_unsure(self) -> bool:
         """Whether one recording alone makes an alarm near the threshold, or is of a kind unlike all of before."""
         strange = self.later.leverage > self.table.before.leverage
-        return self.is_alarm and self.later.alone and (self.later.z < _UNSURE * self.needed or strange)
+        return self.is_alarm and self.later.alone and (self.later.z < PLAINLY * self.needed or strange)
 
     @property
     def as_one(self) -> float:

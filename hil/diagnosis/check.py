@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hil.diagnosis.thresholds import NEXT_TO_NOTHING, SELDOM_BY_CHANCE
+from hil.diagnosis.thresholds import NEXT_TO_NOTHING, PLAINLY, SELDOM_BY_CHANCE
 from hil.errors import FileError
 from hil.identification.preparation.clipped import without_clipped
 from hil.identification.preparation.content import is_of_its_origin
@@ -133,7 +133,7 @@ class _Timed:
     def lag(self) -> int:
         """The shift in samples that alone brings the recording down to its noise, 0 if there is none."""
         e = self.experiment
-        if e.grid_s is not None or self.floor <= 0.0 or self.error(0) < 1.5 * self.floor:
+        if e.grid_s is not None or self.floor <= 0.0 or self.error(0) < PLAINLY * self.floor:
             return 0
         most = min(len(e.output) // 4, int(2.0 / e.drive.interval_s))
         if most < 1:

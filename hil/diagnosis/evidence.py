@@ -28,15 +28,12 @@ class Judged:
     Attributes:
         fitted: the explanation, with values from all data.
         fit_held_out: in %, of the output, over all recordings.
-        chi2_held_out: of the whitened residuals kept back; `count`: their number.
-        prior_cost: of base parameters that had to move for it.
+        chi2_held_out: of the whitened residuals kept back.
     """
 
     fitted: Fitted
     fit_held_out: float
     chi2_held_out: float
-    count: int
-    prior_cost: float
 
 
 def training_half(problem: Problem) -> Mask:
@@ -51,9 +48,7 @@ def judge(problem: Problem, fitted: Fitted) -> Judged:
     train = training_half(problem)
     refitted = fit(problem, fitted, keep=train, steps=EFFORT.rough) if fitted.terms else fitted
     r, held_out = refitted.residuals, ~train
-    prior_cost = refitted.chi2 - float(r[train] @ r[train]) if fitted.terms else 0.0
-    chi2 = float(r[held_out] @ r[held_out])
-    return Judged(fitted, held_out_fit(problem, r, held_out), chi2, int(held_out.sum()), prior_cost)
+    return Judged(fitted, held_out_fit(problem, r, held_out), float(r[held_out] @ r[held_out]))
 
 
 def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:

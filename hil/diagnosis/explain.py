@@ -25,6 +25,7 @@ from hil.diagnosis.search.fits import finished, fit
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
 from hil.diagnosis.search.probes import keys
 from hil.diagnosis.search.terms import all_terms
+from hil.diagnosis.thresholds import TINY
 from hil.diagnosis.within_prior import is_no_news
 from hil.identification.preparation.experiment import Experiment
 from hil.record.recording import Array
@@ -300,7 +301,7 @@ class Explanation:
         baseline = nothing(problem) if moved_too_far(problem, unit.fitted) else _seen_in(problem, unit)
         ranked = [o.fitted for o in self._ranked() if o.fitted.terms and o.problem is option.problem]
         near = [self._of(r) for r in printed.ambiguous]
-        share = max(first.hypothesis.chi2 - printed.chi2, 0.0) / max(whole - printed.chi2, 1e-9)
+        share = max(first.hypothesis.chi2 - printed.chi2, 0.0) / max(whole - printed.chi2, TINY)
         names = {name for r in printed.rows for name in r.hypothesis.named}
         is_beside = option.residuals is not option.fitted.residuals  # events that no fit has taken into account
         return problem, Choice(

@@ -20,7 +20,7 @@ from hil.identification.preparation.time_constant import time_constant_s
 from hil.record.recording import Array
 
 # After so many time constants a plant has forgotten nineteen twentieths of where it was.
-_FORGOTTEN = 3.0
+FORGOTTEN = 3.0
 Folds = NDArray[np.int64]
 OTHER_RECORDINGS = "other recordings than those fitted"
 OTHER_HALVES = "the half of each recording that was not fitted, but for what the plant remembers of the other"
@@ -58,7 +58,7 @@ def kept_back(problem: Problem, f: Fitted) -> KeptBack:
     fold = _tiled(problem, second).astype(np.int64)
     if not problem.plant.forgets(problem.model.values):
         return KeptBack(fold, _tiled(problem, second), SECOND_HALF)
-    forgotten = [t > 0.5 * e.duration_s + _FORGOTTEN * time_constant_s(problem.model, e)
+    forgotten = [t > 0.5 * e.duration_s + FORGOTTEN * time_constant_s(problem.model, e)
                  for t, e in zip(since, recordings, strict=True)]  # fmt: skip
     if any(map(np.any, forgotten)):
         return KeptBack(fold, _tiled(problem, [~s | f for s, f in zip(second, forgotten, strict=True)]), OTHER_HALVES)

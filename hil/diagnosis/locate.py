@@ -10,7 +10,7 @@ from scipy.special import chdtrc
 
 from hil.cores import spread
 from hil.diagnosis.problem import Problem
-from hil.diagnosis.thresholds import LISTED
+from hil.diagnosis.thresholds import LISTED, TINY
 from hil.identification.preparation.experiment import Experiment
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
@@ -155,10 +155,10 @@ def _regions(e: Experiment, output: Array, largest: float) -> dict[str, Array]:
     smooth = np.convolve(np.pad(output, window // 2, mode="edge"), np.full(window, 1.0 / window), "valid")
     speed = np.gradient(smooth, e.time_s)
     fast = np.quantile(np.abs(speed), 0.85)
-    still = 0.02 * max(float(np.abs(speed).max()), 1e-12)
+    still = 0.02 * max(float(np.abs(speed).max()), TINY)
     level = np.abs(smooth) / largest
     since = _since_reversal(e.time_s, e.on_grid_input())
-    progress = (e.time_s - e.time_s[0]) / max(e.duration_s, 1e-12)
+    progress = (e.time_s - e.time_s[0]) / max(e.duration_s, TINY)
     return {
         "high level": level > 0.7,
         "around zero": level < 0.1,

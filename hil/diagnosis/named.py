@@ -16,12 +16,10 @@ from hil.diagnosis.score import UNKNOWN, Hypothesis, Noise, Table, table, verdic
 from hil.diagnosis.search.effort import EFFORT, Steps
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing, starting
 from hil.diagnosis.search.terms import Term, all_terms
+from hil.diagnosis.thresholds import TINY
 from hil.identification.grey_box.estimate import estimate
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
-
-# Terms that are fitted, from how many starts each, and how many of them further.
-_FITTED, _STARTS, _FURTHER = 16, 2, 6
 
 
 def unchanged(changed: Changed) -> Choice:
@@ -51,7 +49,7 @@ def named(changed: Changed) -> Choice:
     shown = [evaluated(problem, f) for f in (best, *(f for f in ranked if f is not best))]
     return Choice(
         outcome, shown[0], nominal, nominal, tuple(shown), tuple((names[0], name) for name in others),
-        terms, left / max(whole, 1e-9), alike=tuple(names), chances=chances, table=scores,
+        terms, left / max(whole, TINY), alike=tuple(names), chances=chances, table=scores,
     )  # fmt: skip
 
 
@@ -81,15 +79,15 @@ def _hypothesis(f: Fitted) -> Hypothesis:
 
 
 def _fitted(changed: Changed, terms: Sequence[Term]) -> list[Fitted]:
-    """The terms that could leave least from any of their starts, each at its best; the best of each place first."""
+    """The terms that could leave least from either of their two best starts, at their best; the best places first."""
     tried = spread(partial(_nearer, changed), _likely(changed, terms))
     coarse = spread(lambda one: _fit(changed, *one, EFFORT.rough), tried)
     first: dict[str, Fitted] = {}
     for f in sorted(coarse, key=lambda f: f.chi2):
         first.setdefault(f.terms[0].label, f)
     fits = list(first.values())
-    further = spread(lambda f: _fit(changed, f.terms[0], f.values[0], EFFORT.fine), fits[:_FURTHER])
-    return sorted((*further, *fits[_FURTHER:]), key=lambda f: f.chi2)
+    further = spread(lambda f: _fit(changed, f.terms[0], f.values[0], EFFORT.fine), fits[: 2 * EFFORT.finished])
+    return sorted((*further, *fits[2 * EFFORT.finished :]), key=lambda f: f.chi2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,13 +107,13 @@ def _likely(changed: Changed, terms: Sequence[Term]) -> list[_Start]:
     likely: dict[Term, list[_Start]] = {}
     for one in sorted(spread(partial(_start, changed), starts), key=lambda s: s.least):
         likely.setdefault(one.term, []).append(one)
-    return [one for own in list(likely.values())[:_FITTED] for one in own[:_STARTS]]
+    return [one for own in list(likely.values())[: 2 * EFFORT.tried] for one in own[:2]]
 
 
 def _start(changed: Changed, one: tuple[Term, tuple[float, ...]]) -> _Start:
     r, as_it_was = _residuals(changed, *one), changed.left_as_it_was
     change = r - as_it_was
-    share = float(np.clip(-(change @ as_it_was) / np.maximum(change @ change, 1e-9), 0.0, 1.0))
+    share = float(np.clip(-(change @ as_it_was) / np.maximum(change @ change, TINY), 0.0, 1.0))
     least = as_it_was + share * change
     return _Start(*one, float(r @ r), float(least @ least), share)
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.diagnosis.kept_back import NOTHING, KeptBack
+from hil.diagnosis.kept_back import FORGOTTEN, NOTHING, KeptBack
 from hil.diagnosis.problem import Problem
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.record.recording import Array
 
-# Blocks are so many time constants long at least; so few of them say nothing; and the risk of being wrong.
-_SETTLED, _FEWEST, _RISK = 3.0, 6, 0.05
+# So few blocks say nothing; and the risk of being wrong.
+_FEWEST, _RISK = 6, 0.05
 # Blocks of a recording whose plant does not settle, and at most as many as are worth telling apart.
 _MOST = 40
 # Sign changes that are tried where there are too many to try all.
@@ -53,7 +53,7 @@ def _gains(problem: Problem, nominal: Array, predicted: Array, kept: KeptBack) -
     """By how much the squared error falls in each block that has something to judge."""
     settles_s = max(time_constant_s(problem.model, e) for e in problem.experiments)
     lasting_s = sum(e.duration_s for e in problem.experiments)
-    blocks = problem.block_labels(max(_SETTLED * settles_s, lasting_s / _MOST))[kept.scored]
+    blocks = problem.block_labels(max(FORGOTTEN * settles_s, lasting_s / _MOST))[kept.scored]
     gain = nominal[kept.scored] ** 2 - predicted[kept.scored] ** 2
     found: Array = np.bincount(blocks, gain).astype(np.float64)[np.bincount(blocks) > 0]
     return found

@@ -18,6 +18,7 @@ from hil.diagnosis.diagnosis import DiagnosisVerdict, NextTest
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of
 from hil.diagnosis.search.terms import Term
+from hil.diagnosis.thresholds import TINY
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.noise import whiten
 from hil.physics.simulate import Drive
@@ -60,7 +61,7 @@ def span_of(problem: Problem) -> Span:
     commands = np.concatenate([e.on_grid_input() for e in problem.experiments])
     low, high = float(commands.min()), float(commands.max())
     signal = problem.plant.inputs[0]
-    full = signal.full_scale if signal.unit != "any" and low < 0.0 < high else max(abs(low), abs(high), 1e-12)
+    full = signal.full_scale if signal.unit != "any" and low < 0.0 < high else max(abs(low), abs(high), TINY)
     return Span(0.0, full, low, high)
 
 

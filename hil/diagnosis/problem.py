@@ -10,7 +10,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from hil.diagnosis.prior import Prior
-from hil.diagnosis.thresholds import PLAINLY
+from hil.diagnosis.thresholds import PLAINLY, TINY
 from hil.diagnosis.work import Work
 from hil.identification.grey_box.estimate import jacobian, side_by_side
 from hil.identification.grey_box.lines import line_at
@@ -269,5 +269,5 @@ def _without_hum(model: Model, e: Experiment) -> Experiment:
         return e
     error = e.output - e.respond(model.definition, model.values, model.active_effects)[0]
     tone, amplitude = line_at(e.time_s, error, known.hum_hz)
-    share = min(1.0, PLAINLY * known.hum / max(amplitude, 1e-300))
+    share = min(1.0, PLAINLY * known.hum / max(amplitude, TINY))
     return replace(e, output=e.output - share * tone)

@@ -13,7 +13,7 @@ from hil.diagnosis.events.bursts import BLOCK_S, Burst, all_bursts, is_sparse
 from hil.diagnosis.events.event import Events, Interval, how_often
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, residuals_of
-from hil.diagnosis.thresholds import A_GOOD_PART
+from hil.diagnosis.thresholds import A_GOOD_PART, TINY
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.repeated import LEAST_INTERVALS
 from hil.record.recording import Array
@@ -84,7 +84,7 @@ def comes_every_time(problem: Problem, around: Fitted) -> bool:
 def _jumps(e: Experiment) -> tuple[NDArray[np.int64], Array]:
     """Where the command jumps, by a good share of its range between two samples, and by how much."""
     steps = np.abs(np.diff(e.drive.inputs[0]))
-    at = np.flatnonzero(steps > _JUMP * max(float(np.ptp(e.drive.inputs[0])), 1e-12))
+    at = np.flatnonzero(steps > _JUMP * max(float(np.ptp(e.drive.inputs[0])), TINY))
     return at, steps[at]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, rows_of
+from hil.diagnosis.thresholds import TINY
 from hil.identification.grey_box.lines import common_line, is_commanded
 from hil.identification.preparation.experiment import Experiment
 from hil.record.recording import Array
@@ -48,7 +49,7 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
     longest = max(e.duration_s for e in problem.experiments)
     noise = problem.noises[0].std
     count = sum(len(e.output) for e in problem.experiments)
-    std_hz = float(np.sqrt(6.0 / count) * noise / max(size, 1e-12) / (np.pi * longest))
+    std_hz = float(np.sqrt(6.0 / count) * noise / max(size, TINY) / (np.pi * longest))
     last = problem.plant.hooks[-1]
     return Events(
         "periodic_disturbance", last.stage, last.name, (),
@@ -126,5 +127,5 @@ def _waves(e: Experiment, frequency_hz: float) -> Array:
 
 def _level(e: Experiment) -> Array:
     """The output as a share of its largest magnitude."""
-    level: Array = e.output / max(float(np.abs(e.output).max()), 1e-12)
+    level: Array = e.output / max(float(np.abs(e.output).max()), TINY)
     return level

@@ -11,6 +11,7 @@ import numpy as np
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, residuals_of, simulated
 from hil.diagnosis.search.terms import Term
+from hil.diagnosis.thresholds import TINY
 from hil.record.recording import Array
 
 _FROZEN = 1e6
@@ -123,6 +124,6 @@ def _adaptation(place: Around, taken: Collection[str]) -> _Adaptation:
         else:
             away[k] = accepted.parameters[p.name] - problem.model.values[p.name]
     information = place.gram + prior.T @ prior
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), TINY))
     scales = np.outer(scale, scale)
     return _Adaptation(prior, prior @ away, -scales * np.linalg.pinv(information * scales, rcond=1e-12, hermitian=True))

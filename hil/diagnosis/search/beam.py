@@ -16,6 +16,7 @@ from hil.diagnosis.search.fits import finished, fit, fit_given
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
 from hil.diagnosis.search.probes import Probe, keys, pairs, predicted_probes, simulated_probes, sketch
 from hil.diagnosis.search.terms import Term, all_terms
+from hil.diagnosis.thresholds import TINY
 
 
 class Worth(Protocol):
@@ -273,4 +274,4 @@ class Search:
 def _away(f: Fitted, term: Term, value: float) -> float:
     """How many standard uncertainties a parameter is from its nominal value."""
     assert f.estimate is not None  # noqa: S101
-    return abs(value - term.nominal) / max(float(f.estimate.std[f.estimate_index(term)]), 1e-300)
+    return abs(value - term.nominal) / max(float(f.estimate.std[f.estimate_index(term)]), TINY)

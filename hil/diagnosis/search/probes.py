@@ -13,6 +13,7 @@ from hil.diagnosis.search.around import Around, adapted_residuals
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.terms import Term
+from hil.diagnosis.thresholds import TINY
 from hil.record.recording import Array
 
 Start = tuple[float, ...]
@@ -59,7 +60,7 @@ def predicted_probes(place: Around, probes: Sequence[Probe]) -> list[Probe]:
     rows = place.slopes.shape[0]
     stride = 1 + (rows + len(place.problem.base)) // EFFORT.sketched
     slopes = place.slopes[::stride].astype(np.float32)
-    basis = np.linalg.qr(slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-30))[0]
+    basis = np.linalg.qr(slopes / np.maximum(np.linalg.norm(slopes, axis=0), TINY))[0]
     r, taken, found = sketch(place.residuals_without), keys(place.accepted), []
     for probe in probes:
         if (probe.term.name, probe.term.hook) not in taken:

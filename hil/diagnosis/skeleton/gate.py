@@ -12,12 +12,13 @@ from scipy.special import ndtri, stdtr, stdtrit
 from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.skeleton.misfit import Mask, Misfit, Remainder, learned, leaves, remainder
 from hil.diagnosis.skeleton.rows import Rows
+from hil.diagnosis.thresholds import TINY
 from hil.record.recording import Array
 
 # A column counts where its information is at least this share of the median column's.
 _ENOUGH = 1e-3
-# Nothing left, and the logarithm of a factor that says that nothing is known.
-_TINY, _LOG_FACTOR = 1e-30, 50.0
+# The logarithm of a factor that says that nothing is known.
+_LOG_FACTOR = 50.0
 # So few recordings of before are dealt into parts, that each can be judged by a fit of the others.
 _FEWEST, _PARTS = 3, 3
 
@@ -70,7 +71,6 @@ class Later:
             of the recordings.
         column: its place. `leverage`: mean of the recordings. `alone`: whether there is only one recording.
         left: what the skeleton misfit leaves in every row. `std`: its scale. Shape (n,).
-        every: z of every column over all of the recordings, shape (columns,).
     """
 
     z: float
@@ -79,7 +79,6 @@ class Later:
     alone: bool
     left: Array
     std: Array
-    every: Array
 
 
 def before_of(rows: Rows) -> Before:
@@ -119,17 +118,17 @@ def _learned(rows: Rows, fold: NDArray[np.int64]) -> Before:
     std = scale.std_of(rows, leverage)
     g, information = _blocks(rows, left, std, known)
     total = information.sum(axis=1)
-    count = (g**2).sum(axis=1) / np.maximum(total, 1e-9)
-    blocks = total**2 / np.maximum((information**2).sum(axis=1), 1e-30)
+    count = (g**2).sum(axis=1) / np.maximum(total, TINY)
+    blocks = total**2 / np.maximum((information**2).sum(axis=1), TINY)
     live = total > _ENOUGH * np.median(total)
     each = [(fold == k) & rows.valid for k in np.unique(fold[known])]
-    uneven = float(np.std([np.log(_TINY + np.mean(np.square(left[own] / std[own]))) for own in each], ddof=1))
+    uneven = float(np.std([np.log(TINY + np.mean(np.square(left[own] / std[own]))) for own in each], ddof=1))
     beyond = [float(np.mean(np.square(values[known]))) for values in (left, rows.misfit)]
     return Before(
         tuple(misfits), scale, count,
         float(np.median(count[live])) if live.any() else 1.0, total, np.maximum(blocks, 1.0),
         max(float(np.mean(leverage[own])) for own in each), (), uneven,
-        beyond[0] / max(beyond[1], 1e-12),
+        beyond[0] / max(beyond[1], TINY),
     )  # fmt: skip
 
 
@@ -145,9 +144,7 @@ def later_of(before: Before, rows: Rows) -> Later:
     same = (np.sign(z) == np.sign(z[0])).all(axis=0)
     sure = np.where(same, np.abs(z).min(axis=0), 0.0)
     column = int(sure.argmax())
-    return Later(
-        float(sure[column]), column, float(np.mean(leverage[rows.valid])), alone, left, std, _z(before, g, information)
-    )
+    return Later(float(sure[column]), column, float(np.mean(leverage[rows.valid])), alone, left, std)
 
 
 def _owners(rows: Rows) -> NDArray[np.int64]:
@@ -163,7 +160,7 @@ def _z(before: Before, g: Array, information: Array) -> Array:
     total = information.sum(axis=1)
     enough = _ENOUGH * np.median(total)
     live = (total > enough) & (before.information > enough)
-    spread = np.sqrt(np.maximum(before.count_as_one, before.least) * np.maximum(total, 1e-9))
+    spread = np.sqrt(np.maximum(before.count_as_one, before.least) * np.maximum(total, TINY))
     return np.where(live, _normal(g.sum(axis=1) / spread, before.blocks), 0.0)
 
 

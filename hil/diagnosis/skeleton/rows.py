@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.cores import spread
+from hil.diagnosis.problem import COARSER
 from hil.diagnosis.skeleton.columns import Column
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.time_constant import time_constant_s
@@ -25,7 +26,6 @@ _IN_RECORDING, _MOST = 2000, 8000
 _LAGS = (2, 8, 32)
 # A plant that adds up its errors, and has no observer, is compared by what they grow in so many rows.
 _GROWTH = 10
-_COARSER = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,13 +167,13 @@ def _of_recording(
     model: Model, e: Experiment, columns: Sequence[Column], floors: Mapping[str, float], length_s: float
 ) -> list[_Channel]:
     simulated = partial(answers, model, e, floors, length_s)
-    nominal, coarse = (simulated(model.values, model.active_effects, factor) for factor in (1.0, _COARSER))
+    nominal, coarse = (simulated(model.values, model.active_effects, factor) for factor in (1.0, COARSER))
     sampled = _simulated(model, e, model.values, model.active_effects, 1.0)
     changes: dict[str, list[NDArray[np.float32]]] = {name: [] for name in nominal}
     for column in columns:
         parameters, effects = dict(model.values), list(model.active_effects)
         column.apply(parameters, effects)
-        for name, rows in simulated(parameters, effects, _COARSER).items():
+        for name, rows in simulated(parameters, effects, COARSER).items():
             changes[name].append(np.nan_to_num(rows - coarse[name]).astype(np.float32))
     samples, places = samples_in(length_s, e), _channels(model, e, floors)
     state = _state(_means(e.on_grid_input(), samples), floors["output"] * nominal["output"])
