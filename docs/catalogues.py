@@ -26,7 +26,7 @@ from babel.messages.pofile import read_po, write_po
 from hil.bench.file import Conditions, InstrumentEntry, Valve
 from hil.catalog import entries
 from hil.findings.difference import Meaning
-from hil.physics.compose import effects
+from hil.physics.compose import effects, plant
 from hil.record.measurement import Verdict
 from hil.report.name import quantity_words, split_unit
 from hil.session.procedure import load_procedure
@@ -35,8 +35,8 @@ ROOT = Path(__file__).parent.parent
 CATALOGUES = ROOT / "hil" / "language" / "catalogues"
 ROOMS = {
     "pages": ("hil/report", "hil/passport"), "console": ("hil/console",), "outputs": ("hil/safety",),
-    "notes": ("procedures", "hil/identification", "hil/session", "hil/archive", "hil/cli", "hil/physics", "hil/bench",
-              "hil/record"),
+    "notes": ("procedures", "hil/identification", "hil/diagnosis", "hil/session", "hil/archive", "hil/cli",
+              "hil/physics", "hil/bench", "hil/record"),
 }  # fmt: skip
 """Catalogues with the folders whose texts they hold."""
 MOST_WORDS = 25  # of a sentence
@@ -113,6 +113,9 @@ def declared() -> Iterator[str]:
         yield effect.name.replace("_", " ")
         yield effect.title
         yield from effect.hooks
+    for entry in entries("plants"):
+        yield plant(entry.name).title
+        yield from (hook.stage for hook in plant(entry.name).hooks)
     yield from (*get_args(Verdict), *get_args(Meaning))
     for model in (Conditions, Valve, InstrumentEntry):
         for field in model.model_fields:

@@ -10,6 +10,7 @@ from typing import Any
 from hil.language.figures import localised
 from hil.language.words import ENGLISH, _, spoken
 
+OF = "{recording}: {note}"
 _AT = "{place!l}: {note}"
 _PLACE = re.compile(r"\{(\w+)(?:![cl])?(?::(?:[+]?\.?\d?[a-z]?|[;,] ))?\}")
 
@@ -31,7 +32,7 @@ class Note(str):
     values: Mapping[str, Any]
 
     def __new__(cls, code: str, **values: Any) -> Note:  # noqa: D102
-        made = super().__new__(cls, _TEXT.vformat(code, (), values))
+        made = super().__new__(cls, _TEXT.vformat(code, (), values) if values else code)
         made.code, made.values = code, {name: _plain(value) for name, value in values.items()}
         return made
 
@@ -41,6 +42,10 @@ class Note(str):
     def at(self, place: str) -> Note:
         """The same, after the place that it is about: `0 → 80 %: noise alone …`."""
         return Note(_AT, place=place, note=self)
+
+    def of(self, recording: str) -> Note:
+        """The same, after the name of the recording that it is about, which stays as it is."""
+        return Note(OF, recording=recording, note=self)
 
     @property
     def stopped(self) -> Note:
@@ -54,7 +59,9 @@ class Note(str):
     @property
     def translated(self) -> str:
         """In the language that is spoken."""
-        return str(self) if spoken() == ENGLISH else _PAGE.vformat(_(self.code), (), self.values)
+        if spoken() == ENGLISH:
+            return str(self)
+        return _PAGE.vformat(_(self.code), (), self.values) if self.values else _(self.code)
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""

@@ -27,8 +27,8 @@ AT_END, NONE, AGAIN = "reading at the end of its range", "no measurement", "meas
 
 def notes_of_reading(meta: Mapping[str, Any]) -> list[str]:
     """What was assumed when a source with this header was read, what was not measured, and which units it lacks."""
-    lacking = ", ".join(f"'{name}'" for name in meta.get("units_missing", ()))
-    units = [f"no unit is stated for {lacking}; taken as 1"] if lacking else []
+    lacking = tuple(f"'{name}'" for name in meta.get("units_missing", ()))
+    units = [Note("no unit is stated for {channels}; taken as 1", channels=lacking)] if lacking else []
     return [*meta.get("assumed", ()), *meta.get(INVALID_SAMPLES, ()), *units]
 
 

@@ -19,7 +19,7 @@ from hil.physics.transfer_function import from_parameters
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.response_table import ResponseTable
 from hil.report.figure import BLUE, INK, SOFT, Picture, drawn, legend_on_top, thinned
-from hil.report.number import number, with_uncertainty
+from hil.report.number import note_text, number, with_uncertainty
 from hil.report.page import write_page
 from hil.report.responses import bode
 from hil.report.section import Section, Table
@@ -58,11 +58,15 @@ def write_fit_page(
     for k, one in enumerate(measured):
         picture = _table(model, one, k) if isinstance(one, ResponseTable) else _samples(model, one, k)
         sections.append(
-            Section(_short(one.name), texts=tuple(filter(None, (summaries.get(one.name),))), figures=(picture,))
+            Section(
+                _short(one.name),
+                texts=tuple(map(note_text, filter(None, (summaries.get(one.name),)))),
+                figures=(picture,),
+            )
         )
     if notes:
-        sections.append(Section(_("Notes"), texts=tuple(notes)))
-    title = model.definition.title
+        sections.append(Section(_("Notes"), texts=tuple(map(note_text, notes))))
+    title = _(model.definition.title)
     write_page("fit.html", path, kicker=_("Model and measurement"), title=title, sections=sections, simulated=simulated)
 
 

@@ -97,8 +97,8 @@ def diagnosed_fleet(
         notes(note)
     answers = []
     for answer in diagnose_units(units, scheduler, progress, budget_s):
-        for note in answer.notes:
-            notes(f"{answer.unit}: {note}")
+        for text in answer.notes:
+            notes(f"{answer.unit}: {text}")
         if out is not None and answer.diagnosed is not None:
             write_diagnosis(answer.diagnosed, out / answer.unit)
         answers.append(answer)

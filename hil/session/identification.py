@@ -14,6 +14,7 @@ from hil.identification.frequency.table_fit import AS_THEY_SHOW, Orders, fit_tab
 from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.identification.preparation.experiment import Experiment, experiment
 from hil.identification.preparation.informative_segments import experiments_of
+from hil.language.note import Note, codes_of
 from hil.physics.model import Model
 from hil.physics.plant import Plant
 from hil.record.plain import plain
@@ -49,14 +50,14 @@ class Identified:
     experiments: tuple[Experiment, ...] = ()
     tables: tuple[ResponseTable, ...] = ()
     fits: Mapping[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     simulated: bool = False
 
     def write_page(self, path: Path) -> None:
         """A page with the model beside all that it was fitted to. Raises `StorageError`."""
         from hil.report.fit_page import write_fit_page
 
-        captions = {name: f"fit {fit:.2f} %" for name, fit in self.fits.items()}
+        captions = {name: Note("fit {fit:.2f} %", fit=fit) for name, fit in self.fits.items()}
         write_fit_page(
             self.model, (*self.experiments, *self.tables), captions, self.notes, path, simulated=self.simulated
         )
@@ -69,6 +70,7 @@ class Identified:
                 "model": self.model.as_dict(),
                 "fits": dict(self.fits),
                 "notes": list(self.notes),
+                "codes": codes_of(self.notes),
                 "simulated": self.simulated,
             }
         )
@@ -176,7 +178,7 @@ def identified(
     for note in (*assumed, *(note for one in experiments for note in one.notes)):
         notes(note)
     if plant == _LINEAR and (better := command_for(recordings[0], given)):
-        notes(f"{recordings[0].name}: {better}")
+        notes(better.of(recordings[0].name))
     is_long = sum(len(one.output) for one in experiments) >= _LONG
     found = fit_plant(start, experiments, free, progress if is_long else lambda _done, _text: None)
     paths = {one.name: str(Path(one.name).resolve()) for one in recordings if Path(one.name).exists()}

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Union
 
 from hil.errors import FileError
+from hil.language.note import OF, Note
 from hil.record.frame import from_memory
 from hil.record.invalid_samples import notes_of_reading
 from hil.record.read import read_any
@@ -75,7 +76,7 @@ def tables_of(sources: Iterable[Source], reading: Reading = AS_IT_IS, part: str 
     return found
 
 
-def notes_on(read: Sequence[Recording | ResponseTable], experiments: Iterable[Experiment] = ()) -> list[str]:
+def notes_on(read: Sequence[Recording | ResponseTable], experiments: Iterable[Experiment] = ()) -> list[Note]:
     """What was assumed or changed when these were read and used, a sentence each, none twice."""
-    notes = [f"{one.name}: {note}" for one in read for note in notes_of_reading(one.meta)]
+    notes = [Note(OF, recording=one.name, note=note) for one in read for note in notes_of_reading(one.meta)]
     return list(dict.fromkeys([*notes, *(note for e in experiments for note in e.notes)]))

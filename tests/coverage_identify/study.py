@@ -67,7 +67,7 @@ def tried(case: Case, at: str, seeds: range) -> Outcome:
         made.runs += 1
         fits += list(found.fits.values())
         for note in found.notes:
-            short = note.partition(":")[0] if "bound" not in note else note
+            short = note.partition(";")[0]
             made.notes[short] = made.notes.get(short, 0) + 1
         for name, truth in case.truth.items():
             value = found.model.parameters[name]

@@ -40,7 +40,7 @@ def test_a_healthy_unit_fits_beside_a_long_gap() -> None:
         assert e.ignored is not None and e.ignored[800:1250].all() and not e.ignored[:800].any()
         assert e.ignored.mean() < 0.25
         assert np.std(residuals(e)) < 1.05 * NOISE
-    assert all("the hole in which the command is unknown" in text for text in checked.warnings)
+    assert all("where the command is unknown (1 ×)" in text for text in checked.warnings)
 
 
 def test_a_healthy_unit_fits_with_a_fifth_of_its_samples_missing_anywhere() -> None:
@@ -68,7 +68,7 @@ def test_a_command_that_jumps_in_a_hole_is_unknown_and_one_that_moves_on_is_not(
                                         for each in records(seed=43)])  # fmt: skip
     jumped, said = filled(steps, 0.1, forgets=True)
     assert jumped.ignored is not None and jumped.ignored.sum() == 1 + 0.5 * SECOND
-    assert "the hole in which the command is unknown" in said[0]
+    assert "where the command is unknown (1 ×)" in said[0]
     moved, said = filled(sweep, 0.1, forgets=True)
     assert moved.ignored is not None and moved.ignored.sum() == 1
     assert "drawn straight through" in said[0]
@@ -91,7 +91,9 @@ def test_a_recording_that_never_settles_between_its_holes_is_refused() -> None:
     holed = with_rows(steps, np.flatnonzero((np.arange(len(steps)) + 115) % SECOND < 125))
     (e,) = bound(nominal(), [holed])
     assert filled(e, 0.05, forgets=True)[0].valid.any()
-    with pytest.raises(FileError, match=r"steps: 16 gaps.*: 10 samples are left; at least 20 are needed"):
+    with pytest.raises(
+        FileError, match=r"steps: gaps in the samples: 16.*: 10 samples are left; at least 20 are needed"
+    ):
         filled(e, 10.0, forgets=True)
 
 

@@ -59,7 +59,7 @@ def identified() -> GreyBoxFit:
 
 
 def test_the_model_knows_what_they_are_together() -> None:
-    assert any("tell loop_gain and speed_extend only together" in note for note in identified().notes)
+    assert any(note.startswith("confounded: loop_gain, speed_extend") for note in identified().notes)
     assert "not identifiable" in identified().summary()
     problem = pose(identified().model, [small_moves(3, {})])
     prior = problem.prior

@@ -126,7 +126,7 @@ def of_structure(name):
 
 def test_a_plant_faster_than_the_samples_is_said_with_the_rate_that_would_tell():
     found = fit_plant(of_structure("gain"), [made_of_a_lag(5e-4)])
-    (said,) = [note for note in found.notes if "over within one sample, 0.01 s: no more than the gain" in note]
+    (said,) = [note for note in found.notes if "over within one sample, 0.01 s: it determines the gain" in note]
     hidden_s, rate_hz = (float(text) for text in re.findall(r"above (\S+) s .* at (\S+) Hz", said)[0])
     assert 5e-4 < hidden_s < 0.005 and rate_hz == pytest.approx(1.0 / hidden_s, rel=0.05)
     told = fit_plant(of_structure("1 pole"), [made_of_a_lag(2.0 * hidden_s)])

@@ -59,7 +59,7 @@ def test_a_command_that_is_short_enough_is_taken_whole() -> None:
 def test_a_long_recording_is_identified_from_a_part_of_it_and_that_is_said(few: None) -> None:
     start, whole = starting_model("brevini-hpv41"), made(long_command())
     experiments, said = bound(start, whole)
-    assert "40000 samples are more than a fit needs; 2 informative segments are used (" in said[0]
+    assert "40000 samples are more than a fit needs; 6000 (60 s) in informative segments (2) are used" in said[0]
     assert sum(len(e.output) for e in experiments) <= 6000
     for e in experiments:
         assert e.ignored is not None and e.ignored[0] and not e.ignored[-1]

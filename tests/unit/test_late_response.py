@@ -66,7 +66,7 @@ def test_a_gap_on_stamps_off_every_grid_takes_nothing_of_the_command() -> None:
     kept, said = filled(e, LAG_S, forgets=True)
     assert kept is e and e.grid_s is not None and e.grid_s[0] < 0.01
     assert said == [
-        "x: 1 gap in the samples, the longest 0.41 s at 2.993 s of the output; the command is known in between"
+        "x: gaps in the samples: 1, the longest 0.41 s at 2.993 s, in the output; the command is known in between"
     ]
 
 

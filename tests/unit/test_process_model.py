@@ -124,7 +124,7 @@ def test_a_third_order_that_is_asked_of_one_sine_is_told_to_be_unknown():
     asked = fitted(steady, lags=3, integrator=True, dead_time=True, skip_s=6.28)
     simple = fitted(steady, lags=1, integrator=True, dead_time=False, skip_s=6.28)
     assert not asked.determined
-    assert "2 numbers apart; P3DI has 5" in asked.notes[0]
+    assert "2 numbers; P3DI has 5" in asked.notes[0]
     assert "Not determined by these data" in asked.notes[1]
     assert asked.fit_percent - simple.fit_percent < 0.01
     # a binary sequence of the same size and length decides

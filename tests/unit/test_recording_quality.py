@@ -93,7 +93,7 @@ def test_compare_leaves_out_samples_that_identify_leaves_out() -> None:
     for first in (300, 900, 1500):
         stuck[first : first + 60] = stuck[first]
     (found,) = compare_all(start, bound(start, [with_values(whole, flow=lambda _: stuck)]))
-    assert [note for note in found.notes if "not measured anew 3 times" in note]
+    assert [note for note in found.notes if "not measured anew 3 ×" in note]
 
 
 def test_samples_further_apart_than_a_plant_takes_are_refused_before_any_fit() -> None:
@@ -136,7 +136,7 @@ def test_stale_and_held_samples_are_left_out_and_said() -> None:
     for start in (300, 900, 1700, 2500):
         flow[start : start + 40] = flow[start]
     stale = looked_at(with_values(one, flow=lambda _: flow))
-    assert any("was not measured anew 4 times, for 0.16 s on average" in text for text in stale.notes)
+    assert any("was not measured anew 4 ×, for 0.16 s on average" in text for text in stale.notes)
     assert stale.experiments[0].ignored is not None and stale.experiments[0].ignored.sum() == 4 * 39
     held = looked_at(with_values(one, flow=lambda r: np.repeat(r.values("flow")[::8], 8)))
     assert any("shows each value 8 times" in text for text in held.notes)

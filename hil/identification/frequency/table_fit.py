@@ -15,6 +15,7 @@ from hil.identification.frequency.linear_evidence import doubts
 from hil.identification.frequency.order_choice import fit_transfer_function
 from hil.identification.frequency.transfer_function import TransferFunctionFit, Weights, fit_percent
 from hil.identification.preparation.recording_quality import runs_the_other_way
+from hil.language.note import Note
 from hil.physics.model import Covariance, Model, Value
 from hil.physics.plants.transfer_function import PLANT
 from hil.physics.transfer_function import straight
@@ -34,7 +35,7 @@ class TableFit:
 
     model: Model
     fit: TransferFunctionFit
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     def summary(self) -> str:
         """What the fit says, the model's parameters that it has, and notes, for a terminal."""
@@ -106,7 +107,7 @@ def fit_tables(
         PLANT.name, values, (), given, answer, covariance=Covariance(names, tuple(map(tuple, covariance.tolist()))),
         origin=origin,
     )  # fmt: skip
-    unborne = (f"the lines do not bear it out: {why}" for why in doubts(fit))
+    unborne = (Note("the lines do not bear it out: {why}", why=why) for why in doubts(fit))
     return TableFit(model, fit, (*unborne, *runs_the_other_way(model)))
 
 
@@ -175,9 +176,10 @@ class TableComparison:
     simulated: bool = False
 
     @property
-    def headline(self) -> str:
+    def headline(self) -> Note:
         """The fit in words."""
-        return f"fit {self.fit:.2f} %, rms error {self.gain_error_db:.3g} dB and {self.phase_error_deg:.3g}°"
+        return Note("fit {fit:.2f} %, rms error {gain_db:.3g} dB and {phase_deg:.3g}°", fit=self.fit,
+                    gain_db=self.gain_error_db, phase_deg=self.phase_error_deg)  # fmt: skip
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""

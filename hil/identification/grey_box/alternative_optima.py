@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from hil.identification.grey_box.estimate import Estimate
+from hil.language.note import Note
 from hil.record.recording import Array
 
 FitAt = Callable[[Mapping[str, float], Sequence[str]], Estimate]
@@ -24,7 +25,7 @@ _FIRST_STEP, _DOUBLINGS = 4.0, 8  # standard uncertainties, and how often that i
 _ASIDE = 1.0 / math.sqrt(3.0)  # standard deviation of what lies anywhere up to so far, to one side
 
 
-def alternative_optima(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> tuple[Array, tuple[str, ...]]:
+def alternative_optima(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> tuple[Array, tuple[Note, ...]]:
     """Covariance of how far values that fit as well lie away, shape (k, k), and what to say of them.
 
     Args:
@@ -39,7 +40,7 @@ def alternative_optima(found: Estimate, at: Mapping[str, float], fit_at: FitAt) 
     return made, tuple(dict.fromkeys(notes))
 
 
-def _beyond_corners(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[tuple[Array, str]]:
+def _beyond_corners(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[tuple[Array, Note]]:
     """Values in a corner, held ever farther to both sides for as long as the fit stays as good."""
     curvature = found.slopes.curvature
     if curvature.bent is None:
@@ -49,9 +50,10 @@ def _beyond_corners(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> 
         for sign in (1.0, -1.0):
             farthest = _walked(found, at, fit_at, k, sign * _FIRST_STEP * float(found.std[k]))
             if farthest is not None:
-                note = (
-                    f"parameter '{found.unknowns[k].name}' rests where a range ends at a level that was driven; its "
-                    "interval reaches as far as the fit stays as good; a level within the range would tell it"
+                note = Note(
+                    "parameter '{name}' rests where a range ends at a driven level. Its interval reaches as far as the "
+                    "fit stays as good. A level within the range would determine it",
+                    name=found.unknowns[k].name,
                 )
                 yield 2.0 * _ASIDE * farthest, note
 
@@ -70,7 +72,7 @@ def _walked(found: Estimate, at: Mapping[str, float], fit_at: FitAt, k: int, ste
     return farthest
 
 
-def _held(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[tuple[Array, str]]:
+def _held(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[tuple[Array, Note | None]]:
     """A value that only its bounds hold, at both ends of where it may lie: where the others go then, without it."""
     widths = np.array([u.high - u.low for u in found.unknowns])
     for direction in found.identifiability.unidentifiable:
@@ -80,7 +82,7 @@ def _held(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[t
             apart = _fit_held(found, at, fit_at, k, value)
             if apart is not None:
                 apart[k] = 0.0
-                yield apart / 2.0, ""
+                yield apart / 2.0, None
 
 
 def _fit_held(found: Estimate, at: Mapping[str, float], fit_at: FitAt, k: int, value: float) -> Array | None:
@@ -92,7 +94,7 @@ def _fit_held(found: Estimate, at: Mapping[str, float], fit_at: FitAt, k: int, v
     return np.insert(again.values, k, value) - found.values
 
 
-def _exchanged(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[tuple[Array, str]]:
+def _exchanged(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[tuple[Array, Note]]:
     """A lag in the place of the slow one of an overdamped pair, which in a row act alike."""
     names = [u.name for u in found.unknowns]
     for pair in (name.removesuffix("_damping") for name in names if name.endswith("_damping")):
@@ -111,10 +113,11 @@ def _exchanged(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Itera
                     continue
                 again = fit_at({**at, **values}, names)
                 if _as_good(found, again):
-                    note = (
-                        f"these recordings do not tell {lag} from a lag of the {pair}: they may change places; a "
-                        "channel between them would tell"
-                    )
+                    note = Note(
+                        "{lag} and a lag of the {pair} may change places: these recordings do not tell which is which. "
+                        "A channel between them would",
+                        lag=lag, pair=pair,
+                    )  # fmt: skip
                     yield _ASIDE * (again.values - found.values), note
 
 

@@ -15,6 +15,7 @@ from hil.identification.preparation.recording_quality import without_invalid
 from hil.identification.preparation.start_in_motion import begun_in_motion
 from hil.identification.uncertainty.fit import fit_ceiling, fit_percent
 from hil.identification.uncertainty.noise import channel_floor, noise_in
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.record.simulated import marked
@@ -60,15 +61,15 @@ class Comparison:
     lag_s: float | None
     worst: tuple[Interval, ...]
     by_level: tuple[float, float, float]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     simulated: bool = False
 
     @property
-    def headline(self) -> str:
+    def headline(self) -> Note:
         """The fit in words."""
         if self.fit is None or self.ceiling is None:
-            return "no fit: the output stands still"
-        return f"fit {self.fit:.2f} % (the noise allows {self.ceiling:.2f} %)"
+            return Note("no fit: the output stands still")
+        return Note("fit {fit:.2f} % (the noise allows {ceiling:.2f} %)", fit=self.fit, ceiling=self.ceiling)
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
@@ -121,9 +122,12 @@ def compare(model: Model, experiment: Experiment) -> Comparison:
     fit = fit_percent(measured, simulated)
     moves = not e.stands_still
     if not moves:
-        notes = (*notes, f"{e.where_it_stands}: no fit can be stated; {DEAD}")
+        notes = (*notes, Note("{stands}: no fit can be stated; {why}", stands=e.where_it_stands, why=DEAD))
     elif np.ptp(e.drive.inputs[0]) == 0.0:
-        notes = (*notes, f"{e.name}: channel '{e.input}' never changes: what is compared is a level and no dynamics")
+        constant = Note(
+            "channel '{channel}' never changes: what is compared is a level and no dynamics", channel=e.input
+        )
+        notes = (*notes, constant.of(e.name))
     return Comparison(
         e.name,
         e.output_heading.rpartition("[")[2].rstrip("]"),

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.identification.uncertainty.noise import Measured
+from hil.language.note import Note
+from hil.language.words import marked
 from hil.physics.model import Model
 from hil.record.recording import Array
 
@@ -39,13 +41,14 @@ def discrepancy_of(
     }  # fmt: skip
 
 
-def sentence_of(found: Mapping[str, float | str | bool]) -> str:
-    """In words; empty where there is nothing to say."""
-    if not found:
-        return ""
-    when = f", mostly {found['mostly']}" if found["mostly"] else ""
-    what = "misfit" if found["is_witnessed"] else "noise or misfit; without a rest or a repeat nothing tells them apart"
-    return f"the model leaves {found['times_noise']:.3g} times the noise{when}: {what}"
+def note_of(found: Mapping[str, float | str | bool]) -> Note:
+    """In words."""
+    left = Note("the model leaves {times:.3g} times the noise", times=found["times_noise"])
+    if found["mostly"]:
+        left = Note("{left}, mostly {when}", left=left, when=Note(str(found["mostly"])))
+    if found["is_witnessed"]:
+        return Note("{left}: misfit", left=left)
+    return Note("{left}: noise or misfit; without a rest or a repeat nothing tells them apart", left=left)
 
 
 def _mostly(model: Model, experiments: Sequence[Experiment], errors: Sequence[Array]) -> str:
@@ -73,9 +76,10 @@ def _times(model: Model, e: Experiment, error: Array) -> dict[str, NDArray[np.bo
     simulated = e.output + error
     low, high = np.quantile(simulated, [1.0 / 3.0, 2.0 / 3.0])
     found = {
-        "at reversals": _lasting(reversals, reach), "while the command moves": moving,
-        "while the command rests": ~moving, "at a low output": simulated < low, "at a high output": simulated > high,
-        "at a middling output": (simulated >= low) & (simulated <= high),
+        marked("at reversals"): _lasting(reversals, reach), marked("while the command moves"): moving,
+        marked("while the command rests"): ~moving, marked("at a low output"): simulated < low,
+        marked("at a high output"): simulated > high,
+        marked("at a middling output"): (simulated >= low) & (simulated <= high),
     }  # fmt: skip
     return {name: at[e.valid] for name, at in found.items()}
 

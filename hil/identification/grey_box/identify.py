@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hil.catalog import entries, models
 from hil.identification.grey_box.alternative_optima import alternative_optima
-from hil.identification.grey_box.discrepancy import discrepancy_of, sentence_of
+from hil.identification.grey_box.discrepancy import discrepancy_of, note_of
 from hil.identification.grey_box.estimate import Estimate, Unknown, estimate
 from hil.identification.grey_box.free import all_values, check_free, moved, moved_effects, unknown_of
 from hil.identification.grey_box.lines import common_line, line_at
@@ -40,6 +40,7 @@ from hil.identification.preparation.recording_quality import (
 from hil.identification.preparation.sub_sample_response import dead_time_std_s, responds_within_sample
 from hil.identification.uncertainty.fit import fit_percent
 from hil.identification.uncertainty.noise import Measured, channel_floor, measured_noise, resolution
+from hil.language.note import Note
 from hil.physics.model import Covariance, Model, Value, load_model, typical_model
 from hil.physics.plant import Parameter, Plant, Structure
 from hil.record.recording import Array
@@ -77,8 +78,8 @@ class GreyBoxFit:
     model: Model
     on_bound: tuple[str, ...]
     fits: dict[str, float]
-    notes: tuple[str, ...]
-    readings: tuple[str, ...] = ()
+    notes: tuple[Note, ...]
+    readings: tuple[Note, ...] = ()
 
     def summary(self) -> str:
         """A table of parameters with their uncertainty, fits and notes, for a terminal."""
@@ -143,7 +144,11 @@ def _fit_plant(
 ) -> GreyBoxFit:
     require_excitation(experiments)
     progress(0.0, "looking at the recordings")
-    still = tuple(f"{e.name}: {e.where_it_stands}: {DEAD}; it is left out" for e in experiments if e.stands_still)
+    still = tuple(
+        Note("{stands}: {why}; it is left out", stands=e.where_it_stands, why=DEAD).of(e.name)
+        for e in experiments
+        if e.stands_still
+    )
     looked = look(model, [e for e in experiments if not e.stands_still])
     alive = looked.experiments
     still = (*still, *looked.notes)
@@ -196,7 +201,7 @@ def _ticking(progress: Progress) -> Tick:
 
 
 def _fitted(
-    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], remarks: tuple[str, ...], tick: Tick
+    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], remarks: tuple[Note, ...], tick: Tick
 ) -> GreyBoxFit:
     weights = [1.0 / max(channel_floor(e.valid_output), _resolution(e.output)) for e in experiments]
     choice = _structure_of(model, experiments, weights)
@@ -252,7 +257,7 @@ def _of_structure(model: Model, choice: StructureChoice) -> Model:
     return replace(model, parameters=values, origin={**model.origin, "structure": choice.chosen.structure.name})
 
 
-def _real_pairs(found: Estimate, beside: Array) -> Iterator[str]:
+def _real_pairs(found: Estimate, beside: Array) -> Iterator[Note]:
     """Time constants of pairs of poles that are real: what everybody reads, where the pair's own numbers say little."""
     at = {u.name: k for k, u in enumerate(found.unknowns)}
     for pair in ("pair1", "pair2"):
@@ -266,15 +271,18 @@ def _real_pairs(found: Estimate, beside: Array) -> Iterator[str]:
             slope = np.array([damping + sign * root, time_s * (1.0 + sign * damping / root)])
             std = math.sqrt(float(slope @ own @ slope))
             texts.append(f"{rounded(time_s * (damping + sign * root), std)} {width(std)} s")
-        yield f"the poles of {pair} are real, with time constants of {' and '.join(texts)}"
+        yield Note("the poles of {pair} are real, with time constants of {slow} and {fast}", pair=pair, slow=texts[0],
+                   fast=texts[1])  # fmt: skip
 
 
-def _other_forms(choice: StructureChoice) -> tuple[str, ...]:
+def _other_forms(choice: StructureChoice) -> tuple[Note, ...]:
     """What is said where other forms are as probable as the chosen one."""
-    rivals = [f"'{t.structure.name}' {100.0 * share:.0f} %" for t, share in choice.probable if t is not choice.chosen]
+    rivals = tuple(
+        f"'{t.structure.name}' {100.0 * share:.0f} %" for t, share in choice.probable if t is not choice.chosen
+    )
     if not rivals:
         return ()
-    return (f"intervals hold the choice of the form; also probable are {', '.join(rivals)}",)
+    return (Note("intervals hold the choice of the form; also probable are {forms}", forms=rivals),)
 
 
 def _structure(model: Model) -> Structure | None:
@@ -436,7 +444,7 @@ def _covariance(found: Estimate) -> Covariance:
     )
 
 
-def _unidentifiable(found: Estimate) -> list[str]:
+def _unidentifiable(found: Estimate) -> list[Note]:
     """What the recordings do not tell, or only together, in words."""
     shared = [
         u.name
@@ -444,9 +452,12 @@ def _unidentifiable(found: Estimate) -> list[str]:
         if is_shared
     ]
     if len(shared) == 1:
-        return [f"these recordings do not tell {shared[0]}; drive more levels, some of them near where it acts"]
-    names = f"{', '.join(shared[:-1])} and {shared[-1]}" if shared else ""
-    return [f"these recordings tell {names} only together; levels between those driven may part them"] if shared else []
+        alone = Note("not identifiable: {name}; drive more levels, some of them near where it acts",
+                     name=shared[0])  # fmt: skip
+        return [alone]
+    together = Note("confounded: {names}; levels between those driven may separate them",
+                    names=tuple(shared))  # fmt: skip
+    return [together] if shared else []
 
 
 def _wider_than_themselves(plant: Plant, values: Mapping[str, float], stds: Mapping[str, float]) -> tuple[str, ...]:
@@ -466,23 +477,27 @@ def _std_of_noise(found: Estimate) -> Array:
     return found.std / math.sqrt(max(beyond, 1.0))
 
 
-def _undetermined(by_test: Sequence[str], by_model: Sequence[str]) -> list[str]:
+def _undetermined(by_test: Sequence[str], by_model: Sequence[str]) -> list[Note]:
     """Which parameters are not identifiable, and whether the test or the model is to blame."""
     notes = [
-        f"these recordings do not determine parameter '{name}': its interval would be wider than the value; drive more "
-        "levels and faster changes, or record a signal nearer to where it acts"
+        Note(
+            "parameter '{name}' is not identifiable: its interval would be wider than the value. Drive more levels and "
+            "faster changes, or record a signal nearer to where it acts",
+            name=name,
+        )
         for name in by_test
     ]
     if by_model:
-        notes.append(
-            f"not identifiable: {', '.join(by_model)}: noise would leave them known, but what the model lacks may have "
-            "moved them by more than they are; a model that has it would tell them, another test would not"
-        )
+        notes.append(Note(
+            "not identifiable: {names}; what the model lacks may have moved them by more than they are. A better model "
+            "would determine them, another test would not",
+            names=tuple(by_model),
+        ))  # fmt: skip
     return notes
 
 
 def _result(
-    model: Model, plant: Plant, found: Estimate, experiments: Sequence[Experiment], remarks: tuple[str, ...],
+    model: Model, plant: Plant, found: Estimate, experiments: Sequence[Experiment], remarks: tuple[Note, ...],
     beside: Systematic,
 ) -> GreyBoxFit:  # fmt: skip
     names = [u.name for u in found.unknowns]
@@ -527,13 +542,16 @@ def _result(
     fixed_at_bound = [found.unknowns[k].name for k in found.fixed_at_bound]
     natural = [u.name for u, v in zip(found.unknowns, found.values.tolist(), strict=True) if u.at_natural_end(v)]
     ended = [name for name in found.on_bound if name not in natural]
-    notes = [f"parameter '{name}' ended on a bound: a warning, not physics" for name in ended]
+    notes = [Note("parameter '{name}' ended on a bound: a warning, not physics", name=name) for name in ended]
     notes += [
-        f"parameter '{name}' cannot be told: the fit would have gone on beyond its bound; drive more levels, some of "
-        "them near where it acts"
+        Note(
+            "parameter '{name}' is not identifiable: the fit would have gone beyond its bound. Drive more levels, some "
+            "near where it acts",
+            name=name,
+        )
         for name in fixed_at_bound
     ]
     by_noise = _wider_than_themselves(plant, values, dict(zip(names, _std_of_noise(found).tolist(), strict=True)))
     notes += _undetermined([name for name in wide if name in by_noise], [name for name in wide if name not in by_noise])
-    notes += [*([sentence_of(beyond)] if beyond else []), *_unidentifiable(found), *beside.notes]
+    notes += [*([note_of(beyond)] if beyond else []), *_unidentifiable(found), *beside.notes]
     return GreyBoxFit(made, found.on_bound, fits, (*remarks, *notes, *doubts(made, experiments, fits)))

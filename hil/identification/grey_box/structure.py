@@ -20,6 +20,7 @@ from hil.identification.grey_box.linear_starts import poles_rad_s
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.initial_condition import start_slope, with_free_start
 from hil.identification.uncertainty.evidence import VERY_STRONG, bic, odds, simplest_good
+from hil.language.note import Note
 from hil.physics.plant import Parameter, Plant, Structure
 from hil.physics.transfer_function import from_parameters, pole_parameters
 from hil.record.recording import Array
@@ -86,17 +87,18 @@ class StructureChoice:
         return math.sqrt(sum(share * (value - own) ** 2 for value, share in having) / total) if having else 0.0
 
     @property
-    def sentence(self) -> str:
+    def sentence(self) -> Note:
         """Why this one, in one line."""
         rivals = [t for t in self.tried if np.isfinite(t.held_out) and t is not self.chosen]
-        text = f"structure '{self.chosen.structure.name}' of {len(self.tried)} tried"
+        name, count = self.chosen.structure.name, len(self.tried)
         if not rivals:
-            return f"{text}: no other comes near its evidence"
+            return Note("structure '{name}' of {count} tried: no other comes near its evidence", name=name, count=count)
         best = min(rivals, key=lambda t: t.held_out)
-        return (
-            f"{text}: where it was foretold it errs by {self.chosen.held_out:.3g} noise standard deviations, "
-            f"'{best.structure.name}' by {best.held_out:.3g}"
-        )
+        return Note(
+            "structure '{name}' of {count} tried: it predicts unseen data to {error:.3g} times the noise, '{other}' "
+            "to {others:.3g} times",
+            name=name, count=count, error=self.chosen.held_out, other=best.structure.name, others=best.held_out,
+        )  # fmt: skip
 
 
 def _real_times_s(values: Mapping[str, float]) -> list[float]:

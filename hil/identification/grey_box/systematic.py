@@ -12,6 +12,7 @@ from hil.cores import spread
 from hil.identification.grey_box.estimate import Estimate
 from hil.identification.grey_box.free import effects_at
 from hil.identification.grey_box.residuals import Residuals
+from hil.language.note import Note
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 
@@ -38,7 +39,7 @@ class Systematic:
 
     model: Array
     calibration: Array | None
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def systematic(residuals: Residuals, found: Estimate, parameters: Mapping[str, float]) -> Systematic:
@@ -46,14 +47,16 @@ def systematic(residuals: Residuals, found: Estimate, parameters: Mapping[str, f
     base = residuals.at(parameters, residuals.effects)
     finer = _by_solver(residuals, found, parameters)
     covariance = np.outer(finer, finer)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     if _is_coloured(found.residuals):
         lacking, share, stage = _lacking(residuals, found, parameters, base)
         covariance = covariance + lacking
-        cause = (
-            f"the model lacks something, most likely at its {stage}: the residuals are no noise; intervals are widened"
+        cause = Note(
+            "the model lacks something, most likely at its {stage}: the residuals are no noise. Intervals are widened "
+            "by what that may have moved; hil diagnose looks for it",
+            stage=Note(stage),
         )
-        notes = (f"{cause} by what that may have moved; hil diagnose looks for it",) if share > 0.0 else ()
+        notes = (cause,) if share > 0.0 else ()
     return Systematic(covariance, _calibrations(residuals, found, parameters, base), notes)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import InputError
+from hil.language.note import Note
 from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Array
 
@@ -40,7 +41,7 @@ class OpenedLoop:
     model: TransferFunction
     unstable_poles: Complex
     rest: float
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def opened(closed: TransferFunction, sensor: TransferFunction = UNITY, place: Place = "forward") -> OpenedLoop:
@@ -111,17 +112,16 @@ def _rest(loop: TransferFunction, sensor: TransferFunction) -> float:
     return float(loop.numerator[-1] * sensor.numerator[-1]) / below if below else math.nan
 
 
-def _notes(unstable: Complex, rest: float, what: str) -> tuple[str, ...]:
+def _notes(unstable: Complex, rest: float, what: str) -> tuple[Note, ...]:
     made = []
     if unstable.size:
-        poles = ", ".join(f"{p.real:+.4g}" if abs(p.imag) < 1e-12 else f"{p:+.4g}" for p in unstable)
-        made.append(
-            f"The opened loop has poles in the right half plane, {poles} rad/s: left alone, the plant would run away. "
-            "A spool, a cylinder and an LVDT have none; the closed loop, its units or the place of C are wrong."
-        )
+        poles = tuple(f"{p.real:+.4g}" if abs(p.imag) < 1e-12 else f"{p:+.4g}" for p in unstable)
+        made.append(Note(
+            "The opened loop has poles in the right half plane, {poles!l} rad/s: left alone, the plant would run away. "
+            "A spool, a cylinder and an LVDT have none; the closed loop, its units or the place of C are wrong.",
+            poles=poles,
+        ))  # fmt: skip
     if math.isfinite(rest) and abs(rest - 1.0) > _AT_REST:
-        made.append(
-            f"{what} is {rest:.5g}; a position loop without steady error has 1. "
-            + ("Above 1 the opened loop has a negative gain at rest." if rest > 1.0 else "")
-        )
-    return tuple(text.strip() for text in made)
+        off = Note("{what} is {rest:.5g}; a position loop without steady error has 1.", what=what, rest=rest)
+        made.append(Note("{off} Above 1 the opened loop has a negative gain at rest.", off=off) if rest > 1.0 else off)
+    return tuple(made)

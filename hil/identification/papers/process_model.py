@@ -20,6 +20,7 @@ from hil.errors import InputError
 from hil.identification.grey_box.estimate import Estimate, Unknown, estimate
 from hil.identification.grey_box.structure import independent
 from hil.identification.uncertainty.evidence import VERY_STRONG, simplest_good
+from hil.language.note import Note
 from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Array, Recording
 from hil.signals.interval import COVERED
@@ -107,7 +108,7 @@ class ProcessFit:
     simulated: Array
     residuals: Array
     tried: tuple[Tried, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     @property
     def gain(self) -> float:
@@ -456,16 +457,17 @@ def _known(name: str, value: float, std: float) -> bool:
     return math.isfinite(std) and (name == "dead_time" or std <= _DOUBTFUL * abs(value))
 
 
-def _notes(record: _Record, fit: ProcessFit, refused: tuple[ProcessForm, ...]) -> tuple[str, ...]:
+def _notes(record: _Record, fit: ProcessFit, refused: tuple[ProcessForm, ...]) -> tuple[Note, ...]:
     made = []
     if fit.form.unknowns > record.excitation:
-        made.append(
-            f"The command tells {record.excitation} numbers apart; {fit.form.name} has {fit.form.unknowns}. Other "
-            "models fit these data as well: add a frequency, steps or a binary sequence."
-        )
+        made.append(Note(
+            "The command determines {count} numbers; {form} has {unknowns}. Other models fit these data as well: add a "
+            "frequency, steps or a binary sequence.",
+            count=record.excitation, form=fit.form.name, unknowns=fit.form.unknowns,
+        ))  # fmt: skip
     elif refused:
-        names = ", ".join(form.name for form in refused)
-        made.append(f"The command tells {record.excitation} numbers apart. Models with more were not tried: {names}.")
+        made.append(Note("The command determines {count} numbers. Models with more were not tried: {forms}.",
+                         count=record.excitation, forms=tuple(form.name for form in refused)))  # fmt: skip
     if fit.undetermined:
-        made.append(f"Not determined by these data: {', '.join(fit.undetermined)}.")
+        made.append(Note("Not determined by these data: {names}.", names=fit.undetermined))
     return tuple(made)

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from hil.identification.preparation.experiment import Experiment
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array
 
@@ -29,11 +30,14 @@ def means(errors: Array, count: int) -> Array:
     return np.add.reduceat(errors, firsts) / np.sqrt(np.minimum(count, len(errors) - firsts))
 
 
-def with_means(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], tuple[str, ...]]:
+def with_means(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], tuple[Note, ...]]:
     """Experiments with as many samples to a mean as lose nothing of the model's motion, and that in words."""
     made = [replace(e, averaged=_count(model, e)) for e in experiments]
     notes = (
-        f"{e.name}: {e.averaged} neighbouring samples are compared as one mean: the plant moves little between them"
+        Note(
+            "{count} neighbouring samples are compared as one mean: the plant moves little between them",
+            count=e.averaged,
+        ).of(e.name)
         for e in made
         if e.averaged > 1
     )

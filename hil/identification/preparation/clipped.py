@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.noise import NOISE_OVER_RESOLUTION, resolution, white_floor
+from hil.language.note import Note
 from hil.record.recording import Array
 from hil.signals.runs import runs
 
@@ -14,7 +15,7 @@ _LEAST_CLIPPED = 0.002
 _LEAST_RUN, _FEW_BELOW = 5, 50
 
 
-def without_clipped(e: Experiment) -> tuple[Experiment, list[str]]:
+def without_clipped(e: Experiment) -> tuple[Experiment, list[Note]]:
     """The experiment without samples at the end of a channel's range, of the output and of inner signals; in words.
 
     Samples at one extreme value, in runs, are a channel at the end of its range, not the valve. Those of a unit of
@@ -60,9 +61,11 @@ def clipped_samples(values: Array) -> tuple[NDArray[np.bool_] | None, float]:
     return clipped, float(at[0])
 
 
-def _sentence(name: str, heading: str, clipped: NDArray[np.bool_], at: float) -> str:
-    share = 100.0 * clipped.mean()
-    return f"{name}: channel '{heading}' is clipped at {at:.4g} in {share:.1f} % of its samples; they are left out"
+def _sentence(name: str, heading: str, clipped: NDArray[np.bool_], at: float) -> Note:
+    return Note(
+        "channel '{channel}' is clipped at {at:.4g} in {share:.1f} % of its samples; they are left out",
+        channel=heading, at=at, share=100.0 * clipped.mean(),
+    ).of(name)  # fmt: skip
 
 
 def _at_the_end(at_extreme: NDArray[np.bool_], few_below: int) -> NDArray[np.bool_]:

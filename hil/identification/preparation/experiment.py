@@ -12,6 +12,7 @@ from hil.errors import FileError, SettingError
 from hil.identification.preparation.driven import FINER, PHASES, as_driven, stood_before, with_dither
 from hil.identification.preparation.time_base import held_grid, is_known_throughout, missing_of_even
 from hil.identification.uncertainty.noise import white_floor
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.physics.plant import Plant
 from hil.physics.simulate import ActiveEffect, Drive, simulate
@@ -20,7 +21,7 @@ from hil.record.recording import Array, Channel, Recording, Samples, split_headi
 
 _GRID_PER_UNEVEN_SAMPLE = 8
 _FELT_BEND = 0.5  # of the noise, as an error
-DEAD = "a dead sensor, no supply or a wrong column"
+DEAD = Note("a dead sensor, no supply or a wrong column")
 # A rest of fewer samples tells no more than its first; halves that differ by more than this moved.
 _FEWEST_AT_REST, _NO_MOTION_SIGMAS = 8, 3.0
 FEWEST_SAMPLES = 20
@@ -73,7 +74,7 @@ class Experiment:
     ignored: NDArray[np.bool_] | None = None
     lost: NDArray[np.bool_] | None = None
     read_s: Array | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     silent: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     skew_s: tuple[float, ...] = ()
     is_late: bool = False
@@ -224,9 +225,10 @@ class Experiment:
         return float(np.ptp(self.output)) == 0.0
 
     @property
-    def where_it_stands(self) -> str:
+    def where_it_stands(self) -> Note:
         """The channel and its value, for an operator."""
-        return f"channel '{self.output_heading}' stands at {self.output[0]:.4g} all the time"
+        return Note("channel '{channel}' stands at {at:.4g} all the time",
+                    channel=self.output_heading, at=self.output[0])  # fmt: skip
 
     @property
     def to_follow(self) -> Array:
@@ -399,7 +401,7 @@ def _on_own_stamps(
     if is_late and ignored is not None and not ignored[int(np.argmin(ignored)) :].any():
         ignored = None  # nothing is missing once it has begun
     observed, left_out = _inner(recording, plant, output.time_s)
-    notes = [f"{recording.name}: {sentence}" for sentence in left_out]
+    notes = [note.of(recording.name) for note in left_out]
     at = declared_read_at(recording) if read_at is None else read_at
     headings = f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]"
     at_rest = _at_rest(np.array([one.held_at(output.time_s) for one in given]), output.values)
@@ -426,7 +428,7 @@ def _on_own_stamps(
     )  # fmt: skip
 
 
-def _inner(recording: Recording, plant: Plant, output_s: Array) -> tuple[dict[str, Array], list[str]]:
+def _inner(recording: Recording, plant: Plant, output_s: Array) -> tuple[dict[str, Array], list[Note]]:
     """Inner signals at the times of the output; slower ones, which would count more than once, are left out."""
     found, left_out = {}, []
     for signal in plant.observed:
@@ -434,7 +436,8 @@ def _inner(recording: Recording, plant: Plant, output_s: Array) -> tuple[dict[st
             continue
         taken = recording.samples(signal.name, signal.unit)
         if np.median(np.diff(taken.time_s)) > 1.05 * np.median(np.diff(output_s)):
-            left_out.append(f"'{signal.name}' is sampled more slowly than the output and is not compared")
+            left_out.append(Note("'{channel}' is sampled more slowly than the output and is not compared",
+                                 channel=signal.name))  # fmt: skip
         else:
             found[signal.name] = np.interp(output_s, taken.time_s, taken.values)
     return found, left_out
@@ -577,4 +580,6 @@ def require_excitation(experiments: Sequence[Experiment]) -> None:
         raise FileError(f"{names}: the input never changes; nothing can be identified from a constant input")
     if all(e.stands_still for e in experiments):
         e = experiments[0]
-        raise FileError(f"{e.name}: {e.where_it_stands}, and so in every recording: {DEAD}")
+        raise FileError(
+            Note("{stands}, and so in every recording: {why}", stands=e.where_it_stands, why=DEAD).of(e.name)
+        )

@@ -13,6 +13,7 @@ from hil.errors import FileError
 from hil.identification.preparation.experiment import FEWEST_SAMPLES, Experiment
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.identification.uncertainty.noise import resolution, white_floor
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.runs import runs
@@ -26,7 +27,7 @@ _SETTLED_AFTER = 5.0
 _STEEPER, _LEAST_JUMP = 3.0, 1e-3
 
 
-def bridged(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], tuple[str, ...]]:
+def bridged(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], tuple[Note, ...]]:
     """Every recording as `filled` makes it for a unit that settles as the model does, and what was done."""
     if all(e.grid_s is None for e in experiments):
         return list(experiments), ()
@@ -35,7 +36,7 @@ def bridged(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Exper
     return [e for e, _ in made], tuple(words for _, note in made for words in note)
 
 
-def filled(e: Experiment, constant_s: float, forgets: bool) -> tuple[Experiment, list[str]]:
+def filled(e: Experiment, constant_s: float, forgets: bool) -> tuple[Experiment, list[Note]]:
     """A recording with even stamps but for samples that are missing, made even; and what was done, in words.
 
     The command is drawn straight through a hole, unless it is long or the command has jumped in it. What a unit did
@@ -52,10 +53,11 @@ def filled(e: Experiment, constant_s: float, forgets: bool) -> tuple[Experiment,
         return e, []
     gaps = _long_gaps(e)
     if e.command_is_known:
-        return e, [f"{e.name}: {_counted(gaps)} of the output; the command is known in between"] if gaps else []
+        known = Note("{gaps}, in the output; the command is known in between", gaps=_counted(gaps)) if gaps else None
+        return e, [known.of(e.name)] if known else []
     at = _places(e)
     if at is None:
-        return e, [f"{e.name}: {_counted(gaps)}; the command is taken as held"] if gaps else []
+        return e, [Note("{gaps}; the command is taken as held", gaps=_counted(gaps)).of(e.name)] if gaps else []
     missing = np.ones(at[-1] + 1, dtype=np.bool_)
     missing[at] = False
     if not missing.any():
@@ -63,25 +65,32 @@ def filled(e: Experiment, constant_s: float, forgets: bool) -> tuple[Experiment,
     even = _bridged(e, e.grid_s, at, missing)
     unknown = _unknown(even.drive.inputs, missing)
     share = 100.0 * float(missing.mean())
-    note = f"{e.name}: {_counted(gaps)}" if gaps else f"{e.name}: {share:.2g} % of its samples are missing"
+    seen = _counted(gaps) if gaps else Note("{share:.2g} % of its samples are missing", share=share)
     if not unknown:
-        return even, [f"{note}; the command is drawn straight through"]
+        return even, [Note("{seen}; the command is drawn straight through", seen=seen).of(e.name)]
     if not forgets:
-        kept = _enough(_cut(even, missing, unknown), note)
-        return kept, [f"{note}; only {kept.duration_s:.4g} s from {kept.time_s[0]:.4g} s are used"]
+        kept = _enough(_cut(even, missing, unknown), seen)
+        used = Note("{seen}; only {duration_s:.4g} s from {start_s:.4g} s are used", seen=seen,
+                    duration_s=kept.duration_s, start_s=kept.time_s[0])  # fmt: skip
+        return kept, [used.of(e.name)]
     settling_s = _SETTLED_AFTER * constant_s
     unsettled = np.zeros_like(missing)
     for start, stop in unknown:
         unsettled[start : stop + int(np.ceil(settling_s / even.drive.interval_s))] = True
-    which = "hole" if len(unknown) == 1 else f"{len(unknown)} holes"
-    what = f"the {which} in which the command is unknown and the {settling_s:.3g} s until it has settled are left out"
-    return _enough(even.without_all(unsettled), f"{note}; {what}"), [f"{note}; {what}"]
+    note = Note(
+        "{seen}; where the command is unknown ({count} ×) and {settling_s:.3g} s after it samples are left out",
+        seen=seen, count=len(unknown), settling_s=settling_s,
+    )  # fmt: skip
+    return _enough(even.without_all(unsettled), note), [note.of(e.name)]
 
 
-def _enough(kept: Experiment, note: str) -> Experiment:
+def _enough(kept: Experiment, seen: Note) -> Experiment:
     left = int(kept.valid.sum())
     if left < FEWEST_SAMPLES:
-        raise FileError(f"{note}: {left} samples are left; at least {FEWEST_SAMPLES} are needed")
+        raise FileError(
+            Note("{seen}: {left} samples are left; at least {least} are needed",
+                 seen=seen, left=left, least=FEWEST_SAMPLES).of(kept.name)
+        )  # fmt: skip
     return kept
 
 
@@ -91,10 +100,12 @@ def _long_gaps(e: Experiment) -> list[tuple[float, float]]:
     return [(float(e.time_s[k]), float(steps[k])) for k in np.flatnonzero(steps > _GAP * e.interval_s)]
 
 
-def _counted(gaps: list[tuple[float, float]]) -> str:
+def _counted(gaps: list[tuple[float, float]]) -> Note:
     start_s, long_s = max(gaps, key=lambda gap: gap[1])
-    plural = "s" if len(gaps) > 1 else ""
-    return f"{len(gaps)} gap{plural} in the samples, the longest {long_s:.3g} s at {start_s:.4g} s"
+    return Note(
+        "gaps in the samples: {count}, the longest {long_s:.3g} s at {start_s:.4g} s",
+        count=len(gaps), long_s=long_s, start_s=start_s,
+    )  # fmt: skip
 
 
 def _places(e: Experiment) -> NDArray[np.intp] | None:

@@ -21,6 +21,7 @@ from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.plausibility.suspicion import can_be_held_against
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.identification.uncertainty.noise import channel_floor
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array, Recording
 
@@ -54,7 +55,7 @@ def experiments_of(
     command: Callable[[Recording], str],
     bind: Callable[[Recording], Experiment],
     computing_s: float = math.inf,
-) -> tuple[list[Experiment], tuple[str, ...]]:
+) -> tuple[list[Experiment], tuple[Note, ...]]:
     """Recordings bound to a plant, in their most telling stretches where they are too long; and that in words.
 
     Args:
@@ -214,11 +215,12 @@ def _named(recording: Recording) -> Recording:
     return replace(recording, name=f"{recording.name}, {start_s:.6g}…{stop_s:.6g} s")
 
 
-def _sentence(recording: Recording, found: Sequence[Segment]) -> str:
-    if [s.count for s in found] == [len(recording)]:
-        return f"{recording.name}: used whole, {len(recording)} samples"
-    used = sum(s.count for s in found)
-    parts = "1 informative segment is" if len(found) == 1 else f"{len(found)} informative segments are"
-    how_long = f"{used} samples, {used * recording.interval_s:.4g} s"
-    which = f"{parts} used ({how_long}), each from where it has settled"
-    return f"{recording.name}: {len(recording)} samples are more than a fit needs; {which}"
+def _sentence(recording: Recording, found: Sequence[Segment]) -> Note:
+    samples, used = len(recording), sum(s.count for s in found)
+    if [s.count for s in found] == [samples]:
+        return Note("used whole, {samples} samples", samples=samples).of(recording.name)
+    return Note(
+        "{samples} samples are more than a fit needs; {used} ({used_s:.4g} s) in informative segments ({count}) are "
+        "used, each from where it has settled",
+        samples=samples, used=used, used_s=used * recording.interval_s, count=len(found),
+    ).of(recording.name)  # fmt: skip

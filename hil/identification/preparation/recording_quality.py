@@ -19,6 +19,7 @@ from hil.identification.preparation.plausibility.time_unit import wrong_time
 from hil.identification.preparation.repeated import stale_sentence, without_held, without_stale
 from hil.identification.preparation.sub_sample_response import sub_sample_limits
 from hil.identification.preparation.time_constant import time_constant_s
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.physics.plant import Plant
 from hil.physics.transfer_function import from_parameters
@@ -39,7 +40,7 @@ class Looked:
     """
 
     experiments: tuple[Experiment, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     suspicions: tuple[Suspicion, ...] = ()
 
 
@@ -64,7 +65,7 @@ def look(model: Model, experiments: Sequence[Experiment]) -> Looked:
     return Looked(tuple(kept), (*notes, *slow, *one_frequency(experiments)), tuple(suspicions))
 
 
-def without_invalid(e: Experiment) -> tuple[Experiment, list[str]]:
+def without_invalid(e: Experiment) -> tuple[Experiment, list[Note]]:
     """The experiment without samples that are no measurement (clipped, held, not measured anew), and that in words."""
     measured, clipped = without_clipped(e)
     measured, held = without_held(measured)
@@ -72,7 +73,7 @@ def without_invalid(e: Experiment) -> tuple[Experiment, list[str]]:
     return measured, [*clipped, *held, *([stale_sentence(e, repeated)] if repeated else [])]
 
 
-def believed(suspicions: Sequence[Suspicion], fits: Mapping[str, float], at_bounds: bool) -> tuple[str, ...]:
+def believed(suspicions: Sequence[Suspicion], fits: Mapping[str, float], at_bounds: bool) -> tuple[Note, ...]:
     """What is still to be said of suspicions where recordings were fitted as they say they are, fits in %.
 
     `at_bounds`: whether the fit drove parameters to their bounds.
@@ -83,13 +84,16 @@ def believed(suspicions: Sequence[Suspicion], fits: Mapping[str, float], at_boun
     for suspicion in suspicions:
         if suspicion.outweighs(fits[suspicion.recording], at_bounds=at_bounds):
             raise FileError(suspicion.sentence)
-    return tuple(f"{s.sentence}. Other values of the plant fit it as it is" for s in suspicions)
+    return tuple(Note("{doubt}. Other values of the plant fit it as it is", doubt=s.sentence) for s in suspicions)
 
 
-def doubts(model: Model, experiments: Sequence[Experiment], fits: Mapping[str, float]) -> tuple[str, ...]:
+def doubts(model: Model, experiments: Sequence[Experiment], fits: Mapping[str, float]) -> tuple[Note, ...]:
     """What of a fitted model should not be believed as it stands."""
     below = [
-        f"{name}: the fit is below 0 %: a constant would do better; is it the right channel, unit, sign and plant?"
+        Note(
+            "the fit is {fit:.3g} %: a constant would do better; is it the right channel, unit, sign and plant?",
+            fit=fit,
+        ).of(name)
         for name, fit in fits.items()
         if fit < 0.0
     ]
@@ -99,7 +103,7 @@ def doubts(model: Model, experiments: Sequence[Experiment], fits: Mapping[str, f
     return (*below, *away, *sub_sample, *beyond, *_integrates(model), *runs_the_other_way(model))
 
 
-def _runs_away(model: Model, e: Experiment) -> list[str]:
+def _runs_away(model: Model, e: Experiment) -> list[Note]:
     """What is said of a response that grows and grows while its command does not: faster than any integrator's."""
     if model.plant != LINEAR or len(e.output) < _LEAST_GROWN:
         return []
@@ -110,26 +114,36 @@ def _runs_away(model: Model, e: Experiment) -> list[str]:
     out, given = sizes(e.output), sizes(e.on_grid_input())
     if not np.all(out[1:] > _GROWS * out[:-1]) or given[-1] > _GROWS * given[:-1].max():
         return []
-    seen = "the output grows ever faster while the input does not: the plant is unstable, and no stable form fits it"
-    return [f"{e.name}: {seen}; record it in the loop that holds it"]
+    unstable = Note(
+        "the output grows ever faster while the input does not: the plant is unstable, and no stable form fits it. "
+        "Record it in the loop that holds it"
+    )
+    return [unstable.of(e.name)]
 
 
-def _too_slow(model: Model, e: Experiment) -> list[str]:
+def _too_slow(model: Model, e: Experiment) -> list[Note]:
     constant_s = time_constant_s(model, e)
     if not 0.0 < 2.0 * constant_s < e.interval_s:
         return []
-    apart = f"samples lie {e.interval_s:.3g} s apart"
-    follows = f"a {model.definition.title} has followed its command after {constant_s:.2g} s"
-    return [f"{e.name}: {apart}, and {follows}; is the unit of time right?"]
+    slow = Note(
+        "samples lie {apart_s:.3g} s apart, and a {plant} follows its command within {constant_s:.2g} s; is the unit "
+        "of time right?",
+        apart_s=e.interval_s, plant=Note(model.definition.title), constant_s=constant_s,
+    )  # fmt: skip
+    return [slow.of(e.name)]
 
 
-def one_frequency(experiments: Sequence[Experiment]) -> list[str]:
+def one_frequency(experiments: Sequence[Experiment]) -> list[Note]:
     """What is said where every command holds the same single frequency."""
     found_hz = [single_frequency_hz(e.on_grid_input(), e.interval_s) for e in experiments]
     if not found_hz or not all(found_hz) or max(found_hz) > _SAME_FREQUENCY * min(found_hz):
         return []
-    tells = f"the command holds one frequency, {found_hz[0]:.4g} Hz, which tells two numbers, a gain and a phase there"
-    return [f"{tells}; the gain at rest and the order are not determined: add a frequency or steps"]
+    one = Note(
+        "one frequency, {frequency_hz:.4g} Hz, determines a gain and a phase. The gain at rest and the order are not "
+        "identifiable: add a frequency or steps",
+        frequency_hz=found_hz[0],
+    )
+    return [one]
 
 
 def single_frequency_hz(values: Array, interval_s: float) -> float:
@@ -142,13 +156,14 @@ def single_frequency_hz(values: Array, interval_s: float) -> float:
     return at / (len(values) * interval_s) if near > _ALL_POWER * total else 0.0
 
 
-def _in_a_loop(e: Experiment) -> list[str]:
+def _in_a_loop(e: Experiment) -> list[Note]:
     if not runs_in_a_loop(e.on_grid_input(), e.output):
         return []
-    seen = "the command answers to the noise of the output: this was recorded in a closed loop"
-    return [
-        f"{e.name}: {seen}. A fit as if in an open one may be wrong, and no stable form fits an unstable plant",
-    ]
+    seen = Note(
+        "the command answers to the noise of the output: this was recorded in a closed loop. An open-loop fit may be "
+        "wrong, and no stable form fits an unstable plant"
+    )
+    return [seen.of(e.name)]
 
 
 def fastest_shown_rad_s(experiments: Sequence[Experiment]) -> float:
@@ -161,26 +176,31 @@ def fastest_pole_rad_s(values: Mapping[str, float]) -> float:
     return float(np.abs(from_parameters(values).poles).max(initial=0.0))
 
 
-def _beyond_nyquist(model: Model, experiments: Sequence[Experiment]) -> tuple[str, ...]:
+def _beyond_nyquist(model: Model, experiments: Sequence[Experiment]) -> list[Note]:
     fastest_s, limit = min(e.interval_s for e in experiments), fastest_shown_rad_s(experiments)
     corners = {name: v.value for name, v in model.parameters.items() if v.unit == "rad/s" and v.std is not None}
     if model.plant == LINEAR:
-        corners = {"a pole": fastest_pole_rad_s(model.values)}
-    shown = f"what samples {fastest_s:.3g} s apart can show ({limit:.4g} rad/s)"
-    beyond = [f"{name} at {value:.4g} rad/s" for name, value in corners.items() if value > limit]
-    return tuple(f"{what} lies beyond {shown}: it is no measurement" for what in beyond)
+        corners = {Note("a pole"): fastest_pole_rad_s(model.values)}
+    return [
+        Note(
+            "{name} at {corner:.4g} rad/s is no measurement: samples {apart_s:.3g} s apart show at most {limit:.4g} "
+            "rad/s",
+            name=name, corner=value, limit=limit, apart_s=fastest_s,
+        )
+        for name, value in corners.items() if value > limit
+    ]  # fmt: skip
 
 
-def runs_the_other_way(model: Model) -> tuple[str, ...]:
+def runs_the_other_way(model: Model) -> tuple[Note, ...]:
     """What is said of a transfer function with a gain below zero, beyond its uncertainty."""
     gains = [model.parameters[name] for name in ("gain", "integrator_gain")] if model.plant == LINEAR else []
     if not any(gain.value < -_SIGNIFICANT * gain.std for gain in gains if gain.std):
         return ()
-    return ("the output falls where the input rises: is its sign right, or that of the input?",)
+    return (Note("the output falls where the input rises: is its sign right, or that of the input?"),)
 
 
-def _integrates(model: Model) -> tuple[str, ...]:
+def _integrates(model: Model) -> tuple[Note, ...]:
     plant: Plant = model.definition
     if plant.integrates is None or not plant.integrates(model.values):
         return ()
-    return ("the output goes on while the input stands: the plant integrates",)
+    return (Note("the output goes on while the input stands: the plant integrates"),)

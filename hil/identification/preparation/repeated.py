@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.noise import NOISE_OVER_RESOLUTION, resolution, white_floor
+from hil.language.note import Note
 from hil.record.recording import Array
 from hil.signals.runs import runs
 
@@ -38,18 +39,16 @@ def without_stale(e: Experiment) -> tuple[Experiment, list[Run]]:
     return e.without(stale), repeated
 
 
-def stale_sentence(e: Experiment, repeated: list[Run]) -> str:
+def stale_sentence(e: Experiment, repeated: list[Run]) -> Note:
     """The same in words."""
     lasting_s = float(np.mean([e.time_s[stop - 1] - e.time_s[start] for start, stop in repeated]))
-    often = "once" if len(repeated) == 1 else f"{len(repeated)} times"
-    average = "" if len(repeated) == 1 else " on average"
-    return (
-        f"{e.name}: channel '{e.output_heading}' was not measured anew {often}, for {lasting_s:.2g} s{average}: it "
-        "repeats its last value; the repeats are left out"
-    )
+    return Note(
+        "channel '{channel}' was not measured anew {times} ×, for {lasting_s:.2g} s on average; repeats are left out",
+        channel=e.output_heading, times=len(repeated), lasting_s=lasting_s,
+    ).of(e.name)  # fmt: skip
 
 
-def without_held(e: Experiment) -> tuple[Experiment, list[str]]:
+def without_held(e: Experiment) -> tuple[Experiment, list[Note]]:
     """The experiment without samples that only repeat one of a slower channel, and that in words."""
     starts = np.flatnonzero(np.diff(e.output, prepend=np.nan) != 0.0)
     lengths = np.diff(starts)
@@ -62,11 +61,12 @@ def without_held(e: Experiment) -> tuple[Experiment, list[str]]:
         return e, []
     repeated = np.ones(len(e.output), dtype=np.bool_)
     repeated[starts] = False
-    note = (
-        f"{e.name}: channel '{e.output_heading}' shows each value {usual} times: it was sampled every "
-        f"{usual * e.interval_s:.4g} s and held in between; the repeats are left out"
-    )
-    return e.without(repeated), [note]
+    note = Note(
+        "channel '{channel}' shows each value {usual} times: it was sampled every {every_s:.4g} s and held in between; "
+        "the repeats are left out",
+        channel=e.output_heading, usual=usual, every_s=usual * e.interval_s,
+    )  # fmt: skip
+    return e.without(repeated), [note.of(e.name)]
 
 
 def longer_than_by_chance(steps: Array, floor: float) -> int:

@@ -15,6 +15,7 @@ import numpy as np
 
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.fit import fit_percent
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
@@ -23,7 +24,7 @@ _ROUNDS = 3
 _SLOPE = 0.1  # of the command's range, for the slope in a level
 
 
-def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[str, ...]]:
+def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note, ...]]:
     """The recording with the command before it that explains how it begins, and what was done, in words.
 
     As it is where the Bayesian criterion finds those levels not worth their number, where the plant never forgets, and
@@ -56,8 +57,8 @@ def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[str,
     if not gained > count * math.log(independent):
         return e, ()
     fit = fit_percent(e.valid_output, e.valid_output + plain[e.valid])
-    note = f"{e.name}: begins in motion; what moved it before is fitted too, begun at rest the fit is {fit:.2f} %"
-    return _after(e, change), (note,)
+    note = Note("begins in motion; what moved it before is fitted too, begun at rest the fit is {fit:.2f} %", fit=fit)
+    return _after(e, change), (note.of(e.name),)
 
 
 def _after(e: Experiment, change: Array) -> Experiment:

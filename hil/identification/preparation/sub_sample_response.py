@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from hil.identification.preparation.experiment import Experiment
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
@@ -28,21 +29,30 @@ def dead_time_std_s(experiments: Sequence[Experiment]) -> float:
     return min(e.interval_s for e in experiments) / math.sqrt(3.0)
 
 
-def sub_sample_limits(model: Model, experiments: Sequence[Experiment]) -> tuple[str, ...]:
+def sub_sample_limits(model: Model, experiments: Sequence[Experiment]) -> tuple[Note, ...]:
     """What is said of a transfer function without dynamics: why none were seen, and how they would be."""
     gain = model.parameters["gain"]
     if not responds_within_sample(model.values) or gain.std is None or not abs(gain.value) > _SIGNIFICANT * gain.std:
         return ()
     interval_s, hidden_s = min(e.interval_s for e in experiments), _longest_hidden_s(model, experiments)
-    known = "the gain at rest and, to one sample, the dead time" if model.values["dead_time"] else "the gain at rest"
+    delayed = bool(model.values["dead_time"])
+    known = Note("the gain at rest and, to one sample, the dead time") if delayed else Note("the gain at rest")
     if hidden_s < interval_s:
-        over = f"the response is over within one sample, {interval_s:.3g} s: no more than {known} is told"
-        shown = f"A time constant above {hidden_s:.2g} s would have shown"
-        return (f"{over}. {shown}: sample at {_rounded(1.0 / hidden_s)} Hz or faster to see a shorter one",)
+        over = Note(
+            "the response is over within one sample, {interval_s:.3g} s: it determines {known}, no more. A time "
+            "constant above {hidden_s:.2g} s would have shown: sample at {rate_hz:g} Hz or faster to see a shorter one",
+            interval_s=interval_s, known=known, hidden_s=hidden_s, rate_hz=float(f"{1.0 / hidden_s:.2g}"),
+        )  # fmt: skip
+        return (over,)
     if not math.isfinite(hidden_s):
-        return (f"no more than {known} is told: the command is too slow for any time constant; add steps",)
-    hides = f"with this command a time constant below {hidden_s:.2g} s does not show"
-    return (f"no more than {known} is told: {hides}; faster changes of the command would tell",)
+        return (Note("the command is too slow for any time constant: it determines {known}, no more; add steps",
+                     known=known),)  # fmt: skip
+    hides = Note(
+        "a time constant below {hidden_s:.2g} s does not show: the command determines {known}, no more. Faster changes "
+        "of the command would show it",
+        known=known, hidden_s=hidden_s,
+    )  # fmt: skip
+    return (hides,)
 
 
 def _longest_hidden_s(model: Model, experiments: Sequence[Experiment]) -> float:
@@ -67,7 +77,3 @@ def _longest_hidden_s(model: Model, experiments: Sequence[Experiment]) -> float:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if shows(math.exp(middle)) else (middle, high)
     return math.exp(high)
-
-
-def _rounded(value: float) -> str:
-    return f"{float(f'{value:.2g}'):g}"

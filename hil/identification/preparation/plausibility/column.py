@@ -16,6 +16,7 @@ from hil.identification.preparation.plausibility.suspicion import (
 )
 from hil.identification.uncertainty.fit import fit_percent
 from hil.identification.uncertainty.noise import channel_floor, white_floor
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.invalid_samples import across
 from hil.record.recording import Array
@@ -39,10 +40,11 @@ def swapped_columns(model: Model, e: Experiment, simulated: Array) -> Suspicion 
     fit = fit_but_for_gain(model, turned)
     if not fit > max(enough, before + _FITS_BETTER):
         return None
-    cause = (
-        f"the columns '{e.input}' and '{e.output_heading}' look swapped: {spoken_of(model)} fits the other way round"
-    )
-    return Suspicion(e.name, f"{e.name}: {cause}", fit)
+    cause = Note(
+        "the columns '{first}' and '{second}' look swapped: {model} fits the other way round",
+        first=e.input, second=e.output_heading, model=spoken_of(model),
+    )  # fmt: skip
+    return Suspicion(e.name, cause.of(e.name), fit)
 
 
 def _noise_share(floor: float, values: Array) -> float:

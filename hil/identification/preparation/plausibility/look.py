@@ -11,6 +11,7 @@ from hil.identification.preparation.plausibility.sign import reversed_sign
 from hil.identification.preparation.plausibility.suspicion import Suspicion, can_be_held_against, expected
 from hil.identification.preparation.plausibility.time_unit import wrong_time
 from hil.identification.preparation.plausibility.unit import wrong_unit
+from hil.language.note import Note
 from hil.physics.model import Model
 
 
@@ -24,7 +25,7 @@ def suspicions(model: Model, experiments: Sequence[Experiment]) -> Iterator[Susp
         yield from implausible(model, e)
 
 
-def implausible_metadata(model: Model, e: Experiment) -> list[str]:
+def implausible_metadata(model: Model, e: Experiment) -> list[Note]:
     """The same of one recording, in words; nothing of one without an output."""
     return [one.sentence for one in suspicions(model, [e])] if e.valid.any() else []
 

@@ -13,6 +13,7 @@ from hil.identification.preparation.plausibility.suspicion import (
     spoken_of,
 )
 from hil.identification.uncertainty.fit import fit_percent
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array
 
@@ -22,11 +23,12 @@ def reversed_sign(model: Model, e: Experiment, simulated: Array) -> Suspicion | 
     before, turned = fit_percent(e.output, simulated), _turned(model, e, simulated)
     if not (before < 0.0 and turned > POOR_FIT) or _has_either_sign(model, e, simulated):
         return None
-    sentence = (
-        f"{e.name}: the output '{e.output_heading}' runs the other way: where {spoken_of(model)} rises, it falls; is "
-        "its sign right, or that of the command?"
-    )
-    return Suspicion(e.name, sentence, turned)
+    reversed_ = Note(
+        "the output '{channel}' runs the other way: where {model} rises, it falls; is its sign right, or that of the "
+        "command?",
+        channel=e.output_heading, model=spoken_of(model),
+    )  # fmt: skip
+    return Suspicion(e.name, reversed_.of(e.name), turned)
 
 
 def _has_either_sign(model: Model, e: Experiment, simulated: Array) -> bool:

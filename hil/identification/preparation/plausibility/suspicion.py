@@ -8,6 +8,7 @@ import numpy as np
 
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.fit import fit_percent
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array
 
@@ -28,7 +29,7 @@ class Suspicion:
     """
 
     recording: str
-    sentence: str
+    sentence: Note
     fit: float
 
     def outweighs(self, fit: float, *, at_bounds: bool = False) -> bool:
@@ -45,9 +46,9 @@ def can_be_held_against(model: Model) -> bool:
     return bool(model.origin) or "any" not in (plant.inputs[0].unit, plant.output.unit)
 
 
-def spoken_of(model: Model) -> str:
+def spoken_of(model: Model) -> Note:
     """The model in a sentence to somebody who may have named a plant only."""
-    return "the model" if model.origin else f"a typical {model.definition.title}"
+    return Note("the model") if model.origin else Note("a typical {plant}", plant=Note(model.definition.title))
 
 
 def expected(model: Model, e: Experiment) -> Array:

@@ -18,6 +18,7 @@ from hil.identification.preparation.plausibility.suspicion import (
     spoken_of,
 )
 from hil.identification.preparation.time_constant import time_constant_s
+from hil.language.note import Note
 from hil.physics.model import Model
 
 # Minutes and milliseconds: no unit of time is ten times another. Stamps are exact where the unit is all that is wrong.
@@ -51,10 +52,13 @@ def wrong_time(model: Model, experiments: Sequence[Experiment]) -> list[Suspicio
 
 
 def _beside_others(e: Experiment, factor: float, fit: float) -> Suspicion:
-    apart = f"its samples are {factor:.4g} times as far apart as where the model was identified"
-    fits = f"the model fits only with the time divided by {factor:.4g}; it looks like a wrong unit of time"
-    right = "If it is right, identify the model on a recording of this interval too"
-    return Suspicion(e.name, f"{e.name}: {apart}, and {fits}. {right}", fit)
+    apart = Note(
+        "its samples are {factor:.4g} times as far apart as those of identification. The model fits only with the time "
+        "divided by {factor:.4g}; it looks like a wrong unit of time. If it is right, identify the model on a "
+        "recording of this interval too",
+        factor=factor,
+    )
+    return Suspicion(e.name, apart.of(e.name), fit)
 
 
 def _fits_in_another_time(model: Model, e: Experiment) -> Suspicion | None:
@@ -68,9 +72,15 @@ def _fits_in_another_time(model: Model, e: Experiment) -> Suspicion | None:
     fit, factor = max(tried, default=(-np.inf, 1.0))
     if fit < good_fit(model) or _vote(recorded, fit) != 1:
         return None
-    by = f"divided by {factor:.4g}" if factor > 1.0 else f"multiplied by {1.0 / factor:.4g}"
-    cause = f"{spoken_of(model)} fits only with the time {by}; it looks like a wrong unit of time"
-    return Suspicion(e.name, f"{e.name}: {cause}, and --unit time=UNIT says the right one", fit)
+    by = Note("divided by {factor:.4g}", factor=factor)
+    if factor < 1.0:
+        by = Note("multiplied by {factor:.4g}", factor=1.0 / factor)
+    cause = Note(
+        "{model} fits only with the time {by}; it looks like a wrong unit of time, and --unit time=UNIT says the right "
+        "one",
+        model=spoken_of(model), by=by,
+    )  # fmt: skip
+    return Suspicion(e.name, cause.of(e.name), fit)
 
 
 def _fit(model: Model, e: Experiment) -> float:

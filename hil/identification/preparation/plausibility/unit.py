@@ -20,6 +20,7 @@ from hil.identification.preparation.plausibility.suspicion import (
     times,
 )
 from hil.identification.uncertainty.fit import fit_percent
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array, split_heading
 from hil.units import scale_and_offset
@@ -80,10 +81,13 @@ def wrong_unit(model: Model, e: Experiment, simulated: Array) -> Suspicion | Non
         beyond_effects = also_moves and not led_back and not _TOO_SMALL < slope < _TOO_LARGE
         factor = _unit_factor(e.output_heading, slope, np.inf if beyond_effects else _FACTOR_TOLERANCE)
         if factor and fit > GOOD_FIT:
-            found = f"channel '{e.output_heading}' is {slope:.3g} times what {spoken_of(model)} gives"
-            cause = f"a factor near {factor:.4g} looks like a wrong unit"
-            sentence = f"{e.name}: {found}; {cause}. {_if_right(e.output_heading)}"
-            return Suspicion(e.name, sentence, fit)
+            found = Note(
+                "channel '{channel}' is {slope:.3g} times what {model} gives; a factor near {factor:.4g} looks like a "
+                "wrong unit. {if_right}",
+                channel=e.output_heading, slope=slope, model=spoken_of(model), factor=factor,
+                if_right=_if_right(e.output_heading),
+            )  # fmt: skip
+            return Suspicion(e.name, found.of(e.name), fit)
     return _fits_in_another_unit(model, e, before)
 
 
@@ -100,15 +104,21 @@ def _fits_in_another_unit(model: Model, e: Experiment, before: float) -> Suspici
     if not best.fit > _enough(model, before, best.factor):
         return None
     first, *others = [found for found in tried if found.factor == best.factor and found.fit >= best.fit - _SAME_FIT]
-    also = "".join(f" (or '{other.channel}' {other.how} by it)" for other in others)
-    only = f"fits {spoken_of(model)} only when {first.how} by {first.factor:.4g}{also}; it looks like a wrong unit"
-    return Suspicion(e.name, f"{e.name}: channel '{first.channel}' {only}. {_if_right(first.channel)}", first.fit)
+    found = Note(
+        "channel '{channel}' fits {model} only when {how} by {factor:.4g}; it looks like a wrong unit. {if_right}",
+        channel=first.channel, model=spoken_of(model), how=first.how, factor=first.factor,
+        if_right=_if_right(first.channel),
+    )  # fmt: skip
+    if others:
+        also = tuple(Note("'{channel}' {how}", channel=other.channel, how=other.how) for other in others)
+        found = Note("{found}. It fits as well with {also}", found=found, also=also)
+    return Suspicion(e.name, found.of(e.name), first.fit)
 
 
-def _if_right(heading: str) -> str:
+def _if_right(heading: str) -> Note:
     """What a user does who knows better."""
     name, unit = split_heading(heading)
-    return f"If it is right, --unit '{name}={unit}' says so"
+    return Note("If it is right, --unit '{name}={unit}' says so", name=name, unit=unit)
 
 
 def _heading(model: Model, e: Experiment, channel: int) -> str:
@@ -123,7 +133,7 @@ class _InAnotherUnit:
     """The fit of the model with an input multiplied by a factor, or with the output divided by it."""
 
     channel: str
-    how: str
+    how: Note
     factor: float
     fit: float
 
@@ -134,11 +144,11 @@ def _in_another_unit(model: Model, e: Experiment, channel: int, factor: float) -
         inputs = e.drive.inputs.copy()
         inputs[channel] *= factor
         read = replace(e, drive=replace(e.drive, inputs=inputs))
-        return _InAnotherUnit(_heading(model, e, channel), "multiplied", factor, fit_but_for_gain(model, read))
+        return _InAnotherUnit(_heading(model, e, channel), Note("multiplied"), factor, fit_but_for_gain(model, read))
     # a loop that starts at its first reading starts somewhere else
     begins = replace(e.drive, first_output=e.drive.first_output / factor)
     read = replace(e, drive=begins, output=e.output / factor)
-    return _InAnotherUnit(e.output_heading, "divided", factor, fit_but_for_gain(model, read))
+    return _InAnotherUnit(e.output_heading, Note("divided"), factor, fit_but_for_gain(model, read))
 
 
 def _enough(model: Model, before: float, factor: float) -> float:
