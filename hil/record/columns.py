@@ -32,10 +32,10 @@ class Column:
     @property
     def name_and_unit(self) -> tuple[str, str]:
         """What it is called; the unit is empty when none is stated (see `heading.split`)."""
-        unit = headings.unit_text(self.unit)
-        if unit and "[" not in self.heading:
-            return self.heading.strip(), unit
-        name, stated = headings.split(self.heading)
+        heading, unit = headings.on_one_line(self.heading), headings.unit_text(headings.on_one_line(self.unit))
+        if unit and "[" not in heading:
+            return heading, unit
+        name, stated = headings.split(heading)
         return name, unit or stated
 
     @property

@@ -26,6 +26,8 @@ _LOOSE = (
     re.compile(r"^\s*(?P<name>.*[^\s:-])(\s*:\s*|\s+-\s+|\s+)(?P<unit>\S+)\s*$"),
 )
 
+_CONTROLS = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]+")
+
 # Names that can only be a time; others must have a unit of time and increase besides.
 _TIMES = frozenset({
     "time", "t", "timestamp", "timestamps", "zeit", "x value", "relative time", "elapsed time", "elapsed", "time stamp",
@@ -53,6 +55,11 @@ _MATLAB_DAYS = 693_960.0  # what its day numbers are ahead of a spreadsheet's
 _FINE = 2e-5  # days, 1.7 s; seconds that fine, without a unit, count from the start of a recording
 _YEAR_2000_S, _YEAR_2100_S = 946_684_800.0, 4_102_444_800.0  # after the beginning of 1970
 _NO_UNIT = frozenset({"-", "--", "none", "n/a", "no unit", "unitless", "dimensionless"})
+
+
+def on_one_line(text: str) -> str:
+    """A text in which no character commands a terminal or breaks a line: such are blanks."""
+    return _CONTROLS.sub(" ", text).strip()
 
 
 def split(heading: str) -> tuple[str, str]:

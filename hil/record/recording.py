@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 
 # A picture shows no more points of a channel.
 _MOST_POINTS = 20_000
-_HEADING = re.compile(r"^\s*(?P<name>[^\[\]]+?)\s*\[(?P<unit>[^\[\]]*)\]\s*$")
+_HEADING = re.compile(r"^\s*(?P<name>.+?)\s*\[(?P<unit>[^\[\]]*)\]\s*$")
+_LARGEST = 1e150  # of a sample: sums of squares of larger ones are no numbers
 
 
 def split_heading(text: str) -> tuple[str, str]:
@@ -132,7 +133,7 @@ class Recording:
         Raises:
             FileError: no such channel; the message lists what there is.
         """
-        wanted = split_heading(name)[0] if "[" in name else name
+        wanted = name if name in self.channels or "[" not in name else split_heading(name)[0]
         if wanted not in self.channels:
             have = ", ".join(channel.heading for channel in self.channels.values()) or "none"
             raise FileError(f"{self.name}: no channel '{wanted}'; it has: {have}")
@@ -256,7 +257,7 @@ def check(recording: Recording, *, place: Callable[[int], str] = _sample, measur
     _check_finite(recording.name, "time", recording.time_s, place)
     for channel in recording.channels.values() if measured else ():
         _check_finite(recording.name, channel.heading, channel.values, place)
-    rises = recording.time_s[1:] > recording.time_s[:-1]
+    rises = np.diff(recording.time_s) > 1.0 / _LARGEST
     if not rises.all():
         i = int(np.argmin(rises)) + 1
         raise FileError(
@@ -296,10 +297,11 @@ def _check_lengths(recording: Recording) -> None:
 
 
 def _check_finite(name: str, heading: str, values: Array, place: Callable[[int], str]) -> None:
-    finite = np.isfinite(values)
-    if not finite.all():
-        bad = np.flatnonzero(~finite)
+    usable = np.abs(values) <= _LARGEST
+    if not usable.all():
+        bad = np.flatnonzero(~usable)
+        what = f"beyond ±{_LARGEST:g}" if np.isfinite(values[bad[0]]) else "not a number"
         raise FileError(
-            f"{name}: {place(int(bad[0]))}, channel '{heading}': {values[bad[0]]} is not a number "
+            f"{name}: {place(int(bad[0]))}, channel '{heading}': {values[bad[0]]} is {what} "
             f"({bad.size} such sample{'s' if bad.size > 1 else ''}); mend them, or leave them out with --gaps"
         )

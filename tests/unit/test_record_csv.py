@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from hil.errors import FileError
+from hil.record.frame import from_memory
 from hil.record.read import read_recording, write_recording
 from hil.record.reading import Reading
-from hil.record.recording import recording
+from hil.record.recording import Recording, recording
 
 PLAIN = "time [s],command [%],flow [l/min]\n0,1.5,10\n0.011,2.5,-20\n0.02,3.5,30.25\n"
 
@@ -175,3 +176,27 @@ def test_time_that_never_moves_is_told_as_such(tmp_path: Path) -> None:
     path.write_text("time [s],flow [l/min]\n" + "0,1\n" * 20)
     with pytest.raises(FileError, match=r"time must increase\. If the samples are evenly spaced, --interval S gives"):
         read_recording(path)
+
+
+@pytest.mark.parametrize("name", ["\x1b]0;a\x07\x1b[2Jflow", "fl\now", "\u202eflow", "AI[0]", "flow]["])
+def test_name_of_a_column_is_one_line_that_is_written_and_read(tmp_path: Path, name: str) -> None:
+    found = from_memory({"time [s]": np.arange(3.0), f"{name} [l/min]": np.arange(3.0)})
+    assert isinstance(found, Recording)
+    (channel,) = found.channels.values()
+    assert channel.heading.isprintable() and channel.unit == "l/min"
+    write_recording(found, tmp_path / "made.csv")
+    assert list(read_recording(tmp_path / "made.csv").channels) == [channel.name]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("2.5", "-1e308", "line 3, channel 'command [%]': -1e+308 is beyond ±1e+150"),
+        ("0.02,", "1e300,", "line 4, channel 'time': 1e+300 is beyond ±1e+150"),
+        ("0.011,", "1e-300,", "line 3: time 1e-300 s does not come after 0 s"),
+    ],
+)
+def test_figure_whose_square_is_none_is_named(tmp_path: Path, old: str, new: str, says: str) -> None:
+    with pytest.raises(FileError) as caught:
+        read_text(tmp_path, PLAIN.replace(old, new))
+    assert says in str(caught.value)
