@@ -60,6 +60,14 @@ def unpacked_allowed(stored_bytes: int) -> str:
     return f"{_size(stored_bytes)} may unpack to {_size(most_unpacked(stored_bytes))} on this computer"
 
 
+def resolved(path: Path) -> Path:
+    """Where a path leads. Raises `FileError` when its links go round in a circle."""
+    try:
+        return path.resolve()
+    except RuntimeError:
+        raise FileError(f"{path}: its links go round in a circle; name a file or folder that is there") from None
+
+
 def open_untrusted(root: str | Path, name: str | Path, most_bytes: int = MOST_BYTES) -> BufferedReader:
     """A regular file below a folder, open for reading; the caller closes it.
 

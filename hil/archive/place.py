@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hil.errors import ArchiveError
+from hil.untrusted import resolved
 
 VARIABLE = "HIL_ARCHIVE"
 INDEX_FILE = "archive.sqlite"
@@ -63,11 +64,12 @@ def archive_place(given: str = "") -> Place:
 
     Raises:
         ArchiveError: an address of a database that is none; what it says is not repeated, since it may hold a password.
+        FileError: a folder whose links go round in a circle.
     """
     name = given or os.environ.get(VARIABLE, "") or str(DEFAULT_FOLDER)
     if "://" in name:
         return Place(_database(name.replace("postgresql://", "postgresql+psycopg://", 1)))
-    folder = Path(name).resolve()
+    folder = resolved(Path(name))
     return Place(f"sqlite:///{folder / INDEX_FILE}", folder)
 
 

@@ -7,15 +7,16 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from hil.errors import FileError
+from hil.untrusted import resolved
 
 
 def check_distinct(recordings: Sequence[Path]) -> None:
     """Raise `FileError` when a recording is named twice: it would count as two."""
     seen: set[Path] = set()
     for path in recordings:
-        if path.resolve() in seen:
+        if resolved(path) in seen:
             raise FileError(f"{path}: named twice; a recording counts once")
-        seen.add(path.resolve())
+        seen.add(resolved(path))
 
 
 def check_file(out: Path, read: Iterable[Path] = ()) -> None:
@@ -24,14 +25,14 @@ def check_file(out: Path, read: Iterable[Path] = ()) -> None:
         raise FileError(f"{out}: there is no folder {out.parent}")
     if out.is_dir():
         raise FileError(f"{out}: is a folder; name a file")
-    if out.resolve() in {path.resolve() for path in read}:
+    if resolved(out) in {resolved(path) for path in read}:
         raise FileError(f"{out}: is read by this command and would be lost; write another file")
     _check_access(out, out if out.exists() else out.parent)
 
 
 def check_folder(out: Path) -> None:
     """Raise `FileError` unless a folder is here, or can be made, to write in."""
-    there = next(place for place in (out, *out.absolute().parents) if place.exists())
+    there = next(place for place in (out, *resolved(out.absolute()).parents) if place.exists())
     if not there.is_dir():
         raise FileError(f"{out}: {there} is a file; name a folder")
     _check_access(out, there)

@@ -36,11 +36,15 @@ async def form_of(request: Request, files: int = 0) -> FormData:
     if files and int(length) > MOST_BYTES:
         raise SettingError(f"{int(length) / 2**20:.0f} MiB; {MOST_BYTES // 2**20} MiB may be uploaded at a time")
     try:
-        return await request.form(max_files=files, max_fields=_MOST_FIELDS)
+        form = await request.form(max_files=files, max_fields=_MOST_FIELDS)
     except HTTPException as error:
         raise SettingError(f"the form cannot be read: {error.detail}") from None
     except (ValueError, LookupError) as error:  # of the parser, or a character set that does not exist
         raise SettingError(f"the form cannot be read: {error}") from None
+    for name, value in form.multi_items():
+        if isinstance(value, str) and "\0" in name + value:  # no name, path or argument of a program has one
+            raise SettingError(f"{name!r:.60} holds a null character; text is allowed")
+    return form
 
 
 def kept(files: list[UploadFile], state: Path) -> list[Path]:

@@ -143,3 +143,16 @@ def test_meta_of_another_kind_is_named(
     path.write_text(json.dumps(content))
     status, _, err = told(capsys, monkeypatch, "convert run x.csv")
     assert status == 2 and f"run.json: field 'meta.{key}' must be a table, found ['x']" in err
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["identify circle --plant linear-axis --out m.json", "runs --archive circle", "convert good.csv circle",
+     "archive rebuild --archive circle", "run jog --bench brevini-hpv41 --out circle/x"],
+)  # fmt: skip
+def test_links_that_go_round_in_a_circle_are_told(
+    command: str, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "circle").symlink_to("circle")
+    status, _, err = told(capsys, monkeypatch, command)
+    assert status == 2 and "circle" in err and err.count("\n") == 1 and "fault of this program" not in err, err
