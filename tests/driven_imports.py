@@ -65,7 +65,7 @@ class Watch(event.Listener):
 
 def signatures() -> int:
     """How many machine codes there are of the kernels in use."""
-    return sum(len(compiled.signatures) for compiled, _ in _kernels)
+    return sum(len(made.dispatcher.signatures) for made, _ in _kernels)
 
 
 def main(name: str, bench: str, *assignments: str) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from hil.cli.runs import ARCHIVE
 from hil.record.reading import Reading
 
 if TYPE_CHECKING:
-    from hil.session.comparison import RunComparison
+    from hil.session.run_comparison import RunComparison
 
 _SHOWN_AFTER_S = 2.0
 
@@ -83,7 +83,7 @@ def command(
 
 def _compare_runs(runs: list[Path], as_json: bool, page: Path | None) -> None:
     from hil.cli.places import check_file
-    from hil.session.comparison import compare_runs
+    from hil.session.run_comparison import compare_runs
 
     if len(runs) != 2:
         raise typer.BadParameter(f"two runs are compared, {len(runs)} given; with --model any number of recordings")

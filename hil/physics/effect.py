@@ -21,8 +21,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar, cast
 
-from numba import njit
-
+from hil.kernel import Compiled
 from hil.physics.plant import Hook, Parameter
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -30,7 +29,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def compiled(function: F) -> F:
     """Mark a function as part of the compiled core (numba, numpy's rules for division by zero)."""
-    return cast(F, njit(error_model="numpy")(function))
+    return cast(F, Compiled(function, {"error_model": "numpy"}))
 
 
 @compiled

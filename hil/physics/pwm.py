@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numba import njit
 
 from hil.errors import InputError
+from hil.kernel import kernel
 from hil.record.recording import Array
 
 PwmFault = Literal["", "open", "short"]
@@ -213,7 +213,7 @@ def dithered(demand_a: Array, carrier_hz: float, dither_hz: float, amplitude_a: 
     return made
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _switched(
     demand: Any, tick_s: Any, period_s: Any, s: Any, proportional: Any, integral: Any, limit_v: Any, supply_v: Any,
     rated: Any, full: Any, tau: Any, out: Any,
@@ -251,7 +251,7 @@ def _switched(
         out[1, k], out[2, k], out[3, k] = area / tick_s, low, high
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _next_period(
     s: Any, wanted: Any, period_s: Any, proportional: Any, integral: Any, limit_v: Any, supply_v: Any
 ) -> None:

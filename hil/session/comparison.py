@@ -1,43 +1,24 @@
-"""A model beside recordings, and two runs side by side."""
+"""A model beside recordings."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
-from hil.errors import SettingError
-from hil.findings.difference import Difference, differences
-from hil.findings.results import Results
 from hil.identification.frequency.table_fit import TableComparison, compare_table
 from hil.identification.grey_box.compare import Comparison, compare_all
 from hil.identification.preparation.experiment import for_model
 from hil.physics.model import Model
 from hil.physics.other_plant import other_plants
-from hil.record.header import Header, read_header
-from hil.record.instruments import instruments_mark
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
 from hil.record.simulated import is_simulated
 from hil.session.responses import holds_responses, responses_of_run, speaks_of
-from hil.session.results import results_of_run
 from hil.session.sources import Source, notes_on, read_source
 
 _READING = 0.5  # share of the work that is reading
-
-
-@dataclass(frozen=True, slots=True)
-class RunComparison:
-    """Two runs, `first` the earlier one, and what differs: the change is second less first.
-
-    Both results have `started_utc`. `one_bench`: whether the same instruments measured both.
-    """
-
-    first: Results
-    second: Results
-    one_bench: bool
-    differences: tuple[Difference, ...]
 
 
 def compared_with(
@@ -88,28 +69,3 @@ def _read_for(
         if holds_responses(path) and speaks_of(path, inputs, output):
             return list(responses_of_run(path).values())
     return [read_source(source, reading)]
-
-
-def compare_runs(first: Path, second: Path) -> RunComparison:
-    """Compare two runs of one procedure, the earlier with the later, in whichever order they are given.
-
-    Raises:
-        SettingError: runs of different procedures.
-        FileError: not a run folder.
-    """
-    (earlier, before), (later, after) = sorted(
-        ((folder, read_header(folder)) for folder in (first, second)), key=lambda run: run[1].started_utc
-    )
-    one, other = (_dated(*run) for run in ((earlier, before), (later, after)))
-    if one.procedure != other.procedure:
-        raise SettingError(
-            f"{earlier} is a run of {one.procedure or 'nothing'}, {later} of {other.procedure or 'nothing'}; runs of "
-            "one procedure can be compared"
-        )
-    one_bench = instruments_mark(before) == instruments_mark(after)
-    return RunComparison(one, other, one_bench, tuple(differences(one, other, one_bench=one_bench)))
-
-
-def _dated(folder: Path, header: Header) -> Results:
-    """The results of a run with its date, which earlier versions did not write into them."""
-    return results_of_run(folder).model_copy(update={"started_utc": header.started_utc})

@@ -41,6 +41,21 @@ def test_nothing_heavy_is_imported(arguments: str) -> None:
     assert imported.isdisjoint(HEAVY), f"imported: {sorted(imported & set(HEAVY))}"
 
 
+def test_a_check_needs_no_compiler() -> None:
+    done = run_hil("check brevini-hpv41")
+    assert done.returncode == 0, done.stderr
+    assert set(done.stderr.splitlines()[-1].split()).isdisjoint({*HEAVY, "hil.identification"} - {"numpy"})
+
+
+def test_a_model_beside_recordings_needs_no_page_and_no_bench() -> None:
+    program = "import sys, hil.session.comparison; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=True)
+    compiler = {"numba", "numpy", "scipy"}
+    assert set(done.stdout.split()).isdisjoint(
+        {*HEAVY, "hil.bench", "hil.daq", "hil.findings", "hil.report"} - compiler
+    )
+
+
 def test_listing_shows_everything_with_a_summary() -> None:
     done = run_hil("list")
     lines = done.stdout.splitlines()

@@ -14,7 +14,7 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.report.comparison_page import headline, run_heads
 from hil.report.local_time import local_text
-from hil.session.comparison import compare_runs
+from hil.session.run_comparison import compare_runs
 from tests.page import read_page
 
 pytestmark = pytest.mark.xdist_group("compared runs")  # on one worker: its runs are made once

@@ -30,7 +30,7 @@ from hil.record.header import meta_of
 from hil.record.measurement import RESULTS_FILE, Measured
 from hil.record.simulated import is_simulated
 from hil.report.name import value_words
-from hil.session.comparison import RunComparison, compare_runs
+from hil.session.run_comparison import RunComparison, compare_runs
 from hil.untrusted import is_regular
 
 _MOST = 200

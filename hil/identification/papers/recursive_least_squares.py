@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from hil.errors import InputError
+from hil.kernel import kernel
 from hil.record.recording import Array
 
 Forgetting = Literal["exponential", "directional"]
@@ -205,7 +205,7 @@ class _State:
         self.work = np.zeros((4, size))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _run(
     u: Any, y: Any, poles: Any, inputs: Any, delay: Any, difference: Any, memory: Any, directional: Any, theta: Any,
     p: Any, r: Any, s: Any, past_y: Any, past_u: Any, last: Any, noise: Any, work: Any, errors: Any, path: Any,
@@ -237,7 +237,7 @@ def _run(
                 path[t, i] = theta[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _forget(p: Any, r: Any, psi: Any, rp: Any, memory: Any) -> None:
     """Forget what `r` knows about the direction of `psi`, and nothing else; then `r` takes the new sample in."""
     n = len(psi)
@@ -257,7 +257,7 @@ def _forget(p: Any, r: Any, psi: Any, rp: Any, memory: Any) -> None:
             r[i, j] += psi[i] * psi[j] - lost * rp[i] * rp[j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _correct(theta: Any, p: Any, s: Any, work: Any, now: Any, forget: Any, memory: Any, noise: Any) -> Any:
     """Eqs 3.13 to 3.15, and the covariance (I − Kψᵀ)S(I − Kψᵀ)ᵀ + KKᵀ that this gain K really leaves."""
     n = len(theta)
