@@ -112,9 +112,12 @@ def declared() -> Iterator[str]:
     for effect in effects():
         yield effect.name.replace("_", " ")
         yield effect.title
+        yield effect.sentence
+        yield from (parameter.meaning for parameter in effect.parameters)
         yield from effect.hooks
     for entry in entries("plants"):
         yield plant(entry.name).title
+        yield from (parameter.meaning for parameter in plant(entry.name).parameters)
         yield from (hook.stage for hook in plant(entry.name).hooks)
     yield from (*get_args(Verdict), *get_args(Meaning))
     for model in (Conditions, Valve, InstrumentEntry):

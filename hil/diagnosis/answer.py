@@ -50,6 +50,7 @@ from hil.diagnosis.wording import (
 )
 from hil.identification.uncertainty.evidence import bic_of_known_noise
 from hil.identification.uncertainty.fit import fit_ceiling, fit_percent
+from hil.language.note import Note
 from hil.physics.compose import effect as installed_effect
 from hil.physics.compose import effects as installed_effects
 from hil.physics.model import Model
@@ -67,7 +68,7 @@ class Answer:
     """
 
     def __init__(
-        self, problem: Problem, choice: Choice, warnings: tuple[str, ...], span: Span | None, asked: Question,
+        self, problem: Problem, choice: Choice, warnings: tuple[Note, ...], span: Span | None, asked: Question,
         changed: Changed | None = None,
     ) -> None:  # fmt: skip
         self.asked, self.changed = asked, changed
@@ -85,7 +86,7 @@ class Answer:
         """Whether the verdict is `consistent` because base parameters may wander."""
         return has_drifted(self.problem, self.choice)
 
-    def _used(self) -> tuple[Fitted, Fit, str]:
+    def _used(self) -> tuple[Fitted, Fit, Note | None]:
         """What the corrected model holds, with the fits on data kept back, and why it is the nominal model, if it is.
 
         Only what is named stands in it, and only where that predicts better what no fit has seen. A name that does not
@@ -96,15 +97,15 @@ class Answer:
         most = fit_kept_back(self.problem, np.ones(len(nominal.residuals)), self.kept)
         proposed = self.named if self.named.terms or self.has_drifted else nominal
         if self.verdict == "unexplained" or proposed is nominal:
-            return nominal, _rounded(before, before, most), "nothing is named that it would have to hold"
+            return nominal, _rounded(before, before, most), Note("nothing is named that it would have to hold")
         residuals = self._predicted(proposed)
         after = fit_kept_back(self.problem, residuals, self.kept)
         why = why_not_better(self.problem, nominal.residuals, residuals, self.kept)
         if not why and (after < before or self._misses(proposed) > self._misses(nominal)):
-            why = "it predicts worse what no fit has seen, or fits the recordings themselves worse"
+            why = Note("it predicts worse what no fit has seen, or fits the recordings themselves worse")
         if why:
             return nominal, _rounded(before, before, most), why
-        return proposed, _rounded(before, after, most), ""
+        return proposed, _rounded(before, after, most), None
 
     def _predicted(self, f: Fitted) -> Array:
         """Residuals where no fit has looked."""
@@ -183,14 +184,16 @@ class Answer:
             left_out=self._left_out(fits),
             corrected_is="nominal" if self.used is nominal else "named",
             work=problem.work.as_dict(),
-            why_corrected=self.why_nominal or "it is better than the nominal model on parts that no fit has seen",
+            why_corrected=self.why_nominal or Note("it is better than the nominal model on parts that no fit has seen"),
         )
 
     def _table(self) -> dict[str, Any] | None:
         table = self.choice.table
         return None if table is None else {**table.as_dict(LISTED), "effort": asdict(EFFORT)}
 
-    def _headline(self, found: Sequence[Finding], changed: Sequence[ChangedParameter], left: Left, hidden: str) -> str:
+    def _headline(
+        self, found: Sequence[Finding], changed: Sequence[ChangedParameter], left: Left, hidden: Note | None
+    ) -> Note:
         is_cut = bool(self.problem.work.left_out)
         is_change = self.changed is not None
         return headline(self.verdict, found, changed, left, hidden, self.alike, is_cut=is_cut, is_change=is_change)
@@ -322,15 +325,15 @@ class Answer:
             "searched": self.changed is None,
         }  # fmt: skip
 
-    def _hidden(self, unseen: Sequence[Limit], fits: Mapping[str, Fit]) -> str:
+    def _hidden(self, unseen: Sequence[Limit], fits: Mapping[str, Fit]) -> Note | None:
         """What is said in the place of an agreement: that the model had that misfit before, or that noise hides all."""
         if self.changed is not None:
-            return f"The unit is unchanged since identification; {_reaches(fits)}."
+            return Note("The unit is unchanged since identification; {reaches}.", reaches=_reaches(fits))
         # of the recording that tells most: the half that is kept back may hold no more than a rest
         ceiling = max(fit.ceiling for fit in fits.values())
         share = (1.0 - ceiling / 100.0) ** 2  # of noise in the variance of what the output does
         if share <= MOST and any(limit.visible for limit in unseen):
-            return ""
+            return None
         return nothing_identifiable(ceiling)
 
     def _false_alarms(self) -> FalseAlarms:
@@ -376,12 +379,15 @@ class Answer:
     def _next_test(self, rivals: Sequence[Sequence[str]], unseen: Sequence[str]) -> NextTest | None:
         return next_test(self.problem, self.verdict, self.choice, rivals, unseen, self.span)
 
-    def _all_warnings(self, changed: Sequence[ChangedParameter]) -> tuple[str, ...]:
+    def _all_warnings(self, changed: Sequence[ChangedParameter]) -> tuple[Note, ...]:
         f = self.choice.chosen
-        notes = [f"{name} ended on a bound of its range: a warning, not physics" for name in f.on_bound()]
+        notes = [
+            Note("{name} ended on a bound of its range: a warning, not physics", name=name) for name in f.on_bound()
+        ]
         if self.verdict == "unexplained" and self.judged:
             closest = min(self.judged, key=lambda j: j.chi2_held_out).fitted
-            notes.append(f"the closest description ({', '.join(sorted(_labels(closest)))}) is not named as the cause")
+            names = tuple(sorted(_labels(closest)))
+            notes.append(Note("the closest description ({names}) is not named as the cause", names=names))
         if self.has_drifted and not self.events and self.used is self.choice.baseline:
             notes.append(self._drifted())
         notes += [
@@ -390,10 +396,12 @@ class Answer:
             if (others := self.problem.prior.confounded_with(c.name))
         ]
         if self.why_nominal and self.named.terms and self.verdict not in ("consistent", "unexplained"):
-            notes.append(f"the corrected model is the nominal one, without what is named: {self.why_nominal}")
+            notes.append(
+                Note("the corrected model is the nominal one, without what is named: {why}", why=self.why_nominal)
+            )
         return (*self.warnings, *notes, *unlikely(changed))
 
-    def _drifted(self) -> str:
+    def _drifted(self) -> Note:
         """A word on the base parameters that had to move, those that show most of what the one does that shows most."""
         problem, model = self.problem, self.problem.model
         after = self.choice.baseline.parameters
@@ -404,10 +412,10 @@ class Answer:
         return drifted(moved, model.values, after)
 
 
-def _reaches(fits: Mapping[str, Fit]) -> str:
+def _reaches(fits: Mapping[str, Fit]) -> Note:
     """How far the nominal model comes, on the recording that it fits worst."""
     worst = min(fits.values(), key=lambda fit: np.nan_to_num(fit.nominal, nan=np.inf))
-    return f"the model itself reaches {worst.nominal:.3g} of {worst.ceiling:.4g} %"
+    return Note("the model itself reaches {fit:.3g} of {ceiling:.4g} %", fit=worst.nominal, ceiling=worst.ceiling)
 
 
 def _rounded(nominal: float, corrected: float, most: float) -> Fit:

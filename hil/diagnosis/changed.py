@@ -16,6 +16,7 @@ from hil.diagnosis.skeleton.gate import Later, later_of
 from hil.diagnosis.skeleton.rows import Rows, answers, samples_in
 from hil.diagnosis.skeleton.table import Table
 from hil.diagnosis.thresholds import PLAINLY
+from hil.language.note import Note
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
@@ -104,11 +105,12 @@ class Changed:
                 found[at] = of_residuals[part][np.arange(len(at)) * samples_in(self.table.row_s, e)]
         return found
 
-    def unsure(self) -> str:
-        """In words what one recording alone leaves open; empty where nothing."""
+    def unsure(self) -> Note | None:
+        """In words what one recording alone leaves open; None where nothing."""
         if not self.is_unsure:
-            return ""
-        return (
-            f"one recording alone says so (z = {self.later.z:.1f}, {self.needed:.1f} is needed): the change is unsure. "
-            "Record the test that the model was identified from once more; it settles this"
-        )
+            return None
+        return Note(
+            "one recording alone says so (z = {z:.1f}, {needed:.1f} is needed): the change is unsure. Record the test "
+            "that the model was identified from once more; it settles this",
+            z=self.later.z, needed=self.needed,
+        )  # fmt: skip

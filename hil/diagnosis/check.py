@@ -20,6 +20,7 @@ from hil.identification.preparation.plausibility.time_unit import wrong_time
 from hil.identification.preparation.repeated import without_held
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.identification.uncertainty.noise import resolution, white_floor
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array
 
@@ -33,9 +34,9 @@ class Checked:
     """
 
     experiments: tuple[Experiment, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Note, ...]
     clocks_set: tuple[Experiment, ...] = ()
-    clock_warnings: tuple[str, ...] = ()
+    clock_warnings: tuple[Note, ...] = ()
 
 
 def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
@@ -69,7 +70,7 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
     )
 
 
-def _without_dead(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], list[str]]:
+def _without_dead(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], list[Note]]:
     """Without recordings whose output stands still where it should move by more than a coarse channel could hide."""
     hidden = SELDOM_BY_CHANCE * max(resolution(e.output) for e in experiments)
     kept, notes = [], []
@@ -78,8 +79,9 @@ def _without_dead(model: Model, experiments: Sequence[Experiment]) -> tuple[list
         if moves <= max(hidden, SELDOM_BY_CHANCE * _floor(model, e)):
             kept.append(e)
         else:
-            where = f"{e.where_it_stands}, where the model moves by {moves:.3g}"
-            notes.append(f"{e.name}: {where}: {DEAD}; the recording is left out")
+            dead = Note("{stands}, where the model moves by {moves:.3g}: {why}; the recording is left out",
+                        stands=e.where_it_stands, moves=moves, why=DEAD)  # fmt: skip
+            notes.append(dead.of(e.name))
     return kept, notes
 
 
@@ -98,7 +100,7 @@ def _refuse(suspicions: Iterable[Suspicion]) -> None:
         raise FileError(suspicion.sentence)
 
 
-def _with_clocks_set(timed: Sequence[_Timed]) -> tuple[list[Experiment], list[str]]:
+def _with_clocks_set(timed: Sequence[_Timed]) -> tuple[list[Experiment], list[Note]]:
     """A recording that is late or early by itself, where most others would be worse off so, has a shifted clock.
 
     Recordings too slow to tell have no say: a dead time that only the fast ones show is not a clock.
@@ -109,10 +111,12 @@ def _with_clocks_set(timed: Sequence[_Timed]) -> tuple[list[Experiment], list[st
         votes = [other.vote(lag) for i, other in enumerate(timed) if i != k] if lag else []
         if votes.count(-1) > votes.count(1):
             kept.append(_shifted(own.experiment, lag))
-            notes.append(
-                f"{own.experiment.name}: its output is {lag * own.experiment.drive.interval_s:+.4g} s off its command "
-                "while other recordings are not; its clock is taken as shifted and set back"
+            shifted = Note(
+                "its output is {late_s:+.4g} s off its command while other recordings are not; its clock is taken as "
+                "shifted and set back",
+                late_s=lag * own.experiment.drive.interval_s,
             )
+            notes.append(shifted.of(own.experiment.name))
         else:
             kept.append(own.experiment)
     return kept, notes

@@ -27,6 +27,7 @@ from hil.diagnosis.within_prior import as_in_this_unit
 from hil.diagnosis.wording import quantity_text
 from hil.diagnosis.work import Progress, Work
 from hil.identification.preparation.experiment import Experiment
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.record.show import table_html
@@ -136,7 +137,7 @@ def _beyond_noise(problem: Problem, asked: Question) -> Changed | None:
     return Changed(problem, table, table.rows(problem.model, problem.experiments))
 
 
-def _judged(changed: Changed) -> tuple[Problem, Choice, list[str]]:
+def _judged(changed: Changed) -> tuple[Problem, Choice, list[Note]]:
     """One gate before any name."""
     if not changed.is_alarm:
         return changed.problem, unchanged(changed), []
@@ -145,14 +146,14 @@ def _judged(changed: Changed) -> tuple[Problem, Choice, list[str]]:
 
 def _searched(
     problem: Problem, checked: Checked, stale: Sequence[Interval], coarsely: tuple[float, float] | None
-) -> tuple[Problem, Choice, list[str]]:
+) -> tuple[Problem, Choice, list[Note]]:
     """What the model leaves out, by the search over the whole library and for events."""
     problem.work.at(0.1, "searching for the cause")
     if coarsely is not None:
         problem = replace(problem, step=coarsely[0])
     known = [*(["dropout"] if stale else []), *(["quantisation"] if coarsely else [])]
     posed, choice = explained(problem, known)
-    warnings: list[str] = []
+    warnings: list[Note] = []
     if checked.clocks_set and choice.verdict in OPEN:  # one clock is less to believe than many lost commands
         set_right = posed_again(problem, without_stale(checked.clocks_set)[0])
         again, second = explained(set_right, known)
@@ -190,9 +191,11 @@ def _residuals(choice: Choice) -> Array:
     return choice.chosen.residuals if choice.residuals is None else choice.residuals
 
 
-def _known_hum(model: Model) -> tuple[str, ...]:
+def _known_hum(model: Model) -> tuple[Note, ...]:
     noise = model.noise
     if noise is None or noise.hum_hz is None:
         return ()
     size = quantity_text(noise.hum, None, model.output_unit)
-    return (f"a hum of {noise.hum_hz:.4g} Hz ({size}) that the healthy unit had too was taken out of the recordings",)
+    hum = Note("a hum of {frequency_hz:.4g} Hz ({size}) that the healthy unit had too was taken out of the recordings",
+               frequency_hz=noise.hum_hz, size=size)  # fmt: skip
+    return (hum,)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -11,6 +11,7 @@ import numpy as np
 from hil.diagnosis.coverage import Limit
 from hil.diagnosis.false_alarms import FalseAlarms
 from hil.diagnosis.locate import StageShare, Where
+from hil.language.note import codes_of
 from hil.record.plain import plain
 from hil.record.recording import Array
 from hil.record.simulated import SIMULATED, marked
@@ -269,9 +270,16 @@ class Diagnosis:
                 "seconds": self.seconds,
                 "work": self.work,
                 SIMULATED: self.simulated,
+                "codes": codes_of(self._texts()),
             }
         )
         return made
+
+    def _texts(self) -> Iterator[str]:
+        yield from (self.headline, self.why_asked, self.why_corrected, self.kept_back, self.false_alarms.scope)
+        yield from (*self.warnings, *(f.sentence for f in self.effects))
+        if self.next_test is not None:
+            yield self.next_test.why
 
     def as_text(self) -> str:
         """For a terminal: the headline, findings, fits, and what to do next."""

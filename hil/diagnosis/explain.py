@@ -28,6 +28,7 @@ from hil.diagnosis.search.terms import all_terms
 from hil.diagnosis.thresholds import TINY
 from hil.diagnosis.within_prior import is_no_news
 from hil.identification.preparation.experiment import Experiment
+from hil.language.words import marked
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 from hil.signals.interval import COVERED
@@ -196,7 +197,7 @@ class Explanation:
         best = min(search.pool.fits.values(), key=lambda f: self.worth.of(f, least))
         if problem.plant.observer is None or self.worth.is_enough(best, 1 + len(best.terms)):
             return
-        if not problem.work.leaves_out("a led-back search"):
+        if not problem.work.leaves_out(marked("a led-back search")):
             led = Search(replace(problem, following=True), self.worth)
             pool = led.run()
             ranked = sorted((f for f in pool.fits.values() if f.terms), key=lambda f: self.worth.of(f, pool.least))
@@ -219,7 +220,7 @@ class Explanation:
         is_open = self.table().first.is_open
         self.options += found
         best = min(found, key=self._score, default=None)
-        if best is None or problem.work.leaves_out("laws beside events"):
+        if best is None or problem.work.leaves_out(marked("laws beside events")):
             return
         if is_open or self._score(best) < self._score(laws[0]):
             search = Search(posed_again(problem, best.events[-1].rest), self.worth)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Literal
 
+from hil.language.note import Note
 from hil.signals.interval import exact_limits
 
 Colour = Literal["white", "coloured"]
@@ -27,7 +29,7 @@ class FalseAlarms:
     """
 
     rate: float | None
-    scope: str
+    scope: Note
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,16 +54,24 @@ def false_alarms(plant: str, noise: Colour, lasting_s: float) -> FalseAlarms:
     """
     rows = [row for row in _counted() if row.plant == plant and row.noise == noise]
     if not rows:
-        return FalseAlarms(None, f"not counted for the plant '{plant}'")
+        return FalseAlarms(None, Note("not counted for the plant '{plant}'", plant=plant))
     alike = [row for row in rows if row.is_like(lasting_s)]
     if not alike:
-        lengths = " and ".join(f"{row.lasting_s:g} s" for row in rows)
-        return FalseAlarms(None, f"counted for recordings of {lengths} in all, not for {lasting_s:.3g} s")
+        other = Note("counted for recordings of {lengths} in all, not for {lasting_s:.3g} s",
+                     lengths=_lengths(rows), lasting_s=lasting_s)  # fmt: skip
+        return FalseAlarms(None, other)
     alarms, units = sum(row.alarms for row in alike), sum(row.units for row in alike)
-    lengths = " and ".join(f"{row.lasting_s:g} s" for row in alike)
     _, high = exact_limits(alarms, units)
-    of = f"healthy simulated units of the plant '{plant}', {noise} noise, recorded for {lengths} in all"
-    return FalseAlarms(round(high, 4), f"{alarms} alarms of {units} {of}")
+    scope = Note(
+        "{alarms} alarms of {units} healthy simulated units of the plant '{plant}', {noise} noise, recorded for "
+        "{lengths} in all",
+        alarms=alarms, units=units, plant=plant, noise=Note(noise), lengths=_lengths(alike),
+    )  # fmt: skip
+    return FalseAlarms(round(high, 4), scope)
+
+
+def _lengths(rows: Sequence[Counted]) -> tuple[str, ...]:
+    return tuple(f"{row.lasting_s:g} s" for row in rows)
 
 
 @cache

@@ -17,15 +17,16 @@ from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.thresholds import FEW
 from hil.identification.preparation.time_constant import time_constant_s
+from hil.language.note import Note
 from hil.record.recording import Array
 
 # After so many time constants a plant has forgotten nineteen twentieths of where it was.
 FORGOTTEN = 3.0
 Folds = NDArray[np.int64]
-OTHER_RECORDINGS = "other recordings than those fitted"
-OTHER_HALVES = "the half of each recording that was not fitted, but for what the plant remembers of the other"
-SECOND_HALF = "the second half, fitted on the first"
-NOTHING = "nothing: one recording, shorter than the plant's memory of itself"
+OTHER_RECORDINGS = Note("other recordings than those fitted")
+OTHER_HALVES = Note("the half of each recording that was not fitted, but for what the plant remembers of the other")
+SECOND_HALF = Note("the second half, fitted on the first")
+NOTHING = Note("nothing: one recording, shorter than the plant's memory of itself")
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +41,7 @@ class KeptBack:
 
     fold: Folds
     scored: Mask
-    basis: str
+    basis: Note
 
 
 def kept_back(problem: Problem, f: Fitted) -> KeptBack:

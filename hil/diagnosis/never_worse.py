@@ -7,6 +7,7 @@ import numpy as np
 from hil.diagnosis.kept_back import FORGOTTEN, NOTHING, KeptBack
 from hil.diagnosis.problem import Problem
 from hil.identification.preparation.time_constant import time_constant_s
+from hil.language.note import Note
 from hil.record.recording import Array
 
 # So few blocks say nothing; and the risk of being wrong.
@@ -17,8 +18,8 @@ _MOST = 40
 _ALL, _DRAWN = 12, 4095
 
 
-def why_not_better(problem: Problem, nominal: Array, predicted: Array, kept: KeptBack) -> str:
-    """Why a prediction is not held for better than the nominal model, in words; empty where it is better.
+def why_not_better(problem: Problem, nominal: Array, predicted: Array, kept: KeptBack) -> Note | None:
+    """Why a prediction is not held for better than the nominal model, in words; None where it is better.
 
     Args:
         problem: the question.
@@ -27,15 +28,17 @@ def why_not_better(problem: Problem, nominal: Array, predicted: Array, kept: Kep
         kept: which of them no fit has seen.
     """
     if kept.basis == NOTHING:
-        return "there is no part of the recordings that no fit has seen"
+        return Note("there is no part of the recordings that no fit has seen")
     gains = _gains(problem, nominal, predicted, kept)
     if len(gains) < _FEWEST:
-        blocks = f"{len(gains)} blocks longer than the plant settles in"
-        return f"the parts that no fit has seen make {blocks}; {_FEWEST} are needed"
+        return Note(
+            "the parts that no fit has seen make {count} blocks longer than the plant settles in; {least} are needed",
+            count=len(gains), least=_FEWEST,
+        )  # fmt: skip
     risk = by_sign_changes(gains)
     if risk > _RISK:
-        return f"on parts that no fit has seen it is not better beyond chance (p = {risk:.2g})"
-    return ""
+        return Note("on parts that no fit has seen it is not better beyond chance (p = {risk:.2g})", risk=risk)
+    return None
 
 
 def by_sign_changes(gains: Array) -> float:

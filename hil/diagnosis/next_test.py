@@ -21,6 +21,7 @@ from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import TINY
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.noise import whiten
+from hil.language.note import Note
 from hil.physics.simulate import Drive
 from hil.record.recording import Array
 from hil.signals.ramps import triangle
@@ -141,9 +142,13 @@ def next_test(
     best = max(scored, key=lambda pair: min(pair[0], _ENOUGH) / math.sqrt(_bench_s(problem, pair[1])))
     if best[0] < _SEPARATED:
         return None
-    names = " from ".join(_label(f) for f in competitors[:2])
-    return _chosen(problem, best[1], span, f"tells {names}: their outputs would differ by {best[0]:.0f} standard "
-                                           "uncertainties that base parameters cannot imitate")  # fmt: skip
+    one, other = map(_label, competitors[:2])
+    why = Note(
+        "tells {one} from {other}: their outputs would differ by {distance:.0f} standard uncertainties that base "
+        "parameters cannot imitate",
+        one=one, other=other, distance=best[0],
+    )  # fmt: skip
+    return _chosen(problem, best[1], span, why)
 
 
 def _stays(problem: Problem, planned: Experiment) -> bool:
@@ -174,8 +179,11 @@ def _names(f: Fitted) -> tuple[str, ...]:
     return f.names or tuple(t.name for t in f.terms)
 
 
-def _label(f: Fitted) -> str:
-    return " + ".join(_names(f)).replace("_", " ")
+def _label(f: Fitted) -> Note:
+    first, *others = (Note(name.replace("_", " ")) for name in _names(f))
+    for other in others:
+        first = Note("{first} + {other}", first=first, other=other)
+    return first
 
 
 def _revealing(
@@ -187,8 +195,8 @@ def _revealing(
     best = max(counted, key=lambda pair: (len(pair[0]), -_bench_s(problem, pair[1])))
     if not best[0]:
         return None
-    names = ", ".join(sorted(name.replace("_", " ") for name in best[0]))
-    return _chosen(problem, best[1], span, f"would show what these recordings cannot: {names}")
+    names = tuple(Note(name.replace("_", " ")) for name in sorted(best[0]))
+    return _chosen(problem, best[1], span, Note("would show what these recordings cannot: {names}", names=names))
 
 
 def _visible(problem: Problem, test: MenuTest, span: Span, terms: Sequence[Term]) -> set[str]:
@@ -249,7 +257,7 @@ def _bench_s(problem: Problem, test: MenuTest) -> float:
     return len(test.shape(1.0 / interval_s)) * interval_s
 
 
-def _chosen(problem: Problem, test: MenuTest, span: Span, why: str) -> NextTest:
+def _chosen(problem: Problem, test: MenuTest, span: Span, why: Note) -> NextTest:
     full = float(f"{span.full:.4g}")  # as it was asked for: what was recorded has passed a converter
     settings = {**test.settings, "full_command": full}
     return NextTest(test.procedure, settings, why, round(_bench_s(problem, test), 1))

@@ -11,10 +11,11 @@ from hil.diagnosis.skeleton.table import VERSION, Table, library_of, read_table,
 from hil.errors import FileError, SettingError, reason
 from hil.identification.preparation.content import is_of_its_origin
 from hil.identification.preparation.experiment import Experiment
+from hil.language.note import Note
 from hil.physics.model import Model
 
 QUESTIONS: tuple[Asked, ...] = ("changed", "left_out")
-_OTHER_LIBRARY = (
+_OTHER_LIBRARY = Note(
     "the library has changed since the model was identified; only what it still has of the recordings is compared. "
     "--before RECORDING… compares all of them"
 )
@@ -31,9 +32,9 @@ class Question:
     """
 
     asked: Asked
-    why: str
+    why: Note
     table: Table | None = None
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Note, ...] = ()
 
 
 def question_of(
@@ -56,17 +57,18 @@ def question_of(
         raise SettingError(f"--question {wanted}: no such question; it is one of {', '.join(QUESTIONS)}")
     own = [e.name for e in experiments if is_of_its_origin(model, e)]
     if wanted == "left_out" or (own and not wanted):
-        why = "asked for" if wanted else f"the model was identified from {own[0]}"
+        why = Note("asked for") if wanted else Note("the model was identified from {recording}", recording=own[0])
         return Question("left_out", why)
     if before:
-        return Question("changed", "recordings of before were given", table_of(model, before))
+        return Question("changed", Note("recordings of before were given"), table_of(model, before))
     if model.skeleton is None or model.skeleton.get("version") != VERSION:
-        keeps = "nothing" if model.skeleton is None else "what another version of the program understands"
-        why = f"the model file keeps {keeps} of the recordings that it was identified from"
+        why = Note("the model file keeps nothing of the recordings that it was identified from")
+        if model.skeleton is not None:
+            why = Note("what the model file keeps of its recordings only another version of the program understands")
         if wanted:
             raise SettingError(f"--question changed: {why}; give them as --before RECORDING…, or identify it anew")
-        limited = () if model.skeleton is None else (f"{why}; whether it has changed since tells --before RECORDING…",)
-        return Question("left_out", why, None, limited)
+        limited = Note("{why}; whether it has changed since tells --before RECORDING…", why=why)
+        return Question("left_out", why, None, () if model.skeleton is None else (limited,))
     try:
         table = read_table(model.skeleton, model)
     except (KeyError, ValueError, TypeError, AttributeError, IndexError, zlib.error) as error:
@@ -75,4 +77,4 @@ def question_of(
             "of before as --before RECORDING…"
         ) from None
     warnings = () if table.library == library_of(model) else (_OTHER_LIBRARY,)
-    return Question("changed", "the model was identified from other recordings", table, warnings)
+    return Question("changed", Note("the model was identified from other recordings"), table, warnings)

@@ -11,13 +11,14 @@ import numpy as np
 from hil.diagnosis.problem import COARSER, Problem
 from hil.diagnosis.thresholds import FAR, NEXT_TO_NOTHING
 from hil.identification.uncertainty.evidence import VERY_STRONG
+from hil.language.note import Note
 
 # A finer step may change the simulation by this share of the noise before the step counts as too coarse.
 _HARMLESS = 0.1
 _FINER = (FAR, FAR * FAR)
 
 
-def settled(problem: Problem) -> tuple[Problem, tuple[str, ...]]:
+def settled(problem: Problem) -> tuple[Problem, tuple[Note, ...]]:
     """The problem with sub-steps no finer than needed, so that finer ones change nothing; what had to be done about it.
 
     Equations of second order, which most plants have, are so exact at the plant's own sub-steps that a search can do
@@ -37,5 +38,9 @@ def settled(problem: Problem) -> tuple[Problem, tuple[str, ...]]:
             return problem, ()
         problem = replace(problem, factor=finer)
         coarse = problem.nominal_residuals
-    text = f"with steps {_FINER[-1]:g} times finer the simulation still changes by {error:.2g} times the noise"
-    return problem, (f"{text}; small effects cannot be told from the integrator",)
+    sizeable = Note(
+        "with steps {finer:g} times finer the simulation still changes by {error:.2g} times the noise; small effects "
+        "cannot be told from the integrator",
+        finer=_FINER[-1], error=error,
+    )  # fmt: skip
+    return problem, (sizeable,)

@@ -10,11 +10,12 @@ from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import SELDOM_BY_CHANCE
 from hil.diagnosis.wording import quantity_text
+from hil.language.note import Note
 from hil.physics.compose import effect as installed_effect
 from hil.physics.model import Model, ModelEffect
 
 
-def as_in_this_unit(problem: Problem, choice: Choice) -> tuple[Problem, tuple[str, ...]]:
+def as_in_this_unit(problem: Problem, choice: Choice) -> tuple[Problem, tuple[Note, ...]]:
     """The question with such sizes as they were found, no farther off than was known, and a word on each.
 
     The same question and no words where there are none.
@@ -47,10 +48,11 @@ def _moved(had: ModelEffect, term: Term, values: Sequence[float]) -> ModelEffect
     return replace(had, parameters={**had.parameters, **now})
 
 
-def _words(term: Term, values: Sequence[float]) -> Iterator[str]:
+def _words(term: Term, values: Sequence[float]) -> Iterator[Note]:
     meanings = {p.name: p.meaning for p in installed_effect(term.name).parameters}
     for u, value, was in zip(term.unknowns, values, term.nulls, strict=True):
-        yield (
-            f"{term.label}: {meanings[u.name]} is {quantity_text(value, None, u.unit)} instead of "
-            f"{quantity_text(was, None, u.unit)}, within what was known of it. The corrected model has it"
-        )
+        yield Note(
+            "{effect}: {meaning} is {now} instead of {was}, within what was known of it. The corrected model has it",
+            effect=term.label, meaning=Note(meanings[u.name]), now=quantity_text(value, None, u.unit),
+            was=quantity_text(was, None, u.unit),
+        )  # fmt: skip

@@ -7,15 +7,19 @@ from collections.abc import Callable, Mapping, Sequence
 from threading import Lock
 from typing import Any
 
+from hil.language.note import Note
+
 Progress = Callable[[float, str], None]
 SAMPLES_PER_S = 10e6
 """Simulated samples that a second of a budget stands for, whatever the machine does."""
 
 
-def budget_notes(not_searched: Sequence[str], size: str = "") -> tuple[str, ...]:
+def budget_notes(not_searched: Sequence[str], size: str = "") -> tuple[Note, ...]:
     """What was left out for want of a larger budget than this `size`, in words; empty where nothing was."""
-    what = ", ".join(not_searched)
-    note = f"the budget{size} was over before these were looked at: {what}; a larger --budget may find more"
+    note = Note(
+        "the budget{size!l} was over before these were looked at: {what}; a larger --budget may find more",
+        size=size, what=tuple(map(Note, not_searched)),
+    )  # fmt: skip
     return (note,) if not_searched else ()
 
 
@@ -60,7 +64,7 @@ class Work:
         return over
 
     @property
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[Note, ...]:
         """What was left out, in words; empty where nothing was."""
         size = f" of {self._budget_s:.3g} s ({self._budget_s * SAMPLES_PER_S:.3g} samples)"
         return budget_notes(self.left_out, size)

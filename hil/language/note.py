@@ -12,7 +12,7 @@ from hil.language.words import ENGLISH, _, spoken
 
 OF = "{recording}: {note}"
 _AT = "{place!l}: {note}"
-_PLACE = re.compile(r"\{(\w+)(?:![cl])?(?::(?:[+]?\.?\d?[a-z]?|[;,] ))?\}")
+_PLACE = re.compile(r"\{(\w+)(?:![cl])?(?::(?:[+]?\.?\d?[a-z]?|[;,] |[%?]))?\}")
 
 
 class Note(str):

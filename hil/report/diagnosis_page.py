@@ -73,10 +73,10 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path, origins: Sequence[O
         title=capital(d.plant_title),
         tone=tone,
         word=_(word),
-        headline=d.headline,
+        headline=translated(d.headline),
         details=_details(d),
         above=list(map(translated, above)),
-        warnings=[note for note in d.warnings if note not in above],
+        warnings=[translated(note) for note in d.warnings if note not in above],
         corrected=corrected,
         overlays=_overlays(d, corrected=corrected),
         fits=fit_rows(d),
@@ -215,7 +215,7 @@ def _next_test(test: NextTest | None) -> dict[str, Any] | None:
     settings = [f"--set {shlex.quote(f'{name}={_setting(value)}')}" for name, value in test.settings.items()]
     return {
         "command": " ".join(["hil run", test.procedure, *settings, "--bench BENCH.toml"]),
-        "why": capital(test.why),
+        "why": capital(translated(test.why)),
         "seconds": _("{seconds} s of bench time").format(seconds=number(test.bench_s, 3)),
     }
 
@@ -227,9 +227,9 @@ def _setting(value: Any) -> str:
 def _false_alarms(d: Diagnosis) -> str:
     known = d.false_alarms
     if known.rate is None:
-        return known.scope
+        return translated(known.scope)
     return _("at most {percent} % of healthy units: {counted}").format(
-        percent=number(100 * known.rate, 2), counted=known.scope
+        percent=number(100 * known.rate, 2), counted=translated(known.scope)
     )
 
 
@@ -238,7 +238,7 @@ def _about(d: Diagnosis) -> list[tuple[str, str]]:
         _("Plant"): d.plant,
         _("Input → output"): f"{d.input} → {d.output}",
         _("Recordings"): ", ".join(d.recordings),
-        _("Kept back"): d.kept_back,
+        _("Kept back"): translated(d.kept_back),
         _("False alarms"): _false_alarms(d),
     }
     return [(label, value) for label, value in rows.items() if value]

@@ -9,6 +9,7 @@ from typing import Any
 from hil.diagnosis.coverage import Limit
 from hil.diagnosis.diagnosis import Candidate, ChangedParameter, Diagnosis, Finding, Fit, Quantity
 from hil.diagnosis.locate import Where
+from hil.language.note import translated
 from hil.language.words import _
 from hil.report.equation import equation_lines
 from hil.report.name import capital, short_name, short_names
@@ -53,7 +54,7 @@ def effect_entry(f: Finding) -> dict[str, Any]:
         "probability": _probability(f.probability),
         "stage": _(f.stage),
         "hook": f.hook,
-        "sentence": f.sentence,
+        "sentence": translated(f.sentence),
         "equation": equation_lines(f.equation),
         "source": f.source,
         "parameters": [_parameter(name, q) for name, q in f.parameters.items()],
@@ -63,7 +64,7 @@ def effect_entry(f: Finding) -> dict[str, Any]:
 
 def _parameter(name: str, q: Quantity) -> dict[str, Any]:
     value, width = rounded(q.value, None if q.std is None else COVERED * q.std)
-    return {"name": name, "meaning": q.meaning, "value": value, "width": width, "unit": unit_text(q.unit),
+    return {"name": name, "meaning": _(q.meaning), "value": value, "width": width, "unit": unit_text(q.unit),
             "at_bound": False}  # fmt: skip
 
 

@@ -19,7 +19,6 @@ from hil.diagnosis.skeleton.table import library_of
 from hil.errors import SettingError, StorageError
 from hil.identification.preparation.experiment import Experiment, for_model
 from hil.identification.preparation.informative_segments import experiments_of
-from hil.language.note import codes_of
 from hil.physics.model import Model, save_model
 from hil.physics.other_plant import other_plants
 from hil.record.plain import plain
@@ -182,8 +181,7 @@ def write_diagnosis(found: Diagnosed, out: Path, origins: Sequence[Origin] = ())
     """
     found, whence = of_origins(found, origins), all_origins(origins, found.diagnosis.recordings)
     other = other_plants(found.diagnosis.plant, ((one.name, one.about) for one in whence))
-    origin = {"other_plant": other, **({"codes": codes_of(other)} if other else {})}
-    content = json.dumps(plain({**found.diagnosis.as_dict(), **origin}), indent=1, ensure_ascii=False)
+    content = json.dumps(plain({**found.diagnosis.as_dict(), "other_plant": other}), indent=1, ensure_ascii=False)
     try:
         out.mkdir(parents=True, exist_ok=True)
         (out / DIAGNOSIS_FILE).write_text(content + "\n", encoding="utf-8")

@@ -19,6 +19,8 @@ from hil.diagnosis.wording import (
     sentence,
     unlikely,
 )
+from hil.language.note import translated
+from hil.language.words import speaking
 from hil.physics.compose import effect, effects, plant
 from hil.physics.effect import Effect
 
@@ -90,10 +92,18 @@ def longest(text: str) -> int:
     return max(len(part.split()) for part in re.split(r"(?<=[.!?])\s", text))
 
 
+def is_german(note: str) -> bool:
+    """Whether a page in German has no English word of it, and no decimal point."""
+    with speaking("de"):
+        return not re.search(r"\b(the|of|is|and|with|it|not)\b|\d\.\d", translated(note))
+
+
 @pytest.mark.parametrize("each", effects(), ids=lambda each: each.name)
 def test_an_effect_is_told_in_sentences_that_can_be_read(each: Effect) -> None:
     told = {p.name: Quantity(1.2345, 0.05, p.unit.format(value="l/min", motion="mm"), "") for p in each.parameters}
-    assert longest(sentence(each, Term("effect", each.name, "", "", (), ()), told)) <= 25
+    said = sentence(each, Term("effect", each.name, "", "", (), ()), told)
+    assert longest(said) <= 25
+    assert is_german(said)
 
 
 @pytest.mark.parametrize("is_change", [False, True])
@@ -106,8 +116,9 @@ def test_a_verdict_is_told_in_sentences_that_can_be_read(
     found = [Finding("friction", "friction with sticking", 0.9, "spool", "force", {}, where, "", "", "")] * count
     changed = [ChangedParameter("mass", 3.0, 4.0, 0.1, "kg", "moved mass, motor and screw included")] * count
     left = Left(0.022, 4.3, 0.3, "l/min", None, (), 2.5)
-    assert longest(headline(verdict, found, changed, left, is_change=is_change)) <= 25
-    assert longest(nothing_identifiable(4.0)) <= 25
+    said = headline(verdict, found, changed, left, is_change=is_change)
+    assert max(longest(said), longest(nothing_identifiable(4.0))) <= 25
+    assert is_german(said) and is_german(nothing_identifiable(4.0))
 
 
 def test_warnings_are_told_in_sentences_that_can_be_read() -> None:
@@ -116,3 +127,4 @@ def test_warnings_are_told_in_sentences_that_can_be_read() -> None:
     moved = drifted(axis.parameters[:2], axis.typical, {p.name: 1.01 * p.typical for p in axis.parameters})
     for text in (*unlikely([changed]), confounded(changed, ["loop_gain"], 90.0), moved):
         assert longest(text) <= 25
+        assert is_german(text)

@@ -12,6 +12,7 @@ from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.thresholds import FAR, MOST
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.noise import resolution
+from hil.language.note import Note
 from hil.record.recording import Array
 
 # A line and its uncertainty take so many levels.
@@ -46,14 +47,17 @@ def coarse(problem: Problem, step: float, std: float, chosen: Fitted, residuals:
     """
     last, unit = problem.plant.hooks[-1], problem.model.output_unit
     offset, cut = _offset(chosen), cuts_off(chosen, step)
-    how = (
-        f", and reads {abs(offset):.3g} {unit} too {'little' if offset < 0.0 else 'much'}: it does not round"
-        if cut
-        else ""
-    )
+    said = Note("The signal comes in steps of {step:.3g} {unit}, far coarser than when the model was identified",
+                step=step, unit=unit)  # fmt: skip
+    if cut and offset < 0.0:
+        said = Note(
+            "{steps}, and reads {by:.3g} {unit} too little: it does not round", steps=said, by=-offset, unit=unit
+        )
+    elif cut:
+        said = Note("{steps}, and reads {by:.3g} {unit} too much: it does not round", steps=said, by=offset, unit=unit)
     return Events(
         "quantisation", last.stage, last.name, (), {"step": (step, std, unit)}, residuals, problem.experiments,
-        f"The signal comes in steps of {step:.3g} {unit}, far coarser than when the model was identified{how}.",
+        said.stopped,
         "y = q·⌊u/q⌋" if cut and offset < 0.0 else "y = q·⌈u/q⌉" if cut else "y = q·round(u/q)",
         shows_as="sensor_offset" if cut else "",
     )  # fmt: skip

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.identification.preparation.experiment import Experiment
+from hil.language.note import Note
 from hil.record.recording import Array
 
 
@@ -40,7 +41,7 @@ class Events:
     values: dict[str, tuple[float, float | None, str]]
     residuals: Array
     rest: tuple[Experiment, ...]
-    sentence: str
+    sentence: Note
     equation: str
     shows_as: str = ""
 

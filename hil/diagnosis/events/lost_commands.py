@@ -16,6 +16,7 @@ from hil.diagnosis.search.fitted import Fitted, residuals_of
 from hil.diagnosis.thresholds import A_GOOD_PART, TINY
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.repeated import LEAST_INTERVALS
+from hil.language.note import Note
 from hil.record.recording import Array
 
 # A jump is this share of the command's range; what comes with so many of them, and hardly without, has a law.
@@ -55,8 +56,8 @@ def held_commands(problem: Problem, around: Fitted) -> Events | None:
     first = problem.plant.hooks[0]
     return Events(
         "dropout", first.stage, first.name, intervals, values, residuals_of(problem, around, experiments=rest), rest,
-        f"The command did not always arrive: {len(intervals)} times the valve stood on the last one, "
-        f"{values['lasting'][0]:.2g} s on average.",
+        Note("The command did not always arrive: {times} times the valve stood on the last one, {lasting_s:.2g} s on "
+             "average.", times=len(intervals), lasting_s=values["lasting"][0]),
         "u(t) = u(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
     )  # fmt: skip
 

@@ -16,6 +16,7 @@ from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.repeated import LEAST_INTERVALS, STALE_RUN, longer_than_by_chance, same_again
 from hil.identification.preparation.repeated import without_stale as repeats_left_out
 from hil.identification.uncertainty.noise import white_floor
+from hil.language.note import Note
 from hil.record.recording import Array
 from hil.signals.runs import runs
 
@@ -67,8 +68,8 @@ def stale_outputs(
     last = problem.plant.hooks[-1]
     return Events(
         "dropout", last.stage, last.name, tuple(intervals), values, residuals, rest,
-        f"Samples were not measured anew: {_times(len(intervals))} the recording repeats its last value, "
-        f"{values['lasting'][0]:.2g} s{'' if len(intervals) == 1 else ' on average'}.",
+        Note("Samples were not measured anew: {times} × the recording repeats its last value, {lasting_s:.2g} s on "
+             "average.", times=len(intervals), lasting_s=values["lasting"][0]),
         "y(t) = y(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
     )  # fmt: skip
 
@@ -106,7 +107,3 @@ def _caught_up(problem: Problem, around: Fitted, e: Experiment) -> list[tuple[in
         if abs(went) >= least and max(abs(jump - went), goes) <= MOST * abs(went):
             found.append((start, last + 1))
     return found
-
-
-def _times(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"

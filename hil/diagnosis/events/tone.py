@@ -12,6 +12,7 @@ from hil.diagnosis.search.fitted import Fitted, rows_of
 from hil.diagnosis.thresholds import TINY
 from hil.identification.grey_box.lines import common_line, is_commanded
 from hil.identification.preparation.experiment import Experiment
+from hil.language.note import Note
 from hil.record.recording import Array
 
 _LEAST_TONE_RATIO, _FEWEST_TONE_CYCLES = 60.0, 4
@@ -55,8 +56,8 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
         "periodic_disturbance", last.stage, last.name, (),
         {"frequency": (frequency, std_hz, "Hz"), "amplitude": (size, spread, unit)},
         residuals, without_tone(problem, around, frequency),
-        f"A disturbance of {frequency:.4g} Hz with amplitude {size:.3g} {unit} runs through everything, whatever the "
-        "command does.",
+        Note("A disturbance of {frequency_hz:.4g} Hz with amplitude {size:.3g} {unit} runs through everything, "
+             "whatever the command does.", frequency_hz=frequency, size=size, unit=unit),
         "y = y₀ + a·sin(2πft + φ), φ by chance in each recording",
     )  # fmt: skip
 

@@ -17,6 +17,7 @@ from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
 from hil.diagnosis.search.probes import Probe, keys, pairs, predicted_probes, simulated_probes, sketch
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.diagnosis.thresholds import TINY
+from hil.language.words import marked
 
 
 class Worth(Protocol):
@@ -121,7 +122,7 @@ class Search:
         for unit in (nominal.parameters, usual)[: 1 + (usual != nominal.parameters)]:
             level = [evaluated(self.problem, replace(nominal, parameters=unit))]
             for _ in range(EFFORT.causes):
-                if self.problem.work.leaves_out("starts from another unit"):
+                if self.problem.work.leaves_out(marked("starts from another unit")):
                     return
                 children = [child for parent in level for child in self._children(parent)]
                 level = self._lowest(children)
@@ -151,7 +152,7 @@ class Search:
     def _is_done(self, size: int) -> bool:
         """Whether larger sets than of this size are not looked for: the best is enough, or smaller already."""
         smaller = size > 1 and len(self._first.terms) < size
-        return smaller or self._is_enough(size + 1) or self.problem.work.leaves_out("sets of more causes")
+        return smaller or self._is_enough(size + 1) or self.problem.work.leaves_out(marked("sets of more causes"))
 
     def _is_enough(self, size: int) -> bool:
         """Whether no set of so many causes could be worth more than the best, as exact as it can be told."""
