@@ -30,7 +30,10 @@ class Compiled:
         """What numba makes of it."""
         from numba import njit
 
-        return njit(**self._options)(self.py_func)
+        try:
+            return njit(**self._options)(self.py_func)
+        except RuntimeError:  # a service's user has no home and may not write here: compiled by each program
+            return njit(**{**self._options, "cache": False})(self.py_func)
 
     def __call__(self, *arguments: Any) -> Any:
         """What the function returns."""

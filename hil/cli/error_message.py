@@ -47,6 +47,8 @@ def _text(error: BaseException) -> str:
         return " ".join(str(error).split())
     if isinstance(error, OSError):
         return f"{error.filename or 'file'}: {error.strerror or error}"
+    if isinstance(error, MemoryError):
+        return f"more memory is needed than there is: {error}; a shorter test or recording, or a lower rate, needs less"
     if isinstance(error, ModuleNotFoundError) and (library := (error.name or "").partition(".")[0]) in EXTRAS:
         return f"this needs {lacking(library)}"
     if hasattr(error, "format_message"):  # of click or of typer's own copy of it, by version

@@ -10,11 +10,14 @@ holds a hash of everything it was made from, because numba alone would not notic
 from __future__ import annotations
 
 import ast
+import atexit
 import hashlib
 import importlib.util
 import inspect
 import math
+import shutil
 import sys
+import tempfile
 import textwrap
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -418,12 +421,23 @@ def _stamp(plant: Plant, sites: tuple[Site, ...], source: str) -> str:
 
 def _load(source: str, name: str) -> ModuleType:
     """The generated module, compiled or taken from the folder of what is kept."""
-    path = kept_folder("kernels") / f"{name}.py"
+    try:
+        path = kept_folder("kernels") / f"{name}.py"
+    except OSError:  # a service's user has no home: compiled by each program
+        path = _unkept() / f"{name}.py"
     with one_at_a_time(path):
         if not path.exists():
             forget_unused(path.parent)
             write_whole(path, source.encode())
         return _imported(path, name)
+
+
+@cache
+def _unkept() -> Path:
+    """A folder that lasts as long as this program."""
+    folder = tempfile.mkdtemp(prefix="hil-kernels-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def _imported(path: Path, name: str) -> ModuleType:

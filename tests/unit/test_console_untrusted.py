@@ -224,7 +224,7 @@ def test_stop_that_many_press_at_once_is_refused_to_none(tmp_path: Path) -> None
     assert [path.name for path in tmp_path.iterdir()] == ["stop-pressed.json"]
 
 
-@pytest.mark.parametrize("path", ["/devices/serve", "/run/check", "/seat", "/diagnose/start"])
+@pytest.mark.parametrize("path", ["/devices/serve", "/run/check", "/seat"])
 def test_null_character_in_a_form_is_refused(path: str, lab: Path) -> None:
     status, text, _ = browser(lab).ask(path, {"bench": "one", "quirk.a": "\0"})
     assert (status, "null character" in text) == (400, True), text

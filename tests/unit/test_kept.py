@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
+import numba
 import numpy as np
 import pytest
 
 from hil.errors import FileError
 from hil.kept import Arrays, kept_arrays, kept_folder, stamp
+from hil.kernel import kernel
+from hil.physics.compose import _load
 
 
 class _Made:
@@ -123,3 +127,18 @@ def test_kept_folder_is_no_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     (tmp_path / "cache/kernels").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(FileError, match="kernels: belongs"):
         kept_folder("kernels")
+
+
+def test_kernels_are_made_where_nothing_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    njit = numba.njit
+
+    def without_a_home(*functions: Any, cache: bool = False, **options: Any) -> Any:
+        if cache:
+            raise RuntimeError("cannot cache function: no locator available")
+        return njit(*functions, **options)
+
+    monkeypatch.setenv("HIL_CACHE_DIR", "/dev/null/none")
+    monkeypatch.setattr(numba, "njit", without_a_home)
+    monkeypatch.setattr("hil.kernel._kernels", [])
+    assert _load("value = 4\n", "made_where_nothing_is_kept").value == 4
+    assert kernel()(lambda value: 2.0 * value)(2.0) == 4.0

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hil.catalog import entries
+from hil.cli import error_message
 from hil.errors import SettingError
 from hil.rig import RoleChannel
 from hil.session.procedure import load_procedure
@@ -61,7 +62,7 @@ def asked(name, rig, settings):
         (SINES, {"amplitudes": ()}, "at least one of each is needed"),
         (SINES, {"amplitudes": (math.nan,)}, "setting amplitudes: nan %"),
         (SINES, {"biases": (130.0,)}, "setting biases: 130 % is outside the range of 'command', -100 … 100 %"),
-        (SINES, {"measure_periods": 1}, "setting measure_periods: 1; it must be at least 2"),
+        (SINES, {"measure_periods": 1}, "setting measure_periods: 1; allowed are 2 to 10000"),
         (SINES, {"tolerance": 0.0}, "setting tolerance: 0 %; it must be above 0"),
         (SINES, {"longest_wait_s": -1.0}, "setting longest_wait_s: -1 s; it must be at least 0"),
         (SINES, {"measure_s": math.inf}, "setting measure_s: inf s"),
@@ -72,12 +73,12 @@ def asked(name, rig, settings):
         (MULTISINE, {"base_hz": 0.0}, "setting base_hz: 0 Hz; it must be above 0"),
         (MULTISINE, {"base_hz": 0.3}, "one period must be whole samples at 1000 Hz"),
         (MULTISINE, {"rate_hz": 90.0}, "90 Hz is below 20 × the top frequency"),
-        (MULTISINE, {"periods": 1}, "setting periods: 1; it must be at least 2"),
+        (MULTISINE, {"periods": 1}, "setting periods: 1; allowed are 2 to 10000"),
         (MULTISINE, {"amplitudes": (51.0,)}, "51 % about 50 % is -1 … 101 %, outside"),
         (FLOW, {"low": 50.0, "high": 40.0}, "from 50 % to 40 %; high must be above low"),
         (FLOW, {"high": 120.0}, "setting high: 120 % is outside the range of 'command', -100 … 100 %"),
         (FLOW, {"cycle_s": 5.0}, "setting cycle_s: 5 s; it must be at least 8"),
-        (FLOW, {"cycles": 0}, "setting cycles: 0; it must be at least 1"),
+        (FLOW, {"cycles": 0}, "setting cycles: 0; allowed are 1 to 10000"),
         (STEP, {"levels": (0.0,)}, "setting levels: 1 given; a step needs at least two"),
         (STEP, {"levels": (0.0, 101.0)}, "setting levels: 101 % is outside"),
         (STEP, {"hold_s": 0.0}, "setting hold_s: 0 s; it must be above 0"),
@@ -159,12 +160,12 @@ def test_everything_that_is_checked_by_nothing_but_the_rig_is_checked_whole_and_
 def test_a_range_is_shown_described_and_checked_from_one_place():
     settings = load_procedure(STEP).settings
     assert (settings["repeats"].allowed, settings["band"].allowed, settings["hold_s"].allowed) == (
-        "≥ 1", "> 0, < 50", "> 0",
+        "1 … 10000", "> 0, < 50", "> 0",
     )  # fmt: skip
     assert settings["beside"].allowed == ""
-    assert settings["repeats"].described().startswith("repeats: int (≥ 1) = 1")
+    assert settings["repeats"].described().startswith("repeats: int (1 … 10000) = 1")
     assert settings["hold_s"].parsed("none") is None
-    with pytest.raises(SettingError, match="setting repeats: 0; it must be at least 1"):
+    with pytest.raises(SettingError, match="setting repeats: 0; allowed are 1 to 10000"):
         settings["repeats"].parsed("0")
 
 
@@ -182,3 +183,9 @@ def test_each_number_of_a_list_is_held_against_the_range():
 def test_every_default_is_within_its_own_range(entry):
     for setting in load_procedure(entry).settings.values():
         assert setting.parsed(setting.default) == setting.default
+
+
+def test_say_memory_that_is_not_there_is_one_line(capfd: pytest.CaptureFixture[str]) -> None:
+    assert error_message.say(MemoryError("Unable to allocate 7.11 PiB")) == 2
+    told = capfd.readouterr().err
+    assert told.startswith("hil: more memory is needed than there is: Unable to allocate 7.11 PiB; a shorter test")
