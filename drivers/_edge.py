@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from functools import wraps
 from typing import Any, TypeVar
 
-from hil.daq.connection import close, close_in_children, guard
+from hil.daq.connection import close_in_children, guard
 from hil.errors import DeviceLostError, HardwareError, HilError, LinkError
 
 _T = TypeVar("_T", bound=type)
@@ -56,17 +55,6 @@ def guard_port(port: Any, timeout_s: float) -> None:
         close_in_children(port)
     else:
         guard(behind, timeout_s)
-
-
-def discarded(port: Any) -> None:
-    """Close a port of pyserial; what was not sent, or not acknowledged, is not sent any more."""
-    behind = getattr(port, "_socket", None)
-    if behind is not None:
-        close(behind)
-    with suppress(Exception):
-        port.reset_output_buffer()
-    with suppress(Exception):
-        port.close()
 
 
 def reply_faults(settings: Any) -> Iterator[tuple[tuple[str, ...], str]]:

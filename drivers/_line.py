@@ -3,48 +3,39 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import PositiveFloat, PositiveInt
 
-from drivers._edge import discarded, guard_port, wire_log
-from drivers._meeting import Meeting
+from drivers._meeting import AskedLine, AskedSettings
+from drivers._ports import SerialPort, TcpPort, host_and_port
 from drivers._start_up import once_started
-from hil.daq.address import Port, address_fault
+from hil.daq.address import address_fault
 from hil.daq.channel import Wiring
-from hil.daq.connection import close, is_hung_up
 from hil.description.named import Described
 from hil.description.text import ENDS, Talk
 from hil.errors import DeviceLostError, LinkError
 
 _NOISE = b"\x00\xff\r\n"  # what a line reads as while a transceiver turns around, and ends that are longer than ours
-_LOOK_S = 0.02  # how often the clock is looked at while an answer is waited for
 _LONGEST = 4096  # an answer without an end
 _FIRST = 10  # answers on a line: a device that needs a pause falls silent among them
 
 
-class SerialSettings(Described):
+class SerialSettings(AskedSettings, Described):
     """How a device that answers lines of text is reached, and which it is.
 
     Attributes:
         model, description: see `hil.description.named`.
-        address: a serial port, `socket://host:port`, or `rfc2217://host:port`.
+        address: a serial port, `usb:` with the number or place of its adapter, `socket://host:port`, or
+            `rfc2217://host:port`.
         baud: of a serial port.
-        timeout_s: an answer that takes longer counts as none.
-        longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
-        echo: what is sent comes back before the answer, as some RS-485 adapters do.
-        pause_s: so long nothing is asked after an answer, for adapters that need to turn around.
+        timeout_s, longest_reply_s, echo, pause_s: see `AskedSettings`.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    address: str
     baud: PositiveInt = 9600
     timeout_s: PositiveFloat = 0.5
-    longest_reply_s: PositiveFloat = 1.0
-    echo: bool = False
-    pause_s: float = Field(default=0.0, ge=0.0, le=1.0)
 
 
 def answering(settings: Any, wiring: Wiring, talk: Talk, hello: str, end: str, *, driver: str) -> Line:
@@ -55,13 +46,12 @@ def answering(settings: Any, wiring: Wiring, talk: Talk, hello: str, end: str, *
     Raises:
         LinkError: it did not, in the time of its start-up.
     """
+    reached = settings.model_copy(
+        update={"echo": settings.echo or talk.echo, "pause_s": max(settings.pause_s, talk.pause_s)}
+    )
 
     def asked() -> Line:
-        line = Line(
-            settings.address, settings.baud, end, settings.timeout_s, settings.longest_reply_s, driver=driver,
-            echo=settings.echo or talk.echo, pause_s=max(settings.pause_s, talk.pause_s),
-            answer_end=ENDS[talk.answer_end] if talk.answer_end else "",
-        )  # fmt: skip
+        line = Line(reached, end, ENDS[talk.answer_end] if talk.answer_end else end, driver=driver)
         try:
             ask = line.ask if wiring.only_safe else line.ask_first
             line.meeting.met(ask(hello).strip() if hello else "", lambda: line.ask(hello).strip())
@@ -78,42 +68,27 @@ def answering(settings: Any, wiring: Wiring, talk: Talk, hello: str, end: str, *
     return once_started(0.0 if wiring.only_safe else settings.startup_s, asked)
 
 
-class Line:
+class Line(AskedLine):
     """A serial port (`/dev/ttyUSB0`), a serial server (`socket://host:port`) or one by RFC 2217.
 
     An answer on such a line has no number. So after a failure nothing is asked until no late answer can come any
     more, and then the line begins empty.
 
     Args:
-        address: a port, `usb:` with the number or place of its adapter, or a serial server.
-        baud: of a real line.
-        end: of requests, and of answers where nothing else is said.
-        timeout_s: an answer that takes longer counts as none.
-        longest_reply_s: no answer comes later than that.
+        settings: how it is reached.
+        end: of requests.
+        answer_end: of answers.
         driver: whose line it is, for the log of its frames.
-        echo: what is sent comes back first.
-        pause_s: so long nothing is asked after an answer.
-        answer_end: of answers, where it is another one.
 
     Raises:
         DeviceLostError: the port cannot be opened.
     """
 
-    def __init__(
-        self, address: str, baud: int, end: str, timeout_s: float, longest_reply_s: float, *, driver: str,
-        echo: bool = False, pause_s: float = 0.0, answer_end: str = "",
-    ) -> None:  # fmt: skip
-        self._address, self._baud, self._end = address, baud, end.encode("ascii")
-        self._answer_end = (answer_end or end).encode("ascii")
-        self._timeout_s, self._longest_reply_s = timeout_s, longest_reply_s
-        self._echo, self._pause_s = echo, pause_s
-        self._log = wire_log(driver, address)
-        self._quiet_until_s = self._rest_until_s = 0.0
+    def __init__(self, settings: SerialSettings, end: str, answer_end: str, *, driver: str) -> None:
+        super().__init__(settings, driver)
+        self._baud, self._end, self._answer_end = settings.baud, end.encode("ascii"), answer_end.encode("ascii")
         self._answers = 0
-        self._port: Any = None
-        self.meeting = Meeting()
-        self._place = Port(address)
-        self._open()
+        self.connect()
 
     def ask(self, request: str) -> str:
         """The answer to a request, without its end.
@@ -122,9 +97,8 @@ class Line:
             LinkError: none came in time, or one that is no text.
             DeviceLostError: the port is gone.
         """
-        self._wait_until_clean()
-        until_s = time.monotonic() + self._timeout_s
-        answer = self._received(self._send(request, until_s), until_s)
+        self.meet()
+        answer = self._answer_to(request)
         self._answers += 1
         self._rest_until_s = time.monotonic() + self._pause_s
         try:
@@ -148,91 +122,49 @@ class Line:
         Raises:
             DeviceLostError: the port is gone, or who answered last on it is another device.
         """
-        if self._port is None:
-            self._open()
+        self.connect()
         if self.is_clean:
             with suppress(LinkError):  # nobody says what it is: on its own port a safe value is sent all the same
                 self.meeting.take_place()
         self.meeting.refuse_another()
-        self._send(request, time.monotonic() + self._timeout_s)
+        self._send(request)
         self._rest_until_s = time.monotonic() + self._pause_s
-
-    @property
-    def is_clean(self) -> bool:
-        """Whether the next answer can only be that to the next request."""
-        return time.monotonic() >= self._quiet_until_s
-
-    @property
-    def is_hung_up(self) -> bool:
-        """Whether it is not open, or the other side has closed it meanwhile."""
-        behind = getattr(self._port, "_socket", None)
-        return self._port is None or (behind is not None and is_hung_up(behind))
-
-    def meet(self) -> None:
-        """Open it where it is not, and ask who answers; raises as `ask`."""
-        self._wait_until_clean()
 
     def failed(self, text: str) -> LinkError:
         """After an answer that cannot be used nothing is asked for a while; what comes then is thrown away."""
-        self._quiet_until_s = time.monotonic() + self._longest_reply_s
-        if self._port is not None and getattr(self._port, "_socket", None) is None:
-            with suppress(Exception):  # what a held line kept back would go out after what is sent next
-                self._port.reset_output_buffer()
+        self._keep_quiet()
+        if self._port is not None:
+            self._port.hold_nothing_back()
         return LinkError(text)
 
-    def close(self) -> None:
-        """Close the port; what was sent goes out, unless an answer is missing."""
-        port, self._port = self._port, None
-        if port is None:
-            return
-        if not self.is_clean:
-            discarded(port)
-            return
-        behind = getattr(port, "_socket", None)  # pyserial leaves it open when the other side is gone
-        if behind is not None:
-            close(behind, self._timeout_s)
-        with suppress(Exception):
-            port.close()
-
-    def _open(self) -> None:
-        import serial
-
+    def _opened(self) -> TcpPort | SerialPort:
         if fault := address_fault(self._address):
             raise DeviceLostError(fault)
-        path = self._place.path()
+        behind = host_and_port(self._address.partition("socket://")[2])
+        if behind is None:
+            return SerialPort(self._place, self._timeout_s, self._baud, "N", exclusive=None)
         try:
-            more: dict[str, Any] = {} if self._address.startswith("rfc2217:") else {"write_timeout": self._timeout_s}
-            look_s = min(self._timeout_s, _LOOK_S)  # set once: on some ports a change is a negotiation
-            self._port = serial.serial_for_url(path, baudrate=self._baud, timeout=look_s, **more)
-            guard_port(self._port, self._timeout_s)
-            self.meeting.is_due()
-        except (OSError, ValueError) as error:
-            raise DeviceLostError(f"{self._address}: cannot be opened: {_cause(error, path)}") from None
+            return TcpPort(*behind, self._timeout_s)
+        except OSError as error:
+            raise DeviceLostError(f"{self._address}: cannot be opened: {error}") from None
 
-    def _send(self, request: str, until_s: float) -> bytes:
-        """Send; returns what has come of the answer while the echo was waited for."""
+    def _send(self, request: str) -> bytes:
         sent = request.encode("ascii") + self._end
-        try:
-            if self._port.in_waiting:
-                self._port.reset_input_buffer()  # nobody asked for it
-            self._port.write(sent)
-        except Exception as error:  # pyserial raises its own, those of the system, and those of its protocols
-            raise self._gone(error) from error
+        self._done(lambda: self._port.write(sent))
         self._log.debug("→ %r", sent)
-        came = b""
-        while self._echo and came != sent and sent.startswith(came) and time.monotonic() < until_s:
-            came += self._read(len(sent) - len(came))
-        return b"" if came == sent else came
+        return sent
 
-    def _received(self, received: bytes, until_s: float) -> bytes:
+    def _answer_to(self, request: str) -> bytes:
         """What comes up to the end of the answer, without noise around it."""
-        end = self._answer_end[-1:]  # an answer may end with it alone
-        while end not in received.lstrip(_NOISE):
-            left_s = until_s - time.monotonic()
-            if left_s <= 0.0 or len(received) > _LONGEST:
-                cut = f", only {received!r}" if received else ""
-                raise self.failed(f"no answer within {self._timeout_s:g} s{cut or self._may_rest()}")
-            received += self._read(_LONGEST)
+        with self._port.line:
+            until_s, sent = time.monotonic() + self._timeout_s, self._send(request)
+            end, came = self._answer_end[-1:], b""  # an answer may end with it alone
+            while end not in (received := self._without_echo(sent, came)).lstrip(_NOISE):
+                left_s = until_s - time.monotonic()
+                if left_s <= 0.0 or len(came) > _LONGEST:
+                    cut = f", only {received!r}" if received else ""
+                    raise self.failed(f"no answer within {self._timeout_s:g} s{cut or self._may_rest()}")
+                came += self._done(lambda: self._port.read(left_s))  # noqa: B023 - at once
         self._log.debug("← %r", received)
         answer, _, more = received.lstrip(_NOISE).partition(end)
         if more.strip(_NOISE):
@@ -244,26 +176,9 @@ class Line:
         first = 0 < self._answers < _FIRST and not self._pause_s
         return "; if it answers now and then, it may need a pause between frames: say pause_s" if first else ""
 
-    def _read(self, most: int) -> bytes:
+    def _done(self, what: Callable[[], Any]) -> Any:
         try:
-            return bytes(self._port.read(max(1, min(most, self._port.in_waiting))))
-        except Exception as error:
-            raise self._gone(error) from error
-
-    def _gone(self, error: Exception) -> DeviceLostError:
-        port, self._port = self._port, None
-        discarded(port)
-        return DeviceLostError(f"{self._address}: the line is gone: {error or type(error).__name__}")
-
-    def _wait_until_clean(self) -> None:
-        wait_s = max(self._quiet_until_s, self._rest_until_s) - time.monotonic()
-        if wait_s > 0.0:
-            time.sleep(wait_s)
-        if self._port is None:
-            self._open()
-        self.meeting.take_place()
-
-
-def _cause(error: Exception, path: str) -> str:
-    """Why a port cannot be opened, without its name, which the library says once more."""
-    return str(error).partition(f"ould not open port {path}: ")[2] or str(error)
+            return what()
+        except Exception as error:  # pyserial raises its own, those of the system, and those of its protocols
+            self.drop()
+            raise DeviceLostError(f"{self._address}: the line is gone: {error or type(error).__name__}") from error

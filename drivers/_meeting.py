@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
-from typing import Protocol
+from typing import Any
 
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
+
+from drivers._edge import wire_log
+from hil.daq.address import Port
 from hil.daq.channel import Wiring
 from hil.daq.device_link import DeviceLink
 from hil.errors import LinkError
@@ -66,24 +73,107 @@ class Meeting:
 _NOTHING = Wiring({}, {})
 
 
-class MeetingLine(Protocol):
-    """A line on which a device is met."""
+class AskedSettings(BaseModel):
+    """How a line is reached on which a device is asked.
 
-    meeting: Meeting
+    Attributes:
+        address: of its port.
+        timeout_s: an answer that takes longer counts as none.
+        longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes and is not taken
+            for the next one. No answer may come later than that.
+        echo: what is sent on a serial line comes back before the answer, as some RS-485 adapters do.
+        pause_s: so long nothing is asked after an answer, for devices and converters that need to turn around.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    address: str
+    timeout_s: PositiveFloat = 0.2
+    longest_reply_s: PositiveFloat = 1.0
+    echo: bool = False
+    pause_s: float = Field(0.0, ge=0.0, le=1.0)
+
+
+class AskedLine(ABC):
+    """A line on which a device is asked: nothing goes out while a late answer may still come.
+
+    Args:
+        settings: how it is reached.
+        driver: whose line it is, for the log of its frames.
+    """
+
+    def __init__(self, settings: AskedSettings, driver: str) -> None:
+        self._address, self._timeout_s, self._longest_reply_s = (
+            settings.address, settings.timeout_s, settings.longest_reply_s
+        )  # fmt: skip
+        self._pause_s, self._echo = settings.pause_s, settings.echo
+        self._quiet_until_s = self._rest_until_s = 0.0
+        self._log = wire_log(driver, settings.address)
+        self._place = Port(settings.address)
+        self._port: Any = None
+        self.meeting = Meeting()
+
+    @abstractmethod
+    def _opened(self) -> Any:
+        """A port of `drivers._ports`, open. Raises `DeviceLostError`."""
+
+    def connect(self) -> None:
+        """Open the line if it is not; raises as `_opened`."""
+        if self._port is None:
+            self._port = self._opened()
+            self.meeting.is_due()
+
+    def meet(self) -> None:
+        """Open it where it is not, and ask who answers, as soon as the next answer can only be that to this."""
+        self._wait()
+        self.connect()
+        self.meeting.take_place()
+
+    def close(self) -> None:
+        """Close it; what was sent goes out, unless an answer is missing."""
+        self._leave(in_order=self.is_clean)
+
+    def drop(self) -> None:
+        """Give it up: what arrives on it from now on belongs to nobody, and nothing more is sent."""
+        self._leave(in_order=False)
 
     @property
     def is_hung_up(self) -> bool:
-        """Whether the other side has closed it."""
+        """Whether it is not open, or the other side has closed it meanwhile."""
+        return self._port is None or bool(self._port.is_hung_up)
 
     @property
     def is_clean(self) -> bool:
         """Whether the next answer can only be that to the next request."""
+        return time.monotonic() >= self._quiet_s
 
-    def meet(self) -> None:
-        """Connect where it is not, and ask who answers."""
+    @property
+    def _quiet_s(self) -> float:
+        """Until when a late answer may still come, to this device or to another one on its line."""
+        return max(self._quiet_until_s, self._port.quiet_until_s if self._port is not None else 0.0)
 
-    def close(self) -> None:
-        """Close it."""
+    def _wait(self) -> None:
+        """Let a late answer pass, and a device its pause."""
+        wait_s = max(self._quiet_s, self._rest_until_s) - time.monotonic()
+        if wait_s > 0.0:
+            time.sleep(wait_s)
+
+    def _keep_quiet(self) -> None:
+        self._quiet_until_s = time.monotonic() + self._longest_reply_s
+        if self._port is not None:
+            self._port.quiet_until_s = self._quiet_until_s
+
+    def _without_echo(self, sent: bytes, received: bytes) -> bytes:
+        """What has come of an answer; nothing while the echo may still come."""
+        if not self._echo or not sent.startswith(received[: len(sent)]):
+            return received
+        return received[len(sent) :]
+
+    def _leave(self, *, in_order: bool) -> None:
+        port, self._port = self._port, None
+        with suppress(Exception):
+            if port is not None:
+                (port.let_go if in_order else port.drop)()
 
 
 class OnALine(DeviceLink):
@@ -92,7 +182,7 @@ class OnALine(DeviceLink):
     A link gives its `_line`.
     """
 
-    _line: MeetingLine
+    _line: AskedLine
 
     @property
     def identity(self) -> str:

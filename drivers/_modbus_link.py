@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
 
 from drivers._edge import edge
 from drivers._meeting import OnALine
@@ -156,7 +155,3 @@ class ModbusLink(OnALine):
 
     def _ask(self, function: int, address: int, *, count: int = 1, values: Sequence[int] = ()) -> list[int]:
         return self._line.ask(function, address, count=count, values=values)
-
-    @property
-    def _client(self) -> Any:
-        return self._line.client

@@ -9,9 +9,9 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, field_validator
 
-from drivers._modbus_client import LineSettings, client_of
+from drivers._modbus_client import LineSettings, request
+from drivers._modbus_line import ModbusLine
 from hil.daq.probe import Found, Progress
-from hil.errors import DeviceLostError
 
 _OBJECTS = {0: "maker", 1: "product", 2: "version", 3: "url", 4: "name", 5: "model", 6: "application"}
 _NOBODY_THERE = (10, 11)  # exceptions of a gateway for a unit that is not behind it
@@ -59,19 +59,18 @@ def _range(part: str) -> range:
 
 def who(options: Options, progress: Progress) -> list[Found]:
     """Every unit that answers; neighbours that tell the same are one."""
-    line = {"transport": "tcp" if options.is_tcp else "rtu", "longest_reply_s": max(1.0, options.timeout_s)}
-    settings = LineSettings.model_validate(options.model_dump(exclude={"units"}) | line)
-    client = client_of(settings, lambda _sending, frame: frame)
-    if not client.connect():
-        raise DeviceLostError(f"{options.address}: cannot be reached")
+    reached = {"transport": "tcp" if options.is_tcp else "rtu", "longest_reply_s": max(1.0, options.timeout_s)}
+    settings = LineSettings.model_validate(options.model_dump(exclude={"units"}) | reached)
+    line = ModbusLine(settings, lambda: None)
+    line.connect()
     answered: list[tuple[int, Mapping[str, str]]] = []
     try:
         for i, unit in enumerate(options.units):
-            if (identity := _identity(client, unit)) is not None:
+            if (identity := _identity(line, unit)) is not None:
                 answered.append((unit, identity))
             progress((i + 1) / len(options.units), f"unit {unit}; {len(answered)} answered")
     finally:
-        client.close()
+        line.close()
     return list(_together(answered))
 
 
@@ -84,24 +83,26 @@ def _together(answered: list[tuple[int, Mapping[str, str]]]) -> Iterator[Found]:
         yield Found(place, members[0][2])
 
 
-def _identity(client: Any, unit: int) -> Mapping[str, str] | None:
+def _identity(line: ModbusLine, unit: int) -> Mapping[str, str] | None:
     """What a unit says of itself; None where nobody answers."""
-    answer = _asked(client, lambda: client.read_holding_registers(0, count=1, device_id=unit))
+    from pymodbus.pdu.mei_message import ReadDeviceInformationRequest
+
+    answer = _asked(line, request(3, 0, 1, (), unit))
     if answer is None or (answer.isError() and getattr(answer, "exception_code", 0) in _NOBODY_THERE):
         return None
-    identity = _asked(client, lambda: client.read_device_information(device_id=unit))
+    identity = _asked(line, ReadDeviceInformationRequest(dev_id=unit))
     if identity is None or identity.isError():
         return {"identification": "none (function 43/14)"}
     return {_OBJECTS.get(number, f"object {number}"): text.decode("ascii", "replace").strip()
             for number, text in identity.information.items() if isinstance(text, bytes)}  # fmt: skip
 
 
-def _asked(client: Any, ask: Any) -> Any:
+def _asked(line: ModbusLine, asked: Any) -> Any:
     from pymodbus.exceptions import ModbusException
 
     try:
-        client.connect()
-        return ask()
+        line.connect()
+        return line.exchange(asked)
     except (ModbusException, OSError):
-        client.close()  # a late answer belongs to nobody
+        line.drop()  # a late answer belongs to nobody
         return None

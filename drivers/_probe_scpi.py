@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
-from drivers._line import Line
+from drivers._line import Line, SerialSettings
 from hil.daq.probe import Found, Progress
+from hil.description.text import ENDS, End
 from hil.errors import LinkError
 
-_ENDS = {"LF": "\n", "CRLF": "\r\n", "CR": "\r"}
 _PARTS = ("maker", "model", "serial", "version")
 
 
@@ -27,7 +25,7 @@ class Options(BaseModel):
 
     address: str
     baud: PositiveInt = 115200
-    end: Literal["LF", "CRLF", "CR"] = "LF"
+    end: End = "LF"
     echo: bool = False
     timeout_s: PositiveFloat = Field(default=1.0, le=60.0)
 
@@ -35,10 +33,9 @@ class Options(BaseModel):
 def who(options: Options, progress: Progress) -> list[Found]:
     """The instrument, if one answers."""
     progress(0.0, "*IDN?")
-    line = Line(
-        options.address, options.baud, _ENDS[options.end], options.timeout_s, options.timeout_s, driver="probe",
-        echo=options.echo,
-    )  # fmt: skip
+    reached = {**options.model_dump(exclude={"end"}), "longest_reply_s": options.timeout_s}
+    end = ENDS[options.end]
+    line = Line(SerialSettings.model_validate(reached), end, end, driver="probe")
     try:
         text = line.ask_first("*IDN?").strip()
     except LinkError as error:

@@ -109,11 +109,7 @@ class AsciiModuleLink(OnALine):
         self._line.close()
 
     def _identified(self) -> str:
-        settings = self._settings
-        self._line = Line(
-            settings.address, settings.baud, "\r", settings.timeout_s, settings.longest_reply_s, driver="ascii_module",
-            echo=settings.echo, pause_s=settings.pause_s,
-        )  # fmt: skip
+        self._line = Line(self._settings, "\r", "\r", driver="ascii_module")
         try:
             return self._name()
         except LinkError:  # what an earlier program left on the line may have come in between

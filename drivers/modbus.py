@@ -10,9 +10,10 @@ from pydantic import ConfigDict, FiniteFloat
 
 from drivers._described import ByDescription
 from drivers._edge import reply_faults
-from drivers._modbus_client import LineSettings, host_and_port
+from drivers._modbus_client import LineSettings
 from drivers._modbus_link import ModbusLink
 from drivers._modbus_model import Model, check_level, levels_of, model_of
+from drivers._ports import host_and_port
 from drivers._register_blocks import RegisterBlock, register_blocks
 from drivers._registers import Register, WordOrder, float32
 from hil.daq.channel import Wiring

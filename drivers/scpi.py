@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
@@ -19,7 +19,7 @@ from drivers._line import SerialSettings, answering
 from drivers._templates import matched
 from drivers._text_link import SpokenLink
 from hil.daq.channel import Wiring
-from hil.description.text import ENDS, TextTerminal
+from hil.description.text import ENDS, End, TextTerminal
 from hil.errors import LinkError
 
 _RESOLUTION = 1e-3  # of what is set, in its unit; coarser instruments say `step`
@@ -41,7 +41,7 @@ class Settings(SerialSettings):
 
     baud: PositiveInt = 115200
     longest_reply_s: PositiveFloat = 2.0
-    end: Literal["LF", "CRLF", "CR"] = "LF"
+    end: End = "LF"
     step: float = Field(default=0.0, ge=0.0)
     startup_s: float = Field(default=0.0, ge=0.0, le=300.0)
 

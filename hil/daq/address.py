@@ -63,10 +63,13 @@ class Port:
     Args:
         address: a port, `usb:` and what is known of its adapter (serial number, or place such as 1-1.4), or what else
             a driver opens, of which nothing is known.
+
+    Attributes:
+        address: as it was given.
     """
 
     def __init__(self, address: str) -> None:
-        self._address = address
+        self.address = address
         self._identity = ""
 
     def path(self) -> str:
@@ -84,7 +87,7 @@ class Port:
             DeviceLostError: it is not there, or another device is.
         """
         try:
-            path, identity = found(self._address)
+            path, identity = found(self.address)
         except DeviceLostError:
             if moved_to := _port_of(self._identity):
                 return moved_to, True
@@ -95,7 +98,7 @@ class Port:
         if moved_to := _port_of(self._identity):
             return moved_to, True
         raise DeviceLostError(
-            f"{self._address}: another device has this name now ({identity}), not the one that was opened "
+            f"{self.address}: another device has this name now ({identity}), not the one that was opened "
             f"({self._identity})"
         )
 

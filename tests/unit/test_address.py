@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from drivers import modbus
-from drivers._line import Line
+from drivers._line import Line, SerialSettings
 from drivers._modbus_line import ModbusLine
 from hil.bench.find import benches
 from hil.bench.read import read_bench
@@ -120,7 +120,7 @@ def test_addresses_that_write_files_or_lead_elsewhere_are_refused(text: str, tmp
     ):
         read_bench(path)
     with pytest.raises(DeviceLostError, match=":// is refused"):
-        Line(text, 9600, "\r", 0.1, 0.3, driver="ascii_module")
+        Line(SerialSettings(address=text, timeout_s=0.1, longest_reply_s=0.3), "\r", "\r", driver="ascii_module")
 
 
 def test_the_coupler_that_has_the_name_of_a_lost_one_is_left_alone(tmp_path: Path) -> None:

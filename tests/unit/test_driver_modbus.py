@@ -18,6 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import _modbus_client, modbus
+from drivers._modbus_line import ModbusLine
 from drivers._modbus_model import model_of
 from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
@@ -148,14 +149,13 @@ def test_driver_sends_and_understands_what_the_specification_prints(name: str) -
     with socket.create_server(("127.0.0.1", 0)) as listener:
         thread = threading.Thread(target=exchange, args=(listener,))
         thread.start()
-        client = _modbus_client.client_of(
-            modbus.Settings(model="wago-750", address=f"127.0.0.1:{listener.getsockname()[1]}")
-        )
-        client.connect()
+        settings = modbus.Settings(model="wago-750", address=f"127.0.0.1:{listener.getsockname()[1]}")
+        line = ModbusLine(settings, lambda: None)
+        line.connect()
         function, address, rest = request[0], *struct.unpack(">HH", request[1:5])
         values = [0x000A, 0x0102] if function == 16 else [rest]
-        got = _modbus_client.request(client, function, address, rest, values, 1)
-        client.close()
+        got = line.exchange(_modbus_client.request(function, address, rest, values, 1))
+        line.close()
         thread.join()
     assert heard[0][7:].hex(" ") == request.hex(" ")
     assert _modbus_client.belongs(got, function, address, 3 if function == 3 else 1, values)

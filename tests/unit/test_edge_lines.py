@@ -8,13 +8,13 @@ import struct
 import termios
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import pytest
 
 from drivers import ascii_module, scpi
-from drivers._line import Line
+from drivers._line import Line, SerialSettings
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, HardwareError, LinkError
 from tests.foreign_line import ForeignLine, ended
@@ -266,12 +266,9 @@ class Broken:
 
     def __init__(self, error: Exception) -> None:
         self._error = error
+        self.quiet_until_s, self.line = 0.0, nullcontext()
 
-    @property
-    def in_waiting(self) -> int:
-        raise self._error
-
-    def close(self) -> None:
+    def __getattr__(self, name: str) -> Any:
         raise self._error
 
 
@@ -330,5 +327,5 @@ def test_lines_are_logged_for_who_listens(caplog: pytest.LogCaptureFixture) -> N
 def test_a_line_that_nobody_serves_is_named_once() -> None:
     address = f"socket://127.0.0.1:{free_port()}"
     with pytest.raises(DeviceLostError) as told:
-        Line(address, end="\n", timeout_s=1.0, longest_reply_s=1.0, baud=9600, driver="text")
+        Line(SerialSettings(address=address, timeout_s=1.0), "\n", "\n", driver="text")
     assert str(told.value) == f"{address}: cannot be opened: [Errno 111] Connection refused"

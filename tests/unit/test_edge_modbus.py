@@ -6,6 +6,7 @@ import logging
 import math
 import struct
 import time
+from contextlib import nullcontext
 from typing import Any
 
 import pytest
@@ -264,10 +265,11 @@ def test_whatever_comes_back_is_a_reading_or_a_link_error(transport: str) -> Non
 
 
 class Broken:
-    """A client of which every use raises."""
+    """A port of which every use raises."""
 
     def __init__(self, error: BaseException) -> None:
         self._error = error
+        self.quiet_until_s, self.line = 0.0, nullcontext()
 
     def __getattr__(self, name: str) -> Any:
         def use(*_args: Any, **_more: Any) -> Any:
@@ -289,9 +291,9 @@ def test_whatever_the_library_raises_is_a_named_error(error: Exception) -> None:
     model = Model({"t": gauge("u16"), "q": Register("out", "value", "bar", -500.0, 500.0, "holding", 8, "s16")})
     with ForeignLine(device.on_tcp) as line:
         link = opened(line, model, wired("t", outputs=("q",)))
-        link._client.close()
-        link._line.client = Broken(error)
+        link._line.close()
         for call in (link.read, link.standing, lambda: link.drive({"q": 1.0})):
+            link._line._port = Broken(error)
             with pytest.raises(HardwareError) as told:
                 call()
             assert str(told.value)
@@ -372,13 +374,11 @@ def test_a_late_answer_is_not_called_an_echo_once_readings_have_come() -> None:
 
 
 def _in_pieces(sent: bytes, *pieces: bytes) -> bool:
-    """Whether two answers are said to have come to what was sent, of which the library showed these pieces."""
-    line = modbus_line.ModbusLine.__new__(modbus_line.ModbusLine)
-    line._settings, line._log = LineSettings(address="/dev/ttyUSB0", transport="rtu"), logging.getLogger("pieces")
-    line._received = b""
-    line._trace(True, sent)
+    """Whether two answers are said to have come to what was sent, of which more and more had come."""
+    line = modbus_line.ModbusLine(LineSettings(address="/dev/ttyUSB0", transport="rtu"), lambda: None)
+    line._sent = sent
     for piece in pieces:
-        line._trace(False, piece)
+        line._take(piece)
     return line._two_came(5 + 2 * int.from_bytes(sent[4:6], "big"))
 
 
@@ -394,4 +394,4 @@ def test_an_answer_that_comes_in_pieces_or_twice_is_one(first: int) -> None:
     assert not _in_pieces(sent, read[:first], read + read[:first])
     assert not _in_pieces(sent, read, read)
     assert _in_pieces(sent, read[:first], read + other)
-    assert _in_pieces(sent, read, other)
+    assert _in_pieces(sent, read, read + other)
