@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from hil.description.canopen import CanopenTerminal
@@ -39,16 +39,26 @@ class NodeObjects:
                 f"node {self._node.id} says that it is of device type {kind:#010x}, its file {expected:#010x}"
             )
         parts = []
-        for sub, what in enumerate(("vendor", "product", "revision", "serial"), start=1):
-            if (0x1018, sub) not in self._file:
-                continue
-            number, by_file = self.upload(0x1018, sub), self._by_file(0x1018, sub)
+        for sub, what, number in self.identity():
+            by_file = self._by_file(0x1018, sub)
             if sub <= 2 and by_file and number != by_file:
                 raise LinkError(
                     f"node {self._node.id} is of {what} {number:#x}; its file is that of {what} {by_file:#x}"
                 )
             parts.append(f"{what} {number:#x}")
         return f"node {self._node.id}, {', '.join(parts)}" if parts else ""
+
+    def identity(self) -> Iterator[tuple[int, str, int]]:
+        """Its identity object (1018), as far as it has that: sub-index, what it says, and the number."""
+        for sub, what in enumerate(("vendor", "product", "revision", "serial"), start=1):
+            if self._file and (0x1018, sub) not in self._file:
+                continue
+            try:
+                yield sub, what, self.upload(0x1018, sub)
+            except LinkError:
+                if self._file:
+                    raise
+                return  # most of the object is optional
 
     def _by_file(self, index: int, sub: int) -> int:
         found = self._file.get((index, sub))

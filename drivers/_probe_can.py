@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -12,11 +12,12 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, f
 from drivers._address_claim import CLAIM_WAIT_S, CLAIMED, REQUEST
 from drivers._can import bus_fault, close_bus, gone, heard, open_bus
 from drivers._edge import wire_log
+from drivers._node_objects import NodeObjects
 from hil.daq.probe import Found, Progress
+from hil.description.eds import Dictionary
 
 _NOBODY, _EVERYBODY = 0xFE, 0xFF  # addresses of J1939: who has none may ask for claims
 _SEARCH_S = 0.3
-_IDENTITY = ("vendor", "product", "revision", "serial")
 
 
 class Options(BaseModel):
@@ -121,7 +122,8 @@ def _nodes(bus: Any, options: Options) -> list[Found]:
 def _identity(network: Any, node: int, timeout_s: float) -> dict[str, str]:
     import canopen
 
-    sdo = network.add_node(node, canopen.ObjectDictionary()).sdo  # type: ignore[no-untyped-call]
+    remote = network.add_node(node, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
+    sdo = remote.sdo
     sdo.RESPONSE_TIMEOUT = timeout_s
     answers: dict[str, str] = {}
     with suppress(canopen.SdoAbortedError, canopen.SdoCommunicationError):
@@ -129,14 +131,5 @@ def _identity(network: Any, node: int, timeout_s: float) -> dict[str, str]:
         answers["profile"] = f"{kind & 0xFFFF} (type {kind:#010x})"
     with suppress(canopen.SdoAbortedError, canopen.SdoCommunicationError):  # optional
         answers["name"] = sdo.upload(0x1008, 0).decode("ascii", "replace").strip("\0 ")
-    return answers | _numbers(sdo, enumerate(_IDENTITY, start=1))
-
-
-def _numbers(sdo: Any, subs: Iterable[tuple[int, str]]) -> dict[str, str]:
-    import canopen
-
-    answers = {}
-    with suppress(canopen.SdoAbortedError, canopen.SdoCommunicationError):  # most of the object is optional
-        for sub, what in subs:
-            answers[what] = f"{int.from_bytes(sdo.upload(0x1018, sub), 'little'):#x}"
-    return answers
+    objects = NodeObjects(network, remote, Dictionary(), "")
+    return answers | {what: f"{number:#x}" for _, what, number in objects.identity()}

@@ -183,24 +183,13 @@ class CanopenValveLink(NodeLink):
 
     def _identified(self) -> str:
         settings = self._settings
-        self._connect(settings, settings.node, "canopen_valve", 0x180 + settings.node)
+        file = dictionary(settings.eds) if settings.eds else None
+        self._connect(settings, settings.node, "canopen_valve", 0x180 + settings.node, file=file)
         self._network.subscribe(0x700 + settings.node, self._on_heartbeat)
         profile = self._objects.kind() & 0xFFFF
         if profile != PROFILE:
             raise LinkError(f"node {settings.node} is of device profile {profile}, not {PROFILE}")
-        for sub, what in ((1, "vendor"), (2, "product")) if settings.eds else ():
-            of_file = dictionary(settings.eds).get((0x1018, sub))
-            wanted = int(of_file.default or 0) if of_file is not None else 0
-            if wanted and (number := self._objects.upload(0x1018, sub)) != wanted:
-                raise LinkError(f"node {settings.node} is of {what} {number:#x}, its file is of {wanted:#x}")
-        return self._identity_read()
-
-    def _identity_read(self) -> str:
-        parts = []
-        with suppress(LinkError):  # most of the object is optional
-            for sub, what in enumerate(("vendor", "product", "revision", "serial"), start=1):
-                parts.append(f"{what} {self._objects.upload(0x1018, sub):#x}")
-        return f"node {self._settings.node}, {', '.join(parts)}" if parts else ""
+        return self._objects.recognised()
 
     def _make_ready(self) -> None:
         self._commands = True  # before, it may be another one, which is not ours to step down
