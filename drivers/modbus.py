@@ -80,6 +80,11 @@ def _counted(count: float, is_sent: bool) -> bool:
     return not is_sent or (abs(count - round(count)) < 1e-6 and 1 <= round(count) <= 0xFFFF)
 
 
+def has_checksum(settings: Settings) -> bool:
+    """Whether answers have one: on a serial line."""
+    return settings.transport == "rtu"
+
+
 def probe() -> Any:
     """Who is on such a line (see `hil.daq.probe`)."""
     from drivers import _probe_modbus

@@ -14,6 +14,8 @@ from hil.daq.conformance.what_it_says import LONGEST_S
 from hil.daq.contract import Waveform
 from hil.errors import HardwareError
 
+_FLIPS = 8  # bits, one at a time: of a short answer at least every other one changes what is read or the checksum
+
 
 def says_that_no_answer_came(subject: Subject) -> None:
     """An answer that does not come is a `HardwareError`, soon, and the next one is right."""
@@ -31,15 +33,20 @@ def does_not_believe_half_an_answer(subject: Subject) -> None:
 
 
 def survives_garbled_answers(subject: Subject) -> None:
-    """Flipped bits raise nothing but errors of `hil.errors`, and afterwards it reads what is there."""
+    """Flipped bits raise nothing but errors of `hil.errors`, and afterwards it reads what is there.
+
+    Where the driver says that answers have a checksum, every flipped bit is an error.
+    """
     side, spoil = subject.twin()
+    has_checksum = getattr(subject.module, "has_checksum", lambda _settings: False)(subject.settings)
     if not subject.wiring.inputs:
         raise LeftOut("no input in use")
     with subject.link() as link:
-        for _ in range(3):
+        for _ in range(_FLIPS if has_checksum else 3):
             spoil(garbled=True, answers=1)
             with suppress(HardwareError):
                 link.read()
+                expect(not has_checksum, "an answer whose checksum cannot fit was believed")
         spoil()
         _recovered(subject, link, side, {})
 
