@@ -19,7 +19,7 @@ from drivers._ni_heartbeat import Heartbeat
 from drivers._ni_lines import Lines
 from drivers._ni_voltages import Voltages
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
-from hil.daq.check import check_waveform, checked_task, coerced_rate
+from hil.daq.check import check_waveform, checked_task, coerced_rate, next_or_failure
 from hil.daq.contract import CANNOT_BE_ASKED, Block, Promises, ReadBack, Waveform
 from hil.daq.device_link import stands_as_driven
 from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
@@ -232,7 +232,7 @@ class NiDaq:
     def _continuous(self, waveforms: Iterator[Waveform]) -> Iterator[Block]:
         from nidaqmx.constants import AcquisitionType, RegenerationMode
 
-        playing, failure = _next(waveforms)
+        playing, failure = next_or_failure(waveforms)
         if playing is None:
             if failure is not None:
                 raise failure
@@ -242,7 +242,7 @@ class NiDaq:
             for writer in writers:
                 writer.task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
             outputs = self._whole(playing)
-            following, failure = _next(waveforms)
+            following, failure = next_or_failure(waveforms)
             ahead = self._after(outputs, following, rate_hz)
             both = {name: np.concatenate((values, ahead[name])) for name, values in outputs.items()}
             self._switch(outputs)
@@ -254,7 +254,7 @@ class NiDaq:
                     break
                 playing, outputs = following, ahead
                 self._switch(outputs)
-                following, failure = _next(waveforms)
+                following, failure = next_or_failure(waveforms)
                 ahead = self._after(outputs, following, rate_hz)
                 self._write(writers, ahead, start=False)
         self._outputs_stand(self._voltages.standing)
@@ -470,11 +470,3 @@ def _check_counters(outputs: Mapping[str, OutputChannel]) -> None:
                 f"'{name}': safe = {channel.safe:g} %; {channel.terminal} stands still once the program lets go of it, "
                 f"so only 0 % can be its safe value"
             )
-
-
-def _next(waveforms: Iterator[Waveform]) -> tuple[Waveform | None, Exception | None]:
-    """The next waveform, or why there is none; raised only after what has been read was handed over."""
-    try:
-        return next(waveforms, None), None
-    except Exception as error:
-        return None, error

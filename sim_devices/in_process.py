@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.clock import Clock, clock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
-from hil.daq.check import check_waveform, checked_task, coerced_rate
+from hil.daq.check import check_waveform, checked_task, coerced_rate, next_or_failure
 from hil.daq.contract import Block, Promises, ReadBack, Waveform
 from hil.errors import DeviceLostError, HardwareError, OutputUnderflowError, OverrunError
 from sim_devices._converter import Converter
@@ -100,11 +100,11 @@ class SimulatedDaq:
     def _task(self, waveforms: Iterator[Waveform], too_late: type[HardwareError]) -> Iterator[Block]:
         self._refuse_if_lost()
         self._catch_up()
-        waveform, failure = _next(waveforms)
+        waveform, failure = next_or_failure(waveforms)
         while waveform is not None:
             block = self._run(waveform)
             fault = self._fault_in(len(waveform) - len(block))
-            waveform, failure = _next(waveforms)  # asked for while this one plays
+            waveform, failure = next_or_failure(waveforms)  # asked for while this one plays
             self._clock.sleep_until(self._zero_s + self._now_s)
             if len(block):
                 yield block
@@ -167,14 +167,6 @@ def _promises(settings: Settings, inputs: int) -> Promises:
         lowest_rate_hz=settings.clock_hz / 1e6, highest_rate_hz=min(settings.clock_hz, scan_hz),
         clock_hz=settings.clock_hz,
     )  # fmt: skip
-
-
-def _next(waveforms: Iterator[Waveform]) -> tuple[Waveform | None, Exception | None]:
-    """The next waveform, or why there is none; raised only after what has been read was handed over."""
-    try:
-        return next(waveforms, None), None
-    except Exception as error:
-        return None, error
 
 
 def _error(fault: Fault, samples: int) -> HardwareError:

@@ -69,3 +69,11 @@ def checked_task(
                 f"{', '.join(first.outputs)}, then came {waveform.rate_hz:g} Hz and {', '.join(waveform.outputs)}"
             )
         yield waveform
+
+
+def next_or_failure(waveforms: Iterator[Waveform]) -> tuple[Waveform | None, Exception | None]:
+    """The next waveform, or why there is none; raised only after what has been read was handed over."""
+    try:
+        return next(waveforms, None), None
+    except Exception as error:
+        return None, error

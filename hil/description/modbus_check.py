@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import get_args
+from typing import Any, get_args
 
 from hil.bench.lines import Place as Where
 from hil.description.modbus import WORDS, Flag, ModbusDescription, ModbusTerminal, Order, Place, Type, Write, safe_of
 from hil.description.modbus_place import BITS, Table
+from hil.description.terminal import Strict
 
 Fault = tuple[Where, str]
 
@@ -105,19 +106,15 @@ def _write(where: Where, write: Write, table: Table, outputs: list[str]) -> Iter
         yield (*where, "value"), f"{write.value}: a {table} takes 0 … {limit}"
 
 
-def _places(description: ModbusDescription) -> Iterator[tuple[Where, Place]]:
-    """Every place beside the terminals, and where it stands in the file."""
-    for i, write in enumerate(description.watchdog.arm if description.watchdog else ()):
-        yield ("watchdog", "arm", i), write
-    if description.safe_mode is not None:
-        yield ("safe_mode", "status"), description.safe_mode.status
-        yield ("safe_mode", "clear"), description.safe_mode.clear
-    if description.enable is not None:
-        yield from ((("enable", "write", i), write) for i, write in enumerate(description.enable.write))
-        yield from ((("enable", "disable", i), write) for i, write in enumerate(description.enable.disable))
-        yield from [(("enable", "ready"), description.enable.ready)] if description.enable.ready else []
-    if description.faults is not None:
-        yield from ((("faults", "flags", i), flag) for i, flag in enumerate(description.faults.flags))
-        yield from ((("faults", "clear", i), write) for i, write in enumerate(description.faults.clear))
-    for name, terminal in description.terminals.items():
-        yield from ((("terminals", name, "status", i), flag) for i, flag in enumerate(terminal.status))
+def _places(said: Any, where: Where = ()) -> Iterator[tuple[Where, Place]]:
+    """Every place beside the terminals in what is said, and where it stands in the file."""
+    if isinstance(said, Place):
+        yield where, said
+    elif isinstance(said, ModbusTerminal):
+        yield from _places(said.status, (*where, "status"))
+    elif isinstance(said, Strict):
+        for key, value in said:
+            yield from _places(value, (*where, key))
+    elif isinstance(said, dict | tuple):
+        for at, value in said.items() if isinstance(said, dict) else enumerate(said):
+            yield from _places(value, (*where, at))

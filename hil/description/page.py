@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from hil.description.can import CanDescription
 from hil.description.canopen import CanopenDescription, CanopenTerminal
-from hil.description.modbus import Flag, ModbusDescription, Place, Write
+from hil.description.modbus import ModbusDescription, Place, Write
 from hil.description.modbus_place import as_in_manuals
 from hil.description.read import Description
 from hil.description.terminal import DescribedTerminal
@@ -95,30 +95,26 @@ def _safety(description: Description) -> Iterator[str]:
         unit = behind_a_number(outputs[0].unit)
         yield f"When its watchdog expires outputs go to {watchdog.expires_to:g}{unit}."
     if isinstance(description, ModbusDescription):
-        yield from _sequences(description)
+        yield from _sequences(description.on_the_wire)
 
 
-def _sequences(description: ModbusDescription) -> Iterator[str]:
+def _sequences(told: ModbusDescription) -> Iterator[str]:
     for what, writes in (
-        ("Watchdog", description.watchdog.arm if description.watchdog else ()),
-        ("Enabled by", description.enable.write if description.enable else ()),
-        ("Faults are cleared by", description.faults.clear if description.faults else ()),
+        ("Watchdog", told.watchdog.arm if told.watchdog else ()),
+        ("Enabled by", told.enable.write if told.enable else ()),
+        ("Faults are cleared by", told.faults.clear if told.faults else ()),
     ):
         if writes:
-            yield f"{what}: {', '.join(_write(description, write) for write in writes)}."
-    for flag in description.faults.flags if description.faults else ():
-        yield f"Reports at {_place(description, flag)}: {flag.means or 'a fault'}{_bit(flag)}."
+            yield f"{what}: {', '.join(map(_write, writes))}."
+    for flag in told.faults.flags if told.faults else ():
+        bit = f" (bit {flag.bit})" if flag.bit is not None else ""
+        yield f"Reports at {_place(flag)}: {flag.means or 'a fault'}{bit}."
 
 
-def _write(description: ModbusDescription, write: Write) -> str:
+def _write(write: Write) -> str:
     value = write.value if isinstance(write.value, str) else f"{write.value:#06x}"
-    return f"{value} → {_place(description, write)}"
+    return f"{value} → {_place(write)}"
 
 
-def _place(description: ModbusDescription, place: Place) -> str:
-    table, address = description.wire(place)
-    return f"{table} {address:#06x}"
-
-
-def _bit(flag: Flag) -> str:
-    return f" (bit {flag.bit})" if flag.bit is not None else ""
+def _place(place: Place) -> str:
+    return f"{place.table} {place.address:#06x}"
