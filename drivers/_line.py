@@ -10,7 +10,8 @@ from typing import Any
 from pydantic import PositiveFloat, PositiveInt
 
 from drivers._meeting import AskedLine, AskedSettings
-from drivers._ports import SerialPort, TcpPort, host_and_port
+from drivers._ports import TcpPort, host_and_port, serial_port
+from drivers._shared_port import SharedPort
 from drivers._start_up import once_started
 from hil.daq.address import address_fault
 from hil.daq.channel import Wiring
@@ -137,12 +138,12 @@ class Line(AskedLine):
             self._port.hold_nothing_back()
         return LinkError(text)
 
-    def _opened(self) -> TcpPort | SerialPort:
+    def _opened(self) -> TcpPort | SharedPort:
         if fault := address_fault(self._address):
             raise DeviceLostError(fault)
         behind = host_and_port(self._address.partition("socket://")[2])
         if behind is None:
-            return SerialPort(self._place, self._timeout_s, self._baud, "N", exclusive=None)
+            return serial_port(self._place, self._timeout_s, self._baud, "N", exclusive=None)
         try:
             return TcpPort(*behind, self._timeout_s)
         except OSError as error:

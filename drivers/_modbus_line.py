@@ -10,7 +10,8 @@ from typing import Any, NoReturn
 from drivers._edge import quiet
 from drivers._meeting import AskedLine
 from drivers._modbus_client import LineSettings, belongs, request
-from drivers._ports import SerialPort, TcpPort, host_and_port
+from drivers._ports import TcpPort, host_and_port, serial_port
+from drivers._shared_port import SharedPort
 from hil.errors import DeviceLostError, LinkError
 
 
@@ -40,10 +41,10 @@ class ModbusLine(AskedLine):
         """Let go of it: what was sent goes out."""
         self._leave(in_order=True)
 
-    def _opened(self) -> TcpPort | SerialPort:
+    def _opened(self) -> TcpPort | SharedPort:
         settings, behind = self._settings, self._address if self._is_tcp else self._address.partition("socket://")[2]
         if not behind:
-            return SerialPort(self._place, self._timeout_s, settings.baud, settings.parity, exclusive=True)
+            return serial_port(self._place, self._timeout_s, settings.baud, settings.parity, exclusive=True)
         try:
             return TcpPort(*(host_and_port(behind) or ("", 0)), self._timeout_s)
         except OSError as error:

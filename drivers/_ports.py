@@ -6,11 +6,10 @@ import errno
 import re
 import select
 import threading
-from contextlib import suppress
 from typing import Any
 
 from drivers._edge import guard_port
-from drivers._shared_port import keep_quiet, quiet_until_s, shared_port
+from drivers._shared_port import SharedPort, shared_port
 from hil.daq.address import Port
 from hil.daq.connection import close, connect, is_hung_up
 from hil.errors import DeviceLostError
@@ -62,60 +61,16 @@ class TcpPort:
         close(self._held, self._timeout_s)
 
 
-class SerialPort:
-    """A serial port, like `TcpPort`; until `quiet_until_s` nobody asks on its line.
+def serial_port(place: Port, timeout_s: float, baud: int, parity: str, *, exclusive: bool | None) -> SharedPort:
+    """The serial port at a place, that of all devices on its line.
 
     Raises:
         DeviceLostError: it is not there, another program has it, or another device has its name now.
     """
-
-    is_hung_up = False
-
-    def __init__(self, place: Port, timeout_s: float, baud: int, parity: str, *, exclusive: bool | None) -> None:
-        self._path, self._timeout_s = place.path(), timeout_s
-        speech = {"baudrate": baud, "parity": parity}
-        more: dict[str, Any] = {} if place.address.startswith("rfc2217:") else {"write_timeout": timeout_s}
-        more |= {**speech, "timeout": min(timeout_s, _LOOK_S), "exclusive": exclusive}
-        self._port: Any = shared_port(self._path, speech, lambda: _opened(place.address, self._path, timeout_s, more))
-        self.line = self._port.line
-
-    @property
-    def quiet_until_s(self) -> float:
-        """See the class."""
-        return quiet_until_s(self._path)
-
-    @quiet_until_s.setter
-    def quiet_until_s(self, until_s: float) -> None:
-        keep_quiet(self._path, until_s)
-
-    def write(self, data: bytes) -> None:
-        """Send; what has come before belongs to nobody."""
-        if waiting := self._port.in_waiting:
-            self._port.read(waiting)
-        self._port.write(data)
-
-    def read(self, wait_s: float) -> bytes:
-        """What has come; waited for up to 20 ms, whatever is asked: a change would be a negotiation on some ports."""
-        return bytes(self._port.read(max(1, self._port.in_waiting))) if wait_s > 0.0 else b""
-
-    def hold_nothing_back(self) -> None:
-        """What still waits in it to be sent is not: it would go out after what is sent next."""
-        with suppress(Exception):
-            self._port.reset_output_buffer()
-
-    def drop(self) -> None:
-        """Give it up, and what still waits in it to be sent."""
-        self.hold_nothing_back()
-        self._shut(0.0)
-
-    def let_go(self) -> None:
-        """Close it in order: what was sent goes out."""
-        self._shut(self._timeout_s)
-
-    def _shut(self, patience_s: float) -> None:
-        if (behind := getattr(self._port, "_socket", None)) is not None:  # of RFC 2217
-            close(behind, patience_s)
-        self._port.close()
+    path, speech = place.path(), {"baudrate": baud, "parity": parity}
+    more: dict[str, Any] = {} if place.address.startswith("rfc2217:") else {"write_timeout": timeout_s}
+    more |= {**speech, "timeout": min(timeout_s, _LOOK_S), "exclusive": exclusive}
+    return shared_port(path, speech, lambda: _opened(place.address, path, timeout_s, more))
 
 
 def _opened(address: str, path: str, timeout_s: float, more: dict[str, Any]) -> Any:

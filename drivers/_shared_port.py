@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from typing import Any
 
+from hil.daq.connection import close
 from hil.errors import DeviceLostError
 
 _ports: dict[str, SharedPort] = {}
@@ -16,35 +17,52 @@ _registry = threading.Lock()
 
 
 class SharedPort:
-    """A port of pyserial. Who is done with it closes it; it is closed when nobody has it, or it broke.
+    """A port of pyserial, used as `drivers._ports.TcpPort`. It is closed when nobody has it any more, or it broke.
 
     Attributes:
         line: held for a request and its answer: between them nobody else may speak.
         is_broken: whether it failed; nobody new gets it.
     """
 
+    is_hung_up = False
+
     def __init__(self, key: str, port: Any) -> None:
         self._key, self._port, self._users, self.is_broken = key, port, 1, False
         self.line = threading.RLock()
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._port, name)
-
     @property
-    def in_waiting(self) -> int:
-        """Bytes that have come."""
-        return int(self._tried(lambda: self._port.in_waiting))
+    def quiet_until_s(self) -> float:
+        """Until when nobody asks on its line, since a late answer to somebody there may still come."""
+        return _quiet_until_s.get(self._key, 0.0)
 
-    def read(self, size: int) -> bytes:
-        """What has come, so many bytes at most."""
-        return bytes(self._tried(lambda: self._port.read(size)))
+    @quiet_until_s.setter
+    def quiet_until_s(self, until_s: float) -> None:
+        _quiet_until_s[self._key] = max(until_s, self.quiet_until_s)  # a shorter one does not end a longer one
 
-    def write(self, data: bytes) -> Any:
-        """Send."""
-        return self._tried(lambda: self._port.write(data))
+    def write(self, data: bytes) -> None:
+        """Send; what has come before belongs to nobody."""
+        with self._breaking():
+            if waiting := self._port.in_waiting:
+                self._port.read(waiting)
+            self._port.write(data)
 
-    def close(self) -> None:
-        """Let go of it; what comes on it from now on is nobody's."""
+    def read(self, wait_s: float) -> bytes:
+        """What has come; waited for as it was opened to, whatever is asked: a change is a negotiation on some ports."""
+        with self._breaking():
+            return bytes(self._port.read(max(1, self._port.in_waiting))) if wait_s > 0.0 else b""
+
+    def hold_nothing_back(self) -> None:
+        """What still waits in it to be sent is not: it would go out after what is sent next."""
+        with suppress(Exception):
+            self._port.reset_output_buffer()
+
+    def drop(self) -> None:
+        """Give it up, and what still waits in it to be sent."""
+        self.hold_nothing_back()
+        self.let_go(0.0)
+
+    def let_go(self, patience_s: float = 1.0) -> None:
+        """Let go of it in order; what comes on it from now on is nobody's."""
         with _registry:
             self._users -= 1
             if self._users > 0 and not self.is_broken:
@@ -53,6 +71,8 @@ class SharedPort:
                 return
             if _ports.get(self._key) is self:
                 del _ports[self._key]
+        if (behind := getattr(self._port, "_socket", None)) is not None:  # of RFC 2217
+            close(behind, patience_s)
         self._port.close()
 
     def taken(self, speech: Mapping[str, object]) -> SharedPort:
@@ -67,9 +87,10 @@ class SharedPort:
         self._users += 1
         return self
 
-    def _tried(self, what: Callable[[], Any]) -> Any:
+    @contextmanager
+    def _breaking(self) -> Iterator[None]:
         try:
-            return what()
+            yield
         except OSError:
             self.is_broken = True
             raise
@@ -87,13 +108,3 @@ def shared_port(path: str, speech: Mapping[str, object], opened: Callable[[], An
             return there.taken(speech)
         _ports[key] = SharedPort(key, opened())
         return _ports[key]
-
-
-def quiet_until_s(path: str) -> float:
-    """Until when nothing may be asked on a line, since a late answer to somebody on it may still come."""
-    return _quiet_until_s.get(os.path.realpath(path), 0.0)
-
-
-def keep_quiet(path: str, until_s: float) -> None:
-    """Nobody asks on this line until then; a shorter time does not end a longer one."""
-    _quiet_until_s[os.path.realpath(path)] = max(until_s, quiet_until_s(path))

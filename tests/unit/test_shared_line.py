@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from drivers import modbus
-from drivers._shared_port import keep_quiet, quiet_until_s, shared_port
+from drivers._shared_port import shared_port
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, LinkError
 from sim_devices import modbus as twin
@@ -102,6 +102,7 @@ class Broken:
     """A port whose adapter was pulled."""
 
     baudrate = 9600
+    in_waiting = 0
     is_closed = False
 
     def read(self, _size: int) -> bytes:
@@ -117,20 +118,22 @@ def test_a_port_that_broke_is_opened_anew_though_another_has_it_still(tmp_path: 
     assert one is two
     with pytest.raises(OSError, match="gone"):
         one.read(1)
-    one.close()
+    one.let_go()
     assert broken.is_closed
     anew = shared_port(path, {"baudrate": 9600}, Broken)
     assert anew is not two
-    two.close()
+    two.let_go()
     assert shared_port(path, {"baudrate": 9600}, Broken) is anew
-    anew.close()
-    anew.close()
+    anew.let_go()
+    anew.let_go()
 
 
 def test_a_shorter_quiet_of_one_does_not_end_the_longer_of_another(tmp_path: Path) -> None:
-    path = str(tmp_path / "port")
-    keep_quiet(path, 5.0)
-    keep_quiet(path, 2.0)
-    assert quiet_until_s(path) == 5.0
-    keep_quiet(path, 7.0)
-    assert quiet_until_s(path) == 7.0
+    one, other = (shared_port(str(tmp_path / "port"), {"baudrate": 9600}, Broken) for _ in range(2))
+    one.quiet_until_s = 5.0
+    other.quiet_until_s = 2.0
+    assert one.quiet_until_s == 5.0
+    other.quiet_until_s = 7.0
+    assert one.quiet_until_s == 7.0
+    one.let_go()
+    other.let_go()
