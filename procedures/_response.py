@@ -16,7 +16,8 @@ from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.frequency.linear_evidence import LEAST_FIT_PERCENT, doubts, unresolved
 from hil.identification.frequency.measuring_chain import check_chain, corrected
 from hil.identification.frequency.order_choice import fit_together, fit_transfer_function
-from hil.identification.frequency.transfer_function import TransferFunctionFit, fit_percent
+from hil.identification.frequency.transfer_function import TransferFunctionFit
+from hil.identification.uncertainty.fit import fit_percent
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
 from hil.language.note import Note
 from hil.physics.formula import formula

@@ -15,7 +15,7 @@ from hil.identification.frequency.frequency_response import average, from_table
 from hil.identification.frequency.order_choice import fit_transfer_function
 from hil.identification.frequency.rational import Form
 from hil.identification.frequency.right_half_plane import wrong_way
-from hil.identification.frequency.transfer_function import fit_form, fit_percent
+from hil.identification.frequency.transfer_function import fit_form
 from hil.identification.steady.flow_curve import polynomial
 from hil.identification.step.step_response import (
     damping_roots,
@@ -25,6 +25,7 @@ from hil.identification.step.step_response import (
     second_order_from_step,
     step_figures,
 )
+from hil.identification.uncertainty.fit import fit_percent
 from hil.physics.compose import plant
 from hil.physics.published import tordal
 from hil.physics.simulate import Drive, simulate

@@ -20,7 +20,7 @@ def found(noise: float) -> Evaluated:
     response = FrequencyResponse(
         "run", FREQUENCY_HZ, 1.0 / (1.0 + 1j * FREQUENCY_HZ) + drawn[0] + 1j * drawn[1],
         np.tile(noise**2 * np.eye(2), (lines, 1, 1)), "A", "mm", 0.1, 0.0,
-        ones, ones, ones, noise * ones, np.zeros((lines, 4), dtype=np.complex128),
+        ones, noise * ones, np.zeros((lines, 4), dtype=np.complex128),
     )  # fmt: skip
     return Evaluated("+0 ± 0.1 A", response, bandwidth(response), None, ("no model",))
 

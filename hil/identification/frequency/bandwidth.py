@@ -13,6 +13,7 @@ from hil.language.note import Note
 from hil.physics.transfer_function import TransferFunction
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array
+from hil.signals.crossing import crossing
 from hil.signals.interval import COVERED
 
 if TYPE_CHECKING:
@@ -155,7 +156,7 @@ def _fall(frequency_hz: Array, values: Array, own: Array, shared: Array, level: 
     too narrow: noise crosses where it makes a flat curve steep.
     """
     top = float(frequency_hz[-1])
-    grid = np.linspace(math.log(frequency_hz[0]), math.log(frequency_hz[-1]), _GRID)
+    grid = np.linspace(math.log(frequency_hz[0]), math.log(top), _GRID)
     weights = _spline(frequency_hz, np.eye(len(values)))(grid)
     curve = weights @ values
     if curve[0] <= level:
@@ -178,7 +179,7 @@ def _first_fall(places: Array, above: Array) -> float | None:
         return None
     if i == 0:
         return float(places[0])
-    return float(places[i - 1] + above[i - 1] / (above[i - 1] - above[i]) * (places[i] - places[i - 1]))
+    return crossing(places, above, 0.0, i - 1, i)
 
 
 def _spline(frequency_hz: Array, values: Array) -> BSpline:

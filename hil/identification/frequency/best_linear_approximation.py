@@ -118,7 +118,8 @@ def approximate(
     excited = np.asarray(part["excited"], dtype=np.int64)
     odd, even = (np.asarray(part[key], dtype=np.int64) for key in ("odd_detection", "even_detection"))
     given, answer = _spectrum(inputs), _spectrum(outputs)
-    response, seen = _ratio(given[:, excited], answer[:, excited])
+    response = answer[:, excited].mean(axis=0) / given[:, excited].mean(axis=0)
+    seen = _noise(answer[:, excited] - response * given[:, excited])  # which the input does not explain
     pooled = _pooled(seen)
     noise = np.maximum(seen, pooled)  # a line of its own stands out of its neighbours, a chance does not hide
     rounded = _rounded(outputs, grid)
@@ -132,8 +133,7 @@ def approximate(
     made = FrequencyResponse(
         name, lines_hz, response, variance[:, None, None] * np.eye(2), *units,
         float(part.get("amplitude", np.max(np.abs(inputs - inputs.mean())))),
-        float(part.get("bias", inputs.mean())), size, amplitudes,
-        np.full(len(excited), float(outputs.mean())),
+        float(part.get("bias", inputs.mean())), amplitudes,
         np.full(len(excited), float(np.std(outputs - outputs.mean(axis=0)))),
         np.zeros((len(excited), 0), dtype=np.complex128),
     )  # fmt: skip
@@ -165,12 +165,6 @@ def _spectrum(periods: Array) -> Complex:
     """Amplitude spectrum of each period."""
     made: Complex = np.fft.rfft(periods, axis=1) * (2.0 / periods.shape[1])
     return made
-
-
-def _ratio(given: Complex, answer: Complex) -> tuple[Complex, Array]:
-    """Output over input, and the noise power of the mean output that the input does not explain."""
-    response = answer.mean(axis=0) / given.mean(axis=0)
-    return response, _noise(answer - response * given)
 
 
 def _noise(rest: Complex) -> Array:

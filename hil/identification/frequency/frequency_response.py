@@ -20,8 +20,7 @@ Complex = NDArray[np.complex128]
 DISTORTION_FLAG = 0.05  # customary limit of THD above which a response counts as distorted (5…10 %)
 
 _BY_LINE = (
-    "frequency_hz", "response", "covariance", "input_amplitude", "output_amplitude", "output_offset", "noise_std",
-    "harmonics",
+    "frequency_hz", "response", "covariance", "output_amplitude", "noise_std", "harmonics",
 )  # fmt: skip
 
 
@@ -36,7 +35,7 @@ class FrequencyResponse:
         covariance: of (Re, Im) of the response, shape (n, 2, 2); NaN where nothing is known (a table).
         input_unit, output_unit: of the two channels.
         amplitude, bias: of the input, in its unit; NaN for a table.
-        input_amplitude, output_amplitude, output_offset, noise_std: per frequency, shape (n,).
+        output_amplitude, noise_std: per frequency, shape (n,).
         harmonics: output harmonics 2… over its fundamental, shape (n, harmonics − 1).
         corrections: what has been taken out of the raw response.
         delay_std_s: standard uncertainty of a delay that all lines share; `covariance` is without it.
@@ -50,9 +49,7 @@ class FrequencyResponse:
     output_unit: str
     amplitude: float
     bias: float
-    input_amplitude: Array
     output_amplitude: Array
-    output_offset: Array
     noise_std: Array
     harmonics: Complex
     corrections: tuple[str, ...] = ()
@@ -206,14 +203,11 @@ def from_fits(
     response = np.array([fit.phasor for fit in outputs]) / given
     covariance = _turned(np.reciprocal(given), np.array([fit.phasor_covariance() for fit in outputs]))
     covariance += _turned(response / given, np.array([fit.phasor_covariance() for fit in inputs]))
-    sizes = np.abs(given)
     return FrequencyResponse(
         name, np.array([fit.frequency_hz for fit in inputs]), response, covariance, *units,
-        float(np.median(sizes)) if amplitude is None else amplitude,
+        float(np.median(np.abs(given))) if amplitude is None else amplitude,
         float(np.median([fit.offset for fit in inputs])) if bias is None else bias,
-        sizes,
         np.array([fit.amplitude for fit in outputs]),
-        np.array([fit.offset for fit in outputs]),
         np.array([fit.residual_std for fit in outputs]),
         np.array([fit.phasors[1:] / fit.phasor for fit in outputs]),
     )  # fmt: skip
@@ -225,12 +219,7 @@ def from_table(
     """A frequency response from a published Bode table; nothing is known of its noise."""
     order = np.argsort(frequency_hz)
     response = np.asarray(10.0 ** (magnitude_db / 20.0) * np.exp(1j * np.radians(phase_deg)), dtype=np.complex128)
-    n = len(order)
-    unknown = np.full(n, math.nan)
-    return FrequencyResponse(
-        name, np.asarray(frequency_hz, dtype=np.float64)[order], response[order], np.full((n, 2, 2), math.nan), *units,
-        math.nan, math.nan, unknown, unknown, unknown, unknown, np.zeros((n, 0), dtype=np.complex128),
-    )  # fmt: skip
+    return from_polar(name, np.asarray(frequency_hz)[order], response[order], units=units)
 
 
 def from_polar(
@@ -251,7 +240,7 @@ def from_polar(
     covariance = _rotated(response, gain_std**2, phase_std_rad**2) if known else np.full((n, 2, 2), math.nan)  # type: ignore[operator]
     return FrequencyResponse(
         name, np.asarray(frequency_hz, dtype=np.float64), np.asarray(response, dtype=np.complex128), covariance, *units,
-        math.nan, math.nan, unknown, unknown, unknown, unknown, np.zeros((n, 0), dtype=np.complex128),
+        math.nan, math.nan, unknown, unknown, np.zeros((n, 0), dtype=np.complex128),
     )  # fmt: skip
 
 

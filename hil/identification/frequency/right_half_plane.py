@@ -18,6 +18,7 @@ from hil.identification.frequency.held_out import held_out
 from hil.identification.frequency.rational import Form
 from hil.identification.frequency.transfer_function import TransferFunctionFit, fit_form
 from hil.identification.preparation.experiment import experiment
+from hil.identification.uncertainty.fit import fit_percent
 from hil.language.note import Note
 from hil.physics.compose import plant
 from hil.physics.transfer_function import TransferFunction
@@ -85,9 +86,7 @@ def _fit_in_time(fit: TransferFunctionFit, recording: Recording, input_name: str
     definition = plant("transfer-function")
     bound = experiment(recording, definition, input_name, output_name)
     simulated = bound.respond(definition, definition.typical | fit.model.to_parameters())[0]
-    error = bound.output - simulated
-    error -= error.mean()
-    return 100.0 * (1.0 - float(np.std(error) / np.std(bound.output)))
+    return fit_percent(bound.output, simulated + np.mean(bound.output - simulated))
 
 
 def _note(fit: TransferFunctionFit, other: TransferFunctionFit, response: FrequencyResponse) -> Note:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -136,7 +136,7 @@ def declared_segments(recording: Recording) -> list[Segment]:
         )  # fmt: skip
         last = found[-1] if found else None
         if last and last.first + last.count == new.first and _same_sine(last, new):
-            found[-1] = Segment(last.frequency_hz, last.first, last.count + new.count, last.amplitude, last.bias)
+            found[-1] = replace(last, count=last.count + new.count)
         else:
             found.append(new)
     return found
@@ -224,15 +224,15 @@ def _settled(time_s: Array, output: Array, segment: Segment) -> Segment:
     count = round((stamps[-1] - stamps[0]) / period_s)
     edges = segment.first + np.searchsorted(stamps, stamps[0] + period_s * np.arange(count))
     edges = np.append(edges, segment.first + segment.count)
-    fits: list[SineFit] = []
-    for i in range(count):
-        part = slice(edges[i], edges[i + 1])
-        fits.append(sine_fit(time_s[part], output[part], segment.frequency_hz, harmonics=1))
+    fits = [
+        sine_fit(time_s[first:stop], output[first:stop], segment.frequency_hz, harmonics=1)
+        for first, stop in pairwise(edges.tolist())
+    ]
     skip = 1
     while skip < count - 2 and not steadiness(fits[: skip + 1]).steady:
         skip += 1
     first = int(edges[min(skip, count - 1)])
-    return Segment(segment.frequency_hz, first, segment.first + segment.count - first, segment.amplitude, segment.bias)
+    return replace(segment, first=first, count=segment.first + segment.count - first)
 
 
 def _harmonics(time_s: Array, segment: Segment) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, cast, get_args
 
 import numpy as np
@@ -13,8 +13,9 @@ from hil.identification.frequency.factored import model_of
 from hil.identification.frequency.frequency_response import FrequencyResponse, average, from_polar, joined
 from hil.identification.frequency.linear_evidence import doubts
 from hil.identification.frequency.order_choice import fit_transfer_function
-from hil.identification.frequency.transfer_function import TransferFunctionFit, Weights, fit_percent
+from hil.identification.frequency.transfer_function import TransferFunctionFit, Weights
 from hil.identification.preparation.recording_quality import runs_the_other_way
+from hil.identification.uncertainty.fit import bode_errors, fit_percent
 from hil.language.note import Note
 from hil.physics.model import Covariance, Model, Value
 from hil.physics.plants.transfer_function import PLANT
@@ -86,13 +87,11 @@ def fit_tables(
         InputError: too few lines, or a response that no stable transfer function has.
     """
     response = as_response(tables)
-    fit = fit_transfer_function(
-        response, poles=orders.poles, zeros=orders.zeros, dead_time=orders.dead_time, weights=orders.weights
-    )
+    fit = fit_transfer_function(response, **asdict(orders))
     roles = tables[0].meta.get("roles", {})
-    given, answer = _headings(
-        tables[0].unit, input_name or roles.get("command", ""), output_name or roles.get("response", "")
-    )
+    below, above = _units(tables[0].unit)
+    given = f"{input_name or roles.get('command') or 'input'} [{below}]"
+    answer = f"{output_name or roles.get('response') or 'output'} [{above}]"
     made = fit.model.to_model(given, answer)
     names, covariance = _covariance(fit, made)
     stds = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
@@ -217,24 +216,15 @@ def compare_table(model: Model, table: ResponseTable) -> TableComparison:
         squares = (np.log(np.abs(ratio)) / table.gain_std) ** 2 + (np.angle(ratio) / table.phase_std_rad) ** 2
         misfit = float(np.sqrt(np.mean(squares) / 2.0))
     return TableComparison(
-        table.name, fit_percent(table.response, found), _rms(20.0 * np.log10(np.abs(ratio))),
-        _rms(np.degrees(np.angle(ratio))), tuple(worst.tolist()), misfit,
+        table.name, fit_percent(table.response, found), *bode_errors(table.response, found), tuple(worst.tolist()),
+        misfit,
     )  # fmt: skip
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _units(unit: str) -> tuple[str, str]:
     """Units of input and output, of a gain in `unit`: `l/min/%` is l/min over %."""
     above, _, below = unit.rpartition("/")
     return (below, above) if above else ("1", unit)
-
-
-def _headings(unit: str, input_name: str, output_name: str) -> tuple[str, str]:
-    given, answer = _units(unit)
-    return f"{input_name or 'input'} [{given}]", f"{output_name or 'output'} [{answer}]"
 
 
 def _covariance(fit: TransferFunctionFit, made: Model) -> tuple[tuple[str, ...], Array]:

@@ -14,6 +14,7 @@ from hil.errors import InputError
 from hil.identification.frequency.factored import coefficients, model_of, units
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.frequency.rational import Data, Form, Solution, data, solve
+from hil.identification.uncertainty.fit import fit_percent
 from hil.language.note import Note
 from hil.physics.readings import readings
 from hil.physics.transfer_function import TransferFunction
@@ -172,7 +173,7 @@ def fit_form(
     check_form(response, form)
     given = data(response.frequency_hz, response.response, whitening(response, used))
     begin = None if start is None else start / units(form, given.scale)
-    solved = solve(_scaled(form, given.scale), given, begin)
+    solved = solve(replace(form, dead_time_s=form.dead_time_s * given.scale), given, begin)
     return _result(response, form, used, given, solved)
 
 
@@ -199,16 +200,6 @@ def whitening(response: FrequencyResponse, weights: Weights) -> Array:
         return np.linalg.inv(np.linalg.cholesky(covariance))
     scale = size if weights == "relative" else np.full(len(size), float(np.mean(size)))
     return np.eye(2) / scale[:, None, None]
-
-
-def fit_percent(measured: Complex, modelled: Complex) -> float:
-    """100·(1 − ‖H − Ĥ‖/‖H − mean H‖) % of complex responses, as MATLAB's `compare` gives it."""
-    spread = float(np.linalg.norm(measured - measured.mean()))
-    return 100.0 * (1.0 - float(np.linalg.norm(measured - modelled)) / spread) if spread else math.nan
-
-
-def _scaled(form: Form, scale: float) -> Form:
-    return replace(form, dead_time_s=form.dead_time_s * scale)
 
 
 def _result(

@@ -13,7 +13,7 @@ from hil.identification.preparation.gaps import bridged
 from hil.identification.preparation.plausibility.look import suspicions
 from hil.identification.preparation.recording_quality import without_invalid
 from hil.identification.preparation.start_in_motion import begun_in_motion
-from hil.identification.uncertainty.fit import fit_ceiling, fit_percent
+from hil.identification.uncertainty.fit import fit_ceiling, fit_percent, rms
 from hil.identification.uncertainty.noise import channel_floor, noise_in
 from hil.language.note import Note
 from hil.physics.model import Model
@@ -133,7 +133,7 @@ def compare(model: Model, experiment: Experiment) -> Comparison:
         e.output_heading.rpartition("[")[2].rstrip("]"),
         fit if moves else None,
         max(fit, fit_ceiling(measured, noise)) if moves else None,
-        _rms(error),
+        rms(error),
         noise,
         float(error.mean()),
         _lag(time_s, measured, simulated),
@@ -143,20 +143,16 @@ def compare(model: Model, experiment: Experiment) -> Comparison:
     )
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
-
-
 def _worst(time_s: Array, error: Array) -> tuple[Interval, ...]:
     parts = np.array_split(np.arange(len(error)), min(_BLOCKS, len(error)))
-    found = [Interval(float(time_s[p[0]]), float(time_s[p[-1]]), _rms(error[p])) for p in parts]
+    found = [Interval(float(time_s[p[0]]), float(time_s[p[-1]]), rms(error[p])) for p in parts]
     return tuple(sorted(found, key=lambda i: -i.rms)[:_WORST])
 
 
 def _by_level(simulated: Array, error: Array) -> tuple[float, float, float]:
     low, high = np.quantile(simulated, [1 / 3, 2 / 3])
     bins = np.digitize(simulated, [low, high])
-    first, second, third = (_rms(error[bins == k]) for k in range(3))
+    first, second, third = (rms(error[bins == k]) for k in range(3))
     return first, second, third
 
 

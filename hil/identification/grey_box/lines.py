@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import median_filter
 
-from hil.identification.preparation.experiment import Experiment
+from hil.identification.preparation.experiment import Experiment, power_of
 from hil.record.recording import Array
 
 # A line of noise alone stands so far above the median of its spectrum about once in a million bins.
@@ -44,10 +44,8 @@ def common_line(
         return None
     total = np.zeros(len(grid))
     for e, left in zip(experiments, residuals, strict=True):
-        window = np.hanning(len(left))
-        power = np.abs(np.fft.rfft(left * window)) ** 2 / len(left)
-        command = e.on_grid_input()
-        own = np.abs(np.fft.rfft((command - command.mean()) * window)) ** 2
+        power = np.abs(np.fft.rfft(left * np.hanning(len(left)))) ** 2 / len(left)
+        own = power_of(e.on_grid_input())
         commanded = (own > _COMMANDED * own.max()) & (prominence(own) > _A_LINE)
         ratio = np.where(commanded, 1.0, prominence(power))
         frequency = np.fft.rfftfreq(len(left), e.drive.interval_s)
@@ -65,7 +63,7 @@ def is_commanded(experiments: Sequence[Experiment], frequency_hz: float) -> bool
 
 def _drives(e: Experiment, frequency_hz: float) -> bool:
     command = e.on_grid_input()
-    power = np.abs(np.fft.rfft((command - command.mean()) * np.hanning(len(command)))) ** 2
+    power = power_of(command)
     strong = np.flatnonzero((power > _STRONG_LINE * power.max()) & (prominence(power) > _A_LINE))
     peaks = [int(k) for k in strong if power[k] == power[max(k - _LINE_BINS, 0) : k + _LINE_BINS + 1].max()]
     if not 0 < len(peaks) <= _FEW_LINES:

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.identification.frequency.sine_test import SineTest
-from hil.identification.frequency.transfer_function import fit_percent
 from hil.identification.grey_box.estimate import Estimate, estimate
 from hil.identification.grey_box.free import moved, unknown_of
+from hil.identification.uncertainty.fit import fit_percent
 from hil.physics.model import Model
 from hil.record.recording import Array
 
@@ -63,7 +63,7 @@ def fit_responses(
 
     found = estimate(residuals, [unknown_of(model, name) for name in free], tolerance=1e-6)
     stds = dict(zip(free, found.std.tolist(), strict=True))
-    best = moved(model, dict(zip(free, found.values.tolist(), strict=True)), stds)
+    best = moved(model, found.named, stds)
     responses = tuple(spread(lambda test: _simulated(best, test), tests))
     fits = tuple(fit_percent(want, got) for want, got in zip(wanted, responses, strict=True))
     return ResponseFit(best, found, fits, responses)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations_with_replacement
 
 import numpy as np
 
@@ -93,8 +93,7 @@ def asymptotic_bode(response: FrequencyResponse, poles: int, zeros: int = 0) -> 
 def _start(x: Array, magnitude: Array, poles: int, zeros: int) -> Array:
     """The best of a grid of corners by their asymptotes; J is no longer convex where poles and zeros lie close."""
     grid = np.linspace(x[0] - 0.5, x[-1] + 0.5, _STARTS)
-    below = list(_multisets(len(grid), poles))
-    above = list(_multisets(len(grid), zeros))
+    below, above = (list(combinations_with_replacement(range(len(grid)), count)) for count in (poles, zeros))
     pairs = [(p, z) for p in below for z in above if not set(p) & set(z)] or [(p, z) for p in below for z in above]
     pairs = pairs[:: max(1, len(pairs) // _MOST_STARTS)]
     bends = np.array([asymptote(x, corner, 1) for corner in grid])
@@ -102,13 +101,6 @@ def _start(x: Array, magnitude: Array, poles: int, zeros: int) -> Array:
     left = magnitude - shapes
     best_p, best_z = pairs[int(np.argmin(np.var(left, axis=1)))]
     return grid[[*best_p, *best_z]]
-
-
-def _multisets(size: int, count: int) -> list[tuple[int, ...]]:
-    """Rising choices of `count` places among `size`, repeats allowed."""
-    return [
-        tuple(place - i for i, place in enumerate(chosen)) for chosen in combinations(range(size + count - 1), count)
-    ]
 
 
 def _refined(x: Array, magnitude: Array, kinds: Array, start: Array, *, curve: bool) -> Array:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import fdtrc, softmax
 
 from hil.errors import InputError
 from hil.record.recording import Array
@@ -54,9 +55,7 @@ class GaussianClasses:
         """Probability of each class if the unit is of one of them, shape (n, k)."""
         size = np.linalg.slogdet(self._covariances(measured))[1]
         score = np.log(self.priors) - 0.5 * (self.distances(features, measured) + size)
-        score -= score.max(axis=1, keepdims=True)
-        share = np.exp(score)
-        made: Array = share / share.sum(axis=1, keepdims=True)
+        made: Array = softmax(score, axis=1)
         return made
 
     def usual(self, features: Array, measured: Array | None = None) -> Array:
@@ -64,8 +63,6 @@ class GaussianClasses:
 
         By Hotelling's T² of a new unit: means and covariances are known from `counts` units only.
         """
-        from scipy.special import fdtrc
-
         n, features_known = self.counts, self.means.shape[1]
         scale = n * (n - features_known) / ((n**2 - 1.0) * features_known)
         made: Array = fdtrc(features_known, n - features_known, scale * self.distances(features, measured))

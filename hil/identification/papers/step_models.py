@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hil.errors import InputError
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.frequency.rational import Form
-from hil.identification.frequency.transfer_function import fit_form, fit_percent
+from hil.identification.frequency.transfer_function import fit_form
 from hil.identification.step.step_response import (
     damping_roots,
     dead_time_explaining,
@@ -25,6 +25,7 @@ from hil.identification.step.step_response import (
     first_order_from_settling,
     second_order_from_step,
 )
+from hil.identification.uncertainty.fit import bode_errors, fit_percent
 from hil.language.note import Note
 from hil.physics.formula import formula
 from hil.physics.transfer_function import TransferFunction
@@ -199,12 +200,8 @@ def _coefficients(model: TransferFunction) -> Array:
 
 def _beside(one: StepModel, response: FrequencyResponse) -> StepModel:
     found = one.model.at(response.frequency_hz)
-    ratio = found / response.response
-    return StepModel(
-        one.name, one.model, one.covariance, fit_percent(response.response, found),
-        float(np.sqrt(np.mean((20.0 * np.log10(np.abs(ratio))) ** 2))),
-        float(np.sqrt(np.mean(np.degrees(np.angle(ratio)) ** 2))),
-    )  # fmt: skip
+    fit, errors = fit_percent(response.response, found), bode_errors(response.response, found)
+    return StepModel(one.name, one.model, one.covariance, fit, *errors)
 
 
 def _third_order(response: FrequencyResponse) -> StepModel:

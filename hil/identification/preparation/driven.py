@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,19 +15,6 @@ PHASES = 8  # of a dither, whose own is not known: two for what is the same at a
 FINER = 2  # so much finer than its command is a dither driven: held over a whole sample, it would be cut off too little
 _STOOD_S = 1.0  # longer than the coil of a valve remembers, L/R being 0.06 s at most in those that ship
 _SAMPLES_PER_PERIOD = 4.0  # below which the samples of a command cannot carry its dither
-
-
-@dataclass(frozen=True, slots=True)
-class _Wave:
-    """A dither with a phase, at the times of a command's samples."""
-
-    phase_rad: float
-    time_s: Array
-
-    def of(self, how: Mapping[str, Any]) -> Array:
-        """Its values where its frequency is known."""
-        turned = 2.0 * math.pi * float(how["dither_hz"]) * self.time_s
-        return float(how["dither_amplitude"]) * np.sin(turned + self.phase_rad)
 
 
 def as_driven(recording: Recording) -> Recording:
@@ -80,8 +67,9 @@ def _finer(recording: Recording) -> Recording:
 
 
 def _waved(recording: Recording, mean: Recording, outputs: Mapping[str, Mapping[str, Any]], phase: float) -> Recording:
-    wave, channels = _Wave(phase, recording.time_s), dict(mean.channels)
+    channels = dict(mean.channels)
     for name, how in outputs.items():
+        wave = np.sin(2.0 * math.pi * float(how["dither_hz"]) * recording.time_s + phase)
         values = _acted(recording.channels[name].values, how, wave)
         values[0] = channels[name].values[0]
         channels[name] = replace(channels[name], values=values)
@@ -99,20 +87,15 @@ def _is_carried(how: Mapping[str, Any], recording: Recording) -> bool:
     return _SAMPLES_PER_PERIOD * float(how["dither_hz"]) * recording.interval_s <= 1.0 + 1e-9
 
 
-def _range(how: Mapping[str, Any]) -> tuple[float, float, float]:
+def _acted(command: Array, how: Mapping[str, Any], wave: Array | None = None) -> Array:
     low, high = float(how.get("low", -math.inf)), float(how.get("high", math.inf))
-    return low, high, float(how.get("dither_amplitude", 0.0))
-
-
-def _acted(command: Array, how: Mapping[str, Any], wave: _Wave | None = None) -> Array:
-    low, high, dither = _range(how)
-    step = float(how.get("step", 0.0))
+    dither, step = float(how.get("dither_amplitude", 0.0)), float(how.get("step", 0.0))
     exact = not step > 0.0 or not math.isfinite(low)
     rounded = command if exact else np.clip(low + step * np.rint((command - low) / step), low, high)
     if dither <= 0.0:
         return rounded
     if wave is not None:
-        return np.clip(rounded + wave.of(how), low, high)
+        return np.clip(rounded + dither * wave, low, high)
     return rounded + dither * (_missing((low - rounded) / dither) - _missing((rounded - high) / dither))
 
 

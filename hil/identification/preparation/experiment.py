@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from hil.errors import FileError, SettingError
 from hil.identification.preparation.driven import FINER, PHASES, as_driven, stood_before, with_dither
-from hil.identification.preparation.time_base import held_grid, is_known_throughout, missing_of_even
+from hil.identification.preparation.time_base import (
+    GRID_PER_UNEVEN_SAMPLE,
+    held_grid,
+    is_known_throughout,
+    missing_of_even,
+)
 from hil.identification.uncertainty.noise import white_floor
 from hil.language.note import Note
 from hil.physics.model import Model
@@ -19,7 +24,6 @@ from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.invalid_samples import across, measured_rows
 from hil.record.recording import Array, Channel, Recording, Samples, split_heading
 
-_GRID_PER_UNEVEN_SAMPLE = 8
 _FELT_BEND = 0.5  # of the noise, as an error
 DEAD = Note("a dead sensor, no supply or a wrong column")
 # A rest of fewer samples tells no more than its first; halves that differ by more than this moved.
@@ -406,26 +410,15 @@ def _on_own_stamps(
     headings = f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]"
     at_rest = _at_rest(np.array([one.held_at(output.time_s) for one in given]), output.values)
     drive = Drive(inputs, at_rest, interval_s, at or 0.0)
-    if ignored is not None and not observed:
-        values = output.held_at(grid_s)
-        return Experiment(
-            recording.name,
-            *headings,
-            grid_s,
-            drive,
-            None,
-            values,
-            {},
-            at is not None,
-            ignored,
-            notes=tuple(notes),
-            is_late=is_late,
-        )
-    on_grid = len(grid_s) == len(output.time_s) and bool(np.all(np.abs(grid_s - output.time_s) < 1e-3 * interval_s))
-    return Experiment(
-        recording.name, *headings, output.time_s, drive, None if on_grid else grid_s, output.values, observed,
-        at is not None, notes=tuple(notes), is_late=is_late, command_is_known=all(map(is_known_throughout, given)),
+    bound = Experiment(
+        recording.name, *headings, output.time_s, drive, grid_s, output.values, observed, at is not None,
+        notes=tuple(notes), is_late=is_late,
     )  # fmt: skip
+    if ignored is not None and not observed:
+        return replace(bound, time_s=grid_s, grid_s=None, output=output.held_at(grid_s), ignored=ignored)
+    on_grid = len(grid_s) == len(output.time_s) and bool(np.all(np.abs(grid_s - output.time_s) < 1e-3 * interval_s))
+    known = all(map(is_known_throughout, given))
+    return replace(bound, grid_s=None if on_grid else grid_s, command_is_known=known)
 
 
 def _inner(recording: Recording, plant: Plant, output_s: Array) -> tuple[dict[str, Array], list[Note]]:
@@ -550,7 +543,7 @@ def _even(recording: Recording, inputs: Array, read_s: Array | None) -> tuple[Ar
     if read_s is None and recording.is_even():
         return None, np.ascontiguousarray(inputs), recording.interval_s
     # Uneven stamps: inputs are held on a finer even grid, outputs are read at the stamps they really had.
-    interval_s = recording.interval_s / _GRID_PER_UNEVEN_SAMPLE
+    interval_s = recording.interval_s / GRID_PER_UNEVEN_SAMPLE
     start, stop = (
         recording.time_s[0],
         recording.time_s[-1] if read_s is None else max(recording.time_s[-1], read_s.max()),
@@ -560,6 +553,11 @@ def _even(recording: Recording, inputs: Array, read_s: Array | None) -> tuple[Ar
     reached = np.searchsorted(recording.time_s, grid_s + 1e-6 * interval_s, side="right")
     held = np.clip(reached - 1, 0, len(recording) - 1)
     return grid_s, np.ascontiguousarray(inputs[:, held]), interval_s
+
+
+def power_of(values: Array) -> Array:
+    """Power at each frequency about the mean, seen through a Hann window; without a scale."""
+    return np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values)))) ** 2
 
 
 def sample_intervals_s(experiments: Sequence[Experiment]) -> list[float]:

@@ -11,7 +11,7 @@ import numpy as np
 from hil.errors import FileError
 from hil.identification.preparation.clipped import without_clipped
 from hil.identification.preparation.content import is_of_its_origin
-from hil.identification.preparation.experiment import Experiment
+from hil.identification.preparation.experiment import Experiment, power_of
 from hil.identification.preparation.feedback import runs_in_a_loop
 from hil.identification.preparation.plausibility.look import implausible
 from hil.identification.preparation.plausibility.suspicion import Suspicion, can_be_held_against
@@ -148,7 +148,7 @@ def one_frequency(experiments: Sequence[Experiment]) -> list[Note]:
 
 def single_frequency_hz(values: Array, interval_s: float) -> float:
     """The frequency of a steady sine, 0 for anything else."""
-    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values)))) ** 2
+    power = power_of(values)
     at, total = int(np.argmax(power)), float(power.sum())
     if at < _LEAST_PERIODS or total == 0.0:
         return 0.0

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hil.record.recording import Array, Samples
 
-_GRID_PER_UNEVEN_SAMPLE = 8
+GRID_PER_UNEVEN_SAMPLE = 8
 # A stamp that is off its place by less than this share of an interval is on it; so many have a sample nearly all.
 _OFF_GRID, _GAP = 0.01, 5.0
 
@@ -27,7 +27,7 @@ def held_grid(given: Sequence[Samples], output_s: Array, from_s: float) -> tuple
     on_base = bool(bases) and bool(np.all(off < _OFF_GRID))
     start, stop = np.float64(from_s), output_s[-1]
     if not on_base:
-        interval_s /= _GRID_PER_UNEVEN_SAMPLE
+        interval_s /= GRID_PER_UNEVEN_SAMPLE
     else:  # in step with the base
         start = fine[0] + interval_s * np.floor((start - fine[0]) / interval_s + _OFF_GRID)
     count = int(np.ceil((stop - start) / interval_s - _OFF_GRID)) + 1

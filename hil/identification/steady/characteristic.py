@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from hil.errors import InputError
 from hil.identification.steady.sweep_estimate import BINS, LEVELS, SweepEstimate
 from hil.identification.uncertainty.parametric_bootstrap import about, draws_of
 from hil.record.recording import Array
+from hil.signals.crossing import crossing
 from hil.signals.rounding import rounding_of_means
 
 GAIN_FROM, GAIN_TO = 0.3, 0.9  # of the response at the end, between which a gain is read
@@ -145,8 +147,7 @@ def level_at(levels: Array, values: Array, wanted: float) -> float:
     i = int(np.argmax(beyond))
     if not beyond[i] or i == 0:
         return math.nan
-    share = (wanted - values[i - 1]) / (values[i] - values[i - 1])
-    return float(levels[i - 1] + share * (levels[i] - levels[i - 1]))
+    return crossing(levels, values, wanted, i - 1, i)
 
 
 def largest_slope(estimate: SweepEstimate, speeds: Sequence[float]) -> tuple[Read, float]:
@@ -228,10 +229,8 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
     bounds = ([0.0, 0.3, 0.0, -0.5, -0.5], [0.98 * top, 5.0, 2.0, 0.5, 0.5])
     flowing = np.sort(opening[part > 0.02])
     start = float(flowing[0]) if len(flowing) else 0.0
-    found = least_squares(
-        residuals, [min(0.9 * start, 0.9 * top), 1.2, float(part.max()), 0.0, 0.0],
-        jac=slopes, bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0, 1.0],
-    )  # fmt: skip
+    fitted = partial(least_squares, residuals, jac=slopes, bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0, 1.0])
+    found = fitted([min(0.9 * start, 0.9 * top), 1.2, float(part.max()), 0.0, 0.0])
     # a corner is no place for a linear uncertainty: the law is fitted again to noise about itself
     scale = math.sqrt(max(1.0, 2.0 * found.cost / max(len(opening) - 4, 1)))
     law, rng = law_at(opening, found.x), draws_of(points.response)
@@ -243,7 +242,5 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
     for _ in range(_EDGE_DRAWS):
         hidden = rounding_of_means(law, passed, code, noise / abs(end - zero), rng.uniform())
         part = law + hidden + scale * rng.normal(size=len(law)) / weight
-        edges.append(
-            least_squares(residuals, found.x, jac=slopes, bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0, 1.0]).x[0]
-        )
+        edges.append(fitted(found.x).x[0])
     return neutral + sign * float(found.x[0]), about(np.array(edges), float(found.x[0]))

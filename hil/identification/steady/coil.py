@@ -16,6 +16,7 @@ import numpy as np
 
 from hil.errors import InputError
 from hil.record.recording import Array
+from hil.signals.runs import runs
 
 COPPER_PER_K = 0.00393  # at 20 °C
 _COPPER_AT_C = 20.0
@@ -100,14 +101,8 @@ def fit_coil(readings: CoilReadings) -> Coil:
 
 def _rests(readings: CoilReadings) -> list[tuple[int, int]]:
     """First and end sample of every stretch of at least 0.2 s in which the demand stands."""
-    still = np.concatenate(([False], np.diff(readings.demand_a) == 0.0, [False]))
-    edges = np.flatnonzero(np.diff(still.astype(np.int8)))
-    time_s = readings.time_s
-    return [
-        (int(a), int(b) + 1)
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-        if time_s[b] - time_s[a] >= _REST_S - 1e-9
-    ]
+    still, time_s = np.diff(readings.demand_a) == 0.0, readings.time_s
+    return [(a, b + 1) for a, b in runs(still) if time_s[b] - time_s[a] >= _REST_S - 1e-9]
 
 
 def _settled(rest: tuple[int, int]) -> slice:

@@ -15,6 +15,7 @@ from hil.identification.steady.characteristic import Read, level_at, line_throug
 from hil.identification.steady.sweep_estimate import SweepEstimate
 from hil.identification.uncertainty.parametric_bootstrap import about
 from hil.record.recording import Array
+from hil.signals.crossing import crossing
 
 LINE_FROM, LINE_TO = 0.2, 0.8  # of the response at the end of a side
 FLAT = 0.5  # of the line's slope: a curve that stays below it is saturated
@@ -42,9 +43,10 @@ def null_of(estimate: SweepEstimate, low: float, high: float) -> Null | None:
     """The null of a curve that ends at the responses `low` and `high`; None where a side has no line to zero."""
     if not low * high < 0.0:
         return None
-    command = estimate.command
     rows = zip((estimate.response, *estimate.responses), (estimate.slope, *estimate.slopes), strict=True)
-    read = np.array([_of_both(command, response, slope, (low, high)) for response, slope in rows])
+    read = np.array(
+        [[_of_side(estimate.command, *row, end, sign) for end, sign in ((low, -1), (high, 1))] for row in rows]
+    )
     if not np.isfinite(read[0, :, :2]).all():
         return None
     below, above = read[:, 0], read[:, 1]
@@ -77,10 +79,6 @@ def _read(values: Array) -> Read:
     return float(values[0]), about(values[1:], float(values[0]))
 
 
-def _of_both(command: Array, response: Array, slope: Array, ends: tuple[float, float]) -> list[tuple[float, ...]]:
-    return [_of_side(command, response, slope, end, sign) for end, sign in zip(ends, (-1, 1), strict=True)]
-
-
 def _of_side(command: Array, response: Array, slope: Array, end: float, sign: int) -> tuple[float, float, float]:
     """(zero crossing of the line, its slope, where the curve becomes flat for good) of one side."""
     outwards = slice(None, None, sign)
@@ -99,5 +97,4 @@ def _flat_from(command: Array, steepness: Array, sign: int, level: float) -> flo
     beyond = edge + sign
     if edge < 0 or not 0 <= beyond < len(command):
         return math.inf
-    part = (steepness[edge] - level) / (steepness[edge] - steepness[beyond])
-    return float(command[edge] + part * (command[beyond] - command[edge]))
+    return crossing(command, steepness, level, edge, beyond)

@@ -15,6 +15,7 @@ import numpy as np
 from hil.errors import InputError
 from hil.identification.steady.sweep_estimate import Standing, Sweep, settled
 from hil.record.recording import Array, Recording
+from hil.signals.runs import runs
 
 _TURN = 0.05  # of the range, by which a command must come back for a turn
 _STRAIGHT = 0.02  # of the range, within which a ramp is a straight line in time
@@ -72,7 +73,7 @@ def own_sweeps(recordings: Sequence[Recording], input_name: str, output_name: st
             )
         ways += [(one.speed_per_s, _line(recording.time_s, command, one), response[one.samples]) for one in found]
         standing += _at_ends(command, response)
-        rests += _at_level(command, response, neutral)
+        rests += [(value, std) for value, std, _ in _waits(command, response, neutral)]
     directions = {bool(speed > 0.0) for speed, _, _ in ways}
     if len(directions) < 2:
         only = "rises" if True in directions else "falls"
@@ -149,22 +150,18 @@ def _by_speed(ways: Sequence[tuple[float, Array, Array]]) -> tuple[Sweep, ...]:
 
 def _at_ends(command: Array, response: Array) -> list[Standing]:
     """Waits at the lowest and the highest command."""
-    found = []
-    for level, risen in ((float(command.min()), False), (float(command.max()), True)):
-        for value, std, count in _waits(command, response, level):
-            found.append(Standing(level, value, std, count, risen))
-    return found
-
-
-def _at_level(command: Array, response: Array, level: float) -> list[tuple[float, float]]:
-    return [(value, std) for value, std, _ in _waits(command, response, level)]
+    return [
+        Standing(level, value, std, count, risen)
+        for level, risen in ((float(command.min()), False), (float(command.max()), True))
+        for value, std, count in _waits(command, response, level)
+    ]
 
 
 def _waits(command: Array, response: Array, level: float) -> list[tuple[float, float, int]]:
     """(mean of the second half, its standard uncertainty, samples) of every wait at a level."""
-    still = np.flatnonzero(np.abs(command - level) <= _STANDS * float(np.ptp(command)))
-    found = []
-    for run in np.split(still, np.flatnonzero(np.diff(still) > 1) + 1):
-        if len(run) >= _LEAST_SAMPLES:
-            found.append((*settled(response[run]), len(run) - len(run) // 2))
-    return found
+    still = runs(np.abs(command - level) <= _STANDS * float(np.ptp(command)))
+    return [
+        (*settled(response[first:stop]), (stop - first + 1) // 2)
+        for first, stop in still
+        if stop - first >= _LEAST_SAMPLES
+    ]

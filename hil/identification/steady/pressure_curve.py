@@ -16,6 +16,7 @@ from hil.identification.steady.characteristic import Loop, loop
 from hil.identification.steady.sweep_estimate import Standing, Sweep, SweepEstimate, sweep_estimate
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about
 from hil.record.recording import Array
+from hil.signals.crossing import crossing
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +71,6 @@ class PressureCurve:
         resampled = self.estimate.responses[:, -1] - self.estimate.responses[:, 0]
         return about(resampled, self.span)
 
-    def pressure_at(self, current: float) -> float:
-        """Nominal pressure at a current."""
-        return float(np.interp(current, self.current, self.nominal))
-
     def current_at(self, pressure: float) -> float:
         """Current at which the nominal curve passes a pressure.
 
@@ -87,8 +84,7 @@ class PressureCurve:
             low, high = sorted((float(self.nominal[0]), float(self.nominal[-1])))
             raise InputError(f"pressure {pressure:g} psi: the curve goes from {low:.4g} to {high:.4g} psi")
         i = max(int(np.argmax(monotone >= wanted)), 1)
-        share = (wanted - monotone[i - 1]) / (monotone[i] - monotone[i - 1])
-        return float(self.current[i - 1] + share * (self.current[i] - self.current[i - 1]))
+        return crossing(self.current, monotone, wanted, i - 1, i)
 
 
 def pressure_curve(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hil.errors import InputError
 from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Array
+from hil.signals.crossing import crossing
 
 _SETTLED_SHARE = 0.15  # of the samples after the step: its end gives the final value
 MOVED = 0.02  # of the change: the response has begun to move
@@ -118,8 +119,7 @@ def _reaches(time_s: Array, share: Array, level: float) -> float:
         raise InputError(f"step response: the output does not reach {100 * level:g} % of its change; record longer")
     if i == 0:
         return float(time_s[0])
-    part = (level - share[i - 1]) / (share[i] - share[i - 1])
-    return float(time_s[i - 1] + part * (time_s[i] - time_s[i - 1]))
+    return crossing(time_s, share, level, i - 1, i)
 
 
 def moves_once(response: Array, start: float, final: float) -> bool:
@@ -144,8 +144,7 @@ def _leaves(time_s: Array, share: Array) -> float:
     i = _last(share[:half] < MOVED)
     if i < 0:
         return float(time_s[0])
-    part = (MOVED - share[i]) / (share[i + 1] - share[i])
-    return float(time_s[i] + part * (time_s[i + 1] - time_s[i]))
+    return crossing(time_s, share, MOVED, i, i + 1)
 
 
 def _stays(time_s: Array, share: Array, band: float) -> float:
@@ -155,9 +154,7 @@ def _stays(time_s: Array, share: Array, band: float) -> float:
         return float(time_s[0])
     if i + 1 == len(share):
         return math.inf
-    edge = 1.0 + math.copysign(band, share[i] - 1.0)
-    part = (edge - share[i]) / (share[i + 1] - share[i])
-    return float(time_s[i] + part * (time_s[i + 1] - time_s[i]))
+    return crossing(time_s, share, 1.0 + math.copysign(band, share[i] - 1.0), i, i + 1)
 
 
 def _last(true: NDArray[np.bool_]) -> int:

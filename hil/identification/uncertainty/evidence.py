@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import softmax
 
 from hil.record.recording import Array
 
@@ -32,8 +33,7 @@ def bic_of_known_noise(chi2: float, count: float, unknowns: float) -> float:
 
 def odds(criteria: Sequence[float]) -> Array:
     """How probable each of several models is, of which one is right, by twice its negative log evidence; shape (n,)."""
-    weights = np.exp(-0.5 * (np.array(criteria) - min(criteria)))
-    shares: Array = weights / weights.sum()
+    shares: Array = softmax(-0.5 * np.array(criteria))
     return shares
 
 

@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.record.recording import Array
 
+Complex = NDArray[np.complex128]
 
-def fit_percent(measured: Array, simulated: Array) -> float:
-    """100·(1 − ‖y − ŷ‖/‖y − mean(y)‖) %, as the papers use it."""
+
+def fit_percent(measured: Array | Complex, simulated: Array | Complex) -> float:
+    """100·(1 − ‖y − ŷ‖/‖y − mean(y)‖) %, as the papers use it; of complex responses as MATLAB's `compare` gives it."""
     spread = float(np.linalg.norm(measured - measured.mean()))
-    if spread == 0.0:
-        return float("nan")
-    return 100.0 * (1.0 - float(np.linalg.norm(measured - simulated)) / spread)
+    return 100.0 * (1.0 - float(np.linalg.norm(measured - simulated)) / spread) if spread else math.nan
+
+
+def rms(values: Array) -> float:
+    """Root mean square; 0 of nothing."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def bode_errors(measured: Complex, modelled: Complex) -> tuple[float, float]:
+    """Rms errors of a frequency response in dB and in degrees."""
+    ratio = modelled / measured
+    return rms(20.0 * np.log10(np.abs(ratio))), rms(np.degrees(np.angle(ratio)))
 
 
 def fit_ceiling(measured: Array, noise_std: float) -> float:
     """The fit that the true model would reach, given the noise."""
-    return 100.0 * (1.0 - noise_std / float(np.std(measured))) if np.std(measured) else float("nan")
+    return 100.0 * (1.0 - noise_std / float(np.std(measured))) if np.std(measured) else math.nan

@@ -1,0 +1,14 @@
+"""Where samples pass a level: on the straight line between two of them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def crossing(places: Array, values: Array, level: float, before: int, after: int) -> float:
+    """The place at which the line from one sample to another, by their numbers, has a level; they may not be equal."""
+    share = (level - values[before]) / (values[after] - values[before])
+    return float(places[before] + share * (places[after] - places[before]))
