@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -209,12 +210,10 @@ def _refine(form: Form, given: Data, start: Array) -> Solution:
     low, high = bounds(form)
     layout = _layout(form)
 
-    def residuals(parameters: Array) -> Array:
-        return _whitened(given.s, given.response, given.whitening, parameters, layout)[0]
+    def part(which: int, parameters: Array) -> Array:
+        return _whitened(given.s, given.response, given.whitening, parameters, layout)[which]
 
-    def slopes(parameters: Array) -> Array:
-        return _whitened(given.s, given.response, given.whitening, parameters, layout)[1]
-
+    residuals, slopes = partial(part, 0), partial(part, 1)
     found = least_squares(residuals, start, slopes, method="lm", x_scale="jac", xtol=1e-12, ftol=1e-12)
     if np.any(found.x < low) or not np.all(np.isfinite(found.fun)):
         inside = np.maximum(np.where(np.isfinite(found.x), found.x, start), np.where(low > 0.0, 2.0 * low, low))
@@ -227,13 +226,13 @@ def _starts(form: Form, given: Data) -> list[Array]:
         return [_linear_start(form, given, form.dead_time_s)]
     top = float(given.s[-1].imag)
     lag = max(-float(np.unwrap(np.angle(given.response))[-1]), 1.0)
-    tried = []
-    for dead_time in np.linspace(0.0, lag / top, _DELAY_STARTS):
-        start = _linear_start(form, given, float(dead_time))
+
+    def chi2(start: Array) -> float:
         error, _ = _whitened(given.s, given.response, given.whitening, start, _layout(form))
-        tried.append((float(error @ error), start))
-    tried.sort(key=lambda pair: pair[0])
-    return [start for _, start in tried[:_REFINED_STARTS]]
+        return float(error @ error)
+
+    tried = [_linear_start(form, given, dead_time) for dead_time in np.linspace(0.0, lag / top, _DELAY_STARTS).tolist()]
+    return sorted(tried, key=chi2)[:_REFINED_STARTS]
 
 
 def _linear_start(form: Form, given: Data, dead_time: float) -> Array:

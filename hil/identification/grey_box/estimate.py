@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +88,11 @@ class Estimate:
         return self.identifiability.whole + infinite
 
     @property
+    def named(self) -> dict[str, float]:
+        """The values by the names of the unknowns."""
+        return dict(zip((u.name for u in self.unknowns), self.values.tolist(), strict=True))
+
+    @property
     def chi2(self) -> float:
         """Sum of squared weighted residuals."""
         return float(self.residuals @ self.residuals)
@@ -105,10 +110,6 @@ class Estimate:
     def moved_by(self, change: Array) -> Array:
         """By how much the values would move if the residuals, shape (n,), changed by so much; shape (k,)."""
         return -self.identifiability.inverse @ (self.jacobian.T @ change)
-
-    def value(self, name: str) -> float:
-        """An estimated value by name."""
-        return float(self.values[[u.name for u in self.unknowns].index(name)])
 
 
 def side_by_side(errors_of: Callable[[int], Sequence[Array]], recordings: int) -> Array:
@@ -144,9 +145,7 @@ def estimate(
         return Estimate((), values, r, True, "nothing to estimate", lambda: _slopes_alone(np.zeros((len(r), 0))))
 
     def differences() -> Array:
-        if sketch is None:
-            return jacobian(residuals, values, high, scale, r)
-        return jacobian(sketch, values, high, scale, sketch(values))
+        return jacobian(sketch or residuals, values, high, scale, sketch(values) if sketch else r)
 
     slopes, secants = differences(), 0
     damping, evaluations, sentence = _FIRST_DAMPING, 1, ""
@@ -177,8 +176,13 @@ def estimate(
             del slopes  # before the next: they are by far the largest that a fit holds
             slopes, secants = differences(), 0
     done = not sentence.startswith("stopped")
-    at_values = partial(_slopes_both_ways if careful else _slopes, residuals, values, low, high, scale, r)
-    return Estimate(tuple(unknowns), values, r, done, sentence, at_values)
+
+    def slopes_there() -> Slopes:
+        if careful:
+            return _slopes_both_ways(residuals, values, low, high, scale, r)
+        return _slopes_alone(jacobian(residuals, values, high, scale, r))
+
+    return Estimate(tuple(unknowns), values, r, done, sentence, slopes_there)
 
 
 def _correct(slopes: Array, step: Array, scale: Array, missed: Array) -> None:
@@ -223,12 +227,6 @@ def jacobian(residuals: Callable[[Array], Array], values: Array, high: Array, sc
 
     spread(column, range(len(values)))
     return made.T
-
-
-def _slopes(
-    residuals: Callable[[Array], Array], values: Array, _low: Array, high: Array, scale: Array, base: Array
-) -> Slopes:
-    return _slopes_alone(jacobian(residuals, values, high, scale, base))
 
 
 def _slopes_alone(slopes: Array) -> Slopes:

@@ -332,7 +332,7 @@ def _best_reading(
 
 
 def _merged(model: Model, found: Estimate) -> dict[str, float]:
-    return all_values(model) | {u.name: float(v) for u, v in zip(found.unknowns, found.values, strict=True)}
+    return all_values(model) | found.named
 
 
 def _restarted(

@@ -9,7 +9,7 @@ ones are judged so too, whatever the criterion says.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -183,9 +183,7 @@ class _Search:
 
         From the start as it was read: where that is free, a wrong one costs nothing.
         """
-        start = self._unknowns(other.structure, other.values)
-        fitted = estimate(self._residuals(other.structure), start, max_evaluations=_REFINED_EVALUATIONS)
-        wanted = self._wanted()
+        fitted, wanted = self._fit(other.structure, other.values), self._wanted()
         before, now = (
             self._answers(values) - wanted for values in (other.values, self._values(other.structure, fitted.values))
         )
@@ -194,13 +192,9 @@ class _Search:
 
     def best(self, structure: Structure, before: Mapping[str, float]) -> tuple[Mapping[str, float], Estimate]:
         """The best fit of a structure over its starts."""
-        residuals = self._residuals(structure)
-        found = [
-            estimate(residuals, self._unknowns(structure, start), max_evaluations=_SEARCH_EVALUATIONS, tolerance=1e-4)
-            for start in (*self._starts(structure, before), *self._of_samples(structure))
-        ]
-        good = min(found, key=lambda fit: fit.chi2)
-        refined = self._refined(structure, good, residuals)
+        starts = (*self._starts(structure, before), *self._of_samples(structure))
+        good = min((self._fit(structure, start, rough=True) for start in starts), key=lambda fit: fit.chi2)
+        refined = self._fit(structure, self._values(structure, good.values))
         return self._values(structure, refined.values), refined
 
     def shows_gain(self, found: Estimate) -> bool:
@@ -217,23 +211,28 @@ class _Search:
         A form that follows a bend or a drift by slow poles does so between blocks, and not beyond them. Both ways: a
         staircase up is another test than the same staircase down.
         """
-        structure = tried.structure
-        residuals = self._residuals(structure)
         owner = np.concatenate([np.arange(len(e.output)) * _BLOCKS // len(e.output) for e in self.experiments])
         made = []
         for block in _FORETOLD:
-            start = self._unknowns(structure, tried.values)
-            fitted = _masked(residuals, owner < block if block > _BLOCKS // 2 else owner > block)
-            before = estimate(fitted, start, max_evaluations=_SEARCH_EVALUATIONS, tolerance=1e-4)
-            made.append(float(np.mean(residuals(before.values)[owner == block] ** 2)))
+            used = owner < block if block > _BLOCKS // 2 else owner > block
+            found = self._fit(tried.structure, tried.values, used, rough=True)
+            made.append(float(np.mean(self._errors(self._values(tried.structure, found.values))[owner == block] ** 2)))
         return np.array(made)
 
-    def _refined(self, structure: Structure, found: Estimate, residuals: Callable[[Array], Array]) -> Estimate:
-        start = self._unknowns(structure, self._values(structure, found.values))
-        return estimate(residuals, start, max_evaluations=_REFINED_EVALUATIONS)
+    def _fit(
+        self, structure: Structure, start: Mapping[str, float], used: NDArray[np.bool_] | None = None,
+        *, rough: bool = False,
+    ) -> Estimate:  # fmt: skip
+        """Of a structure from a start, to all samples or to those that are used."""
 
-    def _residuals(self, structure: Structure) -> Callable[[Array], Array]:
-        return lambda values: self._errors(self._values(structure, values))
+        def residuals(values: Array) -> Array:
+            errors = self._errors(self._values(structure, values))
+            return errors if used is None else errors * used
+
+        unknowns = [self._unknown(self.plant.parameter(name), start[name]) for name in structure.free]
+        if rough:
+            return estimate(residuals, unknowns, max_evaluations=_SEARCH_EVALUATIONS, tolerance=1e-4)
+        return estimate(residuals, unknowns, max_evaluations=_REFINED_EVALUATIONS)
 
     def _errors(self, parameters: Mapping[str, float]) -> Array:
         """Weighted simulated minus measured, all experiments one after another."""
@@ -302,9 +301,6 @@ class _Search:
     def _power(self, name: str) -> int:
         return {"s": 1, "s^2": 2}.get(self.plant.parameter(name).unit, 0)
 
-    def _unknowns(self, structure: Structure, start: Mapping[str, float]) -> list[Unknown]:
-        return [self._unknown(self.plant.parameter(name), start[name]) for name in structure.free]
-
     def _unknown(self, parameter: Parameter, start: float) -> Unknown:
         scale = self._natural(parameter)
         size = max(abs(start), 1e-3 * scale) if parameter.unit in ("s", "s^2") else scale
@@ -320,7 +316,3 @@ class _Search:
             "s": length_s, "s^2": length_s**2, "[{output}]/[{input}]/s": output / given / length_s,
         }  # fmt: skip
         return natural.get(parameter.unit, 1.0)
-
-
-def _masked(residuals: Callable[[Array], Array], kept: NDArray[np.bool_]) -> Callable[[Array], Array]:
-    return lambda values: residuals(values) * kept

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from hil.errors import InputError
 from hil.identification.grey_box.estimate import Estimate, Unknown, estimate
 from hil.identification.grey_box.structure import independent
 from hil.identification.uncertainty.evidence import VERY_STRONG, simplest_good
+from hil.identification.uncertainty.fit import fit_percent
 from hil.language.note import Note
 from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Array, Recording
@@ -197,19 +198,19 @@ class _Record:
     def length_s(self) -> float:
         return self.interval_s * len(self.output)
 
+    def fit_percent(self, simulated: Array) -> float:
+        return fit_percent(self.output[self.judged], simulated[self.judged])
+
 
 @dataclass(frozen=True, slots=True)
 class _Fitted:
-    """A form at its best: logarithms of times and damping, the dead time, and what was linear."""
+    """A form at its best: logarithms of times and damping, the dead time, what was linear, and the free run."""
 
     form: ProcessForm
     found: Estimate
-    linear: Array = field(repr=False)
+    linear: Array
+    simulated: Array
     bic: float
-
-    @property
-    def start(self) -> dict[str, float]:
-        return dict(zip((u.name for u in self.found.unknowns), self.found.values.tolist(), strict=True))
 
 
 def _record(recording: Recording, input_name: str, output_name: str, skip_s: float) -> _Record:
@@ -245,21 +246,21 @@ def _best(record: _Record, form: ProcessForm, before: Sequence[_Fitted]) -> _Fit
     """The best fit of a form over its starts."""
     tries = [_fit(record, form, start, _SEARCH_EVALUATIONS, 1e-4) for start in _starts(record, form, before)]
     good = min(tries, key=lambda one: one.found.chi2)
-    return _fit(record, form, good.start, _REFINED_EVALUATIONS, 1e-8)
+    return _fit(record, form, good.found.named, _REFINED_EVALUATIONS, 1e-8)
 
 
 def _fit(record: _Record, form: ProcessForm, start: dict[str, float], evaluations: int, tolerance: float) -> _Fitted:
     found = estimate(
-        lambda values: _residuals(record, form, values, record.judged)[0],
+        lambda values: _residuals(record, form, values)[0],
         _unknowns(record, form, start), max_evaluations=evaluations, tolerance=tolerance,
     )  # fmt: skip
-    linear = _residuals(record, form, found.values, record.judged)[1]
+    _, linear, simulated = _residuals(record, form, found.values)
     left = found.residuals[record.judged]
     count = independent(left)
     unknowns = len(found.values) + len(linear)
     floor = 1e-24 * float(np.var(record.output))
     bic = count * math.log(max(float(left @ left) / len(left), floor)) + unknowns * math.log(count)
-    return _Fitted(form, found, linear, bic)
+    return _Fitted(form, found, linear, simulated, bic)
 
 
 def _starts(record: _Record, form: ProcessForm, before: Sequence[_Fitted]) -> Iterator[dict[str, float]]:
@@ -283,7 +284,7 @@ def _starts(record: _Record, form: ProcessForm, before: Sequence[_Fitted]) -> It
 
 def _total_s(one: _Fitted) -> float:
     """Sum of lags and dead time: what the slow end of the response shows."""
-    at = one.start
+    at = one.found.named
     pair_s = 2.0 * math.exp(at["damping"] + at["pair_time"]) if "damping" in at else 0.0
     return at.get("dead_time", 0.0) + (math.exp(at["time"]) if "time" in at else 0.0) + pair_s
 
@@ -303,16 +304,14 @@ def _unknowns(record: _Record, form: ProcessForm, start: dict[str, float]) -> li
     return made
 
 
-def _residuals(
-    record: _Record, form: ProcessForm, values: Array, used: NDArray[np.bool_]
-) -> tuple[Array, Array, Array]:
-    """(measured minus simulated where used, else 0; linear parameters; everything simulated)."""
+def _residuals(record: _Record, form: ProcessForm, values: Array) -> tuple[Array, Array, Array]:
+    """(measured minus simulated where judged, else 0; linear parameters; everything simulated)."""
     columns = _columns(record, form, values)
     size = np.sqrt(np.mean(columns**2, axis=0))
     size[size == 0.0] = 1.0
-    solved = np.linalg.lstsq(columns[used] / size, record.output[used], rcond=None)[0] / size
+    solved = np.linalg.lstsq(columns[record.judged] / size, record.output[record.judged], rcond=None)[0] / size
     simulated: Array = columns @ solved
-    return np.where(used, record.output - simulated, 0.0), solved, simulated
+    return np.where(record.judged, record.output - simulated, 0.0), solved, simulated
 
 
 def _columns(record: _Record, form: ProcessForm, values: Array) -> Array:
@@ -382,9 +381,8 @@ def _chosen(record: _Record, fitted: Sequence[_Fitted], refused: tuple[ProcessFo
     errors = [_left_out(record, one) for one in near] if len(near) > 1 else [np.full(_BLOCKS, np.nan)]
     best = simplest_good(errors, [(one.form.unknowns, one.bic) for one in near]) if len(near) > 1 else 0
     held_out = [float(np.sqrt(np.mean(error))) for error in errors] + [math.nan] * (len(ranked) - len(near))
-    tried = tuple(
-        Tried(one.form, one.bic, _fit_percent(record, one), error) for one, error in zip(ranked, held_out, strict=True)
-    )
+    each = zip(ranked, held_out, strict=True)
+    tried = tuple(Tried(one.form, one.bic, record.fit_percent(one.simulated), error) for one, error in each)
     return _result(record, near[best], tried, refused)
 
 
@@ -395,22 +393,9 @@ def _left_out(record: _Record, one: _Fitted) -> Array:
     for block in np.array_split(judged, _BLOCKS):
         used = record.judged.copy()
         used[block] = False
-        made.append(float(np.mean((record.output - _simulated_without(record, one, used))[block] ** 2)))
+        without = _fit(replace(record, judged=used), one.form, one.found.named, _SEARCH_EVALUATIONS, 1e-4)
+        made.append(float(np.mean((record.output - without.simulated)[block] ** 2)))
     return np.array(made)
-
-
-def _simulated_without(record: _Record, one: _Fitted, used: NDArray[np.bool_]) -> Array:
-    """Everything simulated by a fit of the samples that are used."""
-    found = estimate(
-        lambda values: _residuals(record, one.form, values, used)[0],
-        _unknowns(record, one.form, one.start), max_evaluations=_SEARCH_EVALUATIONS, tolerance=1e-4,
-    )  # fmt: skip
-    return _residuals(record, one.form, found.values, used)[2]
-
-
-def _fit_percent(record: _Record, one: _Fitted) -> float:
-    measured, left = record.output[record.judged], one.found.residuals[record.judged]
-    return 100.0 * (1.0 - float(np.linalg.norm(left) / np.linalg.norm(measured - measured.mean())))
 
 
 def _result(record: _Record, one: _Fitted, tried: tuple[Tried, ...], refused: tuple[ProcessForm, ...]) -> ProcessFit:
@@ -419,7 +404,7 @@ def _result(record: _Record, one: _Fitted, tried: tuple[Tried, ...], refused: tu
     below, dead_s = _denominator(form, one.found.values)
     gain = float(one.linear[0])
     values, spread = {"gain": gain}, {"gain": float(linear_std[0])}
-    for name, value, log_std in zip(one.start, one.found.values.tolist(), std.tolist(), strict=True):
+    for (name, value), log_std in zip(one.found.named.items(), std.tolist(), strict=True):
         values[name] = value if name == "dead_time" else math.exp(value)
         spread[name] = log_std if name == "dead_time" else values[name] * log_std
     if form.zero:
@@ -427,10 +412,9 @@ def _result(record: _Record, one: _Fitted, tried: tuple[Tried, ...], refused: tu
         spread["zero_time"] = math.hypot(float(linear_std[1]), values["zero_time"] * float(linear_std[0])) / abs(gain)
     top = [float(one.linear[1]), gain] if form.zero else [gain]
     model = transfer_function(top, below, dead_s)
-    simulated = _residuals(record, form, one.found.values, record.judged)[2]
     made = ProcessFit(
         form, model, values, spread, float(one.linear[-1]) if form.integrator else 0.0, record.excitation,
-        _fit_percent(record, one), simulated, (record.output - simulated)[record.judged], tried,
+        record.fit_percent(one.simulated), one.simulated, one.found.residuals[record.judged], tried,
     )  # fmt: skip
     return replace(made, notes=_notes(record, made, refused))
 
@@ -448,7 +432,7 @@ def _uncertainty(record: _Record, one: _Fitted) -> tuple[Array, Array]:
         Unknown(f"linear {i}", "", value, -math.inf, math.inf, scale)
         for i, (value, scale) in enumerate(zip(linear.tolist(), size.tolist(), strict=True))
     ]
-    both = estimate(residuals, [*free, *_unknowns(record, one.form, one.start)], max_evaluations=1)
+    both = estimate(residuals, [*free, *_unknowns(record, one.form, one.found.named)], max_evaluations=1)
     return both.std[: len(linear)], both.std[len(linear) :]
 
 

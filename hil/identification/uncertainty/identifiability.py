@@ -115,7 +115,7 @@ def identifiability(
         kept.remove(k)
         unidentifiable.append(direction * valley.reach(direction))
     for place in (place for place in fixed_at_bound if place in kept):
-        direction = valley.all_along(place, kept)
+        direction = valley.against(place, kept)
         kept.remove(place)
         unidentifiable.append(direction * _ASIDE * valley.widths[place])
     covariance = np.zeros((len(unit), len(unit)))
@@ -145,24 +145,20 @@ class _Valley:
         Less than slopes are good to is nothing: rounding, which each processor does otherwise, decides no order. There
         the value goes first whose bounds let the residuals change least; those that are left give way the farthest.
         """
-        directions = {k: self._against(k, [j for j in kept if j != k]) for k in kept}
+        directions = {k: self.against(k, kept) for k in kept}
         left = {k: self._left(direction) for k, direction in directions.items()}
         doubtful = [k for k in kept if left[k] < _DOUBTFUL]
         blind = [k for k in kept if self._is_blind(k, directions[k])]
-        blind = blind or [k for k in doubtful if self._costs_less(k, left[k], [j for j in doubtful if j != k])]
+        blind = blind or [k for k in doubtful if self._costs_less(k, left[k], doubtful)]
         return min(blind, key=lambda k: (max(left[k], _SLOPES_GOOD_TO), self.widths[k]), default=None)
-
-    def all_along(self, k: int, kept: Sequence[int]) -> Array:
-        """The way in which all others give way to a value."""
-        return self._against(k, [j for j in kept if j != k])
 
     def along(self, k: int, kept: Sequence[int]) -> Array:
         """The way in which the others give way to a value that is not told, with as few of them as will do."""
         others = [j for j in kept if j != k]
-        direction = self._against(k, others)
+        direction = self.against(k, others)
         blind = self._is_blind(k, direction)
         for j in sorted(others, key=lambda j: (round(abs(float(direction[j])) / _SLOPES_GOOD_TO), self.widths[j])):
-            fewer = self._against(k, [i for i in others if i != j])
+            fewer = self.against(k, [i for i in others if i != j])
             if self._is_blind(k, fewer) if blind else self._left(fewer) < _DOUBTFUL:
                 others.remove(j)
                 direction = fewer
@@ -174,8 +170,9 @@ class _Valley:
         reach = float(np.min(self.widths[parts > 0.0] / parts[parts > 0.0]))
         return _ANYWHERE * reach if math.isfinite(reach) else 1e150
 
-    def _against(self, k: int, others: Sequence[int]) -> Array:
-        """A step of one value and those of others that undo it best, shape (k,)."""
+    def against(self, k: int, kept: Sequence[int]) -> Array:
+        """A step of one value and those of the others that undo it best, shape (k,)."""
+        others = [j for j in kept if j != k]
         direction = np.zeros(len(self.alike))
         direction[k] = 1.0
         if others:
@@ -198,5 +195,5 @@ class _Valley:
         """Whether a move of two standard deviations, others giving way, costs far less than the slopes promise."""
         if self.rise is None or left == 0.0:
             return False
-        move = 2.0 * self.std / left * self._against(k, others)
+        move = 2.0 * self.std / left * self.against(k, others)
         return min(self.rise(move), self.rise(-move)) < _FAR_LESS * 4.0 * self.std**2
