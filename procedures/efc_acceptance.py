@@ -27,7 +27,6 @@ from hil.identification.papers.efc_condition import (
     condition,
     evaluated_test,
     good_ranges,
-    good_reference,
     reference_steps,
 )
 from hil.identification.steady.pressure_curve import PressureCurve, pressure_curve
@@ -285,7 +284,8 @@ def judged_condition(
         normally_open: the type, which the population is of as well.
     """
     found = condition(test, frequencies_hz, normally_open)
-    good = good_reference(frequencies_hz, normally_open)
+    good = good_ranges(frequencies_hz, normally_open).by_feature
+    good_s, good_hz = good["rise"], good["bandwidth"]
     shares: list[float | None] = [round(100.0 * share, 1) for share in found.probabilities.values()]
     away = tuple(
         Note("{of} {distance:.1f}", of=Note(name), distance=distance) for name, distance in found.distances.items()
@@ -307,16 +307,16 @@ def judged_condition(
         "This valve: rise to 1.6 A {own_rise_ms:.0f} ms, −3 dB at the medium level {own_hz:.2f} Hz. Good valves: "
         "{rise_ms:.0f} ms and {bandwidth_hz:.2f} Hz; one in forty is above {longest_ms:.0f} ms or below "
         "{least_hz:.2f} Hz.",
-        rise_ms=1e3 * good.rise_s, longest_ms=1e3 * good.longest_rise_s, bandwidth_hz=good.bandwidth_hz,
-        least_hz=good.least_bandwidth_hz, own_rise_ms=1e3 * test.rise_s, own_hz=test.bandwidth_hz,
+        rise_ms=1e3 * good_s.middle, longest_ms=1e3 * good_s.high, bandwidth_hz=good_hz.middle,
+        least_hz=good_hz.low, own_rise_ms=1e3 * test.rise_s, own_hz=test.bandwidth_hz,
     ))  # fmt: skip
-    rise, bandwidth = test.rise_s / good.rise_s, test.bandwidth_hz / good.bandwidth_hz
-    longest, least = good.longest_rise_s / good.rise_s, good.least_bandwidth_hz / good.bandwidth_hz
+    rise, bandwidth = test.rise_s / good_s.middle, test.bandwidth_hz / good_hz.middle
+    longest, least = good_s.high / good_s.middle, good_hz.low / good_hz.middle
     return [
         *(m.of(share, 0.0) for m, share in zip(_CONDITION[:3], shares, strict=True)),
         USUAL.of(round(100.0 * found.usual["good"], 2), 0.0),
-        replace(RISE_RATIO, high=round(longest, 3)).of(rise, test.rise_std_s / good.rise_s),
-        replace(BANDWIDTH_RATIO, low=round(least, 3)).of(bandwidth, test.bandwidth_std_hz / good.bandwidth_hz),
+        replace(RISE_RATIO, high=round(longest, 3)).of(rise, test.rise_std_s / good_s.middle),
+        replace(BANDWIDTH_RATIO, low=round(least, 3)).of(bandwidth, test.bandwidth_std_hz / good_hz.middle),
     ], notes
 
 

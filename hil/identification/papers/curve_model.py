@@ -39,9 +39,7 @@ def curve_model(
     Raises:
         InputError: fewer than two levels, levels that do not rise, or dynamics that the plant does not have.
     """
-    if len(command) < 2 or np.any(np.diff(command) <= 0.0):
-        raise InputError("flow curve: at least two levels of the command are needed, each above the one before")
-    values = PLANT.typical | _dynamics(linear) | _nodes(command, flow)
+    values = PLANT.typical | _nodes(command, flow) | _dynamics(linear)
     units = PLANT.units(input_heading, output_heading)
     return Model(
         PLANT.name, {name: Value(value, units[name]) for name, value in values.items()},
@@ -66,8 +64,6 @@ def with_measured_curve(command: Array, flow: Array, model: Model, input_unit: s
     if name not in MEASURED.values():
         known = ", ".join(MEASURED)
         raise InputError(f"{model.plant}: no measured curve can stand in it; a transfer function, or one of {known}")
-    if len(command) < 2 or np.any(np.diff(command) <= 0.0):
-        raise InputError("flow curve: at least two levels of the command are needed, each above the one before")
     definition = plant(name)
     levels = convert(command, input_unit, definition.inputs[0].unit)
     found = _nodes(levels, convert(flow, output_unit, definition.output.unit))
@@ -81,6 +77,8 @@ def with_measured_curve(command: Array, flow: Array, model: Model, input_unit: s
 
 
 def _nodes(command: Array, flow: Array) -> dict[str, float]:
+    if len(command) < 2 or np.any(np.diff(command) <= 0.0):
+        raise InputError("flow curve: at least two levels of the command are needed, each above the one before")
     at = table_nodes(command, flow)
     levels = at[np.minimum(np.arange(NODES), len(at) - 1)]
     named: dict[str, float] = {}

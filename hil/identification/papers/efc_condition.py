@@ -130,16 +130,6 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True)
-class GoodReference:
-    """What is usual among good valves: medians, and limits that one in forty of them lies beyond."""
-
-    rise_s: float
-    longest_rise_s: float
-    bandwidth_hz: float
-    least_bandwidth_hz: float
-
-
-@dataclass(frozen=True, slots=True)
 class GoodRange:
     """Of one feature: the median of good valves, and the ends that a share `BEYOND` of them lies beyond; A, s, ml/min,
     Hz.
@@ -190,13 +180,6 @@ def condition(
         by_class(model.probabilities(features)), by_class(model.usual(features)),
         by_class(np.sqrt(model.distances(features))), bool(model.is_unlike(features)[0]),
     )  # fmt: skip
-
-
-def good_reference(frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, normally_open: bool = False) -> GoodReference:
-    """Rise and −3 dB of good valves."""
-    good = good_ranges(frequencies_hz, normally_open)
-    rise, bandwidth = good.by_feature["rise"], good.by_feature["bandwidth"]
-    return GoodReference(rise.middle, rise.high, bandwidth.middle, bandwidth.low)
 
 
 def good_ranges(frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, normally_open: bool = False) -> GoodRanges:

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, draws_of
@@ -83,7 +84,7 @@ class Points:
     count: Array
     side: Array
     sweep: Array
-    both: Array
+    both: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,19 +188,13 @@ def _points(name: str, sweeps: Sequence[Sweep], low: float, high: float, drops_s
             full = count >= max(2.0, 0.5 * float(np.median(count[count > 0]))) if count.any() else count > 0
             sums = [np.bincount(bins, values[kept], BINS)[full] for values in (sweep.current, sweep.pressure)]
             place = np.flatnonzero(full)
-            found.append((sums[0] / count[full], sums[1] / count[full], count[full], side, number, place))
-    up, down = (set(np.concatenate([p for *_, s, _, p in found if s == side]).tolist()) for side in (1.0, -1.0))
-    shared = up & down
+            alike = np.full(len(place), side), np.full(len(place), number)
+            found.append((sums[0] / count[full], sums[1] / count[full], count[full], *alike, place))
+    command, response, counts, sides, numbers, places = (np.concatenate(each) for each in zip(*found, strict=True))
+    shared = np.intersect1d(places[sides > 0.0], places[sides < 0.0])
     if len(shared) < _LEAST_SHARE * BINS:
         raise InputError(f"{name}: the command does not sweep both up and down over one range")
-    return Points(
-        np.concatenate([one[0] for one in found]),
-        np.concatenate([one[1] for one in found]),
-        np.concatenate([one[2] for one in found]).astype(np.float64),
-        np.concatenate([np.full(len(one[0]), one[3]) for one in found]),
-        np.concatenate([np.full(len(one[0]), one[4]) for one in found]),
-        np.concatenate([np.isin(one[5], list(shared)) for one in found]),
-    )  # fmt: skip
+    return Points(command, response, counts.astype(np.float64), sides, numbers, np.isin(places, shared))
 
 
 def _split(half: Array, speeds: Array) -> tuple[float, float]:

@@ -150,7 +150,7 @@ def _share_of_means(colour: tuple[float, ...], lengths: Sequence[int]) -> float:
 
 def _correlation_of(colour: tuple[float, ...]) -> Array:
     """Autocorrelation at lags from 0 on, shape (_TAIL,)."""
-    response = filtered((1.0,), (1.0, *colour), np.r_[1.0, np.zeros(_TAIL - 1)])
+    response = _impulse_response(colour)
     power = np.abs(np.fft.rfft(response, 2 * _TAIL)) ** 2
     found = np.fft.irfft(power)[:_TAIL]
     made: Array = found / found[0]
@@ -229,14 +229,13 @@ def whiten(residuals: Array, noise: Noise, interval_s: float) -> Array:
     if not noise.colour or not same_rate:
         return residuals / noise.std
     innovations: Array = np.apply_along_axis(lambda r: np.convolve((1.0, *noise.colour), r)[: len(r)], 0, residuals)
-    white: Array = innovations / (noise.std * np.sqrt(_innovation_share(noise.colour)))
-    return white
+    response = _impulse_response(noise.colour)  # its power is the noise's over that of its white source
+    return innovations / (noise.std * math.sqrt(1.0 / float(response @ response)))
 
 
-def _innovation_share(colour: tuple[float, ...]) -> float:
-    """Variance of the white source over that of the coloured noise."""
-    response = filtered((1.0,), (1.0, *colour), np.r_[1.0, np.zeros(_TAIL - 1)])
-    return 1.0 / float(response @ response)
+def _impulse_response(colour: tuple[float, ...]) -> Array:
+    """What one white sample makes, shape (_TAIL,)."""
+    return filtered((1.0,), (1.0, *colour), np.r_[1.0, np.zeros(_TAIL - 1)])
 
 
 def _autocorrelation(residuals: Sequence[Array], lags: int) -> Array:

@@ -92,12 +92,17 @@ def wrong_unit(model: Model, e: Experiment, simulated: Array) -> Suspicion | Non
 
 
 def _fits_in_another_unit(model: Model, e: Experiment, before: float) -> Suspicion | None:
+    headings = [e.input, *(signal.heading for signal in model.definition.inputs[1:]), e.output_heading]
     tried = [
-        _in_another_unit(model, e, channel, k)
-        for channel in range(len(e.drive.inputs) + 1)
-        if split_heading(_heading(model, e, channel))[0] not in e.stated_units
-        for k in unit_factors(_unit_of(model, e, channel))
+        _InAnotherUnit(heading, factor, fit_but_for_gain(model, _in_another_unit(e, channel, factor)))
+        for channel, heading in enumerate(headings)
+        if split_heading(heading)[0] not in e.stated_units
+        for factor in unit_factors(split_heading(heading)[1])
     ]
+
+    def how(one: _InAnotherUnit) -> Note:
+        return Note("divided") if one.channel == e.output_heading else Note("multiplied")
+
     if not tried:
         return None
     best = max(tried, key=lambda found: np.nan_to_num(found.fit, nan=-np.inf))
@@ -106,11 +111,11 @@ def _fits_in_another_unit(model: Model, e: Experiment, before: float) -> Suspici
     first, *others = [found for found in tried if found.factor == best.factor and found.fit >= best.fit - _SAME_FIT]
     found = Note(
         "channel '{channel}' fits {model} only when {how} by {factor:.4g}; it looks like a wrong unit. {if_right}",
-        channel=first.channel, model=spoken_of(model), how=first.how, factor=first.factor,
+        channel=first.channel, model=spoken_of(model), how=how(first), factor=first.factor,
         if_right=_if_right(first.channel),
     )  # fmt: skip
     if others:
-        also = tuple(Note("'{channel}' {how}", channel=other.channel, how=other.how) for other in others)
+        also = tuple(Note("'{channel}' {how}", channel=other.channel, how=how(other)) for other in others)
         found = Note("{found}. It fits as well with {also}", found=found, also=also)
     return Suspicion(e.name, found.of(e.name), first.fit)
 
@@ -121,34 +126,24 @@ def _if_right(heading: str) -> Note:
     return Note("If it is right, --unit '{name}={unit}' says so", name=name, unit=unit)
 
 
-def _heading(model: Model, e: Experiment, channel: int) -> str:
-    """Of an input, in their order; of the output after them."""
-    if channel == len(e.drive.inputs):
-        return e.output_heading
-    return model.definition.inputs[channel].heading if channel else e.input
-
-
 @dataclass(frozen=True, slots=True)
 class _InAnotherUnit:
     """The fit of the model with an input multiplied by a factor, or with the output divided by it."""
 
     channel: str
-    how: Note
     factor: float
     fit: float
 
 
-def _in_another_unit(model: Model, e: Experiment, channel: int, factor: float) -> _InAnotherUnit:
+def _in_another_unit(e: Experiment, channel: int, factor: float) -> Experiment:
     """`channel`: of the inputs, in their order; the output after them."""
     if channel < len(e.drive.inputs):
         inputs = e.drive.inputs.copy()
         inputs[channel] *= factor
-        read = replace(e, drive=replace(e.drive, inputs=inputs))
-        return _InAnotherUnit(_heading(model, e, channel), Note("multiplied"), factor, fit_but_for_gain(model, read))
+        return replace(e, drive=replace(e.drive, inputs=inputs))
     # a loop that starts at its first reading starts somewhere else
     begins = replace(e.drive, first_output=e.drive.first_output / factor)
-    read = replace(e, drive=begins, output=e.output / factor)
-    return _InAnotherUnit(e.output_heading, Note("divided"), factor, fit_but_for_gain(model, read))
+    return replace(e, drive=begins, output=e.output / factor)
 
 
 def _enough(model: Model, before: float, factor: float) -> float:
@@ -162,13 +157,6 @@ def _enough(model: Model, before: float, factor: float) -> float:
     if factor > _TOO_LARGE:
         return halved
     return GOOD_FIT if before < POOR_FIT else 100.0 - _MUCH_LESS * (100.0 - before)
-
-
-def _unit_of(model: Model, e: Experiment, channel: int) -> str:
-    """The unit of an input, in their order; of the output after them."""
-    if channel == len(e.drive.inputs):
-        return split_heading(e.output_heading)[1]
-    return model.definition.inputs[channel].unit if channel else split_heading(e.input)[1]
 
 
 def _unit_factor(heading: str, slope: float, tolerance: float) -> float | None:
