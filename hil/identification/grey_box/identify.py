@@ -64,6 +64,15 @@ Progress = Callable[[float, str], None]
 Tick = Callable[[], None]
 
 
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """Recordings that are fitted together, one over the noise of each, and who is told of every simulation."""
+
+    experiments: Sequence[Experiment]
+    weights: Sequence[float]
+    tick: Tick
+
+
 def _quiet(_done: float, _text: str) -> None:
     """Progress that nobody asked for."""
 
@@ -211,18 +220,18 @@ def _fitted(
     remarks = (*remarks, *averaged)
     names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
     names += [name for name in dict.fromkeys(also_free) if "." in name]
-    found, used = _best_reading(model, names, experiments, weights, tick)
-    near = model
+    found, task = _best_reading(model, names, _Task(experiments, weights, tick))
+    near, used = model, task.experiments
     if any(e.ripples is not None for e in used):  # what the phase of a dither does is only known about the fit itself
         near = moved(model, _merged(model, found))
-        found = _fit_from(near, used, weights, _unknowns(model, names, _merged(model, found)), tick)
+        found = _fit_from(near, task, _unknowns(model, names, _merged(model, found)))
     found = replace(found, fixed_at_bound=_driven_out(found))
     at = _merged(model, found)
     about = Residuals(plant, used, weights, near.values, moved_effects(model, at))
     beside = systematic(about, found, {p.name: at[p.name] for p in plant.parameters})
 
     def fit_at(values: Mapping[str, float], names: Sequence[str]) -> Estimate:
-        return _fit_from(moved(model, values), used, weights, _unknowns(model, names, dict(values)), tick)
+        return _fit_from(moved(model, values), task, _unknowns(model, names, dict(values)))
 
     other, remarks_of_others = alternative_optima(found, at, fit_at)
     beside = replace(beside, model=beside.model + other, notes=(*beside.notes, *remarks_of_others))
@@ -306,27 +315,21 @@ def _resolution(values: Array) -> float:
     return 1e-4 * float(np.ptp(values)) or 1.0
 
 
-def _best_reading(
-    model: Model,
-    names: Sequence[str],
-    experiments: Sequence[Experiment],
-    weights: Sequence[float],
-    tick: Tick,
-) -> tuple[Estimate, list[Experiment]]:
+def _best_reading(model: Model, names: Sequence[str], task: _Task) -> tuple[Estimate, _Task]:
     """Fit with both conventions of when a sample is read, unless the recordings declare it; keep the better."""
-    best: tuple[Estimate, list[Experiment]] | None = None
-    declared = {e.drive.read_at for e in experiments if e.reading_known}
+    best: tuple[Estimate, _Task] | None = None
+    declared = {e.drive.read_at for e in task.experiments if e.reading_known}
     for read_at in sorted(declared) or (0.0, 1.0):
-        moved = [e.reading_at(read_at) for e in experiments]
+        read = replace(task, experiments=[e.reading_at(read_at) for e in task.experiments])
         start = _unknowns(model, names, all_values(model) if best is None else _merged(model, best[0]))
-        found = _fit_from(model, moved, weights, start, tick)
+        found = _fit_from(model, read, start)
         if best is None:
-            found = _restarted(model, moved, weights, found, tick)
+            found = _restarted(model, read, found)
         # Where a dead time can stand in for it, the data do not tell the reading instant: keep the plain one. Nor does
         # what a model of another structure leaves: there a difference counts in units of that.
         excess = 1.0 if best is None else max(1.0, best[0].chi2 / len(best[0].residuals))
         if best is None or found.chi2 < best[0].chi2 - _TELLING_CHI2 * excess:
-            best = found, moved
+            best = found, read
     assert best is not None  # noqa: S101
     return best
 
@@ -335,35 +338,27 @@ def _merged(model: Model, found: Estimate) -> dict[str, float]:
     return all_values(model) | found.named
 
 
-def _restarted(
-    model: Model, experiments: Sequence[Experiment], weights: Sequence[float], first: Estimate, tick: Tick
-) -> Estimate:
+def _restarted(model: Model, task: _Task, first: Estimate) -> Estimate:
     """Try other starts while the fit stays far above the noise; a poor start must not pass for physics."""
     best = first
     for factor in _RESTARTS:
         if best.chi2 < _WELL_ABOVE_FLOOR * len(best.residuals):
             break
         moved = [
-            Unknown(u.name, u.unit, float(np.clip(u.start * factor, u.low, u.high)), u.low, u.high, u.scale)
-            if u.unit in ("s", "rad/s")
-            else u
+            replace(u, start=float(np.clip(u.start * factor, u.low, u.high))) if u.unit in ("s", "rad/s") else u
             for u in first.unknowns
         ]
-        other = _fit_from(model, experiments, weights, moved, tick)
-        best = min(best, other, key=lambda found: found.chi2)
-    if _explains(best, experiments, weights) > _LITTLE:
+        best = min(best, _fit_from(model, task, moved), key=lambda found: found.chi2)
+    if _explains(best, task) > _LITTLE:
         return best
-    others = [
-        _fit_from(model, experiments, weights, start, tick)
-        for start in multistart(_residuals(model, experiments, weights, first.unknowns, tick), first.unknowns)
-    ]
-    return min([best, *others], key=lambda found: found.chi2)
+    starts = multistart(_residuals(model, task, first.unknowns), first.unknowns)
+    return min([best, *(_fit_from(model, task, start) for start in starts)], key=lambda found: found.chi2)
 
 
-def _explains(found: Estimate, experiments: Sequence[Experiment], weights: Sequence[float]) -> float:
+def _explains(found: Estimate, task: _Task) -> float:
     """The share of the outputs' variance that a fit explains."""
     swings = (w**2 * float(np.sum((e.valid_output - e.valid_output.mean()) ** 2)) for e, w in
-              zip(experiments, weights, strict=True))  # fmt: skip
+              zip(task.experiments, task.weights, strict=True))  # fmt: skip
     return 1.0 - found.chi2 / max(sum(swings), 1e-300)
 
 
@@ -381,22 +376,18 @@ def unknown(parameter: Parameter, start: float) -> Unknown:
     return Unknown(parameter.name, parameter.unit, start, parameter.low, parameter.high, scale)
 
 
-def _fit_from(
-    model: Model, experiments: Sequence[Experiment], weights: Sequence[float], start: Sequence[Unknown], tick: Tick
-) -> Estimate:
-    return estimate(_residuals(model, experiments, weights, start, tick), start, careful=True)
+def _fit_from(model: Model, task: _Task, start: Sequence[Unknown]) -> Estimate:
+    return estimate(_residuals(model, task, start), start, careful=True)
 
 
-def _residuals(
-    model: Model, experiments: Sequence[Experiment], weights: Sequence[float], unknowns: Sequence[Unknown], tick: Tick
-) -> Callable[[Array], Array]:
+def _residuals(model: Model, task: _Task, unknowns: Sequence[Unknown]) -> Callable[[Array], Array]:
     """Weighted residuals over the values of the unknowns."""
     names = [u.name for u in unknowns]
     base, active = model.values, model.active_effects
-    of_plant = Residuals(model.definition, experiments, weights, base, active)
+    of_plant = Residuals(model.definition, task.experiments, task.weights, base, active)
 
     def residuals(values: Array) -> Array:
-        tick()
+        task.tick()
         tried = dict(zip(names, values.tolist(), strict=True))
         parameters = base | {name: value for name, value in tried.items() if "." not in name}
         return of_plant.at(parameters, moved_effects(model, tried))
@@ -439,9 +430,7 @@ def _covariance(found: Estimate) -> Covariance:
 
     It is that of repeats: what the model lacks is lacking in them too, and cancels where units are compared.
     """
-    return Covariance(
-        tuple(u.name for u in found.unknowns), tuple(tuple(row) for row in found.identifiability.whole.tolist())
-    )
+    return Covariance(tuple(found.named), tuple(map(tuple, found.identifiability.whole.tolist())))
 
 
 def _unidentifiable(found: Estimate) -> list[Note]:
@@ -500,7 +489,7 @@ def _result(
     model: Model, plant: Plant, found: Estimate, experiments: Sequence[Experiment], remarks: tuple[Note, ...],
     beside: Systematic,
 ) -> GreyBoxFit:  # fmt: skip
-    names = [u.name for u in found.unknowns]
+    names = list(found.named)
     stds = dict(zip(names, np.sqrt(found.std**2 + np.diag(beside.model)).tolist(), strict=True))
     by_calibration = {} if beside.calibration is None else dict(zip(names, beside.calibration.tolist(), strict=True))
     values = _merged(model, found)

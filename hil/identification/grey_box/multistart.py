@@ -32,7 +32,8 @@ def multistart(residuals: Callable[[Array], Array], unknowns: Sequence[Unknown])
         return float(r @ r)
 
     found = sorted((c, k) for k, c in enumerate(spread(chi2, tried)) if math.isfinite(c))
-    return [_starting(unknowns, tried[k]) for _, k in found[:_FITTED]]
+    starts = [tried[k].tolist() for _, k in found[:_FITTED]]
+    return [[replace(u, start=v) for u, v in zip(unknowns, values, strict=True)] for values in starts]
 
 
 def far_places(unknowns: Sequence[Unknown], count: int) -> list[Array]:
@@ -51,7 +52,3 @@ def _at(u: Unknown, share: float) -> float:
         return float(low * (high / low) ** share)
     low, high = max(u.low, u.start - _FAR * u.scale), min(u.high, u.start + _FAR * u.scale)
     return float(low + (high - low) * share)
-
-
-def _starting(unknowns: Sequence[Unknown], values: Array) -> list[Unknown]:
-    return [replace(u, start=float(v)) for u, v in zip(unknowns, values, strict=True)]

@@ -49,14 +49,14 @@ def systematic(residuals: Residuals, found: Estimate, parameters: Mapping[str, f
     covariance = np.outer(finer, finer)
     notes: tuple[Note, ...] = ()
     if _is_coloured(found.residuals):
-        lacking, share, stage = _lacking(residuals, found, parameters, base)
+        lacking, stage = _lacking(residuals, found, parameters, base)
         covariance = covariance + lacking
         cause = Note(
             "the model lacks something, most likely at its {stage}: the residuals are no noise. Intervals are widened "
             "by what that may have moved; hil diagnose looks for it",
             stage=Note(stage),
         )
-        notes = (cause,) if share > 0.0 else ()
+        notes = (cause,) if stage else ()
     return Systematic(covariance, _calibrations(residuals, found, parameters, base), notes)
 
 
@@ -83,10 +83,8 @@ def _is_coloured(values: Array) -> bool:
     return colour_factor(values, _BLOCK) > 1.0 + _BEYOND_CHANCE / math.sqrt(blocks)
 
 
-def _lacking(
-    residuals: Residuals, found: Estimate, parameters: Mapping[str, float], base: Array
-) -> tuple[Array, float, str]:
-    """Covariance of what physics at the hooks may have moved, its share of the residuals, and the stage where most is.
+def _lacking(residuals: Residuals, found: Estimate, parameters: Mapping[str, float], base: Array) -> tuple[Array, str]:
+    """Covariance of what physics at the hooks may have moved, and the stage where most is; empty where nothing is.
 
     Each kind of addition at each hook has a size of its own, drawn about zero; how large they are on the whole is what
     makes the residuals most probable (empirical Bayes).
@@ -102,19 +100,20 @@ def _lacking(
     sizes = np.array([float(np.linalg.norm(column)) for column in columns])
     seen = np.isfinite(sizes) & (sizes > 0.0)
     slopes = np.array([columns[k] / sizes[k] for k in np.flatnonzero(seen)]).T
+    nothing = np.zeros((len(found.values),) * 2), ""
     if not slopes.size:
-        return np.zeros((len(found.values),) * 2), 0.0, ""
+        return nothing
     moves = np.array([found.moved_by(column) for column in slopes.T]).T
     apart = slopes + found.jacobian @ moves  # what is left of each once the estimate has given way to it
     alike, along = apart.T @ apart, apart.T @ found.residuals
     share, variance, mean, spread_of = _most_probable(alike, along, found.residuals)
     if share == 0.0:
-        return np.zeros((len(found.values),) * 2), 0.0, ""
+        return nothing
     off = moves @ mean
     at = [kinds[k][0] for k in np.flatnonzero(seen)]
     stage = max(set(at), key=lambda hook: float(np.sum(mean[[h == hook for h in at]] ** 2)))
     stages = {hook.name: hook.stage for hook in residuals.plant.hooks}
-    return moves @ spread_of @ moves.T * variance + np.outer(off, off), share, stages[stage]
+    return moves @ spread_of @ moves.T * variance + np.outer(off, off), stages[stage]
 
 
 def _most_probable(alike: Array, along: Array, left: Array) -> tuple[float, float, Array, Array]:
@@ -142,13 +141,10 @@ def _kinds(residuals: Residuals, passing: list[Array]) -> Iterator[tuple[str, li
             continue
         size = _SMALL * hook.full_scale
         shares = [v / largest for v in values]
-        moves = [np.sign(np.gradient(s)) for s in shares]
-        yield hook.name, [size * m for m in moves]
-        yield hook.name, [size * np.sign(s) for s in shares]
-        yield hook.name, [size * np.ones_like(s) for s in shares]
-        yield hook.name, [size * np.abs(s) for s in shares]
-        yield hook.name, [size * s * np.abs(s) for s in shares]
         rates = [np.gradient(s) for s in shares]
+        yield hook.name, [size * np.sign(r) for r in rates]
+        for kind in (np.sign, np.ones_like, np.abs, lambda s: s * np.abs(s)):
+            yield hook.name, [size * kind(s) for s in shares]
         fastest = max(float(np.abs(r).max()) for r in rates)
         if fastest > 0.0:
             yield hook.name, [size * r / fastest for r in rates]

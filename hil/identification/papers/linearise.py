@@ -27,7 +27,7 @@ _INTERVAL_S = 1e-3
 _LINES = 40
 _LEAST_PERIODS, _LEAST_SAMPLES = 1.0, 25  # within the window, and in a period
 _STANDS = 0.02  # of the whole change, within which an answer has settled
-_STEP = 1e-4  # of an argument, for slopes
+_STEP = 1e-2  # of an argument in % or bar, for slopes
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,9 +138,8 @@ def _gains(model: Model, at: float, load_bar: float) -> dict[str, tuple[float, s
     observed = [signal.name for signal in model.definition.observed]
     spool = _answer(model, at, 0.0, _INTERVAL_S, 2.0, 1 + observed.index("spool position"))[-1]
     unit = split_heading(model.output)[1] if model.plant == "brevini-hpv41" else "l/min"
-    by_spool, by_load = _STEP * 100.0, _STEP * 100.0
-    slope = (law(model.values, spool + by_spool, load_bar) - law(model.values, spool - by_spool, load_bar)) / 2e-2
-    softness = (law(model.values, spool, load_bar - by_load) - law(model.values, spool, load_bar + by_load)) / 2e-2
+    slope = (law(model.values, spool + _STEP, load_bar) - law(model.values, spool - _STEP, load_bar)) / (2.0 * _STEP)
+    softness = (law(model.values, spool, load_bar - _STEP) - law(model.values, spool, load_bar + _STEP)) / (2.0 * _STEP)
     return {"K_q": (float(slope), f"({unit})/%"), "K_c": (float(softness), f"({unit})/bar")}
 
 

@@ -164,10 +164,7 @@ class Experiment:
         0 where they are lost.
         """
         return [
-            _but_for(
-                self.silent.get(signal.name),
-                _but_for(self.lost, (row - self.observed[signal.name]) / noise[signal.name]),
-            )
+            np.where(self.inner_tells(signal.name), (row - self.observed[signal.name]) / noise[signal.name], 0.0)
             for signal, row in zip(plant.observed, rows[1:], strict=True)
             if signal.name in noise
         ]
@@ -194,7 +191,7 @@ class Experiment:
 
     def telling(self, errors: Array) -> Array:
         """Errors of the output, 0 where it says nothing, shape (n,)."""
-        return _but_for(self.ignored, errors)
+        return np.where(self.valid, errors, 0.0)
 
     def inner_tells(self, name: str) -> NDArray[np.bool_]:
         """Which samples of an inner signal say something, shape (n,)."""
@@ -206,12 +203,8 @@ class Experiment:
 
         For filters with a memory: what was recorded there is no measurement, and would be felt after it.
         """
-        if self.ignored is None or self.ignored.all():
-            return errors
-        silent, telling = np.flatnonzero(self.ignored), np.flatnonzero(~self.ignored)
-        crossed = errors.copy()
-        crossed[silent] = np.interp(silent, telling, errors[telling])
-        return crossed
+        telling = np.flatnonzero(self.valid)
+        return np.interp(np.arange(len(errors)), telling, errors[telling]) if telling.size else errors
 
     @property
     def duration_s(self) -> float:
@@ -237,7 +230,7 @@ class Experiment:
     @property
     def to_follow(self) -> Array:
         """The recorded output on the grid, NaN where it says nothing."""
-        recorded = self.output if self.ignored is None else np.where(self.ignored, np.nan, self.output)
+        recorded = np.where(self.valid, self.output, np.nan)
         return recorded if self.grid_s is None else np.interp(self.grid_s, self.time_s, recorded)
 
     def at_stamps(self, rows: Array) -> Array:
@@ -266,10 +259,6 @@ class Experiment:
     def reading_at(self, read_at: float) -> Experiment:
         """The same with another reading instant, unless the instants are known one by one."""
         return self if self.read_s is not None else replace(self, drive=replace(self.drive, read_at=read_at))
-
-
-def _but_for(samples: NDArray[np.bool_] | None, errors: Array) -> Array:
-    return errors if samples is None else np.where(samples, 0.0, errors)
 
 
 def _either(known: NDArray[np.bool_] | None, more: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -360,9 +349,9 @@ def _gain_stds(recording: Recording, command: str, output: str, plant: Plant) ->
     named = {"": command, "output": output, **{signal.name: signal.name for signal in plant.observed}}
     found = {}
     for role, name in named.items():
-        channel = recording.channels.get(name)
-        stated = channel.calibration.get("uncertainty") if channel is not None else None
-        largest = float(np.nanmax(np.abs(channel.values), initial=0.0)) if channel is not None else 0.0
+        if (channel := recording.channels.get(name)) is None:
+            continue
+        stated, largest = channel.calibration.get("uncertainty"), float(np.nanmax(np.abs(channel.values), initial=0.0))
         if stated and largest > 0.0:
             found[role] = float(stated) / 2.0 / largest
     return found

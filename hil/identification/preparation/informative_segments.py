@@ -67,7 +67,8 @@ def experiments_of(
     """
     total, most = sum(len(one) for one in recordings), MOST_SAMPLES
     if math.isfinite(computing_s) and total > _FEWEST_SAMPLES:
-        most = _affordable(computing_s)
+        affordable = computing_s * _SAMPLES_PER_S / _ANSWERS  # by the simulations that diagnoses take
+        most = int(np.clip(affordable, _FEWEST_SAMPLES, MOST_SAMPLES))
     if total <= most:
         return [bind(one) for one in recordings], ()
     made: list[Experiment] = []
@@ -78,11 +79,6 @@ def experiments_of(
         made += _bound(model, one, found, bind)
         notes.append(_sentence(one, found))
     return made, tuple(notes)
-
-
-def _affordable(computing_s: float) -> int:
-    """So many samples that a diagnosis of them stays within a budget, by the simulations that diagnoses take."""
-    return int(np.clip(computing_s * _SAMPLES_PER_S / _ANSWERS, _FEWEST_SAMPLES, MOST_SAMPLES))
 
 
 def _bound(

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from operator import attrgetter
+from dataclasses import astuple, dataclass, fields, replace
 
 import numpy as np
 
@@ -37,7 +36,6 @@ _PARABOLA = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0  # Savitzky, Golay: 
 _CLEAR = 2.0  # standard deviations from which the sharper reading tells more than noise
 _CROSSED = ("dead_time_s", "rise_s", "response_s")  # a level is passed once; bands are entered and left by noise
 _NAMES = tuple(field.name for field in fields(StepFigures))
-_values = attrgetter(*_NAMES)  # of step figures, as a tuple
 _MOVING = 2.0  # standard uncertainties of the final value by which the response still moves at its end
 
 
@@ -150,7 +148,7 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
         _read(step, one, first, last, band, its_foot)
         for one, its_foot, first, last in zip(again, feet, starts.tolist(), finals.tolist(), strict=True)
     ]
-    columns = np.array([_values(one) for one in read if one is not None], dtype=np.float64)
+    columns = np.array([astuple(one) for one in read if one is not None], dtype=np.float64)
     std = _spread(columns, figures, missing=len(read) - len(columns))
     std = _with_loose(std, figures, _read(step, foot, start, figures.final, band))
     figures = replace(figures, dead_time_s=_foot_time(step, foot, figures))
@@ -168,7 +166,8 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
         std = replace(std, dead_time_s=math.inf)
     changes = columns[:, 1] - columns[:, 0]
     change_std = about(changes, figures.final - figures.start)
-    stopped = rounded_again(_within(curve, start, figures.final) + noise, step.grid, shifts[0])
+    limit = np.minimum if figures.final > start else np.maximum
+    stopped = rounded_again(limit(curve, figures.final) + noise, step.grid, shifts[0])
     never = smoother.at(smoother.curves(stopped - start))
     moved = float(curve[-1] - curve[step.tail][0])
     return MeasuredStep(
@@ -177,11 +176,6 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
         moved if abs(moved) > _MOVING * std.final else 0.0,
         from_command, to_command, None if tone is None else tone.frequency_hz,
     )  # fmt: skip
-
-
-def _within(curve: Array, start: float, final: float) -> Array:
-    """A response that stops at its final value."""
-    return np.minimum(curve, final) if final > start else np.maximum(curve, final)
 
 
 def _overshoot(changed: Array, tail: slice) -> float:
@@ -233,14 +227,14 @@ def _with_hidden(
     """
     with np.errstate(invalid="ignore"):  # a time that is past the record in both
         apart = np.array([
-            np.full(len(_values(figures)), math.nan) if a is None or b is None else np.subtract(_values(b), _values(a))
+            np.full(len(astuple(figures)), math.nan) if a is None or b is None else np.subtract(astuple(b), astuple(a))
             for a, b in zip(smooth, sharp, strict=True)
         ])  # fmt: skip
     known = np.isfinite(apart[1:]).all(axis=0) & np.isfinite(apart[0])
     hidden = np.zeros(apart.shape[1])
     beyond = np.abs(apart[0, known] - apart[1:, known].mean(axis=0))
     hidden[known] = np.where(beyond > _CLEAR * apart[1:, known].std(axis=0), beyond, 0.0)
-    return StepFigures(*np.hypot(_values(std), hidden).tolist())
+    return StepFigures(*np.hypot(astuple(std), hidden).tolist())
 
 
 def _sharper(
@@ -249,7 +243,7 @@ def _sharper(
     """Times by the sharper reading where noise leaves it sure to within what sampling hides."""
     if sharp[0] is None or None in sharp:
         return figures, std
-    resampled = np.array([_values(one) for one in sharp[1:] if one is not None])
+    resampled = np.array([astuple(one) for one in sharp[1:] if one is not None])
     for i, name in enumerate(_NAMES):
         value = getattr(figures, name)
         found = about(resampled[:, i], value) if name.endswith("_s") and math.isfinite(value) else math.inf
@@ -262,7 +256,7 @@ def _sharper(
 def _spread(columns: Array, figures: StepFigures, missing: int) -> StepFigures:
     if missing or len(columns) < 2:
         return StepFigures(*[math.inf] * columns.shape[1])
-    return StepFigures(*(about(column, value) for column, value in zip(columns.T, _values(figures), strict=True)))
+    return StepFigures(*(about(column, value) for column, value in zip(columns.T, astuple(figures), strict=True)))
 
 
 def _without_tone(step: _Step) -> tuple[_Step, Tone | None]:
