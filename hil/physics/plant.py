@@ -13,6 +13,9 @@ from typing import Any
 
 from hil.record.recording import Array, split_heading
 
+Parameters = Mapping[str, float]
+"""Values of a plant's parameters, by name, in their units."""
+
 
 @dataclass(frozen=True, slots=True)
 class Parameter:

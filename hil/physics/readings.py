@@ -7,11 +7,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hil.record.recording import Array
-
-Complex = NDArray[np.complex128]
+from hil.record.recording import Array, Complex
 
 _REAL = 1e-9  # imaginary part over the size, up to which a root is a real one
 

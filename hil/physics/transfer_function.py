@@ -8,15 +8,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import InputError
-from hil.record.recording import Array
+from hil.record.recording import Array, Complex
 
 if TYPE_CHECKING:
     from hil.physics.model import Model
-
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)

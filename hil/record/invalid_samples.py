@@ -12,12 +12,11 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import FileError
 from hil.language.note import Note
 from hil.record.parts import as_events, parts_of
-from hil.record.recording import Array, Channel, Recording
+from hil.record.recording import Array, Channel, Mask, Recording
 
 INVALID_SAMPLES = "unmeasured"
 """Key of a recording's header: what was not measured, a sentence for each channel."""
@@ -32,13 +31,13 @@ def notes_of_reading(meta: Mapping[str, Any]) -> list[str]:
     return [*meta.get("assumed", ()), *meta.get(INVALID_SAMPLES, ()), *units]
 
 
-def invalid_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
+def invalid_samples(recording: Recording) -> dict[str, Mask]:
     """By channel, the samples that are no measurements; channels without such are left out."""
     found = {name: ~np.isfinite(channel.values) for name, channel in recording.channels.items()}
     return {name: lacking for name, lacking in found.items() if lacking.any()}
 
 
-def invalid_note(recording: Recording, name: str, lacking: NDArray[np.bool_]) -> Note:
+def invalid_note(recording: Recording, name: str, lacking: Mask) -> Note:
     """`'flow' was not measured in 120 of 3000 samples (at the end of its range or beyond), 3.2 … 4.4 s`."""
     values, time_s = recording.channels[name].values[lacking], recording.time_s[lacking]
     at_end = np.isinf(values).all()
@@ -71,7 +70,7 @@ def with_blanks(recording: Recording) -> Recording:
     return replace(recording, channels=channels, meta={**recording.meta, INVALID_SAMPLES: notes})
 
 
-def _blanked(values: Array, lacking: NDArray[np.bool_]) -> Array:
+def _blanked(values: Array, lacking: Mask) -> Array:
     return np.where(lacking, np.nan, values)
 
 
@@ -103,7 +102,7 @@ def measured_rows(recording: Recording, names: Iterable[str]) -> Recording:
     return replace(recording, time_s=time_s, channels=channels, meta=meta)
 
 
-def across(values: Array) -> tuple[Array, NDArray[np.bool_]]:
+def across(values: Array) -> tuple[Array, Mask]:
     """Numbers in place of samples that are no measurements, straight from one that is one to the next; and which."""
     lacking = ~np.isfinite(values)
     if not lacking.any():
@@ -127,7 +126,7 @@ def supposed(recording: Recording, where: Literal["near", "far"]) -> Recording:
     return replace(recording, channels=channels)
 
 
-def _supposed(channel: Channel, lacking: NDArray[np.bool_], low: float, high: float, where: str) -> Array:
+def _supposed(channel: Channel, lacking: Mask, low: float, high: float, where: str) -> Array:
     values, further = channel.values, high - low if where == "far" else 0.0
     number = np.flatnonzero(~lacking)
     gaps = np.full(len(values), high)

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import FileError
 from hil.record.columns import Column
-from hil.record.recording import Array
+from hil.record.recording import Array, Mask
 
 # What loggers and instruments write where nothing was measured (9.91e37 is SCPI's "not a number").
 STAND_INS = frozenset({999.0, 9999.0, 99999.0, 999999.0, 999.25, 9999.99, 9.9e37, 9.91e37, 1e30, 1e37, 1e38})
@@ -17,7 +16,6 @@ _BEYOND = 10.0  # times all other values
 _FEW = 4  # values; a channel with so few is a state, not a measurement
 _FEW_REPEATED = 0.1  # of the stamps
 
-Mask = NDArray[np.bool_]
 Place = Callable[[int], str]
 
 

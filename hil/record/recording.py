@@ -16,6 +16,8 @@ from hil.record.show import data_frame, dataset, figure_by_unit, table_html
 from hil.units import check_unit, convert
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Mask = NDArray[np.bool_]
 
 # A picture shows no more points of a channel.
 _MOST_POINTS = 20_000

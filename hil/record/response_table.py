@@ -12,17 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import FileError, StorageError, UnitError
 from hil.record import heading as headings
 from hil.record.columns import Column, Table
 from hil.record.durable import write_whole
-from hil.record.recording import Array
+from hil.record.recording import Array, Complex
 from hil.record.show import data_frame, dataset, table_html
 from hil.units import convert
-
-Complex = NDArray[np.complex128]
 
 _WORDS = {
     "frequency": {"frequency", "freq", "f", "frequenz", "fréquence", "frecuencia", "omega", "ω", "w", "hz", "f hz"},

@@ -6,14 +6,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.identification.frequency.bandwidth import Crossing, model_crossing
 from hil.identification.frequency.rational import evaluate
 from hil.identification.frequency.transfer_function import TransferFunctionFit
-from hil.record.recording import Array
-
-Complex = NDArray[np.complex128]
+from hil.record.recording import Array, Complex
 
 _DB = 20.0 / math.log(10.0)
 _SMALL = 1e-4  # of a standard deviation: step of the central difference of a step response

@@ -21,10 +21,9 @@ from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, draws_of
 from hil.language.note import Note
 from hil.language.words import marked
-from hil.record.recording import Array, Recording
+from hil.record.recording import Array, Complex, Recording
 from hil.signals.rounding import mean_rounding_std, rounding_step
 
-Complex = NDArray[np.complex128]
 Lines = NDArray[np.int64]
 Distortion = Literal["noise", "even nonlinearity", "odd nonlinearity"]
 _DISTORTIONS: tuple[Distortion, ...] = (marked("noise"), marked("even nonlinearity"), marked("odd nonlinearity"))

@@ -7,9 +7,7 @@ from numpy.typing import NDArray
 
 from hil.identification.frequency.rational import Form
 from hil.physics.transfer_function import TransferFunction, from_factors
-from hil.record.recording import Array
-
-Complex = NDArray[np.complex128]
+from hil.record.recording import Array, Complex
 
 
 def model_of(form: Form, parameters: Array) -> TransferFunction:

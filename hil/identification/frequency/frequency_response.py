@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.record.measurement import COVERAGE_FACTOR
-from hil.record.recording import Array
+from hil.record.recording import Array, Complex, Mask
 from hil.signals.sine_fit import SineFit
-
-Complex = NDArray[np.complex128]
 
 DISTORTION_FLAG = 0.05  # customary limit of THD above which a response counts as distorted (5…10 %)
 
@@ -164,7 +162,7 @@ class FrequencyResponse:
         """The response times a number."""
         return replace(self, response=factor * self.response, covariance=factor**2 * self.covariance)
 
-    def select(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> FrequencyResponse:
+    def select(self, keep: Mask | NDArray[np.int64]) -> FrequencyResponse:
         """Some of the frequencies."""
         return replace(self, **{name: getattr(self, name)[keep] for name in _BY_LINE})
 

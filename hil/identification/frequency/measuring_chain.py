@@ -10,11 +10,10 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.language.note import Note
-from hil.record.recording import Array
+from hil.record.recording import Array, Complex
 
 ALLOWED_SHARE = 0.01
 
@@ -37,12 +36,12 @@ class MeasuringChain:
     read_at_s: float = 0.0
     read_std_s: float = 0.0
 
-    def at(self, frequency_hz: Array) -> NDArray[np.complex128]:
+    def at(self, frequency_hz: Array) -> Complex:
         """Its complex gain: recorded response = response of the valve × this."""
         s = 2j * math.pi * np.asarray(frequency_hz, dtype=np.float64)
         late = np.exp(s * (self.skew_s + self.read_at_s - self.hold_s / 2.0))  # reading later looks like a lead
         held = np.sinc(np.asarray(frequency_hz) * self.hold_s)
-        made: NDArray[np.complex128] = late * held / (1.0 + s * self.sensor_lag_s)
+        made: Complex = late * held / (1.0 + s * self.sensor_lag_s)
         return made
 
 

@@ -16,9 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.kernel import kernel
-from hil.record.recording import Array
-
-Complex = NDArray[np.complex128]
+from hil.record.recording import Array, Complex
 
 _FAR_IN = 1e-9  # of the middle of the band
 _SK_STEPS = 8

@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.identification.frequency.frequency_response import FrequencyResponse, from_fits
 from hil.identification.uncertainty.noise import white_floor
-from hil.record.recording import Array, Recording
+from hil.record.recording import Array, Mask, Recording
 from hil.signals.frequency_fit import frequency_fit
 from hil.signals.rounding import rounding_step
 from hil.signals.sine_fit import SineFit, sine_fit, with_rounding
@@ -171,7 +170,7 @@ def _within(time_s: Array, values: Array, start: int, stop: int) -> list[Segment
     return found + [segment for first, last in rest for segment in _within(time_s, values, first, last)]
 
 
-def _above(part: Array, middle: float) -> NDArray[np.bool_]:
+def _above(part: Array, middle: float) -> Mask:
     """Whether values are above a middle, or were when noise of a measured command last let it be seen."""
     band = min(_NOISES * white_floor(part), _WIDEST * float(np.ptp(part)))
     seen = np.abs(part - middle) > band

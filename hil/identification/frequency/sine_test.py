@@ -7,19 +7,16 @@ describing function at that amplitude and bias, which is what a frequency-respon
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.identification.frequency.measuring_chain import MeasuringChain
-from hil.physics.plant import Plant
+from hil.physics.plant import Parameters, Plant
 from hil.physics.simulate import ActiveEffect, Drive, simulate
-from hil.record.recording import Array
+from hil.record.recording import Array, Complex
 from hil.signals.stepped_sine import sine
-
-Complex = NDArray[np.complex128]
 
 _SETTLE_PERIODS = 2
 _SETTLE_S = 1.0
@@ -44,7 +41,7 @@ class SineTest:
     command: Array
     readings: tuple[tuple[slice, Complex], ...]
 
-    def response(self, plant: Plant, parameters: Mapping[str, float], effects: Sequence[ActiveEffect] = ()) -> Complex:
+    def response(self, plant: Plant, parameters: Parameters, effects: Sequence[ActiveEffect] = ()) -> Complex:
         """Output over command at every frequency, the hold of the command taken out, shape (n,)."""
         drive = Drive(self.command[None, :], math.nan, 1.0 / self.rate_hz)
         output = simulate(plant, parameters, drive, effects)[0]

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.identification.frequency.factored import coefficients, model_of, units
@@ -18,10 +17,8 @@ from hil.identification.uncertainty.fit import fit_percent
 from hil.language.note import Note
 from hil.physics.readings import readings
 from hil.physics.transfer_function import TransferFunction
-from hil.record.recording import Array
+from hil.record.recording import Array, Complex
 from hil.signals.interval import rounded, width
-
-Complex = NDArray[np.complex128]
 
 Weights = Literal["covariance", "relative", "uniform"]
 

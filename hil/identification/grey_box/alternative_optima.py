@@ -8,15 +8,16 @@ fitting again from there, and what fits as well is granted.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 from hil.identification.grey_box.estimate import Estimate
 from hil.language.note import Note
+from hil.physics.plant import Parameters
 from hil.record.recording import Array
 
-FitAt = Callable[[Mapping[str, float], Sequence[str]], Estimate]
+FitAt = Callable[[Parameters, Sequence[str]], Estimate]
 """Fits the named parameters, the others held, from these values."""
 
 _AS_GOOD = 9.0  # variances by which a fit may be worse and still be as good
@@ -25,7 +26,7 @@ _FIRST_STEP, _DOUBLINGS = 4.0, 8  # standard uncertainties, and how often that i
 _ASIDE = 1.0 / math.sqrt(3.0)  # standard deviation of what lies anywhere up to so far, to one side
 
 
-def alternative_optima(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> tuple[Array, tuple[Note, ...]]:
+def alternative_optima(found: Estimate, at: Parameters, fit_at: FitAt) -> tuple[Array, tuple[Note, ...]]:
     """Covariance of how far values that fit as well lie away, shape (k, k), and what to say of them.
 
     Args:
@@ -40,7 +41,7 @@ def alternative_optima(found: Estimate, at: Mapping[str, float], fit_at: FitAt) 
     return made, tuple(dict.fromkeys(notes))
 
 
-def _beyond_corners(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[tuple[Array, Note]]:
+def _beyond_corners(found: Estimate, at: Parameters, fit_at: FitAt) -> Iterator[tuple[Array, Note]]:
     """Values in a corner, held ever farther to both sides for as long as the fit stays as good."""
     curvature = found.slopes.curvature
     if curvature.bent is None:
@@ -58,7 +59,7 @@ def _beyond_corners(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> 
                 yield 2.0 * _ASIDE * farthest, note
 
 
-def _walked(found: Estimate, at: Mapping[str, float], fit_at: FitAt, k: int, step: float) -> Array | None:
+def _walked(found: Estimate, at: Parameters, fit_at: FitAt, k: int, step: float) -> Array | None:
     """How far all values lie away at the farthest, in steps that double; None where the first is too far."""
     u, farthest = found.unknowns[k], None
     for doubled in range(_DOUBLINGS):
@@ -72,7 +73,7 @@ def _walked(found: Estimate, at: Mapping[str, float], fit_at: FitAt, k: int, ste
     return farthest
 
 
-def _held(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[tuple[Array, Note | None]]:
+def _held(found: Estimate, at: Parameters, fit_at: FitAt) -> Iterator[tuple[Array, Note | None]]:
     """A value that only its bounds hold, at both ends of where it may lie: where the others go then, without it."""
     widths = np.array([u.high - u.low for u in found.unknowns])
     for direction in found.identifiability.unidentifiable:
@@ -85,7 +86,7 @@ def _held(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[t
                 yield apart / 2.0, None
 
 
-def _fit_held(found: Estimate, at: Mapping[str, float], fit_at: FitAt, k: int, value: float) -> Array | None:
+def _fit_held(found: Estimate, at: Parameters, fit_at: FitAt, k: int, value: float) -> Array | None:
     """How far values lie away with one held and the others fitted again; None where that fits worse."""
     name = found.unknowns[k].name
     again = fit_at({**at, name: value}, [u.name for u in found.unknowns if u.name != name])
@@ -94,7 +95,7 @@ def _fit_held(found: Estimate, at: Mapping[str, float], fit_at: FitAt, k: int, v
     return np.insert(again.values, k, value) - found.values
 
 
-def _exchanged(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Iterator[tuple[Array, Note]]:
+def _exchanged(found: Estimate, at: Parameters, fit_at: FitAt) -> Iterator[tuple[Array, Note]]:
     """A lag in the place of the slow one of an overdamped pair, which in a row act alike."""
     names = [u.name for u in found.unknowns]
     for pair in (name.removesuffix("_damping") for name in names if name.endswith("_damping")):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.time_constant import time_constant_s
@@ -13,7 +12,7 @@ from hil.identification.uncertainty.noise import Measured
 from hil.language.note import Note
 from hil.language.words import marked
 from hil.physics.model import Model
-from hil.record.recording import Array
+from hil.record.recording import Array, Mask
 
 _MOST = 0.5
 
@@ -63,7 +62,7 @@ def _mostly(model: Model, experiments: Sequence[Experiment], errors: Sequence[Ar
     return max(most, key=lambda name: most[name]) if most else ""
 
 
-def _times(model: Model, e: Experiment, error: Array) -> dict[str, NDArray[np.bool_]]:
+def _times(model: Model, e: Experiment, error: Array) -> dict[str, Mask]:
     """Samples at reversals of the command, while it moves, at rest, and by level of the output, where they say
     something; what the command did a time constant ago counts still.
     """
@@ -84,7 +83,7 @@ def _times(model: Model, e: Experiment, error: Array) -> dict[str, NDArray[np.bo
     return {name: at[e.valid] for name, at in found.items()}
 
 
-def _lasting(at: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+def _lasting(at: Mask, reach: int) -> Mask:
     """Samples at most so many after one of these."""
     last = np.maximum.accumulate(np.where(at, np.arange(len(at)), -reach - 1))
     return np.asarray(np.arange(len(at)) - last <= reach)

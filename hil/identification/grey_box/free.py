@@ -9,7 +9,7 @@ from hil.errors import SettingError
 from hil.identification.grey_box.estimate import Unknown
 from hil.physics.compose import effect
 from hil.physics.model import Model, Value
-from hil.physics.plant import Parameter
+from hil.physics.plant import Parameter, Parameters
 from hil.physics.simulate import ActiveEffect
 
 
@@ -19,7 +19,7 @@ def all_values(model: Model) -> dict[str, float]:
     return model.values | effects
 
 
-def moved(model: Model, values: Mapping[str, float], stds: Mapping[str, float] | None = None) -> Model:
+def moved(model: Model, values: Parameters, stds: Mapping[str, float] | None = None) -> Model:
     """The model with new values for parameters and `effect.parameter`s."""
 
     def value(name: str, old: Value) -> Value:
@@ -33,12 +33,12 @@ def moved(model: Model, values: Mapping[str, float], stds: Mapping[str, float] |
     return replace(model, parameters=parameters, effects=effects)
 
 
-def moved_effects(model: Model, values: Mapping[str, float]) -> tuple[ActiveEffect, ...]:
+def moved_effects(model: Model, values: Parameters) -> tuple[ActiveEffect, ...]:
     """The effects of a model with new values for `effect.parameter`s."""
     return effects_at(model.active_effects, values)
 
 
-def effects_at(effects: Sequence[ActiveEffect], values: Mapping[str, float]) -> tuple[ActiveEffect, ...]:
+def effects_at(effects: Sequence[ActiveEffect], values: Parameters) -> tuple[ActiveEffect, ...]:
     """Effects with new values for `effect.parameter`s."""
     if not any("." in name for name in values):
         return tuple(effects)

@@ -10,7 +10,6 @@ from pathlib import Path
 from threading import Lock
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.catalog import entries, models
 from hil.identification.grey_box.alternative_optima import alternative_optima
@@ -42,8 +41,8 @@ from hil.identification.uncertainty.fit import fit_percent
 from hil.identification.uncertainty.noise import Measured, channel_floor, measured_noise, resolution
 from hil.language.note import Note
 from hil.physics.model import Covariance, Model, Value, load_model, typical_model
-from hil.physics.plant import Parameter, Plant, Structure
-from hil.record.recording import Array
+from hil.physics.plant import Parameter, Parameters, Plant, Structure
+from hil.record.recording import Array, Mask
 from hil.signals.colour import colour_factor
 from hil.signals.interval import COVERED, rounded, width
 from hil.signals.products import one_blas_thread
@@ -230,7 +229,7 @@ def _fitted(
     about = Residuals(plant, used, weights, near.values, moved_effects(model, at))
     beside = systematic(about, found, {p.name: at[p.name] for p in plant.parameters})
 
-    def fit_at(values: Mapping[str, float], names: Sequence[str]) -> Estimate:
+    def fit_at(values: Parameters, names: Sequence[str]) -> Estimate:
         return _fit_from(moved(model, values), task, _unknowns(model, names, dict(values)))
 
     other, remarks_of_others = alternative_optima(found, at, fit_at)
@@ -417,7 +416,7 @@ def _noise(
     return replace(own, noise=replace(own.noise, hum_hz=hum_hz, hum=hum))
 
 
-def _with_noise_where_invalid(errors: Array, valid: NDArray[np.bool_]) -> Array:
+def _with_noise_where_invalid(errors: Array, valid: Mask) -> Array:
     """Errors with white noise of their own size where the output says nothing: zeros would make it look less noisy."""
     if valid.all():
         return errors
@@ -449,7 +448,7 @@ def _unidentifiable(found: Estimate) -> list[Note]:
     return [together] if shared else []
 
 
-def _wider_than_themselves(plant: Plant, values: Mapping[str, float], stds: Mapping[str, float]) -> tuple[str, ...]:
+def _wider_than_themselves(plant: Plant, values: Parameters, stds: Mapping[str, float]) -> tuple[str, ...]:
     """Parameters whose interval reaches farther to either side than they, and as they usually are, lie from nothing."""
     return tuple(
         p.name

@@ -12,13 +12,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.identification.preparation.experiment import Experiment
-from hil.record.recording import Array
+from hil.record.recording import Array, Complex
 from hil.signals.recursion import filtered
-
-Complex = NDArray[np.complex128]
 
 _ITERATIONS = 6
 _SAMPLES_PER_UNKNOWN = 10

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,7 +13,7 @@ from hil.identification.preparation.averaged import means
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.initial_condition import start_slope, with_free_start
 from hil.identification.uncertainty.noise import channel_floors
-from hil.physics.plant import Plant
+from hil.physics.plant import Parameters, Plant
 from hil.physics.simulate import ActiveEffect, simulate
 from hil.record.recording import Array
 
@@ -32,7 +32,7 @@ class Residuals:
     plant: Plant
     experiments: Sequence[Experiment]
     weights: Sequence[float]
-    about: Mapping[str, float]
+    about: Parameters
     effects: Sequence[ActiveEffect]
 
     @cached_property
@@ -62,7 +62,7 @@ class Residuals:
 
     def at(
         self,
-        parameters: Mapping[str, float],
+        parameters: Parameters,
         effects: Sequence[ActiveEffect],
         *,
         factor: float = 1.0,
@@ -115,7 +115,7 @@ class Residuals:
 
         return side_by_side(readings_of, len(self.experiments))
 
-    def passing(self, parameters: Mapping[str, float]) -> list[Array]:
+    def passing(self, parameters: Parameters) -> list[Array]:
         """What arrives at each hook in each recording, shape (hooks, n) each, on the grid of its command."""
         made = []
         for e in self.experiments:

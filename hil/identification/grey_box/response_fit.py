@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.identification.frequency.sine_test import SineTest
@@ -14,9 +13,7 @@ from hil.identification.grey_box.estimate import Estimate, estimate
 from hil.identification.grey_box.free import moved, unknown_of
 from hil.identification.uncertainty.fit import fit_percent
 from hil.physics.model import Model
-from hil.record.recording import Array
-
-Complex = NDArray[np.complex128]
+from hil.record.recording import Array, Complex
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.identification.grey_box.estimate import Estimate, Unknown, estimate, side_by_side
 from hil.identification.grey_box.linear_starts import poles_rad_s
@@ -21,9 +20,9 @@ from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.initial_condition import start_slope, with_free_start
 from hil.identification.uncertainty.evidence import VERY_STRONG, bic, odds, simplest_good
 from hil.language.note import Note
-from hil.physics.plant import Parameter, Plant, Structure
+from hil.physics.plant import Parameter, Parameters, Plant, Structure
 from hil.physics.transfer_function import from_parameters, pole_parameters
-from hil.record.recording import Array
+from hil.record.recording import Array, Mask
 from hil.signals.colour import colour_factor
 from hil.signals.interval import COVERED
 
@@ -52,7 +51,7 @@ class Tried:
     """
 
     structure: Structure
-    values: Mapping[str, float]
+    values: Parameters
     bic: float
     mean_square: float
     held_out: float
@@ -101,7 +100,7 @@ class StructureChoice:
         )  # fmt: skip
 
 
-def _real_times_s(values: Mapping[str, float]) -> list[float]:
+def _real_times_s(values: Parameters) -> list[float]:
     """Time constants of the poles of a transfer function that hardly oscillate."""
     poles = from_parameters(values).poles
     return [-1.0 / pole.real for pole in poles if abs(pole.imag) < -pole.real]
@@ -129,7 +128,7 @@ def choose_structure(plant: Plant, experiments: Sequence[Experiment], weights: S
 
 
 def _chosen(search: _Search) -> StructureChoice:
-    fitted: dict[str, tuple[Mapping[str, float], Estimate]] = {}
+    fitted: dict[str, tuple[Parameters, Estimate]] = {}
     for structure in search.plant.structures:
         before = fitted[structure.after][0] if structure.after else search.off
         fitted[structure.name] = search.best(structure, before)
@@ -176,7 +175,7 @@ class _Search:
     plant: Plant
     experiments: Sequence[Experiment]
     weights: Sequence[float]
-    off: Mapping[str, float]
+    off: Parameters
 
     def improves(self, other: Tried) -> bool:
         """Whether what is off here, but was on there, or the reverse, makes a structure simulate very much better.
@@ -190,7 +189,7 @@ class _Search:
         gain = float(np.log(before @ before) - np.log(max(float(now @ now), 1e-300)))
         return gain * independent(now) > VERY_STRONG
 
-    def best(self, structure: Structure, before: Mapping[str, float]) -> tuple[Mapping[str, float], Estimate]:
+    def best(self, structure: Structure, before: Parameters) -> tuple[Parameters, Estimate]:
         """The best fit of a structure over its starts."""
         starts = (*self._starts(structure, before), *self._of_samples(structure))
         good = min((self._fit(structure, start, rough=True) for start in starts), key=lambda fit: fit.chi2)
@@ -220,7 +219,7 @@ class _Search:
         return np.array(made)
 
     def _fit(
-        self, structure: Structure, start: Mapping[str, float], used: NDArray[np.bool_] | None = None,
+        self, structure: Structure, start: Parameters, used: Mask | None = None,
         *, rough: bool = False,
     ) -> Estimate:  # fmt: skip
         """Of a structure from a start, to all samples or to those that are used."""
@@ -234,7 +233,7 @@ class _Search:
             return estimate(residuals, unknowns, max_evaluations=_SEARCH_EVALUATIONS, tolerance=1e-4)
         return estimate(residuals, unknowns, max_evaluations=_REFINED_EVALUATIONS)
 
-    def _errors(self, parameters: Mapping[str, float]) -> Array:
+    def _errors(self, parameters: Parameters) -> Array:
         """Weighted simulated minus measured, all experiments one after another."""
 
         def errors_of(i: int) -> list[Array]:
@@ -248,7 +247,7 @@ class _Search:
     def _values(self, structure: Structure, values: Array) -> dict[str, float]:
         return {**self.off, **structure.fixed, **dict(zip(structure.free, values.tolist(), strict=True))}
 
-    def _starts(self, structure: Structure, before: Mapping[str, float]) -> Iterator[dict[str, float]]:
+    def _starts(self, structure: Structure, before: Parameters) -> Iterator[dict[str, float]]:
         for time_s in self._times(before):
             for given in structure.starts:
                 scaled = {name: value * time_s ** self._power(name) for name, value in given.items()}
@@ -280,7 +279,7 @@ class _Search:
         each = zip(self.experiments, self.weights, rows, strict=True)
         return np.concatenate([e.telling(row * weight) for e, weight, row in each])
 
-    def _answers(self, parameters: Mapping[str, float]) -> Array:
+    def _answers(self, parameters: Parameters) -> Array:
         """Weighted simulated outputs, all experiments one after another."""
 
         def answers_of(i: int) -> list[Array]:
@@ -289,7 +288,7 @@ class _Search:
 
         return side_by_side(answers_of, len(self.experiments))
 
-    def _times(self, before: Mapping[str, float]) -> list[float]:
+    def _times(self, before: Parameters) -> list[float]:
         """The slowest time known so far, or trial times between a sample and the record."""
         known = max((abs(before[p.name]) for p in self.plant.parameters if p.unit == "s"), default=0.0)
         if known > 0.0:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ from hil.identification.grey_box.estimate import Estimate
 from hil.identification.grey_box.free import effects_at
 from hil.identification.grey_box.residuals import Residuals
 from hil.language.note import Note
+from hil.physics.plant import Parameters
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 
@@ -42,7 +43,7 @@ class Systematic:
     notes: tuple[Note, ...]
 
 
-def systematic(residuals: Residuals, found: Estimate, parameters: Mapping[str, float]) -> Systematic:
+def systematic(residuals: Residuals, found: Estimate, parameters: Parameters) -> Systematic:
     """Beside the scatter of an estimate, at these parameters."""
     base = residuals.at(parameters, residuals.effects)
     finer = _by_solver(residuals, found, parameters)
@@ -60,7 +61,7 @@ def systematic(residuals: Residuals, found: Estimate, parameters: Mapping[str, f
     return Systematic(covariance, _calibrations(residuals, found, parameters, base), notes)
 
 
-def _by_solver(residuals: Residuals, found: Estimate, parameters: Mapping[str, float]) -> Array:
+def _by_solver(residuals: Residuals, found: Estimate, parameters: Parameters) -> Array:
     """By how much the values move when the plant is solved in finer steps, shape (k,)."""
     low, high = (np.array([getattr(u, end) for u in found.unknowns]) for end in ("low", "high"))
     best, least, tried = found.values, math.inf, found.values
@@ -83,7 +84,7 @@ def _is_coloured(values: Array) -> bool:
     return colour_factor(values, _BLOCK) > 1.0 + _BEYOND_CHANCE / math.sqrt(blocks)
 
 
-def _lacking(residuals: Residuals, found: Estimate, parameters: Mapping[str, float], base: Array) -> tuple[Array, str]:
+def _lacking(residuals: Residuals, found: Estimate, parameters: Parameters, base: Array) -> tuple[Array, str]:
     """Covariance of what physics at the hooks may have moved, and the stage where most is; empty where nothing is.
 
     Each kind of addition at each hook has a size of its own, drawn about zero; how large they are on the whole is what
@@ -150,7 +151,7 @@ def _kinds(residuals: Residuals, passing: list[Array]) -> Iterator[tuple[str, li
             yield hook.name, [size * r / fastest for r in rates]
 
 
-def _calibrations(residuals: Residuals, found: Estimate, parameters: Mapping[str, float], base: Array) -> Array | None:
+def _calibrations(residuals: Residuals, found: Estimate, parameters: Parameters, base: Array) -> Array | None:
     """Root sum of squares of what a slope error of each calibrated channel would move, in all recordings alike."""
     moved = []
     for name, share in residuals.stated_gains():

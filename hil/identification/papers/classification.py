@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc, softmax
 
 from hil.errors import InputError
-from hil.record.recording import Array
+from hil.record.recording import Array, Mask
 
 Labels = NDArray[np.int64]
 
@@ -68,7 +68,7 @@ class GaussianClasses:
         made: Array = fdtrc(features_known, n - features_known, scale * self.distances(features, measured))
         return made
 
-    def is_unlike(self, features: Array, measured: Array | None = None) -> NDArray[np.bool_]:
+    def is_unlike(self, features: Array, measured: Array | None = None) -> Mask:
         """Whether features lie farther from every class than all but one in a thousand of its units."""
         return np.asarray(self.usual(features, measured).max(axis=1) < _UNLIKE, dtype=np.bool_)
 

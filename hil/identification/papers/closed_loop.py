@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.language.note import Note
 from hil.physics.transfer_function import TransferFunction, transfer_function
-from hil.record.recording import Array
+from hil.record.recording import Array, Complex
 
-Complex = NDArray[np.complex128]
 Place = Literal["forward", "feedback"]
 
 UNITY = transfer_function((1.0,), (1.0,))

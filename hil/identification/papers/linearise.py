@@ -12,16 +12,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.identification.frequency.frequency_response import from_polar
 from hil.identification.frequency.order_choice import fit_transfer_function
 from hil.physics.model import Model
+from hil.physics.plant import Parameters
 from hil.physics.plants.brevini_hpv41 import metered
 from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import TransferFunction, transfer_function
-from hil.record.recording import Array, split_heading
+from hil.record.recording import Array, Complex, split_heading
 
 _INTERVAL_S = 1e-3
 _LINES = 40
@@ -122,7 +122,7 @@ def _answer(model: Model, at: float, size: float, window_s: float, settle_s: flo
     return made
 
 
-def _response(answer: Array, frequency_hz: Array) -> NDArray[np.complex128]:
+def _response(answer: Array, frequency_hz: Array) -> Complex:
     """H(f) of a settled step response: the transform of its increments."""
     steps = np.diff(answer, prepend=0.0)
     time_s = _INTERVAL_S * (np.arange(len(steps)) - 0.5)
@@ -143,17 +143,17 @@ def _gains(model: Model, at: float, load_bar: float) -> dict[str, tuple[float, s
     return {"K_q": (float(slope), f"({unit})/%"), "K_c": (float(softness), f"({unit})/bar")}
 
 
-def _four_edges(p: Mapping[str, float], spool: float, load_bar: float) -> float:
+def _four_edges(p: Parameters, spool: float, load_bar: float) -> float:
     """Flow of a spool with like edges in l/min: half of what the load leaves of the supply falls over each of two."""
     drop = max((p["supply_pressure"] - math.copysign(load_bar, spool * load_bar)) / 2.0, 0.0)
     return p["rated_flow"] * 0.01 * spool * math.sqrt(drop / 35.0)
 
 
-def _compensated(p: Mapping[str, float], spool: float, _load_bar: float) -> float:
+def _compensated(p: Parameters, spool: float, _load_bar: float) -> float:
     """The compensator keeps the drop: flow follows the spool alone, and K_c is 0."""
     return float(metered(spool, p["dead_band"], p["full_flow"], p["curve_exponent"]))
 
 
-_LAWS: Mapping[str, Callable[[Mapping[str, float], float, float], float]] = {
+_LAWS: Mapping[str, Callable[[Parameters, float, float], float]] = {
     "hydraforce-open-loop": _four_edges, "brevini-hpv41": _compensated,
 }  # fmt: skip

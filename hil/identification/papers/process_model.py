@@ -14,7 +14,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.identification.grey_box.estimate import Estimate, Unknown, estimate
@@ -23,7 +22,7 @@ from hil.identification.uncertainty.evidence import VERY_STRONG, simplest_good
 from hil.identification.uncertainty.fit import fit_percent
 from hil.language.note import Note
 from hil.physics.transfer_function import TransferFunction, transfer_function
-from hil.record.recording import Array, Recording
+from hil.record.recording import Array, Mask, Recording
 from hil.signals.interval import COVERED
 from hil.signals.recursion import filtered
 
@@ -191,7 +190,7 @@ class _Record:
     interval_s: float
     command: Array
     output: Array
-    judged: NDArray[np.bool_]
+    judged: Mask
     excitation: int
 
     @property

@@ -17,11 +17,10 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.kernel import kernel
-from hil.record.recording import Array
+from hil.record.recording import Array, Complex
 
 Forgetting = Literal["exponential", "directional"]
 
@@ -172,7 +171,7 @@ class RecursiveLeastSquares:
         return np.concatenate(([1.0], self.parameters[: self.form.poles]))
 
     @property
-    def poles(self) -> NDArray[np.complex128]:
+    def poles(self) -> Complex:
         """Roots of A in z; a model whose largest lies outside the unit circle cannot be simulated."""
         return np.roots(self.denominator).astype(np.complex128)
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.identification.frequency.frequency_response import FrequencyResponse
@@ -30,7 +29,7 @@ from hil.language.note import Note
 from hil.physics.formula import formula
 from hil.physics.transfer_function import TransferFunction
 from hil.record.plain import plain
-from hil.record.recording import Array
+from hil.record.recording import Array, Complex
 
 SCHEMA = "hil.step-models/1"
 
@@ -89,7 +88,7 @@ class StepModels:
 
     rise_s: float
     settling_s: float
-    roots: NDArray[np.complex128]
+    roots: Complex
     models: tuple[StepModel, ...]
     notes: tuple[Note, ...]
     label: str = ""

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.noise import NOISE_OVER_RESOLUTION, resolution, white_floor
 from hil.language.note import Note
-from hil.record.recording import Array
+from hil.record.recording import Array, Mask
 from hil.signals.runs import runs
 
 _LEAST_CLIPPED = 0.002
@@ -36,7 +35,7 @@ def without_clipped(e: Experiment) -> tuple[Experiment, list[Note]]:
     return e, notes
 
 
-def _rest(e: Experiment, clipped: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _rest(e: Experiment, clipped: Mask) -> Mask:
     """Runs of samples at one value in most of which the command is at its least size, and it has others."""
     asked, rest = np.abs(e.on_grid_input()), np.zeros_like(clipped)
     for start, stop in runs(clipped):
@@ -44,7 +43,7 @@ def _rest(e: Experiment, clipped: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return rest
 
 
-def clipped_samples(values: Array) -> tuple[NDArray[np.bool_] | None, float]:
+def clipped_samples(values: Array) -> tuple[Mask | None, float]:
     """Which samples are at the end of the channel's range, and that end; None where there are none."""
     floor = white_floor(values)
     if floor <= 0.0:
@@ -61,14 +60,14 @@ def clipped_samples(values: Array) -> tuple[NDArray[np.bool_] | None, float]:
     return clipped, float(at[0])
 
 
-def _sentence(name: str, heading: str, clipped: NDArray[np.bool_], at: float) -> Note:
+def _sentence(name: str, heading: str, clipped: Mask, at: float) -> Note:
     return Note(
         "channel '{channel}' is clipped at {at:.4g} in {share:.1f} % of its samples; they are left out",
         channel=heading, at=at, share=100.0 * clipped.mean(),
     ).of(name)  # fmt: skip
 
 
-def _at_the_end(at_extreme: NDArray[np.bool_], few_below: int) -> NDArray[np.bool_]:
+def _at_the_end(at_extreme: Mask, few_below: int) -> Mask:
     """Stretches of the extreme value in which there is a run; noise leaves it for a few samples where it just ends."""
     together, kept = at_extreme.copy(), np.zeros_like(at_extreme)
     for start, stop in runs(~at_extreme):

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import FileError, SettingError
 from hil.identification.preparation.driven import FINER, PHASES, as_driven, stood_before, with_dither
@@ -19,10 +18,10 @@ from hil.identification.preparation.time_base import (
 from hil.identification.uncertainty.noise import white_floor
 from hil.language.note import Note
 from hil.physics.model import Model
-from hil.physics.plant import Plant
+from hil.physics.plant import Parameters, Plant
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.invalid_samples import across, measured_rows
-from hil.record.recording import Array, Channel, Recording, Samples, split_heading
+from hil.record.recording import Array, Channel, Mask, Recording, Samples, split_heading
 
 _FELT_BEND = 0.5  # of the noise, as an error
 DEAD = Note("a dead sensor, no supply or a wrong column")
@@ -75,11 +74,11 @@ class Experiment:
     output: Array
     observed: Mapping[str, Array]
     reading_known: bool = False
-    ignored: NDArray[np.bool_] | None = None
-    lost: NDArray[np.bool_] | None = None
+    ignored: Mask | None = None
+    lost: Mask | None = None
     read_s: Array | None = None
     notes: tuple[Note, ...] = ()
-    silent: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    silent: Mapping[str, Mask] = field(default_factory=dict)
     skew_s: tuple[float, ...] = ()
     is_late: bool = False
     command_is_known: bool = False
@@ -92,7 +91,7 @@ class Experiment:
     def respond(
         self,
         plant: Plant,
-        parameters: Mapping[str, float],
+        parameters: Parameters,
         effects: Sequence[ActiveEffect] = (),
         *,
         factor: float = 1.0,
@@ -121,7 +120,7 @@ class Experiment:
         return np.array([np.interp(read_s, grid_s, row) for read_s, row in zip(self.read_s, rows, strict=True)])
 
     def by_dither(
-        self, plant: Plant, parameters: Mapping[str, float], effects: Sequence[ActiveEffect] = ()
+        self, plant: Plant, parameters: Parameters, effects: Sequence[ActiveEffect] = ()
     ) -> tuple[Array, ...]:
         """What a dither of another phase may add to the rows of `respond`; none if there is no dither.
 
@@ -136,7 +135,7 @@ class Experiment:
         return tuple(2.0 / PHASES * np.tensordot(wave, each, axes=1) for wave in waves)
 
     def _dithered(
-        self, plant: Plant, parameters: Mapping[str, float], effects: Sequence[ActiveEffect], ripple: Array,
+        self, plant: Plant, parameters: Parameters, effects: Sequence[ActiveEffect], ripple: Array,
         factor: float = 1.0, inject: tuple[str, Array] | None = None,
     ) -> Array:  # fmt: skip
         before = ripple.shape[1] // FINER - len(self.time_s)
@@ -170,7 +169,7 @@ class Experiment:
         ]
 
     @property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> Mask:
         """Which samples of the output say something, shape (n,)."""
         return np.ones(len(self.output), dtype=np.bool_) if self.ignored is None else ~self.ignored
 
@@ -193,7 +192,7 @@ class Experiment:
         """Errors of the output, 0 where it says nothing, shape (n,)."""
         return np.where(self.valid, errors, 0.0)
 
-    def inner_tells(self, name: str) -> NDArray[np.bool_]:
+    def inner_tells(self, name: str) -> Mask:
         """Which samples of an inner signal say something, shape (n,)."""
         none = np.zeros(len(self.output), dtype=np.bool_)
         return ~(self.silent.get(name, none) | (none if self.lost is None else self.lost))
@@ -244,15 +243,15 @@ class Experiment:
         command: Array = self.at_stamps(self.drive.inputs)[0]
         return command
 
-    def without(self, samples: NDArray[np.bool_]) -> Experiment:
+    def without(self, samples: Mask) -> Experiment:
         """The same with more samples of the output ignored, shape (n,)."""
         return replace(self, ignored=_either(self.ignored, samples))
 
-    def without_inner(self, name: str, samples: NDArray[np.bool_]) -> Experiment:
+    def without_inner(self, name: str, samples: Mask) -> Experiment:
         """The same with samples of an inner signal left out, shape (n,)."""
         return replace(self, silent={**self.silent, name: _either(self.silent.get(name), samples)})
 
-    def without_all(self, samples: NDArray[np.bool_]) -> Experiment:
+    def without_all(self, samples: Mask) -> Experiment:
         """The same with more samples of every channel ignored, shape (n,)."""
         return replace(self.without(samples), lost=_either(self.lost, samples))
 
@@ -261,7 +260,7 @@ class Experiment:
         return self if self.read_s is not None else replace(self, drive=replace(self.drive, read_at=read_at))
 
 
-def _either(known: NDArray[np.bool_] | None, more: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _either(known: Mask | None, more: Mask) -> Mask:
     return more if known is None else known | more
 
 
@@ -333,14 +332,14 @@ def experiment(
     )  # fmt: skip
 
 
-def _bends(values: Array, late: float) -> NDArray[np.bool_]:
+def _bends(values: Array, late: float) -> Mask:
     """Samples beside which a channel bends so much that straight lines do not tell it `late` samples later, shape (n,).
 
     A corner between two samples shows in what was read of it only from the corner on.
     """
     bend = np.abs(np.diff(values, 2, prepend=values[0], append=values[-1]))
     within = (values > values.min()) & (values < values.max())  # at the end of a range there is no noise
-    beyond: NDArray[np.bool_] = bend * abs(late) > _FELT_BEND * white_floor(values[within])
+    beyond: Mask = bend * abs(late) > _FELT_BEND * white_floor(values[within])
     beyond[:-1] |= beyond[1:].copy()
     return beyond
 

@@ -15,7 +15,7 @@ from hil.identification.preparation.time_constant import time_constant_s
 from hil.identification.uncertainty.noise import resolution, white_floor
 from hil.language.note import Note
 from hil.physics.model import Model
-from hil.record.recording import Array
+from hil.record.recording import Array, Mask
 from hil.signals.runs import runs
 
 # A hole of fewer intervals is bridged: the command hardly moves in it.
@@ -119,7 +119,7 @@ def _places(e: Experiment) -> NDArray[np.intp] | None:
     return at if np.abs(from_grid).max() <= _OFF_GRID * e.interval_s else None
 
 
-def _bridged(e: Experiment, grid_s: Array, at: NDArray[np.intp], missing: NDArray[np.bool_]) -> Experiment:
+def _bridged(e: Experiment, grid_s: Array, at: NDArray[np.intp], missing: Mask) -> Experiment:
     """The experiment on an even grid, straight through every hole; `grid_s`: on which its command was held."""
     count = np.arange(len(missing))
     time_s = np.linspace(e.time_s[0], e.time_s[-1], len(missing))
@@ -134,7 +134,7 @@ def _bridged(e: Experiment, grid_s: Array, at: NDArray[np.intp], missing: NDArra
     observed = {name: _as_noisy(drawn(values), values, missing) for name, values in e.observed.items()}
     output = _as_noisy(drawn(e.output), e.output, missing)
 
-    def moved(samples: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+    def moved(samples: Mask | None) -> Mask | None:
         if samples is None:
             return None
         on_even = np.zeros_like(missing)
@@ -149,7 +149,7 @@ def _bridged(e: Experiment, grid_s: Array, at: NDArray[np.intp], missing: NDArra
     return even.without_all(missing)
 
 
-def _as_noisy(drawn: Array, recorded: Array, missing: NDArray[np.bool_]) -> Array:
+def _as_noisy(drawn: Array, recorded: Array, missing: Mask) -> Array:
     """What is drawn through holes, with the noise and in the steps of the channel.
 
     Nothing is ever fitted to it; but a channel that is smooth in its holes would look less noisy, or finer, than it is,
@@ -162,7 +162,7 @@ def _as_noisy(drawn: Array, recorded: Array, missing: NDArray[np.bool_]) -> Arra
     return np.where(missing, stepped, drawn)
 
 
-def _unknown(inputs: Array, missing: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _unknown(inputs: Array, missing: Mask) -> list[tuple[int, int]]:
     """The holes in which nobody knows what was commanded: long ones, and those in which a command has jumped."""
     least = _LEAST_JUMP * np.ptp(inputs, axis=1)
     found = []
@@ -178,7 +178,7 @@ def _unknown(inputs: Array, missing: NDArray[np.bool_]) -> list[tuple[int, int]]
     return found
 
 
-def _cut(even: Experiment, missing: NDArray[np.bool_], unknown: list[tuple[int, int]]) -> Experiment:
+def _cut(even: Experiment, missing: Mask, unknown: list[tuple[int, int]]) -> Experiment:
     """The longest stretch without a hole in which the command is unknown, as a recording of its own."""
     holes = [(0, 0), *unknown, (len(missing), len(missing))]
     start, stop = max(((before[1], after[0]) for before, after in pairwise(holes)), key=lambda s: s[1] - s[0])

@@ -7,13 +7,13 @@ those that are left when it is marginalised (Gaussian, linear), which is one ran
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from hil.identification.preparation.experiment import Experiment
-from hil.physics.plant import Plant
+from hil.physics.plant import Parameters, Plant
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
@@ -26,7 +26,7 @@ _FELT = 0.1
 def start_slope(
     e: Experiment,
     plant: Plant,
-    parameters: Mapping[str, float],
+    parameters: Parameters,
     effects: Sequence[ActiveEffect],
     noise_std: float,
     factor: float = 1.0,

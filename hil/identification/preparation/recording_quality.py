@@ -21,7 +21,7 @@ from hil.identification.preparation.sub_sample_response import sub_sample_limits
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.language.note import Note
 from hil.physics.model import Model
-from hil.physics.plant import Plant
+from hil.physics.plant import Parameters, Plant
 from hil.physics.transfer_function import from_parameters
 from hil.record.recording import Array
 
@@ -171,7 +171,7 @@ def fastest_shown_rad_s(experiments: Sequence[Experiment]) -> float:
     return math.pi / min(e.interval_s for e in experiments)
 
 
-def fastest_pole_rad_s(values: Mapping[str, float]) -> float:
+def fastest_pole_rad_s(values: Parameters) -> float:
     """Of a transfer function by its parameters; 0 for one without poles."""
     return float(np.abs(from_parameters(values).poles).max(initial=0.0))
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from hil.identification.preparation.experiment import Experiment
 from hil.language.note import Note
 from hil.physics.model import Model
+from hil.physics.plant import Parameters
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 
@@ -19,7 +20,7 @@ _SHORTEST, _LONGEST, _HALVINGS = 1e-2, 1e3, 12  # samples
 _SIGNIFICANT = 2.0  # standard deviations
 
 
-def responds_within_sample(values: Mapping[str, float]) -> bool:
+def responds_within_sample(values: Parameters) -> bool:
     """Whether a transfer function is a gain, with a dead time or without."""
     return all(values.get(name) == 0.0 for name in _LAGS)
 

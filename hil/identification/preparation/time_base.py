@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hil.record.recording import Array, Samples
+from hil.record.recording import Array, Mask, Samples
 
 GRID_PER_UNEVEN_SAMPLE = 8
 # A stamp that is off its place by less than this share of an interval is on it; so many have a sample nearly all.
@@ -40,7 +39,7 @@ def _evenly(stamps: Array) -> bool:
     return len(steps) > 8 and bool(np.quantile(np.abs(steps - np.median(steps)), 0.8) <= _OFF_GRID * np.median(steps))
 
 
-def missing_of_even(grid_s: Array, output_s: Array, interval_s: float) -> NDArray[np.bool_] | None:
+def missing_of_even(grid_s: Array, output_s: Array, interval_s: float) -> Mask | None:
     """Which places of the grid have no sample of an output that was sampled on it but for some; None for others."""
     at = np.rint((output_s - grid_s[0]) / interval_s).astype(np.intp)
     off = np.abs(grid_s[0] + at * interval_s - output_s) > _OFF_GRID * interval_s

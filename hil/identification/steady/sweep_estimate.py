@@ -13,11 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, draws_of
-from hil.record.recording import Array
+from hil.record.recording import Array, Mask
 from hil.signals.colour import colour_factor
 from hil.signals.products import one_blas_thread
 from hil.signals.smooth_curve import Curves, Smoother
@@ -84,7 +83,7 @@ class Points:
     count: Array
     side: Array
     sweep: Array
-    both: NDArray[np.bool_]
+    both: Mask
 
 
 @dataclass(frozen=True, slots=True)

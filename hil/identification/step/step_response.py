@@ -6,11 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.physics.transfer_function import TransferFunction, transfer_function
-from hil.record.recording import Array
+from hil.record.recording import Array, Complex, Mask
 from hil.signals.crossing import crossing
 
 _SETTLED_SHARE = 0.15  # of the samples after the step: its end gives the final value
@@ -82,7 +81,7 @@ def first_order_from_settling(settling_s: float, constant: float = 4.0) -> Trans
     return transfer_function([constant / settling_s], [1.0, constant / settling_s])
 
 
-def damping_roots(rise_s: float, settling_s: float) -> NDArray[np.complex128]:
+def damping_roots(rise_s: float, settling_s: float) -> Complex:
     """The four roots of eq. 17, 1.76ζ⁴ − 0.417ζ³ + 1.039ζ² + ζ − 4Tr/Ts = 0 (Nise 2011, p. 181)."""
     return np.roots([1.76, -0.417, 1.039, 1.0, -4.0 * rise_s / settling_s]).astype(np.complex128)
 
@@ -157,7 +156,7 @@ def _stays(time_s: Array, share: Array, band: float) -> float:
     return crossing(time_s, share, 1.0 + math.copysign(band, share[i] - 1.0), i, i + 1)
 
 
-def _last(true: NDArray[np.bool_]) -> int:
+def _last(true: Mask) -> int:
     """Place of the last one that is true; −1 where none is."""
     if not true.any():
         return -1

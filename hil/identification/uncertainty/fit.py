@@ -5,11 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hil.record.recording import Array
-
-Complex = NDArray[np.complex128]
+from hil.record.recording import Array, Complex
 
 
 def fit_percent(measured: Array | Complex, simulated: Array | Complex) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.record.recording import Array
+from hil.record.recording import Array, Mask
 
 # Standard deviation of what lies anywhere within a width, over that width.
 _ANYWHERE = 1.0 / math.sqrt(12.0)
@@ -76,17 +76,17 @@ class Identifiability:
         return self.covariance / self.variance if self.variance else np.zeros_like(self.covariance)
 
     @property
-    def is_unidentifiable(self) -> NDArray[np.bool_]:
+    def is_unidentifiable(self) -> Mask:
         """Which values are known no better than by their bounds, shape (k,)."""
         return np.asarray(np.sqrt(np.diag(self.whole)) >= (1.0 - _ROUNDING) * _ANYWHERE * self.widths)
 
     @property
-    def is_shared(self) -> NDArray[np.bool_]:
+    def is_shared(self) -> Mask:
         """Which values are told only together with others, or not at all, shape (k,)."""
         return np.asarray(np.any(self.unidentifiable != 0.0, axis=0))
 
     @property
-    def is_shared_beyond_noise(self) -> NDArray[np.bool_]:
+    def is_shared_beyond_noise(self) -> Mask:
         """Which values others that are not told leave less certain than noise does, shape (k,)."""
         own = np.sqrt(np.diag(self.covariance))
         return np.asarray(np.any(np.abs(self.unidentifiable) > _SHARE_OF_OWN * own, axis=0))

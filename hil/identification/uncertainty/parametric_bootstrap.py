@@ -13,14 +13,14 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.record.recording import Array
+from hil.record.recording import Array, Complex
 
 DRAWS = 64
 _HIDDEN = 2.0  # times the offset: the estimate that they are drawn from has been smoothed before, and lost less
 _PARTS = 1e6  # parts of the largest that seed the draws: the last bits of a calculation differ between processors
 
 
-def draws_of(samples: NDArray[np.float64] | NDArray[np.complex128]) -> np.random.Generator:
+def draws_of(samples: NDArray[np.float64] | Complex) -> np.random.Generator:
     """What draws recordings again of these samples.
 
     The same samples give the same draws, so results repeat. Draws that are alike for all recordings would make an
