@@ -58,20 +58,17 @@ def frequency_responses(
     for recording, found in zip(each, units, strict=True):
         if found != units[0]:
             raise InputError(f"{recording.name}: in {found[1]} over {found[0]}, {each[0].name} in other units")
-    sines = [_Sine(recording, one) for recording in each for one in _segments(recording, input_name, output_name)]
+    sines = [(recording, one) for recording in each for one in _segments(recording, input_name, output_name)]
     made = []
     for group in _by_level(sines):
-        harmonics = min(_harmonics(sine.recording.time_s, sine.segment) for sine in group)
-        fits = [_fitted(sine, input_name, output_name, harmonics) for sine in group]
-        first = group[0].segment
+        harmonics = min(_harmonics(recording.time_s, segment) for recording, segment in group)
+        fits = [_fitted(*sine, input_name, output_name, harmonics) for sine in group]
+        _, first = group[0]
         made.append(from_fits(each[0].name, fits, units[0], first.amplitude, first.bias))
     return tuple(made)
 
 
-@dataclass(frozen=True, slots=True)
-class _Sine:
-    recording: Recording
-    segment: Segment
+_Sine = tuple[Recording, Segment]
 
 
 def _segments(recording: Recording, input_name: str, output_name: str) -> list[Segment]:
@@ -89,12 +86,14 @@ def _segments(recording: Recording, input_name: str, output_name: str) -> list[S
     return [_settled(recording.time_s, y.values, segment) for segment in found]
 
 
-def _fitted(sine: _Sine, input_name: str, output_name: str, harmonics: int) -> tuple[SineFit, SineFit]:
+def _fitted(
+    recording: Recording, sine: Segment, input_name: str, output_name: str, harmonics: int
+) -> tuple[SineFit, SineFit]:
     """The sine in input and output."""
-    recording, part = sine.recording, sine.segment.samples
+    part = sine.samples
     given, answer = (
         sine_fit(
-            recording.stamps(name)[part], recording.values(name)[part], sine.segment.frequency_hz,
+            recording.stamps(name)[part], recording.values(name)[part], sine.frequency_hz,
             harmonics=harmonics, drift_order=order,
         )
         for name, order in ((input_name, 0), (output_name, 1))
@@ -245,7 +244,7 @@ def _by_level(sines: Sequence[_Sine]) -> list[list[_Sine]]:
     groups: list[list[_Sine]] = []
     for sine in sines:
         for group in groups:
-            if _same_level(group[0].segment, sine.segment):
+            if _same_level(group[0][1], sine[1]):
                 group.append(sine)
                 break
         else:

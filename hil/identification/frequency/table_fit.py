@@ -182,11 +182,8 @@ class TableComparison:
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
-        return {
-            "file": self.name, "kind": "frequency response", "fit": self.fit, "gain_error_db": self.gain_error_db,
-            "phase_error_deg": self.phase_error_deg, "worst_hz": list(self.worst_hz), "misfit": self.misfit,
-            "simulated": self.simulated,
-        }  # fmt: skip
+        figures = {name: value for name, value in asdict(self).items() if name != "name"}
+        return {"file": self.name, "kind": "frequency response", **figures, "worst_hz": list(self.worst_hz)}
 
     def as_text(self) -> str:
         """As lines for a terminal."""
@@ -209,8 +206,7 @@ def compare_table(model: Model, table: ResponseTable) -> TableComparison:
         )
     found = straight(model.values, "the model").at(table.frequency_hz)
     ratio = found / table.response
-    error = np.abs(found - table.response) / np.abs(table.response)
-    worst = table.frequency_hz[np.argsort(-error)[:_WORST]]
+    worst = table.frequency_hz[np.argsort(-np.abs(ratio - 1.0))[:_WORST]]
     misfit = None
     if table.gain_std is not None and table.phase_std_rad is not None:
         squares = (np.log(np.abs(ratio)) / table.gain_std) ** 2 + (np.angle(ratio) / table.phase_std_rad) ** 2

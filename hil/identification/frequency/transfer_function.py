@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -94,7 +95,7 @@ class TransferFunctionFit:
     @property
     def coefficient_covariance(self) -> Array:
         """Of the coefficients, that of the dead time with what its form says of it (`form_std_s`)."""
-        made = self.propagated(lambda parameters: coefficients(self.form, parameters))
+        made = self.propagated(partial(coefficients, self.form))
         if self.form.dead_time:
             made[-1, -1] += self.form_std_s**2
         return made
@@ -102,7 +103,7 @@ class TransferFunctionFit:
     @property
     def scatter(self) -> Array:
         """Standard uncertainties of the coefficients, given the form."""
-        return _stds(self.propagated(lambda parameters: coefficients(self.form, parameters)))
+        return _stds(self.propagated(partial(coefficients, self.form)))
 
     @property
     def coefficient_std(self) -> Array:

@@ -265,8 +265,7 @@ def tested(
 ) -> ValveTest:
     """The test of one simulated valve: sweeps at two speeds, steps, leakage, sines at the medium level."""
     command, places = _programme()
-    output = simulate(model.definition, model.values, Drive(command[None, :], math.nan, 1.0 / _RATE_HZ),
-                      model.active_effects)  # fmt: skip
+    output = _answer(model, command)
     gain = (1.0 + instruments.gain * rng.normal()) * (1.0 + instruments.supply * rng.normal())
     pressure = (
         gain * output[0] + instruments.offset_psi * rng.normal() + instruments.noise_psi * rng.normal(size=len(command))
@@ -282,6 +281,11 @@ def tested(
         curve, {level: np.array([pressure[at] for at in places[level]]) for level in CLASSIFIED_CURRENT_A},
         leakage, (bandwidth_hz, 0.0), reference,
     )  # fmt: skip
+
+
+def _answer(model: Model, command: Array) -> Array:
+    drive = Drive(command[None, :], math.nan, 1.0 / _RATE_HZ)
+    return simulate(model.definition, model.values, drive, model.active_effects)
 
 
 def _bandwidth_hz(
@@ -374,10 +378,7 @@ def reference_steps() -> Mapping[str, Array]:
     made: dict[str, Array] = {}
     for level, current in CLASSIFIED_CURRENT_A.items():
         command = np.concatenate((np.zeros(100), np.full(round(_HOLD_S * _RATE_HZ), current)))
-        output = simulate(
-            model.definition, model.values, Drive(command[None, :], math.nan, 1.0 / _RATE_HZ), model.active_effects
-        )
-        made[level] = output[0, 100:]
+        made[level] = _answer(model, command)[0, 100:]
     return made
 
 

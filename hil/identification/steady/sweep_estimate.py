@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -200,7 +200,7 @@ def _split(half: Array, speeds: Array) -> tuple[float, float]:
     """(lag, width) from h = w/2 + τ·speed; NaN for one speed."""
     if np.ptp(speeds) == 0.0:
         return np.nan, np.nan
-    (lag_s, half_width), *_ = np.linalg.lstsq(np.column_stack((speeds, np.ones(len(speeds)))), half, rcond=None)
+    lag_s, half_width = np.polyfit(speeds, half, 1)
     return float(lag_s), 2.0 * float(half_width)
 
 
@@ -235,17 +235,12 @@ def _aligned(
 def _apart(points: Points, smoother: Smoother, curves: Curves, samples: Array, sweeps: int) -> Array:
     """By how much the half widths of the sweeps are too small, shape (m, sweeps), for samples of shape (m, p)."""
     count = len(points.command)
-    values, slopes = _moving(smoother, curves, count)
+    values, slopes = smoother.at(curves)[:, :count], smoother.slopes(curves)[:, :count]
     weight = np.where(points.both, points.count, 0.0)
     pull = -points.side * slopes * (samples - values) * weight
     push = slopes**2 * weight
     one = np.equal.outer(points.sweep, np.arange(sweeps)).astype(np.float64)
     return (pull @ one) / np.maximum(push @ one, 1e-300)
-
-
-def _moving(smoother: Smoother, curves: Curves, count: int) -> tuple[Array, Array]:
-    """Curves and slopes at the moving samples, shape (m, count)."""
-    return smoother.at(curves)[:, :count], smoother.slopes(curves)[:, :count]
 
 
 def _estimate(
@@ -255,8 +250,8 @@ def _estimate(
     count, sweeps = len(points.command), len(speeds)
     places, weights = _shifted(points, standing, speeds, half)
     wide = Smoother.on(places[:count][points.both], _WIDTH_COEFFICIENTS, weights=weights[:count][points.both])
-    samples = np.concatenate((points.response, [s.response for s in standing]))[None, :]
-    bend, local = _widths(points, wide, smoother, curves, samples[:, :count], levels)
+    samples = points.response[None, :]
+    bend, local = _widths(points, wide, smoother, curves, samples, levels)
     lag_s, width = _split(half, speeds)
 
     rng = draws_of(points.response)
@@ -267,14 +262,13 @@ def _estimate(
     again = smoother.curves(drawn)
     off = _apart(points, smoother, again, drawn[:, :count], sweeps)
     splits = np.array([_split(one, speeds) for one in half + off])
-    _, slopes = _moving(smoother, again, count)
-    aligned = drawn[:, :count] + points.side * slopes * off[:, points.sweep]
+    aligned = drawn[:, :count] + points.side * smoother.slopes(again)[:, :count] * off[:, points.sweep]
     _, local_again = _widths(points, wide, smoother, again, aligned, levels)
     base, bases = (2.0 * float(half[0]), 2.0 * (half + off)[:, 0]) if np.isnan(width) else (width, splits[:, 1])
     response, slope = (found[0] for found in smoother.beside(curves, levels))
     responses, slopes_again = smoother.beside(again, levels)
     reached = points.command[points.both] - (points.side * half[points.sweep])[points.both]
-    shifted = Points(places[:count], points.response, points.count, points.side, points.sweep, points.both)
+    shifted = replace(points, command=places[:count])
     return SweepEstimate(
         levels, response, slope, base + local[0], responses, slopes_again, bases[:, None] + local_again,
         lag_s, splits[:, 0], width, splits[:, 1], half, half + off, shifted, noise_std[:count],
