@@ -119,10 +119,11 @@ def test_samples_that_said_nothing_before_say_nothing_on_the_even_grid() -> None
     until, inner = np.arange(len(e.output)) < 50, np.arange(len(e.output)) >= 900
     even, _ = filled(e.without_all(until).without_inner("spool position", inner), 0.0, forgets=True)
     assert len(even.output) == len(e.output) + 10
-    assert even.ignored is not None and even.lost is not None
+    assert even.ignored is not None
     assert even.ignored[:50].all() and not even.ignored[50:800].any() and even.ignored[800:810].all()
-    assert even.lost[:50].all() and not even.lost[50:800].any()
-    assert not even.silent["spool position"][:910].any() and even.silent["spool position"][910:].all()
+    spool = even.silent["spool position"]
+    assert spool[:50].all() and not spool[50:800].any() and spool[800:810].all()
+    assert not spool[810:910].any() and spool[910:].all()
 
 
 def test_a_stretch_that_is_kept_keeps_what_said_nothing_before() -> None:

@@ -56,8 +56,8 @@ _TELLING_CHI2 = 25.0
 _USUAL_SIMULATIONS, _BEFORE_FIT = 60.0, 0.1
 # A fit that explains no more than this share of the outputs' variance has begun in the wrong place.
 _LITTLE = 0.5
-# Units are taken for slower than the start says where so many times more samples are then left out.
-_LATE_SETTLING = 1.1
+# Units are taken for slower than the start says where this share more of samples is then left out.
+_LATE_SETTLING = 0.1
 
 Progress = Callable[[float, str], None]
 Tick = Callable[[], None]
@@ -164,8 +164,8 @@ def _fit_plant(
     tick = _ticking(progress)
     found = _fitted(model, even, also_free, (*still, *remarks), tick)
     again, remarks = bridged(found.model, alive)
-    lost, more_lost = (sum(e.count_lost for e in each) for each in (even, again))
-    if more_lost > _LATE_SETTLING * lost:  # the start settles too soon to be left in
+    before, left, later = (sum(int(np.count_nonzero(~e.valid)) for e in each) for each in (alive, even, again))
+    if later - left > _LATE_SETTLING * max(left - before, 0):  # the start settles too soon to be left in
         found = _fitted(model, again, also_free, (*still, *remarks), tick)
     progress(1.0, "fitted")
     found = replace(found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.on_bound))))

@@ -43,12 +43,11 @@ class Experiment:
         output: the measured output, shape (n,), in the plant's unit.
         observed: measured inner signals, by name, where the recording has them.
         ignored: samples of the output that say nothing (clipped, held, lost), shape (n,), or None.
-        lost: those of them where no channel says anything (see `gaps`), shape (n,), or None.
         reading_known: whether the recording (or a model) declared when in a sample the output is read.
         read_s: where the recording knows when every single sample was read: those instants for the output and the
             plant's inner signals, shape (1 + observed, n), else None. They lie on the time of `grid_s` then, and
             `drive.read_at` says nothing.
-        silent: samples of inner signals that say nothing, by name, shape (n,) each.
+        silent: the same of inner signals, by name, shape (n,) each.
         skew_s: how much later than the output each row of `respond` was read, where that is the same in every sample.
         notes: what of the recording is used in another way than it was sampled, in words.
         is_late: whether the command is known before the first sample of the output: simulated from there, a unit that
@@ -75,7 +74,6 @@ class Experiment:
     observed: Mapping[str, Array]
     reading_known: bool = False
     ignored: Mask | None = None
-    lost: Mask | None = None
     read_s: Array | None = None
     notes: tuple[Note, ...] = ()
     silent: Mapping[str, Mask] = field(default_factory=dict)
@@ -186,7 +184,8 @@ class Experiment:
     @property
     def count_lost(self) -> int:
         """How many samples no channel says anything at."""
-        return 0 if self.lost is None else int(self.lost.sum())
+        said = np.any([self.valid, *map(self.inner_tells, self.observed)], axis=0)
+        return int(np.count_nonzero(~said))
 
     def telling(self, errors: Array) -> Array:
         """Errors of the output, 0 where it says nothing, shape (n,)."""
@@ -194,8 +193,7 @@ class Experiment:
 
     def inner_tells(self, name: str) -> Mask:
         """Which samples of an inner signal say something, shape (n,)."""
-        none = np.zeros(len(self.output), dtype=np.bool_)
-        return ~(self.silent.get(name, none) | (none if self.lost is None else self.lost))
+        return ~self.silent[name] if name in self.silent else np.ones(len(self.output), dtype=np.bool_)
 
     def across_silence(self, errors: Array) -> Array:
         """Errors of the output, straight from one telling sample to the next where it says nothing, shape (n,).
@@ -245,23 +243,21 @@ class Experiment:
 
     def without(self, samples: Mask) -> Experiment:
         """The same with more samples of the output ignored, shape (n,)."""
-        return replace(self, ignored=_either(self.ignored, samples))
+        return replace(self, ignored=~self.valid | samples)
 
     def without_inner(self, name: str, samples: Mask) -> Experiment:
         """The same with samples of an inner signal left out, shape (n,)."""
-        return replace(self, silent={**self.silent, name: _either(self.silent.get(name), samples)})
+        return replace(self, silent={**self.silent, name: ~self.inner_tells(name) | samples})
 
     def without_all(self, samples: Mask) -> Experiment:
         """The same with more samples of every channel ignored, shape (n,)."""
-        return replace(self.without(samples), lost=_either(self.lost, samples))
+        return replace(
+            self.without(samples), silent={name: ~self.inner_tells(name) | samples for name in self.observed}
+        )
 
     def reading_at(self, read_at: float) -> Experiment:
         """The same with another reading instant, unless the instants are known one by one."""
         return self if self.read_s is not None else replace(self, drive=replace(self.drive, read_at=read_at))
-
-
-def _either(known: Mask | None, more: Mask) -> Mask:
-    return more if known is None else known | more
 
 
 def experiment(
@@ -322,7 +318,7 @@ def experiment(
     if any(skew_s):
         late_s = dict(zip((signal.name for signal in plant.observed), skew_s[1:], strict=True))
         bent = {name: _bends(values, late_s[name] / interval_s) for name, values in observed.items()}
-        silent |= {name: _either(silent.get(name), samples) for name, samples in bent.items() if samples.any()}
+        silent |= {name: samples | silent.get(name, False) for name, samples in bent.items() if samples.any()}
     return Experiment(
         recording.name, f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]",
         recording.time_s, drive, grid_s, output, observed, at is not None, ignored if ignored.any() else None,

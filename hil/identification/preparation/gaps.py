@@ -134,17 +134,15 @@ def _bridged(e: Experiment, grid_s: Array, at: NDArray[np.intp], missing: Mask) 
     observed = {name: _as_noisy(drawn(values), values, missing) for name, values in e.observed.items()}
     output = _as_noisy(drawn(e.output), e.output, missing)
 
-    def moved(samples: Mask | None) -> Mask | None:
-        if samples is None:
-            return None
+    def moved(samples: Mask) -> Mask:
         on_even = np.zeros_like(missing)
         on_even[at] = samples
         return on_even
 
-    silent = {name: on_even for name, samples in e.silent.items() if (on_even := moved(samples)) is not None}
+    silent = {name: moved(samples) for name, samples in e.silent.items()}
     even = replace(
         e, time_s=time_s, drive=drive, grid_s=None, output=output, observed=observed,
-        ignored=moved(e.ignored), lost=moved(e.lost), silent=silent, ripples=None,
+        ignored=moved(~e.valid), silent=silent, ripples=None,
     )  # fmt: skip
     return even.without_all(missing)
 
@@ -190,5 +188,5 @@ def _cut(even: Experiment, missing: Mask, unknown: list[tuple[int, int]]) -> Exp
         even, time_s=even.time_s[part], drive=drive, output=even.output[part],
         observed={name: values[part] for name, values in even.observed.items()},
         silent={name: samples[part] for name, samples in even.silent.items()},
-        ignored=None if even.ignored is None else even.ignored[part], lost=missing[part], ripples=None,
+        ignored=~even.valid[part], ripples=None,
     )  # fmt: skip
