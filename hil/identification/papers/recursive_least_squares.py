@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -109,8 +109,11 @@ class RecursiveLeastSquares:
         start = np.zeros(size) if self.start is None else np.array(self.start, dtype=np.float64)
         if start.shape != (size,):
             raise InputError(f"recursive least squares: {len(start)} start values for {', '.join(self.form.names)}")
-        self.parameters = start
-        self._state = _State(size, self.prior_std**2, self.form.delay + self.form.inputs)
+        self.parameters, prior = start, self.prior_std**2
+        self._state = _State(
+            prior * np.eye(size), np.eye(size) / prior, prior * np.eye(size), np.zeros(size),
+            np.zeros(self.form.delay + self.form.inputs), np.zeros(2), np.zeros(2), np.zeros((4, size)),
+        )  # fmt: skip
 
     def update(self, command: float, output: float) -> float:
         """Take one sample in; returns the prediction error it met."""
@@ -124,12 +127,12 @@ class RecursiveLeastSquares:
             output: y.
             path: shape (n, parameters), filled with the parameters after each sample.
         """
-        s, form = self._state, self.form
+        form = self.form
         errors = np.empty(len(output))
         _run(
             np.asarray(command, dtype=np.float64), np.asarray(output, dtype=np.float64), form.poles, form.inputs,
-            form.delay, form.difference, self.memory, self.forgetting == "directional", self.parameters, s.gain_matrix,
-            s.information, s.covariance, s.past_outputs, s.past_inputs, s.last, s.noise, s.work, errors,
+            form.delay, form.difference, self.memory, self.forgetting == "directional", self.parameters, *self._state,
+            errors,
             np.empty((0, 0)) if path is None else path,
         )  # fmt: skip
         self.samples += len(errors)
@@ -190,18 +193,17 @@ def excitation_order(command: Array, most: int, difference: bool = False) -> int
     return int(np.count_nonzero(power > _EXCITED * power[-1])) if power[-1] > 0.0 else 0
 
 
-class _State:
+class _State(NamedTuple):
     """What the estimator carries from sample to sample besides its parameters; arrays are changed in place."""
 
-    def __init__(self, size: int, prior: float, inputs: int) -> None:
-        self.gain_matrix = prior * np.eye(size)
-        self.information = np.eye(size) / prior
-        self.covariance = prior * np.eye(size)
-        self.past_outputs = np.zeros(size)
-        self.past_inputs = np.zeros(inputs)
-        self.last = np.zeros(2)
-        self.noise = np.zeros(2)
-        self.work = np.zeros((4, size))
+    gain_matrix: Array
+    information: Array
+    covariance: Array
+    past_outputs: Array
+    past_inputs: Array
+    last: Array
+    noise: Array
+    work: Array
 
 
 @kernel(error_model="numpy")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -145,14 +146,13 @@ def step_models(
     constant = _PAPER_CONSTANT if band == _PAPER_BAND else -math.log(band)
     effective_s = settling_s * _PAPER_CONSTANT / constant
     notes = []
+    of_step = partial(_model, times=(rise_s, effective_s), std_s=std_s)
     made = [
-        _model(Note("first order, from the rise"), lambda t: first_order_from_rise(t[0]), (rise_s, effective_s), std_s),
-        _model(
-            Note("first order, from settling"), lambda t: first_order_from_settling(t[1]), (rise_s, effective_s), std_s
-        ),
+        of_step(Note("first order, from the rise"), lambda t: first_order_from_rise(t[0])),
+        of_step(Note("first order, from settling"), lambda t: first_order_from_settling(t[1])),
     ]
     try:
-        made.append(_model(Note("second order"), lambda t: second_order_from_step(*t), (rise_s, effective_s), std_s))
+        made.append(of_step(Note("second order"), lambda t: second_order_from_step(*t)))
     except InputError as error:
         notes.append(Note("{why}", why=str(error)))
     lag_s, late_s = dead_time_explaining(rise_s, settling_s, band)
