@@ -328,8 +328,8 @@ the values, one for the transfer functions and one for each curve. FILE may be `
 The run folder keeps the document as `results.json` from the day of the run; a run that has none is evaluated now.
 
 A number that does not exist is `null`. The unit of a pure number is `1`. Every `std` is a standard uncertainty (one σ);
-limits are judged with twice that. Magnitudes of a frequency response are given as `gain` in units of the response per
-unit of the command, as `raw magnitude` in dB of that, and as `magnitude` in dB over the gain at the reference
+limits are judged with twice that. Magnitudes of a frequency response are given in three forms: `gain` in units of the
+response per unit of the command, `raw magnitude` in dB of that, and `magnitude` in dB over the gain at the reference
 frequency. A document of another schema version is refused.
 
 ```python
