@@ -13,6 +13,7 @@ from hil.language.note import Note
 from hil.record.measurement import Findings
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
+from procedures._scale import scale_of
 
 _TEST, _DONE = "test", "test completed"
 
@@ -56,10 +57,10 @@ def drive(rig: Rig, tests: Sequence[SequencedTest]) -> None:
         own.mark(1, {"kind": _DONE})
 
 
-def evaluated(recording: Recording, tests: Sequence[SequencedTest]) -> tuple[dict[str, Findings], tuple[Note, ...]]:
-    """What each test found that was driven to its end, by name, and what to say of the others."""
-    found: dict[str, Findings] = {}
-    notes = []
+def evaluated(recording: Recording, tests: Sequence[SequencedTest]) -> Findings:
+    """The findings of all tests together; what was not driven to its end is said, and nobody judges it."""
+    found: list[Findings] = []
+    notes: list[str] = []
     for test in tests:
         parts = [p for p in recording.meta.get("parts", ()) if p.get(_TEST) == test.name and not p.get("unfinished")]
         if not any(part["kind"] == _DONE for part in parts):
@@ -67,10 +68,23 @@ def evaluated(recording: Recording, tests: Sequence[SequencedTest]) -> tuple[dic
             continue
         own = replace(recording, meta={**recording.meta, "settings": test.settings, "parts": _last(test, parts)})
         try:
-            found[test.name] = test.procedure.evaluate(own)
+            found.append(test.procedure.evaluate(own))
         except InputError as error:
             notes.append(Note("Not evaluated: {part}: {why}.", part=test.title, why=str(error)))
-    return found, tuple(notes)
+    return Findings(
+        tuple(one for test in found for one in test.measured),
+        {name: curve for test in found for name, curve in test.curves.items()},
+        tuple(dict.fromkeys([*notes, *(note for test in found for note in test.notes)])),
+        tuple(dict.fromkeys(one for test in found for one in test.deviations)),
+    )
+
+
+def both_sides(rig: Rig, sizes: Sequence[float], full_command: float | None) -> tuple[float, ...]:
+    """Levels of steps from neutral and back, in % of full command, to both sides where the command has two."""
+    levels = [0.0]
+    for size in sizes:
+        levels += [size, 0.0, -size, 0.0] if scale_of(rig, full_command).both_ways else [size, 0.0]
+    return tuple(levels)
 
 
 def _last(test: SequencedTest, parts: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

@@ -7,7 +7,7 @@ them by those. What of the standard is in it, and what is not: docs/explanation/
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import ModuleType
 from typing import Any, Literal
 
@@ -17,8 +17,7 @@ from hil.record.measurement import Findings
 from hil.record.recording import Recording
 from hil.rig import Rig
 from procedures import fail_safe, flow_curve, multisine_response, step_response, threshold
-from procedures._scale import scale_of
-from procedures._sequence import SequencedTest, drive, evaluated
+from procedures._sequence import SequencedTest, both_sides, drive, evaluated
 from procedures._settings import NotNegative, Positive
 
 CERTIFICATE, RESUMABLE = True, True
@@ -71,21 +70,14 @@ def run(
         "tests": tests, "amplitudes": amplitudes, "biases": biases,
         "high_hz": high_hz or min(_TOP_HZ, rate_hz / _SAMPLES),
         "cycle_s": cycle_s, "warm_up_s": warm_up_s, "full_command": full_command, "rate_hz": rate_hz,
-        "levels": _levels(steps, both_ways=scale_of(rig, full_command).both_ways),
+        "levels": both_sides(rig, steps, full_command),
     }  # fmt: skip
     drive(rig, _asked(asked))
 
 
 def evaluate(recording: Recording) -> Findings:
     """Findings of all tests together; what was not done is said, and what has a limit there cannot be told."""
-    found, notes = evaluated(recording, _asked({**recording.meta["settings"], "levels": ()}))
-    every = found.values()
-    return Findings(
-        tuple(one for test in every for one in test.measured),
-        {name: curve for test in every for name, curve in test.curves.items()},
-        tuple(dict.fromkeys([*notes, *(note for test in every for note in test.notes)])),
-        tuple(dict.fromkeys(one for test in every for one in test.deviations)),
-    )
+    return evaluated(recording, _asked({**recording.meta["settings"], "levels": ()}))
 
 
 def _asked(settings: Mapping[str, Any]) -> list[SequencedTest]:
@@ -97,11 +89,3 @@ def _asked(settings: Mapping[str, Any]) -> list[SequencedTest]:
         given = {one: settings[one] for one in ("full_command", "rate_hz", *warm_up, *takes)}
         found.append(SequencedTest(procedure, title, given))
     return found
-
-
-def _levels(sizes: Sequence[float], *, both_ways: bool) -> tuple[float, ...]:
-    """Steps from neutral and back, the small ones first."""
-    levels = [0.0]
-    for size in sizes:
-        levels += [size, 0.0, -size, 0.0] if both_ways else [size, 0.0]
-    return tuple(levels)

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 from hil.cli.printed import Json
+from hil.cli.runs import ARCHIVE
 
 if TYPE_CHECKING:
+    from hil.archive.entry import Entry
     from hil.bench.device import DeviceInUse
     from hil.bench.read import BenchFile
+    from hil.safety.outputs import Outputs
+
+_REFERENCE = "bench_reference"
 
 
 def command(
@@ -20,9 +27,19 @@ def command(
     live: bool = typer.Option(
         False, "--live", help="Read every input too: delays, rates, noise, and what can be measured here."
     ),
+    reference: str = typer.Option(
+        "",
+        "--reference",
+        metavar="SN",
+        help="Drive a known valve or a loop-back for two minutes; exit status 1 where it differs from its first time.",
+    ),
+    archive: str = ARCHIVE,
     as_json: Json = False,
 ) -> None:
-    """Check a bench file: every fault with its line, every missing net, and what to do about it. Nothing is driven."""
+    """Check a bench file: every fault with its line, every missing net, and what to do about it.
+
+    Nothing is driven, unless by --reference.
+    """
     from datetime import UTC, datetime
 
     from hil.bench.find import find_bench
@@ -37,10 +54,12 @@ def command(
     warnings = missing_protection(found, datetime.now(UTC).date())
     if not as_json:
         typer.echo("\n".join([*_described(found), *(f"warning: {text}" for text in warnings)]))
-    elif not live:
+    elif not live and not reference:
         typer.echo(_as_json(found, warnings))
     if live:
         warnings += _looked_at(found, as_json)
+    if reference:
+        _held_against_first(found, reference, archive, as_json=as_json)
     if strict and warnings:
         raise FileError(f"{path}: {len(warnings)} warning{'s' if len(warnings) > 1 else ''}, and --strict allows none")
 
@@ -68,6 +87,46 @@ def _looked_at(found: BenchFile, as_json: bool) -> list[str]:
     if seen.silent:
         raise LinkError("; ".join(seen.silent.values()))
     return list(seen.remarks)
+
+
+def _held_against_first(bench: BenchFile, serial: str, archive: str, *, as_json: bool) -> None:
+    """Run the procedure and compare; leaves with status 1 where a figure differs from that of the first run."""
+    from hil import api
+    from hil.cli.compare import comparison_json, comparison_table
+    from hil.cli.progress import shown
+    from hil.cli.run_end import entered, safely
+    from hil.cli.searches import not_entered
+    from hil.session.labels import folder_name
+    from hil.session.run_comparison import compare_runs
+
+    folder = Path("runs") / folder_name(_REFERENCE, serial)
+
+    def run(known: Outputs) -> None:
+        with shown() as progress:
+            api.run(_REFERENCE, bench, folder, serial=serial, progress=progress, outputs=known, archive=archive)
+
+    safely(run, folder, archive, as_json=as_json)
+    entered(archive, folder)
+    found = api.find_runs(serial=serial, procedure=_REFERENCE, archive=archive, values=False, notes=not_entered)
+    first = _first(found, bench.bench.name, folder)
+    if first is None:
+        typer.echo(f"{folder}: the first on this bench; those that come are held against it", err=as_json)
+        return
+    comparison = compare_runs(first, folder)
+    typer.echo(comparison_json(comparison) if as_json else comparison_table(comparison))
+    trend = f"hil trend NAME --serial {shlex.quote(serial)} --procedure {_REFERENCE}"
+    typer.echo(f"held against {first}; over time: {trend}", err=as_json)
+    if any(one.meaning == "differs" for one in comparison.differences):
+        raise typer.Exit(1)
+
+
+def _first(found: list[Entry], bench: str, folder: Path) -> Path | None:
+    """The earliest completed run of this bench whose folder is here."""
+    for one in found:
+        here = one.bench == bench and one.outcome == "completed" and one.folder.is_dir() and not one.is_of_another_host
+        if here and one.folder != folder.resolve():
+            return one.folder
+    return None
 
 
 def _as_json(found: BenchFile, warnings: list[str]) -> str:

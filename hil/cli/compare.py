@@ -93,10 +93,11 @@ def _compare_runs(runs: list[Path], as_json: bool, page: Path | None) -> None:
 
         check_file(page)
         write_comparison_page(found.first, found.second, found.differences, found.one_bench, page)
-    typer.echo(_json(found) if as_json else _table(found))
+    typer.echo(comparison_json(found) if as_json else comparison_table(found))
 
 
-def _json(found: RunComparison) -> str:
+def comparison_json(found: RunComparison) -> str:
+    """Two runs as JSON, schema `hil.run-comparison/1`."""
     from hil.record.plain import plain
 
     rows = [
@@ -117,7 +118,8 @@ def _json(found: RunComparison) -> str:
     return json.dumps(plain(document), indent=1, ensure_ascii=False)
 
 
-def _table(found: RunComparison) -> str:
+def comparison_table(found: RunComparison) -> str:
+    """Two runs side by side, each difference with its significance, for a terminal."""
     from hil.record.simulated import marked
     from hil.report import comparison_page as page
     from hil.report.terminal import aligned, typed

@@ -30,6 +30,7 @@ MADE_OF = {
     "efc_acceptance": (
         "pressure_current", "efc_step_response", "efc_frequency_response", "leakage_check", "electrical_check",
     ),
+    "bench_reference": ("flow_curve", "step_response"),
     "iso_10770_1": ("flow_curve", "step_response", "multisine_response", "threshold", "fail_safe"),
 }  # fmt: skip
 """Procedures whose figures are those of others."""

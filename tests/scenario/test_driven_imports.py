@@ -18,6 +18,7 @@ ALL = [
     "large_sine brevini-hpv41 frequencies=0.5 cycles=1",
     "fail_safe brevini-hpv41 repeats=2",
     "iso_10770_1 brevini-hpv41 cycle_s=12 amplitudes=4 biases=60",
+    "bench_reference brevini-hpv41 cycle_s=12",
     "coil_by_hand brevini-hpv41 cold=7.2 instrument=meter",
     "jog brevini-hpv41 value=20",
     "threshold brevini-hpv41 speed=1 reach=2",

@@ -9,6 +9,7 @@ import hil
 from hil.catalog import entries
 
 SHORT = {
+    "bench_reference": ("brevini-hpv41", {"cycle_s": 10, "rate_hz": 200}),
     "coil_by_hand": (
         "brevini-hpv41",
         {"cold": 7.2, "hot": 9.1, "resistance_uncertainty": 0.5, "instrument": "meter 7"},

@@ -1,0 +1,49 @@
+"""`hil check --reference`: a bench that is as it was, one whose meter reads 2 % more, and the first time."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from hil.bench.find import benches
+from hil.cli.app import _assembled
+
+
+@pytest.fixture
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "bench.toml"
+    text = benches()["brevini-hpv41"].read_text(encoding="utf-8")
+    path.write_text(text.replace("sample_rate_hz = 1000", "sample_rate_hz = 200"), encoding="utf-8")
+    return path
+
+
+def checked(path: Path, *more: str, seed: int = 1, change: tuple[str, str] = ("", "")) -> tuple[int, str]:
+    text = path.read_text(encoding="utf-8").replace("seed = 1", f"seed = {seed}")
+    assert change[0] in text
+    path.write_text(text.replace(*change) if change[0] else text, encoding="utf-8")
+    told = CliRunner().invoke(_assembled(), ["check", str(path), "--reference", "REF 1", *more])
+    return told.exit_code, told.stdout
+
+
+def test_the_first_time_is_kept_and_a_bench_as_it_was_is_said_to_be_so(bench: Path) -> None:
+    status, first = checked(bench)
+    assert status == 0 and "no faults" in first and "differs" not in first
+    (kept,) = Path("runs").glob("bench_reference-REF-1-*")
+    status, text = checked(bench, "--json", seed=12)
+    assert text, status
+    told = json.loads(text)
+    assert status == 0 and told["schema"] == "hil.run-comparison/1"
+    assert told["serials"] == ["REF 1", "REF 1"] and told["runs"][0] == kept.name
+    assert {one["meaning"] for one in told["differences"]} == {"within uncertainty", "cannot tell"}
+
+
+def test_a_meter_that_reads_two_per_cent_more_is_an_exit_status_of_one(bench: Path) -> None:
+    checked(bench)
+    status, text = checked(bench, seed=12, change=("noise = 0.3", "noise = 0.3, slope = 9.8"))
+    assert status == 1
+    differing = [line.split()[0] for line in text.splitlines() if line.endswith("differs")]
+    assert {"gain_positive", "gain_negative", "response_high"} <= set(differing)
