@@ -7,12 +7,32 @@ from contextlib import suppress
 from textwrap import shorten
 from typing import Any
 
+from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
+
 from drivers._edge import message_of, quiet
 from hil.daq.connection import close, connect, guard
 from hil.errors import DeviceLostError
 
 _LONGEST_WHY = 200
 _CONNECTS_S = 1.0
+
+
+class OnABus(BaseModel):
+    """How a device on a CAN bus is reached.
+
+    Attributes:
+        address: of the bus: `socketcan:can0`, `pcan:PCAN_USBBUS1`, `socketcand:host:port`, `virtual:name`.
+        bitrate: of the bus.
+        timeout_s: an answer, or a message that is waited for, that takes longer counts as none.
+        longest_reply_s: after a failure nothing is asked, or believed, for so long, so that a late answer passes.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    address: str
+    bitrate: PositiveInt = 250_000
+    timeout_s: PositiveFloat = 0.1
+    longest_reply_s: PositiveFloat = 0.25
 
 
 def bus_fault(address: str) -> str:

@@ -6,31 +6,24 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
+from pydantic import PositiveFloat
 
 from drivers._address_claim import CLAIM_WAIT_S, AddressClaim
-from drivers._can import close_bus, gone, heard, open_bus
+from drivers._can import OnABus, close_bus, gone, heard, open_bus
 from drivers._edge import wire_log
 from hil.errors import LinkError
 
 _ECHOES = 32  # frames that may be on their way back
 
 
-class BusSettings(BaseModel):
+class BusSettings(OnABus):
     """How a device on CAN is reached, whatever its messages.
 
     Attributes:
-        address: of the bus: `socketcan:can0`, `pcan:PCAN_USBBUS1`, `socketcand:host:port`, `virtual:name`.
-        bitrate: of the bus.
         timeout_s: a message is waited for so long, the first one for its own time-out if that is longer.
-        longest_reply_s: after a failure what comes for so long is not believed, as it may have been under way.
         echo: the adapter gives back what is sent, as if it came from the bus.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    address: str
-    bitrate: PositiveInt = 250_000
     timeout_s: PositiveFloat = 0.3
     longest_reply_s: PositiveFloat = 0.6
     echo: bool = False

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat
 
+from drivers._can import OnABus
 from drivers._canopen_node import MASTER, NodeLink
 from drivers._edge import edge
 from drivers._pdo_mapping import configure, pdos_for, with_sync
@@ -16,26 +17,16 @@ from hil.description.canopen import CanopenDescription, CanopenTerminal, place_o
 from hil.errors import HardwareError, SettingError
 
 
-class NodeSettings(BaseModel):
+class NodeSettings(OnABus):
     """How a node is reached, whatever its objects.
 
     Attributes:
-        address: of the bus, as python-can names it.
         node: its number; that of the DCF if not given.
-        bitrate: of the bus.
-        timeout_s: an answer that takes longer counts as none.
-        longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
         startup_s: at opening the device is waited for so long, where it answers only after a start-up of its own.
         watchdog_s: the node makes its outputs safe when it misses our heartbeat for so long.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    address: str
     node: int | None = Field(default=None, ge=1, le=126)
-    bitrate: PositiveInt = 250_000
-    timeout_s: PositiveFloat = 0.1
-    longest_reply_s: PositiveFloat = 0.25
     startup_s: float = Field(default=0.0, ge=0.0, le=300.0)
     watchdog_s: PositiveFloat | None = Field(default=None, le=65.5)
 

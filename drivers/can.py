@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pydantic import ConfigDict
-
 from drivers._can import bus_fault
 from drivers._can_frames import BusSettings
 from drivers._can_link import CanLink
@@ -24,8 +22,6 @@ class Settings(BusSettings, Described):
     Attributes:
         model, description: see `hil.description.named`.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pydantic import ConfigDict
-
 from drivers._can import bus_fault
 from drivers._canopen_link import CanopenLink, NodeSettings
 from drivers._described import ByDescription
@@ -23,8 +21,6 @@ class Settings(NodeSettings, Described):
     Attributes:
         model, description: see `hil.description.named`.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:

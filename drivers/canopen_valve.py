@@ -12,9 +12,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat
 
-from drivers._can import bus_fault
+from drivers._can import OnABus, bus_fault
 from drivers._canopen_node import MASTER, NodeLink
 from drivers._edge import edge
 from hil.daq.channel import Terminal, Wiring
@@ -35,17 +35,13 @@ _PATIENCE_S = 0.5  # for the device to follow a control word
 PROBES = "can"
 
 
-class Settings(BaseModel):
+class Settings(OnABus):
     """What `[devices.NAME]` may say.
 
     Attributes:
-        address: of the bus: `socketcan:can0`, `pcan:PCAN_USBBUS1`, `socketcand:host:port`, `virtual:name`.
         eds: the maker's EDS or DCF, beside the bench file; what it lacks is then told by `hil check`, and another valve
             than its own is refused.
         node: of the valve.
-        bitrate: of the bus.
-        timeout_s: an answer that takes longer counts as none.
-        longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
         watchdog_s: the valve goes to its fault state when it misses our heartbeat for so long.
         ramp_s: its set point takes so long from 0 to 100 %; 0 switches ramps off. Left as it is if not given, as
             are the others.
@@ -53,14 +49,8 @@ class Settings(BaseModel):
         dead_band_a, dead_band_b: compensation on either side, in %.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    address: str
     eds: str = ""
     node: int = Field(default=1, ge=1, le=126)
-    bitrate: PositiveInt = 250_000
-    timeout_s: PositiveFloat = 0.1
-    longest_reply_s: PositiveFloat = 0.25
     watchdog_s: PositiveFloat = 0.5
     ramp_s: float | None = Field(default=None, ge=0.0)
     dither_amplitude: int | None = Field(default=None, ge=0, le=0xFFFF)

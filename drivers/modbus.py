@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from pydantic import ConfigDict, FiniteFloat
+from pydantic import FiniteFloat
 
 from drivers._described import ByDescription
 from drivers._edge import reply_faults
@@ -42,8 +42,6 @@ class Settings(LineSettings, Described):
         watchdog_level: where the device was set to put its outputs when its watchdog expires, in the unit of its
             terminals; as it is delivered if not given.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     watchdog_level: FiniteFloat | None = None
 
