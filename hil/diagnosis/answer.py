@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from hil.diagnosis.evidence import Judged, judge, training_half
 from hil.diagnosis.false_alarms import FalseAlarms, false_alarms
 from hil.diagnosis.kept_back import fit_kept_back, kept_back, predicted
 from hil.diagnosis.locate import StageShare, Where, locate, stages
-from hil.diagnosis.named import predicted as predicted_change
+from hil.diagnosis.named import refitted
 from hil.diagnosis.never_worse import why_not_better
 from hil.diagnosis.next_test import Span, next_test
 from hil.diagnosis.pictures import spectra, strips
@@ -98,7 +99,8 @@ class Answer:
         proposed = self.named if self.named.terms or self.has_drifted else nominal
         if self.verdict == "unexplained" or proposed is nominal:
             return nominal, _rounded(before, before, most), Note("nothing is named that it would have to hold")
-        residuals = self._predicted(proposed)
+        refit = None if self.changed is None else partial(refitted, self.changed, proposed)
+        residuals = predicted(self.problem, proposed, self.kept, refit)
         after = fit_kept_back(self.problem, residuals, self.kept)
         why = why_not_better(self.problem, nominal.residuals, residuals, self.kept)
         if not why and (after < before or self._misses(proposed) > self._misses(nominal)):
@@ -106,12 +108,6 @@ class Answer:
         if why:
             return nominal, _rounded(before, before, most), why
         return proposed, _rounded(before, after, most), None
-
-    def _predicted(self, f: Fitted) -> Array:
-        """Residuals where no fit has looked."""
-        if self.changed is None:
-            return predicted(self.problem, f, self.kept)
-        return predicted_change(self.changed, f, self.kept)
 
     def _misses(self, f: Fitted) -> float:
         """The squared error of a free simulation of the recordings as they are, coloured noise and all."""

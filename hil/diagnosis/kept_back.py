@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,17 +66,17 @@ def kept_back(problem: Problem, f: Fitted) -> KeptBack:
     return KeptBack(fold, everything, NOTHING) if len(recordings) == 1 else by_recording
 
 
-def predicted(problem: Problem, f: Fitted, kept: KeptBack) -> Array:
-    """Residuals of an explanation, each by a refit without its fold; as they are where nothing is kept back."""
+def predicted(problem: Problem, f: Fitted, kept: KeptBack, refit: Callable[[Mask], Fitted] | None = None) -> Array:
+    """Residuals of an explanation, each by a refit without its fold; as they are where nothing is kept back.
+
+    `refit`: the explanation fitted to some of the residuals, where not as the search does.
+    """
     if kept.basis == NOTHING or f.estimate is None:
         return f.residuals
     folds = [k for k in np.unique(kept.fold) if np.any(kept.scored[kept.fold == k])]
-
-    def without(k: int) -> Array:
-        refitted = fit(problem, f, keep=kept.fold != k, steps=EFFORT.rough)
-        return np.where(kept.fold == k, refitted.residuals, 0.0)
-
-    made: Array = np.sum(spread(without, folds), axis=0)
+    refit = refit or (lambda keep: fit(problem, f, keep=keep, steps=EFFORT.rough))
+    parts = spread(lambda k: np.where(kept.fold == k, refit(kept.fold != k).residuals, 0.0), folds)
+    made: Array = np.sum(parts, axis=0)
     return made
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.diagnosis.changed import Changed
 from hil.diagnosis.choice import Choice
-from hil.diagnosis.kept_back import NOTHING, KeptBack
 from hil.diagnosis.score import UNKNOWN, Hypothesis, Noise, Table, table, verdict
 from hil.diagnosis.search.effort import EFFORT, Steps
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing, starting
@@ -53,16 +53,10 @@ def named(changed: Changed) -> Choice:
     )  # fmt: skip
 
 
-def predicted(changed: Changed, f: Fitted, kept: KeptBack) -> Array:
-    """Residuals of a cause, each fold by a refit without it; as they are where nothing is kept back."""
-    if kept.basis == NOTHING or f.estimate is None:
-        return f.residuals
-    fold = changed.folds(kept.fold)
-    made = np.zeros(len(f.residuals))
-    for k in np.unique(kept.fold):
-        refitted = _fit(changed, f.terms[0], f.values[0], EFFORT.rough, fold != k)
-        made += np.where(kept.fold == k, evaluated(changed.problem, refitted).residuals, 0.0)
-    return made
+def refitted(changed: Changed, f: Fitted, keep: NDArray[np.bool_]) -> Fitted:
+    """A cause fitted to some of the residuals, with what it leaves of all."""
+    rows = changed.folds(keep.astype(np.int64)) > 0
+    return evaluated(changed.problem, _fit(changed, f.terms[0], f.values[0], EFFORT.rough, rows))
 
 
 def _scores(changed: Changed, fits: Sequence[Fitted], names: int) -> Table:
@@ -136,7 +130,9 @@ def _residuals(changed: Changed, term: Term, values: Sequence[float]) -> Array:
     return changed.residuals(parameters, effects)
 
 
-def _fit(changed: Changed, term: Term, start: Sequence[float], steps: Steps, keep: Array | None = None) -> Fitted:
+def _fit(
+    changed: Changed, term: Term, start: Sequence[float], steps: Steps, keep: NDArray[np.bool_] | None = None
+) -> Fitted:
     def residuals(values: Array) -> Array:
         r = _residuals(changed, term, values.tolist())
         return r if keep is None else np.where(keep, r, 0.0)
