@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import FileError, UnitError
+from hil.language.note import Note
 from hil.record.columns import Column, Table
 from hil.record.missing_values import is_even, missing_values
 from hil.record.named import named
@@ -79,7 +80,9 @@ def assemble(
         wanted = one.column.name_and_unit[0]
         label = _free_name(wanted, one.table, channels)
         if wanted and label != wanted:
-            assumed.append(f"another channel is called '{wanted}'; this one is '{label}'")
+            assumed.append(
+                Note("another channel is called '{wanted}'; this one is '{label}'", wanted=wanted, label=label)
+            )
         unit = one.column.name_and_unit[1]
         values, apart = _on(time_s, one, base)
         channels[label] = Channel(label, unit or "1", values, one.column.source, one.column.calibration)
@@ -182,14 +185,14 @@ def _pieces(name: str, table: Table, reading: Reading) -> Iterator[_Piece]:
                 table.name,
                 time_s,
                 table.columns[1:],
-                (*notes, "sample number; 1 s per sample assumed, --interval S says otherwise"),
+                (*notes, Note("sample number; 1 s per sample assumed, --interval S says otherwise")),
             )
             return
         yield table.name, table.time_s, table.columns, notes
         return
     columns = [c for c in table.columns if c in clocks or not c.counts_rows]
     if len(columns) < len(table.columns):
-        notes = (*notes, "a column that only numbers the rows is left out")
+        notes = (*notes, Note("a column that only numbers the rows is left out"))
     at = [columns.index(clock) for clock in clocks]
     for k, (start, clock) in enumerate(zip(at, clocks, strict=True)):
         stop = at[k + 1] if k + 1 < len(at) else len(columns)
@@ -205,7 +208,12 @@ def _even(table: Table, signals: Sequence[Column], interval_s: float) -> Iterato
     for length in lengths:
         columns = [c for c in signals if len(c.values) == length and not c.counts_rows]
         time_s = interval_s * np.arange(length, dtype=np.float64)
-        yield table.name, time_s, columns, (f"even time base of {interval_s:g} s, as --interval says",)
+        yield (
+            table.name,
+            time_s,
+            columns,
+            (Note("even time base of {interval_s:g} s, as --interval says", interval_s=interval_s),),
+        )
 
 
 def _clocks(table: Table, reading: Reading) -> list[Column]:
@@ -291,16 +299,16 @@ def _without_blanks(
             taken.append(_Taken(one.table, column, own_s, own))
     single = [t.column.heading for t in taken if len(t.time_s) < 2]
     if single and len(single) < len(taken):
-        notes.append(f"left out, a single sample: {', '.join(single)}")
+        notes.append(Note("left out, a single sample: {channels}", channels=tuple(single)))
         taken = [t for t in taken if len(t.time_s) > 1]
     if named_empty := [heading for heading in empty if heading.strip()]:
-        notes.append(f"left out, without a sample: {', '.join(named_empty)}")
+        notes.append(Note("left out, without a sample: {channels}", channels=tuple(named_empty)))
     if not taken:
         raise FileError(f"{name}: no channel has a sample")
     return taken, notes
 
 
-def _without_brief(base: _Taken, taken: Sequence[_Taken]) -> tuple[list[_Taken], list[str]]:
+def _without_brief(base: _Taken, taken: Sequence[_Taken]) -> tuple[list[_Taken], list[Note]]:
     """The channels without those of the base's table that fill fewer than half of its rows, all in one piece.
 
     Such a column is a short list beside the recording; the time that all channels cover would shrink to it.
@@ -314,10 +322,10 @@ def _without_brief(base: _Taken, taken: Sequence[_Taken]) -> tuple[list[_Taken],
 
     brief = [one for one in taken if is_brief(one)]
     notes = [
-        f"left out, {len(one.time_s)} samples beside {len(base.time_s)} of {base.column.name_and_unit[0]}: "
-        f"{one.column.heading}"
+        Note("left out, {count} samples beside {most} of {base}: {channel}", count=len(one.time_s),
+             most=len(base.time_s), base=base.column.name_and_unit[0], channel=one.column.heading)
         for one in brief
-    ]
+    ]  # fmt: skip
     return [one for one in taken if one not in brief], notes
 
 
@@ -336,7 +344,7 @@ def _interval_s(time_s: Array) -> float:
     return float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
 
 
-def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, list[str]]:
+def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, list[Note]]:
     """The stamps of the base within the time that all channels cover: one sampled on change holds on to the end."""
     bases = {id(one.time_s): one.time_s for one in taken}.values()
     if len(bases) == 1:
@@ -353,14 +361,17 @@ def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, li
         raise FileError(f"{name}: its time bases have no time in common: {names}")
     notes = []
     for start in sorted(starts)[1:]:
-        names = ", ".join(one.column.name_and_unit[0] for one in taken if one.time_s[0] == start)
+        late = tuple(one.column.name_and_unit[0] for one in taken if one.time_s[0] == start)
         if start - min(starts) > slack:
-            late = f"{names} begins {start - min(starts):.6g} s after the first channel, as the file says"
-            notes.append(f"{late}; a command is known before that too")
+            notes.append(Note(
+                "{channels} begins {late_s:.6g} s after the first channel, as the file says; a command is known before "
+                "that too",
+                channels=late, late_s=start - min(starts),
+            ))  # fmt: skip
     if time_s[-1] - common[-1] > max(_interval_s(own_s) for own_s in bases) + slack:
         first = next(one for one in taken if float(one.time_s[-1]) <= stop)
-        ends = f"{first.column.name_and_unit[0]} ends {time_s[-1] - common[-1]:.6g} s before the last channel"
-        notes.append(f"{ends}; nothing after that is taken")
+        notes.append(Note("{channel} ends {early_s:.6g} s before the last channel; nothing after that is taken",
+                          channel=first.column.name_and_unit[0], early_s=time_s[-1] - common[-1]))  # fmt: skip
     return common, notes
 
 
@@ -377,16 +388,19 @@ def _on(time_s: Array, one: _Taken, base: _Taken) -> tuple[Array, Samples | None
     return taken.held_at(time_s), taken
 
 
-def _sampled_apart(label: str, one: _Taken, base: _Taken) -> str:
-    count = len(one.time_s)
+def _sampled_apart(label: str, one: _Taken, base: _Taken) -> Note:
     if is_even(one.time_s):
-        rate = f"every {_interval_s(one.time_s):.6g} s from {one.time_s[0]:.6g} s on"
+        rate = Note(
+            "every {every_s:.6g} s from {first_s:.6g} s on", every_s=_interval_s(one.time_s), first_s=one.time_s[0]
+        )
     else:
-        rate = "at times of its own"
-    return (
-        f"{label}: {count} samples {rate}, beside {len(base.time_s)} of {base.column.name_and_unit[0]}; its last value "
-        "holds until the next as a command, and as a response it is compared at its own times"
-    )
+        rate = Note("at times of its own")
+    apart = Note(
+        "{count} samples {rate}, beside {most} of {base}. As a command its last value holds until the next; as a "
+        "response it is compared at its own times",
+        count=len(one.time_s), rate=rate, most=len(base.time_s), base=base.column.name_and_unit[0],
+    )  # fmt: skip
+    return apart.of(label)
 
 
 def _free_name(wanted: str, table: str, taken: Mapping[str, Any]) -> str:

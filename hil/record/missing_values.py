@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from hil.errors import FileError
+from hil.language.note import Note
 from hil.record.columns import Column
 from hil.record.recording import Array, Mask
 
@@ -48,7 +49,8 @@ def missing_values(
         again = np.flatnonzero(np.diff(time_s) == 0.0) + 1
         if again.size and again.size <= _FEW_REPEATED * len(time_s):  # more than a few are stamps that were rounded
             missing[again] = True
-            notes.append(f"{again.size} of {len(time_s)} rows have the stamp of the row before and are left out")
+            notes.append(Note("{count} of {rows} rows have the stamp of the row before and are left out",
+                              count=again.size, rows=len(time_s)))  # fmt: skip
     return missing, notes
 
 
@@ -72,7 +74,8 @@ def _blanks(name: str, column: Column, missing: Mask, place: Place, gaps: bool) 
             f"{name}: {place(int(at[0]))}, channel '{label}': no value ({at.size} such of {len(missing)}); with --gaps "
             "that is a sample that was not taken, and --columns can leave the channel out"
         )
-    return [f"'{label}' has no value in {at.size} of {len(missing)} rows, the first at {place(int(at[0]))}"]
+    return [Note("'{channel}' has no value in {count} of {rows} rows, the first at {place}", channel=label,
+                 count=at.size, rows=len(missing), place=place(int(at[0])))]  # fmt: skip
 
 
 def _stands_for_none(values: Array) -> float | None:
@@ -96,4 +99,5 @@ def _stand_ins(name: str, column: Column, here: Mask, number: float, place: Plac
             f"write where nothing was measured ({at.size} such of {len(here)}); with --gaps that is a sample that was "
             "not taken, and --columns can leave the channel out"
         )
-    return [f"'{label}' is {number:g} in {at.size} of {len(here)} rows, treated as missing"]
+    return [Note("'{channel}' is {number:g} in {count} of {rows} rows, treated as missing", channel=label,
+                 number=number, count=at.size, rows=len(here))]  # fmt: skip

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hil.errors import FileError, SettingError
+from hil.language.note import Note
 from hil.record import heading as headings
 from hil.record.columns import Column, Table, from_texts
 from hil.record.reading import AS_IT_IS, LEFT_OUT, Reading
@@ -131,6 +132,6 @@ def as_stated(recording: Recording, reading: Reading) -> Recording:
     time_s, meta = recording.time_s, recording.meta
     if reading.interval_s:
         time_s = reading.interval_s * np.arange(len(recording), dtype=np.float64)
-        note = f"even time base of {reading.interval_s:g} s, as --interval says"
+        note = Note("even time base of {interval_s:g} s, as --interval says", interval_s=reading.interval_s)
         meta = {**meta, "assumed": [*meta.get("assumed", ()), note]}
     return replace(recording, time_s=time_s, channels=channels, meta=meta, own=own).with_units(units)

@@ -11,6 +11,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from hil.language.note import Note
 from hil.record.about import KEY, about, parse_about
 from hil.record.columns import Column, Contents, Table, by_length, even_table, numbers
 from hil.record.extra import library
@@ -104,5 +105,6 @@ def _cut_to_shortest(name: str, columns: list[Column]) -> Table:
     if min(lengths) == max(lengths):
         return Table(name, columns)
     cut = [Column(c.heading, c.values[: min(lengths)], c.unit, c.source, c.calibration) for c in columns]
-    note = f"channels of group '{name}' have {min(lengths)} to {max(lengths)} samples; cut to the shortest"
+    note = Note("channels of group '{group}' have {least} to {most} samples; cut to the shortest", group=name,
+                least=min(lengths), most=max(lengths))  # fmt: skip
     return Table(name, cut, assumed=note)
