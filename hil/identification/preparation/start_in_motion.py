@@ -42,19 +42,26 @@ def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note
 
     change = np.zeros(count)
     left = plain = errors(change)
+
+    def is_worth(after: Array) -> bool:
+        """Whether the levels are worth their number where they leave this error, shape (n,)."""
+        telling = after[e.valid]
+        independent = len(telling) / colour_factor(telling)
+        gained = independent * math.log(float(plain @ plain) / float(after @ after)) if after.any() else 0.0
+        return gained > count * math.log(independent)
+
     for _ in range(_ROUNDS):
         slopes = np.array([errors(change + _SLOPE * span * unit) - left for unit in np.eye(count)]).T / _SLOPE
         # a level lies about the first one as far as the command goes, and what is left says how much a sample tells
         power = float(np.mean(left**2))
         step = np.linalg.solve(slopes.T @ slopes + power * np.eye(count), -slopes.T @ left - power * change / span)
+        if not is_worth(left + slopes @ step):
+            break
         tried = errors(change + span * step)
         if not float(tried @ tried) < float(left @ left):
             break
         change, left = change + span * step, tried
-    telling = left[e.valid]
-    independent = len(telling) / colour_factor(telling)
-    gained = independent * math.log(float(plain @ plain) / float(left @ left)) if left.any() else 0.0
-    if not gained > count * math.log(independent):
+    if not is_worth(left):
         return e, ()
     fit = fit_percent(e.valid_output, e.valid_output + plain[e.valid])
     note = Note("begins in motion; what moved it before is fitted too, begun at rest the fit is {fit:.2f} %", fit=fit)
