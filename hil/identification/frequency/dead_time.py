@@ -45,8 +45,8 @@ def with_other_forms(
         return _noted(chosen, late) if late > _EXCLUDED else chosen
     if not chosen.form.dead_time:
         return chosen
-    if float(shares[by_zero].sum()) > _HALF:
-        return replace(_noted(chosen, 1.0 - float(shares[by_zero].sum())), form_std_s=math.inf)
+    if (without := float(shares[by_zero].sum())) > _HALF:
+        return replace(_noted(chosen, 1.0 - without), form_std_s=math.inf)
     delayed = np.array([fit.form.dead_time for fit in rivals])
     return replace(chosen, form_std_s=_beyond_scatter(chosen, rivals, np.where(delayed, shares, 0.0)))
 

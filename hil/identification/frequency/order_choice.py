@@ -95,14 +95,13 @@ def fit_together(
 def _forms(poles: int | None, zeros: int | None, dead_time: bool | float | None, base: Form) -> list[Form]:
     delays = [False, True] if dead_time is None else [dead_time]
     counts = range(1, _MOST_POLES + 1) if poles is None else [poles]
-    made = []
-    for n in counts:
-        for m in range(n) if zeros is None else [zeros]:
-            for delay in delays:
-                free = delay is True
-                fixed = float(delay) if not isinstance(delay, bool) else 0.0
-                made.append(replace(base, poles=n, zeros=m, dead_time=free, dead_time_s=fixed))
-    return made
+    late = [(delay is True, 0.0 if isinstance(delay, bool) else float(delay)) for delay in delays]
+    return [
+        replace(base, poles=n, zeros=m, dead_time=free, dead_time_s=fixed_s)
+        for n in counts
+        for m in (range(n) if zeros is None else [zeros])
+        for free, fixed_s in late
+    ]
 
 
 def _possible(forms: Sequence[Form], response: FrequencyResponse) -> list[Form]:

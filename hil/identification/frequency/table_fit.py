@@ -71,10 +71,9 @@ def orders_of(poles: int | None, zeros: int | None, dead_time: bool | None, weig
     Raises:
         SettingError: weights that there are not.
     """
-    known = {"": None, **{name: name for name in get_args(Weights)}}
-    if weights not in known:
+    if weights and weights not in get_args(Weights):
         raise SettingError(f"weights '{weights}': there are {', '.join(get_args(Weights))}")
-    return Orders(poles, zeros, dead_time, cast("Weights | None", known[weights]))
+    return Orders(poles, zeros, dead_time, cast("Weights | None", weights or None))
 
 
 def fit_tables(

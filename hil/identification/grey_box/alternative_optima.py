@@ -17,6 +17,7 @@ from hil.language.note import Note
 from hil.physics.plant import Parameters
 from hil.record.recording import Array
 
+AwayWith = Callable[[int, float], Array | None]
 FitAt = Callable[[Parameters, Sequence[str]], Estimate]
 """Fits the named parameters, the others held, from these values."""
 
@@ -35,13 +36,20 @@ def alternative_optima(found: Estimate, at: Parameters, fit_at: FitAt) -> tuple[
         fit_at: fits again.
     """
     made, notes = np.zeros((len(found.values),) * 2), []
-    for apart, note in (*_beyond_corners(found, at, fit_at), *_exchanged(found, at, fit_at), *_held(found, at, fit_at)):
+
+    def away_with(k: int, value: float) -> Array | None:
+        """How far values lie away with one held and the others fitted again; None where that fits worse."""
+        name = found.unknowns[k].name
+        again = fit_at({**at, name: value}, [other for other in found.named if other != name])
+        return np.insert(again.values, k, value) - found.values if _as_good(found, again) else None
+
+    for apart, note in (*_beyond_corners(found, away_with), *_exchanged(found, at, fit_at), *_held(found, away_with)):
         made += np.outer(apart, apart)
         notes += [note] if note else []
     return made, tuple(dict.fromkeys(notes))
 
 
-def _beyond_corners(found: Estimate, at: Parameters, fit_at: FitAt) -> Iterator[tuple[Array, Note]]:
+def _beyond_corners(found: Estimate, away_with: AwayWith) -> Iterator[tuple[Array, Note]]:
     """Values in a corner, held ever farther to both sides for as long as the fit stays as good."""
     curvature = found.slopes.curvature
     if curvature.bent is None:
@@ -49,7 +57,7 @@ def _beyond_corners(found: Estimate, at: Parameters, fit_at: FitAt) -> Iterator[
     is_corner = np.diag(curvature.bent) > _CORNER**2 * np.diag(curvature.alike)
     for k in np.flatnonzero(is_corner).tolist():
         for sign in (1.0, -1.0):
-            farthest = _walked(found, at, fit_at, k, sign * _FIRST_STEP * float(found.std[k]))
+            farthest = _walked(found, away_with, k, sign * _FIRST_STEP * float(found.std[k]))
             if farthest is not None:
                 note = Note(
                     "parameter '{name}' rests where a range ends at a driven level. Its interval reaches as far as the "
@@ -59,45 +67,34 @@ def _beyond_corners(found: Estimate, at: Parameters, fit_at: FitAt) -> Iterator[
                 yield 2.0 * _ASIDE * farthest, note
 
 
-def _walked(found: Estimate, at: Parameters, fit_at: FitAt, k: int, step: float) -> Array | None:
+def _walked(found: Estimate, away_with: AwayWith, k: int, step: float) -> Array | None:
     """How far all values lie away at the farthest, in steps that double; None where the first is too far."""
     u, farthest = found.unknowns[k], None
     for doubled in range(_DOUBLINGS):
         value = float(found.values[k]) + step * 2.0**doubled
         if not (math.isfinite(value) and u.low <= value <= u.high):
             break
-        again = _fit_held(found, at, fit_at, k, value)
-        if again is None:
+        if (away := away_with(k, value)) is None:
             break
-        farthest = again
+        farthest = away
     return farthest
 
 
-def _held(found: Estimate, at: Parameters, fit_at: FitAt) -> Iterator[tuple[Array, Note | None]]:
+def _held(found: Estimate, away_with: AwayWith) -> Iterator[tuple[Array, Note | None]]:
     """A value that only its bounds hold, at both ends of where it may lie: where the others go then, without it."""
     widths = np.array([u.high - u.low for u in found.unknowns])
     for direction in found.identifiability.unidentifiable:
         k = int(np.argmax(np.abs(direction) / widths))
         u, reach = found.unknowns[k], abs(float(direction[k]))
         for value in (max(float(found.values[k]) - reach, u.low), min(float(found.values[k]) + reach, u.high)):
-            apart = _fit_held(found, at, fit_at, k, value)
-            if apart is not None:
+            if (apart := away_with(k, value)) is not None:
                 apart[k] = 0.0
                 yield apart / 2.0, None
 
 
-def _fit_held(found: Estimate, at: Parameters, fit_at: FitAt, k: int, value: float) -> Array | None:
-    """How far values lie away with one held and the others fitted again; None where that fits worse."""
-    name = found.unknowns[k].name
-    again = fit_at({**at, name: value}, [u.name for u in found.unknowns if u.name != name])
-    if not _as_good(found, again):
-        return None
-    return np.insert(again.values, k, value) - found.values
-
-
 def _exchanged(found: Estimate, at: Parameters, fit_at: FitAt) -> Iterator[tuple[Array, Note]]:
     """A lag in the place of the slow one of an overdamped pair, which in a row act alike."""
-    names = [u.name for u in found.unknowns]
+    names = list(found.named)
     for pair in (name.removesuffix("_damping") for name in names if name.endswith("_damping")):
         frequency, damping = at.get(f"{pair}_frequency", 0.0), at[f"{pair}_damping"]
         if f"{pair}_frequency" not in names or damping <= 1.0:

@@ -170,13 +170,9 @@ def _fit_plant(
     progress(1.0, "fitted")
     found = replace(found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.on_bound))))
     used = [e for e in experiments if not e.stands_still]
-    found = replace(found, model=_with_content(found.model, used))
+    content = {e.name: content_of(e) for e in used}  # what tells its recordings from any others
+    found = replace(found, model=replace(found.model, origin={**found.model.origin, "content": content}))
     return _none_identifiable(found) if model.definition.structures and one_frequency(alive) else found
-
-
-def _with_content(model: Model, experiments: Sequence[Experiment]) -> Model:
-    """The model with what tells its recordings from any others."""
-    return replace(model, origin={**model.origin, "content": {e.name: content_of(e) for e in experiments}})
 
 
 def _none_identifiable(found: GreyBoxFit) -> GreyBoxFit:
