@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 
+from anyio.to_thread import current_default_thread_limiter
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
@@ -26,6 +27,7 @@ from hil.console.underway import Underway
 from hil.errors import HilError
 
 _LOOK_S = 0.3
+_PAGES = 4  # made at a time: Python runs one thread at a time, and a stop waits for its turn among them
 
 
 def application(site: Site, where: Where, accounts: Accounts, audit: Audit) -> Starlette:
@@ -34,6 +36,7 @@ def application(site: Site, where: Where, accounts: Accounts, audit: Audit) -> S
 
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
+        current_default_thread_limiter().total_tokens = _PAGES
         looking = asyncio.create_task(_look_after(console))
         yield
         looking.cancel()

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from starlette.datastructures import FormData
 from starlette.requests import Request
 
 from hil.archive.place import archive_place
@@ -272,8 +273,8 @@ def test_a_reset_that_cannot_be_written_down_is_not_done(site: Site, monkeypatch
         def __init__(self) -> None:
             self.path_params, self.headers = {"bench": "own"}, {}
 
-        async def form(self, **_limits: int) -> dict[str, str]:
-            return {"interlock": "over-pressure"}
+        async def form(self, **_limits: int) -> FormData:
+            return FormData({"interlock": "over-pressure"})
 
     done: list[str] = []
     console = _refusing(site)

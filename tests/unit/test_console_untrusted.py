@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import shutil
 import socket
 import sys
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -14,6 +16,8 @@ from pathlib import Path
 from threading import Thread
 
 import pytest
+from anyio.to_thread import current_default_thread_limiter
+from starlette.concurrency import run_in_threadpool
 
 from hil.archive.place import archive_place
 from hil.bench.audit import Audit
@@ -24,7 +28,7 @@ from hil.console.access_accounts import Accounts
 from hil.console.access_where import Where
 from hil.console.app import application
 from hil.console.site import Site
-from hil.console.stops import ask_listener
+from hil.console.stops import ask_listener, at_once
 from hil.console.underway import control_of
 from hil.errors import FileError, LinkError
 from hil.record.folder import RunWriter
@@ -228,3 +232,18 @@ def test_stop_that_many_press_at_once_is_refused_to_none(tmp_path: Path) -> None
 def test_null_character_in_a_form_is_refused(path: str, lab: Path) -> None:
     status, text, _ = browser(lab).ask(path, {"bench": "one", "quirk.a": "\0"})
     assert (status, "null character" in text) == (400, True), text
+
+
+def test_at_once_waits_for_no_page() -> None:
+    async def asked() -> str:
+        current_default_thread_limiter().total_tokens = 1
+        made = threading.Event()
+        page = asyncio.create_task(run_in_threadpool(made.wait, 600.0))
+        queued = asyncio.create_task(run_in_threadpool(made.wait, 600.0))
+        answer = await at_once("stop of {}".format, "one")
+        assert not page.done() and not queued.done()
+        made.set()
+        await asyncio.gather(page, queued)
+        return answer
+
+    assert asyncio.run(asked()) == "stop of one"

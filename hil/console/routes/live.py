@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
@@ -14,7 +13,7 @@ from hil.console.after import next_unit, reasons_of
 from hil.console.console import Console
 from hil.console.ending import ending_of
 from hil.console.page import page
-from hil.console.stops import ask_listener
+from hil.console.stops import ask_listener, at_once
 from hil.console.underway import control_of, run_of
 from hil.console.uploads import form_of
 from hil.errors import FileError, HilError
@@ -52,7 +51,7 @@ async def hold(request: Request) -> Response:
     console, name = Console.of(request), request.path_params["run"]
     wanted = str((await form_of(request)).get("hold", ""))
     folder = console.site.run(name)
-    answer = await run_in_threadpool(ask_listener, folder, control_of(folder), "hold", hold=wanted)
+    answer = await at_once(ask_listener, folder, control_of(folder), "hold", hold=wanted)
     if wanted:
         console.audit(request, "hold" if wanted == "1" else "go on", {"run": name})
     return JSONResponse(answer)
