@@ -14,7 +14,7 @@ from hil.cli import error_message
 from hil.cli.error_message import say
 from hil.errors import InputError, marked
 from hil.printable import printable_streams
-from hil.safety.interrupt import raised, status_of
+from hil.safety.interrupt import ended_by, raised, status_of
 from hil.version import __version__
 
 _CTRL_C = 130
@@ -75,12 +75,15 @@ def _run() -> int:
         sys.stderr.close()
     except (Exception, KeyboardInterrupt) as error:
         if isinstance(error, typer.Abort):  # at a question: typer tells only in its context what it was
-            ended = isinstance(error.__context__, EOFError)
-            return say(InputError("no answer was given; nothing was done")) if ended else _stopped(KeyboardInterrupt())
+            is_over = isinstance(error.__context__, EOFError)
+            return (
+                say(InputError("no answer was given; nothing was done")) if is_over else _stopped(KeyboardInterrupt())
+            )
         stopped = error.__cause__  # typer makes an error of its own of Ctrl-C
         if isinstance(stopped, KeyboardInterrupt):
             return _stopped(stopped)
-        return _stopped(error) if isinstance(error, KeyboardInterrupt) else say(error)
+        ended = ended_by(error)
+        return _stopped(ended) if isinstance(ended, KeyboardInterrupt) else say(ended)
     return 0
 
 

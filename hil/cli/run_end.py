@@ -38,6 +38,7 @@ def safely(
     from hil.bench.ending import last_word
     from hil.cli.error_message import WAITS_S, say
     from hil.errors import RehearsalError
+    from hil.safety.interrupt import ended_by
     from hil.safety.outputs import Outputs
     from hil.stderr import write
 
@@ -58,7 +59,7 @@ def safely(
         try:
             return run(known)
         except BaseException as error:  # said here: on its way up typer would make something else of some
-            status = word.say(error)
+            status = word.say(ended_by(error))
             if isinstance(error, RehearsalError):  # nothing was driven: there is no run
                 forget_begun(folder)
             else:

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from hil.errors import HilError
+
 HALT = getattr(signal, "SIGUSR1", signal.SIGTERM)
 """Delivers a stop that was asked for from outside (see `hil.safety.operator`)."""
 
@@ -231,6 +233,12 @@ def notified_of_signals(tell: Callable[[KeyboardInterrupt], None]) -> Iterator[N
 def raised() -> KeyboardInterrupt | None:
     """The first signal that was raised, where one was."""
     return _exception(_requests.came[0]) if _requests.raised and _requests.came else None
+
+
+def ended_by(error: BaseException) -> BaseException:
+    """The signal that was raised, where a library has made an error of its own of it; otherwise the error."""
+    is_own = isinstance(error, HilError | KeyboardInterrupt) or not _requests.heard
+    return error if is_own else raised() or error
 
 
 def take_back_signals() -> None:

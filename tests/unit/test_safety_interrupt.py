@@ -8,10 +8,11 @@ from contextlib import suppress
 
 import pytest
 
-from hil.errors import StoppedError
+from hil.errors import LinkError, StoppedError
 from hil.safety.interrupt import (
     Terminated,
     begin_ending,
+    ended_by,
     ignore_signals,
     notified_of_signals,
     status_of,
@@ -131,3 +132,14 @@ def test_other_threads_have_no_signals_to_hold() -> None:
     thread.start()
     thread.join()
     assert ran == [1]
+
+
+def test_ended_by_a_signal_that_a_library_made_its_own_error_of() -> None:
+    bug, refused = ImportError("initialization failed"), LinkError("no answer")
+    assert ended_by(bug) is bug
+    with pytest.raises(Terminated), terminable():  # noqa: PT012  # the signal comes inside
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except KeyboardInterrupt:
+            assert isinstance(ended_by(bug), Terminated) and ended_by(refused) is refused
+            raise
