@@ -15,6 +15,7 @@ from hil.diagnosis.diagnosis import Diagnosis, Finding
 from hil.diagnosis.work import SAMPLES_PER_S, budget_notes
 from hil.errors import SettingError
 from hil.identification.preparation.experiment import Experiment
+from hil.language.note import Note
 from hil.passport.change import Change, Size, Unchanged
 from hil.passport.conditions import condition_changes
 from hil.passport.owner import owner_among, owner_of
@@ -41,7 +42,7 @@ class DateDifference:
     changes: tuple[Change, ...]
     unchanged: tuple[Unchanged, ...]
     verdict: ChangeVerdict
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     cannot_tell: tuple[Unchanged, ...] = ()
     simulated: bool = False
     is_part: bool = False
@@ -106,7 +107,7 @@ def difference(
     limits = (_excluded(x) for x in second.diagnosis.limits if x.visible)
     kept = {one.name: one for one in (*limits, *same) if one.name not in named}
     is_part = bool(moved) and second.diagnosis.verdict == "partly_explained"
-    rest = ("a part of what changed is not explained",) if is_part else ()
+    rest = (Note("a part of what changed is not explained"),) if is_part else ()
     not_searched = _not_searched(first, second)
     notes = (*_notes(old, new, first), *rest, *left_out, *more, *budget_notes(not_searched))
     return DateDifference(
@@ -126,12 +127,13 @@ def _reference(kind: Model, first: Diagnosed) -> Model:
     return replace(first.corrected, effects=effects, origin=kind.origin)
 
 
-def _notes(old: Dated, new: Dated, first: Diagnosed | None) -> tuple[str, ...]:
+def _notes(old: Dated, new: Dated, first: Diagnosed | None) -> tuple[Note, ...]:
     found = []
     if len(units := old.serials | new.serials) > 1:
-        found.append(f"these are different units: {', '.join(sorted(units))}")
+        found.append(Note("these are different units: {serials}", serials=tuple(sorted(units))))
     if first is not None and first.diagnosis.verdict in ("unexplained", "partly_explained"):
-        found.append(f"{old.name} is not explained itself; {new.name} is compared with the model of the type")
+        found.append(Note("{earlier} is not explained itself; {later} is compared with the model of the type",
+                          earlier=old.name, later=new.name))  # fmt: skip
     return tuple(found)
 
 

@@ -20,6 +20,7 @@ from xml.etree.ElementTree import Element, ParseError, fromstring, tostring
 
 from hil.bench.hand.certificate import DCC
 from hil.errors import InputError
+from hil.language.note import Note
 from hil.language.words import languages, speaking
 from hil.passport.attached import CONTENT_FILE, DCC_FILE, MODEL_FILE, RUNS
 from hil.passport.certificate import Signer, certificate_of
@@ -37,7 +38,7 @@ class Evaluated:
     """What came of it: `faults` where the file does not say what its samples say, `notes` for its reader."""
 
     faults: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     values: int = 0
     runs: int = 0
 
@@ -66,7 +67,7 @@ def evaluate_passport(content: bytes, most_bytes: float = math.inf) -> Evaluated
             fault, _, _ = str(error).partition("; `hil report")  # a remedy of who has the run
             return Evaluated((fault.replace(f"{place / RUNS}/", "run "),))
     notes = tuple(
-        f"{run.results.run}: an earlier version did not seal its results; they were evaluated like the others"
+        Note("an earlier version did not seal its results; they were evaluated like the others").of(run.results.run)
         for run in unit.runs if not run.evaluated_by
     )  # fmt: skip
     return Evaluated(faults, notes, len(unit.findings.measured), len(unit.runs))

@@ -25,6 +25,7 @@ from hil.identification.steady.characteristic import (
 from hil.identification.steady.flow_curve import monotone, polynomial, polynomial_text
 from hil.identification.steady.own_sweeps import OwnSweeps, own_sweeps
 from hil.identification.steady.sweep_estimate import SweepEstimate, sweep_estimate, together
+from hil.language.note import Note
 from hil.record.durable import write_whole
 from hil.record.invalid_samples import measured_rows
 from hil.record.measurement import COVERAGE_FACTOR
@@ -75,7 +76,7 @@ class FlowAnalysis:
     spline: Array
     polynomial_text: str
     degree: int
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     @property
     def columns(self) -> dict[str, Array]:
@@ -160,7 +161,7 @@ def flow_analysis(
 
 def _figures(
     found: OwnSweeps, estimate: SweepEstimate, units: tuple[str, str], neutral: float, step: float
-) -> tuple[tuple[Figure, ...], tuple[str, ...]]:
+) -> tuple[tuple[Figure, ...], tuple[Note, ...]]:
     unit_in, unit_out = units
     low, high = float(estimate.command[0]), float(estimate.command[-1])
     ends = {sign: _end(found, estimate, sign) for sign in (1, -1)}
@@ -173,7 +174,7 @@ def _figures(
         half = over_all(estimate, lambda curve, _: level_at(estimate.command, curve, (ends[1][0] + ends[-1][0]) / 2.0))
         gain, steepest = largest_slope(estimate, [sweep.speed_per_s for sweep in found.sweeps])
         made += [Figure("command_half", *half, unit_in), Figure("gain_largest", *gain, f"{unit_out} per {unit_in}")]
-        notes.append(f"steepest at {steepest:.4g} {unit_in}: a good bias for dynamic tests")
+        notes.append(Note("steepest at {at:.4g} {unit}: a good bias for dynamic tests", at=steepest, unit=unit_in))
     return tuple(made), tuple(notes)
 
 
@@ -187,13 +188,17 @@ def _end(found: OwnSweeps, estimate: SweepEstimate, sign: int) -> tuple[float, f
     return float(estimate.response[place]), float(np.std(estimate.responses[:, place]))
 
 
-def _loop(found: OwnSweeps, estimate: SweepEstimate, span: float, unit: str) -> tuple[list[Figure], list[str]]:
+def _loop(found: OwnSweeps, estimate: SweepEstimate, span: float, unit: str) -> tuple[list[Figure], list[Note]]:
     between = loop(estimate, CERTAIN, tuple(sweep.speed_per_s for sweep in found.sweeps))
     if between.width is None or between.lag is None:
         width = 2.0 * abs(float(estimate.half_widths[0]))
         std = 2.0 * float(np.std(estimate.resampled_half_widths[:, 0]))
-        note = f"the loop is {width:.3g} {unit} wide; of one speed, how much of it is lag is not identifiable"
-        return [Figure("loop", 100.0 * width / span, 100.0 * std / span, "%")], [f"{note}: sweep at half the speed too"]
+        note = Note(
+            "the loop is {width:.3g} {unit} wide; of one speed, how much of it is lag is not identifiable: sweep at "
+            "half the speed too",
+            width=width, unit=unit,
+        )  # fmt: skip
+        return [Figure("loop", 100.0 * width / span, 100.0 * std / span, "%")], [note]
     width, std = between.width
     lag_s, lag_std_s = between.lag
     return [

@@ -13,6 +13,7 @@ from hil.identification.frequency.bandwidth import Bandwidth, bandwidth
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.frequency.sine_segments import frequency_responses
 from hil.identification.frequency.table_fit import as_table
+from hil.language.note import Note
 from hil.record.invalid_samples import measured_rows
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain
@@ -20,7 +21,7 @@ from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable, write_response_table
 from hil.session.analyses import channels_of
 
-_RAW = "sensor, filter and hold of the command are in it: nothing of the measuring chain was taken out"
+_RAW = Note("sensor, filter and hold of the command are in it: nothing of the measuring chain was taken out")
 
 
 @dataclass(frozen=True, slots=True)
