@@ -61,11 +61,13 @@ def unpacked_allowed(stored_bytes: int) -> str:
 
 
 def resolved(path: Path) -> Path:
-    """Where a path leads. Raises `FileError` when its links go round in a circle."""
+    """Where a path leads. Raises `FileError` when its links go round in a circle, or the working folder is gone."""
     try:
         return path.resolve()
     except RuntimeError:
         raise FileError(f"{path}: its links go round in a circle; name a file or folder that is there") from None
+    except FileNotFoundError:
+        raise FileError(f"{path}: the working folder is gone; go to one that is there") from None
 
 
 def open_untrusted(root: str | Path, name: str | Path, most_bytes: int = MOST_BYTES) -> BufferedReader:

@@ -31,8 +31,12 @@ def check_file(out: Path, read: Iterable[Path] = ()) -> None:
 
 
 def check_folder(out: Path) -> None:
-    """Raise `FileError` unless a folder is here, or can be made, to write in."""
-    there = next(place for place in (out, *resolved(out.absolute()).parents) if place.exists())
+    """Raise `FileError` unless a folder is here, or can be made, to write in; its name goes into files and pages."""
+    try:
+        str(out).encode()
+    except UnicodeEncodeError:
+        raise FileError(f"{str(out)!r}: its name is no text in UTF-8; name another folder") from None
+    there = next(place for place in (out, *resolved(out).parents) if place.exists())
     if not there.is_dir():
         raise FileError(f"{out}: {there} is a file; name a folder")
     _check_access(out, there)

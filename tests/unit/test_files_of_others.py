@@ -13,8 +13,11 @@ import numpy as np
 import pytest
 
 from hil.cli.app import main
+from hil.cli.places import check_folder
+from hil.errors import FileError
 from hil.record.read import write_recording
 from hil.record.recording import recording
+from hil.untrusted import resolved
 
 DEEP = "[" * 100_000
 DOTTED = "a." * 50_000 + "a = 1"
@@ -156,3 +159,16 @@ def test_links_that_go_round_in_a_circle_are_told(
     (folder / "circle").symlink_to("circle")
     status, _, err = told(capsys, monkeypatch, command)
     assert status == 2 and "circle" in err and err.count("\n") == 1 and "fault of this program" not in err, err
+
+
+def test_check_folder_whose_name_is_no_text(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="its name is no text in UTF-8"):
+        check_folder(tmp_path / os.fsdecode(b"b\xff") / "x")
+
+
+def test_resolved_where_the_working_folder_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    with pytest.raises(FileError, match="the working folder is gone"):
+        resolved(Path("runs"))
