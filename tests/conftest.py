@@ -101,6 +101,24 @@ def stranger(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     entries.cache_clear()
 
 
+Told = tuple[int, str, str]
+
+
+@pytest.fixture
+def command_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Told]:
+    """Runs `hil …` within this process; gives exit status, stdout and stderr."""
+
+    def run(*arguments: object) -> Told:
+        from hil.__main__ import main
+
+        monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return int(ended.value.code or 0), *capsys.readouterr()
+
+    return run
+
+
 @pytest.fixture
 def unprinted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Drawings are filled as ever, and not printed: that is a third of a run whose numbers alone are looked at."""

@@ -7,31 +7,19 @@ import numpy as np
 import pytest
 
 import hil
-from hil.cli import app
 from hil.physics.published import gunay, tordal, tugsal
 from hil.physics.transfer_function import from_parameters
 from hil.record.recording import recording
 from hil.record.response_table import ResponseTable, write_response_table
 
 
-@pytest.fixture
-def said(monkeypatch, capsys):
-    def run(*arguments):
-        monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
-        status = app.main()
-        made = capsys.readouterr()
-        return status, made.out, made.err
-
-    return run
-
-
 def functions(found):
     return {one["label"]: (one["numerator"], one["denominator"]) for one in found["models"]}
 
 
-def test_equations_11_to_22_of_the_hpv41_paper(said):
+def test_equations_11_to_22_of_the_hpv41_paper(command_line):
     times = ("--rise", tordal.RISE_S, "--settling", tordal.SETTLING_S)
-    status, out, _ = said("analyse", "step", *times, "--beside", "hpv41-plus-10", "--json")
+    status, out, _ = command_line("analyse", "step", *times, "--beside", "hpv41-plus-10", "--json")
     (found,) = json.loads(out)
     roots = sorted((root["re"], abs(root["im"])) for root in found["damping_roots"])
     assert status == 0
@@ -48,10 +36,10 @@ def test_equations_11_to_22_of_the_hpv41_paper(said):
     assert "dead time of 0.424 s" in found["notes"][0]
 
 
-def test_step_of_a_run_has_its_models_beside_the_response(said, tmp_path):
+def test_step_of_a_run_has_its_models_beside_the_response(command_line, tmp_path):
     run = tmp_path / "run"
     settings = ("--set", "beside=hpv41-plus-10", "--set", "levels=0,80")
-    assert said("run", "step_response", "--bench", "hpv41-plus-10", *settings, "--out", run)[0] == 0
+    assert command_line("run", "step_response", "--bench", "hpv41-plus-10", *settings, "--out", run)[0] == 0
     found = {one.name.rpartition("models, ")[2]: one for one in hil.results(run).transfer_functions}
     # rise 0.349 s and settling 0.703 s of the published model
     assert found["first order, from the rise"].numerator == pytest.approx([2.2 / 0.349], rel=0.01)
@@ -62,15 +50,15 @@ def test_step_of_a_run_has_its_models_beside_the_response(said, tmp_path):
     assert "Models from rise and settling time" in page
     assert "models of the step beside the measured frequency response" in page
     # the same from the run's samples, as from anybody's
-    again = json.loads(said("analyse", "step", run, "--json")[1])
+    again = json.loads(command_line("analyse", "step", run, "--json")[1])
     assert functions(again[0])["second order"][1] == pytest.approx(list(found["second order"].denominator), rel=1e-3)
 
 
-def test_equation_12_of_the_sp08_47c_paper(said, tmp_path):
+def test_equation_12_of_the_sp08_47c_paper(command_line, tmp_path):
     closed = gunay.CLOSED_LOOP_EQ_11
     numbers = [",".join(map(str, row.tolist())) for row in (closed.numerator, closed.denominator)]
     options = ("--numerator", numbers[0], "--denominator", numbers[1])
-    status, out, _ = said("analyse", "loop", *options, "--out", tmp_path / "open.json", "--json")
+    status, out, _ = command_line("analyse", "loop", *options, "--out", tmp_path / "open.json", "--json")
     found = json.loads(out)
     assert status == 0
     assert found["denominator"] == pytest.approx(gunay.OPEN_LOOP_EQ_12.denominator)
@@ -78,7 +66,7 @@ def test_equation_12_of_the_sp08_47c_paper(said, tmp_path):
     assert "run away" in found["notes"][0]
     (handed_on,) = json.loads((tmp_path / "open.json").read_text("utf-8"))["transfer_functions"]
     assert handed_on["numerator"] == pytest.approx([0.7837])
-    assert said("analyse", "loop")[0] == 2
+    assert command_line("analyse", "loop")[0] == 2
 
 
 def example(command):
@@ -100,10 +88,10 @@ def sine(tmp_path):
     return path
 
 
-def test_table_3_1_the_sine_finds_what_the_thesis_found(said, sine, tmp_path):
+def test_table_3_1_the_sine_finds_what_the_thesis_found(command_line, sine, tmp_path):
     options = ("--poles", 4, "--inputs", 3, "--difference", "--exponential", "--prior", 200**0.5)
     path = tmp_path / "path.csv"
-    status, out, _ = said("analyse", "recursive", sine, *options, "--path", path, "--json")
+    status, out, _ = command_line("analyse", "recursive", sine, *options, "--path", path, "--json")
     found = json.loads(out)
     assert status == 0
     expected = [-0.0406, 0.3015, -0.0279, -0.4687, 0.0008, 0.0474, 0.9178]
@@ -112,39 +100,40 @@ def test_table_3_1_the_sine_finds_what_the_thesis_found(said, sine, tmp_path):
     assert len(hil.read(path)) == 1000
 
 
-def test_table_3_2_the_step_is_exact(said, tmp_path):
+def test_table_3_2_the_step_is_exact(command_line, tmp_path):
     command = np.ones(1000)
     path = tmp_path / "step.csv"
     hil.write(recording("s", np.arange(1000.0), {"u [1]": command, "y [1]": example(command)}), path)
     options = ("--poles", 4, "--inputs", 3, "--difference", "--prior", 1e4, "--input", "u", "--output", "y")
-    found = json.loads(said("analyse", "recursive", path, *options, "--json")[1])
+    found = json.loads(command_line("analyse", "recursive", path, *options, "--json")[1])
     assert [one["value"] for one in found["parameters"]] == pytest.approx([0, 0.3, 0, -0.5, 0.001, 0, 1], abs=1e-4)
 
 
-def test_corners_of_the_good_valve_from_its_magnitude(said, tmp_path):
+def test_corners_of_the_good_valve_from_its_magnitude(command_line, tmp_path):
     frequency_hz = np.geomspace(0.1, 20.0, 60)
     response = tugsal.FREQUENCY_MODELS["good"].reduced(0.7).at(frequency_hz)
     path = tmp_path / "good.csv"
     write_response_table(ResponseTable("good", frequency_hz, response, in_db=True), path)
-    status, out, _ = said("analyse", "corners", path, "--poles", 3, "--zeros", 1, "--json")
+    status, out, _ = command_line("analyse", "corners", path, "--poles", 3, "--zeros", 1, "--json")
     found = json.loads(out)
     assert status == 0
     assert found["poles_rad_s"] == pytest.approx([6.125, 10.0, 10.0], rel=0.02)
     assert found["zeros_rad_s"] == pytest.approx([13.125], rel=0.02)
 
 
-def test_error_of_equation_4_1_and_its_class(said, tmp_path):
+def test_error_of_equation_4_1_and_its_class(command_line, tmp_path):
     time_s = np.arange(1000) / 1000.0
     for name, psi in (("good", 120.0), ("worn", 120.05)):
         hil.write(recording(name, time_s, {"pressure [psi]": np.full(1000, psi)}), tmp_path / f"{name}.csv")
     options = ("--reference", tmp_path / "good.csv", "--level", "low")
-    status, out, _ = said("analyse", "error", tmp_path / "worn.csv", *options)
+    status, out, _ = command_line("analyse", "error", tmp_path / "worn.csv", *options)
     assert status == 0
     assert "eq. 4.1 1.581, rms 0.05 psi" in out
     assert "severely malfunctioned" in out
     assert "over 1 s at 1000 Hz" in out
     assert "not published" in out
-    assert said("analyse", "error", tmp_path / "worn.csv", "--reference", tmp_path / "good.csv", "--level", "x")[0] == 2
+    refused = ("analyse", "error", tmp_path / "worn.csv", "--reference", tmp_path / "good.csv", "--level", "x")
+    assert command_line(*refused)[0] == 2
 
 
 # -- linearisation, eqs 3 to 6 of the SP08-47C paper ---------------------------------------------------------
@@ -152,23 +141,23 @@ def test_error_of_equation_4_1_and_its_class(said, tmp_path):
 PLAIN = ("--set", "hysteresis=0", "--set", "coulomb=0", "--poles", 2, "--zeros", 0)
 
 
-def linear(said, *arguments):
-    status, out, _ = said("linearise", *arguments, "--json")
+def linear(command_line, *arguments):
+    status, out, _ = command_line("linearise", *arguments, "--json")
     assert status == 0
     return json.loads(out)
 
 
-def test_a_linear_plant_is_linearised_to_itself(said):
-    found = linear(said, "hpv41-plus-10", "--at", 50, "--poles", 3, "--zeros", 1)
+def test_a_linear_plant_is_linearised_to_itself(command_line):
+    found = linear(command_line, "hpv41-plus-10", "--at", 50, "--poles", 3, "--zeros", 1)
     run = tordal.RUNS[1].transfer_function
     assert found["numerator"] == pytest.approx(run.numerator, rel=5e-3)
     assert found["denominator"] == pytest.approx(run.denominator, rel=5e-3)
     assert found["uneven"] < 1e-6
 
 
-def test_both_directions_of_the_cylinder_have_their_own_function(said, tmp_path):
+def test_both_directions_of_the_cylinder_have_their_own_function(command_line, tmp_path):
     out, back = (
-        linear(said, "hydraforce-open-loop", "--at", at, *PLAIN, "--out", tmp_path / f"{at}.json")
+        linear(command_line, "hydraforce-open-loop", "--at", at, *PLAIN, "--out", tmp_path / f"{at}.json")
         for at in (0.75, -0.75)
     )
     rates = [one["numerator"][-1] / one["denominator"][-2] for one in (out, back)]  # mm/s per A
@@ -182,19 +171,19 @@ def test_both_directions_of_the_cylinder_have_their_own_function(said, tmp_path)
     assert hil.load_model(tmp_path / "0.75.json").values["integrator_gain"] == pytest.approx(rates[0], rel=1e-6)
 
 
-def test_flow_gain_and_flow_pressure_gain_follow_equations_3_and_4(said):
+def test_flow_gain_and_flow_pressure_gain_follow_equations_3_and_4(command_line):
     # q = 11.4 l/min · x · √((Ps − P_L)/2/35 bar), half open, at 100 bar and a load of 40 bar
     at = ("--at", 0.75, "--load-pressure", 40)
-    gains = linear(said, "hydraforce-open-loop", *at, *PLAIN)["gains"]
+    gains = linear(command_line, "hydraforce-open-loop", *at, *PLAIN)["gains"]
     assert gains["K_q"]["value"] == pytest.approx(0.114 * (60 / 70) ** 0.5, rel=1e-4)
     assert gains["K_c"]["value"] == pytest.approx(11.4 * 0.5 * (60 / 70) ** 0.5 / 120, rel=1e-4)
     assert gains["K_c"]["unit"] == "(l/min)/bar"
-    compensated = linear(said, "brevini-hpv41", "--at", 50)["gains"]
+    compensated = linear(command_line, "brevini-hpv41", "--at", 50)["gains"]
     assert compensated["K_c"]["value"] == 0.0
 
 
-def test_what_does_not_answer_is_not_linearised(said):
-    status, _, text = said("linearise", "hydraforce-open-loop", "--at", 0.1)
+def test_what_does_not_answer_is_not_linearised(command_line):
+    status, _, text = command_line("linearise", "hydraforce-open-loop", "--at", 0.1)
     assert status == 2
     assert "dead band" in text
-    assert said("linearise", "hydraforce-open-loop", "--at", 0.75, "--set", "nothing=0")[0] == 2
+    assert command_line("linearise", "hydraforce-open-loop", "--at", 0.75, "--set", "nothing=0")[0] == 2

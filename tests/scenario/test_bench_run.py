@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.__main__ import main
 from hil.bench.find import benches
 from hil.errors import FileError
 from hil.record.read import read_recording
@@ -54,17 +53,9 @@ def run(*arguments: str | Path, prepare: Callable[[], None] | None = None, cwd: 
 
 
 @pytest.fixture
-def told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], stranger: Path) -> Told:
+def told(command_line: Told, stranger: Path) -> Told:
     """`run`, but by the program's entry point within this process: for ends that no process need be watched at."""
-
-    def called(*arguments: str | Path) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["hil", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        found = capsys.readouterr()
-        return int(ended.value.code or 0), found.out, found.err
-
-    return called
+    return command_line
 
 
 def test_a_run_that_passes(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from hil.bench.audit import Audit, head, read_audit
-from hil.cli import app
 
 
 @pytest.fixture(autouse=True)
@@ -21,21 +20,15 @@ def trail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return audit.path
 
 
-def said(monkeypatch, capsys, *arguments: object) -> tuple[int, str, str]:
-    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
-    status = app.main()
-    return (status, *capsys.readouterr())
-
-
-def test_trail_is_printed_with_its_head(trail, monkeypatch, capsys) -> None:
-    status, out, _ = said(monkeypatch, capsys, "audit")
+def test_trail_is_printed_with_its_head(trail, command_line) -> None:
+    status, out, _ = command_line("audit")
     assert status == 0 and out.count("Eva  drives  run runs/") == 4
     found = head(trail)
     assert found is not None and (found.number, found.sha256 in out) == (4, True)
-    status, out, _ = said(monkeypatch, capsys, "audit", "head", "--json")
+    status, out, _ = command_line("audit", "head", "--json")
     told = json.loads(out)
     assert (status, told["line"], told["sha256"]) == (0, 4, found.sha256)
-    assert json.loads(said(monkeypatch, capsys, "audit", "--json")[1])["lines"][3]["details"]["run"] == "runs/3"
+    assert json.loads(command_line("audit", "--json")[1])["lines"][3]["details"]["run"] == "runs/3"
 
 
 @pytest.mark.parametrize(
@@ -47,39 +40,39 @@ def test_trail_is_printed_with_its_head(trail, monkeypatch, capsys) -> None:
         lambda lines: [b"[" * 100_000 + b"\n", *lines],
     ],
 )
-def test_changed_line_is_named_with_status_1(trail, monkeypatch, capsys, edit) -> None:
+def test_changed_line_is_named_with_status_1(trail, edit, command_line) -> None:
     trail.write_bytes(b"".join(edit(trail.read_bytes().splitlines(keepends=True))))
-    status, _, err = said(monkeypatch, capsys, "audit")
+    status, _, err = command_line("audit")
     assert status == 1 and f"{trail}: line " in err and "Traceback" not in err
-    assert said(monkeypatch, capsys, "audit", "head")[0] == 1
+    assert command_line("audit", "head")[0] == 1
 
 
-def test_a_trail_cut_off_at_the_end_lacks_the_head_that_was_kept(trail, monkeypatch, capsys) -> None:
+def test_a_trail_cut_off_at_the_end_lacks_the_head_that_was_kept(trail, command_line) -> None:
     kept = head(trail)
-    assert kept is not None and said(monkeypatch, capsys, "audit", "--head", kept.sha256)[0] == 0
+    assert kept is not None and command_line("audit", "--head", kept.sha256)[0] == 0
     trail.write_bytes(b"".join(trail.read_bytes().splitlines(keepends=True)[:3]))
-    assert said(monkeypatch, capsys, "audit")[0] == 0  # the chain alone cannot tell
-    status, out, _ = said(monkeypatch, capsys, "audit", "--head", kept.sha256)
+    assert command_line("audit")[0] == 0  # the chain alone cannot tell
+    status, out, _ = command_line("audit", "--head", kept.sha256)
     assert status == 1 and "not in it" in out
 
 
-def test_a_line_torn_by_a_power_cut_breaks_no_chain(trail, monkeypatch, capsys) -> None:
+def test_a_line_torn_by_a_power_cut_breaks_no_chain(trail, command_line) -> None:
     os.truncate(trail, trail.stat().st_size - 20)
-    assert said(monkeypatch, capsys, "audit")[0] == 0
+    assert command_line("audit")[0] == 0
     Audit().write("Eva", "drives", {})
     assert len(list(read_audit(trail))) == 4
-    assert said(monkeypatch, capsys, "audit")[0] == 0
+    assert command_line("audit")[0] == 0
 
 
-def test_a_name_does_not_steer_the_terminal(trail, monkeypatch, capsys) -> None:
+def test_a_name_does_not_steer_the_terminal(trail, command_line) -> None:
     Audit().write("\x1b]0;owned\x07", "drives", {"run": "\x9b2J"})
-    _, out, _ = said(monkeypatch, capsys, "audit")
+    _, out, _ = command_line("audit")
     assert "\\x1b]0;owned" in out and not {"\x1b", "\x07", "\x9b"} & set(out)
 
 
-def test_no_trail_is_said_in_words(trail, monkeypatch, capsys) -> None:
+def test_no_trail_is_said_in_words(trail, command_line) -> None:
     trail.unlink()
-    status, out, _ = said(monkeypatch, capsys, "audit")
+    status, out, _ = command_line("audit")
     assert status == 0 and "no lines yet" in out
-    assert said(monkeypatch, capsys, "audit", "head")[0] == 2
-    assert said(monkeypatch, capsys, "audit", "--file", trail)[0] == 2
+    assert command_line("audit", "head")[0] == 2
+    assert command_line("audit", "--file", trail)[0] == 2

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import typer
 
-from hil.__main__ import main
 from hil.cli.error_message import say
 from hil.errors import marked
 from hil.physics.model import save_model, typical_model
@@ -28,19 +26,10 @@ def write_recording(path: Path, headings: str = "time [s],command [%],flow [l/mi
     return path
 
 
-@pytest.fixture
-def hil(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    """Runs `hil …` in a folder of its own; gives exit status, stdout, stderr."""
+@pytest.fixture(autouse=True)
+def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Each command runs in a folder of its own."""
     monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["hil", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        found = capsys.readouterr()
-        return int(ended.value.code or 0), found.out, found.err
-
-    return run
 
 
 IDENTIFY = ("--plant", "brevini-hpv41", "--out", "model.json")
@@ -114,8 +103,8 @@ def recordings(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("recordings")
 @pytest.mark.parametrize(("arguments", "says"), CASES, ids=[" ".join(arguments) for arguments, _ in CASES])
-def test_bad_input_is_one_line_and_exit_status_2(hil, arguments: tuple[str, ...], says: str) -> None:
-    status, out, err = hil(*arguments)
+def test_bad_input_is_one_line_and_exit_status_2(command_line, arguments: tuple[str, ...], says: str) -> None:
+    status, out, err = command_line(*arguments)
     assert status == 2
     assert says in err
     assert err.startswith("hil: ")
@@ -124,60 +113,60 @@ def test_bad_input_is_one_line_and_exit_status_2(hil, arguments: tuple[str, ...]
     assert not Path("model.json").exists()
 
 
-def test_no_command_shows_the_help_and_is_exit_status_2(hil) -> None:
-    status, out, err = hil()
+def test_no_command_shows_the_help_and_is_exit_status_2(command_line) -> None:
+    status, out, err = command_line()
     assert (status, err) == (2, "")
     assert "Commands:" in out
 
 
 @pytest.mark.usefixtures("recordings")
-def test_what_is_read_is_not_written_over(hil) -> None:
+def test_what_is_read_is_not_written_over(command_line) -> None:
     before = Path("good.csv").read_bytes()
-    assert hil("simulate", "--model", "valve.json", "--input", "good.csv", "--out", "good.csv")[0] == 2
+    assert command_line("simulate", "--model", "valve.json", "--input", "good.csv", "--out", "good.csv")[0] == 2
     assert Path("good.csv").read_bytes() == before
 
 
 @pytest.mark.usefixtures("recordings")
-def test_debug_adds_the_traceback(hil) -> None:
-    status, _, err = hil("--debug", "identify", "nan.csv", *IDENTIFY)
+def test_debug_adds_the_traceback(command_line) -> None:
+    status, _, err = command_line("--debug", "identify", "nan.csv", *IDENTIFY)
     assert status == 2
     assert "Traceback" in err
     assert err.splitlines()[-1].startswith("hil: nan.csv: line 43")
 
 
-def test_debug_is_not_asked_of_the_next_command_of_a_process(hil) -> None:
-    assert "Traceback" in hil("--debug", "check", "nowhere.toml")[2]
-    assert hil("frobnicate")[2].startswith("hil: ")
+def test_debug_is_not_asked_of_the_next_command_of_a_process(command_line) -> None:
+    assert "Traceback" in command_line("--debug", "check", "nowhere.toml")[2]
+    assert command_line("frobnicate")[2].startswith("hil: ")
 
 
 @pytest.mark.usefixtures("recordings")
-def test_a_folder_that_is_not_there_is_found_before_the_work(hil) -> None:
-    status, _, err = hil("identify", "good.csv", "--plant", "brevini-hpv41", "--out", "nowhere/model.json")
+def test_a_folder_that_is_not_there_is_found_before_the_work(command_line) -> None:
+    status, _, err = command_line("identify", "good.csv", "--plant", "brevini-hpv41", "--out", "nowhere/model.json")
     assert (status, err) == (2, "hil: nowhere/model.json: there is no folder nowhere\n")
 
 
-def test_a_broken_file_system_is_one_line(hil, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_broken_file_system_is_one_line(command_line, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(_kind: str) -> None:
         raise PermissionError(13, "Permission denied", "secret")
 
     monkeypatch.setattr("hil.cli.list_.entries", broken)
-    assert hil("list", "plants") == (2, "", "hil: secret: Permission denied\n")
+    assert command_line("list", "plants") == (2, "", "hil: secret: Permission denied\n")
 
 
-def test_a_fault_of_the_program_is_said_to_be_one(hil, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_of_the_program_is_said_to_be_one(command_line, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(_kind: str) -> None:
         raise ZeroDivisionError("of no use")
 
     monkeypatch.setattr("hil.cli.list_.entries", broken)
-    status, _, err = hil("list", "plants")
+    status, _, err = command_line("list", "plants")
     assert status == 2
     assert err.startswith("hil: a fault of this program, not of its input: ZeroDivisionError: of no use")
     assert err.count("\n") == 1
 
 
-def test_version_and_help_are_no_errors(hil) -> None:
-    assert hil("--version")[:2] == (0, "hil 0.1.0\n")
-    status, out, _ = hil("--help")
+def test_version_and_help_are_no_errors(command_line) -> None:
+    assert command_line("--version")[:2] == (0, "hil 0.1.0\n")
+    status, out, _ = command_line("--help")
     assert status == 0
     assert "identify" in out
 
@@ -194,29 +183,29 @@ def test_version_and_help_are_no_errors(hil) -> None:
         ),
     ],
 )
-def test_currents_are_not_driven_as_anything_else(hil, procedure: str, bench: str, said: str) -> None:
-    status, _, err = hil("run", procedure, "--bench", bench, "--out", "r")
+def test_currents_are_not_driven_as_anything_else(command_line, procedure: str, bench: str, said: str) -> None:
+    status, _, err = command_line("run", procedure, "--bench", bench, "--out", "r")
     assert status == 2
     assert err.splitlines()[-1] == f"hil: {said}"
 
 
 @pytest.mark.usefixtures("recordings")
-def test_a_unit_that_the_file_stated_otherwise_is_remarked(hil) -> None:
-    status, out, _ = hil("convert", "good.csv", "new.csv", "--unit", "flow=bar")
+def test_a_unit_that_the_file_stated_otherwise_is_remarked(command_line) -> None:
+    status, out, _ = command_line("convert", "good.csv", "new.csv", "--unit", "flow=bar")
     assert status == 0
     assert "note: 'flow' was in l/min and is now said to be in bar; its numbers are the same" in out
-    assert "note" not in hil("convert", "good.csv", "same.csv", "--unit", "flow=l/min")[1]
+    assert "note" not in command_line("convert", "good.csv", "same.csv", "--unit", "flow=l/min")[1]
 
 
-def test_ctrl_c_is_exit_status_130(hil, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_is_exit_status_130(command_line, monkeypatch: pytest.MonkeyPatch) -> None:
     def stopped(_kind: str) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("hil.cli.list_.entries", stopped)
-    assert hil("list", "plants")[0] == 130
+    assert command_line("list", "plants")[0] == 130
 
 
-def test_a_second_signal_says_no_second_end(hil, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_signal_says_no_second_end(command_line, monkeypatch: pytest.MonkeyPatch) -> None:
     def stopped(_kind: str) -> None:
         ended = KeyboardInterrupt()
         marked(ended, 130, "outputs are safe (read back)")
@@ -224,13 +213,13 @@ def test_a_second_signal_says_no_second_end(hil, monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr("hil.cli.list_.entries", stopped)
     monkeypatch.setattr("hil.cli.app.raised", Terminated)  # it came in the same moment
-    status, _, said = hil("list", "plants")
+    status, _, said = command_line("list", "plants")
     assert (status, said) == (130, "hil: stopped; outputs are safe (read back)\n")
 
 
-def test_a_parameter_where_a_recording_should_be_is_told(hil) -> None:
+def test_a_parameter_where_a_recording_should_be_is_told(command_line) -> None:
     write_recording(Path("steps.csv"))
-    status, _, said = hil(
+    status, _, said = command_line(
         "identify", "--plant", "brevini-hpv41", "--free", "dead_time", "sensor_lag", "steps.csv", "--out", "m.json"
     )
     assert status == 2

@@ -13,7 +13,6 @@ import pytest
 from hil.bench.audit import Audit, chain, evaluated_on_the_trail, head, on_the_trail
 from hil.bench.find import benches
 from hil.bench.read import read_bench
-from hil.cli import app
 from hil.errors import FileError
 from hil.passport.contents import lay_out
 from hil.passport.evaluate import evaluate_passport
@@ -61,12 +60,6 @@ def on_a_trail(folder: Path, **given: float) -> Path:
         run = run_of(folder, **given)
     evaluated_on_the_trail(run)
     return run
-
-
-def said(monkeypatch, capsys, *arguments: object) -> tuple[int, str, str]:
-    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
-    status = app.main()
-    return (status, *capsys.readouterr())
 
 
 # -- the seal ----------------------------------------------------------------------------------------------
@@ -247,11 +240,11 @@ def evaluated_by_another(run: Path) -> Path:
     return run
 
 
-def test_another_version_is_named_and_its_values_stand_until_told(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_another_version_is_named_and_its_values_stand_until_told(tmp_path: Path, command_line) -> None:
     run, out = evaluated_by_another(run_of(tmp_path)), tmp_path / "unit.pdf"
-    status, _, err = said(monkeypatch, capsys, "passport", run, "--out", out, "--no-model")
+    status, _, err = command_line("passport", run, "--out", out, "--no-model")
     assert status == 2 and OLDER in err and "gain: 49 ± 1" in err and "--evaluated-anew" in err
-    status, words, _ = said(monkeypatch, capsys, "passport", run, "--out", out, "--no-model", "--evaluated-anew")
+    status, words, _ = command_line("passport", run, "--out", out, "--no-model", "--evaluated-anew")
     assert status == 0 and "evaluated anew: " in words and "gain: 49 ± 1" in words
     first = page_one(out)
     assert f"evaluated: {OLDER}" in first and "values evaluated anew: valve-hil" in first and "50.0 ± 1.0" in first
@@ -283,13 +276,13 @@ def test_a_folder_of_a_version_that_did_not_seal_is_taken_and_said_to_be_one(tmp
 
 @pytest.mark.parametrize("language", ["en", "de"])
 @pytest.mark.parametrize("names", [True, False])
-def test_the_receiver_evaluates_what_he_has(tmp_path, monkeypatch, capsys, language: str, names: bool) -> None:
+def test_the_receiver_evaluates_what_he_has(tmp_path, language: str, names: bool, command_line) -> None:
     run, out = run_of(tmp_path, gain=70.0), tmp_path / "unit.pdf"
     asked = ("passport", run, "--out", out, "--no-model", "--language", language, *(() if names else ("--no-names",)))
-    assert said(monkeypatch, capsys, *asked)[0] == 0
-    status, words, _ = said(monkeypatch, capsys, "verify", out, "--evaluate")
+    assert command_line(*asked)[0] == 0
+    status, words, _ = command_line("verify", out, "--evaluate")
     assert status == 0 and "evaluated anew: 1 values of 1 run" in words
-    told = json.loads(said(monkeypatch, capsys, "verify", out, "--evaluate", "--json")[1])
+    told = json.loads(command_line("verify", out, "--evaluate", "--json")[1])
     assert told["status"] == 0 and told["evaluated"]["values"] == 1 and told["evaluated"]["faults"] == []
 
 
@@ -334,14 +327,14 @@ def forged(tmp_path: Path, monkeypatch, part: str) -> Path:
         ("results", "gain: 50 ± 1 l/min, limits 40 … 60, pass in the results, 70 ± 1"),
     ],
 )
-def test_who_holds_the_key_cannot_make_one_part_lie(tmp_path, monkeypatch, capsys, stranger, part, says) -> None:
+def test_who_holds_the_key_cannot_make_one_part_lie(tmp_path, monkeypatch, stranger, part, says, command_line) -> None:
     state = tmp_path / "state"
     file = forged(tmp_path, monkeypatch, part)
     monkeypatch.setenv("HIL_STATE_DIR", str(state))
     monkeypatch.syspath_prepend(str(stranger))
-    status, words, _ = said(monkeypatch, capsys, "verify", file, "--trust", state / "passport-certificate.pem")
+    status, words, _ = command_line("verify", file, "--trust", state / "passport-certificate.pem")
     assert status == 0, words
-    status, words, _ = said(monkeypatch, capsys, "verify", file, "--evaluate")
+    status, words, _ = command_line("verify", file, "--evaluate")
     assert (
         status == 1 and f"does not follow from the samples: {'run run: ' if part == 'results' else ''}{says}" in words
     )
@@ -395,7 +388,7 @@ def test_a_broken_trail_issues_nothing(tmp_path: Path) -> None:
         issue([run], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
 
 
-def test_a_procedure_that_is_not_here_can_be_evaluated_by_nobody(tmp_path, monkeypatch, capsys, stranger) -> None:
+def test_a_procedure_that_is_not_here_can_be_evaluated_by_nobody(tmp_path, monkeypatch, stranger, command_line) -> None:
     from hil.catalog import entries
 
     out = tmp_path / "unit.pdf"
@@ -403,10 +396,10 @@ def test_a_procedure_that_is_not_here_can_be_evaluated_by_nobody(tmp_path, monke
     issue([run], out, signing_key(None), WITHOUT_MODEL)
     monkeypatch.setattr("sys.path", [path for path in __import__("sys").path if path != str(stranger)])
     entries.cache_clear()
-    assert said(monkeypatch, capsys, "verify", out)[0] == 0
-    status, words, _ = said(monkeypatch, capsys, "verify", out, "--evaluate")
+    assert command_line("verify", out)[0] == 0
+    status, words, _ = command_line("verify", out, "--evaluate")
     assert status == 1 and "sine_gain" in words
-    assert said(monkeypatch, capsys, "passport", run, "--out", tmp_path / "b.pdf", "--no-model")[0] == 2
+    assert command_line("passport", run, "--out", tmp_path / "b.pdf", "--no-model")[0] == 2
 
 
 def test_a_run_with_holes_and_one_that_broke_off_are_evaluated_like_others(tmp_path: Path) -> None:
