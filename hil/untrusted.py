@@ -217,7 +217,12 @@ def _opened(root: Path, name: str | Path, where: Path) -> int:
             inner = _open_at(place, folder, _PATH_FLAGS, where)
             os.close(place)
             place = inner
-        return _open_at(place, last, _FILE_FLAGS, where)
+        handle = _open_at(place, last, _FILE_FLAGS, where)
+        found = os.fstat(handle)
+        if found.st_nlink > 1 and found.st_uid != os.fstat(place).st_uid:
+            os.close(handle)
+            raise FileError(f"{where}: is a hard link to a file of another user than its folder's; not read")
+        return handle
     finally:
         os.close(place)
 

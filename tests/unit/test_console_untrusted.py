@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import socket
+import stat
 import sys
 import threading
 from collections.abc import Callable
@@ -247,3 +248,18 @@ def test_at_once_waits_for_no_page() -> None:
         return answer
 
     assert asyncio.run(asked()) == "stop of one"
+
+
+def test_hard_link_to_a_file_of_another_user_is_not_served(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (lab / "secret").write_text("the secret", encoding="utf-8")
+    (lab / "runs" / "one" / "report.html").hardlink_to(lab / "secret")
+    there, fstat = browser(lab), os.fstat
+    assert "the secret" in there.ask("/results/one/report")[1]
+
+    def other_folders(handle: int) -> os.stat_result:
+        found = fstat(handle)
+        return os.stat_result((*found[:4], found.st_uid + 1, *found[5:])) if stat.S_ISDIR(found.st_mode) else found
+
+    monkeypatch.setattr(os, "fstat", other_folders)
+    status, text, _ = there.ask("/results/one/report")
+    assert status in (400, 404) and "the secret" not in text
