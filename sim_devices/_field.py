@@ -11,7 +11,7 @@ import numpy as np
 from hil.clock import Clock, RealClock
 from hil.daq.channel import Pwm, Wiring
 from sim_devices._quirks import Quirks
-from sim_devices._rig import Rig
+from sim_devices._rig import SimulatedRig
 from sim_devices._settings import Settings
 from sim_devices._simulation import Simulation
 
@@ -46,7 +46,7 @@ class Field:
         self._safe = {name: channel.safe for name, channel in outputs.items()}
         self._sticking: dict[str, float] = {}
         settings = Settings.model_validate({"simulation": simulation, "bits": _BITS, "clock_hz": clock_hz})
-        self._rig = Rig(settings, Wiring(outputs, inputs), self._levels)
+        self._rig = SimulatedRig(settings, Wiring(outputs, inputs), self._levels)
         self._zero_s = self.clock.now_s
         self._seen, self._samples = self._rig.hold(self._levels, 1)
 

@@ -17,7 +17,7 @@ from sim_devices._world import Signals, World
 _CHUNK_TICKS = 1 << 14
 
 
-class Rig:
+class SimulatedRig:
     """The plant behind terminals, settled under the levels at which their outputs are found.
 
     Args:
