@@ -18,6 +18,7 @@ from hil.identification.preparation.plausibility.look import implausible
 from hil.identification.preparation.plausibility.suspicion import Suspicion, expected
 from hil.identification.preparation.plausibility.time_unit import wrong_time
 from hil.identification.preparation.repeated import without_held
+from hil.identification.preparation.start_in_motion import begun_in_motion
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.identification.uncertainty.noise import resolution, white_floor
 from hil.language.note import Note
@@ -59,9 +60,10 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
     warnings += bridges
     kept = []
     for e in even:
+        e, moved_before = begun_in_motion(model, e)
         e, clipped = without_clipped(e)
         e, held = without_held(e)
-        warnings += [*clipped, *held]
+        warnings += [*moved_before, *clipped, *held]
         simulated = e.respond(model.definition, model.values, model.active_effects)[0]
         kept.append(_Timed(e, simulated, _floor(model, e)))
     moved, notes = _with_clocks_set(kept)

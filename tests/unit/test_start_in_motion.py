@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hil.diagnosis.check import check
 from hil.identification.grey_box.compare import compare
+from hil.identification.grey_box.identify import fit_plant
 from hil.identification.preparation.experiment import experiment
 from hil.physics.model import Model, typical_model
 from hil.physics.simulate import Drive, simulate
@@ -29,7 +31,7 @@ def recorded(model: Model, seed: int) -> Recording:
     command = np.repeat(rng.uniform(-5.0, 5.0, 27), 150)[:4000]
     output = simulate(model.definition, model.values, Drive(command[None, :], 0.0, INTERVAL_S))[0]
     made = output + 0.02 * rng.standard_normal(len(output))
-    return recording("cut", INTERVAL_S * np.arange(len(output)), {"u [V]": command, "y [bar]": made})
+    return recording("cut", INTERVAL_S * np.arange(float(len(output))), {"u [V]": command, "y [bar]": made})
 
 
 @pytest.mark.parametrize(
@@ -53,11 +55,11 @@ def test_the_true_model_fits_what_was_cut_out_of_a_longer_recording(values: dict
 
 
 def test_a_valve_that_is_cut_in_a_step_fits_and_one_that_rests_is_left_as_it_is() -> None:
-    model, notes = nominal(), []
+    model, notes = nominal(), list[str]()
     for each in records(seed=51):
         (whole,) = bound(model, [each])
         assert not compare(model, whole).notes
-        (cut,) = bound(model, [with_rows(each, np.arange(len(each) // 3 + 7, len(each)))])
+        (cut,) = bound(model, [with_rows(each, slice(len(each) // 3 + 7, None))])
         found = compare(model, cut)
         notes += found.notes
         assert found.rms_error < 1.05 * NOISE
@@ -68,3 +70,37 @@ def test_a_gain_that_is_wrong_is_not_taken_for_a_start_in_motion() -> None:
     model = second_order(gain=2.0, lag_time=0.3)
     other = replace(model, parameters={**model.parameters, "gain": replace(model.parameters["gain"], value=2.2)})
     assert not compare(other, experiment(recorded(model, 1), model.definition, "u", "y")).notes
+
+
+def test_what_was_cut_out_of_a_longer_recording_is_identified_as_what_it_is() -> None:
+    model = second_order(gain=1.2, pair1_time=1.4, pair1_damping=1.06, pair1_zero=-1.5)
+    cut = recorded(model, 2).rows(2020, 1900)
+    typical = replace(typical_model("transfer-function"), input="u", output="y")
+    found = fit_plant(typical, [experiment(cut, typical.definition, "u", "y")])
+    assert any("begins in motion" in note for note in found.notes)
+    assert min(found.fits.values()) > 98.0
+    for name in ("gain", "pair1_time", "pair1_zero"):
+        assert found.model.values[name] == pytest.approx(model.values[name], rel=0.02)
+
+
+def test_a_tank_that_cools_where_its_recording_begins_is_no_integrator() -> None:
+    rng = np.random.default_rng(3)
+    model = second_order(gain=8.0, offset=20.0, pair1_time=122.0, pair1_damping=2.56)
+    command = np.repeat(rng.uniform(0.0, 100.0, 60), 50)
+    output = simulate(model.definition, model.values, Drive(command[None, :], 0.0, 2.0))[0]
+    whole = recording(
+        "tank", 2.0 * np.arange(3000.0), {"u [%]": command, "y [bar]": output + rng.normal(0.0, 0.1, 3000)}
+    )
+    typical = replace(typical_model("transfer-function"), input="u", output="y")
+    found = fit_plant(typical, [experiment(whole.rows(1500, 1500), typical.definition, "u", "y")])
+    assert found.model.values["integrator_gain"] == 0.0
+    assert found.model.values["gain"] == pytest.approx(8.0, rel=0.1)
+    assert min(found.fits.values()) > 85.0
+
+
+def test_a_healthy_unit_that_is_cut_in_a_step_is_checked_without_a_mismatch() -> None:
+    each = records(seed=52)[0]
+    checked = check(nominal(), bound(nominal(), [with_rows(each, slice(len(each) // 3 + 7, None))]))
+    (e,) = checked.experiments
+    model = nominal()
+    assert np.std((e.output - e.respond(model.definition, model.values)[0])[e.valid]) < 1.05 * NOISE

@@ -18,6 +18,7 @@ from hil.diagnosis.skeleton.misfit import Misfit, Remainder
 from hil.diagnosis.skeleton.rows import Rows, row_s, rows_of
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.gaps import bridged
+from hil.identification.preparation.start_in_motion import begun_in_motion
 from hil.identification.uncertainty.noise import channel_floors
 from hil.physics.compose import kernel
 from hil.physics.model import Model
@@ -76,7 +77,8 @@ class Table:
 def table_of(model: Model, experiments: Sequence[Experiment]) -> Table:
     """Learn what a model leaves of the recordings that it was identified from, or of others of the same date."""
     read = [e if e.reading_known else e.reading_at(model.read_at) for e in experiments]
-    experiments, _ = bridged(model, read)
+    even, _ = bridged(model, read)
+    experiments = [begun_in_motion(model, e)[0] for e in even]
     with one_blas_thread():
         problem = pose(model, experiments)
         beyond = problem.excess(float(problem.nominal_residuals @ problem.nominal_residuals))

@@ -19,7 +19,7 @@ from hil.identification.grey_box.free import all_values, check_free, moved, move
 from hil.identification.grey_box.lines import common_line, line_at
 from hil.identification.grey_box.multistart import multistart
 from hil.identification.grey_box.residuals import Residuals
-from hil.identification.grey_box.structure import StructureChoice, choose_structure
+from hil.identification.grey_box.structure import MISFIT, StructureChoice, choose_structure
 from hil.identification.grey_box.systematic import Systematic, systematic
 from hil.identification.grey_box.witnesses import witnesses
 from hil.identification.preparation.averaged import with_means
@@ -36,6 +36,7 @@ from hil.identification.preparation.recording_quality import (
     look,
     one_frequency,
 )
+from hil.identification.preparation.start_in_motion import begins_at_rest, begun_in_motion
 from hil.identification.preparation.sub_sample_response import dead_time_std_s, responds_within_sample
 from hil.identification.uncertainty.fit import fit_percent
 from hil.identification.uncertainty.noise import Measured, channel_floor, measured_noise, resolution
@@ -58,6 +59,7 @@ _USUAL_SIMULATIONS, _BEFORE_FIT = 60.0, 0.1
 _LITTLE = 0.5
 # Units are taken for slower than the start says where this share more of samples is then left out.
 _LATE_SETTLING = 0.1
+_STARTS = 2  # times that what moved a unit before is fitted by turns with the model
 
 Progress = Callable[[float, str], None]
 Tick = Callable[[], None]
@@ -166,13 +168,45 @@ def _fit_plant(
     again, remarks = bridged(found.model, alive)
     before, left, later = (sum(int(np.count_nonzero(~e.valid)) for e in each) for each in (alive, even, again))
     if later - left > _LATE_SETTLING * max(left - before, 0):  # the start settles too soon to be left in
-        found = _fitted(model, again, also_free, (*still, *remarks), tick)
+        found, even = _fitted(model, again, also_free, (*still, *remarks), tick), again
+    near = _near(model, found, even, also_free, tick)
+    for _ in range(_STARTS):
+        begun = [begun_in_motion(near, _read_as(near, e)) for e in even]
+        moving = tuple(note for _, notes in begun for note in notes)
+        if not moving:
+            break
+        found = _fitted(model, [e for e, _ in begun], also_free, (*still, *remarks, *moving), tick)
+        near = found.model
     progress(1.0, "fitted")
     found = replace(found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.on_bound))))
     used = [e for e in experiments if not e.stands_still]
     content = {e.name: content_of(e) for e in used}  # what tells its recordings from any others
     found = replace(found, model=replace(found.model, origin={**found.model.origin, "content": content}))
     return _none_identifiable(found) if model.definition.structures and one_frequency(alive) else found
+
+
+def _near(
+    model: Model, found: GreyBoxFit, experiments: Sequence[Experiment], also_free: Sequence[str], tick: Tick
+) -> Model:
+    """The fitted model, or one that was fitted without the first halves.
+
+    What was fitted as if recordings began at rest may be too wrong to tell that they do not. It is not believed where
+    it leaves more than the noise, and nothing shows that they rest.
+    """
+    if all(begins_at_rest(e) or not _fails(found.model, e) for e in experiments):
+        return found.model
+    late = [e.without(np.arange(len(e.output)) < len(e.output) // 2) for e in experiments]
+    return _fitted(model, late, also_free, (), tick).model
+
+
+def _fails(model: Model, e: Experiment) -> bool:
+    """Whether a model leaves more than the noise."""
+    error = e.telling(_read_as(model, e).respond(model.definition, model.values, model.active_effects)[0] - e.output)
+    return float(np.mean(error**2)) > MISFIT * max(channel_floor(e.valid_output), _resolution(e.output)) ** 2
+
+
+def _read_as(model: Model, e: Experiment) -> Experiment:
+    return e if e.reading_known else e.reading_at(model.read_at)
 
 
 def _none_identifiable(found: GreyBoxFit) -> GreyBoxFit:

@@ -30,7 +30,7 @@ _BLOCKS = 5
 _FORETOLD = (3, 4, 1, 0)  # blocks: the last two from those before them, the first two from those after them
 _TRIAL_TIMES = 6
 _MOST_JUDGED = 6
-_MISFIT = 1.5  # mean square of residuals, in units of the noise's, from which a form leaves more than noise
+MISFIT = 1.5  # mean square of residuals, in units of the noise's, from which a form leaves more than noise
 _PLAIN = 4  # unknowns of a gain, an offset and a pair of poles, beside a bend
 _SEARCH_EVALUATIONS = 25
 _REFINED_EVALUATIONS = 60
@@ -120,9 +120,12 @@ def choose_structure(plant: Plant, experiments: Sequence[Experiment], weights: S
     """
     choice = _chosen(_Search(plant, experiments, weights, plant.typical))
     for switch in plant.switches:
-        turned = plant.typical | {switch: 1.0 - choice.chosen.values[switch]}
+        judged = [choice.chosen]
+        if switch in choice.chosen.structure.fixed:  # as in an integrator: plain forms tell what others make of it
+            judged = [t for t in choice.tried if switch not in t.structure.fixed and len(t.structure.free) <= _PLAIN]
+        turned = plant.typical | {switch: 1.0 - judged[0].values[switch]}
         search = _Search(plant, experiments, weights, turned)
-        if search.improves(choice.chosen):
+        if any(map(search.improves, judged)):
             choice = _chosen(search)
     return choice
 
@@ -153,7 +156,7 @@ def _bic(found: Estimate, count: float) -> float:
 
 def _judged(search: _Search, tried: list[Tried], fits: Mapping[str, Estimate]) -> StructureChoice:
     near = [t for t in tried if t.bic <= tried[0].bic + VERY_STRONG][:_MOST_JUDGED]
-    if tried[0].mean_square > _MISFIT:  # no form is right, and evidence between wrong ones favours the most pliant
+    if tried[0].mean_square > MISFIT:  # no form is right, and evidence between wrong ones favours the most pliant
         near += [t for t in tried if len({*t.structure.free} - {"bend"}) <= _PLAIN and t not in near]
     rest = [t for t in tried if t not in near]
     if len(near) == 1:

@@ -15,13 +15,29 @@ import numpy as np
 
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.fit import fit_percent
+from hil.identification.uncertainty.noise import channel_floor
 from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
+from hil.signals.interval import COVERED
 
 _ROUNDS = 3
+_FEWEST = 8  # samples that show a slope
 _SLOPE = 0.1  # of the command's range, for the slope in a level
+
+
+def begins_at_rest(e: Experiment) -> bool:
+    """Whether the output is noise about a level before the command first moves; False where too few samples tell."""
+    moved = np.diff(e.on_grid_input()) != 0.0
+    still = e.output[: int(np.argmax(moved)) + 1]
+    if len(still) < _FEWEST:
+        return False
+    time = np.linspace(-1.0, 1.0, len(still))
+    slope = float(time @ still) / float(time @ time)
+    left = still - still.mean() - slope * time
+    std = math.sqrt(float(np.mean(left**2)) * colour_factor(left) / float(time @ time))
+    return abs(slope) <= COVERED * std and float(np.std(left)) <= COVERED * channel_floor(e.valid_output)
 
 
 def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note, ...]]:
@@ -32,7 +48,7 @@ def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note
     """
     span = float(np.ptp(e.drive.inputs[0]))
     told = (e.grid_s, e.read_s, e.ripples) != (None, None, None) or e.is_late
-    if told or span == 0.0 or e.stands_still or not model.definition.forgets(model.values):
+    if told or span == 0.0 or e.stands_still or not model.definition.forgets(model.values) or begins_at_rest(e):
         return e, ()
     count = int(math.log2(len(e.output)))
 
@@ -40,8 +56,11 @@ def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note
         begun = _after(e, change)
         return begun.telling(begun.respond(model.definition, model.values, model.active_effects)[0] - e.output)
 
+    plain = e.telling(e.respond(model.definition, model.values, model.active_effects)[0] - e.output)
     change = np.zeros(count)
-    left = plain = errors(change)
+    left = errors(change)
+    if not (plain.any() and left.any()):  # no noise, and nothing to explain
+        return e, ()
 
     def is_worth(after: Array) -> bool:
         """Whether the levels are worth their number where they leave this error, shape (n,)."""
