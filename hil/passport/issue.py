@@ -89,12 +89,12 @@ def issue(
         InputError: runs of different units or of none, a changed run, a key that cannot sign, a model of another plant.
         StorageError: something cannot be written.
     """
+    if wanted.power and not wanted.identify:
+        raise SettingError("--power needs the model of the unit; leave out --no-model")
     progress(0.0, "evaluating the runs anew")
     unit, trail = read_unit_runs(folders, also_moved=wanted.anew), trail_of(folders)
     _check_kind(unit, wanted.model)
     signer = Signer(name_of(key.certificate), fingerprint(key.certificate))
-    if wanted.power and not wanted.identify:
-        raise SettingError("--power needs the model of the unit; leave out --no-model")
     known = understood(unit, wanted.identify, wanted.model, progress)
     powers = _powers(unit, known, out, progress) if wanted.power else ()
     if powers:

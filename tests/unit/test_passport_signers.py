@@ -17,7 +17,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import NameOID
 
 from hil.cli import app
-from hil.errors import FileError, InputError
+from hil.errors import FileError, InputError, SettingError
 from hil.passport.issue import Wanted, issue
 from hil.passport.key import SigningKey, fingerprint, signing_key
 from hil.passport.revoked import Revoked, read_revocations
@@ -284,3 +284,8 @@ def test_the_signature_of_another_passport_does_not_fit(unsigned: bytes) -> None
     (begin, end), (first, last) = seal_of(content).field, seal_of(other).field
     mixed: Sequence[bytes] = (content[:begin], other[first:last], content[end:])
     assert verify(b"".join(mixed), Trust([lab.certificate])).outcome is Soundness.CHANGED
+
+
+def test_power_without_a_model_is_refused_before_a_run_is_read(tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match="leave out --no-model"):
+        issue([tmp_path / "nowhere"], tmp_path / "unit.pdf", signing_key(None), Wanted(identify=False, power=True))
