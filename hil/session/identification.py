@@ -76,6 +76,9 @@ class Identified:
         )
         return found
 
+    def __str__(self) -> str:
+        return self.text
+
     def _repr_html_(self) -> str:
         fits = ", ".join(f"{name} {fit:.2f} %" for name, fit in self.fits.items())
         items = "".join(f"<li>{escape(note)}</li>" for note in self.notes)

@@ -96,6 +96,7 @@ def test_a_response_of_a_run_is_compared_with_what_was_fitted_to_it(run, tmp_pat
     found = hil.identify(
         [run], "transfer-function", poles=2, zeros=0, dead_time=False, inputs=["command"], output="flow"
     )
+    assert str(found) == found.text
     (told,) = hil.compare(found.model, [run])
     assert told.name.endswith("+50 ± 20 %") and told.as_dict()["kind"] == "frequency response"
     assert told.fit == pytest.approx(found.fits[told.name])
