@@ -25,10 +25,10 @@ NO_REQUESTS, BESIDE = "no requests to read outputs back", "requests a second to 
 def test_check_prints_a_line_for_each_link_that_drives(
     bench: str, per_s: dict[str, float], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    check.command(bench, strict=False, live=False, as_json=False)
+    check.command(bench, strict=False, live=False, reference="", archive="", as_json=False)
     lines = [line for line in capsys.readouterr().out.splitlines() if BESIDE in line or NO_REQUESTS in line]
     assert [line.split(":")[0].strip() for line in lines] == list(per_s)
     assert all(f"at most {each:g} {BESIDE}" in line if each else NO_REQUESTS in line
                for line, each in zip(lines, per_s.values(), strict=True))  # fmt: skip
-    check.command(bench, strict=False, live=False, as_json=True)
+    check.command(bench, strict=False, live=False, reference="", archive="", as_json=True)
     assert json.loads(capsys.readouterr().out)["read_back_requests_per_s"] == per_s

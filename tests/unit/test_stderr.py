@@ -37,7 +37,7 @@ def test_stopped_terminal_holds_nobody_up() -> None:
 def test_whatever_a_stream_cannot_encode_is_written_escaped(tmp_path: Path) -> None:
     with (tmp_path / "log").open("w", encoding="ascii") as stream:
         assert write("5 µm\n", 0.0, stream)
-    assert (tmp_path / "log").read_text() == "5 \\xb5m\n"
+    assert (tmp_path / "log").read_text() == "5 \\u00b5m\n"
 
 
 def test_stream_that_is_none_of_the_system_is_written_to(capsys: pytest.CaptureFixture[str]) -> None:
