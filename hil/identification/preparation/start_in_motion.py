@@ -47,8 +47,8 @@ def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note
     where the samples lie on no grid.
     """
     span = float(np.ptp(e.drive.inputs[0]))
-    told = (e.grid_s, e.read_s, e.ripples) != (None, None, None) or e.is_late
-    if told or span == 0.0 or e.stands_still or not model.definition.forgets(model.values) or begins_at_rest(e):
+    is_even = e.grid_s is None and e.read_s is None and e.ripples is None and not e.is_late
+    if not is_even or span == 0.0 or e.stands_still or not model.definition.forgets(model.values) or begins_at_rest(e):
         return e, ()
     count = int(math.log2(len(e.output)))
 
