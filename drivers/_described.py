@@ -18,7 +18,7 @@ class ByDescription:
 
     protocol: str
 
-    def told(self, settings: Any) -> Any:
+    def described(self, settings: Any) -> Any:
         """Its description. Raises `HilError`."""
         return description_of(settings, self.protocol)
 
@@ -34,27 +34,27 @@ class ByDescription:
     def terminals(self, settings: Any) -> dict[str, Terminal]:
         """Those of the description; none while it has faults."""
         try:
-            found: dict[str, Terminal] = self.told(settings).ports
+            found: dict[str, Terminal] = self.described(settings).ports
         except HilError:
             return {}
         return found
 
     def has_watchdog(self, settings: Any) -> bool:
         """Whether the device has one."""
-        return self.told(settings).watchdog is not None
+        return self.described(settings).watchdog is not None
 
     def level(self, settings: Any) -> float | None:
         """Where its watchdog puts outputs: as it was set, or as described; None where that is not always the same."""
         if (level := getattr(settings, "watchdog_level", None)) is None and self.has_watchdog(settings):
-            level = self.told(settings).watchdog.expires_to
+            level = self.described(settings).watchdog.expires_to
         return None if level is None else float(level)
 
     def watchdog_levels(self, settings: Any) -> dict[str, float]:
         """The same by terminal, of those of which it is known."""
         level = self.level(settings)
-        return {} if level is None else dict.fromkeys(self.told(settings).outputs, level)
+        return {} if level is None else dict.fromkeys(self.described(settings).outputs, level)
 
     def not_read_back(self, settings: Any) -> set[str]:
         """Outputs of which the device cannot be asked where they stand."""
-        told = self.told(settings).by_name
-        return {name for name, one in told.items() if one.direction == "out" and not one.is_read_back}
+        described = self.described(settings).by_name
+        return {name for name, one in described.items() if one.direction == "out" and not one.is_read_back}

@@ -78,23 +78,24 @@ class Model:
 
 def model_of(description: ModbusDescription) -> Model:
     """The model that a description says."""
-    told = description.on_the_wire
-    arm, expires_to = (told.watchdog.arm, told.watchdog.expires_to) if told.watchdog else ((), None)
+    described = description.on_the_wire
+    arm, expires_to = (described.watchdog.arm, described.watchdog.expires_to) if described.watchdog else ((), None)
     return Model(
-        {name: _register(terminal) for name, terminal in told.terminals.items()}, arm, expires_to,
-        told.modbus.byte_order, told.enable, told.faults, told.safe_mode, told.modbus, told.watchdog is not None,
+        {name: _register(terminal) for name, terminal in described.terminals.items()}, arm, expires_to,
+        described.modbus.byte_order, described.enable, described.faults, described.safe_mode, described.modbus,
+        described.watchdog is not None,
     )  # fmt: skip
 
 
-def _register(told: ModbusTerminal) -> Register:
-    port = told.terminal
-    back = told.read_back if isinstance(told.read_back, Place) else None
+def _register(described: ModbusTerminal) -> Register:
+    port = described.terminal
+    back = described.read_back if isinstance(described.read_back, Place) else None
     return Register(
-        port.direction, port.kind, port.unit, port.low, port.high, told.table or "holding", told.address,
-        told.type or "u16", *told.scale,
-        back.address if back else None, back.table if back else None, told.byte_order, told.field,
-        told.write or 0, back is not None or port.direction == "in", told.close, counts_of(told.invalid),
-        nan_of(told.invalid), told.status,
+        port.direction, port.kind, port.unit, port.low, port.high, described.table or "holding", described.address,
+        described.type or "u16", *described.scale,
+        back.address if back else None, back.table if back else None, described.byte_order, described.field,
+        described.write or 0, back is not None or port.direction == "in", described.close, counts_of(described.invalid),
+        nan_of(described.invalid), described.status,
     )  # fmt: skip
 
 

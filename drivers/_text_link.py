@@ -55,7 +55,7 @@ class SpokenLink(OnALine):
         self, settings: SerialSettings, wiring: Wiring, *, close: float | None = None, watchdog_s: float | None = None,
         expires_to: float | None = None,
     ) -> None:  # fmt: skip
-        self._settings, self._description = settings, self.devices.told(settings)
+        self._settings, self._description = settings, self.devices.described(settings)
         whole, self._talk = self._description.by_name, self._description.text
         self._numbers = Numbers(self._talk.decimal, self._talk.no_measurement)
         self._outputs = {c.terminal: whole[c.terminal] for c in wiring.outputs.values()}

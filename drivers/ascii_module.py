@@ -60,7 +60,7 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     yield from _devices.faults(settings)
     if settings.watchdog_s is None or not _devices.is_sound(settings):
         return
-    if _devices.told(settings).channels.direction == "in":
+    if _devices.described(settings).channels.direction == "in":
         yield ("watchdog_s",), f"{settings.model} has no outputs that a watchdog could make safe; take this away"
     elif not 0.1 <= settings.watchdog_s <= 999.9:
         yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the module counts 0.1 … 999.9 s"
@@ -91,7 +91,7 @@ class AsciiModuleLink(OnALine):
     _model: ModuleDescription
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        self._settings, self._model = settings, _devices.told(settings)
+        self._settings, self._model = settings, _devices.described(settings)
         self._number = {name: one.first for name, one in self._model.by_name.items()}
         self._at = f"{settings.module:02X}"
         self._inputs = [channel.terminal for channel in wiring.inputs.values()]

@@ -43,4 +43,4 @@ def read_back_requests(_wiring: Wiring) -> int:
 
 def open_link(settings: Settings, wiring: Wiring) -> CanLink:
     """The bus, open; on J1939 our address claimed where there is something to command."""
-    return CanLink(settings, wiring, _devices.told(settings))
+    return CanLink(settings, wiring, _devices.described(settings))

@@ -41,4 +41,4 @@ def needs(_settings: Settings) -> tuple[str, ...]:
 
 def open_link(settings: Settings, wiring: Wiring) -> CanopenLink:
     """The node, recognised, its PDOs mapped, operational."""
-    return CanopenLink(settings, wiring, _devices.told(settings))
+    return CanopenLink(settings, wiring, _devices.described(settings))

@@ -108,4 +108,4 @@ def open_link(settings: Settings, wiring: Wiring) -> ModbusLink:
 
 def _model(settings: Settings) -> Model:
     """The model, its watchdog as this device was set."""
-    return replace(model_of(_devices.told(settings)), expires_to=_devices.level(settings))
+    return replace(model_of(_devices.described(settings)), expires_to=_devices.level(settings))

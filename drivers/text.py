@@ -14,7 +14,7 @@ watchdog_levels = DEVICES.watchdog_levels
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beyond the types."""
     yield from DEVICES.faults(settings)
-    watchdog = DEVICES.told(settings).watchdog if (is_sound := DEVICES.is_sound(settings)) else None
+    watchdog = DEVICES.described(settings).watchdog if (is_sound := DEVICES.is_sound(settings)) else None
     if is_sound and settings.watchdog_s is not None and watchdog is None:
         yield ("watchdog_s",), "its description has no [watchdog]: say there how it is armed, or take this away"
     if settings.watchdog_level is not None and (

@@ -36,16 +36,16 @@ class DescribedBank(Bank):
 
     def __init__(self, side: Side, description: ModbusDescription, settings: Mapping[str, Any]) -> None:
         super().__init__(side)
-        told = description.on_the_wire
-        watchdog, self._faults, self._enable = told.watchdog, told.faults, told.enable
+        described = description.on_the_wire
+        watchdog, self._faults, self._enable = described.watchdog, described.faults, described.enable
         self._arm = watchdog.arm if watchdog else ()
         self._level = settings.get("watchdog_level")
         if self._level is None and watchdog:
             self._level = watchdog.expires_to
         self._set_s = settings.get("watchdog_s") if watchdog and not self._arm else None
-        order = str(settings.get("word_order") or told.modbus.byte_order)
+        order = str(settings.get("word_order") or described.modbus.byte_order)
         blocks = {name: (terminal.direction, self._block(name, Counts(terminal, order)))
-                  for name, terminal in told.terminals.items()}  # fmt: skip
+                  for name, terminal in described.terminals.items()}  # fmt: skip
         self._outputs = [block for direction, block in blocks.values() if direction == "out"]
         self._inputs = [block for direction, block in blocks.values() if direction == "in"]
         self._written = {spot: block for block in self._outputs for spot in block.spots}
@@ -54,14 +54,14 @@ class DescribedBank(Bank):
                            for spot, back in zip(block.spots, block.back, strict=False) if spot != back}  # fmt: skip
         self._safe_at = {name: spots_from(write, blocks[name][1].counts.words) for write in self._arm
                          if (name := safe_of(write.value))}  # fmt: skip
-        mode = told.safe_mode
+        mode = described.safe_mode
         self._says_safe, self._ends_safe = (self._row(mode.status), self._row(mode.clear)) if mode else ({}, {})
         self._memory: dict[Spot, int] = {}
-        self._flags = [(spot_of(flag), flag) for flag in _all_flags(told)]
-        self._steps = {spot_of(write) for write in _all_writes(told)}
+        self._flags = [(spot_of(flag), flag) for flag in _all_flags(described)]
+        self._steps = {spot_of(write) for write in _all_writes(described)}
         self._safe_mode: set[str] = set()
         self._tripped = self._expired = False
-        self._enabled = told.enable is None
+        self._enabled = described.enable is None
         for block in self._outputs:
             self._store(block, side.standing(block.name))
 
@@ -247,17 +247,17 @@ def spots_from(place: Any, count: int) -> tuple[Spot, ...]:
     return tuple((table, first + i) for i in range(count))
 
 
-def _all_flags(told: ModbusDescription) -> Iterator[Flag]:
-    yield from told.faults.flags if told.faults else ()
-    yield from [told.enable.ready] if told.enable and told.enable.ready else []
-    for terminal in told.terminals.values():
+def _all_flags(described: ModbusDescription) -> Iterator[Flag]:
+    yield from described.faults.flags if described.faults else ()
+    yield from [described.enable.ready] if described.enable and described.enable.ready else []
+    for terminal in described.terminals.values():
         yield from terminal.status
 
 
-def _all_writes(told: ModbusDescription) -> Iterator[Write]:
-    yield from told.watchdog.arm if told.watchdog else ()
-    yield from (*told.enable.write, *told.enable.disable) if told.enable else ()
-    yield from told.faults.clear if told.faults else ()
+def _all_writes(described: ModbusDescription) -> Iterator[Write]:
+    yield from described.watchdog.arm if described.watchdog else ()
+    yield from (*described.enable.write, *described.enable.disable) if described.enable else ()
+    yield from described.faults.clear if described.faults else ()
 
 
 def _bits(flag: Flag, so: bool) -> int:

@@ -24,7 +24,7 @@ _THREADS = ThreadPoolExecutor(_IN_PARALLEL, "stop")
 _T = TypeVar("_T")
 
 
-async def at_once(do: Callable[..., _T], *arguments: Any, **named: Any) -> _T:
+async def promptly(do: Callable[..., _T], *arguments: Any, **named: Any) -> _T:
     """Do it in a thread of its own kind, so that a stop waits for no page."""
     return await asyncio.get_running_loop().run_in_executor(_THREADS, partial(do, *arguments, **named))
 

@@ -228,16 +228,16 @@ class ModbusDescription(DescribedDevice[ModbusTerminal]):
         sections = {key: self.there(getattr(self, key)) for key in ("watchdog", "safe_mode", "enable", "faults")}
         return self.model_copy(update={"terminals": self.by_name, "modbus": wire, **sections})
 
-    def there(self, said: Any) -> Any:
+    def there(self, part: Any) -> Any:
         """A place beside the terminals, or what has some in it, with wire addresses."""
-        if isinstance(said, Place):
-            table, address = self.wire(said)
-            return said.model_copy(update={"table": table, "address": address})
-        if isinstance(said, tuple):
-            return tuple(map(self.there, said))
-        if isinstance(said, Strict):
-            return said.model_copy(update={key: self.there(value) for key, value in said})
-        return said
+        if isinstance(part, Place):
+            table, address = self.wire(part)
+            return part.model_copy(update={"table": table, "address": address})
+        if isinstance(part, tuple):
+            return tuple(map(self.there, part))
+        if isinstance(part, Strict):
+            return part.model_copy(update={key: self.there(value) for key, value in part})
+        return part
 
     def place_of(self, terminal: ModbusTerminal, i: int = 0) -> tuple[Table, int]:
         """Table and wire address of the i-th of a row."""

@@ -106,15 +106,15 @@ def _write(where: Where, write: Write, table: Table, outputs: list[str]) -> Iter
         yield (*where, "value"), f"{write.value}: a {table} takes 0 … {limit}"
 
 
-def _places(said: Any, where: Where = ()) -> Iterator[tuple[Where, Place]]:
+def _places(stated: Any, where: Where = ()) -> Iterator[tuple[Where, Place]]:
     """Every place beside the terminals in what is said, and where it stands in the file."""
-    if isinstance(said, Place):
-        yield where, said
-    elif isinstance(said, ModbusTerminal):
-        yield from _places(said.status, (*where, "status"))
-    elif isinstance(said, Strict):
-        for key, value in said:
+    if isinstance(stated, Place):
+        yield where, stated
+    elif isinstance(stated, ModbusTerminal):
+        yield from _places(stated.status, (*where, "status"))
+    elif isinstance(stated, Strict):
+        for key, value in stated:
             yield from _places(value, (*where, key))
-    elif isinstance(said, dict | tuple):
-        for at, value in said.items() if isinstance(said, dict) else enumerate(said):
+    elif isinstance(stated, dict | tuple):
+        for at, value in stated.items() if isinstance(stated, dict) else enumerate(stated):
             yield from _places(value, (*where, at))

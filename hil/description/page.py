@@ -98,15 +98,15 @@ def _safety(description: Description) -> Iterator[str]:
         yield from _sequences(description.on_the_wire)
 
 
-def _sequences(told: ModbusDescription) -> Iterator[str]:
+def _sequences(described: ModbusDescription) -> Iterator[str]:
     for what, writes in (
-        ("Watchdog", told.watchdog.arm if told.watchdog else ()),
-        ("Enabled by", told.enable.write if told.enable else ()),
-        ("Faults are cleared by", told.faults.clear if told.faults else ()),
+        ("Watchdog", described.watchdog.arm if described.watchdog else ()),
+        ("Enabled by", described.enable.write if described.enable else ()),
+        ("Faults are cleared by", described.faults.clear if described.faults else ()),
     ):
         if writes:
             yield f"{what}: {', '.join(map(_write, writes))}."
-    for flag in told.faults.flags if told.faults else ():
+    for flag in described.faults.flags if described.faults else ():
         bit = f" (bit {flag.bit})" if flag.bit is not None else ""
         yield f"Reports at {_place(flag)}: {flag.means or 'a fault'}{bit}."
 

@@ -71,9 +71,9 @@ class Finding:
 
     def as_dict(self) -> dict[str, Any]:
         """As in `diagnosis.json`: without what only a page says of it."""
-        said = ("name", "probability", "stage", "where", "sentence", "equation", "source")
+        stated = ("name", "probability", "stage", "where", "sentence", "equation", "source")
         parameters = {name: q.as_dict() for name, q in self.parameters.items()}
-        return {"parameters": parameters, **{name: getattr(self, name) for name in said}}
+        return {"parameters": parameters, **{name: getattr(self, name) for name in stated}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +95,8 @@ class ChangedParameter:
 
     def as_dict(self) -> dict[str, Any]:
         """As in `diagnosis.json`."""
-        said = {name: getattr(self, name) for name in ("name", "std", "unit", "at_bound")}
-        return {**said, "from": self.before, "to": self.after}
+        stated = {name: getattr(self, name) for name in ("name", "std", "unit", "at_bound")}
+        return {**stated, "from": self.before, "to": self.after}
 
 
 @dataclass(frozen=True, slots=True)

@@ -123,7 +123,7 @@ def _in_db_and_deg(response: np.ndarray[Any, Any]) -> dict[str, Any]:
 
 
 def _samples(model: Model, e: Experiment, k: int) -> Picture:
-    e, _said = begun_in_motion(model, e)
+    e, _stated = begun_in_motion(model, e)
     simulated = e.respond(model.definition, model.values, model.active_effects)[0]
     shown = np.where(e.valid, e.output, np.nan)
 

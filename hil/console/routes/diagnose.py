@@ -94,7 +94,7 @@ def one(request: Request) -> Response:
     diagnosis = read_untrusted_json(folder, "diagnosis.json")
     return page(
         request, "diagnosis.html", name=name, diagnosis=diagnosis,
-        said=lambda *texts: [translated(text) for text in revived(map(str, texts), diagnosis.get("codes"))],
+        stated=lambda *texts: [translated(text) for text in revived(map(str, texts), diagnosis.get("codes"))],
         next_run=_next_run(diagnosis),
         corrected=is_regular(folder, "corrected.json"), accepted=request.query_params.get("accepted", ""),
     )  # fmt: skip

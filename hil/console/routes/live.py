@@ -13,7 +13,7 @@ from hil.console.after import next_unit, reasons_of
 from hil.console.console import Console
 from hil.console.ending import ending_of
 from hil.console.page import page
-from hil.console.stops import ask_listener, at_once
+from hil.console.stops import ask_listener, promptly
 from hil.console.underway import control_of, run_of
 from hil.console.uploads import form_of
 from hil.errors import FileError, HilError
@@ -51,7 +51,7 @@ async def hold(request: Request) -> Response:
     console, name = Console.of(request), request.path_params["run"]
     wanted = str((await form_of(request)).get("hold", ""))
     folder = console.site.run(name)
-    answer = await at_once(ask_listener, folder, control_of(folder), "hold", hold=wanted)
+    answer = await promptly(ask_listener, folder, control_of(folder), "hold", hold=wanted)
     if wanted:
         console.audit(request, "hold" if wanted == "1" else "go on", {"run": name})
     return JSONResponse(answer)

@@ -10,7 +10,7 @@ from starlette.routing import Route
 
 from hil.console.console import Console
 from hil.console.page import controls_of
-from hil.console.stops import at_once, press_stop
+from hil.console.stops import press_stop, promptly
 from hil.console.uploads import form_of
 from hil.errors import StorageError
 
@@ -24,7 +24,7 @@ async def press(request: Request) -> Response:
     """Stop what is under way; what became of it."""
     console, form = Console.of(request), await form_of(request)
     asked = [str(name) for name in form.getlist("run")]
-    answer = await at_once(press_stop, console, request.scope.get("hil.account", ""), asked)
+    answer = await promptly(press_stop, console, request.scope.get("hil.account", ""), asked)
     with suppress(StorageError):  # the stop is done
         console.audit(
             request, "press stop", {"stopped": sorted({*answer["answers"], *asked}), "starting": answer["starting"]}
@@ -36,7 +36,7 @@ async def release(request: Request) -> Response:
     """Runs may start again."""
     console = Console.of(request)
     console.audit(request, "release stop", {})
-    await at_once(console.switch.release)
+    await promptly(console.switch.release)
     return JSONResponse({"pressed": None})
 
 

@@ -47,17 +47,19 @@ def coarse(problem: Problem, step: float, std: float, chosen: Fitted, residuals:
     """
     last, unit = problem.plant.hooks[-1], problem.model.output_unit
     offset, cut = _offset(chosen), cuts_off(chosen, step)
-    said = Note("The signal comes in steps of {step:.3g} {unit}, far coarser than when the model was identified",
+    stated = Note("The signal comes in steps of {step:.3g} {unit}, far coarser than when the model was identified",
                 step=step, unit=unit)  # fmt: skip
     if cut and offset < 0.0:
-        said = Note(
-            "{steps}, and reads {by:.3g} {unit} too little: it does not round", steps=said, by=-offset, unit=unit
+        stated = Note(
+            "{steps}, and reads {by:.3g} {unit} too little: it does not round", steps=stated, by=-offset, unit=unit
         )
     elif cut:
-        said = Note("{steps}, and reads {by:.3g} {unit} too much: it does not round", steps=said, by=offset, unit=unit)
+        stated = Note(
+            "{steps}, and reads {by:.3g} {unit} too much: it does not round", steps=stated, by=offset, unit=unit
+        )
     return Events(
         "quantisation", last.stage, last.name, (), {"step": (step, std, unit)}, residuals, problem.experiments,
-        said.stopped,
+        stated.stopped,
         "y = q·⌊u/q⌋" if cut and offset < 0.0 else "y = q·⌈u/q⌉" if cut else "y = q·round(u/q)",
         shows_as="sensor_offset" if cut else "",
     )  # fmt: skip

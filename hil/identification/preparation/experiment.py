@@ -184,8 +184,8 @@ class Experiment:
     @property
     def count_lost(self) -> int:
         """How many samples no channel says anything at."""
-        said = np.any([self.valid, *map(self.inner_tells, self.observed)], axis=0)
-        return int(np.count_nonzero(~said))
+        seen = np.any([self.valid, *map(self.inner_tells, self.observed)], axis=0)
+        return int(np.count_nonzero(~seen))
 
     def telling(self, errors: Array) -> Array:
         """Errors of the output, 0 where it says nothing, shape (n,)."""
