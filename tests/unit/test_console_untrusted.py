@@ -29,7 +29,7 @@ from hil.console.access_accounts import Accounts
 from hil.console.access_where import Where
 from hil.console.app import application
 from hil.console.site import Site
-from hil.console.stops import ask_listener, at_once
+from hil.console.stops import ask_listener, promptly
 from hil.console.underway import control_of
 from hil.errors import FileError, LinkError
 from hil.record.folder import RunWriter
@@ -241,7 +241,7 @@ def test_at_once_waits_for_no_page() -> None:
         made = threading.Event()
         page = asyncio.create_task(run_in_threadpool(made.wait, 600.0))
         queued = asyncio.create_task(run_in_threadpool(made.wait, 600.0))
-        answer = await at_once("stop of {}".format, "one")
+        answer = await promptly("stop of {}".format, "one")
         assert not page.done() and not queued.done()
         made.set()
         await asyncio.gather(page, queued)
