@@ -255,7 +255,7 @@ def _sharper(
 
 def _spread(columns: Array, figures: StepFigures, missing: int) -> StepFigures:
     if missing or len(columns) < 2:
-        return StepFigures(*[math.inf] * columns.shape[1])
+        return StepFigures(*[math.inf] * len(astuple(figures)))
     return StepFigures(*(about(column, value) for column, value in zip(columns.T, astuple(figures), strict=True)))
 
 
