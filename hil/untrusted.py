@@ -63,9 +63,12 @@ def unpacked_allowed(stored_bytes: int) -> str:
 def resolved(path: Path) -> Path:
     """Where a path leads. Raises `FileError` when its links go round in a circle, or the working folder is gone."""
     try:
+        path.stat()
+    except OSError as error:  # Python 3.13 resolves a circle to itself
+        if error.errno == errno.ELOOP:
+            raise FileError(f"{path}: its links go round in a circle; name a file or folder that is there") from None
+    try:
         return path.resolve()
-    except RuntimeError:
-        raise FileError(f"{path}: its links go round in a circle; name a file or folder that is there") from None
     except FileNotFoundError:
         raise FileError(f"{path}: the working folder is gone; go to one that is there") from None
 
