@@ -13,7 +13,6 @@ from hil.cli.printed import Json
 from hil.cli.runs import ARCHIVE
 
 if TYPE_CHECKING:
-    from hil.archive.entry import Entry
     from hil.bench.device import DeviceInUse
     from hil.bench.read import BenchFile
     from hil.safety.outputs import Outputs
@@ -48,6 +47,8 @@ def command(
     from hil.cli.faults import each_reported
     from hil.errors import FileError
 
+    if live and reference:
+        raise typer.BadParameter("drives the bench; --live reads it: one after the other", param_hint="--reference")
     path = find_bench(bench)
     with each_reported(path):
         found = read_bench(path)
@@ -58,10 +59,10 @@ def command(
         typer.echo(_as_json(found, warnings))
     if live:
         warnings += _looked_at(found, as_json)
-    if reference:
-        _held_against_first(found, reference, archive, as_json=as_json)
     if strict and warnings:
         raise FileError(f"{path}: {len(warnings)} warning{'s' if len(warnings) > 1 else ''}, and --strict allows none")
+    if reference:
+        _held_against_first(found, reference, archive, as_json=as_json)
 
 
 def _looked_at(found: BenchFile, as_json: bool) -> list[str]:
@@ -96,8 +97,10 @@ def _held_against_first(bench: BenchFile, serial: str, archive: str, *, as_json:
     from hil.cli.progress import shown
     from hil.cli.run_end import entered, safely
     from hil.cli.searches import not_entered
+    from hil.record.plain import to_json
     from hil.session.labels import folder_name
     from hil.session.run_comparison import compare_runs
+    from hil.session.since import is_here
 
     folder = Path("runs") / folder_name(_REFERENCE, serial)
 
@@ -108,8 +111,11 @@ def _held_against_first(bench: BenchFile, serial: str, archive: str, *, as_json:
     safely(run, folder, archive, as_json=as_json)
     entered(archive, folder)
     found = api.find_runs(serial=serial, procedure=_REFERENCE, archive=archive, values=False, notes=not_entered)
-    first = _first(found, bench.bench.name, folder)
+    others = (one for one in found if one.bench == bench.bench.name and one.outcome == "completed" and is_here(one))
+    first = next((one.folder for one in others if one.folder != folder.resolve()), None)
     if first is None:
+        if as_json:
+            typer.echo(to_json({"schema": "hil.run-comparison/1", "runs": [folder.name], "differences": []}))
         typer.echo(f"{folder}: the first on this bench; those that come are held against it", err=as_json)
         return
     comparison = compare_runs(first, folder)
@@ -118,15 +124,6 @@ def _held_against_first(bench: BenchFile, serial: str, archive: str, *, as_json:
     typer.echo(f"held against {first}; over time: {trend}", err=as_json)
     if any(one.meaning == "differs" for one in comparison.differences):
         raise typer.Exit(1)
-
-
-def _first(found: list[Entry], bench: str, folder: Path) -> Path | None:
-    """The earliest completed run of this bench whose folder is here."""
-    for one in found:
-        here = one.bench == bench and one.outcome == "completed" and one.folder.is_dir() and not one.is_of_another_host
-        if here and one.folder != folder.resolve():
-            return one.folder
-    return None
 
 
 def _as_json(found: BenchFile, warnings: list[str]) -> str:

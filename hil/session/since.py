@@ -57,13 +57,13 @@ def earlier_run(archive: str, serial: str, procedure: str, recording: Recording,
     found = [
         run
         for run in find_runs(archive_place(archive), Search(serial, procedure))
-        if run.folder != folder.resolve() and run.started_utc < begun and _is_there(run)
+        if run.folder != folder.resolve() and run.started_utc < begun and is_here(run)
     ]
     passed = [run for run in found if run.verdict == "pass"]
     return next(reversed(passed or found), None)
 
 
-def _is_there(run: Entry) -> bool:
+def is_here(run: Entry) -> bool:
     """Whether its folder is here with its results; on another computer the same path may be another run."""
     if not (run.folder / RESULTS_FILE).is_file():
         return False

@@ -15,6 +15,7 @@ from hil.cli.app import _assembled
 @pytest.fixture
 def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HIL_ARCHIVE", str(tmp_path / "runs"))
     path = tmp_path / "bench.toml"
     text = benches()["brevini-hpv41"].read_text(encoding="utf-8")
     path.write_text(text.replace("sample_rate_hz = 1000", "sample_rate_hz = 200"), encoding="utf-8")
@@ -47,3 +48,18 @@ def test_a_meter_that_reads_two_per_cent_more_is_an_exit_status_of_one(bench: Pa
     assert status == 1
     differing = [line.split()[0] for line in text.splitlines() if line.endswith("differs")]
     assert {"gain_positive", "gain_negative", "response_high"} <= set(differing)
+
+
+def test_nothing_is_driven_where_strict_refuses_or_the_bench_is_read(bench: Path) -> None:
+    status, text = checked(bench, "--live")
+    assert status == 2 and not text
+    status, text = checked(bench, "--strict", change=("date = 2026-03-02", "date = 2019-03-02, due = 2020-03-02"))
+    assert status != 0 and "warning" in text
+    assert not Path("runs").exists()
+
+
+def test_json_of_the_first_time_has_no_differences(bench: Path) -> None:
+    status, text = checked(bench, "--json")
+    told = json.loads(text)
+    assert status == 0 and told["schema"] == "hil.run-comparison/1" and told["differences"] == []
+    assert [Path("runs", name).is_dir() for name in told["runs"]] == [True]
