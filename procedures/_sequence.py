@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Any, NoReturn, cast
@@ -34,8 +34,12 @@ class SequencedTest:
     @property
     def settings(self) -> dict[str, Any]:
         """All of them, by name."""
-        parameters = list(inspect.signature(self.procedure.run).parameters.values())[1:]
-        return {**{one.name: one.default for one in parameters}, **self.given}
+        return {**defaults_of(self.procedure.run), **self.given}
+
+
+def defaults_of(run: Callable[..., None]) -> dict[str, Any]:
+    """What a procedure takes where nobody says anything, by the names of its settings."""
+    return {a.name: a.default for a in inspect.signature(run).parameters.values() if a.default is not a.empty}
 
 
 def drive(rig: Rig, tests: Sequence[SequencedTest]) -> None:
@@ -71,11 +75,16 @@ def evaluated(recording: Recording, tests: Sequence[SequencedTest]) -> Findings:
             found.append(test.procedure.evaluate(own))
         except InputError as error:
             notes.append(Note("Not evaluated: {part}: {why}.", part=test.title, why=str(error)))
+    return joined(found, notes)
+
+
+def joined(found: Collection[Findings], notes: Iterable[str]) -> Findings:
+    """The findings of parts as those of one run; `notes` come first, and what several say stands once."""
     return Findings(
-        tuple(one for test in found for one in test.measured),
-        {name: curve for test in found for name, curve in test.curves.items()},
-        tuple(dict.fromkeys([*notes, *(note for test in found for note in test.notes)])),
-        tuple(dict.fromkeys(one for test in found for one in test.deviations)),
+        tuple(one for part in found for one in part.measured),
+        {name: curve for part in found for name, curve in part.curves.items()},
+        tuple(dict.fromkeys([*notes, *(note for part in found for note in part.notes)])),
+        tuple(dict.fromkeys(one for part in found for one in part.deviations)),
     )
 
 

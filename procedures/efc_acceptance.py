@@ -10,9 +10,8 @@ and can be changed per bench.
 
 from __future__ import annotations
 
-import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -54,6 +53,7 @@ from procedures._efc import (
 )
 from procedures._recorded import departures, roles_of
 from procedures._scale import check_at_least
+from procedures._sequence import defaults_of, joined
 from procedures._settings import Positive
 
 FUNCTION = Measurement(
@@ -161,7 +161,7 @@ def _expected_s(
     rate_hz: float,
 ) -> list[float]:
     """Bench time of function, leakage, curve, steps and frequency response, in s."""
-    settings = _defaults(leakage_check.run), _defaults(efc_step_response.run)
+    settings = defaults_of(leakage_check.run), defaults_of(efc_step_response.run)
     leakage, steps = ({**one, "rate_hz": rate_hz} for one in settings)
     parts = (
         [_function_stage(rig, normally_open, rate_hz)],
@@ -171,11 +171,6 @@ def _expected_s(
     )
     times = [expected_s(rig, stages, rate_hz) for stages in parts]
     return [*times, efc_frequency_response.expected_s(rig, levels, frequencies)]
-
-
-def _defaults(run: Callable[..., None]) -> dict[str, Any]:
-    """What a part of the sequence takes where the sequence says nothing."""
-    return {a.name: a.default for a in inspect.signature(run).parameters.values() if a.default is not a.empty}
 
 
 def evaluate(recording: Recording) -> Findings:
@@ -200,14 +195,13 @@ def evaluate(recording: Recording) -> Findings:
         Note("Level {level} of the frequency response left out: {why}.", level=one["level"], why=one["reason"])
         for one in left_out
     ]
-    return Findings(
-        (complete, *(() if function is None else (function,)), *judged,
-         *(m for found in done.values() for m in found.measured)),
-        {name: curve for found in done.values() for name, curve in found.curves.items()},
-        tuple(dict.fromkeys([*notes, *condition_notes, *(n for found in done.values() for n in found.notes)])),
-        tuple(dict.fromkeys([*(d for found in done.values() for d in found.deviations), *departures(recording)])),
-        population,
-    )  # fmt: skip
+    together = joined(done.values(), (*notes, *condition_notes))
+    return replace(
+        together,
+        measured=(complete, *(() if function is None else (function,)), *judged, *together.measured),
+        deviations=tuple(dict.fromkeys([*together.deviations, *departures(recording)])),
+        likeness=population,
+    )
 
 
 def _noted(recording: Recording, event: str) -> list[Mapping[str, Any]]:
