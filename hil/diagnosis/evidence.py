@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted
-from hil.record.recording import Array
-
-Mask = NDArray[np.bool_]
+from hil.record.recording import Array, Mask
 
 # Every other stretch of this length is kept back. Long against the memory of a valve, or of a plant that is sampled as
 # slowly as it moves, so that the stretches are news; short against a recording, so that both halves see every kind of

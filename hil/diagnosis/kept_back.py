@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.diagnosis.criteria import CRITERIA
-from hil.diagnosis.evidence import Mask, held_out_fit
+from hil.diagnosis.evidence import held_out_fit
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import fit
@@ -18,7 +18,7 @@ from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.thresholds import FEW
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.language.note import Note
-from hil.record.recording import Array
+from hil.record.recording import Array, Mask
 
 # After so many time constants a plant has forgotten nineteen twentieths of where it was.
 FORGOTTEN = 3.0

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.diagnosis.events.bursts import Burst, bursts_of
 from hil.diagnosis.events.event import Events, Interval, how_often
@@ -19,8 +18,6 @@ from hil.identification.uncertainty.noise import white_floor
 from hil.language.note import Note
 from hil.record.recording import Array
 from hil.signals.runs import runs
-
-Mask = NDArray[np.bool_]
 
 # In bursts of misfit a run is telling already when chance makes so few of them there.
 _CHANCE_IN_BURSTS = 0.3

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.special import ndtri, stdtr, stdtrit
 
 from hil.diagnosis.criteria import CRITERIA
-from hil.diagnosis.skeleton.misfit import Mask, Misfit, Remainder, learned, leaves, remainder
+from hil.diagnosis.skeleton.misfit import Misfit, Remainder, learned, leaves, remainder
 from hil.diagnosis.skeleton.rows import Rows
 from hil.diagnosis.thresholds import TINY
-from hil.record.recording import Array
+from hil.record.recording import Array, Mask
 
 # A column counts where its information is at least this share of the median column's.
 _ENOUGH = 1e-3

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from hil.diagnosis.skeleton.rows import Rows
-from hil.record.recording import Array
-
-Mask = NDArray[np.bool_]
+from hil.record.recording import Array, Mask
 
 # Ridge over columns whose rms is one on the recordings of before.
 _RIDGE = 55.0

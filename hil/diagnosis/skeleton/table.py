@@ -76,8 +76,7 @@ class Table:
 
 def table_of(model: Model, experiments: Sequence[Experiment]) -> Table:
     """Learn what a model leaves of the recordings that it was identified from, or of others of the same date."""
-    read = [e if e.reading_known else e.reading_at(model.read_at) for e in experiments]
-    even, _ = bridged(model, read)
+    even, _ = bridged(model, [e.reading_as_in(model) for e in experiments])
     experiments = [begun_in_motion(model, e)[0] for e in even]
     with one_blas_thread():
         problem = pose(model, experiments)

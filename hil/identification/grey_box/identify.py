@@ -171,7 +171,7 @@ def _fit_plant(
         found, even = _fitted(model, again, also_free, (*still, *remarks), tick), again
     near = _near(model, found, even, also_free, tick)
     for _ in range(_STARTS):
-        begun = [begun_in_motion(near, _read_as(near, e)) for e in even]
+        begun = [begun_in_motion(near, e.reading_as_in(near)) for e in even]
         moving = tuple(note for _, notes in begun for note in notes)
         if not moving:
             break
@@ -201,12 +201,10 @@ def _near(
 
 def _fails(model: Model, e: Experiment) -> bool:
     """Whether a model leaves more than the noise."""
-    error = e.telling(_read_as(model, e).respond(model.definition, model.values, model.active_effects)[0] - e.output)
+    error = e.telling(
+        e.reading_as_in(model).respond(model.definition, model.values, model.active_effects)[0] - e.output
+    )
     return float(np.mean(error**2)) > MISFIT * max(channel_floor(e.valid_output), _resolution(e.output)) ** 2
-
-
-def _read_as(model: Model, e: Experiment) -> Experiment:
-    return e if e.reading_known else e.reading_at(model.read_at)
 
 
 def _none_identifiable(found: GreyBoxFit) -> GreyBoxFit:

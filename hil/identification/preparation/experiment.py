@@ -259,6 +259,10 @@ class Experiment:
         """The same with another reading instant, unless the instants are known one by one."""
         return self if self.read_s is not None else replace(self, drive=replace(self.drive, read_at=read_at))
 
+    def reading_as_in(self, model: Model) -> Experiment:
+        """The same read when the model's recordings were, where nothing tells when this one was."""
+        return self if self.reading_known else self.reading_at(model.read_at)
+
 
 def experiment(
     recording: Recording,
