@@ -88,11 +88,18 @@ def joined(found: Collection[Findings], notes: Iterable[str]) -> Findings:
     )
 
 
-def both_sides(rig: Rig, sizes: Sequence[float], full_command: float | None) -> tuple[float, ...]:
-    """Levels of steps from neutral and back, in % of full command, to both sides where the command has two."""
+def both_sides(rig: Rig, setting: str, sizes: Sequence[float], full_command: float | None) -> tuple[float, ...]:
+    """Levels of steps from neutral and back, in % of full command, to both sides where the command has two.
+
+    Raises:
+        SettingError: a size, by the name of its setting, is beyond the command's range.
+    """
+    scale = scale_of(rig, full_command)
     levels = [0.0]
     for size in sizes:
-        levels += [size, 0.0, -size, 0.0] if scale_of(rig, full_command).both_ways else [size, 0.0]
+        levels += [size, 0.0, -size, 0.0] if scale.both_ways else [size, 0.0]
+    for level in levels:
+        scale.level(setting, level)
     return tuple(levels)
 
 

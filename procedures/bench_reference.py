@@ -36,7 +36,7 @@ def run(
     """
     common = {"full_command": full_command, "rate_hz": rate_hz}
     curve = SequencedTest(flow_curve, Note("flow curve"), {**common, "cycle_s": cycle_s})
-    levels = both_sides(rig, (step,), full_command)
+    levels = both_sides(rig, "step", (step,), full_command)
     drive(rig, [curve, SequencedTest(step_response, Note("steps"), {**common, "levels": levels})])
 
 

@@ -70,7 +70,7 @@ def run(
         "tests": tests, "amplitudes": amplitudes, "biases": biases,
         "high_hz": high_hz or min(_TOP_HZ, rate_hz / _SAMPLES),
         "cycle_s": cycle_s, "warm_up_s": warm_up_s, "full_command": full_command, "rate_hz": rate_hz,
-        "levels": both_sides(rig, steps, full_command),
+        "levels": both_sides(rig, "steps", steps, full_command),
     }  # fmt: skip
     drive(rig, _asked(asked))
 
