@@ -135,7 +135,10 @@ def _opened_rig(
     )
     finished = _taken_over(writer, earlier)
     recorder = Recorder(writer, daq.inputs)
-    reporter = ProgressReporter(progress, _shown(bench, daq, commanding), virtual=daq.promises.timing == "virtual")
+    reporter = ProgressReporter(
+        progress, _shown(bench, daq, commanding), virtual=daq.promises.timing == "virtual",
+        begins_s=0.0 if earlier is None else float(earlier.time_s[-1]),
+    )  # fmt: skip
 
     def keep(block: Block) -> None:
         recorder.keep(block)

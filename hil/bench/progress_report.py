@@ -54,14 +54,17 @@ class ProgressReporter:
         progress: told.
         shown: channels whose values are shown, the most important first.
         virtual: whether the bench runs in virtual time, which is not the operator's.
+        begins_s: bench time at which it begins: a resumed run goes on behind the samples of the earlier one.
     """
 
-    def __init__(self, progress: Progress, shown: Sequence[Shown], *, virtual: bool = False) -> None:
+    def __init__(
+        self, progress: Progress, shown: Sequence[Shown], *, virtual: bool = False, begins_s: float = 0.0
+    ) -> None:
         self._progress = progress
         self._time = " of simulated time" if virtual else ""
         self._shown = shown[:_MOST_VALUES]
         self._text, self._share = "", 0.0
-        self._now_s, self._until_s = 0.0, 0.0
+        self._now_s, self._until_s = begins_s, 0.0
         self._then_s = 0.0
         self._values: Mapping[str, Array] = {}
         self._last = -_EVERY_S

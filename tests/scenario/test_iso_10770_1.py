@@ -78,14 +78,17 @@ def test_a_run_that_was_broken_off_goes_on_with_the_test_that_was_not_completed(
     file: BenchFile, tmp_path: Path, whole: Any
 ) -> None:
     def stop(_done: float, text: str) -> None:
-        if text.startswith("multisine"):
+        if text.startswith("onward"):
             raise StoppedError("somebody opened the door")
 
     with pytest.raises(StoppedError):
         ran(file, tmp_path / "broken", progress=stop)
     ended = {p["test"] for p in read_recording(tmp_path / "broken").meta["parts"] if p["kind"] == "test completed"}
-    assert ended == {"flow_curve", "step_response"}
-    resumed = ran(file, tmp_path / "resumed", settings={}, resume=tmp_path / "broken")
+    assert ended == {"flow_curve", "step_response", "multisine_response"}
+    told: list[str] = []
+    resumed = ran(file, tmp_path / "resumed", settings={}, resume=tmp_path / "broken",
+                  progress=lambda _done, text: told.append(text))  # fmt: skip
+    assert any(" left" in text for text in told) and not any("longer than expected" in text for text in told)
     assert agree(resumed, whole) > 20
     parts = read_recording(tmp_path / "resumed").meta["parts"]
     assert [p["test"] for p in parts if p["kind"] == "test completed"] == list(ALONE)
@@ -112,6 +115,8 @@ def test_a_test_that_this_bench_cannot_do_is_refused_before_anything_moves(tmp_p
     with pytest.raises(SettingError, match="comes to stand"):
         ran(bench, tmp_path / "run", settings={"tests": ("fail_safe",)})
     assert not (tmp_path / "run").exists()
+    with pytest.raises(SettingError, match="setting steps: 150 %"):
+        ran(read_bench(benches()["brevini-hpv41"]), tmp_path / "run", settings={"steps": (150.0,)})
     with pytest.raises(SettingError, match="each once"):
         ran(bench, tmp_path / "run", settings={"tests": ("threshold", "threshold")})
 
