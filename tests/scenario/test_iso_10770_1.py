@@ -85,10 +85,10 @@ def test_a_run_that_was_broken_off_goes_on_with_the_test_that_was_not_completed(
         ran(file, tmp_path / "broken", progress=stop)
     ended = {p["test"] for p in read_recording(tmp_path / "broken").meta["parts"] if p["kind"] == "test completed"}
     assert ended == {"flow_curve", "step_response", "multisine_response"}
-    told: list[str] = []
+    heard: list[str] = []
     resumed = ran(file, tmp_path / "resumed", settings={}, resume=tmp_path / "broken",
-                  progress=lambda _done, text: told.append(text))  # fmt: skip
-    assert any(" left" in text for text in told) and not any("longer than expected" in text for text in told)
+                  progress=lambda _done, text: heard.append(text))  # fmt: skip
+    assert any(" left" in text for text in heard) and not any("longer than expected" in text for text in heard)
     assert agree(resumed, whole) > 20
     parts = read_recording(tmp_path / "resumed").meta["parts"]
     assert [p["test"] for p in parts if p["kind"] == "test completed"] == list(ALONE)
@@ -137,9 +137,9 @@ def unplanned(rig: Any) -> None:
     rig.play(np.array([0.0, 1.0]))
 
 
-@pytest.mark.parametrize(("run", "said"), [(beyond, "-10 … 10 % planned"), (unplanned, "drives before it says")])
-def test_nothing_is_driven_that_a_test_has_not_planned(file: BenchFile, tmp_path: Path, run: Any, said: str) -> None:
-    with pytest.raises(RangeError, match=said), open_rig(file, tmp_path / "run", {}, print) as rig:
+@pytest.mark.parametrize(("run", "message"), [(beyond, "-10 … 10 % planned"), (unplanned, "drives before it says")])
+def test_nothing_is_driven_that_a_test_has_not_planned(file: BenchFile, tmp_path: Path, run: Any, message: str) -> None:
+    with pytest.raises(RangeError, match=message), open_rig(file, tmp_path / "run", {}, print) as rig:
         drive(rig, [SequencedTest(procedure(run), Note("made"), {})])
     with pytest.raises(FileError, match="0 samples"):
         read_recording(tmp_path / "run")

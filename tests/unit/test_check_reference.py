@@ -26,8 +26,8 @@ def checked(path: Path, *more: str, seed: int = 1, change: tuple[str, str] = (""
     text = path.read_text(encoding="utf-8").replace("seed = 1", f"seed = {seed}")
     assert change[0] in text
     path.write_text(text.replace(*change) if change[0] else text, encoding="utf-8")
-    told = CliRunner().invoke(_assembled(), ["check", str(path), "--reference", "REF 1", *more])
-    return told.exit_code, told.stdout
+    answer = CliRunner().invoke(_assembled(), ["check", str(path), "--reference", "REF 1", *more])
+    return answer.exit_code, answer.stdout
 
 
 def test_the_first_time_is_kept_and_a_bench_as_it_was_is_said_to_be_so(bench: Path) -> None:
@@ -36,10 +36,10 @@ def test_the_first_time_is_kept_and_a_bench_as_it_was_is_said_to_be_so(bench: Pa
     (kept,) = Path("runs").glob("bench_reference-REF-1-*")
     status, text = checked(bench, "--json", seed=12)
     assert text, status
-    told = json.loads(text)
-    assert status == 0 and told["schema"] == "hil.run-comparison/1"
-    assert told["serials"] == ["REF 1", "REF 1"] and told["runs"][0] == kept.name
-    assert {one["meaning"] for one in told["differences"]} == {"within uncertainty", "cannot tell"}
+    answer = json.loads(text)
+    assert status == 0 and answer["schema"] == "hil.run-comparison/1"
+    assert answer["serials"] == ["REF 1", "REF 1"] and answer["runs"][0] == kept.name
+    assert {one["meaning"] for one in answer["differences"]} == {"within uncertainty", "cannot tell"}
 
 
 def test_a_meter_that_reads_two_per_cent_more_is_an_exit_status_of_one(bench: Path) -> None:
@@ -60,6 +60,6 @@ def test_nothing_is_driven_where_strict_refuses_or_the_bench_is_read(bench: Path
 
 def test_json_of_the_first_time_has_no_differences(bench: Path) -> None:
     status, text = checked(bench, "--json")
-    told = json.loads(text)
-    assert status == 0 and told["schema"] == "hil.run-comparison/1" and told["differences"] == []
-    assert [Path("runs", name).is_dir() for name in told["runs"]] == [True]
+    answer = json.loads(text)
+    assert status == 0 and answer["schema"] == "hil.run-comparison/1" and answer["differences"] == []
+    assert [Path("runs", name).is_dir() for name in answer["runs"]] == [True]
