@@ -96,12 +96,13 @@ def command(
 
 def _folder(file: BenchFile, channel: str, out: Path | None) -> Path | None:
     """Where an output's run is recorded; an input has none."""
+    from hil.archive.place import DEFAULT_FOLDER
     from hil.cli.places import check_folder
-    from hil.session.labels import folder_name
+    from hil.session.labels import new_folder
 
     if not file.bench.channels[channel].is_output:
         return None
-    folder = out or Path("runs") / folder_name("jog", "")
+    folder = out or new_folder(DEFAULT_FOLDER, "jog", "")
     check_folder(folder)
     return folder
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
@@ -93,16 +92,17 @@ def _looked_at(found: BenchFile, as_json: bool) -> list[str]:
 def _held_against_first(bench: BenchFile, serial: str, archive: str, *, as_json: bool) -> None:
     """Run the procedure and compare; leaves with status 1 where a figure differs from that of the first run."""
     from hil import api
+    from hil.archive.place import DEFAULT_FOLDER
     from hil.cli.compare import comparison_json, comparison_table
     from hil.cli.progress import shown
     from hil.cli.run_end import entered, safely
     from hil.cli.searches import not_entered
     from hil.record.plain import to_json
-    from hil.session.labels import folder_name
+    from hil.session.labels import new_folder
     from hil.session.run_comparison import compare_runs
     from hil.session.since import is_here
 
-    folder = Path("runs") / folder_name(_REFERENCE, serial)
+    folder = new_folder(DEFAULT_FOLDER, _REFERENCE, serial)
 
     def run(known: Outputs) -> None:
         with shown() as progress:

@@ -39,6 +39,7 @@ def command(
     """
     from hil import api
     from hil.api.bench import bench_of
+    from hil.archive.place import DEFAULT_FOLDER
     from hil.cli.key import any_key
     from hil.cli.places import check_folder
     from hil.cli.progress import shown
@@ -46,7 +47,7 @@ def command(
     from hil.cli.run_end import ended
     from hil.errors import SettingError
     from hil.session.by_hand import output_of
-    from hil.session.labels import folder_name, labelled, labels_of
+    from hil.session.labels import labelled, labels_of, new_folder
     from hil.session.procedure import load_procedure
 
     found = bench_of(bench)
@@ -55,7 +56,7 @@ def command(
     if for_s <= 0.0:
         raise SettingError(f"--for {for_time}: a time longer than 0 s was expected")
     found, labels = labelled(found, load_procedure("jog"), labels_of(serial, operator, notes))
-    folder = out or Path("runs") / folder_name("jog", labels.serial)
+    folder = out or new_folder(DEFAULT_FOLDER, "jog", labels.serial)
     check_folder(folder)
 
     def run(known: Outputs) -> Outcome:

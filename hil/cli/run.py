@@ -74,8 +74,9 @@ def command(
     language: Language = "",  # noqa: ARG001 — its callback takes it
 ) -> None:
     """Run a procedure on a bench; leaves a run folder with samples, findings and report."""
+    from hil.archive.place import DEFAULT_FOLDER
     from hil.cli.progress import shown
-    from hil.session.labels import folder_name, labelled, labels_of
+    from hil.session.labels import labelled, labels_of, new_folder
     from hil.session.limit import checked_limits, split_limits
     from hil.session.preset import preset_settings
     from hil.session.procedure import load_procedure
@@ -101,7 +102,7 @@ def command(
 
     found = read_bench(find_bench(bench))
     found, labels = labelled(found, chosen, labels, _asked if sys.stdin.isatty() else None)
-    folder = out or Path("runs") / folder_name(chosen.name, labels.serial)
+    folder = out or new_folder(DEFAULT_FOLDER, chosen.name, labels.serial)
     check_folder(folder)
     given = {**preset_settings(found, chosen, preset), **split_assignments(settings)}
     judged_by = checked_limits(chosen.measurements, split_limits(limits))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from itertools import count
+from pathlib import Path
 from typing import Any
 
 from hil.bench.read import BenchFile
@@ -92,6 +94,13 @@ def folder_name(procedure: str, serial: str) -> str:
     plain = re.sub(r"[^\w.-]+", "-", serial)[:_LONGEST_IN_FOLDER].strip("-.")
     unit = f"{plain}-" if plain and plain != SIMULATED else ""
     return f"{procedure}-{unit}{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
+
+
+def new_folder(runs: Path, procedure: str, serial: str, taken: Collection[str] = ()) -> Path:
+    """A folder of that name, or with a number behind it where a run of the same second has it, or will have it."""
+    folder = runs / folder_name(procedure, serial)
+    names = (folder.with_name(f"{folder.name}{f'-{i}' if i else ''}") for i in count())
+    return next(name for name in names if not name.exists() and name.name not in taken)
 
 
 def _label(name: str, text: str, longest: int = _LONGEST) -> str:

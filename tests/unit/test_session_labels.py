@@ -9,7 +9,7 @@ from hil.bench.find import benches, find_bench
 from hil.bench.read import read_bench
 from hil.cli import app
 from hil.errors import SettingError
-from hil.session.labels import NO_LABELS, Labels, folder_name, labelled, labels_of
+from hil.session.labels import NO_LABELS, Labels, folder_name, labelled, labels_of, new_folder
 from hil.session.procedure import load_procedure
 
 pytestmark = pytest.mark.usefixtures("unprinted")
@@ -112,3 +112,10 @@ def test_a_simulated_bench_asks_too_and_nothing_is_no_answer(tmp_path):
         labelled(bench, procedure, NO_LABELS, ask=lambda: "\r")
     with pytest.raises(SettingError, match=r"--serial SN"):
         labelled(bench, procedure, NO_LABELS)
+
+
+def test_runs_of_one_second_have_folders_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.session.labels.folder_name", lambda procedure, serial: f"{procedure}-{serial}")
+    (tmp_path / "jog-7").mkdir()
+    assert new_folder(tmp_path, "jog", "7", {"jog-7-1"}) == tmp_path / "jog-7-2"
+    assert new_folder(tmp_path, "jog", "8") == tmp_path / "jog-8"

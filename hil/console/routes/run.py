@@ -26,7 +26,7 @@ from hil.console.uploads import form_of
 from hil.errors import HilError, InUseError, SettingError
 from hil.record.folder import read
 from hil.report.number import number
-from hil.session.labels import folder_name, labelled, labels_of
+from hil.session.labels import labelled, labels_of, new_folder
 from hil.session.preset import preset_names, preset_settings
 from hil.session.procedure import Procedure, load_procedure
 from hil.session.rehearsal import is_of_rehearsal
@@ -135,15 +135,9 @@ def _prepared(console: Console, form: Mapping[str, str]) -> tuple[Path, dict[str
         raise SettingError(console.switch.text(press))
     console.watching.end(form["bench"])
     console.site.runs.mkdir(parents=True, exist_ok=True)
-    folder = _free(console, console.site.runs / folder_name(procedure.name, form.get("serial", "").strip()))
+    folder = new_folder(console.site.runs, procedure.name, form.get("serial", "").strip(), console.started)
     about = {"run": folder.name, "bench": file.bench.name, "arguments": arguments}
     return folder, about, [*arguments, "--out", str(folder)]
-
-
-def _free(console: Console, folder: Path) -> Path:
-    """A folder of that name, or with a number behind it where a run of the same second has it, or will have it."""
-    names = (folder.with_name(f"{folder.name}{f'-{i}' if i else ''}") for i in range(100))
-    return next(name for name in names if not name.exists() and name.name not in console.started)
 
 
 def _kept(console: Console, name: str) -> Path:
