@@ -21,10 +21,11 @@ from typing import NamedTuple
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hil` itself does
 
+from scipy.stats import binomtest
+
 from hil.bench.find import find_bench
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
-from hil.identification.papers.classification import wilson
 from hil.identification.papers.efc_condition import FREQUENCIES_HZ, simulated_tests
 from hil.physics.model import Model, typical_model
 from hil.physics.published.efc_population import population
@@ -142,7 +143,7 @@ def _judged(label: str, findings: Findings) -> Judged:
 def _share(count: int, of: int) -> str:
     if not of:
         return "—"
-    low, high = (100.0 * share for share in wilson(count, of))
+    low, high = (100.0 * share for share in binomtest(count, of).proportion_ci(method="wilson"))
     return f"{count} of {of}: {low:.1f} … {high:.1f} %"
 
 

@@ -53,11 +53,6 @@ class PwmCoil:
         return self.inductance_h / self.resistance_ohm
 
     @property
-    def corner_hz(self) -> float:
-        """Corner frequency from voltage to current."""
-        return 1.0 / (2.0 * math.pi * self.time_constant_s)
-
-    @property
     def highest_duty(self) -> float:
         """At which the mean voltage is 133 % of the nominal one, or 1."""
         return min(1.0, _PROOF * self.nominal_v / self.supply_v)
@@ -87,11 +82,6 @@ class PwmCoil:
         top = full * math.expm1(-duty * period) / math.expm1(-period)
         return top * math.exp(-(1.0 - duty) * period), top
 
-    def ripple(self, duty: float) -> float:
-        """Peak to peak current of the steady ripple: the dither that a slow carrier makes by itself."""
-        low, high = self.extremes(duty)
-        return high - low
-
 
 @dataclass(frozen=True, slots=True)
 class CurrentLoop:
@@ -106,25 +96,6 @@ class CurrentLoop:
     bandwidth_rad_s: float
     nominal: PwmCoil
     rated_a: float
-
-
-@dataclass(frozen=True, slots=True)
-class PwmRun:
-    """What a loop did, period by period; arrays of shape (n,).
-
-    Attributes:
-        time_s: beginnings of the periods. `duty`: in each.
-        mean_a: mean current of each. `low_a`, `high_a`: its extremes.
-        fault: what ended it. After it the switch stays off. `fault_s`: when, NaN without one.
-    """
-
-    time_s: Array
-    duty: Array
-    mean_a: Array
-    low_a: Array
-    high_a: Array
-    fault: PwmFault
-    fault_s: float
 
 
 class PwmDrive:
@@ -166,13 +137,9 @@ class PwmDrive:
 
     def drive(self, demand_a: Array, tick_s: float) -> Array:
         """Mean current over each tick for one demand per tick, shape (n,)."""
-        return self._run(demand_a, tick_s)[1]
-
-    def _run(self, demand_a: Array, tick_s: float) -> Array:
-        """Duty of the period that a tick begins in, mean, lowest and highest current: shape (4, n)."""
         nominal, coil = self._loop.nominal, self._coil
         period_s = 1.0 / nominal.carrier_hz
-        made = np.empty((4, len(demand_a)))
+        made = np.empty(len(demand_a))
         _switched(
             np.ascontiguousarray(demand_a, dtype=np.float64), tick_s, period_s, self._state,
             self._loop.bandwidth_rad_s * nominal.inductance_h,
@@ -183,36 +150,6 @@ class PwmDrive:
         return made
 
 
-def run_loop(loop: CurrentLoop, coil: PwmCoil, demand_a: Array) -> PwmRun:
-    """Drive a coil, which may differ from the nominal one, with one demand per carrier period, from no current.
-
-    The loop reads the mean current of the period before. A current above half as much again as rated opens the
-    switch within the period (short); full duty for 20 periods with less than a tenth of the demand is an open circuit.
-    """
-    period_s = 1.0 / coil.carrier_hz
-    drive = PwmDrive(loop, coil)
-    rows = drive._run(demand_a, period_s)  # noqa: SLF001 — of this module
-    time_s = np.arange(len(demand_a), dtype=np.float64) * period_s
-    return PwmRun(time_s, rows[0], rows[1], rows[2], rows[3], drive.fault, drive.fault_s)
-
-
-def dithered(demand_a: Array, carrier_hz: float, dither_hz: float, amplitude_a: float) -> Array:
-    """A demand with a sine about it, one value per carrier period.
-
-    Raises:
-        InputError: the carrier has fewer than four periods per dither period, or not a whole number of them, so that
-            the dither would change the mean.
-    """
-    ratio = carrier_hz / dither_hz
-    if ratio < 4.0 or abs(ratio - round(ratio)) > 1e-9:
-        raise InputError(
-            f"dither of {dither_hz:g} Hz on a carrier of {carrier_hz:g} Hz: the carrier must be a whole multiple, four "
-            "or more, or the dither changes the mean current"
-        )
-    made: Array = demand_a + amplitude_a * np.sin(2.0 * math.pi * np.arange(len(demand_a)) / ratio)
-    return made
-
-
 @kernel(error_model="numpy")
 def _switched(
     demand: Any, tick_s: Any, period_s: Any, s: Any, proportional: Any, integral: Any, limit_v: Any, supply_v: Any,
@@ -221,13 +158,11 @@ def _switched(
     """Ticks through carrier periods; between two switchings the current is one exponential."""
     near = 1e-9 * period_s
     for k in range(len(demand)):
-        left, area, low, high = tick_s, 0.0, s[1], s[1]
+        left, area = tick_s, 0.0
         wanted = min(demand[k], rated)
-        out[0, k] = s[3]
         while left > near:
             if s[0] >= period_s - near:
                 _next_period(s, wanted, period_s, proportional, integral, limit_v, supply_v)
-                out[0, k] = s[3] if left >= tick_s - near else out[0, k]
             on = s[3] * period_s
             is_on = s[0] < on - near
             span = min((on if is_on else period_s) - s[0], left)
@@ -239,7 +174,6 @@ def _switched(
                 end = max(ceiling, s[1])
                 s[3] = (s[0] + span) / period_s
                 s[7], s[9] = 2.0, s[8] + span
-                out[0, k] = s[3]
             charge = towards * span + tau * (s[1] - end)
             area += charge
             s[2] += charge
@@ -247,8 +181,7 @@ def _switched(
             s[8] += span
             s[1] = end
             left -= span
-            low, high = min(low, end), max(high, end)
-        out[1, k], out[2, k], out[3, k] = area / tick_s, low, high
+        out[k] = area / tick_s
 
 
 @kernel(error_model="numpy")

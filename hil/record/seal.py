@@ -113,13 +113,6 @@ def check_seal(folder: Path, only: str = "") -> Seal | None:
     return seal
 
 
-def unsealed(folder: Path) -> list[str]:
-    """Names of files that came into the folder after it was sealed."""
-    seal, end = read_seal(folder), read_end(folder)
-    known = {**({} if end is None else end.sha256), **({} if seal is None else seal.sha256)}
-    return [name for name, _ in files_of(folder) if name not in known]
-
-
 def marks_of(folder: Path) -> dict[str, str]:
     """The SHA-256 of the three files that stand for all of them, as the audit trail keeps them."""
     return {name: sha256_of(folder / name) for name in (HEADER_FILE, END_FILE, SEAL_FILE) if (folder / name).is_file()}

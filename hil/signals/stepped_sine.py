@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,22 +14,6 @@ Array = NDArray[np.float64]
 
 # Twenty samples per period keep the steps of a held output 26 dB below the sine and harmonic 5 well inside.
 SAMPLES_PER_PERIOD = 20
-
-
-@dataclass(frozen=True, slots=True)
-class SineLevel:
-    """One frequency of a plan at one amplitude about one bias, in the unit of the command."""
-
-    frequency_hz: float
-    amplitude: float
-    bias: float
-    settle_periods: int
-    measure_periods: int
-
-    @property
-    def duration_s(self) -> float:
-        """Settling and measuring, in seconds of bench time."""
-        return (self.settle_periods + self.measure_periods) / self.frequency_hz
 
 
 def sine(
@@ -44,28 +27,6 @@ def sine(
     time_s = np.arange(max(1, round(periods * rate_hz / frequency_hz))) / rate_hz
     wave: Array = bias + amplitude * np.sin(2.0 * math.pi * frequency_hz * time_s + phase_rad)
     return wave
-
-
-def stepped_sine(
-    frequencies_hz: Sequence[float],
-    amplitude: float,
-    bias: float,
-    rate_hz: float,
-    *,
-    settle_periods: int = 3,
-    measure_periods: int = 5,
-    measure_s: float = 0.0,
-) -> tuple[SineLevel, ...]:
-    """A plan of levels; each measures `measure_periods`, and at least `measure_s` seconds in whole periods.
-
-    Raises:
-        SettingError: frequencies not rising or not above 0, or the rate below 20 times the top one.
-    """
-    check_frequencies(frequencies_hz, rate_hz)
-    return tuple(
-        SineLevel(f, amplitude, bias, settle_periods, max(measure_periods, math.ceil(measure_s * f)))
-        for f in frequencies_hz
-    )
 
 
 def check_frequencies(frequencies_hz: Sequence[float], rate_hz: float) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -24,10 +23,6 @@ CUSTOMARY_STEPS: dict[str, tuple[float, ...]] = {
     "paper": (0.0, 80.0, 0.0),
 }
 
-# Taps of feedback registers of the longest period, by the bits of the register: those of scipy.signal.max_len_seq.
-_TAPS = {2: (1,), 3: (2,), 4: (3,), 5: (3,), 6: (5,), 7: (6,), 8: (7, 6, 1), 9: (5,), 10: (7,), 11: (9,),
-         12: (11, 10, 4), 13: (12, 11, 8), 14: (13, 12, 2), 15: (14,), 16: (15, 13, 4)}  # fmt: skip
-
 
 def step_sequence(levels: Sequence[float], hold_s: float, rate_hz: float) -> Array:
     """Each level held for the same time.
@@ -42,24 +37,21 @@ def step_sequence(levels: Sequence[float], hold_s: float, rate_hz: float) -> Arr
 
 
 def binary_sequence(
-    low: float, high: float, clock_s: float, rate_hz: float, *, bits: int = 9, periods: int = 1, phase: int = 1
+    low: float, high: float, clock_s: float, rate_hz: float, *, bits: int = 9, periods: int = 1
 ) -> Array:
     """A maximum-length pseudo-random binary sequence (PRBS) of 2^bits − 1 clocks per period.
 
-    Its spectrum is flat up to about 0.44/clock. `phase` (1…2^bits − 1) is where in the sequence it starts.
+    Its spectrum is flat up to about 0.44/clock.
 
     Raises:
-        SettingError: bits outside 2…16, a phase outside its range, or a clock shorter than one sample.
+        SettingError: bits outside 2…16, or a clock shorter than one sample.
     """
     samples = round(clock_s * rate_hz)
-    if not (2 <= bits <= 16 and 1 <= phase < 2**bits and samples >= 1):
+    if not (2 <= bits <= 16 and samples >= 1):
         raise SettingError(
-            f"PRBS: {bits} bits, phase {phase}, {samples} samples per clock; "
-            "allowed are 2…16 bits, a phase of 1…2^bits − 1 and at least one sample"
+            f"PRBS: {bits} bits, {samples} samples per clock; allowed are 2…16 bits and at least one sample"
         )
-    register = deque(((phase >> i) & 1 for i in range(bits)), maxlen=bits)
-    sequence = np.zeros(2**bits - 1)
-    for i in range(len(sequence)):
-        sequence[i] = register[0]
-        register.append((register[0] + sum(register[tap] for tap in _TAPS[bits])) % 2)
+    from scipy.signal import max_len_seq
+
+    sequence = max_len_seq(bits, state=[1] + [0] * (bits - 1))[0]
     return np.tile(np.repeat(low + (high - low) * sequence, samples), periods)

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hil.identification.frequency.bandwidth import bandwidth, model_crossing, phase_crossing
+from hil.identification.frequency.bandwidth import bandwidth, magnitude_crossing, phase_crossing
 from hil.identification.frequency.frequency_response import average, from_table
 from hil.identification.frequency.order_choice import fit_transfer_function
 from hil.identification.frequency.rational import Form
@@ -33,6 +33,14 @@ from hil.physics.transfer_function import from_parameters, transfer_function
 
 FREQUENCIES = np.array(tordal.FREQUENCIES_HZ)
 RUNS = {run.name: run for run in tordal.RUNS}
+
+
+def crossing_hz(model, level, unit="°"):
+    """Where a transfer function falls to a level: dB below its gain at rest, or degrees; up to 10 Hz."""
+    hz = np.geomspace(1e-3, 10.0, 400)
+    response = model.at(hz) / model.dc_gain
+    lines = from_table("model", hz, 20 * np.log10(np.abs(response)), np.degrees(np.angle(response)))
+    return (magnitude_crossing if unit == "dB" else phase_crossing)(lines, level).frequency_hz
 
 
 def published(run):
@@ -83,9 +91,9 @@ def test_bandwidths_of_the_six_models(name):
     half, eq1, minus90, minus180, decibel, degrees = BANDWIDTHS[name]
     model, lines = RUNS[name].transfer_function, published(RUNS[name])
     half_power = -20 * math.log10(math.sqrt(2))
-    assert model_crossing(model, half_power, "dB", 10).frequency_hz == pytest.approx(half, abs=6e-4)
-    assert model_crossing(model, -90, "°", 10).frequency_hz == pytest.approx(minus90, abs=6e-4)
-    assert model_crossing(model, -180, "°", 10).frequency_hz == pytest.approx(minus180, abs=6e-4)
+    assert crossing_hz(model, half_power, "dB") == pytest.approx(half, abs=6e-4)
+    assert crossing_hz(model, -90) == pytest.approx(minus90, abs=6e-4)
+    assert crossing_hz(model, -180) == pytest.approx(minus180, abs=6e-4)
     # the same from the paper's 25 frequencies alone
     found = bandwidth(lines)
     assert found.amplitude.frequency_hz == pytest.approx(eq1, abs=6e-4)
@@ -200,11 +208,11 @@ def test_figures_of_the_four_compared_models(model, half, minus90, minus45, rise
     half_power = -20 * math.log10(math.sqrt(2))
     time_s = np.arange(0, 6, 2e-4)
     figures = step_figures(time_s, model.step(time_s), start=0.0, final=model.dc_gain)
-    assert model_crossing(model, half_power, "dB", 10).frequency_hz == pytest.approx(half, abs=6e-4)
-    found = model_crossing(model, -90, "°", 10).frequency_hz
+    assert crossing_hz(model, half_power, "dB") == pytest.approx(half, abs=6e-4)
+    found = crossing_hz(model, -90)
     assert found is None if minus90 is None else found == pytest.approx(minus90, abs=6e-4)
     if minus45 is not None:
-        assert model_crossing(model, -45, "°", 10).frequency_hz == pytest.approx(minus45, abs=6e-4)
+        assert crossing_hz(model, -45) == pytest.approx(minus45, abs=6e-4)
     assert figures.rise_s == pytest.approx(rise, abs=6e-4)
     assert figures.settling_s == pytest.approx(settling, abs=6e-4)
 
@@ -252,11 +260,9 @@ def test_the_mean_model_refitted_from_the_six():
     stored = np.concatenate((tordal.MEAN_MODEL.numerator, tordal.MEAN_MODEL.denominator[1:]))
     assert np.allclose(fit.coefficients, stored, atol=6e-3)
     assert fit.fit_percent == pytest.approx(98.96, abs=5e-3)
-    assert model_crossing(fit.model, -20 * math.log10(math.sqrt(2)), "dB", 10).frequency_hz == pytest.approx(
-        1.27, abs=2e-3
-    )
-    assert model_crossing(fit.model, -90, "°", 10).frequency_hz == pytest.approx(1.599, abs=1e-3)
-    assert model_crossing(fit.model, -180, "°", 10).frequency_hz == pytest.approx(3.998, abs=1e-3)
+    assert crossing_hz(fit.model, -20 * math.log10(math.sqrt(2)), "dB") == pytest.approx(1.27, abs=2e-3)
+    assert crossing_hz(fit.model, -90) == pytest.approx(1.599, abs=1e-3)
+    assert crossing_hz(fit.model, -180) == pytest.approx(3.998, abs=1e-3)
     # Another refit, with other weights, lies well within the intervals and fits a little worse.
     other = np.array([-143.66, 5962.12, 36.51, 1041.19, 5975.55])
     assert np.all(np.abs(other - fit.coefficients) < 1.96 * fit.coefficient_std)

@@ -10,7 +10,6 @@ from itertools import product
 import numpy as np
 import pytest
 
-from hil.identification.frequency.bandwidth import model_crossing
 from hil.identification.frequency.frequency_response import from_table
 from hil.identification.frequency.order_choice import fit_transfer_function
 from hil.identification.papers.asymptotic_bode import asymptote, asymptotic_bode, log_corner
@@ -21,6 +20,7 @@ from hil.physics.published import tugsal
 from hil.physics.published.efc_population import valve
 from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import from_factors
+from tests.golden.test_tordal import crossing_hz
 
 ROWS = tugsal.table_4_1()
 HALF_POWER = -20 * math.log10(math.sqrt(2))
@@ -123,8 +123,8 @@ BANDWIDTHS = [
 def test_bandwidths_of_what_is_left(name, damping, half, minus90):
     model = tugsal.FREQUENCY_MODELS[name].reduced(damping)
     digits = 6e-4 if name != "prototype" else 6e-3
-    assert model_crossing(model, HALF_POWER, "dB", 20).frequency_hz == pytest.approx(half, abs=digits)
-    assert model_crossing(model, -90, "°", 20).frequency_hz == pytest.approx(minus90, abs=digits)
+    assert crossing_hz(model, HALF_POWER, "dB") == pytest.approx(half, abs=digits)
+    assert crossing_hz(model, -90) == pytest.approx(minus90, abs=digits)
 
 
 def test_prototype_resonates_at_the_damping_that_the_thesis_omits():
@@ -133,10 +133,7 @@ def test_prototype_resonates_at_the_damping_that_the_thesis_omits():
 
 
 def test_order_of_the_valves_disagrees_with_the_text():
-    half = {
-        n: model_crossing(m.reduced(0.707), HALF_POWER, "dB", 20).frequency_hz
-        for n, m in tugsal.FREQUENCY_MODELS.items()
-    }
+    half = {n: crossing_hz(m.reduced(0.707), HALF_POWER, "dB") for n, m in tugsal.FREQUENCY_MODELS.items()}
     # the text: return decays first, then prototype, then good
     assert half["return"] < half["good"] < half["prototype"]
 

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from hil.identification.frequency.bands import crossing
 from hil.identification.frequency.measuring_chain import MeasuringChain, corrected
 from hil.identification.frequency.rational import Form
 from hil.identification.frequency.sine_segments import frequency_responses
@@ -13,7 +12,7 @@ from hil.identification.frequency.transfer_function import fit_form
 from hil.physics.published import tordal
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import recording
-from hil.signals.stepped_sine import sine, stepped_sine
+from hil.signals.stepped_sine import sine
 
 RATE_HZ = 1000.0
 NOISE_LPM = 0.2
@@ -23,12 +22,12 @@ LSB_LPM = 200.0 / 2**16  # ±100 l/min on a 16-bit converter
 def stepped(run, frequencies, measure_periods):
     """The command of a stepped sine and the parts that a procedure would write down."""
     blocks, parts, at = [], [], 0
-    for level in stepped_sine(frequencies, run.amplitude, run.bias, RATE_HZ, measure_periods=measure_periods):
-        settle = max(2, math.ceil(1.5 * level.frequency_hz))
-        block = sine(level.frequency_hz, level.amplitude, RATE_HZ, settle + level.measure_periods, bias=level.bias)
-        first = round(settle * RATE_HZ / level.frequency_hz)
+    for frequency_hz in frequencies:
+        settle = max(2, math.ceil(1.5 * frequency_hz))
+        block = sine(frequency_hz, run.amplitude, RATE_HZ, settle + measure_periods, bias=run.bias)
+        first = round(settle * RATE_HZ / frequency_hz)
         parts.append({
-            "kind": "sine", "frequency_hz": level.frequency_hz, "amplitude": level.amplitude, "bias": level.bias,
+            "kind": "sine", "frequency_hz": frequency_hz, "amplitude": run.amplitude, "bias": run.bias,
             "first": at + first, "count": len(block) - first,
         })  # fmt: skip
         blocks.append(block)
@@ -67,16 +66,8 @@ def test_the_six_models_come_back_from_the_papers_own_test(run):
 def test_95_percent_intervals_cover(run):
     measure = bench(run, (0.3, 0.7, 1.1, 1.7, 2.3, 2.9, 3.5, 4.1, 4.9))
     truth = np.array([run.b1, run.b0, run.a2, run.a1, run.a0])
-    top_hz = 5.0
-    half_power = -20 * math.log10(math.sqrt(2))
-    bandwidth_hz = crossing(fit_form(measure(0), Form(3, 1)), half_power, "dB", top_hz).frequency_hz
-    covered, widths = [], []
+    covered = []
     for seed in range(40):
         fit = fit_form(measure(seed), Form(3, 1))
         covered.append(np.abs(fit.coefficients - truth) < 1.96 * fit.coefficient_std)
-        found = crossing(fit, half_power, "dB", top_hz)
-        widths.append((found.frequency_hz, found.std_hz))
     assert 0.88 <= np.mean(covered) <= 0.99
-    spread, stated = np.std([w[0] for w in widths]), np.mean([w[1] for w in widths])
-    assert stated == pytest.approx(spread, rel=0.35)
-    assert bandwidth_hz == pytest.approx(np.mean([w[0] for w in widths]), rel=0.05)

@@ -10,7 +10,6 @@ import numpy as np
 
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.language.note import Note
-from hil.physics.transfer_function import TransferFunction
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array
 from hil.signals.crossing import crossing
@@ -74,12 +73,6 @@ class Bandwidth:
     amplitude: Crossing
     phase: Crossing
     notes: tuple[Note, ...] = ()
-
-    @property
-    def quoted(self) -> Crossing:
-        """The smaller of the two, as is customary; the reached one if only one is."""
-        reached = [c for c in (self.amplitude, self.phase) if c.frequency_hz is not None]
-        return min(reached, key=lambda c: c.frequency_hz or math.inf) if reached else self.amplitude
 
 
 def bandwidth(response: FrequencyResponse, rule: ReferenceRule | None = None) -> Bandwidth:
@@ -186,34 +179,3 @@ def _spline(frequency_hz: Array, values: Array) -> BSpline:
     from scipy.interpolate import make_interp_spline
 
     return make_interp_spline(np.log(frequency_hz), values, k=min(3, len(values) - 1))
-
-
-def model_crossing(model: TransferFunction, level: float, unit: str, top_hz: float, low_hz: float = 1e-3) -> Crossing:
-    """Where a transfer function falls to a level: dB below its gain at rest, or degrees."""
-    from scipy.optimize import brentq
-
-    grid = np.geomspace(low_hz, top_hz, _GRID)
-    values = _db(model, grid) if unit == "dB" else _degrees(model, grid)
-    below = values <= level
-    if not below.any():
-        return Crossing(level, unit, None, math.nan, top_hz)
-    i = int(np.argmax(below))
-    if i == 0:
-        return Crossing(level, unit, low_hz, math.nan, top_hz)
-
-    def above(frequency_hz: float) -> float:
-        if unit == "dB":
-            return float(_db(model, np.array([frequency_hz]))[0]) - level
-        return float(_degrees(model, np.append(grid[:i], frequency_hz))[-1]) - level
-
-    found = float(brentq(above, grid[i - 1], grid[i], xtol=1e-12, rtol=1e-12))
-    return Crossing(level, unit, found, math.nan, top_hz)
-
-
-def _db(model: TransferFunction, frequency_hz: Array) -> Array:
-    return 20.0 * np.log10(np.abs(model.at(frequency_hz)) / abs(model.dc_gain))
-
-
-def _degrees(model: TransferFunction, frequency_hz: Array) -> Array:
-    made: Array = np.degrees(np.unwrap(np.angle(model.at(frequency_hz) * np.sign(model.dc_gain))))
-    return made

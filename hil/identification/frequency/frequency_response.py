@@ -121,16 +121,6 @@ class FrequencyResponse:
         std = np.sqrt(squared / np.maximum(4.0 * beyond, 2.0 * np.sqrt(squared)))
         return np.where(COVERAGE_FACTOR * np.sqrt(one) < 1.0, np.sqrt(beyond), np.nan), std
 
-    @property
-    def coherence(self) -> Array:
-        """Share of the output's power that the fundamental carries; the rest is harmonics and noise."""
-        sine = self.output_amplitude**2 / 2.0
-        return sine / (sine * (1.0 + self.distortion**2) + self.noise_std**2)
-
-    def distorted(self, limit: float = DISTORTION_FLAG) -> Array:
-        """Frequencies at which THD is above a limit."""
-        return self.frequency_hz[self.distortion > limit]
-
     def normalised(self, reference_hz: float | None = None) -> FrequencyResponse:
         """Magnitude over that at a reference frequency (the lowest when None): eq. 1 of the HPV41 paper.
 

@@ -17,12 +17,9 @@ from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.frequency.held_out import held_out
 from hil.identification.frequency.rational import Form
 from hil.identification.frequency.transfer_function import TransferFunctionFit, fit_form
-from hil.identification.preparation.experiment import experiment
-from hil.identification.uncertainty.fit import fit_percent
 from hil.language.note import Note
-from hil.physics.compose import plant
 from hil.physics.transfer_function import TransferFunction
-from hil.record.recording import Array, Recording
+from hil.record.recording import Array
 
 _STEP_SAMPLES = 4000
 
@@ -64,29 +61,6 @@ def with_alternative(fit: TransferFunctionFit, response: FrequencyResponse) -> T
         return fit
     note = _note(fit, other, response)
     return replace(fit, alternative=other, notes=(*fit.notes, note))
-
-
-def judged_on_step(
-    fit: TransferFunctionFit, recording: Recording, input_name: str, output_name: str
-) -> tuple[float, float]:
-    """Free-run fit in per cent of the model and of its alternative on a recording in time, a step best.
-
-    A frequency response knows nothing of the level, so the mean difference is taken out of both.
-
-    Raises:
-        InputError: the fit has no alternative.
-    """
-    if fit.alternative is None:
-        raise InputError("this fit has no alternative to judge: no zero in the right half plane")
-    first, second = (_fit_in_time(model, recording, input_name, output_name) for model in (fit, fit.alternative))
-    return first, second
-
-
-def _fit_in_time(fit: TransferFunctionFit, recording: Recording, input_name: str, output_name: str) -> float:
-    definition = plant("transfer-function")
-    bound = experiment(recording, definition, input_name, output_name)
-    simulated = bound.respond(definition, definition.typical | fit.model.to_parameters())[0]
-    return fit_percent(bound.output, simulated + np.mean(bound.output - simulated))
 
 
 def _note(fit: TransferFunctionFit, other: TransferFunctionFit, response: FrequencyResponse) -> Note:

@@ -76,40 +76,6 @@ class GaussianClasses:
         return self.covariances if measured is None else self.covariances + measured
 
 
-@dataclass(frozen=True, slots=True)
-class Accuracy:
-    """Share of right verdicts with its 95 % interval after Wilson."""
-
-    right: int
-    of: int
-    low: float
-    high: float
-
-    @property
-    def share(self) -> float:
-        """Right over all."""
-        return self.right / self.of
-
-    def __str__(self) -> str:
-        return f"{self.right} of {self.of}, {100 * self.share:.1f} % ({100 * self.low:.1f} … {100 * self.high:.1f} %)"
-
-
-def accuracy(found: Labels, truth: Labels) -> Accuracy:
-    """Of verdicts."""
-    right = int(np.count_nonzero(found == truth))
-    return Accuracy(right, len(truth), *wilson(right, len(truth)))
-
-
-def wilson(right: int, of: int, z: float = 1.959964) -> tuple[float, float]:
-    """Wilson's interval of a share; it does not leave 0…1 and is right for shares near them."""
-    if not 0 <= right <= of or of == 0:
-        raise InputError(f"share {right} of {of}: a count out of a larger one is needed")
-    share, square = right / of, z * z
-    middle = (share + square / (2 * of)) / (1 + square / of)
-    half = z / (1 + square / of) * math.sqrt(share * (1 - share) / of + square / (4 * of * of))
-    return max(0.0, middle - half), min(1.0, middle + half)
-
-
 def learn(features: Array, labels: Labels, names: Sequence[str], priors: Array | None = None) -> GaussianClasses:
     """Mean and covariance of each class.
 
@@ -174,15 +140,6 @@ def ordered_thresholds(values: Array, labels: Labels, classes: int) -> Array:
 def by_thresholds(values: Array, thresholds: Array) -> Labels:
     """Class of each value: how many thresholds it reaches."""
     return np.searchsorted(thresholds, values, side="right").astype(np.int64)
-
-
-def leave_one_out_thresholds(values: Array, labels: Labels, classes: int) -> Labels:
-    """Class of each row by the thresholds that all other rows ask for."""
-    keep = ~np.eye(len(values), dtype=bool)
-    return np.array([
-        by_thresholds(np.array([value]), ordered_thresholds(values[k], labels[k], classes))[0]
-        for k, value in zip(keep, values, strict=True)
-    ])  # fmt: skip
 
 
 def _between(low: float, high: float) -> float:

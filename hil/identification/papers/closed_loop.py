@@ -16,7 +16,7 @@ import numpy as np
 from hil.errors import InputError
 from hil.language.note import Note
 from hil.physics.transfer_function import TransferFunction, transfer_function
-from hil.record.recording import Array, Complex
+from hil.record.recording import Complex
 
 Place = Literal["forward", "feedback"]
 
@@ -85,11 +85,6 @@ def opened_response(closed: Complex, sensor: Complex | float = 1.0, place: Place
         place: of C.
     """
     return closed / (sensor * (1.0 - closed) if place == "forward" else 1.0 - sensor * closed)
-
-
-def amplification(closed: Complex, sensor: Complex | float = 1.0, place: Place = "forward") -> Array:
-    """How many times larger the relative error of G is than that of T: 1/|1 − T| or 1/|1 − C·T|, shape (n,)."""
-    return 1.0 / np.abs(1.0 - (closed if place == "forward" else sensor * closed))
 
 
 def closed(plant: TransferFunction, sensor: TransferFunction = UNITY, place: Place = "forward") -> TransferFunction:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -27,13 +27,9 @@ from hil.identification.frequency.bandwidth import Crossing, magnitude_crossing
 from hil.identification.frequency.frequency_response import from_table
 from hil.identification.frequency.sine_test import SineTest, sine_test
 from hil.identification.papers.classification import (
-    Accuracy,
     GaussianClasses,
     Labels,
-    accuracy,
     learn,
-    leave_one_out,
-    leave_one_out_thresholds,
 )
 from hil.identification.steady.pressure_curve import PressureCurve, pressure_curve
 from hil.identification.steady.sweep_estimate import Sweep
@@ -148,21 +144,6 @@ class GoodRanges:
     count: int
 
 
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """Both ways on one population, every valve judged by what the others taught.
-
-    Attributes:
-        physics: friction, rise, leakage and bandwidth.
-        by_error: eq. 4.1 with its best thresholds, by current level.
-        confident: of the verdicts that the physics gives at least 95 %.
-    """
-
-    physics: Accuracy
-    by_error: Mapping[str, Accuracy]
-    confident: Accuracy
-
-
 def condition(
     test: ValveTest, frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, normally_open: bool = False
 ) -> Condition:
@@ -237,20 +218,6 @@ def simulated_tests(
 
     with one_blas_thread():
         return tuple(spread(one, pairs)), labels
-
-
-def compared(tests: Sequence[ValveTest], labels: Labels) -> Comparison:
-    """Both ways of classifying on the same tests, leaving out the valve that is judged."""
-    shares = leave_one_out(np.array([test.features for test in tests]), labels, CLASSES)
-    found = shares.argmax(axis=1)
-    sure = shares.max(axis=1) >= 0.95
-    by_error: dict[str, Accuracy] = {
-        level: accuracy(
-            leave_one_out_thresholds(np.array([t.error_psi[level] for t in tests]), labels, len(CLASSES)), labels
-        )
-        for level in CLASSIFIED_CURRENT_A
-    }
-    return Comparison(accuracy(found, labels), by_error, accuracy(found[sure], labels[sure]))
 
 
 # -- one simulated test ------------------------------------------------------------------------------------
