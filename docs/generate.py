@@ -208,20 +208,17 @@ unless `--free NAME` frees them. A column is found by its name; `--input` and `-
 used where they were recorded. Parameters that are *as of* another plant have its unit, value, bounds and meaning.
 
 Every plant lists its places for effects, each with its stage and its unit. What may act there depends on the place
-alone:"""
+alone; each [effect](effects.md) names its places."""
 
 
 def plants_page() -> Iterator[str]:
     """The page of the plants: signals, parameters, places for effects."""
-    yield from ("# Plants", "", NOTE, "", PLANTS, "", "| place | effects |", "|---|---|")
-    found = {entry.name: plant(entry.name) for entry in entries("plants")}
-    for place in dict.fromkeys(hook.name for one in found.values() for hook in one.hooks):
-        here = ", ".join(f"[{e.name}](effects.md#{e.name})" for e in effects() if place in e.hooks)
-        yield f"| `{place}` | {here or '–'} |"
+    yield from ("# Plants", "", NOTE, "", PLANTS)
     told: dict[str, list[str]] = {}
     for entry in entries("plants"):
-        yield from plant_section(found[entry.name], entry.summary, told)
-        told[entry.name] = parameter_rows(found[entry.name].parameters)
+        found = plant(entry.name)
+        yield from plant_section(found, entry.summary, told)
+        told[entry.name] = parameter_rows(found.parameters)
 
 
 def plant_section(found: Plant, summary: str, told: Mapping[str, Sequence[str]]) -> Iterator[str]:
@@ -281,10 +278,10 @@ def parameter_row(parameter: Parameter) -> str:
 
 EFFECTS = """\
 The library that a diagnosis screens. One definition (`hil/physics/effects/NAME.py`) makes the simulation, the fit, the
-wording of the verdict and this page. Sizes marked FS are shares of the full scale at the place where the effect sits
-([plants](plants.md) lists them; *of travel*: of the part that moves there); in a model file they stand in the
-unit of that place. Times and rates are those of valves; a slower plant says by how much they differ. At its *null* an
-effect does nothing; parameters without one are shapes, which may have any value while the effect is null."""
+wording of the verdict and this page. Each parameter is given as *name [unit]: meaning; typical value (bounds, null)*.
+At its *null* an effect does nothing; parameters without one are shapes, of any value meanwhile. FS is the full scale
+of the place where the effect sits, one of its [plant's](plants.md), or of the *travel* there; model files have the
+unit of the place. Times and rates are those of valves; a slower plant says by how much they differ."""
 
 
 def effects_page() -> Iterator[str]:
@@ -300,25 +297,22 @@ def effect_section(effect: Effect) -> Iterator[str]:
     """One effect."""
     summary = next(entry.summary for entry in entries("effects") if entry.name == effect.name)
     yield from ("", f"## {effect.name}", "", summary, "", "```text", effect.equation, "```", "")
-    yield f"- **Says to the operator:** “{effect.sentence}”"
-    yield f"- **Where:** {', '.join(f'`{place}`' for place in sorted(effect.hooks))}."
-    yield f"- **Source:** {effect.source}"
-    yield from ("", "| parameter | unit | null | typical | bounds | meaning |", "|---|---|---|---|---|---|")
-    yield from (effect_parameter_row(parameter) for parameter in effect.parameters)
+    yield from (effect_parameter(parameter) for parameter in effect.parameters)
+    yield ""
+    yield f"At {', '.join(f'`{place}`' for place in sorted(effect.hooks))}. Source: {effect.source}"
 
 
-def effect_parameter_row(parameter: EffectParameter) -> str:
-    """A parameter of an effect."""
+def effect_parameter(parameter: EffectParameter) -> str:
+    """A parameter of an effect: unit, meaning, then typical value, bounds and null."""
     unit = parameter.unit.replace("{value}", "FS").replace("{motion}", "FS of travel")
-    null = "–" if parameter.null is None else number(parameter.null)
+    null = "" if parameter.null is None else f", null {number(parameter.null)}"
     bounds = f"{number(parameter.low)} … {number(parameter.high)}"
     meaning = (
         f"{parameter.meaning}; at its {parameter.telling} it is another effect"
         if parameter.telling
         else parameter.meaning
     )
-    cells: Sequence[str] = (f"`{parameter.name}`", unit, null, number(parameter.typical), bounds, meaning)
-    return f"| {' | '.join(cells)} |"
+    return f"- `{parameter.name}` [{unit}]: {meaning}; {number(parameter.typical)} ({bounds}{null})"
 
 
 RESULTS = """\
