@@ -91,17 +91,19 @@ def figures_page() -> Iterator[str]:
         "What each figure means and how it is read. `hil run NAME --describe` prints the same. How often the stated "
         "intervals hold is on a page of [its own](../explanation/coverage.md)."
     )
-    told: dict[str, list[str]] = {}
-    for entry in sorted(entries("procedures"), key=lambda one: (one.name.startswith("efc_"), one.name)):
-        procedure = load_procedure(entry.name)
-        if any(m.definition for m in procedure.measurements):
-            rows = {m.name: f"| `{m.name}` | {m.unit or 'of the bench'} | {m.definition or m.meaning} |"
-                    for m in procedure.measurements}  # fmt: skip
-            own, as_of = told_before(list(rows.values()), told)
-            yield from ("", f"## `{entry.name}`")
-            yield from as_elsewhere(as_of)
-            yield from ("", "| figure | unit | definition |", "|---|---|---|", *own) if own else ()
-            told[entry.name] = list(rows.values())
+    tables: dict[str, list[str]] = {}
+    for entry in entries("procedures"):
+        measured = load_procedure(entry.name).measurements
+        if any(m.definition for m in measured):
+            rows = {m.name: f"- `{m.name}` [{m.unit or 'of the bench'}]: {m.definition or m.meaning}" for m in measured}
+            tables[entry.name] = list(rows.values())
+    owners = sorted(tables, key=lambda name: len(tables[name]))  # what runs several procedures is not their owner
+    for name in sorted(tables, key=lambda one: (one.startswith("efc_"), one)):
+        owned_before = {owner: tables[owner] for owner in owners[: owners.index(name)]}
+        own, as_of = told_before(tables[name], owned_before)
+        yield from ("", f"## `{name}`")
+        yield from as_elsewhere(as_of, owned_before)
+        yield from ("", *own) if own else ()
 
 
 def told_before(rows: Sequence[str], told: Mapping[str, Sequence[str]]) -> tuple[list[str], dict[str, list[str]]]:
@@ -111,16 +113,18 @@ def told_before(rows: Sequence[str], told: Mapping[str, Sequence[str]]) -> tuple
     for row in rows:
         table = next((name for name, earlier in told.items() if row in earlier), "")
         if table:
-            as_of.setdefault(table, []).append(row.split(" | ")[0].removeprefix("| "))
+            as_of.setdefault(table, []).append(row.split()[1])
         else:
             own.append(row)
     return own, as_of
 
 
-def as_elsewhere(as_of: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    """A line for each earlier table that has rows of this one."""
+def as_elsewhere(as_of: Mapping[str, Sequence[str]], told: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """A line for each earlier table that has rows of this one; of a whole table only its name."""
     for table, names in as_of.items():
-        yield from ("", f"As of [`{table}`](#{table}): {', '.join(names)}.")
+        whole = len(names) == len(told[table]) > 1
+        some = "" if whole else f": {', '.join(names)}"
+        yield from ("", f"{'All' if whole else 'As'} of [`{table}`](#{table}){some}.")
 
 
 # -- commands ----------------------------------------------------------------------------------------------
@@ -203,9 +207,10 @@ def said(*arguments: str) -> str:
 
 
 PLANTS = """\
-What `hil identify --plant NAME` fits. Bounds are those within which a fit may go; *held* parameters stay at their value
-unless `--free NAME` frees them. A column is found by its name; `--input` and `--output` override it. Inner signals are
-used where they were recorded. Parameters that are *as of* another plant have its unit, value, bounds and meaning.
+What `hil identify --plant NAME` fits. Each parameter is given as *name [unit]: meaning; typical value (bounds of a
+fit)*; those that are *held* stay at their value unless `--free NAME` frees them. A column is found by its name;
+`--input` and `--output` override it. Inner signals are used where they were recorded. Parameters that are
+*as of* another plant have its unit, value, bounds and meaning.
 
 Every plant lists its places for effects, each with its stage and its unit. What may act there depends on the place
 alone; each [effect](effects.md) names its places."""
@@ -234,9 +239,9 @@ def plant_section(found: Plant, summary: str, told: Mapping[str, Sequence[str]])
     yield f"- Places: {places}."
     yield from slowness(found)
     own, as_of = told_before(parameter_rows(found.parameters), told)
-    yield from as_elsewhere(as_of)
+    yield from as_elsewhere(as_of, told)
     if own:
-        yield from ("", "| parameter | unit | typical | bounds | meaning |", "|---|---|---|---|---|", *own)
+        yield from ("", *own)
 
 
 def slowness(found: Plant) -> Iterator[str]:
@@ -260,7 +265,7 @@ def parameter_rows(parameters: Sequence[Parameter]) -> list[str]:
             row = parameter_row(first)
             row = row.replace(f"`{first.name}`", f"`{first.name}` … `{last.name}`", 1)
             row = row.replace(
-                f"| {number(first.typical)} |", f"| {number(first.typical)} … {number(last.typical)} |", 1
+                f"; {number(first.typical)} (", f"; {number(first.typical)} … {number(last.typical)} (", 1
             )
             rows.append(row.replace(f" {first.name.removeprefix(name)} of", "s of"))
         else:
@@ -271,9 +276,9 @@ def parameter_rows(parameters: Sequence[Parameter]) -> list[str]:
 def parameter_row(parameter: Parameter) -> str:
     """A parameter of a plant."""
     bounds = f"{number(parameter.low)} … {number(parameter.high)}"
-    meaning = f"{parameter.meaning}{'; held' if parameter.fixed else ''}"
+    meaning = f"{parameter.meaning}{', held' if parameter.fixed else ''}"
     unit = of_channel(parameter.unit)
-    return f"| `{parameter.name}` | {unit} | {number(parameter.typical)} | {bounds} | {meaning} |"
+    return f"- `{parameter.name}` [{unit}]: {meaning}; {number(parameter.typical)} ({bounds})"
 
 
 EFFECTS = """\
@@ -354,10 +359,8 @@ def schema_section(title: str, part: Mapping[str, Any]) -> Iterator[str]:
         "",
         " ".join(part.get("description", "").split()),
         "",
-        "| field | type |",
-        "|---|---|",
     )
-    yield from (f"| `{name}` | {schema_type(field)} |" for name, field in part["properties"].items())
+    yield from (f"- `{name}`: {schema_type(field)}" for name, field in part["properties"].items())
 
 
 def schema_type(field: Mapping[str, Any]) -> str:
