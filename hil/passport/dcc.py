@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
+from collections.abc import Iterator, Mapping
+from xml.etree.ElementTree import Element, indent, register_namespace, tostring
 
 from hil.bench.hand.certificate import DCC, SI
 from hil.errors import UnitError
 from hil.passport.certificate import Signer
 from hil.passport.unit import Unit, UnitRun
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Verdict
-from hil.record.recording import Recording
 from hil.report.provenance import stated_or_measured
 from hil.report.results import value_text
 from hil.units import scale_and_offset
@@ -42,106 +40,70 @@ def certificate_xml(unit: Unit, signer: Signer, identifier: str, *, names: bool)
     """
     register_namespace("dcc", DCC)
     register_namespace("si", SI)
-    root = Element(_dcc("digitalCalibrationCertificate"), {"schemaVersion": VERSION})
-    _administration(SubElement(root, _dcc("administrativeData")), unit, signer, identifier, names)
-    results = SubElement(root, _dcc("measurementResults"))
-    for run in unit.runs:
-        _measurement(SubElement(results, _dcc("measurementResult")), run)
+    root = _dcc(
+        "digitalCalibrationCertificate",
+        _dcc("administrativeData", *_administration(unit, signer, identifier, names)),
+        _dcc("measurementResults", *(_dcc("measurementResult", *_measurement(run)) for run in unit.runs)),
+    )
+    root.set("schemaVersion", VERSION)
     indent(root)
     return bytes(tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"
 
 
-def _administration(at: Element, unit: Unit, signer: Signer, identifier: str, names: bool) -> None:
-    software = SubElement(SubElement(at, _dcc("dccSoftware")), _dcc("software"))
-    _text(software, "name", "valve-hil")
-    _plain(software, "release", __version__)
-    core = SubElement(at, _dcc("coreData"))
+def _administration(unit: Unit, signer: Signer, identifier: str, names: bool) -> Iterator[Element]:
+    yield _dcc("dccSoftware/software", _text("name", "valve-hil"), _dcc("release", __version__))
     first, last = unit.dates
-    for name, value in (
-        ("countryCodeISO3166_1", "ZZ"), ("usedLangCodeISO639_1", "en"), ("mandatoryLangCodeISO639_1", "en"),
-        ("uniqueIdentifier", identifier), ("beginPerformanceDate", first.isoformat()),
-        ("endPerformanceDate", last.isoformat()), ("performanceLocation", "laboratory"),
-    ):  # fmt: skip
-        _plain(core, name, value)
-    item = SubElement(SubElement(at, _dcc("items")), _dcc("item"))
-    _text(item, "name", f"SIMULATED: {unit.valve}" if unit.simulated else unit.valve)
-    _identified(item, "owner", unit.serial, "serial number")
-    laboratory = SubElement(at, _dcc("calibrationLaboratory"))
-    _contact(laboratory, "contact", signer.name)
-    _plain(laboratory, "cryptElectronicSignature", "false")  # of the file that carries this one
+    core = {
+        "countryCodeISO3166_1": "ZZ", "usedLangCodeISO639_1": "en", "mandatoryLangCodeISO639_1": "en",
+        "uniqueIdentifier": identifier, "beginPerformanceDate": first.isoformat(),
+        "endPerformanceDate": last.isoformat(), "performanceLocation": "laboratory",
+    }  # fmt: skip
+    yield _dcc("coreData", *(_dcc(name, value) for name, value in core.items()))
+    valve = f"SIMULATED: {unit.valve}" if unit.simulated else unit.valve
+    yield _dcc("items/item", _text("name", valve), _serial(unit.serial))
+    # the signature is that of the file which carries this one
+    yield _dcc("calibrationLaboratory", _contact("contact", signer.name), _dcc("cryptElectronicSignature", "false"))
     operators = dict.fromkeys(str(run.recording.meta.get("operator") or "not stated") for run in unit.runs)
-    persons = SubElement(at, _dcc("respPersons"))
-    for operator in operators if names else ("left out",):
-        person = SubElement(SubElement(persons, _dcc("respPerson")), _dcc("person"))
-        _text(person, "name", operator)
-    _contact(at, "customer", "not stated")
-    _statement(at, unit)
-
-
-def _statement(at: Element, unit: Unit) -> None:
-    statement = SubElement(SubElement(at, _dcc("statements")), _dcc("statement"))
-    _text(statement, "name", "Conformity of the unit")
-    _plain(statement, "norm", "ISO 14253-1")
-    declaration = SubElement(statement, _dcc("declaration"))
+    persons = (_dcc("respPerson/person", _text("name", one)) for one in (operators if names else ("left out",)))
+    yield _dcc("respPersons", *persons)
+    yield _contact("customer", "not stated")
     verdict: str = unit.verdict or "not judged: no limit was given"
     if not unit.finished:
         verdict += "; a test did not end as planned"
-    SubElement(declaration, _dcc("content")).text = f"{verdict}; guard band: expanded uncertainty, k = 2"
-    if unit.verdict is not None:
-        _plain(statement, "conformity", _CONFORMITY[unit.verdict])
+    yield _dcc(
+        "statements/statement", _text("name", "Conformity of the unit"), _dcc("norm", "ISO 14253-1"),
+        _dcc("declaration/content", f"{verdict}; guard band: expanded uncertainty, k = 2"), *_conformity(unit.verdict),
+    )  # fmt: skip
 
 
-def _measurement(at: Element, run: UnitRun) -> None:
-    meta = run.recording.meta
-    _text(at, "name", f"{run.results.procedure}, {run.results.run}")
-    instruments = [one for one in meta.get("instruments", ()) if isinstance(one, Mapping) and one.get("name")]
-    if instruments:
-        equipment = SubElement(at, _dcc("measuringEquipments"))
-        for one in instruments:
-            entry = SubElement(equipment, _dcc("measuringEquipment"))
-            _text(entry, "name", str(one["name"]))
-            if one.get("serial"):
-                _identified(entry, "owner", str(one["serial"]), "serial number")
-    _influences(at, run.recording)
-    results = SubElement(at, _dcc("results"))
-    for m in run.findings.measured:
-        _result(SubElement(results, _dcc("result")), m)
-    if not run.findings.measured:
-        _nothing(SubElement(results, _dcc("result")))
+def _measurement(run: UnitRun) -> Iterator[Element]:
+    yield _text("name", f"{run.results.procedure}, {run.results.run}")
+    stated = run.recording.meta.get("instruments", ())
+    if instruments := [one for one in stated if isinstance(one, Mapping) and one.get("name")]:
+        yield _dcc("measuringEquipments", *map(_instrument, instruments))
+    if facts := stated_or_measured(run.recording):
+        influences = (_dcc("influenceCondition", _text("name", label), _data(text)) for label, text in facts)
+        yield _dcc("influenceConditions", *influences)
+    nothing = _dcc("result", _text("name", "none"), _data("nothing could be evaluated of this run"))
+    yield _dcc("results", *(map(_result, run.findings.measured) if run.findings.measured else [nothing]))
 
 
-def _influences(at: Element, recording: Recording) -> None:
-    facts = stated_or_measured(recording)
-    if facts:
-        conditions = SubElement(at, _dcc("influenceConditions"))
-        for label, text in facts:
-            one = SubElement(conditions, _dcc("influenceCondition"))
-            _text(one, "name", label)
-            _text(SubElement(one, _dcc("data")), "text", text)
+def _instrument(one: Mapping[str, object]) -> Element:
+    serial = [_serial(str(one["serial"]))] if one.get("serial") else []
+    return _dcc("measuringEquipment", _text("name", str(one["name"])), *serial)
 
 
-def _nothing(at: Element) -> None:
-    _text(at, "name", "none")
-    _text(SubElement(at, _dcc("data")), "text", "nothing could be evaluated of this run")
-
-
-def _result(at: Element, m: Measured) -> None:
-    _text(at, "name", m.name)
-    if m.meaning:
-        SubElement(SubElement(at, _dcc("description")), _dcc("content")).text = m.meaning
-    quantity = SubElement(SubElement(at, _dcc("data")), _dcc("quantity"))
+def _result(m: Measured) -> Element:
     stated = si_value(m)
-    if stated is None:
-        text = SubElement(quantity, _dcc("noQuantity"))
-        SubElement(text, _dcc("content")).text = value_text(m, m.unit)
+    value = _dcc("noQuantity/content", value_text(m, m.unit)) if stated is None else _real(*stated)
+    meaning = [_dcc("description/content", m.meaning)] if m.meaning else []
+    if m.verdict is None:
+        judged = []
     else:
-        _real(SubElement(quantity, _si("real")), *stated)
-    if m.verdict is not None:
-        metadata = SubElement(SubElement(quantity, _dcc("measurementMetaData")), _dcc("metaData"))
         limits = " … ".join("" if edge is None else f"{edge:g}" for edge in (m.low, m.high))
-        declaration = SubElement(metadata, _dcc("declaration"))
-        SubElement(declaration, _dcc("content")).text = f"limits {limits} {m.unit}: {m.verdict}"
-        _plain(metadata, "conformity", _CONFORMITY[m.verdict])
+        declared = _dcc("declaration/content", f"limits {limits} {m.unit}: {m.verdict}")
+        judged = [_dcc("measurementMetaData/metaData", declared, *_conformity(m.verdict))]
+    return _dcc("result", _text("name", m.name), *meaning, _dcc("data/quantity", value, *judged))
 
 
 def si_value(m: Measured) -> tuple[float, float | None, str] | None:
@@ -160,42 +122,49 @@ def si_value(m: Measured) -> tuple[float, float | None, str] | None:
     return None
 
 
-def _real(at: Element, value: float, expanded: float | None, unit: str) -> None:
-    _plain(at, "value", f"{value:.10g}", _si)
-    _plain(at, "unit", unit, _si)
-    if expanded is not None:
-        width = SubElement(at, _si("expandedUnc"))
-        _plain(width, "uncertainty", f"{expanded:.8g}", _si)
-        _plain(width, "coverageFactor", f"{COVERAGE_FACTOR:g}", _si)
-        _plain(width, "coverageProbability", "0.95", _si)
-        _plain(width, "distribution", "normal", _si)
+def _real(value: float, expanded: float | None, unit: str) -> Element:
+    width = [] if expanded is None else [
+        _si("expandedUnc", _si("uncertainty", f"{expanded:.8g}"), _si("coverageFactor", f"{COVERAGE_FACTOR:g}"),
+            _si("coverageProbability", "0.95"), _si("distribution", "normal")),
+    ]  # fmt: skip
+    return _si("real", _si("value", f"{value:.10g}"), _si("unit", unit), *width)
 
 
-def _contact(at: Element, name: str, who: str) -> None:
-    contact = SubElement(at, _dcc(name))
-    _text(contact, "name", who)
-    location = SubElement(contact, _dcc("location"))
-    SubElement(SubElement(location, _dcc("further")), _dcc("content")).text = "not stated"
+def _conformity(verdict: Verdict | None) -> list[Element]:
+    return [] if verdict is None else [_dcc("conformity", _CONFORMITY[verdict])]
 
 
-def _identified(at: Element, issuer: str, value: str, name: str) -> None:
-    one = SubElement(SubElement(at, _dcc("identifications")), _dcc("identification"))
-    _plain(one, "issuer", issuer)
-    _plain(one, "value", value)
-    _text(one, "name", name)
+def _contact(name: str, who: str) -> Element:
+    return _dcc(name, _text("name", who), _dcc("location/further/content", "not stated"))
 
 
-def _text(at: Element, name: str, text: str) -> None:
-    SubElement(SubElement(at, _dcc(name)), _dcc("content"), {"lang": "en"}).text = text
+def _serial(number: str) -> Element:
+    return _dcc(
+        "identifications/identification", _dcc("issuer", "owner"), _dcc("value", number), _text("name", "serial number")
+    )
 
 
-def _plain(at: Element, name: str, text: str, space: Any = None) -> None:
-    SubElement(at, (space or _dcc)(name)).text = text
+def _data(text: str) -> Element:
+    return _dcc("data", _text("text", text))
 
 
-def _dcc(name: str) -> str:
-    return f"{{{DCC}}}{name}"
+def _text(name: str, text: str) -> Element:
+    content = _dcc("content", text)
+    content.set("lang", "en")
+    return _dcc(name, content)
 
 
-def _si(name: str) -> str:
-    return f"{{{SI}}}{name}"
+def _dcc(path: str, *inside: Element | str, space: str = DCC) -> Element:
+    """An element `a`, or one inside another, `a/b`, with a text or elements in it."""
+    name, _slash, further = path.partition("/")
+    made = Element(f"{{{space}}}{name}")
+    for one in [_dcc(further, *inside, space=space)] if further else inside:
+        if isinstance(one, str):
+            made.text = one
+        else:
+            made.append(one)
+    return made
+
+
+def _si(name: str, *inside: Element | str) -> Element:
+    return _dcc(name, *inside, space=SI)
