@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from pydantic import TypeAdapter
+
 
 @dataclass(frozen=True, slots=True)
 class Found:
@@ -46,3 +48,7 @@ class Cause:
     reason: str = ""
     seconds: float = 0.0
     budget_s: float = 0.0
+
+
+ANSWER = TypeAdapter(Cause)
+"""A cause as JSON, and back."""

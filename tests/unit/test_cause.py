@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from hil.api.cause import of_diagnosis, of_difference
+from hil.diagnosis.diagnosis import ChangedParameter, Quantity
 from hil.findings.collect import findings_of
 from hil.findings.results import read_results
-from hil.record.cause import Cause, Found
+from hil.passport.change import Change, Size
+from hil.passport.difference import DateDifference
+from hil.record.cause import ANSWER, Cause, Found
 from hil.record.folder import read, write
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Channel, Recording
@@ -30,13 +34,9 @@ from hil.session.procedure import Procedure, load_procedure
 from hil.session.results import cause_found_before, write_outcome
 
 RISE = Measurement("rise", "ms", "rise", high=100.0)
-LEAKS = {"name": "leakage", "from": 80.0, "to": 140.0, "std": 0.5, "unit": "ml/min"}
-DIAGNOSED = {"schema": "hil.diagnosis/1", "verdict": "parameter_change", "effects": [], "changed_parameters": [LEAKS],
-             "work": {"not_searched": []}}  # fmt: skip
-CHANGED = {"name": "leakage", "of": "valve", "from": {"value": 80.0, "std": 0.5}, "to": {"value": 140.0, "std": 0.5},
-           "unit": "ml/min", "share": 0.6}  # fmt: skip
-PART = {"schema": "hil.diff/1", "verdict": "changed", "changes": [CHANGED], "is_part": True,
-        "not_searched": ["a led-back search"]}  # fmt: skip
+LEAKS = Found("leakage", "", 80.0, None, 140.0, 0.5, "ml/min")
+LEAKED = Change("leakage", "orifice", "valve", "leakage", Size(80.0, 0.5), Size(140.0, 0.5), "ml/min", 0.6, None)
+WARMER = Change("oil temperature", "oil", "bench", "t", Size(40.0, None), Size(50.0, None), "°C", None, None)
 
 
 @pytest.fixture
@@ -57,8 +57,8 @@ def missed(tmp_path: Path, rise: float = 170.0) -> Outcome:
 def answers(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
     """What stands in for the command: a script that may sleep, fail or print."""
 
-    def stand_in(_: str, arguments: Sequence[str], environment: Mapping[str, str], **how: Any) -> Any:
-        return subprocess.Popen([sys.executable, "-c", script, *arguments], env={**os.environ, **environment}, **how)
+    def stand_in(_: str, arguments: Sequence[str], **how: Any) -> Any:
+        return subprocess.Popen([sys.executable, "-c", script, *arguments], **how)
 
     monkeypatch.setattr(cause, "child", stand_in)
 
@@ -71,7 +71,8 @@ def found(outcome: Outcome) -> Cause:
 def test_what_a_diagnosis_finds_stands_on_page_one(
     tmp_path: Path, certifies: Procedure, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    answers(monkeypatch, f"print({json.dumps(DIAGNOSED)!r})")
+    answer = ANSWER.dump_json(Cause("", verdict="parameter_change", found=(LEAKS,))).decode()
+    answers(monkeypatch, f"print({answer!r})")
     made = with_cause(certifies, missed(tmp_path), str(tmp_path), 600.0, lambda _d, _t: None)
     assert made.exit_status == 1
     page = made.report.read_text(encoding="utf-8")
@@ -81,12 +82,27 @@ def test_what_a_diagnosis_finds_stands_on_page_one(
     assert found(made).command == f"hil diagnose --model efc-good {made.folder} --out DIR"
 
 
-def test_what_explains_a_part_is_called_a_part_whatever_the_notes_say(
-    tmp_path: Path, certifies: Procedure, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    answers(monkeypatch, f"import json; print(json.dumps({PART!r}))")
-    cause = found(with_cause(certifies, missed(tmp_path), str(tmp_path), 600.0, lambda _d, _t: None))
-    assert (cause.verdict, cause.untold, cause.found[0].share) == ("partly_explained", "a led-back search", 0.6)
+def test_a_difference_names_the_largest_share_first_and_a_part_as_a_part() -> None:
+    found = DateDifference((WARMER, LEAKED), (), "changed", is_part=True, not_searched=("a led-back search",))
+    cause = of_difference(found)
+    assert (cause.verdict, cause.untold) == ("partly_explained", "a led-back search")
+    assert [one.name for one in cause.found] == ["leakage", "oil temperature"]
+    assert cause.found[0] == Found("leakage", "valve", 80.0, 0.5, 140.0, 0.5, "ml/min", share=0.6)
+
+
+def test_a_diagnosis_names_effects_with_what_they_were_then_parameters() -> None:
+    effect = SimpleNamespace(name="friction", parameters={"coulomb": Quantity(4.8, 0.1, "%", "")})
+    changed = (
+        ChangedParameter("coulomb", 2.1, 4.8, 0.1, "%", ""),
+        ChangedParameter("leakage", 80.0, 140.0, 0.5, "ml/min", "m"),
+    )
+    found: Any = SimpleNamespace(
+        verdict="explained", effects=(effect,), changed_parameters=changed, not_separable=(("friction", "backlash"),),
+        work={"not_searched": ()},
+    )  # fmt: skip
+    assert of_diagnosis(found).found == (
+        Found("friction", "", 2.1, None, 4.8, 0.1, "%", alike=("backlash",)), replace(LEAKS, meaning="m"),
+    )  # fmt: skip
 
 
 def test_a_search_that_does_not_end_is_ended(
@@ -118,11 +134,18 @@ def test_ctrl_c_during_the_search_keeps_the_verdict(
     assert "the search was stopped" in made.report.read_text(encoding="utf-8")
 
 
-def test_a_search_that_fails_says_why(tmp_path: Path, certifies: Procedure, monkeypatch: pytest.MonkeyPatch) -> None:
-    answers(monkeypatch, "import sys; sys.exit('hil: run: needs a channel pressure')")
+def test_a_search_that_fails_says_why(tmp_path: Path, certifies: Procedure) -> None:
     made = with_cause(certifies, missed(tmp_path), str(tmp_path), 600.0, lambda _d, _t: None)
     (said,) = cause_sentences(found(made))
-    assert said.startswith("The cause is not known: run: needs a channel pressure.")
+    assert said.startswith("The cause is not known:") and "no channel 'current'" in said
+
+
+def test_a_search_that_breaks_is_no_answer(
+    tmp_path: Path, certifies: Procedure, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers(monkeypatch, "print('{'); raise SystemExit(1)")
+    made = with_cause(certifies, missed(tmp_path), str(tmp_path), 600.0, lambda _d, _t: None)
+    assert found(made).reason == "no answer"
 
 
 @pytest.mark.parametrize("case", ["passed", "no certificate", "switched off"])
