@@ -128,9 +128,17 @@ def test_a_plant_faster_than_the_samples_is_said_with_the_rate_that_would_tell()
     found = fit_plant(of_structure("gain"), [made_of_a_lag(5e-4)])
     (said,) = [note for note in found.notes if "over within one sample, 0.01 s: it determines the gain" in note]
     hidden_s, rate_hz = (float(text) for text in re.findall(r"above (\S+) s .* at (\S+) Hz", said)[0])
+    assert "to one sample, the dead time" in said
     assert 5e-4 < hidden_s < 0.005 and rate_hz == pytest.approx(1.0 / hidden_s, rel=0.05)
     told = fit_plant(of_structure("1 pole"), [made_of_a_lag(2.0 * hidden_s)])
     assert told.model.parameters["lag_time"].value == pytest.approx(2.0 * hidden_s, rel=0.1)
+
+
+def test_a_pole_between_samples_is_said_with_the_rate_that_shows_it():
+    found = fit_plant(of_structure("1 pole"), [made_of_a_lag(0.0025)])
+    (said,) = [note for note in found.notes if "a pole" in note and "is no measurement" in note]
+    (rate_hz,) = (float(text) for text in re.findall(r"Sample at (\S+) Hz or faster", said))
+    assert rate_hz == pytest.approx(10.0 / (np.log(9.0) * 0.0025), rel=0.1)
 
 
 def test_a_dead_time_between_two_samples_is_told_to_one_sample():

@@ -35,6 +35,7 @@ from hil.identification.preparation.recording_quality import (
     fastest_shown_rad_s,
     look,
     one_frequency,
+    too_slow_hz,
 )
 from hil.identification.preparation.start_in_motion import begins_at_rest, begun_in_motion
 from hil.identification.preparation.sub_sample_response import dead_time_std_s, responds_within_sample
@@ -59,6 +60,7 @@ _USUAL_SIMULATIONS, _BEFORE_FIT = 60.0, 0.1
 _LITTLE = 0.5
 # Units are taken for slower than the start says where this share more of samples is then left out.
 _LATE_SETTLING = 0.1
+_OF_DYNAMICS = ("s", "rad/s", "1")  # units of time constants, corners and dampings
 _STARTS = 2  # times that what moved a unit before is fitted by turns with the model
 
 Progress = Callable[[float, str], None]
@@ -460,8 +462,8 @@ def _covariance(found: Estimate) -> Covariance:
     return Covariance(tuple(found.named), tuple(map(tuple, found.identifiability.whole.tolist())))
 
 
-def _unidentifiable(found: Estimate) -> list[Note]:
-    """What the recordings do not tell, or only together, in words."""
+def _unidentifiable(found: Estimate, slow_hz: float) -> list[Note]:
+    """What the recordings do not tell, or only together, in words; `slow_hz` as in `_undetermined`."""
     shared = [
         u.name
         for u, is_shared in zip(found.unknowns, found.identifiability.is_shared_beyond_noise, strict=True)
@@ -471,8 +473,12 @@ def _unidentifiable(found: Estimate) -> list[Note]:
         alone = Note("not identifiable: {name}; drive more levels, some of them near where it acts",
                      name=shared[0])  # fmt: skip
         return [alone]
-    together = Note("confounded: {names}; levels between those driven may separate them",
-                    names=tuple(shared))  # fmt: skip
+    if slow_hz:
+        together = Note("confounded: {names}; samples at {rate_hz:g} Hz or faster may separate them",
+                        names=tuple(shared), rate_hz=slow_hz)  # fmt: skip
+    else:
+        together = Note("confounded: {names}; levels between those driven may separate them",
+                        names=tuple(shared))  # fmt: skip
     return [together] if shared else []
 
 
@@ -493,16 +499,28 @@ def _std_of_noise(found: Estimate) -> Array:
     return found.std / math.sqrt(max(beyond, 1.0))
 
 
-def _undetermined(by_test: Sequence[str], by_model: Sequence[str]) -> list[Note]:
-    """Which parameters are not identifiable, and whether the test or the model is to blame."""
+def _undetermined(by_test: Mapping[str, str], by_model: Sequence[str], slow_hz: float) -> list[Note]:
+    """Which parameters are not identifiable, and whether the test or the model is to blame.
+
+    Args:
+        by_test: units of the parameters that the test does not determine, by name.
+        by_model: those that what the model lacks may have moved.
+        slow_hz: the rate that would show the dynamics, where samples lie too far apart; else 0.
+    """
     notes = [
         Note(
+            "parameter '{name}' is not identifiable: its interval would be wider than the value. The samples lie too "
+            "far apart for it: record at {rate_hz:g} Hz or faster",
+            name=name, rate_hz=slow_hz,
+        )
+        if slow_hz and unit in _OF_DYNAMICS
+        else Note(
             "parameter '{name}' is not identifiable: its interval would be wider than the value. Drive more levels and "
             "faster changes, or record a signal nearer to where it acts",
             name=name,
         )
-        for name in by_test
-    ]
+        for name, unit in by_test.items()
+    ]  # fmt: skip
     if by_model:
         notes.append(Note(
             "not identifiable: {names}; what the model lacks may have moved them by more than they are. A better model "
@@ -568,6 +586,8 @@ def _result(
         for name in fixed_at_bound
     ]
     by_noise = _wider_than_themselves(plant, values, dict(zip(names, _std_of_noise(found).tolist(), strict=True)))
-    notes += _undetermined([name for name in wide if name in by_noise], [name for name in wide if name not in by_noise])
-    notes += [*([note_of(beyond)] if beyond else []), *_unidentifiable(found), *beside.notes]
+    slow_hz = too_slow_hz(made, experiments)
+    by_test = {name: units[name] for name in wide if name in by_noise}
+    notes += _undetermined(by_test, [name for name in wide if name not in by_noise], slow_hz)
+    notes += [*([note_of(beyond)] if beyond else []), *_unidentifiable(found, slow_hz), *beside.notes]
     return GreyBoxFit(made, found.on_bound, fits, (*remarks, *notes, *doubts(made, experiments, fits)))

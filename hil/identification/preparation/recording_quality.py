@@ -28,6 +28,7 @@ from hil.record.recording import Array
 _SAME_FREQUENCY, _LEAST_PERIODS, _LINE_WIDTH, _ALL_POWER = 1.05, 3, 3, 0.999  # of a command that is one sine
 _GROWS, _LEAST_GROWN = 2.0, 40  # times from quarter to quarter: an integrator's grows by 3/2 or less; samples
 _SIGNIFICANT = 3.0  # standard deviations
+_RISE_SAMPLES = 10.0  # within 10 … 90 % of a step's response
 LINEAR = "transfer-function"
 
 
@@ -62,7 +63,8 @@ def look(model: Model, experiments: Sequence[Experiment]) -> Looked:
         measured, left_out = without_invalid(e)
         kept.append(measured)
         notes += [*left_out, *_in_a_loop(e)]
-    return Looked(tuple(kept), (*notes, *slow, *one_frequency(experiments)), tuple(suspicions))
+    notes += [*slow, *one_frequency(experiments)]
+    return Looked(tuple(kept), tuple(notes), tuple(suspicions))
 
 
 def without_invalid(e: Experiment) -> tuple[Experiment, list[Note]]:
@@ -127,8 +129,9 @@ def _too_slow(model: Model, e: Experiment) -> list[Note]:
         return []
     slow = Note(
         "samples lie {apart_s:.3g} s apart, and a {plant} follows its command within {constant_s:.2g} s; is the unit "
-        "of time right?",
+        "of time right? If it is, sample at {rate_hz:g} Hz or faster",
         apart_s=e.interval_s, plant=Note(model.definition.title), constant_s=constant_s,
+        rate_hz=enough_hz(1.0 / constant_s),
     )  # fmt: skip
     return [slow.of(e.name)]
 
@@ -178,17 +181,35 @@ def fastest_pole_rad_s(values: Parameters) -> float:
 
 def _beyond_nyquist(model: Model, experiments: Sequence[Experiment]) -> list[Note]:
     fastest_s, limit = min(e.interval_s for e in experiments), fastest_shown_rad_s(experiments)
-    corners = {name: v.value for name, v in model.parameters.items() if v.unit == "rad/s" and v.std is not None}
-    if model.plant == LINEAR:
-        corners = {Note("a pole"): fastest_pole_rad_s(model.values)}
     return [
         Note(
             "{name} at {corner:.4g} rad/s is no measurement: samples {apart_s:.3g} s apart show at most {limit:.4g} "
-            "rad/s",
-            name=name, corner=value, limit=limit, apart_s=fastest_s,
+            "rad/s. Sample at {rate_hz:g} Hz or faster",
+            name=name, corner=value, limit=limit, apart_s=fastest_s, rate_hz=enough_hz(value),
         )
-        for name, value in corners.items() if value > limit
+        for name, value in _corners(model).items() if value > limit
     ]  # fmt: skip
+
+
+def _corners(model: Model) -> dict[str, float]:
+    """The poles of a fitted model that were estimated, in rad/s, by what they are called."""
+    if model.plant == LINEAR:
+        return {Note("a pole"): fastest_pole_rad_s(model.values)}
+    return {name: v.value for name, v in model.parameters.items() if v.unit == "rad/s" and v.std is not None}
+
+
+def enough_hz(corner_rad_s: float) -> float:
+    """The rate, to two digits, that gives a first-order lag of this corner ten samples in its rise.
+
+    Åström and Wittenmark, Computer-Controlled Systems, take four to ten.
+    """
+    return float(f"{_RISE_SAMPLES * corner_rad_s / math.log(9.0):.2g}")
+
+
+def too_slow_hz(model: Model, experiments: Sequence[Experiment]) -> float:
+    """The rate that the fastest pole of a fitted model needs; 0 where the samples show it."""
+    fastest = max(_corners(model).values(), default=0.0)
+    return enough_hz(fastest) if fastest > fastest_shown_rad_s(experiments) else 0.0
 
 
 def runs_the_other_way(model: Model) -> tuple[Note, ...]:

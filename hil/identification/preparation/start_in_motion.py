@@ -83,7 +83,12 @@ def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note
     if not is_worth(left):
         return e, ()
     fit = fit_percent(e.valid_output, e.valid_output + plain[e.valid])
-    note = Note("begins in motion; what moved it before is fitted too, begun at rest the fit is {fit:.2f} %", fit=fit)
+    last = int(np.flatnonzero(np.abs(plain - left) > COVERED * float(np.std(left))).max(initial=0))
+    note = Note(
+        "begins in motion: its first {lasting_s:.3g} s answer to earlier commands, which are fitted too; begun at rest "
+        "the fit is {fit:.2f} %",
+        lasting_s=(last + 1) * e.interval_s, fit=fit,
+    )  # fmt: skip
     return _after(e, change), (note.of(e.name),)
 
 

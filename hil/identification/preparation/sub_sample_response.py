@@ -36,15 +36,15 @@ def sub_sample_limits(model: Model, experiments: Sequence[Experiment]) -> tuple[
     if not responds_within_sample(model.values) or gain.std is None or not abs(gain.value) > _SIGNIFICANT * gain.std:
         return ()
     interval_s, hidden_s = min(e.interval_s for e in experiments), _longest_hidden_s(model, experiments)
-    delayed = bool(model.values["dead_time"])
-    known = Note("the gain at rest and, to one sample, the dead time") if delayed else Note("the gain at rest")
+    late = Note("the gain at rest and, to one sample, the dead time")
     if hidden_s < interval_s:
         over = Note(
             "the response is over within one sample, {interval_s:.3g} s: it determines {known}, no more. A time "
             "constant above {hidden_s:.2g} s would have shown: sample at {rate_hz:g} Hz or faster to see a shorter one",
-            interval_s=interval_s, known=known, hidden_s=hidden_s, rate_hz=float(f"{1.0 / hidden_s:.2g}"),
+            interval_s=interval_s, known=late, hidden_s=hidden_s, rate_hz=float(f"{1.0 / hidden_s:.2g}"),
         )  # fmt: skip
         return (over,)
+    known = late if model.values["dead_time"] else Note("the gain at rest")
     if not math.isfinite(hidden_s):
         return (Note("the command is too slow for any time constant: it determines {known}, no more; add steps",
                      known=known),)  # fmt: skip
