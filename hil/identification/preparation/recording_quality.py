@@ -11,6 +11,7 @@ import numpy as np
 from hil.errors import FileError
 from hil.identification.preparation.clipped import without_clipped
 from hil.identification.preparation.content import is_of_its_origin
+from hil.identification.preparation.disagreement import disagreement
 from hil.identification.preparation.experiment import Experiment, power_of
 from hil.identification.preparation.feedback import runs_in_a_loop
 from hil.identification.preparation.plausibility.look import implausible
@@ -63,7 +64,7 @@ def look(model: Model, experiments: Sequence[Experiment]) -> Looked:
         measured, left_out = without_invalid(e)
         kept.append(measured)
         notes += [*left_out, *_in_a_loop(e)]
-    notes += [*slow, *one_frequency(experiments)]
+    notes += [*slow, *one_frequency(experiments), *disagreement(kept)]
     return Looked(tuple(kept), tuple(notes), tuple(suspicions))
 
 
