@@ -39,7 +39,7 @@ RATIO = Measurement("direction_ratio", "1", "gain of the positive side over that
 MEASUREMENTS = defined(SINES, AMPLITUDE, PHASE, OFFSET, THD, GAIN, RATIO)
 
 _PAPER_RAD_S = 1.0
-_SETTLING = 0.1  # of the measured sine: the process model starts from rest, the cylinder was moving
+_SETTLING = 0.1  # of the measured sine: the model starts from rest, the cylinder was moving
 
 
 def run(
@@ -263,24 +263,21 @@ def _fitted(answer: SineFit, time_s: Array) -> Array:
 
 
 def _model_note(recording: Recording, rows: slice, place: str, closed: bool) -> Note:
-    """Gain and time of the process model that one sine supports, with its fit to the same data."""
-    from hil.identification.papers.process_model import process_model
+    """Gain and time of the first-order model that one sine supports, with its fit to the same data."""
+    from hil.identification.papers.first_order import first_order
 
     command, response = roles_of(recording)
     part = recording.rows(rows.start, rows.stop - rows.start)
     skip_s = _SETTLING * part.duration_s
     try:
-        found = process_model(
-            part, command.name, response.name, lags=1, integrator=not closed, dead_time=False, skip_s=skip_s
-        )
+        found = first_order(part, command.name, response.name, integrates=not closed, skip_s=skip_s)
     except InputError as error:
         return Note("no process model: {why}.", why=str(error)).at(place)
-    (gain, gain_std), (time_s, time_std_s) = ((found.values[n], found.std[n]) for n in ("gain", "time"))
     unit = f"{response.unit}{'' if closed else '/s'} per {command.unit}"
     note = Note(
         "{form}, gain {gain:.4g} ± {gain_u:.1g} {unit}, time {time_ms:.4g} ± {time_u_ms:.2g} ms, fit {fit:.2f} % of "
         "the same data.",
-        form=found.form.name, gain=gain, gain_u=COVERED * gain_std, unit=unit, time_ms=1e3 * time_s,
-        time_u_ms=1e3 * COVERED * time_std_s, fit=found.fit_percent,
+        form="P1" if closed else "P1I", gain=found.gain, gain_u=COVERED * found.gain_std, unit=unit,
+        time_ms=1e3 * found.time_s, time_u_ms=1e3 * COVERED * found.time_std_s, fit=found.fit_percent,
     )  # fmt: skip
     return note.at(place)

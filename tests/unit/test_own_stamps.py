@@ -18,7 +18,7 @@ from hil.identification.frequency.measuring_chain import MeasuringChain, correct
 from hil.identification.frequency.rational import Form
 from hil.identification.frequency.sine_segments import frequency_responses
 from hil.identification.frequency.transfer_function import fit_form
-from hil.identification.papers.process_model import process_model
+from hil.identification.papers.first_order import first_order
 from hil.identification.preparation.experiment import experiment
 from hil.identification.step.step_estimate import measured_steps
 from hil.physics.compose import plant
@@ -118,10 +118,14 @@ def test_multisine_takes_out_the_mean_delay() -> None:
     assert "on average" in found.response.corrections[0]
 
 
-def test_process_model_has_the_dead_time_of_the_plant() -> None:
-    run = linked(np.repeat([0.0, 50.0, 20.0, 70.0, 10.0], 120))
-    found = process_model(run, "command", "flow", lags=2, integrator=False, dead_time=True, zero=False)
-    assert found.model.dead_time_s == pytest.approx(MODEL.dead_time_s, abs=0.003)
+def test_first_order_model_knows_when_the_response_was_read() -> None:
+    run = linked(np.repeat([0.0, 1.0], [1, 199]))
+    flow = 2.0 * -np.expm1(-np.maximum(run.stamps("flow") - 1.0 / RATE_HZ, 0.0) / 0.3)
+    made = replace(run, channels={**run.channels, "flow": replace(run.channels["flow"], values=flow)})
+    exact, rough = (
+        100.0 - first_order(one, "command", "flow", integrates=False).fit_percent for one in (made, median_only(made))
+    )
+    assert exact < 0.2 * rough
 
 
 def test_simulated_samples_are_read_when_the_recorded_ones_were() -> None:
