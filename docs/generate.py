@@ -97,9 +97,11 @@ def figures_page() -> Iterator[str]:
         if any(m.definition for m in measured):
             rows = {m.name: f"- `{m.name}` [{m.unit or 'of the bench'}]: {m.definition or m.meaning}" for m in measured}
             tables[entry.name] = list(rows.values())
-    owners = sorted(tables, key=lambda name: len(tables[name]))  # what runs several procedures is not their owner
+    owners = sorted(tables, key=lambda one: (one.startswith("efc_"), len(tables[one])))  # what runs others comes last
     for name in sorted(tables, key=lambda one: (one.startswith("efc_"), one)):
-        owned_before = {owner: tables[owner] for owner in owners[: owners.index(name)]}
+        before = owners[: owners.index(name)]
+        whole = sorted((one for one in before if {*tables[one]} <= {*tables[name]}), key=lambda one: -len(tables[one]))
+        owned_before = {owner: tables[owner] for owner in dict.fromkeys([*whole, *before])}
         own, as_of = told_before(tables[name], owned_before)
         yield from ("", f"## `{name}`")
         yield from as_elsewhere(as_of, owned_before)
