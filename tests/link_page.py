@@ -51,23 +51,19 @@ CLEAR = 2.0  # standard uncertainties beyond which a deviation is named
 HEAD = """\
 <!-- Made by `python -m tests.link_page` from what it measures. -->
 
-The procedure `frequency_response` on the HPV41 of each bench on a link, {count} sines of {lowest:g} … {highest:g} Hz,
-±{amplitude:g} % about {bias:g} %, {rate:g} samples a second, in wall-clock time, the devices served by `hil devices` in
-a process of their own; and the same procedure on the simulated DAQ `brevini-hpv41` in virtual time at {direct_rate:g}
-samples a second: the *direct* result. Both with the noise of their sensors and with the whole evaluation, a transfer
-function of three poles and a dead time. Devices are simulated ones that speak the real protocols over loopback, pseudo
-terminals and a CAN hub; nothing here was measured on hardware. The machine: {machine}.
+`frequency_response` on the HPV41 of each bench on a link, {count} sines of {lowest:g} … {highest:g} Hz,
+±{amplitude:g} % about {bias:g} %, {rate:g} samples a second, in wall-clock time. *Direct* is the same on the simulated
+DAQ `brevini-hpv41`, in virtual time at {direct_rate:g} samples a second. Both have the noise of their sensors and a
+transfer function of three poles and a dead time. Devices speak the real protocols over loopback, pseudo terminals and a
+CAN hub. The machine: {machine}.
 
-- *corrected* is what `hil run` reports: every sample of the response counts from when it was really read, and the
-  hold of the command and the lag of the sensor are taken out. *uncorrected* is the same evaluation of the same
-  recording as if every input had been read at the moment at which the output was updated.
-- ± is one standard uncertainty. It holds the noise, what no linear model explains, and that nobody knows where within
-  its exchange a device acts: command and reading are stamped in the middle of theirs. *off by* is the difference to the
-  direct result over both standard uncertainties together.
-- *delay* is from the update of the output to the reading of the response, mean and standard deviation over all samples;
-  *skew* is how far apart the inputs of one sample are read, from the first link to the last. A sample that begins more
-  than half an interval late is counted *late*.
-- Time-outs are 1 s (CANopen: 0.25 s) here instead of those of the bench files, as the machine did other things besides.
+- *Over the link* is what `hil run` reports: each sample counts from when it was really read. *Uncorrected* is the same
+  recording as if every input had been read when the output was updated.
+- ± is one standard uncertainty. It holds noise, what no linear model explains, and that nobody knows where within its
+  exchange a device acts. *Off by* is the difference to the direct result over both standard uncertainties together.
+- *Delay* is from the update of the output to the reading of the response; *skew* is how far apart the inputs of one
+  sample are read. A sample that begins more than half an interval late is *late*.
+- Time-outs are 1 s here (CANopen: 0.25 s), as the machine did other things besides.
 """
 
 
@@ -200,13 +196,13 @@ def section(title: str, bench: str, seen: Seen, plain: Mapping[str, Figure]) -> 
     """A link and its figures."""
     rows = [
         f"| {name} [{figure.unit}] | {told(plain[name])} | {told(figure)} | {figure.off_by(plain[name]):+.1f} | "
-        f"{told(seen.uncorrected[name])} | {seen.uncorrected[name].off_by(plain[name]):+.1f} |"
+        f"{seen.uncorrected[name].off_by(plain[name]):+.1f} |"
         for name, figure in seen.corrected.items()
     ]
     response = roles_of(seen.recording)[1].name
     return "\n".join([
         f"### {title}", "", f"Bench `{bench}`; response: {response}. {link_sentence(seen.recording)}",
-        "", "| figure | direct | corrected | off by | uncorrected | off by |", "|---|---|---|---|---|---|", *rows, "",
+        "", "| figure | direct | over the link | off by | uncorrected off by |", "|---|---|---|---|---|", *rows, "",
     ])  # fmt: skip
 
 
@@ -257,16 +253,13 @@ def _short(apart: list[str], later_ms: list[float]) -> str:
 ### What falls short
 
 - Figures off by more than {CLEAR:g} standard uncertainties: {figures_told}. By chance one or two of 35 would be.
-- Dead times over the links, in the order above, less the direct one: {dead_times} ms. They tend to come out long: a
-  host that is woken late after an answer has come counts half of that wait as delay of the reading.
-- Where within its exchange a device acts is not measured. On a slow line this is most of the uncertainty of the dead
-  time and of the −90° bandwidth; a device that always acts at one end of its exchange is off by up to the delay.
-- A host that stalls within a sine disturbs it: every sample keeps the stamps that it had, but the valve was not driven
-  by a sine any more. What comes of it is in the stated uncertainty as far as it shows in the residuals of the fits.
-- Uncorrected figures state too small an uncertainty: they do not know of the link.
+- Dead times over the links, in the order above, less the direct one: {dead_times} ms. A host that is woken late
+  after an answer has come counts half of that wait as delay of the reading.
+- Where within its exchange a device acts is most of the uncertainty of dead time and −90° bandwidth on a slow line. A
+  device that always acts at one end of it is off by up to the delay.
+- A host that stalls within a sine disturbs it, and the uncertainty holds that as far as the residuals show it.
 - Outputs that lie on several links have one stamp, in the middle of driving them all.
-- Time-domain fits use the stamps of the readings too (lines drawn between simulated values), but their uncertainty does
-  not hold that of the stamps; a multisine is corrected by the mean delay alone.
+- The uncertainty of fits in time does not hold that of the stamps; a multisine is corrected by the mean delay alone.
 """
 
 

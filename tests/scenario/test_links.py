@@ -194,6 +194,6 @@ def test_the_page_of_links_names_what_is_off() -> None:
     for title in links:
         rows = [line.strip("| ").split(" | ") for line in sections[title].splitlines() if " ± " in line and "|" in line]
         assert len(rows) == 7
-        for name, _, _, off, _, _ in rows:
+        for name, _, _, off, _ in rows:
             named = f"{title}: {name.partition(' [')[0]} {off}" in " ".join(sections[short].split())
             assert named == (abs(float(off)) > link_page.CLEAR), name
