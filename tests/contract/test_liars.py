@@ -183,7 +183,8 @@ def test_lie_is_caught_by_its_check(wire: str, lie: str, tmp_path: Path) -> None
 def test_every_lie_is_caught_and_is_in_the_guide() -> None:
     assert set(CAUGHT) == set(LIES) - {""}
     page = (Path(__file__).parents[2] / "docs" / "how-to" / "add-a-driver.md").read_text(encoding="utf-8")
-    table = dict(re.findall(r"^\| (\S.*?) \| `(\w+)` \|$", page, re.MULTILINE))
+    rows = re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.MULTILINE)
+    table = {lie: check for check, lies in rows for lie in lies.split("; ") if check in CAUGHT.values()}
     assert table == CAUGHT
 
 
