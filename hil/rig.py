@@ -106,7 +106,8 @@ class Rig(Protocol):
         """Like `play` for a long run, without a gap between the arrays; one recording for each.
 
         The next array is asked for while the current one plays, so what an array brings can decide about the
-        next but one. Memory does not grow with the run.
+        next but one. Memory does not grow with the run; neither does the run folder where `part` says in `rows_kept`
+        which rows stay (see `hil.record.thinned`). Every row is given back here.
         """
         ...
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -21,6 +21,7 @@ from hil.record.parts import PLACE, STARTED, STOPPED, as_events
 from hil.record.plain import plain
 from hil.record.recording import Array, Recording
 from hil.record.samples import RowsWriter
+from hil.record.thinned import Thinning
 
 _CHUNK_ROWS = 1 << 16
 
@@ -46,6 +47,7 @@ class RunWriter:
         self._header_sum = sha256_of(path / HEADER_FILE)
         self._syncer = Syncer((*self._rows.descriptors, self._events.descriptor))
         self._parts = 0
+        self._thinning = Thinning({})
         self._closed = self._loss_is_noted = False
 
     @classmethod
@@ -86,10 +88,7 @@ class RunWriter:
         columns = [time_s, *(values[name] for name in self._names[1:])]
         for start in range(0, len(time_s), _CHUNK_ROWS):
             table = np.stack([column[start : start + _CHUNK_ROWS] for column in columns], axis=1)
-            with self._storing():
-                self._syncer.check()
-                self._rows.append(np.ascontiguousarray(table, dtype="<f8"))
-        self._syncer.written()
+            self._write(self._thinning.kept(table))
         if self._rows.is_away and not self._loss_is_noted:
             self._loss_is_noted = True
             how = "deleted" if self._rows.is_deleted else "moved"
@@ -104,15 +103,22 @@ class RunWriter:
         """Samples appended inside belong to one part of the procedure, described by `details`.
 
         `details` must not use the names under which its place is kept: first, count, start_s, stop_s,
-        unfinished. A part left by an exception is marked unfinished.
+        unfinished. A part left by an exception is marked unfinished. One with `rows_kept` is recorded in these rows
+        alone (see `hil.record.thinned`).
         """
+        self._thinning = thinning = Thinning(details)
         number = self._new_part(details)
         self._now(STARTED, details, part=number)
         try:
             yield
         except BaseException:
+            if thinning.held is not None:
+                with suppress(StorageError):  # what ended the part is raised
+                    self._write(thinning.held)
             self._now(STOPPED, {"unfinished": True}, part=number)
             raise
+        finally:
+            self._thinning = Thinning({})
         self._now(STOPPED, {}, part=number)
 
     def mark(self, count: int, details: Mapping[str, Any]) -> None:
@@ -198,6 +204,14 @@ class RunWriter:
                 f"{self.path}: sample {self.rows + late[0]}: time {time_s[late[0]]:g} s does not come after the "
                 f"sample before it; this block is not recorded, {self._kept()}"
             )
+
+    def _write(self, table: Array) -> None:
+        if not len(table):
+            return
+        with self._storing():
+            self._syncer.check()
+            self._rows.append(np.ascontiguousarray(table, dtype="<f8"))
+        self._syncer.written()
 
     def _new_part(self, details: Mapping[str, Any]) -> int:
         if taken := set(details) & set(PLACE):
