@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -13,6 +12,7 @@ from hil.archive.entry import Entry
 from hil.language.note import Note
 from hil.language.words import marked
 from hil.record.measurement import COVERAGE_FACTOR, Measured, names_of
+from hil.signals.straight_line import chance_beyond, weighted_line
 
 FALSE_ALARM_RATE = 0.01
 _FEWEST = 3  # points below which a line through them tells nothing
@@ -85,15 +85,7 @@ def drift_of(points: Sequence[Point]) -> Drift:
     years = np.array([p.started_utc.timestamp() / _YEAR_S for p in used])
     if len(used) < _FEWEST or np.ptp(years) == 0.0:
         return Drift(None, None, None, unit)
-    from scipy.special import stdtr
-
     values = np.array([p.value.value for p in used], dtype=np.float64)
-    weights = np.array([1.0 / (p.value.repeatability or 1.0) ** 2 for p in used])
-    years = years - np.average(years, weights=weights)
-    spread = float(weights @ years**2)
-    slope = float(weights @ (years * values)) / spread
-    middle = float(np.average(values, weights=weights))
-    freedom = len(used) - 2
-    excess = float(weights @ (values - middle - slope * years) ** 2) / freedom
-    std = math.sqrt(max(1.0, excess) / spread)
-    return Drift(slope, std, float(2.0 * stdtr(freedom, -abs(slope) / std)), unit)
+    line = weighted_line(years, values, np.array([1.0 / (p.value.repeatability or 1.0) ** 2 for p in used]))
+    std = line.slope_std(least_variance=1.0)
+    return Drift(line.slope, std, chance_beyond(line.slope / std, line.freedom), unit)
