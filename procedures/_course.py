@@ -23,15 +23,16 @@ class Course:
         path: the command of the whole run, from neutral on, ramps included; shape (n,). It is checked, and the
             limits are narrowed to it for the rest of the run.
         plan: what is going to be done, for the record.
+        further_s: what is driven beyond the path, of which it shows a sample, in s.
 
     Raises:
         RangeError: a sample of the path would leave the envelope; nothing has moved.
     """
 
-    def __init__(self, rig: Rig, rate_hz: float, path: Array, plan: Mapping[str, Any]) -> None:
+    def __init__(self, rig: Rig, rate_hz: float, path: Array, plan: Mapping[str, Any], further_s: float = 0.0) -> None:
         self.rate_hz = rate_hz
         self._rig = rig
-        self._expected_s = len(path) / rate_hz
+        self._expected_s = len(path) / rate_hz + further_s
         rig.check(path, rate_hz)
         neutral = rig.command.safe
         rig.tighten(min(float(path.min()), neutral), max(float(path.max()), neutral))

@@ -165,6 +165,20 @@ CYLINDERS: Mapping[str, str] = {
     "restlessness": "Standard deviation of the position about its line, sensor noise included.",
     "offset": "Mean position less command, in a closed loop.",
 }
+CYCLES: Mapping[str, str] = {
+    "cycles": "Of the pattern, without those in which the valve settled at the start and after each resumption.",
+    "gain": "Over all cycles, by the discrete Fourier sum of each cycle; the meter's lag included.",
+    "phase": "Of the response's fundamental less that of the command's, meter's lag and hold included.",
+    "offset": "Mean of the response over whole cycles.",
+    "residual": "Root mean square of the response less its mean and its fundamental: harmonics and noise.",
+    **{
+        f"{figure}_drift": (
+            f"Slope of the weighted line through the {figure} of blocks of cycles, times all cycles, in % of the "
+            "response's amplitude in the first block; 1 % of phase is 0.573°."
+        )
+        for figure in ("gain", "phase", "offset", "residual")
+    },
+}
 
 
 def defined(definitions: Mapping[str, str], *measurements: Measurement) -> tuple[Measurement, ...]:

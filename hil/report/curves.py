@@ -42,6 +42,7 @@ KINDS: Mapping[str, Kind] = {
     "large_sines": Kind(large_sines.NEEDED, large_sines.large_sines_section),
     "velocity_steps": Kind(motions.STEPS_NEEDED, motions.velocity_steps_section),
     "threshold": Kind(motions.THRESHOLD_NEEDED, motions.threshold_section),
+    "trend": Kind(motions.TREND_NEEDED, motions.trend_section),
     "drift": Kind(motions.DRIFT_NEEDED, motions.drift_section),
 }
 

@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 
 STEPS_NEEDED = ("time_s", "measured", "fitted", "from_s", "to_s", "speed_per_s")
 THRESHOLD_NEEDED = ("command", "measured")
+TREND_NEEDED = ("cycle", "measured", "std")
 DRIFT_NEEDED = ("time_s", "position", "fitted")
 _MOST = 12
+_MOST_DOTS = 50
 _COLUMNS = 3
 _ROOM = 0.08  # of what is shown, above and below it
 
@@ -57,6 +59,20 @@ def threshold_section(curves: Sequence[Curve]) -> Section:
     units = [unit_of(curves[0], key) for key in ("command_unit", "response_unit")]
     labels = _("change of command") + units[0], _("change of response") + units[1]
     return Section(_("Threshold"), figures=(small_multiples("threshold", curves[:_MOST], 2, draw, labels, caption),))
+
+
+def trend_section(curves: Sequence[Curve]) -> Section:
+    """Each figure over the cycles."""
+
+    def draw(axes: Axes, curve: Curve) -> None:
+        cycle, mean, std = (needed(curve, key) for key in TREND_NEEDED)
+        axes.fill_between(cycle, mean - std, mean + std, color=GRID, lw=0.0)
+        axes.plot(cycle, mean, color=BLUE, lw=1.0, marker="o" if len(cycle) <= _MOST_DOTS else "")
+        axes.set_title(label_of(curve) + unit_of(curve, "response_unit"), fontweight="normal", loc="right", pad=3.0)
+        axes.margins(x=0.0)
+
+    caption = _("Means of blocks of cycles; shaded, one standard deviation of the single cycles.")
+    return Section(_("Trend"), figures=(small_multiples("trend", curves[:_MOST], 2, draw, (_("cycle"), ""), caption),))
 
 
 def _picture(name: str, curves: Sequence[Curve], position: str, caption: str) -> Picture:

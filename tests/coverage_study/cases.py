@@ -35,6 +35,7 @@ MADE_OF = {
 }  # fmt: skip
 """Procedures whose figures are those of others."""
 BY_HAND = {
+    "endurance": "figures are made cycle by cycle while it drives; held in tests/unit/test_endurance.py",
     "coil_by_hand": "readings are typed in, with the uncertainty of their instrument",
     "jog": "an output is moved by hand; reading and noise are what an input showed meanwhile",
 }

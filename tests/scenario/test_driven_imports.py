@@ -17,6 +17,7 @@ ALL = [
     "step_response brevini-hpv41 levels=40,80",
     "large_sine brevini-hpv41 frequencies=0.5 cycles=1",
     "fail_safe brevini-hpv41 repeats=2",
+    "endurance brevini-hpv41 cycles=12 keep_every=3",
     "iso_10770_1 brevini-hpv41 cycle_s=12 amplitudes=4 biases=60",
     "bench_reference brevini-hpv41 cycle_s=12",
     "coil_by_hand brevini-hpv41 cold=7.2 instrument=meter",

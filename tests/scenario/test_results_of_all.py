@@ -18,6 +18,7 @@ SHORT = {
     "efc_frequency_response": ("cummins-efc", {"frequencies": (1, 2, 4), "levels": ("medium",), "cycle_s": 8}),
     "efc_step_response": ("cummins-efc", {"repeats": 1, "currents": (1.6,)}),
     "electrical_check": ("cummins-efc-acceptance", {}),
+    "endurance": ("brevini-hpv41", {"cycles": 12, "keep_every": 3, "rate_hz": 200}),
     "fail_safe": ("brevini-hpv41", {"repeats": 2, "rate_hz": 200}),
     "flow_curve": ("brevini-hpv41", {"cycle_s": 12}),
     "frequency_response": (
