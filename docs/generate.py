@@ -383,7 +383,13 @@ PYTHON = """\
 functions on values: recordings, models, results. Each of these shows itself in a notebook; `Recording` and `Results`
 have `.plot()` (a matplotlib figure) and `.to_pandas()`, recordings `.to_xarray()` too. Errors are
 `hil.errors.HilError`, one sentence each. `help(hil.NAME)` explains each argument, with its unit, what
-is returned and what is raised; the commands' words are in brackets."""
+is returned and what is raised; the commands' words are in brackets.
+
+Optional arguments that many functions share stand below by their name alone. `inputs` and `output` are names of
+channels, `reading` is a `Reading` (how a table of a stranger is read), `budget_s` seconds of computing. `notes` and
+`progress` are functions that are called with what is to be shown. A `Source` is a recording or its path."""
+
+SHARED = frozenset({"inputs", "output", "reading", "budget_s", "notes", "progress"})
 
 
 def _place(name: str) -> str:
@@ -420,6 +426,9 @@ def signature_of(function: Any) -> str:
         for one in found.parameters.values()
     ]
     text = str(found.replace(parameters=given)).replace("Ellipsis", "...")
+    for one in given:
+        if one.name in SHARED and one.default is not one.empty:
+            text = text.replace(str(one).replace("Ellipsis", "..."), one.name)
     return re.sub(r"'([A-Za-z][^']*)'", r"\1", text)
 
 
