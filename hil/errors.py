@@ -24,8 +24,12 @@ HilError
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import shlex
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from difflib import get_close_matches
+from typing import Literal
 
 
 class HilError(Exception):
@@ -143,3 +147,36 @@ def with_notes(error: BaseException) -> str:
 def exit_status_of(error: BaseException) -> int:
     """The exit status with which an error ends the program."""
     return int(getattr(error, "exit_status", HilError.exit_status))
+
+
+_door: ContextVar[Literal["", "prompt", "python"]] = ContextVar("door", default="")
+_ARGUMENTS = {
+    "interval": "interval_s", "unit": "units", "rename": "renamed", "input": "inputs", "input-name": "inputs",
+    "output-name": "output", "rise": "rise_s",
+    "settling": "settling_s", "budget": "budget_s", "bench-budget": "bench_budget_s", "window": "window_s",
+    "limit": "limits", "note": "notes", "reset": "resets",
+}  # fmt: skip
+"""Options whose argument is called otherwise; every other one is called as it is."""
+_OF_READ = ("time", "interval", "unit", "rename", "columns", "gaps")
+
+
+@contextmanager
+def options_of(door: Literal["prompt", "python"]) -> Iterator[None]:
+    """While it lasts options are called as at this door; the outermost one counts."""
+    token = _door.set(_door.get() or door)
+    try:
+        yield
+    finally:
+        _door.reset(token)
+
+
+def option(name: str, value: str = "") -> str:
+    """An option as its user calls it: `--unit 'flow=l/min'`, in Python `hil.read(…, units={'flow': 'l/min'})`."""
+    of, is_pair, to = value.rpartition("=")
+    if _door.get() != "python":
+        quoted = f"'{value}'" if is_pair else shlex.quote(value)
+        return f"--{name} {quoted}" if value else f"--{name}"
+    called = _ARGUMENTS.get(name, name.replace("-", "_"))
+    given = {"gaps": "True"}.get(name, f"{{'{of}': '{to}'}}" if is_pair else value)
+    text = f"{called}={given}" if given else called
+    return f"hil.read(…, {text})" if name in _OF_READ else text

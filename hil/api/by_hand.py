@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from hil.api.bench import bench_of
 from hil.api.callbacks import NOTHING, Notes, Progress, quiet, unsaid
-from hil.api.python_words import in_python_words
 from hil.api.several import several
+from hil.errors import option, options_of
 
 if TYPE_CHECKING:
     from hil.bench.hand.reading import Reading
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hil.session.outcome import Outcome
 
 
-@in_python_words
+@options_of("python")
 def jog(
     bench: str | Path | BenchFile,
     channel: str,
@@ -74,7 +74,7 @@ def jog(
     )  # fmt: skip
 
 
-@in_python_words
+@options_of("python")
 def watch(
     bench: str | Path | BenchFile, channels: Collection[str] = (), *, every_s: float = 0.5, seconds: float = math.inf
 ) -> Generator[Sequence[Reading]]:
@@ -108,7 +108,7 @@ def watch(
             raise LinkError("; ".join(looked.failures.values()))
 
 
-@in_python_words
+@options_of("python")
 def calibrate(
     bench: str | Path | BenchFile,
     channel: str,
@@ -164,10 +164,14 @@ def calibrate(
     if channel not in file.bench.channels:
         raise UnknownNameError("channel", channel, file.bench.channels)
     if bool(certificate) == bool(reference):
-        raise SettingError("either --reference, which is read beside the channel, or --certificate")
+        raise SettingError(
+            f"either {option('reference')}, which is read beside the channel, or {option('certificate')}"
+        )
     if certificate:
         if reference_uncertainty is not None or between is not None or str(out):
-            raise SettingError("--certificate has its points and their uncertainty in it, and nothing is driven")
+            raise SettingError(
+                f"{option('certificate')} has its points and their uncertainty in it, and nothing is driven"
+            )
         return certified(file, channel, Path(certificate), table, labels.operator, valid_days)
     if answered is None:
         raise SettingError("who tells what the reference reads (answered)?")
@@ -182,7 +186,7 @@ def calibrate(
     return calibrated(file, channel, found, reference, std, labels.operator, valid_days)
 
 
-@in_python_words
+@options_of("python")
 def demo(out: str | Path, *, conceal: str = "", progress: Progress = quiet) -> Demonstration:
     """Test and identify a valve on the simulated bench, meet recordings that conceal an effect, diagnose (`hil demo`).
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from hil.api.callbacks import Notes, Progress, quiet, unsaid
 from hil.api.models import model_of
-from hil.api.python_words import in_python_words
 from hil.api.several import several
+from hil.errors import options_of
 
 if TYPE_CHECKING:
     from hil.diagnosis.diagnose import Diagnosed
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from hil.session.sources import Source
 
 
-@in_python_words
+@options_of("python")
 def identify(
     recordings: Source | Iterable[Source],
     plant: str | Path,
@@ -84,7 +84,7 @@ def identify(
     return found
 
 
-@in_python_words
+@options_of("python")
 def compare(
     model: Model | str | Path,
     recordings: Source | Iterable[Source],
@@ -114,7 +114,7 @@ def compare(
     return compared_with(model_of(model), several(recordings), several(inputs), output, reading, notes, drawn, progress)
 
 
-@in_python_words
+@options_of("python")
 def simulate(
     model: Model | str | Path,
     recording: Source,
@@ -151,7 +151,7 @@ def simulate(
     return make(f"{read.name}, simulated", bound.time_s, {simulated.output: response})
 
 
-@in_python_words
+@options_of("python")
 def diagnose(
     model: Model | str | Path,
     recordings: Source | Iterable[Source],
@@ -209,7 +209,7 @@ def diagnose(
     )
 
 
-@in_python_words
+@options_of("python")
 def linearise(
     model: Model | str | Path,
     at: float,
@@ -238,7 +238,7 @@ def linearise(
     )
 
 
-@in_python_words
+@options_of("python")
 def step_models(
     recording: Source | None = None,
     *,
@@ -275,7 +275,7 @@ def step_models(
     return models_of_steps(samples_of(recording, reading or AS_IT_IS), input, output, table, band)
 
 
-@in_python_words
+@options_of("python")
 def frequency_response(
     recordings: Source | Iterable[Source], *, input: str = "", output: str = "", reading: Reading | None = None
 ) -> SineAnalysis:
@@ -301,7 +301,7 @@ def frequency_response(
     return sine_analysis([samples_of(one, reading or AS_IT_IS) for one in sources], input, output)
 
 
-@in_python_words
+@options_of("python")
 def flow_curve(
     recordings: Source | Iterable[Source],
     *,
@@ -335,7 +335,7 @@ def flow_curve(
     return flow_analysis([samples_of(one, reading or AS_IT_IS) for one in sources], input, output, degree, neutral)
 
 
-@in_python_words
+@options_of("python")
 def learn_classes(
     good: Source | Iterable[Source],
     bad: Iterable[Source] = (),
@@ -370,7 +370,7 @@ def learn_classes(
     return classes_of_recordings((names[0], read[0]), (names[1], read[1]), compared, read[2])
 
 
-@in_python_words
+@options_of("python")
 def compose(curve: str | Path, dynamics: Model | str | Path) -> Model:
     """A measured flow curve and a transfer function as one model (`hil analyse compose`).
 

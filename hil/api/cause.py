@@ -17,12 +17,11 @@ if TYPE_CHECKING:
 
 def main() -> None:
     """Answer the question on the command line: the model of the type, the run, the earlier run or nothing, budget."""
-    from hil.api.python_words import at_the_prompt
-    from hil.errors import HilError
+    from hil.errors import HilError, options_of
 
     model, run, earlier, budget_s = sys.argv[1:]
     try:
-        with at_the_prompt():
+        with options_of("prompt"):
             found = searched(model, Path(run), Path(earlier) if earlier else None, float(budget_s))
     except HilError as error:
         found = Cause("", reason=str(error))

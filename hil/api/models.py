@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hil.api.python_words import in_python_words
+from hil.errors import options_of
 
 if TYPE_CHECKING:
     from hil.findings.results import Results
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from hil.session.export import Exported
 
 
-@in_python_words
+@options_of("python")
 def load_model(path: str | Path) -> Model:
     """Read a model file, or an installed model by its bare name (`hil list models`).
 
@@ -42,7 +42,7 @@ def save_model(model: Model, path: str | Path) -> None:
     saved(model, Path(path))
 
 
-@in_python_words
+@options_of("python")
 def typical_model(plant: str) -> Model:
     """A plant at its typical values, nothing estimated."""
     from hil.physics.model import typical_model as typical
@@ -50,7 +50,7 @@ def typical_model(plant: str) -> Model:
     return typical(plant)
 
 
-@in_python_words
+@options_of("python")
 def export(
     source: Model | Results | str | Path,
     to: str,

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.api.callbacks import NOTHING
-from hil.api.python_words import in_python_words
 from hil.api.several import several
+from hil.errors import options_of
 
 if TYPE_CHECKING:
     from hil.record.reading import Reading
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hil.session.sources import Source
 
 
-@in_python_words
+@options_of("python")
 def read(
     path: Source,
     *,
@@ -53,7 +53,7 @@ def read(
     return read_source(path, reading, responses=responses, part=part)
 
 
-@in_python_words
+@options_of("python")
 def write(recording: Recording | ResponseTable, path: str | Path) -> None:
     """Write a recording or a table; the ending of the name says the format, none makes a run folder of a recording.
 
@@ -69,7 +69,7 @@ def write(recording: Recording | ResponseTable, path: str | Path) -> None:
         write_recording(recording, Path(path))
 
 
-@in_python_words
+@options_of("python")
 def average(
     responses: Source | Iterable[Source], *, normalised: bool = False, reading: Reading | None = None, part: str = ""
 ) -> ResponseTable:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from hil.api.bench import bench_of
 from hil.api.callbacks import NOTHING, Notes, Progress, quiet, unsaid
-from hil.api.python_words import in_python_words, python_errors
 from hil.api.several import several
+from hil.errors import options_of
 
 if TYPE_CHECKING:
     from hil.archive.entry import Entry
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hil.session.procedure import Procedure
 
 
-@in_python_words
+@options_of("python")
 def run(
     procedure: str | Procedure,
     bench: str | Path | BenchFile,
@@ -91,11 +91,11 @@ def open_bench(bench: str | Path, out: str | Path, *, progress: Progress = quiet
     from hil.bench.open import open_rig
 
     file = bench_of(bench)
-    with python_errors(), open_rig(file, Path(out), {}, progress, within=on_the_trail(file, Path(out), {})) as rig:
+    with options_of("python"), open_rig(file, Path(out), {}, progress, within=on_the_trail(file, Path(out), {})) as rig:
         yield rig
 
 
-@in_python_words
+@options_of("python")
 def results(run: str | Path) -> Results:
     """Every value, curve and transfer function of a run (`hil results`)."""
     from hil.session.results import results_of_run
@@ -103,7 +103,7 @@ def results(run: str | Path) -> Results:
     return results_of_run(Path(run))
 
 
-@in_python_words
+@options_of("python")
 def find_runs(
     *,
     serial: str = "",

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from hil.api.callbacks import Notes, Progress, quiet, unsaid
 from hil.api.models import model_of
-from hil.api.python_words import in_python_words
 from hil.api.several import several
+from hil.errors import options_of
 
 if TYPE_CHECKING:
     from hil.passport.difference import DateDifference
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from hil.session.fleet import UnitAnswer
 
 
-@in_python_words
+@options_of("python")
 def diagnose_fleet(
     folders: str | Path | Iterable[str | Path],
     *,
@@ -65,7 +65,7 @@ def diagnose_fleet(
     )
 
 
-@in_python_words
+@options_of("python")
 def diff(
     old: str | Path,
     new: str | Path,
@@ -112,7 +112,7 @@ def diff(
         return difference(first, second, kind, progress, several(inputs), output, budget_s)
 
 
-@in_python_words
+@options_of("python")
 def issue_passport(
     runs: str | Path | Iterable[str | Path],
     out: str | Path,

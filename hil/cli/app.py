@@ -9,10 +9,9 @@ import sys
 import typer
 
 from hil import cli
-from hil.api.python_words import at_the_prompt
 from hil.cli import error_message
 from hil.cli.error_message import say
-from hil.errors import InputError, marked
+from hil.errors import InputError, marked, options_of
 from hil.printable import printable_streams
 from hil.safety.interrupt import ended_by, raised, status_of
 from hil.version import __version__
@@ -65,7 +64,7 @@ def _run() -> int:
     error_message.ended = error_message.debug = False  # of an earlier command in this process
     try:
         app = _assembled()
-        with at_the_prompt():
+        with options_of("prompt"):
             status = app(["--help"] if silent else None, prog_name="hil", standalone_mode=False)
         signalled = None if error_message.ended or status != _CTRL_C else raised()
         if signalled is not None and status_of(signalled) != _CTRL_C:

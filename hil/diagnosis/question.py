@@ -8,17 +8,13 @@ from dataclasses import dataclass
 
 from hil.diagnosis.diagnosis import Asked
 from hil.diagnosis.skeleton.table import VERSION, Table, library_of, read_table, table_of
-from hil.errors import FileError, SettingError, reason
+from hil.errors import FileError, SettingError, option, reason
 from hil.identification.preparation.content import is_of_its_origin
 from hil.identification.preparation.experiment import Experiment
 from hil.language.note import Note
 from hil.physics.model import Model
 
 QUESTIONS: tuple[Asked, ...] = ("changed", "left_out")
-_OTHER_LIBRARY = Note(
-    "the library has changed since the model was identified; only what it still has of the recordings is compared. "
-    "--before RECORDING… compares all of them"
-)
 
 
 @dataclass(frozen=True)
@@ -54,7 +50,7 @@ def question_of(
         FileError: what the model file keeps of before is damaged.
     """
     if wanted and wanted not in QUESTIONS:
-        raise SettingError(f"--question {wanted}: no such question; it is one of {', '.join(QUESTIONS)}")
+        raise SettingError(f"{option('question')} {wanted}: no such question; it is one of {', '.join(QUESTIONS)}")
     own = [e.name for e in experiments if is_of_its_origin(model, e)]
     if wanted == "left_out" or (own and not wanted):
         why = Note("asked for") if wanted else Note("the model was identified from {recording}", recording=own[0])
@@ -66,15 +62,23 @@ def question_of(
         if model.skeleton is not None:
             why = Note("what the model file keeps of its recordings only another version of the program understands")
         if wanted:
-            raise SettingError(f"--question changed: {why}; give them as --before RECORDING…, or identify it anew")
-        limited = Note("{why}; whether it has changed since tells --before RECORDING…", why=why)
+            asked, given = option("question"), option("before")
+            raise SettingError(f"{asked} changed: {why}; give them as {given} RECORDING…, or identify it anew")
+        limited = Note(
+            "{why}; whether it has changed since tells {option} RECORDING…", why=why, option=option("before")
+        )
         return Question("left_out", why, None, () if model.skeleton is None else (limited,))
     try:
         table = read_table(model.skeleton, model)
     except (KeyError, ValueError, TypeError, AttributeError, IndexError, zlib.error) as error:
         raise FileError(
             f"the model file: skeleton: cannot be read ({reason(error)}); identify the model anew, or give recordings "
-            "of before as --before RECORDING…"
+            f"of before as {option('before')} RECORDING…"
         ) from None
-    warnings = () if table.library == library_of(model) else (_OTHER_LIBRARY,)
+    other = Note(
+        "the library has changed since the model was identified; only what it still has of the recordings is compared. "
+        "{option} RECORDING… compares all of them",
+        option=option("before"),
+    )  # fmt: skip
+    warnings = () if table.library == library_of(model) else (other,)
     return Question("changed", Note("the model was identified from other recordings"), table, warnings)

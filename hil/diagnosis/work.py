@@ -17,7 +17,7 @@ SAMPLES_PER_S = 10e6
 def budget_notes(not_searched: Sequence[str], size: str = "") -> tuple[Note, ...]:
     """What was left out for want of a larger budget than this `size`, in words; empty where nothing was."""
     note = Note(
-        "the budget{size!l} was over before these were looked at: {what}; a larger --budget may find more",
+        "the budget{size!l} was over before these were looked at: {what}; a larger budget may find more",
         size=size, what=tuple(map(Note, not_searched)),
     )  # fmt: skip
     return (note,) if not_searched else ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.errors import InputError
+from hil.errors import InputError, option
 from hil.findings.results import FittedFunction
 from hil.physics.model import Model
 from hil.physics.transfer_function import TransferFunction, from_parameters, straight
@@ -25,7 +25,8 @@ def function_of(model: Model, name: str) -> FittedFunction:
     """
     if model.plant != PLANT:
         raise InputError(
-            f"{name}: a model of {model.plant} has no transfer function; --to python, matlab, json or csv hand on its "
+            f"{name}: a model of {model.plant} has no transfer function; {option('to')} python, matlab, json or csv "
+            "hand on its "
             "parameters"
         )
     values = model.values

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from hil.errors import SettingError
+from hil.errors import SettingError, option
 from hil.exports.function import PLANT, function_of
 from hil.findings.results import FittedFunction
 from hil.findings.tables import FUNCTION_HEADS, coefficient_rows, csv_text
@@ -33,7 +33,7 @@ def function_text(linear: TransferFunction, name: str, form: str) -> str:
         SettingError: a form that there is not.
     """
     if form not in ("python", "matlab", "json", "csv"):
-        raise SettingError(f"--to {form}: there are python, matlab, json and csv")
+        raise SettingError(f"{option('to')} {form}: there are python, matlab, json and csv")
     one = FittedFunction(
         name=name, numerator=tuple(plain(linear.numerator)), denominator=tuple(plain(linear.denominator)),
         dead_time_s=linear.dead_time_s, unit="1", coefficients=(), covariance=(),

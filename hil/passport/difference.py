@@ -13,7 +13,7 @@ from hil.diagnosis.coverage import Limit
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.diagnosis.diagnosis import Diagnosis, Finding
 from hil.diagnosis.work import SAMPLES_PER_S, budget_notes
-from hil.errors import SettingError
+from hil.errors import SettingError, option
 from hil.identification.preparation.experiment import Experiment
 from hil.language.note import Note
 from hil.passport.change import Change, Size, Unchanged
@@ -90,7 +90,7 @@ def difference(
     known = kind or old.kind or new.kind
     start = known or old.unit
     if start is None:
-        raise SettingError(f"{old.name}: holds no model; give that of the type with --model MODEL.json")
+        raise SettingError(f"{old.name}: holds no model; give that of the type with {option('model', 'MODEL.json')}")
     names, first, left_s = (inputs, output), None, computing_s
     left_out: tuple[str, ...] = ()
     if known is not None:

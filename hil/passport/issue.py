@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from hil.bench.audit import Audit, head, is_on_the_trail, issued_on_the_trail
-from hil.errors import InputError, SettingError, StorageError
+from hil.errors import InputError, SettingError, StorageError, option
 from hil.language.choice import in_page_language
 from hil.language.note import Note
 from hil.passport.attached import (
@@ -90,7 +90,7 @@ def issue(
         StorageError: something cannot be written.
     """
     if wanted.power and not wanted.identify:
-        raise SettingError("--power needs the model of the unit; leave out --no-model")
+        raise SettingError(f"{option('power')} needs the model of the unit; leave out {option('no-model')}")
     progress(0.0, "evaluating the runs anew")
     unit, trail = read_unit_runs(folders, also_moved=wanted.anew), trail_of(folders)
     _check_kind(unit, wanted.model)
@@ -116,7 +116,7 @@ def issue(
 def _powers(unit: Unit, known: Understood, out: Path, progress: Progress) -> tuple[Power, ...]:
     """Of every run that was judged; what was found so far is kept beside the passport until it is written."""
     if known.model is None:
-        raise InputError(f"--power needs the model of the unit. {known.sentences[0]}")
+        raise InputError(f"{option('power')} needs the model of the unit. {known.sentences[0]}")
     judged = [run for run in unit.runs if any(m.verdict for m in run.findings.measured)]
     return tuple(
         power_of(run, known.model, progress, out.with_name(f".{out.name}.power{n}.json"))
@@ -127,7 +127,7 @@ def _powers(unit: Unit, known: Understood, out: Path, progress: Progress) -> tup
 def _check_kind(unit: Unit, kind: Model | None) -> None:
     """Raise `SettingError` when the model is of another plant: what the data excluded would be said of that."""
     if kind is not None and (other := other_plants(kind.plant, ((r.folder.name, r.recording.meta) for r in unit.runs))):
-        raise SettingError(f"--model: {other[0]} Give the model of this valve's type")
+        raise SettingError(f"{option('model')}: {other[0]} Give the model of this valve's type")
 
 
 def trail_of(folders: Sequence[Path]) -> Trail:

@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hil.errors import FileError
+from hil.errors import FileError, option
 from hil.untrusted import read_small
 
 if TYPE_CHECKING:
@@ -170,5 +170,5 @@ def _make_own(path: Path) -> None:
         part.replace(path)
     except OSError as error:
         raise FileError(
-            f"{path}: the key of this machine cannot be kept: {error.strerror}; give one by --key"
+            f"{path}: the key of this machine cannot be kept: {error.strerror}; give one by {option('key')}"
         ) from None

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from datetime import date, datetime
 from pathlib import Path
 
-from hil.errors import FileError, SettingError
+from hil.errors import FileError, SettingError, option
 from hil.findings.agreement import disagreements
 from hil.findings.collect import findings_of, results_of
 from hil.findings.results import Results
@@ -156,12 +156,14 @@ def _refusal(run: UnitRun, same_program: bool) -> str:
     maker = run.evaluated_by or "an earlier version, which did not seal its results"
     return (
         f"{folder}: evaluated by {maker}, and now by {PROGRAM}, with another result: {shown}; "
-        "--evaluated-anew takes what is found now, and page one names both versions"
+        f"{option('evaluated-anew')} takes what is found now, and page one names both versions"
     )
 
 
 def _serial(run: UnitRun) -> str:
     serial = str((run.recording.meta.get("valve") or {}).get("serial") or "")
     if not serial:
-        raise SettingError(f"{run.folder}: says not which unit it is of; a passport needs a run made with --serial SN")
+        raise SettingError(
+            f"{run.folder}: says not which unit it is of; a passport needs a run made with {option('serial', 'SN')}"
+        )
     return serial

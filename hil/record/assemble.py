@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import FileError, UnitError
+from hil.errors import FileError, UnitError, option
 from hil.language.note import Note
 from hil.record.columns import Column, Table
 from hil.record.missing_values import is_even, missing_values
-from hil.record.named import named
+from hil.record.named import even_note, named
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Array, Channel, Recording, Samples, check
 from hil.record.response_table import (
@@ -140,7 +140,8 @@ def _nothing(tables: Sequence[Table]) -> str:
     have = ", ".join(f"'{column.heading}'" for table in tables for column in table.columns)
     there = f"no signal with a time was found, but {have}" if have else "no signal was found"
     return (
-        f"{there}; say which of them is the time with --time NAME, or how far the samples are apart with --interval S "
+        f"{there}; say which of them is the time with {option('time', 'NAME')}, or how far the samples are apart with "
+        f"{option('interval', 'S')} "
         "(in seconds)"
     )
 
@@ -181,12 +182,9 @@ def _pieces(name: str, table: Table, reading: Reading) -> Iterator[_Piece]:
             and counter.heading.strip().casefold().startswith("sampl")
         ):
             time_s = counter.values.astype(np.float64) - float(counter.values[0])
-            yield (
-                table.name,
-                time_s,
-                table.columns[1:],
-                (*notes, Note("sample number; 1 s per sample assumed, --interval S says otherwise")),
-            )
+            asked = option("interval", "S")
+            note = Note("sample number; 1 s per sample assumed, {option} says otherwise", option=asked)
+            yield table.name, time_s, table.columns[1:], (*notes, note)
             return
         yield table.name, table.time_s, table.columns, notes
         return
@@ -208,12 +206,7 @@ def _even(table: Table, signals: Sequence[Column], interval_s: float) -> Iterato
     for length in lengths:
         columns = [c for c in signals if len(c.values) == length and not c.counts_rows]
         time_s = interval_s * np.arange(length, dtype=np.float64)
-        yield (
-            table.name,
-            time_s,
-            columns,
-            (Note("even time base of {interval_s:g} s, as --interval says", interval_s=interval_s),),
-        )
+        yield table.name, time_s, columns, (even_note(interval_s),)
 
 
 def _clocks(table: Table, reading: Reading) -> list[Column]:
@@ -254,8 +247,9 @@ def _seconds(name: str, clock: Column, reading: Reading) -> tuple[Array, str]:
         return clock.seconds(stated)
     except UnitError as error:
         raise FileError(
-            f"{name}: time column '{clock.heading}': {error}; say its unit with --unit '{label}=s', or name the column "
-            "of the time with --time NAME"
+            f"{name}: time column '{clock.heading}': {error}; say its unit with {option('unit', f'{label}=s')}, or "
+            "name the column "
+            f"of the time with {option('time', 'NAME')}"
         ) from None
 
 
@@ -278,7 +272,8 @@ def _refuse_contradiction(name: str, clock: Column, time_s: Array, columns: Sequ
         if span_s > _SAME_UNIT * most_s or least_s > _SAME_UNIT * span_s > 0.0:
             raise FileError(
                 f"{name}: '{clock.heading}' says that it took {span_s:g} s, the stamps of '{beside.heading}' beside it "
-                f"say {own_s[-1]:g} s; --time '{beside.heading}' takes the stamps, --unit '{label}=UNIT' says the unit"
+                f"say {own_s[-1]:g} s; {option('time', f'{beside.heading}')} takes the stamps, "
+                f"{option('unit', f'{label}=UNIT')} says the unit"
             )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.errors import option
 from hil.record import heading as headings
 from hil.record.clocks import shortest, without_changed_clocks, without_rollover
 from hil.record.recording import Array
@@ -100,7 +101,9 @@ class Column:
         values, assumed = without_rollover(np.asarray(self.values, dtype=np.float64))
         if not unit:
             unit, kind = headings.unit_of_stamps(values)
-            taken = f"no unit is stated for '{name}'; taken as {kind}, --unit '{name}=ms' would say otherwise"
+            taken = (
+                f"no unit is stated for '{name}'; taken as {kind}, {option('unit', f'{name}=ms')} would say otherwise"
+            )
             assumed = "; ".join(filter(None, (assumed, taken)))
             if unit == "day":  # seconds since the year 0 would have no digits left for a sample's
                 values = values - values[0]

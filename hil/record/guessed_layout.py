@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
-from hil.errors import FileError
+from hil.errors import FileError, option
 from hil.record import heading as headings
 from hil.record.header_metadata import units_above
 from hil.record.layout import WHITESPACE, Kind, Layout, is_row_of_units, is_time_format, split, stands_for_unit
@@ -235,15 +235,15 @@ def _no_rows(filled: Sequence[str], more: bool) -> str:
 def _unnamed(above: Sequence[str], separator: str, count: int) -> str:
     named = ["time", "command", "flow"] if count > 2 else ["command", "flow"]
     example = ",".join([*named[:count], *["-"] * (count - 3)])
-    even = "" if count > 2 else ", and --interval S for the seconds between samples"
-    option = f"name the {count} columns with --columns, as in --columns {example}{even}"
+    even = "" if count > 2 else f", and {option('interval', 'S')} for the seconds between samples"
+    asked = f"name the {count} columns with {option('columns')}, as in {option('columns', f'{example}')}{even}"
     filled = [(i, line) for i, line in enumerate(above, 1) if line.strip()]
     if not filled:
-        return f"the columns have no headings; {option}"
+        return f"the columns have no headings; {asked}"
     number, line = filled[-1]
     cells = len(split(line, separator))
     hint = "; with decimal commas, put semicolons between the columns" if count == 2 * cells else ""
     return (
         f"line {number + 1} has {count} values, the header names {cells} columns in line {number}{hint}. If that line "
-        f"is no header, {option}"
+        f"is no header, {asked}"
     )

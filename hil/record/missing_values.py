@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hil.errors import FileError
+from hil.errors import FileError, option
 from hil.language.note import Note
 from hil.record.columns import Column
 from hil.record.recording import Array, Mask
@@ -71,8 +71,9 @@ def _blanks(name: str, column: Column, missing: Mask, place: Place, gaps: bool) 
     label = column.name_and_unit[0]
     if not gaps:
         raise FileError(
-            f"{name}: {place(int(at[0]))}, channel '{label}': no value ({at.size} such of {len(missing)}); with --gaps "
-            "that is a sample that was not taken, and --columns can leave the channel out"
+            f"{name}: {place(int(at[0]))}, channel '{label}': no value ({at.size} such of {len(missing)}); with "
+            f"{option('gaps')} "
+            f"that is a sample that was not taken, and {option('columns')} can leave the channel out"
         )
     return [Note("'{channel}' has no value in {count} of {rows} rows, the first at {place}", channel=label,
                  count=at.size, rows=len(missing), place=place(int(at[0])))]  # fmt: skip
@@ -96,8 +97,9 @@ def _stand_ins(name: str, column: Column, here: Mask, number: float, place: Plac
     if not gaps:
         raise FileError(
             f"{name}: {place(int(at[0]))}, channel '{label}': {number:g} lies far beyond all other values, as loggers "
-            f"write where nothing was measured ({at.size} such of {len(here)}); with --gaps that is a sample that was "
-            "not taken, and --columns can leave the channel out"
+            f"write where nothing was measured ({at.size} such of {len(here)}); with {option('gaps')} that is a "
+            "sample that was "
+            f"not taken, and {option('columns')} can leave the channel out"
         )
     return [Note("'{channel}' is {number:g} in {count} of {rows} rows, treated as missing", channel=label,
                  number=number, count=at.size, rows=len(here))]  # fmt: skip

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.errors import FileError, SettingError
+from hil.errors import FileError, SettingError, option
 from hil.language.note import Note
 from hil.record import heading as headings
 from hil.record.columns import Column, Table, from_texts
@@ -50,7 +50,8 @@ def _called(name: str, tables: Sequence[Table], names: Sequence[str]) -> list[Ta
     if count != len(names):
         have = ", ".join(f"'{c.heading}'" for table in tables for c in table.columns if c.heading.strip())
         raise FileError(
-            f"{name}: --columns names {len(names)} columns, the file has {count}{': ' if have else ''}{have}; give a "
+            f"{name}: {option('columns')} names {len(names)} columns, the file has "
+            f"{count}{': ' if have else ''}{have}; give a "
             f"name for each, '{LEFT_OUT}' for one to leave out"
         )
     rest = iter(names)
@@ -64,14 +65,14 @@ def _called(name: str, tables: Sequence[Table], names: Sequence[str]) -> list[Ta
 def _check_known(name: str, tables: Sequence[Table], reading: Reading) -> None:
     have = [c for table in tables for c in table.columns]
     known = {text for c in have for text in (c.name_and_unit[0], c.heading.strip())}
-    asked = {**dict.fromkeys(reading.renamed, "--rename"), **dict.fromkeys(reading.units, "--unit")}
+    asked = {**dict.fromkeys(reading.renamed, "rename"), **dict.fromkeys(reading.units, "unit")}
     if reading.time:
-        asked[reading.time] = "--time"
+        asked[reading.time] = "time"
     allowed = known | set(reading.renamed.values()) | {"time"}
-    for wanted, option in asked.items():
-        if wanted not in (known if option == "--rename" else allowed):
+    for wanted, name_of in asked.items():
+        if wanted not in (known if name_of == "rename" else allowed):
             there = ", ".join(_shown(c) for c in have) or "none"
-            raise FileError(f"{name}: {option} {wanted}: no channel '{wanted}'; it has: {there}")
+            raise FileError(f"{name}: {option(name_of)} {wanted}: no channel '{wanted}'; it has: {there}")
 
 
 def _shown(column: Column) -> str:
@@ -108,6 +109,13 @@ def pairs(option: str, texts: Sequence[str], example: str) -> dict[str, str]:
     return {left.strip(): right.strip() for left, _, right in (text.rpartition("=") for text in texts)}
 
 
+def even_note(interval_s: float) -> Note:
+    """That the samples were taken as evenly spaced."""
+    return Note(
+        "even time base of {interval_s:g} s, as {option} says", interval_s=interval_s, option=option("interval")
+    )
+
+
 def with_stated_units(recording: Recording, reading: Reading) -> Recording:
     """The recording with the names of what its user has stated the unit of: nobody needs to doubt that."""
     stated = sorted({reading.renamed.get(name, name) for name in reading.units})
@@ -123,7 +131,8 @@ def as_stated(recording: Recording, reading: Reading) -> Recording:
     if reading == AS_IT_IS:
         return recording
     if reading.time or reading.columns:
-        raise SettingError(f"{recording.name}: --time and --columns are for files of others; a run knows its columns")
+        asked = f"{option('time')} and {option('columns')}"
+        raise SettingError(f"{recording.name}: {asked} are for files of others; a run knows its columns")
     names = {old: recording.channel(old).name for old in reading.renamed}
     new = {names[old]: label for old, label in reading.renamed.items()}
     channels = {new.get(name, name): replace(c, name=new.get(name, name)) for name, c in recording.channels.items()}
@@ -132,6 +141,5 @@ def as_stated(recording: Recording, reading: Reading) -> Recording:
     time_s, meta = recording.time_s, recording.meta
     if reading.interval_s:
         time_s = reading.interval_s * np.arange(len(recording), dtype=np.float64)
-        note = Note("even time base of {interval_s:g} s, as --interval says", interval_s=reading.interval_s)
-        meta = {**meta, "assumed": [*meta.get("assumed", ()), note]}
+        meta = {**meta, "assumed": [*meta.get("assumed", ()), even_note(reading.interval_s)]}
     return replace(recording, time_s=time_s, channels=channels, meta=meta, own=own).with_units(units)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.errors import FileError, UnitError
+from hil.errors import FileError, UnitError, option
 from hil.record.parts import cut
 from hil.record.show import data_frame, dataset, figure_by_unit, table_html
 from hil.units import check_unit, convert
@@ -153,11 +153,11 @@ class Recording:
             if missing:
                 raise UnitError(
                     f"{self.name}: no unit is stated for channel '{channel.name}', and '{unit}' is needed; say it with "
-                    f"--unit '{channel.name}={unit}' if that is what it is"
+                    f"{option('unit', f'{channel.name}={unit}')} if that is what it is"
                 ) from None
             raise UnitError(
                 f"{self.name}: channel '{channel.heading}': {error}; if the heading is wrong, say the right unit with "
-                f"--unit '{channel.name}=UNIT'"
+                f"{option('unit', f'{channel.name}=UNIT')}"
             ) from None
 
     def samples(self, name: str, unit: str | None = None) -> Samples:
@@ -275,15 +275,15 @@ def _repeated(time_s: Array) -> str:
     again = steps.size - moves.size
     if again and moves.size and moves.min() > 0.0 and again <= 0.1 * time_s.size:
         return (
-            f". {again} of {time_s.size} samples have the stamp of the one before; --gaps leaves them out, --interval "
-            "S reads all of them as evenly spaced"
+            f". {again} of {time_s.size} samples have the stamp of the one before; {option('gaps')} leaves them out, "
+            f"{option('interval', 'S')} reads all of them as evenly spaced"
         )
     if not moves.size or moves.min() < 0.0 or moves.size > 0.8 * steps.size:
-        return ". If the samples are evenly spaced, --interval S gives their distance in seconds"
+        return f". If the samples are evenly spaced, {option('interval', 'S')} gives their distance in seconds"
     apart_s = (time_s[-1] - time_s[0]) / steps.size
     return (
         f". About {steps.size / moves.size:.3g} samples share each stamp, as when stamps were rounded; if they are "
-        f"evenly spaced, --interval S gives their distance in seconds, here about {apart_s:.2g}"
+        f"evenly spaced, {option('interval', 'S')} gives their distance in seconds, here about {apart_s:.2g}"
     )
 
 
@@ -305,5 +305,5 @@ def _check_finite(name: str, heading: str, values: Array, place: Callable[[int],
         what = f"beyond ±{_LARGEST:g}" if np.isfinite(values[bad[0]]) else "not a number"
         raise FileError(
             f"{name}: {place(int(bad[0]))}, channel '{heading}': {values[bad[0]]} is {what} "
-            f"({bad.size} such sample{'s' if bad.size > 1 else ''}); mend them, or leave them out with --gaps"
+            f"({bad.size} such sample{'s' if bad.size > 1 else ''}); mend them, or leave them out with {option('gaps')}"
         )

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import FileError, StorageError, UnitError
+from hil.errors import FileError, StorageError, UnitError, option
 from hil.record import heading as headings
 from hil.record.columns import Column, Table
 from hil.record.durable import write_whole
@@ -181,7 +181,8 @@ def refuse_mislabelled(name: str, columns: Sequence[Column]) -> None:
     if any(levels) and any(angles) and all(a or b for a, b in zip(levels, angles, strict=True)):
         raise FileError(
             f"{name}: its columns are in dB and in degrees, as those of a frequency response, but the first is "
-            "called a time; if it is a frequency, say so with --rename time=frequency --unit frequency=Hz"
+            f"called a time; if it is a frequency, say so with {option('rename', 'time=frequency')} "
+            f"{option('unit', 'frequency=Hz')}"
         )
 
 
@@ -260,7 +261,8 @@ def _frequency_hz(name: str, column: Column) -> Array:
     label, unit = column.name_and_unit
     if not unit:
         raise FileError(
-            f"{name}: no unit is stated for '{label}'; say it with --unit {label}=Hz or --unit {label}=rad/s"
+            f"{name}: no unit is stated for '{label}'; say it with {option('unit', f'{label}=Hz')} or "
+            f"{option('unit', f'{label}=rad/s')}"
         )
     if unit == "rad/s":
         return _real(column) / (2.0 * math.pi)
@@ -277,12 +279,16 @@ def _gain(name: str, column: Column, notes: list[str]) -> tuple[Array, str, bool
         notes.append(f"no unit is stated for '{label}', which goes below 0; taken as dB")
         unit = "dB"
     if not unit:
-        raise FileError(f"{name}: no unit is stated for '{label}'; say it with --unit {label}=dB or --unit {label}=1")
+        raise FileError(
+            f"{name}: no unit is stated for '{label}'; say it with {option('unit', f'{label}=dB')} or "
+            f"{option('unit', f'{label}=1')}"
+        )
     if unit.casefold() in _DECIBEL:
         return 10.0 ** (values / 20.0), "1", True
     if np.nanmin(values) < 0.0:
         raise FileError(
-            f"{name}: '{column.heading}' goes below 0; a gain does not, if it is in decibels say --unit {label}=dB"
+            f"{name}: '{column.heading}' goes below 0; a gain does not, if it is in decibels say "
+            f"{option('unit', f'{label}=dB')}"
         )
     return (values / 100.0, "1", False) if unit == "%" else (values, unit, False)
 
@@ -299,11 +305,15 @@ def _phase_rad(name: str, column: Column, notes: list[str]) -> Array:
 def _angle(name: str, column: Column, notes: list[str]) -> Array:
     label, unit = column.name_and_unit
     if unit in _GERMAN_DEGREES:
-        notes.append(f"'{label}' is in {unit}, taken as degrees of 360 to a turn; --unit '{label}=gon' says otherwise")
+        notes.append(
+            f"'{label}' is in {unit}, taken as degrees of 360 to a turn; {option('unit', f'{label}=gon')} says "
+            "otherwise"
+        )
         unit = "deg"
     if not unit:
         raise FileError(
-            f"{name}: no unit is stated for '{label}'; say it with --unit {label}=deg or --unit {label}=rad"
+            f"{name}: no unit is stated for '{label}'; say it with {option('unit', f'{label}=deg')} or "
+            f"{option('unit', f'{label}=rad')}"
         )
     try:
         return convert(_real(column), {"°": "deg", "Deg": "deg"}.get(unit, unit), "rad")

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import FileError
+from hil.errors import FileError, option
 from hil.record import heading as headings
 from hil.record.columns import Column
 from hil.record.layout import Layout
@@ -139,7 +139,8 @@ def _behind(path: Path, found: Layout, column: int, texts: Any, reading: Reading
     if letters == {"m"} and not stated:
         raise FileError(
             f"{path}: column {column + 1} ('{name}'): an m stands behind its numbers, milli, metre or minute; say its "
-            f"unit: with --unit '{name}=A' 25.1m is 0.0251 A, with --unit '{name}=m' it is 25.1 m"
+            f"unit: with {option('unit', f'{name}=A')} 25.1m is 0.0251 A, with {option('unit', f'{name}=m')} it is "
+            "25.1 m"
         )
     return "", True
 
@@ -232,13 +233,14 @@ def _no_number(path: Path, found: Layout, row: int, column: int) -> str:
     if number == next(_texts(path, found), (0, ""))[0]:
         return _no_row(number, " ".join(cells))
     return (
-        f"line {number}, column {column + 1} ('{found.headings[column]}'): '{cells[column]}' is not a number; --gaps "
-        "takes it as a sample that was not taken, --columns can leave the column out"
+        f"line {number}, column {column + 1} ('{found.headings[column]}'): '{cells[column]}' is not a number; "
+        f"{option('gaps')} "
+        f"takes it as a sample that was not taken, {option('columns')} can leave the column out"
     )
 
 
 def _no_row(number: int, text: str) -> str:
-    return f"line {number} is no row of numbers: '{text[:_SHOWN]}'; --gaps leaves such lines out"
+    return f"line {number} is no row of numbers: '{text[:_SHOWN]}'; {option('gaps')} leaves such lines out"
 
 
 def _miscounted(count: int, found: Layout) -> str:
@@ -270,7 +272,9 @@ def _without_cut_line(path: Path, found: Layout, table: Any, gaps: bool) -> tupl
         return table, ""
     row, number, count = short[0]
     if not gaps:
-        raise FileError(f"{path}: line {number} {_miscounted(count, found)}; --gaps leaves out what is not there")
+        raise FileError(
+            f"{path}: line {number} {_miscounted(count, found)}; {option('gaps')} leaves out what is not there"
+        )
     if row < len(table) - 1:
         return table, ""
     return table.iloc[:-1], f"line {number}, the last, is cut off ({count} of {wanted} values) and left out"
@@ -286,11 +290,13 @@ def _stamps(path: Path, found: Layout, column: int, texts: list[str]) -> Any:
             except (ValueError, OverflowError):
                 raise FileError(
                     f"{path}: line {number}, column {column + 1} ('{found.headings[column]}'): "
-                    f"'{cells[column] if len(cells) > column else ''}' is no date or time of the day; --interval S "
+                    f"'{cells[column] if len(cells) > column else ''}' is no date or time of the day; "
+                    f"{option('interval', 'S')} "
                     "reads evenly spaced samples without it"
                 ) from None
         raise FileError(
-            f"{path}: column {column + 1} ('{found.headings[column]}'): its stamps cannot be read; --interval S reads "
+            f"{path}: column {column + 1} ('{found.headings[column]}'): its stamps cannot be read; "
+            f"{option('interval', 'S')} reads "
             "evenly spaced samples without them"
         ) from None
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import platformdirs
 
-from hil.errors import FileError, StorageError, TrippedError, UnknownNameError
+from hil.errors import FileError, StorageError, TrippedError, UnknownNameError, option
 from hil.untrusted import read_json
 
 _ENDS = "find the cause; this trip ends with its run, as on every simulated bench, and needs no reset"
@@ -53,7 +53,7 @@ class Latch:
         """Raise `TrippedError` while anything is tripped."""
         if self._trips:
             name, why = next(iter(self._trips.items()))
-            kept = f"find the cause, then reset it with --reset '{name}'" if self._path else _ENDS
+            kept = f"find the cause, then reset it with {option('reset')} '{name}'" if self._path else _ENDS
             raise TrippedError(f"{why}; {kept}")
 
     def _keep(self) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hil.catalog import models
-from hil.errors import FileError, InputError, SettingError, StorageError, UnitError
+from hil.errors import FileError, InputError, SettingError, StorageError, UnitError, option
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.frequency.table_fit import as_response
 from hil.identification.papers.asymptotic_bode import AsymptoticFit, asymptotic_bode
@@ -81,7 +81,7 @@ def models_of_times(
         SettingError: one of them is not.
     """
     if rise_s is None or settling_s is None:
-        raise SettingError("name a recording with steps, or say --rise S and --settling S")
+        raise SettingError(f"name a recording with steps, or say {option('rise', 'S')} and {option('settling', 'S')}")
     return step_models(rise_s, settling_s, None if beside is None else as_response([beside]), band=band)
 
 
@@ -336,8 +336,8 @@ def channels_of(recording: Recording, input_name: str = "", output_name: str = "
     answer = output_name or str(roles.get("response", "")) or both[1]
     if not given or not answer:
         raise FileError(
-            f"{recording.name}: which channel is the command and which the response? Say --input NAME and --output "
-            f"NAME; there are: {', '.join(names)}"
+            f"{recording.name}: which channel is the command and which the response? Say {option('input', 'NAME')} and "
+            f"{option('output', 'NAME')}; there are: {', '.join(names)}"
         )
     return recording.channel(given).name, recording.channel(answer).name
 

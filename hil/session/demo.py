@@ -14,7 +14,7 @@ from pathlib import Path
 from hil.bench.find import find_bench
 from hil.bench.read import read_bench
 from hil.diagnosis.diagnose import Diagnosed, diagnose
-from hil.errors import FileError, UnknownNameError
+from hil.errors import FileError, UnknownNameError, option
 from hil.identification.grey_box.identify import GreyBoxFit, fit_plant, starting_model
 from hil.identification.preparation.experiment import experiment, for_model
 from hil.physics.model import save_model
@@ -66,7 +66,7 @@ def demonstrate(out: Path, conceal: str, progress: Progress) -> Demonstration:
     if conceal not in CONCEALED:
         raise UnknownNameError("concealed effect", conceal, CONCEALED)
     if out.exists() and any(out.iterdir()):
-        raise FileError(f"{out}: is not empty; name another folder with --out, or remove it")
+        raise FileError(f"{out}: is not empty; name another folder with {option('out')}, or remove it")
     out.mkdir(parents=True, exist_ok=True)
     steps = _Steps(progress)
     tests = {name: _tested(name, find_bench(VALVE), out / f"good-{name}", steps.part(share, "good valve"))

@@ -17,7 +17,7 @@ from typing import Any
 from hil.child import over_processes
 from hil.cores import cores
 from hil.diagnosis.diagnose import Diagnosed, diagnose
-from hil.errors import FileError, HilError, InputError
+from hil.errors import FileError, HilError, InputError, option
 from hil.physics.model import Model, load_model
 from hil.record.read import read_recording
 from hil.record.reading import AS_IT_IS, Reading
@@ -123,7 +123,7 @@ def read_unit(
         raise FileError(f"{folder}: no recordings ({pattern}) of a unit")
     own = folder / NOMINAL_FILE
     if not own.is_file() and model is None:
-        raise FileError(f"{folder}: no {NOMINAL_FILE}, and no --model given")
+        raise FileError(f"{folder}: no {NOMINAL_FILE}, and no {option('model')} given")
     known = load_model(own) if own.is_file() or model is None else model
     read = tuple(read_recording(path, reading) for path in paths)
     return Unit(folder.resolve().name, known, read, tuple(inputs), output)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.diagnosis.skeleton.table import table_of
-from hil.errors import FileError, SettingError
+from hil.errors import FileError, SettingError, option
 from hil.identification.frequency.table_fit import AS_THEY_SHOW, Orders, fit_tables
 from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.identification.preparation.experiment import Experiment, experiment
@@ -117,7 +117,8 @@ def read_for(
         )
     if tables and plant != _LINEAR:
         raise FileError(
-            f"{tables[0].name}: a frequency response, from which --plant {_LINEAR} is identified; '{plant}' needs "
+            f"{tables[0].name}: a frequency response, from which {option('plant', f'{_LINEAR}')} is identified; "
+            f"'{plant}' needs "
             "samples in time"
         )
     return tables or recordings
@@ -136,7 +137,7 @@ def _refuse_parameters(plant: str, paths: Sequence[str | Path]) -> None:
         if not Path(path).exists() and str(path) in starting_model(plant).values:
             raise FileError(
                 f"{path}: no such recording, but a parameter of '{plant}'; parameters to free are separated by commas, "
-                f"--free a,{path}, or each has its own --free"
+                f"{option('free')} a,{path}, or each has its own {option('free')}"
             )
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.bench.read import BenchFile
-from hil.errors import SettingError
+from hil.errors import SettingError, option
 from hil.session.procedure import Procedure
 
 ASK = "ask"
@@ -43,19 +43,19 @@ def labels_of(serial: str, operator: str, notes: Iterable[str]) -> Labels:
     Raises:
         SettingError: a note that is not KEY=VALUE or is given twice, or a text that no label can be.
     """
-    for name, text in (("--serial", serial), ("--operator", operator)):
+    for name, text in ((option("serial"), serial), (option("operator"), operator)):
         if text and not text.strip():
             raise SettingError(f"{name}: {text!r}: nothing but blanks; leave it out where there is none")
     found: dict[str, str] = {}
     for text in notes:
         key, equals, value = (part.strip() for part in text.partition("="))
         if not (key and equals and value):
-            raise SettingError(f"--note {text!r}: KEY=VALUE was expected, as in 'oil=ISO VG 46'")
-        key, value = _label("--note", key), _label(f"--note {key}", value, _LONGEST_NOTE)
+            raise SettingError(f"{option('note')} {text!r}: KEY=VALUE was expected, as in 'oil=ISO VG 46'")
+        key, value = _label(option("note"), key), _label(f"{option('note', f'{key}')}", value, _LONGEST_NOTE)
         if key in found:
-            raise SettingError(f"--note {key}: is given twice")
+            raise SettingError(f"{option('note', f'{key}')}: is given twice")
         found[key] = value
-    return Labels(_label("--serial", serial), _label("--operator", operator), found)
+    return Labels(_label(option("serial"), serial), _label(option("operator"), operator), found)
 
 
 def labelled(
@@ -76,7 +76,7 @@ def labelled(
     serial = labels.serial or ("" if stated == ASK else stated)
     if not serial and stated == ASK:
         if ask is None:
-            raise SettingError(f'{bench.path}: serial = "ask": say which unit this is with --serial SN')
+            raise SettingError(f'{bench.path}: serial = "ask": say which unit this is with {option("serial", "SN")}')
         serial = _label("serial number", ask())
         if not serial:
             raise SettingError(f'{bench.path}: serial = "ask": nothing was typed or scanned; nothing was driven')
@@ -84,7 +84,8 @@ def labelled(
         serial = SIMULATED
     if procedure.certificate and (not serial or (serial == SIMULATED and not bench.is_simulated)):
         raise SettingError(
-            f"{procedure.name} issues a certificate, which is of a unit: say which with --serial SN; nothing was driven"
+            f"{procedure.name} issues a certificate, which is of a unit: say which with {option('serial', 'SN')}; "
+            "nothing was driven"
         )
     return bench.of_unit(serial), replace(labels, serial=serial)
 

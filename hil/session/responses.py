@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import FileError
+from hil.errors import FileError, option
 from hil.record.folder import read
 from hil.record.header import HEADER_FILE
 from hil.record.measurement import Findings
@@ -65,7 +65,7 @@ def response_of_run(path: Path, part: str) -> ResponseTable:
         names = ", ".join(f"'{label}'" for label in found) or "none"
         raise FileError(
             f"{path}: the run measured {len(found)} frequency responses, {names}; a transfer function describes one "
-            "amplitude about one bias: name it with --part"
+            f"amplitude about one bias: name it with {option('part')}"
         )
     return next(iter(found.values()))
 

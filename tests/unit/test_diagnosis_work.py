@@ -24,7 +24,7 @@ def test_what_there_is_no_time_for_is_said_once() -> None:
     assert said == [(0.5, "here")]
     assert work.as_dict()["not_searched"] == ["two causes"]
     (warning,) = work.warnings
-    assert "0 s" in warning and warning.count("two causes") == 1 and "--budget" in warning
+    assert "0 s" in warning and warning.count("two causes") == 1 and "a larger budget" in warning
 
 
 def test_a_diagnosis_without_time_still_answers() -> None:

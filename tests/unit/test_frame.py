@@ -14,9 +14,8 @@ import pytest
 
 import hil
 from hil import api
-from hil.api.python_words import python_words
 from hil.cli.app import main
-from hil.errors import HilError
+from hil.errors import HilError, option, options_of
 from hil.record.recording import Recording
 
 TIME = np.arange(400) * 0.01
@@ -97,7 +96,7 @@ def test_notes_and_warnings_name_arguments_too(tmp_path: Any) -> None:
     given["flow [l/min]"] = np.roll(given["flow [l/min]"][::-1], 50)  # nothing explains that at once
     found = hil.diagnose(model, given, budget_s=1e-6, out=tmp_path / "d", notes=notes.append)
     assert any("units={'time': 'ms'}" in note for note in notes)
-    assert any("a larger budget_s may find more" in text for text in found.diagnosis.warnings)
+    assert any("a larger budget may find more" in text for text in found.diagnosis.warnings)
     assert "--" not in "".join((*notes, *found.diagnosis.warnings))
 
 
@@ -112,14 +111,15 @@ def test_a_bench_that_is_driven_by_hand_names_arguments_in_its_errors(tmp_path: 
         api.demo(tmp_path / "demo")
 
 
-def test_python_words_are_arguments() -> None:
-    command = "`hil identify --plant` makes a model; a larger budget_s"
-    assert python_words(command.replace("budget_s", "--budget")) == command
-    assert python_words("  next: hil run step --set a=1") == "  next: hil run step --set a=1"
-    assert python_words("use --gaps, or --columns A,B") == "use hil.read(…, gaps=True), or hil.read(…, columns=A),B"
-    assert python_words("--rename time=frequency") == "hil.read(…, renamed={'time': 'frequency'})"
-    assert python_words("a larger --bench-budget; --free a") == "a larger bench_budget_s; free a"
-    assert python_words("say --input NAME (of hil simulate: --input-name NAME)") == "say inputs=NAME"
+def test_an_option_is_called_as_at_the_outermost_door() -> None:
+    assert option("gaps") == "--gaps" and option("unit", "flow rate=l/min") == "--unit 'flow rate=l/min'"
+    assert option("time", "my clock") == "--time 'my clock'" and option("input", "NAME") == "--input NAME"
+    with options_of("python"):
+        assert option("gaps") == "hil.read(…, gaps=True)" and option("columns", "A,B") == "hil.read(…, columns=A,B)"
+        assert option("rename", "time=frequency") == "hil.read(…, renamed={'time': 'frequency'})"
+        assert (option("bench-budget"), option("input", "NAME")) == ("bench_budget_s", "inputs=NAME")
+    with options_of("prompt"), options_of("python"):
+        assert option("gaps") == "--gaps"
 
 
 def test_the_command_line_keeps_its_options(

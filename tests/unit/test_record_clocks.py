@@ -75,7 +75,7 @@ def contradicting() -> tuple[str, list[str]]:
 
 def test_two_clocks_of_different_units_are_refused_until_somebody_says(tmp_path: Path) -> None:
     heading, stamps = contradicting()
-    with pytest.raises(FileError, match=r"took 5950 s.* 5.95 s; --time 'DateTime' .*--unit 'Test_Time=UNIT'"):
+    with pytest.raises(FileError, match=r"took 5950 s.* 5.95 s; --time DateTime .*--unit 'Test_Time=UNIT'"):
         read(tmp_path, heading, stamps)
     for reading in (Reading(time="DateTime"), Reading(units={"Test_Time": "ms"})):
         assert read(tmp_path, heading, stamps, reading).duration_s == pytest.approx(5.95)

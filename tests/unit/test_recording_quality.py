@@ -99,7 +99,7 @@ def test_compare_leaves_out_samples_that_identify_leaves_out() -> None:
 def test_samples_further_apart_than_a_plant_takes_are_refused_before_any_fit() -> None:
     short = with_rows(made_steps(), slice(400, 1000))
     slow = replace(short, time_s=1000.0 * short.time_s)
-    with pytest.raises(FileError, match=r"time divided by 1000; .*--unit time=UNIT"):
+    with pytest.raises(FileError, match=r"time divided by 1000; .*--unit 'time=UNIT'"):
         looked_at(slow)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from hil.errors import SettingError
+from hil.errors import SettingError, option
 from hil.identification.grey_box.estimate import Unknown
 from hil.physics.compose import effect
 from hil.physics.model import Model, Value
@@ -59,7 +59,7 @@ def check_free(model: Model, name: str) -> None:
     if name in all_values(model):
         return
     known = ", ".join(sorted(all_values(model)))
-    raise SettingError(f"--free {name}: the model of {model.plant} has no parameter '{name}'; known: {known}")
+    raise SettingError(f"{option('free')} {name}: the model of {model.plant} has no parameter '{name}'; known: {known}")
 
 
 def _found(model: Model, name: str) -> tuple[Parameter, float]:

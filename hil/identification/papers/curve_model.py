@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.errors import InputError
+from hil.errors import InputError, option
 from hil.identification.steady.flow_curve import monotone
 from hil.physics.compose import plant
 from hil.physics.measured_curve import MEASURED, NODES
@@ -107,7 +107,8 @@ def _dynamics(linear: TransferFunction) -> dict[str, float]:
     if found["pair2_time"] or found["pair1_zero_square"] or len(linear.poles) > 3 or found.get("integrator_gain"):
         raise InputError(
             f"a flow curve with dynamics has up to three poles and one zero, and no integrator; these have "
-            f"{len(linear.poles)} poles and {len(linear.zeros)} zeros: ask for fewer with --poles and --zeros"
+            f"{len(linear.poles)} poles and {len(linear.zeros)} zeros: ask for fewer with {option('poles')} and "
+            f"{option('zeros')}"
         )
     return {
         "dead_time": found["dead_time"], "lag_time": found["lag_time"],

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.errors import InputError
+from hil.errors import InputError, option
 from hil.identification.frequency.frequency_response import from_polar
 from hil.identification.frequency.order_choice import fit_transfer_function
 from hil.physics.model import Model
@@ -86,13 +86,13 @@ def linearised(
     if not np.ptp(answer) > 0.0:
         raise InputError(
             f"{model.plant}: no answer to ±{size:g} {plant.inputs[0].unit} about {at:g}; it stands in a dead band, a "
-            "hysteresis or at an end there: take another command, or a larger --step"
+            f"hysteresis or at an end there: take another command, or a larger {option('step')}"
         )
     top_hz = 1.0 / (_LEAST_SAMPLES * _INTERVAL_S)
     if not _settled(answer):
         raise InputError(
             f"{model.plant}: neither the answer to a step nor its rate settles within {window_s:g} s; look at it "
-            "longer with --window"
+            f"longer with {option('window')}"
         )
     frequency_hz = np.geomspace(_LEAST_PERIODS / window_s, top_hz, _LINES)
     fit = fit_transfer_function(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hil.errors import FileError, SettingError
+from hil.errors import FileError, SettingError, option
 from hil.identification.preparation.driven import FINER, PHASES, as_driven, stood_before, with_dither
 from hil.identification.preparation.time_base import (
     GRID_PER_UNEVEN_SAMPLE,
@@ -487,7 +487,7 @@ def _check_named(recording: Recording, plant: Plant, input_name: str, output_nam
         hint = f", did you mean '{alike[0]}'?" if alike else ";"
         raise FileError(
             f"{recording.name}: no channel '{name}', the {role} of {plant.name}{hint} it has: {have or 'none'}; "
-            f"say which is the {role} with --{role} NAME (of hil simulate: --{role}-name NAME)"
+            f"say which is the {role} (of hil simulate {option(f'{role}-name')}) with {option(role, 'NAME')}"
         )
 
 

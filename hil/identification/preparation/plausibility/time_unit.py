@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hil.errors import option
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.plausibility.suspicion import (
     HALF,
@@ -76,9 +77,8 @@ def _fits_in_another_time(model: Model, e: Experiment) -> Suspicion | None:
     if factor < 1.0:
         by = Note("multiplied by {factor:.4g}", factor=1.0 / factor)
     cause = Note(
-        "{model} fits only with the time {by}; it looks like a wrong unit of time, and --unit time=UNIT says the right "
-        "one",
-        model=spoken_of(model), by=by,
+        "{model} fits only with the time {by}; it looks like a wrong unit of time, and {option} says the right one",
+        model=spoken_of(model), by=by, option=option("unit", "time=UNIT"),
     )  # fmt: skip
     return Suspicion(e.name, cause.of(e.name), fit)
 

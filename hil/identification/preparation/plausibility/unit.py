@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hil.errors import UnitError
+from hil.errors import UnitError, option
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.plausibility.suspicion import (
     GOOD_FIT,
@@ -123,7 +123,7 @@ def _fits_in_another_unit(model: Model, e: Experiment, before: float) -> Suspici
 def _if_right(heading: str) -> Note:
     """What a user does who knows better."""
     name, unit = split_heading(heading)
-    return Note("If it is right, --unit '{name}={unit}' says so", name=name, unit=unit)
+    return Note("If it is right, {option} says so", option=option("unit", f"{name}={unit}"))
 
 
 @dataclass(frozen=True, slots=True)
