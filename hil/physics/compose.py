@@ -65,9 +65,9 @@ class Site:
         return "time_s" in _argument_names(self.effect.transform)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Kernel:
-    """A plant to be simulated: `run` advances it; the rest says how its arrays are laid out.
+    """A plant to be simulated: `run` advances it; the rest says how its arrays are laid out. Each is itself alone.
 
     Attributes:
         coefficients: of the plant, with the width of those that are arrays; 0 of a number.

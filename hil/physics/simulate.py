@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,35 +51,41 @@ class Drive:
     read_at: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class _Laws:
-    """What a kernel is told of the plant's parameters, at rest and in motion."""
-
-    of: Kernel
-    steady: Array
-    coefficients: Array
-
-
-@dataclass(frozen=True, slots=True)
-class _Switches:
-    """What a kernel is told of effects: which are on, their coefficients, and where the memory of each begins."""
-
-    of: Kernel
-    on: NDArray[np.bool_]
-    effect_coefficients: Array
-    offsets: NDArray[np.int64]
-
-
 @dataclass(slots=True)
 class _Arrays:
-    """Arguments of the kernel for one set of values; it writes to `states` and `memory` alone."""
+    """What the kernel takes for one set of values.
 
+    Attributes:
+        steady, coefficients: of the plant, at rest and in motion.
+        on, effect_coefficients, offsets: which effects are on, what they take, and where the memory of each begins.
+        states, memory: the kernel writes to these alone.
+    """
+
+    run: Callable[..., None]
     step_s: float
     sub_steps: int
-    laws: _Laws
-    switches: _Switches
+    steady: Array
+    coefficients: Array
     states: Array
+    on: NDArray[np.bool_]
+    effect_coefficients: Array
     memory: Array
+    offsets: NDArray[np.int64]
+
+    def advanced(
+        self, plant: Plant, inputs: Array, read_at: float, start: int, settle: bool,
+        inject: int = -1, disturbance: Array = _NOTHING, trace: Array | None = None,
+        follow: Array = _NO_OBSERVER, measured: Array = _NOTHING,
+    ) -> Array:  # fmt: skip
+        """Outputs and observed signals, shape (1 + observed, n); states and memory go on."""
+        out = np.empty((1 + len(plant.observed), inputs.shape[1]))
+        self.run(
+            _dense(inputs), self.step_s, self.sub_steps, round(read_at * self.sub_steps), start, settle,
+            self.steady, self.coefficients, self.states, self.on, self.effect_coefficients, self.memory, self.offsets,
+            inject, _dense(disturbance), trace is not None, _NO_TRACE if trace is None else trace, follow,
+            _dense(measured), out,
+        )  # fmt: skip
+        return out
 
 
 def sub_steps(plant: Plant, interval_s: float, factor: float = 1.0) -> int:
@@ -123,19 +129,12 @@ def simulate(
         _check_injected(inject, plant, hook_names, count)
     if measured is not None and measured.shape != (count,):
         raise InputError(f"{plant.name}: a measured output of shape {measured.shape}, must be ({count},)")
-    compiled = kernel(plant.name)
-    arrays = _arrays(compiled, parameters, drive, effects, sub_steps(plant, drive.interval_s, factor))
-    out = np.empty((1 + len(plant.observed), count))
-    compiled.run(
-        _dense(drive.inputs), arrays.step_s, arrays.sub_steps, round(drive.read_at * arrays.sub_steps), 0, True,
-        arrays.laws.steady, arrays.laws.coefficients, arrays.states,
-        arrays.switches.on, arrays.switches.effect_coefficients, arrays.memory, arrays.switches.offsets,
-        hook_names.index(inject[0]) if inject else -1, _dense(inject[1]) if inject else _NOTHING,
-        trace is not None, _NO_TRACE if trace is None else trace,
-        _NO_OBSERVER if measured is None else _observer(plant, parameters, drive.interval_s),
-        _NOTHING if measured is None else _dense(measured), out,
+    at, disturbance = (hook_names.index(inject[0]), inject[1]) if inject else (-1, _NOTHING)
+    follow = _NO_OBSERVER if measured is None else _observer(plant, parameters, drive.interval_s)
+    return _arrays(plant, parameters, drive, effects, factor).advanced(
+        plant, drive.inputs, drive.read_at, 0, True, at, disturbance, trace, follow,
+        _NOTHING if measured is None else measured,
     )  # fmt: skip
-    return out
 
 
 @dataclass(slots=True)
@@ -156,21 +155,12 @@ class Twin:
     def advance(self, inputs: Array) -> Array:
         """Outputs, shape (1 + observed, n), for inputs of shape (inputs, n); the first call settles first."""
         _check_rows("inputs", inputs, self.plant, [signal.heading for signal in self.plant.inputs])
-        compiled = kernel(self.plant.name)
         settle = self._arrays is None
         if self._arrays is None:
-            steps = sub_steps(self.plant, self.interval_s)
             drive = Drive(inputs, math.nan, self.interval_s)
-            self._arrays = _arrays(compiled, self.parameters, drive, self.effects, steps)
-        a = self._arrays
-        out = np.empty((1 + len(self.plant.observed), inputs.shape[1]))
-        compiled.run(
-            _dense(inputs), a.step_s, a.sub_steps, round(self.read_at * a.sub_steps), self._done, settle,
-            a.laws.steady, a.laws.coefficients, a.states,
-            a.switches.on, a.switches.effect_coefficients, a.memory, a.switches.offsets,
-            -1, _NOTHING, False, _NO_TRACE, _NO_OBSERVER, _NOTHING, out,
-        )  # fmt: skip
-        self._done += inputs.shape[1] * a.sub_steps
+            self._arrays = _arrays(self.plant, self.parameters, drive, self.effects)
+        out = self._arrays.advanced(self.plant, inputs, self.read_at, self._done, settle)
+        self._done += inputs.shape[1] * self._arrays.sub_steps
         return out
 
 
@@ -198,62 +188,42 @@ def _check_injected(inject: tuple[str, Array], plant: Plant, hook_names: Sequenc
 
 
 def _arrays(
-    compiled: Kernel,
+    plant: Plant,
     parameters: Mapping[str, float],
     drive: Drive,
     effects: Iterable[ActiveEffect],
-    steps: int,
+    factor: float = 1.0,
 ) -> _Arrays:
+    compiled, steps = kernel(plant.name), sub_steps(plant, drive.interval_s, factor)
     step_s = drive.interval_s / steps
-    switches = _switches(compiled, {effect.key: effect.parameters for effect in effects}, step_s)
+    active = {effect.key: tuple(effect.parameters.items()) for effect in effects}
+    on, values, offsets = effects_at(compiled, step_s, tuple(active.items()))
     return _Arrays(
-        step_s,
-        steps,
-        _laws(compiled, parameters, step_s),
-        switches,
-        _initial_states(compiled.plant, parameters, drive),
-        np.zeros(int(switches.offsets[-1]) + 1),
-    )
+        compiled.run, step_s, steps, *plant_at(compiled, step_s, tuple(parameters.items())),
+        _initial_states(compiled.plant, parameters, drive), on, values, np.zeros(int(offsets[-1]) + 1), offsets,
+    )  # fmt: skip
 
 
 # Fits simulate every recording with the same values, and many effects on the same plant: making these arrays anew
 # each time takes longer than a simulation.
 _KEPT = 16
-_recent_laws: dict[object, _Laws] = {}
-_recent_switches: dict[object, _Switches] = {}
+_Named = tuple[tuple[str, float], ...]
 
 
-def _laws(compiled: Kernel, parameters: Mapping[str, float], step_s: float) -> _Laws:
-    key = (compiled.plant.name, step_s, tuple(parameters.items()))
-    found = _recent_laws.get(key)
-    if found is None or found.of is not compiled:
-        of = compiled.plant.coefficients
-        found = _Laws(compiled, flat(of(parameters, math.inf)), flat(of(parameters, step_s)))
-        _keep(_recent_laws, key, found)
-    return found
+@lru_cache(_KEPT)
+def plant_at(compiled: Kernel, step_s: float, parameters: _Named) -> tuple[Array, Array]:
+    """The plant's coefficients at rest and in motion, as the kernel takes them; kept for the next simulations."""
+    of, values = compiled.plant.coefficients, dict(parameters)
+    return flat(of(values, math.inf)), flat(of(values, step_s))
 
 
-def _switches(compiled: Kernel, active: Mapping[tuple[str, str], Mapping[str, float]], step_s: float) -> _Switches:
-    key = (compiled.plant.name, step_s, tuple((of, *given.items()) for of, given in active.items()))
-    found = _recent_switches.get(key)
-    if found is None or found.of is not compiled:
-        found = _switched(compiled, active, step_s)
-        _keep(_recent_switches, key, found)
-    return found
-
-
-_Kept = TypeVar("_Kept")
-
-
-def _keep(recent: dict[object, _Kept], key: object, made: _Kept) -> None:
-    if len(recent) >= _KEPT:
-        recent.clear()
-    recent[key] = made
-
-
-def _switched(compiled: Kernel, active: Mapping[tuple[str, str], Mapping[str, float]], step_s: float) -> _Switches:
+@lru_cache(_KEPT)
+def effects_at(
+    compiled: Kernel, step_s: float, active: tuple[tuple[tuple[str, str], _Named], ...]
+) -> tuple[NDArray[np.bool_], Array, NDArray[np.int64]]:
+    """Which effects are on, their coefficients, and where the memory of each begins; kept for the next simulations."""
     plant = compiled.plant
-    unknown = active.keys() - compiled.indices.keys()
+    unknown = {key for key, _ in active} - compiled.indices.keys()
     if unknown:
         known = [f"{name} at {hook}" for name, hook in compiled.indices]
         raise UnknownNameError(f"effect in {plant.name}", " at ".join(min(unknown)), known)
@@ -261,17 +231,17 @@ def _switched(compiled: Kernel, active: Mapping[tuple[str, str], Mapping[str, fl
     on = np.zeros(count, dtype=np.bool_)
     values = np.zeros(compiled.starts[-1] + 1)
     sizes = np.zeros(1 + count + len(plant.lines_s), dtype=np.int64)
-    for key, given in active.items():
-        k = compiled.indices[key]
+    for key, named in active:
+        k, given = compiled.indices[key], dict(named)
         site = compiled.sites[k]
         if site.effect.coefficients is not None:
-            given = site.effect.coefficients(given, step_s)
+            given = dict(site.effect.coefficients(given, step_s))
         on[k] = True
         values[compiled.starts[k] : compiled.starts[k + 1]] = [given[name] for name in compiled.arguments[k]]
         scaled = {parameter.name: parameter for parameter in site.effect.parameters_at(site.hook)}
         sizes[1 + k] = site.effect.memory(scaled, step_s)
     sizes[1 + count :] = [math.ceil(length / step_s) + 4 for length in plant.lines_s.values()]
-    return _Switches(compiled, on, values, np.cumsum(sizes))
+    return on, values, np.cumsum(sizes)
 
 
 def _observer(plant: Plant, parameters: Mapping[str, float], interval_s: float) -> Array:

@@ -17,10 +17,7 @@ import pytest
 from hil.catalog import entries
 from hil.errors import FileError, InputError, UnknownNameError
 from hil.physics.compose import effect, effects, kernel, plant
-from hil.physics.simulate import ActiveEffect, Drive, Twin, simulate
-from hil.physics.simulate import _laws as laws_of
-from hil.physics.simulate import _recent_laws as recent_laws
-from hil.physics.simulate import _recent_switches as recent_switches
+from hil.physics.simulate import ActiveEffect, Drive, Twin, effects_at, plant_at, simulate
 
 VALVE = plant("brevini-hpv41")
 COUNT = 10
@@ -178,8 +175,8 @@ def test_values_that_were_simulated_before_are_not_mistaken_for_others() -> None
         made = []
         for values, switched_on, interval_s in asked:
             if fresh:
-                recent_laws.clear()
-                recent_switches.clear()
+                plant_at.cache_clear()
+                effects_at.cache_clear()
             made.append(simulate(VALVE, values, Drive(inputs, math.nan, interval_s), switched_on).tobytes())
         return made
 
@@ -197,10 +194,11 @@ def test_a_fit_works_out_the_same_values_once_for_all_its_recordings() -> None:
         return VALVE.coefficients(values, step_s)
 
     watched = replace(kernel("brevini-hpv41"), plant=replace(VALVE, coefficients=counted))
+    values = tuple(VALVE.typical.items())
     for _ in range(3):
-        laws_of(watched, VALVE.typical, 1e-3)
+        plant_at(watched, 1e-3, values)
     assert calls == [math.inf, 1e-3]
-    laws_of(replace(watched), VALVE.typical, 1e-3)  # a plant that was edited since has another kernel
+    plant_at(replace(watched), 1e-3, values)  # a plant that was edited since has another kernel
     assert len(calls) == 4
 
 
