@@ -88,15 +88,17 @@ def figures_page() -> Iterator[str]:
     yield "# Figures"
     yield ""
     yield (
-        "What each figure means and how it is read. `hil run NAME --describe` prints the same. How often the stated "
-        "intervals hold is on a page of [its own](../explanation/coverage.md)."
+        "What each figure means and how it is read; `hil run NAME --describe` prints the same. *Of the reading*: the "
+        "meter's lag and half a hold of the command are in it, while frequency responses are without them. *Bound*: "
+        "`<` or `>` where noise alone could make it. "
+        "[How often the stated intervals hold](../explanation/coverage.md)."
     )
     tables: dict[str, list[str]] = {}
     for entry in entries("procedures"):
         measured = load_procedure(entry.name).measurements
         if any(m.definition for m in measured):
             rows = {m.name: f"- `{m.name}` [{m.unit or 'of the bench'}]: {m.definition or m.meaning}" for m in measured}
-            tables[entry.name] = list(rows.values())
+            tables[entry.name] = [shortened(row) for row in rows.values()]
     owners = sorted(tables, key=lambda one: (one.startswith("efc_"), len(tables[one])))  # what runs others comes last
     for name in sorted(tables, key=lambda one: (one.startswith("efc_"), one)):
         before = owners[: owners.index(name)]
@@ -106,6 +108,12 @@ def figures_page() -> Iterator[str]:
         yield from ("", f"## `{name}`")
         yield from as_elsewhere(as_of, owned_before)
         yield from ("", *own) if own else ()
+
+
+def shortened(text: str) -> str:
+    """A definition with the words that stand at the head of the page."""
+    text = re.sub(r"Of the reading: [^.;]*; frequency responses are without them\.", "Of the reading.", text)
+    return re.sub(r"`[<>]` where noise alone could make (it|the difference)\.", "Bound.", text)
 
 
 def told_before(rows: Sequence[str], told: Mapping[str, Sequence[str]]) -> tuple[list[str], dict[str, list[str]]]:
@@ -214,42 +222,45 @@ fit)*; those that are *held* stay at their value unless `--free NAME` frees them
 `--input` and `--output` override it. Inner signals are used where they were recorded. Parameters that are
 *as of* another plant have its unit, value, bounds and meaning.
 
-Every plant lists its places for effects, each with its stage and its unit. What may act there depends on the place
-alone; each [effect](effects.md) names its places."""
+Signals are inputs → output. Places are where effects may act, with stage and unit; each [effect](effects.md) names its
+places."""
 
 
 def plants_page() -> Iterator[str]:
     """The page of the plants: signals, parameters, places for effects."""
     yield from ("# Plants", "", NOTE, "", PLANTS)
     told: dict[str, list[str]] = {}
+    heads: dict[str, str] = {}
     for entry in entries("plants"):
         found = plant(entry.name)
-        yield from plant_section(found, entry.summary, told)
+        yield from ("", f"## `{found.name}`", "", entry.summary, "")
+        for head in (f"Source: {found.source}." if found.source else "", *signals_and_places(found)):
+            if head:
+                kind, owner = head.partition(":")[0], heads.setdefault(head, found.name)
+                yield f"{head if owner == found.name else f'{kind}: as of [`{owner}`](#{owner}).'}"
+        yield from slowness(found)
+        own, as_of = told_before(parameter_rows(found.parameters), told)
+        yield from as_elsewhere(as_of, told)
+        yield from ("", *own) if own else ()
         told[entry.name] = parameter_rows(found.parameters)
 
 
-def plant_section(found: Plant, summary: str, told: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    """One plant; parameters that an earlier one has are named, no more."""
-    yield from ("", f"## `{found.name}`", "", summary)
-    if found.source:
-        yield from ("", f"Source: {found.source}.")
-    inner = ", ".join(f"`{signal.heading}`" for signal in found.observed)
+def signals_and_places(found: Plant) -> Iterator[str]:
+    """What goes in and comes out of a plant, and where effects may act: by stage and unit."""
     inputs = ", ".join(f"`{signal.heading}`" for signal in found.inputs)
-    yield ""
-    yield f"- Input: {inputs}. Output: `{found.output.heading}`.{f' Inner: {inner}.' if inner else ''}"
-    places = "; ".join(f"`{hook.name}` {hook.stage}, {of_channel(hook.unit)}" for hook in found.hooks)
-    yield f"- Places: {places}."
-    yield from slowness(found)
-    own, as_of = told_before(parameter_rows(found.parameters), told)
-    yield from as_elsewhere(as_of, told)
-    if own:
-        yield from ("", *own)
+    inner = ", ".join(f"`{signal.heading}`" for signal in found.observed)
+    yield f"Signals: {inputs} → `{found.output.heading}`{f'; inner {inner}' if inner else ''}."
+    places = (
+        f"{', '.join(f'`{hook.name}`' for hook in hooks)} ({stage}, {unit})"
+        for (stage, unit), hooks in groupby(found.hooks, lambda hook: (hook.stage, of_channel(hook.unit)))
+    )
+    yield f"Places: {'; '.join(places)}."
 
 
 def slowness(found: Plant) -> Iterator[str]:
     """How much slower than a valve a plant is, where it is."""
     for times in sorted({hook.slower for hook in found.hooks} - {1.0}):
-        yield f"- Times of effects are {number(times)} times those of the library here, rates as much smaller."
+        yield f"Times of effects are {number(times)} times those of the library here, rates as much smaller."
 
 
 def of_channel(unit: str) -> str:
