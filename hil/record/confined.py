@@ -27,6 +27,7 @@ from hil.child import Process, child
 from hil.errors import FileError, StorageError
 from hil.record.columns import Column, Contents, Table
 from hil.record.extra import check_installed
+from hil.record.plain import to_json
 from hil.untrusted import most_bytes, most_unpacked, parse_json, unpacked_allowed
 
 _PLAIN_KINDS = "biufcmMUSV"  # kinds of numpy that hold no objects
@@ -107,8 +108,6 @@ def sent(contents: Contents, is_confined: bool) -> list[bytes | memoryview]:
 
 def framed(head: Mapping[str, Any]) -> list[bytes | memoryview]:
     """A head as bytes, after their count."""
-    from hil.record.plain import to_json
-
     text = to_json(head).encode()
     return [len(text).to_bytes(_COUNT_BYTES, "little"), text]
 

@@ -15,6 +15,7 @@ from hil.catalog import tables
 from hil.errors import FileError, StorageError, reason
 from hil.record import exchange
 from hil.record.assemble import assemble
+from hil.record.foreign import check_read
 from hil.record.named import as_stated, with_stated_units
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
@@ -99,13 +100,20 @@ def _read_any(path: Path, reading: Reading) -> Recording | ResponseTable:
     if not path.exists():
         raise FileError(f"{path}: no such file or folder")
     with _opened(path) as file:
-        form = _by_content(file) or format_of(path)
+        known = _by_content(file)
+        if known is None:
+            check_read(path, file, by_ending=not path.name.lower().endswith(tuple(formats())))
+        form = known or format_of(path)
         if not os.fstat(file.fileno()).st_size:
             raise FileError(f"{path}: the file is empty")
         if hasattr(form, "contents"):
             from hil.record.confined import confined_contents
 
-            return assemble(str(path), *confined_contents(form, path, file), reading)
+            inside = confined_contents(form, path, file)
+            if not hasattr(form, "assembled"):
+                return assemble(str(path), *inside, reading)
+            made: Recording | ResponseTable = form.assembled(path, inside, reading)
+            return made
     found: Recording | ResponseTable = form.read(path, reading)
     return found
 

@@ -1,0 +1,75 @@
+"""Spreadsheets of Excel and LibreOffice, read only: the sheet with the most rows, as if it were a text file."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from hil.errors import FileError
+from hil.language.note import Note
+from hil.record.columns import Column, Contents, Table
+from hil.record.exchange import csv as text_table
+from hil.record.extra import library
+from hil.record.reading import Reading
+from hil.record.recording import Recording
+from hil.record.response_table import ResponseTable
+
+SUFFIXES = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
+KIND = "a spreadsheet"
+
+
+def libraries(_: bytes) -> tuple[str, ...]:
+    """What reads a file, whatever it begins with."""
+    return ("python_calamine",)
+
+
+def contents(path: Path, file: BinaryIO) -> Contents:
+    """A sheet of an open file, as the bytes of a text file with one line for each row.
+
+    Raises:
+        FileError: no sheet has rows.
+    """
+    book = library("python_calamine", path).CalamineWorkbook.from_filelike(file)
+    sheets = {name: book.get_sheet_by_name(name) for name in book.sheet_names}
+    filled = {name: sheet for name, sheet in sheets.items() if sheet.width and sheet.height}
+    if not filled:
+        raise FileError(f"{path}: no sheet holds anything")
+    name = max(filled, key=lambda one: filled[one].height)
+    text = io.StringIO()
+    text.write("\n" * filled[name].start[0])  # so that a line's number is that of the row
+    rows = csv.writer(text, delimiter="\t", lineterminator="\n")
+    rows.writerows([_text(cell) for cell in row] for row in filled[name].iter_rows())
+    others = tuple(other for other in filled if other != name)
+    left_out = Note("sheet '{sheet}' is read, which has the most rows; not read: {others}", sheet=name, others=others)
+    column = Column(name, np.frombuffer(text.getvalue().encode(), dtype=np.uint8))
+    return [Table(name, [column], assumed=left_out if others else "")], {}
+
+
+def assembled(path: Path, found: Contents, reading: Reading) -> Recording | ResponseTable:
+    """The recording in such lines.
+
+    Raises:
+        FileError: as of a text file; a line is a row.
+    """
+    ((table,), _) = found
+    with TemporaryDirectory() as folder:
+        lines = Path(folder) / f"{path.stem}.tsv"
+        lines.write_bytes(table.columns[0].values.tobytes())
+        try:
+            read = text_table.read(lines, reading)
+        except FileError as error:
+            raise FileError(str(error).replace(str(lines), f"{path}, sheet '{table.name}'")) from None
+    notes = [table.assumed] if table.assumed else []
+    if not isinstance(read, Recording):
+        return replace(read, name=str(path))
+    return replace(read, name=str(path), meta={**read.meta, "assumed": [*notes, *read.meta.get("assumed", ())]})
+
+
+def _text(cell: Any) -> str:
+    return str(int(cell)) if isinstance(cell, bool) else " ".join(str(cell).split())

@@ -1,0 +1,138 @@
+"""Spreadsheets and sound files are read; what nobody reads says what it is and what to export instead."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.errors import FileError
+from hil.record.read import read_recording
+from hil.record.reading import Reading
+
+ROWS = [(0.01 * k, float(k % 7), 0.25 * k) for k in range(40)]
+
+
+def sheet(path: Path, *rows, first=(1, 1), other=()) -> Path:
+    openpyxl = pytest.importorskip("openpyxl")
+    pytest.importorskip("python_calamine")
+    book = openpyxl.Workbook()
+    for at, row in enumerate(rows):
+        for column, cell in enumerate(row):
+            book.active.cell(first[0] + at, first[1] + column, cell)
+    if other:
+        for row in (extra := book.create_sheet("notes")).iter_rows(max_row=1, max_col=len(other)):
+            for cell, text in zip(row, other, strict=True):
+                extra[cell.coordinate] = text
+    book.save(path)
+    return path
+
+
+class TestSpreadsheets:
+    @pytest.mark.parametrize(
+        ("above", "first"),
+        [
+            ([("time [s]", "u [V]", "y [bar]")], (1, 1)),
+            ([("Bench 3",), (), ("Time", "u", "y"), ("s", "V", "bar")], (1, 1)),
+            ([("time [s]", "u [V]", "y [bar]")], (5, 3)),
+        ],
+    )
+    def test_a_sheet_is_read_as_a_text_file_would_be(self, tmp_path: Path, above, first) -> None:
+        found = read_recording(sheet(tmp_path / "x.xlsx", *above, *ROWS, first=first))
+        assert [channel.heading for channel in found.channels.values()] == ["u [V]", "y [bar]"]
+        assert found.name == str(tmp_path / "x.xlsx")
+        np.testing.assert_allclose(found.time_s, [row[0] for row in ROWS], rtol=1e-15)
+        np.testing.assert_array_equal(found.values("y"), [row[2] for row in ROWS])
+
+    def test_stamps_of_a_calendar_are_the_time(self, tmp_path: Path) -> None:
+        start = datetime(2026, 3, 1, 12)
+        rows = [(start + timedelta(seconds=time), *values) for time, *values in ROWS]
+        found = read_recording(sheet(tmp_path / "x.xlsx", ("Stamp", "u [V]", "y [bar]"), *rows))
+        np.testing.assert_allclose(found.time_s, [row[0] for row in ROWS], atol=1e-6)
+
+    def test_the_sheet_with_the_most_rows_is_read_and_others_are_named(self, tmp_path: Path) -> None:
+        found = read_recording(sheet(tmp_path / "x.xlsx", ("time [s]", "u [V]"), *(r[:2] for r in ROWS), other=("a",)))
+        assert any("not read: notes" in note for note in found.meta["assumed"])
+
+    def test_a_cell_that_is_no_number_is_named_by_sheet_and_row(self, tmp_path: Path) -> None:
+        rows = [*ROWS[:20], (0.2, "bad", 5.0), *ROWS[21:]]
+        path = sheet(tmp_path / "x.xlsx", ("time [s]", "u [V]", "y [bar]"), *rows)
+        with pytest.raises(FileError, match=r"x\.xlsx, sheet 'Sheet': line 22, column 2 .*: 'bad' is not a number"):
+            read_recording(path)
+        assert np.isnan(read_recording(path, Reading(gaps=True)).own["u"].values).sum() == 0
+
+    def test_libreoffice_is_read_too(self, tmp_path: Path) -> None:
+        pytest.importorskip("python_calamine")
+        spaces = " ".join(
+            f'xmlns:{short}="urn:oasis:names:tc:opendocument:xmlns:{name}:1.0"'
+            for short, name in (("office", "office"), ("table", "table"), ("text", "text"))
+        )
+        texts = "".join(f'<table:table-cell office:value-type="string"><text:p>{heading}</text:p></table:table-cell>'
+                        for heading in ("time [s]", "u [V]"))  # fmt: skip
+        rows = "".join(
+            "<table:table-row>"
+            + "".join(f'<table:table-cell office:value-type="float" office:value="{v}"/>' for v in row[:2])
+            + "</table:table-row>"
+            for row in ROWS
+        )
+        content = (
+            f'<?xml version="1.0"?><office:document-content {spaces}><office:body><office:spreadsheet>'
+            f'<table:table table:name="S"><table:table-row>{texts}</table:table-row>{rows}</table:table>'
+            "</office:spreadsheet></office:body></office:document-content>"
+        )
+        manifest = '<m:manifest xmlns:m="urn:oasis:names:tc:opendocument:xmlns:manifest:1.0"/>'
+        with zipfile.ZipFile(tmp_path / "x.ods", "w") as file:
+            file.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
+            file.writestr("META-INF/manifest.xml", manifest)
+            file.writestr("content.xml", content)
+        np.testing.assert_array_equal(read_recording(tmp_path / "x.ods").values("u"), [row[1] for row in ROWS])
+
+    def test_nothing_in_it_is_said(self, tmp_path: Path) -> None:
+        with pytest.raises(FileError, match=r"x\.xlsx: no sheet holds anything"):
+            read_recording(sheet(tmp_path / "x.xlsx"))
+
+
+class TestSound:
+    @pytest.mark.parametrize(
+        ("kind", "scale", "offset"), [("f4", 1.0, 0), ("i2", 2.0**15, 0), ("i4", 2.0**31, 0), ("u1", 128.0, 128)]
+    )
+    def test_channels_are_shares_of_full_scale_at_the_stated_rate(self, tmp_path: Path, kind, scale, offset) -> None:
+        from scipy.io import wavfile
+
+        shares = np.array([[0.0, 0.5], [0.25, -0.5], [-0.75, 0.125], [0.5, 0.0]])
+        wavfile.write(tmp_path / "x.wav", 200, (shares * scale + offset).astype(kind))
+        found = read_recording(tmp_path / "x.wav")
+        np.testing.assert_array_equal(found.time_s, 0.005 * np.arange(4))
+        np.testing.assert_array_equal([c.values for c in found.channels.values()], shares.T)
+        assert any("200 Hz" in note for note in found.meta["assumed"])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("x.pdf", b"%PDF-1.7", "is a PDF, which is not read; it shows samples"),
+        ("x.dat", b"|CF,2,1,1;", "is a FAMOS file of imc, which is not read; export CSV or MDF4"),
+        ("x.trc", b"#9000000346WAVEDESC", "is a waveform of LeCroy, which is not read; save it as ASCII"),
+        ("x.mcap", b"\x89MCAP0\r\n", "is an MCAP log, which is not read; export CSV"),
+        ("x.dxd", b"\0\1\2", "is a recording of Dewesoft, which is not read; export CSV, MAT or MDF4"),
+        ("x.tdm", b"<usi:tdm", "is a recording of DIAdem, which is not read; save it as TDMS"),
+        ("x.zip", b"PK\x03\x04broken", "is a damaged ZIP archive"),
+        ("x.xyz", b"\0\1\2", "unknown kind of recording; known endings"),
+    ],
+)
+def test_what_is_not_read_says_what_it_is(tmp_path: Path, name: str, content: bytes, said: str) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(FileError, match=re.escape(f"{name}: {said}")):
+        read_recording(tmp_path / name)
+
+
+def test_an_archive_is_named_with_what_it_holds(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "x.zip", "w") as archive:
+        for name in ("a.csv", "b.csv", "c.csv", "d.csv"):
+            archive.writestr(name, "time [s]\n")
+    with pytest.raises(FileError, match=r"is a ZIP archive of a\.csv, b\.csv, c\.csv and 1 more; unpack it"):
+        read_recording(tmp_path / "x.zip")
