@@ -81,6 +81,8 @@ def _evenly(start_s: float, step_s: float, leading: int, columns: Sequence[Colum
 
 def _spice(path: Path, encoding: str, lines: Sequence[str]) -> Known | None:
     """Traces such as `V(out)` over time or frequency; a complex one is text."""
+    if not lines[0].strip():
+        return None
     mark = "\t" if "\t" in lines[0] else ","
     first, *traces = split(lines[0], mark)
     if first.casefold() not in ("time", "freq.") or not any(map(_is_trace, traces)):

@@ -275,3 +275,8 @@ def test_units_of_toa5_stand_though_cells_between_them_are_blank(tmp_path: Path)
     )
     found = read(tmp_path, head + "".join(f'\n"2021-06-19 00:00:{i:02d}",{i},12.9{i},20.{i},' for i in range(9)))
     assert {name: one.unit for name, one in found.channels.items()} == {"battery": "Volts", "PTemp": "oC"}
+
+
+def test_empty_lines_above_the_headings_do_no_harm(tmp_path):
+    (tmp_path / "x.csv").write_text("\n\n\ntime [s],u [V]\n" + "".join(f"{k},{2 * k}\n" for k in range(5)))
+    assert read_recording(tmp_path / "x.csv").values("u").tolist() == [0.0, 2.0, 4.0, 6.0, 8.0]
