@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from hil.api.bench import bench_of
 from hil.api.callbacks import NOTHING, Notes, Progress, quiet, unsaid
-from hil.api.several import several
 from hil.errors import option, options_of
+from hil.session.several import several
 
 if TYPE_CHECKING:
     from hil.bench.hand.reading import Reading

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from hil.api.callbacks import Notes, Progress, quiet, unsaid
 from hil.api.models import model_of
-from hil.api.several import several
 from hil.errors import options_of
+from hil.session.several import several
 
 if TYPE_CHECKING:
     from hil.diagnosis.diagnose import Diagnosed
@@ -70,11 +70,10 @@ def identify(
         `model`, the fit in words as `text`, and the `experiments` that were fitted.
     """
     from hil.identification.frequency.table_fit import orders_of
-    from hil.record.reading import AS_IT_IS
     from hil.session.identification import identified, read_for
     from hil.session.sources import notes_on
 
-    read = read_for(str(plant), several(recordings), reading or AS_IT_IS, part, several(inputs), output)
+    read = read_for(str(plant), several(recordings), reading, part, several(inputs), output)
     for note in notes_on(read):
         notes(note)
     orders = orders_of(poles, zeros, dead_time, weights)
@@ -139,11 +138,10 @@ def simulate(
     """
     from hil.identification.preparation.experiment import for_model
     from hil.identification.preparation.plausibility.look import implausible_metadata
-    from hil.record.reading import AS_IT_IS
     from hil.record.recording import recording as make
     from hil.session.sources import notes_on, samples_of
 
-    simulated, read = model_of(model), samples_of(recording, reading or AS_IT_IS)
+    simulated, read = model_of(model), samples_of(recording, reading)
     bound = for_model(simulated, read, several(inputs), output, output_needed=False)
     for note in (*notes_on([read], [bound]), *implausible_metadata(simulated, bound)):
         notes(note)
@@ -188,21 +186,17 @@ def diagnose(
     Returns:
         `diagnosis` and the `corrected` model.
     """
-    from hil.record.reading import AS_IT_IS
     from hil.report.origins import origin_at, origin_of
     from hil.session.diagnosis import bound_to, diagnosed
-    from hil.session.sources import notes_on, samples_of
+    from hil.session.sources import all_samples, notes_on
 
-    nominal = model_of(model)
-    sources: list[Source] = several(recordings)
-    read = [samples_of(one, reading or AS_IT_IS) for one in sources]
+    nominal, read = model_of(model), all_samples(recordings, reading)
     experiments, left_out = bound_to(nominal, read, several(inputs), output, budget_s)
     for note in (*notes_on(read, experiments), *left_out):
         notes(note)
     origins = [*([origin_at(model)] if isinstance(model, str | Path) else []), *map(origin_of, read)]
     folder = None if out is None else Path(out)
-    earlier_sources: list[Source] = several(before)
-    earlier = [samples_of(one, reading or AS_IT_IS) for one in earlier_sources]
+    earlier = all_samples(before, reading)
     then = bound_to(nominal, earlier, several(inputs), output, budget_s)[0] if earlier else []
     return diagnosed(
         nominal, experiments, folder, str(bench), bench_budget_s, progress, budget_s, origins, question, then
@@ -265,14 +259,13 @@ def step_models(
     Raises:
         SettingError: neither a recording nor both times.
     """
-    from hil.record.reading import AS_IT_IS
     from hil.session.analyses import models_of_steps, models_of_times
     from hil.session.sources import samples_of, tables_of
 
     table = None if beside is None else tables_of([beside])[0]
     if recording is None:
         return [models_of_times(rise_s, settling_s, table, band)]
-    return models_of_steps(samples_of(recording, reading or AS_IT_IS), input, output, table, band)
+    return models_of_steps(samples_of(recording, reading), input, output, table, band)
 
 
 @options_of("python")
@@ -293,12 +286,10 @@ def frequency_response(
     Raises:
         InputError: no sine in one of them.
     """
-    from hil.record.reading import AS_IT_IS
     from hil.session.sine_analysis import sine_analysis
-    from hil.session.sources import samples_of
+    from hil.session.sources import all_samples
 
-    sources: list[Source] = several(recordings)
-    return sine_analysis([samples_of(one, reading or AS_IT_IS) for one in sources], input, output)
+    return sine_analysis(all_samples(recordings, reading), input, output)
 
 
 @options_of("python")
@@ -327,12 +318,10 @@ def flow_curve(
     Raises:
         InputError: no sweep up and down, or no response beyond the noise.
     """
-    from hil.record.reading import AS_IT_IS
     from hil.session.flow_analysis import flow_analysis
-    from hil.session.sources import samples_of
+    from hil.session.sources import all_samples
 
-    sources: list[Source] = several(recordings)
-    return flow_analysis([samples_of(one, reading or AS_IT_IS) for one in sources], input, output, degree, neutral)
+    return flow_analysis(all_samples(recordings, reading), input, output, degree, neutral)
 
 
 @options_of("python")
@@ -358,14 +347,13 @@ def learn_classes(
     Raises:
         InputError: fewer than five valves of a class.
     """
-    from hil.record.reading import AS_IT_IS
     from hil.session.analyses import channels_of
     from hil.session.class_analysis import classes_of_recordings, classes_of_table
-    from hil.session.sources import samples_of
+    from hil.session.sources import all_samples
 
     if isinstance(good, str | Path):
         return classes_of_table(Path(good))
-    read = [[samples_of(one, reading or AS_IT_IS) for one in several(group)] for group in (good, bad, others)]
+    read = [all_samples(group, reading) for group in (good, bad, others)]
     compared = output or channels_of(read[0][0])[1] if read[0] else output
     return classes_of_recordings((names[0], read[0]), (names[1], read[1]), compared, read[2])
 

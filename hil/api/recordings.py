@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.api.callbacks import NOTHING
-from hil.api.several import several
 from hil.errors import options_of
+from hil.session.several import several
 
 if TYPE_CHECKING:
     from hil.record.reading import Reading
@@ -82,7 +82,6 @@ def average(
         part: of runs that measured several responses, this one.
     """
     from hil.identification.frequency.table_fit import averaged
-    from hil.record.reading import AS_IT_IS
     from hil.session.sources import tables_of
 
-    return averaged(tables_of(several(responses), reading or AS_IT_IS, part), normalised=normalised)
+    return averaged(tables_of(several(responses), reading, part), normalised=normalised)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from hil.api.bench import bench_of
 from hil.api.callbacks import NOTHING, Notes, Progress, quiet, unsaid
-from hil.api.several import several
 from hil.errors import options_of
+from hil.session.several import several
 
 if TYPE_CHECKING:
     from hil.archive.entry import Entry

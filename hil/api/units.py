@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from hil.api.callbacks import Notes, Progress, quiet, unsaid
 from hil.api.models import model_of
-from hil.api.several import several
 from hil.errors import options_of
+from hil.session.several import several
 
 if TYPE_CHECKING:
     from hil.passport.difference import DateDifference
@@ -54,15 +54,12 @@ def diagnose_fleet(
     Raises:
         FileError: a folder without recordings or model, or two folders of one name.
     """
-    from hil.record.reading import AS_IT_IS
     from hil.session.fleet import diagnosed_fleet
 
     given: list[str | Path] = several(folders)
     paths = [Path(folder) for folder in given]
     nominal, to = None if model is None else model_of(model), None if out is None else Path(out)
-    return diagnosed_fleet(
-        paths, nominal, several(inputs), output, to, scheduler, budget_s, reading or AS_IT_IS, notes, progress
-    )
+    return diagnosed_fleet(paths, nominal, several(inputs), output, to, scheduler, budget_s, reading, notes, progress)
 
 
 @options_of("python")
@@ -97,10 +94,9 @@ def diff(
     from hil.passport.difference import difference
     from hil.passport.sources import read_dated
     from hil.physics.other_plant import other_plants
-    from hil.record.reading import AS_IT_IS
     from hil.session.sources import notes_on
 
-    kind, asked = None if model is None else model_of(model), reading or AS_IT_IS
+    kind, asked = None if model is None else model_of(model), reading
     with TemporaryDirectory(prefix="hil-diff-") as folder:
         first, second = (read_dated(Path(p), Path(folder) / name, asked) for p, name in ((old, "old"), (new, "new")))
         for note in notes_on([*first.recordings, *second.recordings]):

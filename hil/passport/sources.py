@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from hil.passport.verify import opened
 from hil.physics.model import Model, load_model
 from hil.record.header import HEADER_FILE
 from hil.record.read import formats, read_recording
-from hil.record.reading import AS_IT_IS, Reading
+from hil.record.reading import Reading
 from hil.record.recording import Recording
 
 
@@ -33,7 +33,7 @@ class Dated:
         return {str(s) for one in self.recordings if (s := (one.meta.get("valve") or {}).get("serial"))}
 
 
-def read_dated(path: Path, place: Path, reading: Reading = AS_IT_IS) -> Dated:
+def read_dated(path: Path, place: Path, reading: Reading | None = None) -> Dated:
     """Read one date.
 
     Args:
@@ -48,7 +48,7 @@ def read_dated(path: Path, place: Path, reading: Reading = AS_IT_IS) -> Dated:
         content, verified = opened(path)
         lay_out(content, place, verified.most_bytes)
         kind, unit = (_model(place / name) for name in (TYPE_MODEL_FILE, MODEL_FILE))
-        return Dated(path.name, _read(list(run_folders(place / RUNS)), AS_IT_IS), kind, unit)
+        return Dated(path.name, _read(run_folders(place / RUNS)), kind, unit)
     if path.is_file() or (path / HEADER_FILE).is_file():
         return Dated(path.name, _read([path], reading))
     if not path.is_dir():
@@ -60,7 +60,7 @@ def read_dated(path: Path, place: Path, reading: Reading = AS_IT_IS) -> Dated:
     return Dated(path.name, _read(found, reading))
 
 
-def _read(paths: Sequence[Path], reading: Reading) -> tuple[Recording, ...]:
+def _read(paths: Iterable[Path], reading: Reading | None = None) -> tuple[Recording, ...]:
     return tuple(read_recording(path, reading) for path in paths)
 
 

@@ -25,7 +25,7 @@ def is_frame(source: Any) -> TypeGuard[pd.DataFrame]:
     )
 
 
-def from_memory(source: pd.DataFrame | Mapping[str, Any], reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
+def from_memory(source: pd.DataFrame | Mapping[str, Any], reading: Reading | None = None) -> Recording | ResponseTable:
     """A recording, or the table of a frequency response, from columns called `name [unit]`.
 
     The time is a column as in a file, or the index of a DataFrame when its name or its stamps say that it is one.
@@ -58,7 +58,7 @@ def from_memory(source: pd.DataFrame | Mapping[str, Any], reading: Reading = AS_
     if len(lengths := {len(column.values) for column in columns}) > 1:
         counts = ", ".join(f"'{column.heading}' {len(column.values)}" for column in columns)
         raise FileError(f"{name}: {len(lengths)} different lengths: {counts}; all columns have one value a sample")
-    return assemble(name, [Table(name, columns)], None, reading)
+    return assemble(name, [Table(name, columns)], None, reading or AS_IT_IS)
 
 
 def _plain(series: Any) -> Any:

@@ -58,7 +58,7 @@ def format_of(path: Path) -> ModuleType:
     raise FileError(f"{path}: unknown kind of recording; known endings: {', '.join(sorted(endings))}")
 
 
-def read_recording(path: str | Path, reading: Reading = AS_IT_IS) -> Recording:
+def read_recording(path: str | Path, reading: Reading | None = None) -> Recording:
     """Read a recording from a file or a run folder; NaN is where a sample of a run is no measurement.
 
     Args:
@@ -77,13 +77,13 @@ def read_recording(path: str | Path, reading: Reading = AS_IT_IS) -> Recording:
     return found
 
 
-def read_any(path: str | Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
+def read_any(path: str | Path, reading: Reading | None = None) -> Recording | ResponseTable:
     """Read a recording, or the table of a frequency response; an installed table by its bare name.
 
     Raises:
         FileError: as `read_recording`.
     """
-    path = Path(path)
+    path, reading = Path(path), reading or AS_IT_IS
     try:
         found = _read_any(path if path.exists() or len(path.parts) > 1 else tables().get(path.name, path), reading)
         return with_stated_units(found, reading) if isinstance(found, Recording) else found

@@ -11,11 +11,11 @@ from hil.identification.grey_box.compare import Comparison, compare_all
 from hil.identification.preparation.experiment import for_model
 from hil.physics.model import Model
 from hil.physics.other_plant import other_plants
-from hil.record.reading import AS_IT_IS, Reading
+from hil.record.reading import Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
 from hil.record.simulated import is_simulated
-from hil.session.responses import holds_responses, responses_of_run, speaks_of
+from hil.session.responses import measured_responses, responses_of_run
 from hil.session.sources import Source, notes_on, read_source
 
 _READING = 0.5  # share of the work that is reading
@@ -39,7 +39,7 @@ def compared_with(
     read: list[Recording | ResponseTable] = []
     for i, one in enumerate(sources):
         progress(_READING * i / len(sources), f"reading {_name_of(one)}")
-        read += _read_for(model, one, inputs, output, reading or AS_IT_IS)
+        read += _read_for(model, one, inputs, output, reading)
     remarks = [*other_plants(model.plant, ((one.name, one.meta) for one in read)), *notes_on(read)]
     for note in remarks:
         notes(note)
@@ -61,11 +61,9 @@ def _name_of(source: Source) -> str:
 
 
 def _read_for(
-    model: Model, source: Source, inputs: Sequence[str], output: str, reading: Reading
+    model: Model, source: Source, inputs: Sequence[str], output: str, reading: Reading | None
 ) -> list[Recording | ResponseTable]:
     """What a model is held against: one of lines, against the lines of a run that measured some; else samples."""
-    if isinstance(source, str | Path) and "band_hz" in model.origin:
-        path = Path(source)
-        if holds_responses(path) and speaks_of(path, inputs, output):
-            return list(responses_of_run(path).values())
+    if "band_hz" in model.origin and measured_responses(source, inputs, output):
+        return list(responses_of_run(Path(str(source))).values())
     return [read_source(source, reading)]

@@ -20,7 +20,7 @@ from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.errors import FileError, HilError, InputError, option
 from hil.physics.model import Model, load_model
 from hil.record.read import read_recording
-from hil.record.reading import AS_IT_IS, Reading
+from hil.record.reading import Reading
 from hil.record.recording import Recording
 from hil.record.simulated import is_simulated, marked
 from hil.session.diagnosis import bound_to, write_diagnosis
@@ -80,7 +80,7 @@ def diagnosed_fleet(
     out: Path | None = None,
     scheduler: str = "",
     budget_s: float = math.inf,
-    reading: Reading = AS_IT_IS,
+    reading: Reading | None = None,
     notes: Notes = lambda _note: None,
     progress: Progress = lambda _done, _text: None,
 ) -> list[UnitAnswer]:
@@ -109,7 +109,7 @@ def read_unit(
     folder: Path,
     model: Model | None,
     pattern: str = "*.csv*",
-    reading: Reading = AS_IT_IS,
+    reading: Reading | None = None,
     inputs: Sequence[str] = (),
     output: str = "",
 ) -> Unit:

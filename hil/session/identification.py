@@ -23,7 +23,6 @@ from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
 from hil.record.simulated import SIMULATED, is_simulated, marked
 from hil.session.known_signal import command_for
-from hil.session.responses import holds_responses, speaks_of
 from hil.session.sources import Source, read_source
 
 SCHEMA = "hil.identified/1"
@@ -88,7 +87,7 @@ class Identified:
 def read_for(
     plant: str,
     sources: Sequence[Source],
-    reading: Reading,
+    reading: Reading | None,
     part: str = "",
     input_name: Sequence[str] = (),
     output_name: str = "",
@@ -103,10 +102,10 @@ def read_for(
             name where a recording should be.
     """
     _refuse_parameters(plant, [one for one in sources if isinstance(one, str | Path)])
+    lines = plant == _LINEAR
     read = [
-        read_source(one, reading, responses=lines, part=part if lines else "")
+        read_source(one, reading, responses=lines, part=part if lines else "", inputs=input_name, output=output_name)
         for one in sources
-        for lines in [plant == _LINEAR and _speaks_of_lines(one, input_name, output_name)]
     ]
     tables = [one for one in read if isinstance(one, ResponseTable)]
     recordings = [one for one in read if isinstance(one, Recording)]
@@ -122,13 +121,6 @@ def read_for(
             "samples in time"
         )
     return tables or recordings
-
-
-def _speaks_of_lines(source: Source, input_name: Sequence[str], output_name: str) -> bool:
-    """Whether the frequency responses of a run, where it is one that has some, are of the channels that are named."""
-    if not isinstance(source, str | Path) or not holds_responses(Path(source)):
-        return True
-    return speaks_of(Path(source), input_name, output_name)
 
 
 def _refuse_parameters(plant: str, paths: Sequence[str | Path]) -> None:

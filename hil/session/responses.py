@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from hil.errors import FileError, option
+from hil.record.events import read_events
 from hil.record.folder import read
-from hil.record.header import HEADER_FILE
+from hil.record.header import HEADER_FILE, read_header
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable, write_response_table
@@ -20,7 +21,7 @@ from hil.record.simulated import SIMULATED, is_simulated
 from hil.session.procedure import load_procedure
 from hil.session.resting import measured_findings
 
-_KINDS = ("sine", "multisine")
+_KINDS = {"sine", "multisine"}
 _FILE = "frequency_response"
 
 
@@ -44,12 +45,15 @@ def write_responses(findings: Findings, folder: Path) -> list[Path]:
     return written
 
 
-def holds_responses(path: Path) -> bool:
-    """Whether this is the folder of a run that measured frequency responses."""
-    if not (path / HEADER_FILE).is_file():
+def measured_responses(source: object, inputs: Sequence[str] = (), output: str = "") -> bool:
+    """Whether this is the folder of a run that measured frequency responses, of these channels where they are named."""
+    if not isinstance(source, str | Path) or not (Path(source) / HEADER_FILE).is_file():
         return False
-    meta = read(path).meta
-    return bool(meta.get("procedure")) and any(part.get("kind") in _KINDS for part in meta.get("parts", ()))
+    meta, (events, _bad) = read_header(Path(source)).meta, read_events(Path(source))
+    roles = meta.get("roles", {})
+    named = ((output, "response"), (inputs[0] if inputs else "", "command"))
+    kinds = {event.get("details", {}).get("kind") for event in events if "part" in event}
+    return bool(meta.get("procedure") and kinds & _KINDS) and all(n in ("", roles.get(role)) for n, role in named)
 
 
 def response_of_run(path: Path, part: str) -> ResponseTable:
@@ -79,13 +83,6 @@ def responses_of_run(path: Path) -> dict[str, ResponseTable]:
     origin = {SIMULATED: is_simulated(recording.meta)}
     meta = {**origin, "roles": roles, "assumed": ["the frequency response as its procedure measured it"]}
     return {label: replace(table, meta=meta) for label, table in found.items()}
-
-
-def speaks_of(path: Path, inputs: Sequence[str], output: str) -> bool:
-    """Whether these names, where given, are those of a run's command and response."""
-    roles = read(path).meta.get("roles", {})
-    named = {"response": output, "command": inputs[0] if inputs else ""}
-    return all(name in ("", roles.get(role)) for role, name in named.items())
 
 
 def _is_response(entry: Any) -> bool:

@@ -11,9 +11,10 @@ from hil.language.note import OF, Note
 from hil.record.frame import from_memory
 from hil.record.invalid_samples import notes_of_reading
 from hil.record.read import read_any
-from hil.record.reading import AS_IT_IS, Reading
+from hil.record.reading import Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
+from hil.session.several import several
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,8 +25,9 @@ Source = Union[Recording, ResponseTable, str, Path, Mapping[str, Any], "pd.DataF
 
 
 def read_source(
-    source: Source, reading: Reading = AS_IT_IS, *, responses: bool = False, part: str = ""
-) -> Recording | ResponseTable:
+    source: Source, reading: Reading | None = None, *, responses: bool = False, part: str = "",
+    inputs: Sequence[str] = (), output: str = "",
+) -> Recording | ResponseTable:  # fmt: skip
     """A recording or a table of a frequency response.
 
     Args:
@@ -33,6 +35,8 @@ def read_source(
         reading: options for a path.
         responses: of a run that measured frequency responses, those and not its samples.
         part: of a run that measured several, the one of this name; asks for it as `responses` does.
+        inputs: names of the channels that are wanted: responses of another command are not taken.
+        output: likewise of the response.
 
     Raises:
         FileError: it cannot be read, or the run has no such part.
@@ -42,14 +46,14 @@ def read_source(
     if not isinstance(source, str | Path):
         return from_memory(source, reading)
     if responses or part:
-        from hil.session.responses import holds_responses, response_of_run
+        from hil.session.responses import measured_responses, response_of_run
 
-        if holds_responses(Path(source)):
+        if measured_responses(source, inputs, output):
             return response_of_run(Path(source), part)
     return read_any(source, reading)
 
 
-def samples_of(source: Source, reading: Reading = AS_IT_IS) -> Recording:
+def samples_of(source: Source, reading: Reading | None = None) -> Recording:
     """Samples in time.
 
     Raises:
@@ -61,7 +65,13 @@ def samples_of(source: Source, reading: Reading = AS_IT_IS) -> Recording:
     return found
 
 
-def tables_of(sources: Iterable[Source], reading: Reading = AS_IT_IS, part: str = "") -> list[ResponseTable]:
+def all_samples(given: Source | Iterable[Source], reading: Reading | None = None) -> list[Recording]:
+    """Samples in time of one source or of several. Raises `FileError` as `samples_of`."""
+    sources: list[Source] = several(given)
+    return [samples_of(one, reading) for one in sources]
+
+
+def tables_of(sources: Iterable[Source], reading: Reading | None = None, part: str = "") -> list[ResponseTable]:
     """Frequency responses from tables and from runs that measured them.
 
     Raises:
