@@ -90,8 +90,8 @@ def test_curves_are_those_that_the_reference_describes(done):
     _, _, findings = done
     for name, curve in findings.curves.items():
         section = DOCUMENTED.split(f"## `{name}`")[1].split("\n## ")[0]
-        rows = [row.split("|")[1] for row in section.splitlines() if row.startswith("| `")]
-        keys = {key for row in rows for key in re.findall(r"`(\w+)`", row)}
+        heads = [item.partition("\n\n")[0].partition(":")[0] for item in section.split("\n- ")[1:]]
+        keys = {key for head in heads for key in re.findall(r"`(\w+)`", head)}
         for entry in curve if isinstance(curve, list) else [curve]:
             assert set(entry) == keys
 
