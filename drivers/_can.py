@@ -10,8 +10,9 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
 
 from drivers._edge import message_of, quiet
-from hil.daq.connection import close, connect, guard
 from hil.errors import DeviceLostError
+from hil.system import system
+from hil.system.tcp import close, connect, guard
 
 _LONGEST_WHY = 200
 _CONNECTS_S = 1.0
@@ -56,16 +57,14 @@ def open_bus(address: str, bitrate: int, timeout_s: float = 1.0) -> Any:
     Raises:
         DeviceLostError: it cannot be opened.
     """
-    import can
-
     quiet("can", "canopen")
     interface, _, channel = address.partition(":")
     try:
         if interface != "socketcand":
-            return can.Bus(interface=interface, channel=channel, bitrate=bitrate)
+            return system.can_bus(interface=interface, channel=channel, bitrate=bitrate)
         host, _, port = channel.rpartition(":")
         connect(host, int(port), _CONNECTS_S).close()  # python-can alone would try for 10 s
-        bus = can.Bus(interface=interface, channel="can0", host=host, port=int(port), tcp_tune=True)
+        bus = system.can_bus(interface=interface, channel="can0", host=host, port=int(port), tcp_tune=True)
         if (behind := _socket_of(bus)) is not None:
             guard(behind, timeout_s)
         return bus

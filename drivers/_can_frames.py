@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Callable
 
@@ -12,6 +11,7 @@ from drivers._address_claim import CLAIM_WAIT_S, AddressClaim
 from drivers._can import OnABus, close_bus, gone, heard, open_bus
 from drivers._edge import wire_log
 from hil.errors import LinkError
+from hil.system import system
 
 _ECHOES = 32  # frames that may be on their way back
 
@@ -60,8 +60,8 @@ class CanFrames:
 
     def receive(self, wait_s: float) -> None:
         """Take in every message that has come; wait for the first of ours so long if there is none."""
-        until_s = time.monotonic() + wait_s
-        while (mine := self._heard(max(0.0, until_s - time.monotonic()))) is not None:
+        until_s = system.now_s() + wait_s
+        while (mine := self._heard(max(0.0, until_s - system.now_s()))) is not None:
             until_s = 0.0 if mine else until_s
 
     def send(self, identifier: int, data: bytes, extended: bool = True) -> None:
@@ -113,7 +113,7 @@ class CanFrames:
         if self._claim is None:
             return
         self.send(*self._claim.claim())
-        until_s = time.monotonic() + CLAIM_WAIT_S
-        while (left_s := until_s - time.monotonic()) > 0.0:
+        until_s = system.now_s() + CLAIM_WAIT_S
+        while (left_s := until_s - system.now_s()) > 0.0:
             self._heard(left_s)
         self.address_is_ours()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -15,6 +14,7 @@ from hil.daq.channel import Wiring
 from hil.daq.device_link import DeviceLink
 from hil.description.can import CanDescription
 from hil.errors import LinkError
+from hil.system import system
 
 _EVERY_S = 0.1  # between commands where neither description nor watchdog says
 
@@ -58,11 +58,11 @@ class CanLink(DeviceLink):
 
     def standing(self) -> dict[str, float]:
         """Where outputs stand, as a message since the last command says, of those of which one does."""
-        begun_s, asked = time.monotonic() if self._commanded_s is None else self._commanded_s, self._backs
-        until_s = time.monotonic() + self._settings.timeout_s
+        begun_s, asked = system.now_s() if self._commanded_s is None else self._commanded_s, self._backs
+        until_s = system.now_s() + self._settings.timeout_s
         self._frames.receive(0.0)  # who asks again wants to know what was said since
-        while any(self._came_s(back) <= begun_s for back in asked.values()) and time.monotonic() < until_s:
-            self._frames.receive(max(0.0, until_s - time.monotonic()))
+        while any(self._came_s(back) <= begun_s for back in asked.values()) and system.now_s() < until_s:
+            self._frames.receive(max(0.0, until_s - system.now_s()))
         found = {}
         for name, back in asked.items():
             if self._came_s(back) <= begun_s:
@@ -85,7 +85,7 @@ class CanLink(DeviceLink):
     def _take(self, identifier: int, data: bytes, extended: bool) -> bool:
         mine = [r for r in self._received.values() if self._is(r.message, identifier, extended)]
         for received in mine:
-            received.take(data, time.monotonic())
+            received.take(data, system.now_s())
         return bool(mine)
 
     def _is(self, message: Any, identifier: int, extended: bool) -> bool:
@@ -110,7 +110,7 @@ class CanLink(DeviceLink):
         for name in dict.fromkeys(self._outputs[name].message for name in values):
             message = self._sent[name].message
             self._frames.send(self._identifier(message), self._sent[name].frame(), message.is_extended_frame)
-        self._commanded_s = time.monotonic()
+        self._commanded_s = system.now_s()
         self._watchdog.heard()
         return held.items()
 
@@ -120,9 +120,9 @@ class CanLink(DeviceLink):
 
     def _measured(self) -> dict[str, float]:
         """As they came last: none is too old, and no counter stands still."""
-        until_s = time.monotonic() + max([self._settings.timeout_s, *self._patience_s])
-        while any(math.isinf(self._came_s(t)) for t in self._inputs.values()) and time.monotonic() < until_s:
-            self._frames.receive(max(0.0, until_s - time.monotonic()))
+        until_s = system.now_s() + max([self._settings.timeout_s, *self._patience_s])
+        while any(math.isinf(self._came_s(t)) for t in self._inputs.values()) and system.now_s() < until_s:
+            self._frames.receive(max(0.0, until_s - system.now_s()))
         try:
             self.unmeasured = {name: why for name, t in self._inputs.items()
                                if (why := self._received[t.message].why_none(t))}  # fmt: skip
@@ -136,7 +136,7 @@ class CanLink(DeviceLink):
         return {name: self._received_value(self._outputs[name], back) for name, back in came.items()}
 
     def _received_value(self, terminal: Any, signal: Any) -> float:
-        return float(terminal.slope * self._received[signal.message].value(signal, time.monotonic()) + terminal.offset)
+        return float(terminal.slope * self._received[signal.message].value(signal, system.now_s()) + terminal.offset)
 
     def _forget(self) -> None:
         self._frames.receive(0.0)

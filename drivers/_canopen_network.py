@@ -6,8 +6,6 @@ Imports the libraries when it is imported itself: drivers do so when they open a
 from __future__ import annotations
 
 import logging
-import threading
-import time
 from typing import Any
 
 import canopen
@@ -15,6 +13,7 @@ from can import Listener, Message
 
 from drivers._can import gone
 from hil.errors import HardwareError, LinkError
+from hil.system import system
 
 _AGAIN_S = 0.05  # a bus that cannot be read is not asked more often
 
@@ -37,7 +36,7 @@ class CanopenNetwork(canopen.Network):
 
     def __init__(self, bus: Any, address: str, log: logging.Logger) -> None:
         super().__init__(bus)
-        self.changed = threading.Condition()
+        self.changed = system.condition()
         self.failure: Exception | None = None
         self._address, self._log = address, log
         self.listeners = [_StandardFrames(self, log)]  # type: ignore[list-item]
@@ -103,7 +102,7 @@ class _StandardFrames(Listener):
 
     def on_error(self, exc: Exception) -> None:
         self._network.failed(exc)
-        time.sleep(_AGAIN_S)
+        system.sleep(_AGAIN_S)
 
     def stop(self) -> None:
         """Nothing to let go of."""

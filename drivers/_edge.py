@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from functools import wraps
 from typing import Any, TypeVar
 
-from hil.daq.connection import close_in_children, guard
 from hil.errors import DeviceLostError, HardwareError, HilError, LinkError
+from hil.system.tcp import close_in_children, guard
 
 _T = TypeVar("_T", bound=type)
 _RAISING = ("__init__", "standing", "drive", "read")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -18,6 +17,7 @@ from hil.daq.channel import Wiring
 from hil.description.named import Described
 from hil.description.text import ENDS, Talk
 from hil.errors import DeviceLostError, LinkError
+from hil.system import system
 
 _NOISE = b"\x00\xff\r\n"  # what a line reads as while a transceiver turns around, and ends that are longer than ours
 _LONGEST = 4096  # an answer without an end
@@ -101,7 +101,7 @@ class Line(AskedLine):
         self.meet()
         answer = self._answer_to(request)
         self._answers += 1
-        self._rest_until_s = time.monotonic() + self._pause_s
+        self._rest_until_s = system.now_s() + self._pause_s
         try:
             text = answer.decode("ascii")
         except UnicodeDecodeError:
@@ -129,7 +129,7 @@ class Line(AskedLine):
                 self.meeting.take_place()
         self.meeting.refuse_another()
         self._send(request)
-        self._rest_until_s = time.monotonic() + self._pause_s
+        self._rest_until_s = system.now_s() + self._pause_s
 
     def failed(self, text: str) -> LinkError:
         """After an answer that cannot be used nothing is asked for a while; what comes then is thrown away."""
@@ -158,10 +158,10 @@ class Line(AskedLine):
     def _answer_to(self, request: str) -> bytes:
         """What comes up to the end of the answer, without noise around it."""
         with self._port.line:
-            until_s, sent = time.monotonic() + self._timeout_s, self._send(request)
+            until_s, sent = system.now_s() + self._timeout_s, self._send(request)
             end, came = self._answer_end[-1:], b""  # an answer may end with it alone
             while end not in (received := self._without_echo(sent, came)).lstrip(_NOISE):
-                left_s = until_s - time.monotonic()
+                left_s = until_s - system.now_s()
                 if left_s <= 0.0 or len(came) > _LONGEST:
                     cut = f", only {received!r}" if received else ""
                     raise self.failed(f"no answer within {self._timeout_s:g} s{cut or self._may_rest()}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
@@ -16,6 +15,7 @@ from hil.daq.address import Port
 from hil.daq.channel import Wiring
 from hil.daq.device_link import DeviceLink
 from hil.errors import LinkError
+from hil.system import system
 
 
 class Meeting:
@@ -145,7 +145,7 @@ class AskedLine(ABC):
     @property
     def is_clean(self) -> bool:
         """Whether the next answer can only be that to the next request."""
-        return time.monotonic() >= self._quiet_s
+        return system.now_s() >= self._quiet_s
 
     @property
     def _quiet_s(self) -> float:
@@ -154,12 +154,12 @@ class AskedLine(ABC):
 
     def _wait(self) -> None:
         """Let a late answer pass, and a device its pause."""
-        wait_s = max(self._quiet_s, self._rest_until_s) - time.monotonic()
+        wait_s = max(self._quiet_s, self._rest_until_s) - system.now_s()
         if wait_s > 0.0:
-            time.sleep(wait_s)
+            system.sleep(wait_s)
 
     def _keep_quiet(self) -> None:
-        self._quiet_until_s = time.monotonic() + self._longest_reply_s
+        self._quiet_until_s = system.now_s() + self._longest_reply_s
         if self._port is not None:
             self._port.quiet_until_s = self._quiet_until_s
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NoReturn
@@ -13,6 +12,7 @@ from drivers._modbus_client import LineSettings, belongs, request
 from drivers._ports import TcpPort, host_and_port, serial_port
 from drivers._shared_port import SharedPort
 from hil.errors import DeviceLostError, LinkError
+from hil.system import system
 
 
 class ModbusLine(AskedLine):
@@ -63,7 +63,7 @@ class ModbusLine(AskedLine):
         except (ModbusException, OSError, AttributeError):  # none, or one to another question
             self._give_up()  # the next question begins on a new connection
             return ""
-        self._rest_until_s = time.monotonic() + self._pause_s
+        self._rest_until_s = system.now_s() + self._pause_s
         return " ".join(part.decode("ascii", "replace").strip() for part in objects.values() if isinstance(part, bytes))
 
     def tell_blindly(self, requests: Sequence[tuple[int, int, Sequence[int]]]) -> None:
@@ -108,7 +108,7 @@ class ModbusLine(AskedLine):
             )
         if self._two_came(len(answer.encode()) + _AROUND):
             self._fail(None, LinkError, f"two answers came to function {function} at {address:#06x}: one is another's")
-        self._rest_until_s = time.monotonic() + self._pause_s
+        self._rest_until_s = system.now_s() + self._pause_s
         return [int(bit) for bit in answer.bits[:count]] if function in (1, 2) else list(answer.registers)
 
     def exchange(self, asked: Any, *, blindly: bool = False) -> Any:
@@ -125,9 +125,9 @@ class ModbusLine(AskedLine):
         with self._port.line:
             self._log.debug("→ %s", self._sent.hex(" "))
             self._port.write(self._sent)
-            until_s = time.monotonic() + self._timeout_s
+            until_s = system.now_s() + self._timeout_s
             while not blindly:
-                left_s = until_s - time.monotonic()
+                left_s = until_s - system.now_s()
                 received += (more := self._port.read(left_s))
                 if more:
                     self._take(received)

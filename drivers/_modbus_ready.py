@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from drivers._modbus_line import ModbusLine
@@ -11,6 +10,7 @@ from drivers._register_blocks import RegisterBlock
 from drivers._registers import FUNCTIONS, WordOrder
 from hil.description.modbus import TIMES, Flag, Place, Write, safe_of
 from hil.errors import LinkError
+from hil.system import system
 
 _LOOK_S = 0.02  # how often a flag is looked at that is waited for
 
@@ -164,9 +164,9 @@ class Readiness:
 
     @staticmethod
     def _waited(is_so: Callable[[], bool], patience_s: float) -> bool:
-        until_s = time.monotonic() + patience_s
+        until_s = system.now_s() + patience_s
         while not is_so():
-            if time.monotonic() > until_s:
+            if system.now_s() > until_s:
                 return False
-            time.sleep(_LOOK_S)
+            system.sleep(_LOOK_S)
         return True

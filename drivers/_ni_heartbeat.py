@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import threading
 from typing import Any
+
+from hil.system import system
 
 
 class Heartbeat:
@@ -16,9 +17,9 @@ class Heartbeat:
 
     def __init__(self, line: str, every_s: float) -> None:
         self._line, self._every_s = line, every_s
-        self._ended = threading.Event()
+        self._ended = system.event()
         self._failure: Exception | None = None
-        self._thread: threading.Thread | None = None
+        self._thread: Any = None
 
     @property
     def beats(self) -> bool:
@@ -39,7 +40,7 @@ class Heartbeat:
             task.close()
             raise
         self._ended.clear()
-        self._thread = threading.Thread(target=self._beat, args=(task,), name="hil-heartbeat", daemon=True)
+        self._thread = system.thread(self._beat, task, name="hil-heartbeat")
         self._thread.start()
 
     def end(self) -> None:

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import errno
 import re
-import select
-import threading
 from typing import Any
 
 from drivers._edge import guard_port
 from drivers._shared_port import SharedPort, shared_port
 from hil.daq.address import Port
-from hil.daq.connection import close, connect, is_hung_up
 from hil.errors import DeviceLostError
+from hil.system import system
+from hil.system.tcp import TcpConnection
 
 _LOOK_S = 0.02  # how often the clock is looked at while an answer is waited for
-_MOST = 4096
 
 
 class TcpPort:
-    """A TCP connection. `line` is held for a request and its answer; what is read are bytes that have come, if any did.
+    """A TCP connection, used as `drivers._shared_port.SharedPort`.
+
+    `line` is held for a request and its answer; what is read are bytes that have come, if any did.
 
     Raises:
         OSError: nobody is there; of every method, the connection is gone.
@@ -28,37 +28,22 @@ class TcpPort:
     quiet_until_s = 0.0
 
     def __init__(self, host: str, port: int, timeout_s: float) -> None:
-        self._held, self._timeout_s = connect(host, port, timeout_s), timeout_s
-        self.line = threading.RLock()
+        self._held = TcpConnection(host, port, timeout_s)
+        self.read, self.drop, self.let_go = self._held.read, self._held.drop, self._held.let_go
+        self.line = system.rlock()
 
     @property
     def is_hung_up(self) -> bool:
         """Whether the device has closed it."""
-        return is_hung_up(self._held)
+        return self._held.is_hung_up
 
     def write(self, data: bytes) -> None:
         """Send; what has come before belongs to nobody."""
         self.read(0.0)
-        self._held.sendall(data)
-
-    def read(self, wait_s: float) -> bytes:
-        """What has come, waited for so long."""
-        ready, _, _ = select.select([self._held], [], [], max(0.0, wait_s))
-        came = self._held.recv(_MOST) if ready else b""
-        if ready and not came:
-            raise ConnectionResetError("the other side has closed it")
-        return came
+        self._held.write(data)
 
     def hold_nothing_back(self) -> None:
         """It is given up before anything else is sent on it, where that matters."""
-
-    def drop(self) -> None:
-        """Give it up: nothing more is sent on it."""
-        close(self._held)
-
-    def let_go(self) -> None:
-        """Close it in order: whatever was sent was answered."""
-        close(self._held, self._timeout_s)
 
 
 def serial_port(place: Port, timeout_s: float, baud: int, parity: str, *, exclusive: bool | None) -> SharedPort:
@@ -74,10 +59,8 @@ def serial_port(place: Port, timeout_s: float, baud: int, parity: str, *, exclus
 
 
 def _opened(address: str, path: str, timeout_s: float, more: dict[str, Any]) -> Any:
-    import serial
-
     try:
-        port = serial.serial_for_url(path, **more)
+        port = system.serial(path, **more)
         guard_port(port, timeout_s)
         return port
     except Exception as error:  # pyserial raises its own, those of the system, and those of its protocols

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
@@ -15,6 +14,7 @@ from drivers._edge import wire_log
 from drivers._node_objects import NodeObjects
 from hil.daq.probe import Found, Progress
 from hil.description.eds import Dictionary
+from hil.system import system
 
 _NOBODY, _EVERYBODY = 0xFE, 0xFF  # addresses of J1939: who has none may ask for claims
 _SEARCH_S = 0.3
@@ -65,8 +65,8 @@ def _listened(bus: Any, for_s: float, address: str) -> tuple[set[int], dict[int,
     """Identifiers of 11 bits that were heard, and by source address of 29-bit frames the NAME, where it was told."""
     standard: set[int] = set()
     names: dict[int, str] = {}
-    until_s = time.monotonic() + for_s
-    while (left_s := until_s - time.monotonic()) > 0.0:
+    until_s = system.now_s() + for_s
+    while (left_s := until_s - system.now_s()) > 0.0:
         message = heard(bus, address, left_s)
         if message is None or message.is_error_frame or message.is_remote_frame:
             continue
@@ -111,7 +111,7 @@ def _nodes(bus: Any, options: Options) -> list[Found]:
             network.subscribe(0x580 + node, heard)
         for node in range(1, 128):
             network.send_message(0x600 + node, b"\x40\x00\x10\x00\x00\x00\x00\x00")
-        time.sleep(_SEARCH_S + options.timeout_s)
+        system.sleep(_SEARCH_S + options.timeout_s)
         network.check_readable()
         return [Found(f"CANopen node {node}", _identity(network, node, options.timeout_s)) for node in sorted(answered)]
     finally:

@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from hil.daq.connection import close
 from hil.errors import DeviceLostError
+from hil.system import system
+from hil.system.tcp import close
 
-_ports: dict[str, SharedPort] = {}
-_quiet_until_s: dict[str, float] = {}
-_registry = threading.Lock()
+
+class _Registry:
+    """The ports of this process that are open, by their place, and until when nobody asks on each line."""
+
+    def __init__(self) -> None:
+        self.lock = system.lock()
+        self.ports: dict[str, SharedPort] = {}
+        self.quiet_until_s: dict[str, float] = {}
+
+
+def _registry() -> _Registry:
+    return system.of_process(_Registry)
 
 
 class SharedPort:
@@ -28,16 +37,18 @@ class SharedPort:
 
     def __init__(self, key: str, port: Any) -> None:
         self._key, self._port, self._users, self.is_broken = key, port, 1, False
-        self.line = threading.RLock()
+        self.line = system.rlock()
 
     @property
     def quiet_until_s(self) -> float:
         """Until when nobody asks on its line, since a late answer to somebody there may still come."""
-        return _quiet_until_s.get(self._key, 0.0)
+        return _registry().quiet_until_s.get(self._key, 0.0)
 
     @quiet_until_s.setter
     def quiet_until_s(self, until_s: float) -> None:
-        _quiet_until_s[self._key] = max(until_s, self.quiet_until_s)  # a shorter one does not end a longer one
+        _registry().quiet_until_s[self._key] = max(
+            until_s, self.quiet_until_s
+        )  # a shorter one does not end a longer one
 
     def write(self, data: bytes) -> None:
         """Send; what has come before belongs to nobody."""
@@ -63,14 +74,14 @@ class SharedPort:
 
     def let_go(self, patience_s: float = 1.0) -> None:
         """Let go of it in order; what comes on it from now on is nobody's."""
-        with _registry:
+        with _registry().lock:
             self._users -= 1
             if self._users > 0 and not self.is_broken:
                 with suppress(Exception):
                     self._port.reset_input_buffer()
                 return
-            if _ports.get(self._key) is self:
-                del _ports[self._key]
+            if _registry().ports.get(self._key) is self:
+                del _registry().ports[self._key]
         if (behind := getattr(self._port, "_socket", None)) is not None:  # of RFC 2217
             close(behind, patience_s)
         self._port.close()
@@ -102,9 +113,9 @@ def shared_port(path: str, speech: Mapping[str, object], opened: Callable[[], An
     `speech`: speed, parity and the like, by the port's own names.
     """
     key = os.path.realpath(path)
-    with _registry:
-        there = _ports.get(key)
+    with _registry().lock:
+        there = _registry().ports.get(key)
         if there is not None and not there.is_broken:
             return there.taken(speech)
-        _ports[key] = SharedPort(key, opened())
-        return _ports[key]
+        made = _registry().ports[key] = SharedPort(key, opened())
+        return made

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import TypeVar
 
 from hil.errors import DeviceLostError, LinkError
+from hil.system import system
 
 _T = TypeVar("_T")
 _AGAIN_S = 0.25  # how often a device is asked that is starting up
@@ -22,13 +22,13 @@ def once_started(startup_s: float, ask: Callable[[], _T]) -> _T:
     Raises:
         LinkError, DeviceLostError: it did not answer in its time.
     """
-    begun_s = time.monotonic()
+    begun_s = system.now_s()
     while True:
         try:
             return ask()
         except (LinkError, DeviceLostError) as error:
-            waited_s = time.monotonic() - begun_s
+            waited_s = system.now_s() - begun_s
             if waited_s >= startup_s:
                 after = f"after {waited_s:.3g} s of its start-up: " if startup_s else ""
                 raise type(error)(f"{after}{error}") from error
-            time.sleep(min(_AGAIN_S, startup_s))
+            system.sleep(min(_AGAIN_S, startup_s))

@@ -7,7 +7,6 @@ node that sends our heartbeat (127), and that status word and actual value are w
 from __future__ import annotations
 
 import struct
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
@@ -20,6 +19,7 @@ from drivers._edge import edge
 from hil.daq.channel import Terminal, Wiring
 from hil.description.canopen import dictionary
 from hil.errors import FileError, LinkError
+from hil.system import system
 
 PROFILE = 408
 FULL = 16384  # ±100 %
@@ -256,11 +256,11 @@ class CanopenValveLink(NodeLink):
                 self._objects.download(0x6040, 0, word, "<H")
 
     def _wait_for(self, state: int) -> None:
-        until_s = time.monotonic() + _PATIENCE_S
+        until_s = system.now_s() + _PATIENCE_S
         while (now := self._objects.upload(0x6041, 0) & 0b1111) != state:
-            if time.monotonic() > until_s:
+            if system.now_s() > until_s:
                 raise LinkError(f"the valve stays in {STATES.get(now, f'{now:04b}')}, it should be in {STATES[state]}")
-            time.sleep(0.005)
+            system.sleep(0.005)
 
     def _look_at(self, status: int) -> None:
         """Raise `LinkError` unless the valve is active and obeys the bus."""
@@ -274,11 +274,11 @@ class CanopenValveLink(NodeLink):
     def _failed(self, text: str) -> LinkError:
         beat = "it has sent no heartbeat"
         if self._beat_s is not None:
-            beat = f"its last heartbeat came {time.monotonic() - self._beat_s:.2g} s ago"
+            beat = f"its last heartbeat came {system.now_s() - self._beat_s:.2g} s ago"
         return super()._failed(f"{text}; {beat}")
 
     def _on_heartbeat(self, _identifier: int, _data: bytearray, _time_s: float) -> None:
-        self._beat_s = time.monotonic()
+        self._beat_s = system.now_s()
 
     def _scaled(self, index: int, value: float) -> int:
         """A value in the unit and prefix that the object itself has."""

@@ -8,7 +8,6 @@ are our choice.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import Literal
 
@@ -21,6 +20,7 @@ from drivers._edge import edge
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.device_link import DeviceLink
 from hil.errors import LinkError
+from hil.system import system
 
 COMMAND, ESTIMATED = 0xFE30, 0xFE10
 """Parameter groups of valve 0: its command, and the flow that it estimates. Valve n has the n-th after them."""
@@ -116,7 +116,7 @@ class J1939ValveLink(DeviceLink):
         self._settings = settings
         self._command_id = 3 << 26 | COMMAND + settings.valve << 8 | settings.source
         self._group = ESTIMATED + settings.valve
-        self._commanded_s = time.monotonic()
+        self._commanded_s = system.now_s()
         self._latest: bytes | None = None
         self._came_s = 0.0
         self._names_device = ""
@@ -163,7 +163,7 @@ class J1939ValveLink(DeviceLink):
     def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
         """Nothing acknowledges a command but the state and the flow that the valve then tells."""
         self._look()  # who asks for our address is answered in a pause too
-        frame, self._commanded_s = command_frame(values[_OUT], self._settings.fail_safe), time.monotonic()
+        frame, self._commanded_s = command_frame(values[_OUT], self._settings.fail_safe), system.now_s()
         self._frames.send(self._command_id, frame)
         self._watchdog.heard()
         yield _OUT, _DIRECTIONS[frame[2] & 0x0F]
@@ -192,7 +192,7 @@ class J1939ValveLink(DeviceLink):
 
     def _fresh(self, failed: Callable[[str], LinkError]) -> bytes:
         """What the valve said last, if that is not too old."""
-        if self._latest is None or time.monotonic() - self._came_s > self._settings.timeout_s:
+        if self._latest is None or system.now_s() - self._came_s > self._settings.timeout_s:
             raise failed(f"no estimated flow of valve {self._settings.valve} for {self._settings.timeout_s:g} s")
         return self._latest
 
@@ -203,7 +203,7 @@ class J1939ValveLink(DeviceLink):
         if identifier >> 8 & 0x3FF00 == CLAIMED:
             self._names_device = f"NAME {int.from_bytes(data, 'little'):#018x}"
         if is_mine := identifier >> 8 & 0x3FFFF == self._group:
-            self._latest, self._came_s = data, time.monotonic()
+            self._latest, self._came_s = data, system.now_s()
         return is_mine
 
     def _estimated(self, data: bytes) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from hil.daq.contract import CANNOT_BE_ASKED, Block, Promises, ReadBack, Wavefor
 from hil.daq.device_link import stands_as_driven
 from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
 from hil.record.recording import Array
+from hil.system import system
 
 _OVER = 0.024  # M Series boards resolve their ranges with 5 % of over-range, half of it at either end
 _WAIT_S = 2.0  # beyond the time that samples take
@@ -137,7 +137,7 @@ class NiDaq:
         self._tasks: list[Any] = []
         self._rates_hz: dict[float, float] = {}
         self._closed = False
-        self._zero_s = time.monotonic()
+        self._zero_s = system.now_s()
         self._after_s = 0.0
         self.levels: Mapping[str, float] = {}
         with self._device_errors():
@@ -355,7 +355,7 @@ class NiDaq:
         self._write(writers, padded, start=True)
         with self._device_errors():
             reading.start()
-        self._after_s = max(self._after_s, time.monotonic() - self._zero_s)
+        self._after_s = max(self._after_s, system.now_s() - self._zero_s)
         return self._after_s
 
     def _write(self, writers: list[_Writer], outputs: Mapping[str, Array], start: bool) -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 Process = subprocess.Popen
+PIPE, TimeoutExpired = subprocess.PIPE, subprocess.TimeoutExpired
 
 _PATH, _SAFE_PATH = "PYTHONPATH", "PYTHONSAFEPATH"
 _starting = threading.Lock()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from contextlib import suppress
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Literal, Protocol
 
 from hil.errors import StoppedError
+from hil.system import system
 
 TimeKind = Literal["virtual", "real"]
 
@@ -25,7 +25,7 @@ class Flag:
 
     def __init__(self) -> None:
         self._is_set = False
-        self._rung: SimpleQueue[None] = SimpleQueue()
+        self._rung: SimpleQueue[None] = system.queue()
 
     def is_set(self) -> bool:
         """Whether it is set."""
@@ -102,7 +102,7 @@ class RealClock:
     @property
     def now_s(self) -> float:
         """Monotonic seconds."""
-        return time.monotonic()
+        return system.now_s()
 
     @property
     def slept_s(self) -> float:
@@ -112,12 +112,12 @@ class RealClock:
 
     def sleep_until(self, deadline_s: float) -> None:
         """Sleep until the deadline."""
-        while (left := deadline_s - time.monotonic()) > 0.0:
-            time.sleep(left)
+        while (left := deadline_s - system.now_s()) > 0.0:
+            system.sleep(left)
 
     def stopped_before(self, deadline_s: float, stop: Flag) -> bool:
         """Wait for the deadline or the stop, whichever comes first."""
-        return stop.wait(max(0.0, deadline_s - time.monotonic()))
+        return stop.wait(max(0.0, deadline_s - system.now_s()))
 
 
 def refuse_after_sleep(clock: Clock) -> None:
@@ -135,12 +135,10 @@ def refuse_after_sleep(clock: Clock) -> None:
 
 def _behind_s() -> tuple[float, float]:
     """Bounds of how far the monotonic clock is behind the one that goes on in sleep, however long each look takes."""
-    boottime = getattr(time, "CLOCK_BOOTTIME", None)  # Linux; elsewhere nothing tells
-    if boottime is None:
-        return 0.0, 0.0
-    before_s = time.clock_gettime(boottime)
-    now_s = time.monotonic()
-    return before_s - now_s, time.clock_gettime(boottime) - now_s
+    before_s = system.awake_or_asleep_s()
+    now_s = system.now_s()
+    after_s = system.awake_or_asleep_s()
+    return (0.0, 0.0) if before_s is None or after_s is None else (before_s - now_s, after_s - now_s)
 
 
 def clock(kind: TimeKind) -> Clock:

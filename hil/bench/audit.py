@@ -6,7 +6,6 @@ import getpass
 import hashlib
 import json
 import os
-import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -23,6 +22,7 @@ from hil.record.header import END_FILE, HEADER_FILE, read_end
 from hil.record.seal import SEAL_FILE, marks_of, read_seal
 from hil.safety.interrupt import Halted, Terminated
 from hil.safety.latch import state_path
+from hil.system import system
 from hil.untrusted import ANY_SIZE, open_small, parse_json
 
 ACCOUNT = "HIL_ACCOUNT"
@@ -44,7 +44,7 @@ class Audit:
 
     def __init__(self, path: Path | None = None) -> None:
         self.path = path or state_path("console", "audit", ".jsonl")
-        self._lock = threading.Lock()
+        self._lock = system.lock()
 
     def write(self, account: str, act: str, details: Mapping[str, Any], operator: str = "") -> None:
         """Add a line.
@@ -198,7 +198,7 @@ def on_the_trail(
         on the disk, and nothing may move.
     """
     audit, operator, drives = Audit(), str(about.get("operator") or ""), False
-    run = {"run": str(out.absolute()), "bench": file.bench.name, "pid": os.getpid()}
+    run = {"run": str(out.absolute()), "bench": file.bench.name, "pid": system.pid()}
     details = {name: about[name] for name in ("procedure", "commanding", "resumes", "limits given") if about.get(name)}
 
     def begins() -> None:

@@ -5,10 +5,8 @@ What is said of the outputs, what is written down, and that nothing on the way c
 
 from __future__ import annotations
 
-import atexit
 import os
 import sys
-import threading
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from typing import Any, NoReturn, TypeVar
@@ -18,6 +16,7 @@ from hil.record.folder import RunWriter
 from hil.safety.guard import Guard, is_end
 from hil.safety.interrupt import begin_ending, take_back_signals, uninterrupted
 from hil.safety.outputs import Outputs
+from hil.system import system
 
 LEAVES_S = 5.0  # so long a procedure has to return once the last word was said
 _T = TypeVar("_T")
@@ -37,7 +36,7 @@ class LastWord:
     def __init__(self, say: Callable[[BaseException], int]) -> None:
         self._say = say
         self._status: int | None = None
-        self._leaving: threading.Timer | None = None
+        self._leaving: Any = None
 
     def say(self, error: BaseException) -> int:
         """Say it, unless it was said; returns the exit status."""
@@ -52,8 +51,7 @@ class LastWord:
 
     def leave_soon(self) -> None:
         """Leave if the procedure does not return."""
-        self._leaving = threading.Timer(LEAVES_S, self.leave)
-        self._leaving.daemon = True
+        self._leaving = system.later(LEAVES_S, self.leave)
         self._leaving.start()
 
     def stay(self) -> None:
@@ -64,7 +62,7 @@ class LastWord:
     def leave(self) -> None:
         """Leave now, with the status that was said."""
         if self._status is not None:
-            os._exit(self._status)
+            system.leave(self._status)
 
 
 _of_this_process: list[LastWord] = []
@@ -76,10 +74,10 @@ def last_word(say: Callable[[BaseException], int]) -> Iterator[LastWord]:
 
     Elsewhere, as in a notebook or in pytest, every call to the bench raises what ended its run, and that is all.
     """
-    word, pid, leave = LastWord(say), os.getpid(), os._exit
+    word, pid, leave = LastWord(say), system.pid(), os._exit
 
     def leave_with_our_status(status: int) -> NoReturn:  # a procedure that calls it has not come to its end
-        leave(word.status if os.getpid() == pid else status)
+        leave(word.status if system.pid() == pid else status)
 
     _of_this_process.append(word)
     os._exit = leave_with_our_status
@@ -87,7 +85,7 @@ def last_word(say: Callable[[BaseException], int]) -> Iterator[LastWord]:
         yield word
     finally:
         os._exit = leave
-        if os.getpid() != pid:  # a child that a procedure has forked is not the command
+        if system.pid() != pid:  # a child that a procedure has forked is not the command
             os._exit(StoppedError.exit_status)
         _of_this_process.remove(word)
 
@@ -116,12 +114,12 @@ class Ending:
         self.guard: Guard | None = None
         self._word = word
         self._undo = ExitStack()
-        self._lock = threading.RLock()
+        self._lock = system.rlock()
         self._at_work = self._raised_again = 0
         self._streams: list[Generator[object]] = []
         self._is_over = False
-        self._pid = os.getpid()
-        atexit.register(self._left_open)  # who never leaves the bench leaves it when the program ends
+        self._pid = system.pid()
+        system.at_exit(self._left_open)  # who never leaves the bench leaves it when the program ends
 
     def enter(self, context: AbstractContextManager[_T]) -> _T:
         """Enter what is left when the run ends."""
@@ -133,7 +131,7 @@ class Ending:
         Raises:
             StoppedError: this process was forked from the one that drives the bench.
         """
-        if os.getpid() != self._pid:
+        if system.pid() != self._pid:
             raise StoppedError("this process was forked from a run; only the run itself drives its bench")
         if self.error is None:
             return
@@ -182,7 +180,7 @@ class Ending:
 
     def signalled(self, error: KeyboardInterrupt) -> None:
         """A signal came: it ends the run here and now, or, where the bench is at work, at its next block."""
-        if os.getpid() != self._pid:
+        if system.pid() != self._pid:
             return
         if self.guard is not None:
             self.guard.end(error)
@@ -199,14 +197,14 @@ class Ending:
         Args:
             error: what ended the run; None when its procedure was through.
         """
-        if os.getpid() != self._pid:
+        if system.pid() != self._pid:
             self.error = error
             return
         with self._lock:
             if self._is_over:
                 return
             self._is_over = True
-            atexit.unregister(self._left_open)
+            system.not_at_exit(self._left_open)
             error = self._over or error
             if self.guard is not None and error is not None:
                 self.guard.end(error)

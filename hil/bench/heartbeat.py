@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import stat
-import subprocess
 import sys
-import threading
-import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -19,12 +15,14 @@ from hil.bench.read import BenchFile
 from hil.bench.stop.control import Control, control_of
 from hil.bench.stop.listener import Listener
 from hil.bench.stop.stop_service import StopService
-from hil.child import child
-from hil.daq.connection import close_in_children
+from hil.child import PIPE, TimeoutExpired
 from hil.errors import HardwareError, StoppedError
 from hil.printable import printable
 from hil.safety.operator import Asked, Operator
 from hil.safety.outputs import Outputs
+from hil.system import system
+from hil.system.signals import HOLDING_UP, WAKE, name_of
+from hil.system.tcp import close_in_children
 
 READY, DRIVEN, AT_REST, FAREWELL, ANSWER, ERROR = b"ready ", b"d", b"s", b"q", b".", b"error "
 CONFIRMING = b"c"  # a sign of life: outputs are told to be safe and read back, and nothing else comes in between
@@ -38,10 +36,6 @@ _START_S = 60.0
 _FAREWELL_S = 10.0
 _DEATH_S = 1.0
 _TAKES_OVER_S = 2.0  # a watchdog that does not say so within this time is taken for dead
-_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGTSTP", "SIGTTIN", "SIGTTOU",
-          "SIGBREAK")  # fmt: skip
-SIGNALS = frozenset(getattr(signal, name) for name in _NAMES if hasattr(signal, name))
-"""What a watchdog ignores: all that can be ignored and would end or stop it."""
 _LONGEST_REASON = 4096
 
 
@@ -102,7 +96,7 @@ def _heard_here(file: BenchFile, known: Outputs, operator: Operator | None) -> I
     operator.tell = lambda outputs: service.tell(outputs.known, "run")
     operator.holding = service.holds
     try:
-        listener = Listener(service, "run")
+        listener = system.serve(lambda: Listener(service, "run"), service)
     except OSError as error:
         yield Watch(lambda _driven: None, None, f"no listener for a stop: {error}")
         return
@@ -138,23 +132,23 @@ class HeartbeatClient:
         self.no_listener = ""
         self._limit_s = file.bench.protection.watchdog_s
         self._report = run / REPORT_FILE
-        words = [str(file.path.resolve()), str(os.getpid()), str(run.absolute()), str(Path.cwd())]
+        words = [str(file.path.resolve()), str(system.pid()), str(run.absolute()), str(Path.cwd())]
         self._speaks = _is_terminal_or_file(sys.stderr)
         # A session of its own: a Ctrl-C or a closed terminal reaches the run alone. Who reads a pipe of the run does
         # not wait for it.
-        with _signals_blocked():  # it is born with that, so that none ends it before it can ignore them
-            self._process = child(
-                "hil.bench.watchdog", words, _state_from_anywhere(), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                stderr=None if self._speaks else subprocess.PIPE, bufsize=0, start_new_session=True,
+        with system.blocking(HOLDING_UP):  # it is born with that, so that none ends it before it can ignore them
+            self._process = system.child(
+                "hil.bench.watchdog", words, _state_from_anywhere(), stdin=PIPE, stdout=PIPE,
+                stderr=None if self._speaks else PIPE, bufsize=0, start_new_session=True,
                 cwd=Path(os.sep).resolve(),
             )  # fmt: skip
         close_in_children(self._process.stdin)  # held there, it would not end with this program
-        self._started, self._taken = threading.Event(), threading.Event()
+        self._started, self._taken = system.event(), system.event()
         self._failed = self._by = ""
-        self._heard_s = self._asked_s = time.monotonic()
-        threading.Thread(target=self._listen, name="hil-watchdog", daemon=True).start()
+        self._heard_s = self._asked_s = system.now_s()
+        system.thread(self._listen, name="hil-watchdog").start()
         if self._process.stderr is not None:
-            threading.Thread(target=self._relay, args=(self._process.stderr,), daemon=True).start()
+            system.thread(self._relay, self._process.stderr).start()
 
     def wait_until_ready(self) -> None:
         """Return when the watchdog has made the outputs safe once, by its own way.
@@ -180,7 +174,7 @@ class HeartbeatClient:
             self._sign(CONFIRMING)
 
     def _sign(self, sign: bytes) -> None:
-        now_s = time.monotonic()
+        now_s = system.now_s()
         if self._failed or (self._asked_s > self._heard_s and now_s - self._asked_s > self._limit_s):
             raise self._gone()
         if self._asked_s <= self._heard_s:
@@ -197,7 +191,7 @@ class HeartbeatClient:
             self.stop()
             self._wake()
             self._process.wait(_FAREWELL_S)
-        except (OSError, ValueError, subprocess.TimeoutExpired):
+        except (OSError, ValueError, TimeoutExpired):
             self._end()
 
     def say_outputs(self, known: Outputs) -> None:
@@ -232,8 +226,8 @@ class HeartbeatClient:
 
     def _wake(self) -> None:
         """One that somebody has paused is needed now."""
-        if hasattr(signal, "SIGCONT") and self._process.poll() is None:
-            self._process.send_signal(signal.SIGCONT)
+        if WAKE is not None and self._process.poll() is None:
+            self._process.send_signal(WAKE)
 
     def _end(self) -> None:
         self.stop()
@@ -262,11 +256,11 @@ class HeartbeatClient:
             if not self._failed:
                 started = json.loads(first.removeprefix(READY))
                 self.control, self.no_listener = control_of(started), started.get("no_listener", "")
-            self._heard_s = self._asked_s = time.monotonic()
+            self._heard_s = self._asked_s = system.now_s()
             self._started.set()
             last = b""
             while more := output.read(4096):
-                self._heard_s = time.monotonic()
+                self._heard_s = system.now_s()
                 last = self._heed((last + more)[-_LONGEST_REASON:])
         self._failed = self._failed or _reason(last) or self._death()
 
@@ -300,21 +294,9 @@ class HeartbeatClient:
         """How it ended without a word."""
         try:
             status = self._process.wait(_DEATH_S)
-        except subprocess.TimeoutExpired:
+        except TimeoutExpired:
             return "ended"
-        return f"ended: killed by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
-
-
-@contextmanager
-def _signals_blocked() -> Iterator[None]:
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        return f"ended: killed by {name_of(-status)}" if status < 0 else f"ended with status {status}"
 
 
 def _reason(data: bytes) -> str:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
-from filelock import FileLock, Timeout
+from filelock import Timeout
 
 from hil.bench.device import DeviceInUse
 from hil.bench.read import BenchFile
 from hil.daq.address import places_of
 from hil.errors import FileError, InUseError, StorageError
 from hil.safety.latch import state_path
+from hil.system import system
 from hil.untrusted import read_json
 
 
@@ -59,7 +59,7 @@ def _held(what: str, name: str) -> Iterator[None]:
     holder = path.with_suffix(".json")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(path, timeout=0)
+        lock = system.lock_file(str(path))
         lock.acquire()
     except Timeout:
         raise _in_use(name, holder) from None
@@ -75,9 +75,9 @@ def _held(what: str, name: str) -> Iterator[None]:
 def _write(holder: Path) -> None:
     program = " ".join([Path(sys.argv[0]).name, *sys.argv[1:]])
     since = datetime.now(UTC).isoformat(timespec="seconds")
-    part = holder.with_suffix(f".{os.getpid()}")
+    part = holder.with_suffix(f".{system.pid()}")
     try:
-        part.write_text(json.dumps({"pid": os.getpid(), "since": since, "program": program}), encoding="utf-8")
+        part.write_text(json.dumps({"pid": system.pid(), "since": since, "program": program}), encoding="utf-8")
         part.replace(holder)
     except OSError as error:
         raise StorageError(f"{holder}: the lease cannot be written: {error.strerror}") from error

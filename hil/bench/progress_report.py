@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.record.recording import Array
+from hil.system import system
 
 Progress = Callable[[float, str], None]
 """Called with the share done, 0 … 1, and what is going on."""
@@ -94,7 +94,7 @@ class ProgressReporter:
         if self._until_s > 0.0:
             self._reach(self._by_time)
         self._values = values
-        now = time.monotonic()
+        now = system.now_s()
         if now - self._last >= _EVERY_S:
             self._last = now
             self._tell()

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-import threading
-import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from hil.bench.heartbeat import GIVE_UP_S, units_of
 from hil.bench.read import BenchFile
@@ -16,6 +15,7 @@ from hil.daq.calibration import Calibration
 from hil.daq.contract import Daq
 from hil.errors import reason
 from hil.safety.outputs import Output, Outputs, State, announcement
+from hil.system import system
 
 _AGAIN_S, _AGAIN_LATE_S = 0.05, 0.2
 _HANGS_S = 10.0  # a driver that has not returned after so long is left to itself, and tried anew
@@ -65,7 +65,7 @@ class Rescue:
 
     def __init__(self, file: BenchFile, service: StopService) -> None:
         self._file, self._service = file, service
-        self._begun_s = time.monotonic()
+        self._begun_s = system.now_s()
         self._lines: dict[str, list[_Device]] = {}
         for name, device in file.devices.items():
             address = str(getattr(device.settings, "address", name))
@@ -82,9 +82,9 @@ class Rescue:
             not_yet: called once: when only time is missing, or when some are not safe after a moment.
         """
         work = self._begun(self._with_patience)
-        until_s = time.monotonic() + _TELLS_S
-        while self.left and not self.announcement and time.monotonic() < until_s:
-            _wait(work, min(until_s, time.monotonic() + _AGAIN_S))
+        until_s = system.now_s() + _TELLS_S
+        while self.left and not self.announcement and system.now_s() < until_s:
+            _wait(work, min(until_s, system.now_s() + _AGAIN_S))
         if self.left:
             not_yet()
         _wait(work, self._begun_s + GIVE_UP_S + _HANGS_S)
@@ -114,16 +114,16 @@ class Rescue:
     @property
     def took_s(self) -> float:
         """After which time the last one came to its safe values; where one did not: for how long it was tried."""
-        last_s = time.monotonic() if self.left else max(device.safe_s for device in self._devices)
+        last_s = system.now_s() if self.left else max(device.safe_s for device in self._devices)
         return max(0.0, last_s - self._begun_s)
 
     @property
     def _devices(self) -> list[_Device]:
         return [device for line in self._lines.values() for device in line]
 
-    def _begun(self, do: Callable[[list[_Device]], None]) -> list[threading.Thread]:
+    def _begun(self, do: Callable[[list[_Device]], None]) -> list[Any]:
         """One thread for each line, begun."""
-        threads = [threading.Thread(target=do, args=(line,), daemon=True) for line in self._lines.values()]
+        threads = [system.thread(do, line) for line in self._lines.values()]
         for thread in threads:
             thread.start()
         return threads
@@ -136,21 +136,21 @@ class Rescue:
 
     def _with_patience(self, line: list[_Device]) -> None:
         self._tried_all(line)
-        while not all(device.done for device in line) and time.monotonic() - self._begun_s <= GIVE_UP_S:
+        while not all(device.done for device in line) and system.now_s() - self._begun_s <= GIVE_UP_S:
             only_time = all(device.done or device.wait_s for device in line)
-            time.sleep(_AGAIN_LATE_S if only_time else _AGAIN_S)
+            system.sleep(_AGAIN_LATE_S if only_time else _AGAIN_S)
             self._tried_all(line)
 
 
-def _wait(threads: list[threading.Thread], until_s: float) -> None:
+def _wait(threads: list[Any], until_s: float) -> None:
     for thread in threads:
-        thread.join(max(0.0, until_s - time.monotonic()))
+        thread.join(max(0.0, until_s - system.now_s()))
 
 
 def _tried(file: BenchFile, device: _Device) -> None:
     """One try, as long as a driver may take that returns."""
     attempt = _Device(device.name, away_s=device.away_s)
-    thread = threading.Thread(target=_make_safe, args=(file, attempt), daemon=True)
+    thread = system.thread(_make_safe, file, attempt)
     thread.start()
     thread.join(_HANGS_S)
     if thread.is_alive():
@@ -158,7 +158,7 @@ def _tried(file: BenchFile, device: _Device) -> None:
     else:
         was_there, is_there = device.done or device.wait_s, attempt.done or attempt.wait_s
         if is_there and (attempt.moved or not was_there):
-            device.safe_s = time.monotonic()
+            device.safe_s = system.now_s()
         device.away_s = attempt.away_s
         device.failure, device.unasked, device.moved = attempt.failure, attempt.unasked, attempt.moved
         device.outputs = attempt.outputs or _no_more_heard_of(device.outputs, attempt.failure)
@@ -182,9 +182,9 @@ def _make_safe(file: BenchFile, device: _Device) -> None:
             daq = file.devices[device.name].open(outputs, only_safe=True)
             device.moved = any(daq.levels.get(name) != channel.safe for name, channel in daq.outputs.items())
             if device.moved and device.away_s > -math.inf:
-                device.away_s = time.monotonic()
+                device.away_s = system.now_s()
             until_s = device.away_s + file.devices[device.name].late_s
-            _ask_to_be_safe(daq, known, max(0.0, until_s - time.monotonic()))
+            _ask_to_be_safe(daq, known, max(0.0, until_s - system.now_s()))
     except BaseException as error:
         device.failure = f"{device.name}: {reason(error).removeprefix(f'{device.name}: ')}"
         return

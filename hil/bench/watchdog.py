@@ -22,13 +22,7 @@ from __future__ import annotations
 import json
 import math
 import os
-import queue
-import select
-import signal
-import socket
 import sys
-import threading
-import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
@@ -48,7 +42,6 @@ from hil.bench.heartbeat import (
     READY,
     REPORT_FILE,
     REQUESTS,
-    SIGNALS,
     TAKEN,
     units_of,
 )
@@ -64,6 +57,9 @@ from hil.safety.latch import state_path
 from hil.safety.operator import Asked
 from hil.safety.outputs import outputs_in, record_of
 from hil.stderr import write
+from hil.system import system
+from hil.system.parent import Parent
+from hil.system.signals import HOLDING_UP, IGNORED
 
 CONFIRMS_S = 0.2  # after a stop the program has so long to be confirming, or done
 _SO_FAR = "watchdog-so-far"  # what is told before the last word, for who cannot hear it on stderr
@@ -74,34 +70,34 @@ _RELEASE_S = 2.0  # the system needs a moment to end a killed process, its lease
 
 def main(path: str, pid: str, run: str, folder: str) -> int:
     """Watch a program; returns the exit status. Whatever it dies of, it says so to the program and on stderr."""
-    for number in SIGNALS:
-        signal.signal(number, signal.SIG_IGN)
-    if hasattr(signal, "pthread_sigmask"):  # blocked since before it began, see `Heart`
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
-    try:
-        os.chdir(folder)
-        return _watch(Path(path), int(pid), Path(run))
-    except BaseException as error:
-        text = " ".join(f"died of {type(error).__name__}: {error}".split())
-        _say(ERROR + f"{text}\n".encode())
-        _tell(text)
-        return HardwareError.exit_status
+    for number in HOLDING_UP:
+        system.handle(number, IGNORED)
+    system.unblock(HOLDING_UP)  # blocked since before it began, see `HeartbeatClient`
+    program: Parent[Asked]
+    with closing(system.parent(int(pid))) as program:
+        try:
+            os.chdir(folder)
+            return _watch(Path(path), int(pid), Path(run), program)
+        except BaseException as error:
+            text = " ".join(f"died of {type(error).__name__}: {error}".split())
+            program.say(ERROR + f"{text}\n".encode())
+            _tell(text)
+            return HardwareError.exit_status
 
 
-def _watch(path: Path, pid: int, run: Path) -> int:
+def _watch(path: Path, pid: int, run: Path, parent: Parent[Asked]) -> int:
     try:
         file = read_bench(path)
         left = tried_once(file)
         if left:
             raise HardwareError("; ".join(left))
     except HilError as error:
-        _say(ERROR + f"{' '.join(str(error).split())}\n".encode())
+        parent.say(ERROR + f"{' '.join(str(error).split())}\n".encode())
         return error.exit_status
-    reader = _Reader(pid=pid)
-    service = StopService(units_of(file), "watchdog", reader.request)
-    with closing(reader), _listening(service) as control:
-        _say(READY + json.dumps(control).encode() + b"\n")
-        end = _watched(reader, file.bench.protection.watchdog_s, pid, service)
+    service = StopService(units_of(file), "watchdog", parent.request)
+    with _listening(service) as control:
+        parent.say(READY + json.dumps(control).encode() + b"\n")
+        end = _watched(parent, file.bench.protection.watchdog_s, pid, service)
         if end is not None:
             _act(file, pid, run, end, service)
             withdraw(run)
@@ -112,7 +108,7 @@ def _watch(path: Path, pid: int, run: Path) -> int:
 def _listening(service: StopService) -> Iterator[dict[str, str]]:
     """A listener for stops while inside; yields where it is, or why there is none, which keeps no run from starting."""
     try:
-        listener = Listener(service, "watchdog")
+        listener = system.serve(lambda: Listener(service, "watchdog"), service)
     except Exception as error:
         yield {"no_listener": f"no listener for a stop: {reason(error)}"}
         return
@@ -120,78 +116,6 @@ def _listening(service: StopService) -> Iterator[dict[str, str]]:
         yield listener.control.as_strings()
     finally:
         listener.close()
-
-
-class _Reader:
-    """What the program says and what an operator wishes, one after the other, to be waited for with a limit.
-
-    The pipe may be held open by children of the program, so the process itself is watched too, where the system can.
-
-    Args:
-        descriptor: of the pipe on which the program speaks.
-        pid: of the program.
-    """
-
-    def __init__(self, descriptor: int = 0, pid: int | None = None) -> None:
-        self._descriptor = descriptor if os.name == "posix" else _as_socket(descriptor)
-        self._requests: queue.SimpleQueue[Asked] = queue.SimpleQueue()
-        self._called, self._call = socket.socketpair()
-        self._call.setblocking(False)
-        self._program = None if pid is None else _process(pid)
-
-    def request(self, what: Asked) -> None:
-        """Somebody wishes something. From any thread."""
-        self._requests.put(what)
-        with suppress(OSError):  # full: it will wake up
-            self._call.send(b"!")
-
-    def next(self, timeout_s: float | None) -> bytes | Asked | None:
-        """What came; nothing at the end of the pipe or of the program, None when nothing came in time."""
-        called = self._called.fileno()
-        places = [self._descriptor, called, *([] if self._program is None else [self._program])]
-        ready, _, _ = select.select(places, [], [], timeout_s)
-        if self._descriptor in ready:
-            return os.read(self._descriptor, 4096)
-        if called in ready:
-            self._called.recv(1)
-            return self._requests.get()
-        return b"" if ready else None
-
-    def close(self) -> None:
-        """Listen no more."""
-        self._called.close()
-        self._call.close()
-        if self._program is not None:
-            os.close(self._program)
-
-    def kill(self, pid: int) -> None:
-        """End the program, so that it cannot wake up and drive on; never another that has got its number since."""
-        with suppress(ProcessLookupError):
-            if self._program is not None:
-                signal.pidfd_send_signal(self._program, signal.SIGKILL)
-            else:
-                os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
-
-
-def _process(pid: int) -> int | None:
-    """A descriptor that can be read once the process has ended; None where the system has none."""
-    try:
-        return os.pidfd_open(pid)
-    except (AttributeError, OSError):
-        return None
-
-
-def _as_socket(descriptor: int) -> int:
-    """The same bytes from a socket, on a system that cannot wait for a pipe and a socket together."""
-    near, far = socket.socketpair()
-
-    def copy() -> None:
-        with far:
-            while data := os.read(descriptor, 4096):
-                far.sendall(data)
-
-    threading.Thread(target=copy, daemon=True).start()
-    return near.detach()
 
 
 class _Program:
@@ -248,36 +172,36 @@ class _End:
     killed: bool = False
 
 
-def _watched(reader: _Reader, limit_s: float, pid: int, service: StopService) -> _End | None:
+def _watched(parent: Parent[Asked], limit_s: float, pid: int, service: StopService) -> _End | None:
     """Listen until there is something to do; None when the program said farewell."""
     program = _Program(service)
     silent_at_s = confirms_by_s = math.inf
     while True:
         until_s = silent_at_s if program.confirms else min(silent_at_s, confirms_by_s)
-        heard = reader.next(None if until_s == math.inf else max(0.0, until_s - time.monotonic()))
+        heard = parent.next(None if until_s == math.inf else max(0.0, until_s - system.now_s()))
         if heard is None:
-            if time.monotonic() - silent_at_s > 0.5 * limit_s:  # this process did not run, nor perhaps the program
-                silent_at_s = time.monotonic() + limit_s
+            if system.now_s() - silent_at_s > 0.5 * limit_s:  # this process did not run, nor perhaps the program
+                silent_at_s = system.now_s() + limit_s
                 continue
-            reader.kill(pid)
+            parent.kill(pid)
             if until_s < silent_at_s:
                 return _End(f"was told to stop, did not confirm within {CONFIRMS_S:g} s, and was killed", True)
             return _End(f"gave no sign of life for {limit_s:g} s while outputs were driven, and was killed", True)
         if isinstance(heard, str):
             by = BY + json.dumps(service.stopped_by).encode() + b"\n" if heard == "stop" and service.stopped_by else b""
-            _say(by + REQUESTS[heard])
+            parent.say(by + REQUESTS[heard])
             if heard == "stop":
-                confirms_by_s = min(confirms_by_s, time.monotonic() + CONFIRMS_S)
+                confirms_by_s = min(confirms_by_s, system.now_s() + CONFIRMS_S)
             continue
         if not heard:
             return _End("ended without making its outputs safe")
-        _say(ANSWER * program.received(heard))
+        parent.say(ANSWER * program.received(heard))
         if program.has_left:
             return None
         if program.hands_over:
-            _say(TAKEN)
+            parent.say(TAKEN)
             return _End("ended without making its outputs safe")
-        silent_at_s = time.monotonic() + limit_s if program.driven else math.inf
+        silent_at_s = system.now_s() + limit_s if program.driven else math.inf
         if service.status.is_final:
             confirms_by_s = math.inf
 
@@ -329,9 +253,9 @@ def _lease_of_the_dead(file: BenchFile, pid: int, meanwhile: Callable[[], None])
     child that it has forked; then it goes on without: outputs matter more than order.
     """
     busy = False
-    deadline_s = time.monotonic() + _RELEASE_S
+    deadline_s = system.now_s() + _RELEASE_S
     with ExitStack() as held:
-        while time.monotonic() < deadline_s:
+        while system.now_s() < deadline_s:
             try:
                 held.enter_context(leased(file))
                 break
@@ -343,7 +267,7 @@ def _lease_of_the_dead(file: BenchFile, pid: int, meanwhile: Callable[[], None])
                     meanwhile()
             except Exception:  # no place for leases
                 break
-            time.sleep(0.01)
+            system.sleep(0.01)
         yield
 
 
@@ -375,11 +299,6 @@ def _write(places: tuple[Path, Path], report: Mapping[str, object]) -> None:
 
 def _tell(text: str) -> None:
     write(f"hil watchdog: {text}\n", _TELLS_S)
-
-
-def _say(what: bytes) -> None:
-    with suppress(OSError):  # nobody listens any more
-        os.write(1, what)
 
 
 if __name__ == "__main__":

@@ -7,12 +7,12 @@ Drawn as a state chart in docs/explanation/safety.md.
 from __future__ import annotations
 
 import math
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 
 from hil.daq.channel import Wiring
 from hil.errors import LinkError, SettingError
+from hil.system import system
 from hil.units import behind_a_number
 
 READ_BACK_EVERY_S = 0.5  # another master, or a device that restarted, is noticed so soon
@@ -32,11 +32,11 @@ class DeviceWatchdog:
     def __init__(self, time_s: float | None, device: str = "device") -> None:
         self.time_s, self._device = time_s, device
         self.keep_alive_s = None if time_s is None else time_s / 3.0
-        self._heard_s = time.monotonic()
+        self._heard_s = system.now_s()
 
     def heard(self) -> None:
         """The device has answered, or was told, where it does not answer."""
-        self._heard_s = time.monotonic()
+        self._heard_s = system.now_s()
 
     def check(self) -> None:
         """Raise, once, when it must have expired since the device has heard something last.
@@ -44,7 +44,7 @@ class DeviceWatchdog:
         Raises:
             LinkError: nothing was said for longer than its time.
         """
-        silent_s = time.monotonic() - self._heard_s
+        silent_s = system.now_s() - self._heard_s
         if self.time_s is not None and silent_s > self.time_s:
             self.heard()
             raise LinkError(
@@ -69,9 +69,9 @@ class ReadBackTimes:
         self._usual_s = min(self._usual_s, max(took_s, _SHORTEST_S))
 
     def is_due(self, checked_s: float) -> bool:
-        """Whether outputs are to be read back again, after they were at this time of `time.monotonic`."""
+        """Whether outputs are to be read back again, after they were at this time of `system.now_s`."""
         slow = self._took_s > _SLOW * self._usual_s
-        return time.monotonic() - checked_s > (_LATEST_S if slow else READ_BACK_EVERY_S)
+        return system.now_s() - checked_s > (_LATEST_S if slow else READ_BACK_EVERY_S)
 
 
 def stands_as_driven(at: float, driven: Sequence[float], within: float) -> bool:
@@ -140,7 +140,7 @@ class DeviceLink(ABC):
         self._quiet_until_s = 0.0
         self._seen: set[str] = set()
         self.unmeasured: dict[str, str] = {}
-        self._read_back_times, self._checked_s = ReadBackTimes(), time.monotonic()
+        self._read_back_times, self._checked_s = ReadBackTimes(), system.now_s()
 
     @property
     def identity(self) -> str:
@@ -214,20 +214,20 @@ class DeviceLink(ABC):
             self._refuse_after_silence()
         self._commanded = commanded
         for name, level in self._put(values):
-            self._driven[name] = [*self._recent(name), (time.monotonic(), level)]
+            self._driven[name] = [*self._recent(name), (system.now_s(), level)]
 
     def read(self) -> Mapping[str, float]:
         """Every input, NaN where it has no measurement; now and then also whether outputs still stand as driven."""
         self._look()
         self._refuse_after_silence()
-        if (wait_s := self._quiet_until_s - time.monotonic()) > 0.0:  # what is late on its way says nothing about now
-            time.sleep(wait_s)
+        if (wait_s := self._quiet_until_s - system.now_s()) > 0.0:  # what is late on its way says nothing about now
+            system.sleep(wait_s)
             self._forget()
         self._quiet_until_s = 0.0
-        begun_s, self.unmeasured = time.monotonic(), {}
+        begun_s, self.unmeasured = system.now_s(), {}
         readings = self._measured()
         self._seen |= readings.keys()
-        self._read_back_times.took(time.monotonic() - begun_s)
+        self._read_back_times.took(system.now_s() - begun_s)
         if self._driven and (self._reports_each_s or self._read_back_times.is_due(self._checked_s)):
             self._outputs_stand()
         return readings
@@ -262,7 +262,7 @@ class DeviceLink(ABC):
 
     def _failed(self, text: str) -> LinkError:
         """After an answer that did not come nothing is believed for a while."""
-        self._quiet_until_s = time.monotonic() + self._longest_reply_s
+        self._quiet_until_s = system.now_s() + self._longest_reply_s
         return LinkError(text)
 
     def _refuse_after_silence(self) -> None:
@@ -271,7 +271,7 @@ class DeviceLink(ABC):
 
     def _outputs_stand(self) -> None:
         self._look_at_outputs()
-        self._checked_s = now_s = time.monotonic()
+        self._checked_s = now_s = system.now_s()
         patience_s = max(self._longest_reply_s, 3.0 * self._reports_each_s) if self._reports_each_s else 0.0
         for name, stands in self._held().items():
             levels = [level for _, level in self._recent(name)]
@@ -289,6 +289,6 @@ class DeviceLink(ABC):
 
     def _recent(self, name: str) -> list[tuple[float, float]]:
         """When and where an output was driven, since when the device may still tell of it."""
-        driven, since_s = self._driven.get(name, []), time.monotonic() - 3.0 * self._reports_each_s
+        driven, since_s = self._driven.get(name, []), system.now_s() - 3.0 * self._reports_each_s
         latest = max((i for i, (at_s, _) in enumerate(driven) if at_s <= since_s), default=0)
         return driven[latest:]

@@ -7,7 +7,6 @@ is measured.
 
 from __future__ import annotations
 
-import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
@@ -23,6 +22,7 @@ from hil.daq.contract import Block, Promises, ReadBack, Waveform
 from hil.daq.link import WHATEVER, Late, Link, Member
 from hil.daq.polling import BEHIND_S, Taken, Task
 from hil.errors import DeviceLostError, HardwareError, LinkError, UnansweredError
+from hil.system import system
 
 _T = TypeVar("_T")
 
@@ -81,7 +81,7 @@ class PolledDaq:
             member.late = late.get(member.name, member.late)
         self.outputs: Mapping[str, OutputChannel] = _merged(member.wiring.outputs for member in self._members)
         self.inputs: Mapping[str, InputChannel] = _merged(member.wiring.inputs for member in self._members)
-        self._lock = threading.Lock()
+        self._lock = system.lock()
         self._task: Task | None = None
         self._failed: HardwareError | None = None
         self._made_safe, self._only_safe = False, not measured
@@ -261,7 +261,7 @@ class PolledDaq:
                 member.renew()
         self._made_safe = False
         task = self._task = Task()
-        thread = threading.Thread(target=self._poll, args=(task,), name="hil-poll", daemon=True)
+        thread = system.thread(self._poll, task, name="hil-poll")
         task.thread = thread
         failure: BaseException | None = None
         thread.start()
@@ -383,7 +383,7 @@ class PolledDaq:
     def _keep_alive(self) -> None:
         beats = [member.link.keep_alive_s for member in self._members if member.link.keep_alive_s is not None]
         if beats:
-            threading.Thread(target=self._beat, args=(min(beats),), name="hil-keep-alive", daemon=True).start()
+            system.thread(self._beat, min(beats), name="hil-keep-alive").start()
 
     def _beat(self, every_s: float) -> None:
         """In a pause, drive again what stands, so that no watchdog takes it for a dead program."""

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from queue import Empty, SimpleQueue
+from threading import Thread
 
 import numpy as np
 
 from hil.clock import Flag
 from hil.daq.contract import Block, Waveform
 from hil.errors import LinkError, OutputUnderflowError
+from hil.system import system
 
 BEHIND_S = 1.0  # a program that brings no waveform for so long has lost the task
 _FEWEST_SLOW = 3  # samples that show that a link has become slow
@@ -26,11 +27,11 @@ class Task:
     """
 
     def __init__(self) -> None:
-        self.todo: SimpleQueue[Waveform | None] = SimpleQueue()
-        self.done: SimpleQueue[tuple[Block, bool] | BaseException | None] = SimpleQueue()
+        self.todo: SimpleQueue[Waveform | None] = system.queue()
+        self.done: SimpleQueue[tuple[Block, bool] | BaseException | None] = system.queue()
         self.pace = Pace()
         self.judged, self.stop = Flag(), Flag()
-        self.thread: threading.Thread | None = None
+        self.thread: Thread | None = None
 
     def next(self) -> Waveform | None:
         """The next waveform, None at the end.
@@ -51,7 +52,7 @@ class Task:
         """Stop, and wait for the sample that is under way."""
         self.stop.set()
         self.judged.set()
-        if self.thread is not None and self.thread is not threading.current_thread() and self.thread.is_alive():
+        if self.thread is not None and not system.is_this_thread(self.thread) and self.thread.is_alive():
             self.thread.join()
 
 

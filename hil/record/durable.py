@@ -6,12 +6,12 @@ import errno
 import os
 import shutil
 import sys
-import threading
 from collections.abc import Sequence
 from io import FileIO
 from pathlib import Path
 
 from hil.clock import Flag
+from hil.system import system
 
 SYNC_INTERVAL_S = 1.0
 
@@ -21,12 +21,12 @@ def write_at(file: FileIO, position: int, data: bytes | memoryview) -> None:
     file.seek(position)
     rest = memoryview(data)
     while rest:
-        rest = rest[file.write(rest) :]
+        rest = rest[system.write(file, rest) :]
 
 
 def sync_file(descriptor: int) -> None:
     """Return when a file's bytes are on the disk."""
-    os.fsync(descriptor)
+    system.sync(descriptor)
 
 
 def write_whole(path: Path, content: bytes | str, mode: int = 0o666) -> None:
@@ -35,14 +35,13 @@ def write_whole(path: Path, content: bytes | str, mode: int = 0o666) -> None:
     A link, a pipe or a socket of that name is replaced, never written through: in a folder that somebody else made it
     would lead anywhere.
     """
-    part = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_native_id()}.part")  # two threads write one name
+    part = path.with_name(f"{path.name}.{system.pid()}-{system.thread_id()}.part")  # two threads write one name
     part.unlink(missing_ok=True)
     try:
         descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), mode)
-        with open(descriptor, "wb") as file:  # noqa: PTH123  # a descriptor, not a path
-            file.write(content.encode() if isinstance(content, str) else content)
-            file.flush()
-            sync_file(file.fileno())
+        with FileIO(descriptor, "wb") as file:
+            write_at(file, 0, content.encode() if isinstance(content, str) else content)
+            sync_file(descriptor)
         part.replace(path)
     except BaseException:
         part.unlink(missing_ok=True)
@@ -89,7 +88,7 @@ def sync_folder(folder: Path) -> None:
             return
         raise
     try:
-        os.fsync(descriptor)
+        system.sync(descriptor)
     finally:
         os.close(descriptor)
 
@@ -106,7 +105,7 @@ class Syncer:
         self._interval_s = interval_s
         self._written, self._stop = Flag(), Flag()  # set where signals raise
         self._error: OSError | None = None
-        self._thread = threading.Thread(target=self._run, name="hil-sync", daemon=True)
+        self._thread = system.thread(self._run, name="hil-sync")
         self._thread.start()
 
     def written(self) -> None:

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import signal
-import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 from hil.errors import HilError
-
-HALT = getattr(signal, "SIGUSR1", signal.SIGTERM)
-"""Delivers a stop that was asked for from outside (see `hil.safety.operator`)."""
+from hil.system import Handler, system
+from hil.system.signals import ENDING, HALT, IGNORED, INTERRUPT, TERMINATE, name_of
 
 _AGAIN_S = 0.01
-_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK", "SIGUSR1")
-_SIGNALS = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
 
 
 class Terminated(KeyboardInterrupt):
@@ -26,8 +20,8 @@ class Terminated(KeyboardInterrupt):
         number: of the signal.
     """
 
-    def __init__(self, number: int = signal.SIGTERM) -> None:
-        super().__init__(signal.Signals(number).name)
+    def __init__(self, number: int = TERMINATE) -> None:
+        super().__init__(name_of(number))
         self.number = number
 
 
@@ -41,7 +35,7 @@ class Halted(Terminated):
 
 def status_of(stopped: KeyboardInterrupt) -> int:
     """The exit status of a program that ended in order after a signal, as shells have it: 128 and its number."""
-    return 128 + int(getattr(stopped, "number", signal.SIGINT))
+    return 128 + int(getattr(stopped, "number", INTERRUPT))
 
 
 class _Requests:
@@ -59,10 +53,10 @@ class _Requests:
     def __init__(self) -> None:
         self.came: list[int] = []
         self.heard = self.held = self.cut = 0
-        self.giving_back = threading.Lock()
+        self.giving_back = system.lock()
         self.raised = self.ending = False
         self.listeners: list[Callable[[KeyboardInterrupt], None]] = []
-        self._before: dict[int, signal.Handlers | object] = {}
+        self._before: dict[int, Handler] = {}
 
     @property
     def can_raise(self) -> bool:
@@ -74,31 +68,31 @@ class _Requests:
         if self._before:
             return False
         self.came, self.raised, self.ending = [], False, False
-        for number in _SIGNALS:
-            if (before := signal.getsignal(number)) is not signal.SIG_IGN:
+        for number in ENDING:
+            if (before := system.handler_of(number)) is not IGNORED:
                 self._before[number] = before
-                signal.signal(number, self._on_signal)
+                system.handle(number, self._on_signal)
         return True
 
     def take_back(self) -> None:
         """Take over again what somebody else has taken meanwhile: a library, or a procedure."""
         for number in self._before:
-            if signal.getsignal(number) != self._on_signal:
-                signal.signal(number, self._on_signal)
+            if system.handler_of(number) != self._on_signal:
+                system.handle(number, self._on_signal)
 
     def silence(self) -> None:
         """None has any effect any more, in this process: neither one that comes nor one that came."""
         self.came = []
-        for number in _SIGNALS:
-            self._before[number] = signal.SIG_IGN
-            signal.signal(number, signal.SIG_IGN)
+        for number in ENDING:
+            self._before[number] = IGNORED
+            system.handle(number, IGNORED)
 
     def give_back(self) -> None:
         """Let go of them."""
         with self.giving_back:
             before, self._before = self._before, {}
             for number, handler in before.items():
-                signal.signal(number, handler)  # type: ignore[arg-type] # as `getsignal` gave it
+                system.handle(number, handler)
 
     def raise_what_came(self) -> None:
         """Raise the first that came, unless one was raised already."""
@@ -129,26 +123,23 @@ class _Requests:
         came = self.came
         is_sent = self._send_halt(came)
         if is_sent:
-            threading.Thread(target=self._halt_until_heard, args=(came,), name="hil-halt", daemon=True).start()
+            system.thread(self._halt_until_heard, came, name="hil-halt").start()
         return is_sent
 
     def _halt_until_heard(self, came: list[int]) -> None:
         while HALT not in came and self._send_halt(came):
-            time.sleep(_AGAIN_S)
+            system.sleep(_AGAIN_S)
 
     def _send_halt(self, came: list[int]) -> bool:
         """To the section whose signals are `came`, not to a later one."""
         with self.giving_back:
             if came is not self.came:
                 return False
-            main = threading.main_thread().ident
-            if HALT not in self._before or main is None or not hasattr(signal, "pthread_kill"):
-                return False
-            signal.pthread_kill(main, HALT)
-            return True
+            return HALT in self._before and system.interrupt_main_thread(HALT)
 
 
-_requests = _Requests()
+def _requests() -> _Requests:
+    return system.of_process(_Requests)
 
 
 @contextmanager
@@ -158,24 +149,24 @@ def terminable() -> Iterator[None]:
     Once the way out has begun (see `begin_ending`), further ones are remembered only: they change nothing any more. One
     that came so late that nothing was raised is raised at the end, unless an error is on its way. Main thread only.
     """
-    if threading.current_thread() is not threading.main_thread():
+    if not system.is_main_thread():
         yield
         return
-    outermost = _requests.install()
-    _requests.heard += 1
-    ending = _requests.ending
+    outermost = _requests().install()
+    _requests().heard += 1
+    ending = _requests().ending
     try:
         yield
     except BaseException:
-        _requests.ending = True  # until the outermost section is left: the error goes its way undisturbed
+        _requests().ending = True  # until the outermost section is left: the error goes its way undisturbed
         raise
     else:
-        _requests.ending = ending
+        _requests().ending = ending
     finally:
-        _requests.heard -= 1
+        _requests().heard -= 1
         if outermost:
-            _requests.give_back()
-    _requests.raise_what_came()
+            _requests().give_back()
+    _requests().raise_what_came()
 
 
 @contextmanager
@@ -184,81 +175,81 @@ def uninterrupted() -> Iterator[None]:
 
     In other threads, where Python delivers no signals, nothing needs to be done.
     """
-    if threading.current_thread() is not threading.main_thread():
+    if not system.is_main_thread():
         yield
         return
-    _requests.held += 1
-    outermost = _requests.install()
-    _requests.ending = _requests.ending or _requests.raised
+    _requests().held += 1
+    outermost = _requests().install()
+    _requests().ending = _requests().ending or _requests().raised
     try:
         yield
     finally:
-        _requests.held -= 1
+        _requests().held -= 1
         if outermost:
-            _requests.give_back()
-            for number in dict.fromkeys(_requests.came):
-                signal.raise_signal(number)
-    if _requests.can_raise:
-        _requests.raise_what_came()
+            _requests().give_back()
+            for number in dict.fromkeys(_requests().came):
+                system.raise_signal(number)
+    if _requests().can_raise:
+        _requests().raise_what_came()
 
 
 @contextmanager
 def cut_by_halt() -> Iterator[None]:
     """A stop raises `Halted` inside, also on the way out and where signals are held: a ramp is no way out of that."""
-    if threading.current_thread() is not threading.main_thread():
+    if not system.is_main_thread():
         yield
         return
-    _requests.cut += 1
+    _requests().cut += 1
     try:
         yield
     finally:
-        _requests.cut -= 1
+        _requests().cut -= 1
 
 
 def halt_main_thread() -> bool:
     """Send a stop to the main thread, as a signal that it hears; False where it does not hear any. From any thread."""
-    return _requests.send_halt()
+    return _requests().send_halt()
 
 
 @contextmanager
 def notified_of_signals(tell: Callable[[KeyboardInterrupt], None]) -> Iterator[None]:
     """Inside, `tell` is called with what a signal is about to raise, before anybody can swallow it."""
-    _requests.listeners.append(tell)
+    _requests().listeners.append(tell)
     try:
         yield
     finally:
-        _requests.listeners.remove(tell)
+        _requests().listeners.remove(tell)
 
 
 def raised() -> KeyboardInterrupt | None:
     """The first signal that was raised, where one was."""
-    return _exception(_requests.came[0]) if _requests.raised and _requests.came else None
+    return _exception(_requests().came[0]) if _requests().raised and _requests().came else None
 
 
 def ended_by(error: BaseException) -> BaseException:
     """The signal that was raised, where a library has made an error of its own of it; otherwise the error."""
-    is_own = isinstance(error, HilError | KeyboardInterrupt) or not _requests.heard
+    is_own = isinstance(error, HilError | KeyboardInterrupt) or not _requests().heard
     return error if is_own else raised() or error
 
 
 def take_back_signals() -> None:
     """Hear the signals of `terminable` again, whoever has taken or ignored them inside."""
-    if threading.current_thread() is threading.main_thread() and _requests.heard:
-        _requests.take_back()
+    if system.is_main_thread() and _requests().heard:
+        _requests().take_back()
 
 
 def begin_ending() -> None:
     """From here to the end of `terminable`, signals are remembered only."""
-    if threading.current_thread() is threading.main_thread() and _requests.heard:
-        _requests.ending = True
+    if system.is_main_thread() and _requests().heard:
+        _requests().ending = True
 
 
 def ignore_signals() -> None:
     """The program has said how it ended, and nothing may change its exit status any more."""
-    _requests.silence()
+    _requests().silence()
 
 
 def _exception(number: int) -> KeyboardInterrupt:
-    if number == signal.SIGINT:
+    if number == INTERRUPT:
         return KeyboardInterrupt()
     return Halted() if number == HALT else Terminated(number)

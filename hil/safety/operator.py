@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Callable
 from typing import Literal
 
 from hil.errors import StoppedError
 from hil.safety.interrupt import Halted, halt_main_thread
 from hil.safety.outputs import Outputs
+from hil.system import system
 
 Asked = Literal["stop", "hold", "resume"]
 
@@ -35,8 +34,8 @@ class Operator:
         self.tell: Callable[[Outputs], None] = lambda _outputs: None
         self.holding: Callable[[bool], None] = lambda _holds: None
         self.confirming: Callable[[], None] = lambda: None
-        self._in_main_thread = threading.current_thread() is threading.main_thread()
-        self._stop, self._hold = threading.Event(), threading.Event()
+        self._in_main_thread = system.is_main_thread()
+        self._stop, self._hold = system.event(), system.event()
         self._is_answered = False
         self.stopped_by = ""
 
@@ -94,10 +93,10 @@ class Operator:
             Halted: somebody pressed stop.
             StoppedError: patience is over.
         """
-        until_s = time.monotonic() + patience_s
+        until_s = system.now_s() + patience_s
         while self.hold_asked:
             self.check()
-            if time.monotonic() > until_s:
+            if system.now_s() > until_s:
                 raise patience_over(patience_s)
             self._stop.wait(_LOOK_S)
         self.check()

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
@@ -23,6 +22,7 @@ from hil.errors import HilError, NotSafeError, UnansweredError, marked, reason
 from hil.language.words import ENGLISH, _, speaking
 from hil.safety.interrupt import status_of
 from hil.safety.witness import AGREES, Look, Testimony, Witnesses
+from hil.system import system
 
 _PATIENCE_S = 0.5  # for a device that obeys, and says so a little later
 AGAIN_S, _AGAIN_LATE_S = 0.02, 0.1
@@ -39,7 +39,7 @@ class State(StrEnum):
 
 
 def _now_utc() -> str:
-    return datetime.now(UTC).isoformat(timespec="milliseconds")
+    return system.utc().isoformat(timespec="milliseconds")
 
 
 @dataclass(frozen=True, slots=True)

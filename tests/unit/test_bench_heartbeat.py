@@ -12,11 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench.heartbeat import GIVE_UP_S, REPORT_FILE, SIGNALS, HeartbeatClient, watched
+from hil.bench.heartbeat import GIVE_UP_S, REPORT_FILE, HeartbeatClient, watched
 from hil.bench.read import BenchFile
 from hil.daq.channel import OutputChannel
 from hil.errors import LinkError, with_notes
 from hil.safety.outputs import Outputs
+from hil.system.signals import HOLDING_UP
 from tests.links import PATIENT, served
 
 linux = pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks into /proc")
@@ -85,10 +86,10 @@ def test_watchdog_that_is_told_to_end_goes_on_trying(tmp_path: Path) -> None:
     run.mkdir()
     with served("hpv41-modbus-tcp", tmp_path) as (file, _):
         client = HeartbeatClient(file, run)  # each is sent before it can ignore any, too
-        for number in SIGNALS:
+        for number in HOLDING_UP:
             os.kill(watchdog_of(run), number)
         client.wait_until_ready()
-        for number in SIGNALS:
+        for number in HOLDING_UP:
             os.kill(watchdog_of(run), number)
         assert f"goes on trying for {GIVE_UP_S:g} s" in client.hand_over()
         wait_for_report(run)

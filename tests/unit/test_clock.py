@@ -10,14 +10,15 @@ import pytest
 
 from hil.clock import Flag, RealClock, VirtualClock, refuse_after_sleep
 from hil.errors import StoppedError
+from hil.system import system
 
 pytestmark = pytest.mark.skipif(not hasattr(time, "CLOCK_BOOTTIME"), reason="nothing tells of a sleep here")
 
 
 def test_a_sleep_is_what_the_monotonic_clock_has_missed(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock, monotonic = RealClock(), time.monotonic
+    clock, monotonic = RealClock(), system.now_s
     assert clock.slept_s == 0.0
-    monkeypatch.setattr(time, "monotonic", lambda: monotonic() - 5.0)
+    monkeypatch.setattr(system, "now_s", lambda: monotonic() - 5.0)
     assert clock.slept_s > 4.5
     with pytest.raises(StoppedError, match="the computer slept for"):
         refuse_after_sleep(clock)
@@ -32,13 +33,13 @@ def test_a_step_of_the_wall_clock_is_no_sleep(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_look_that_takes_long_is_no_sleep(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock, monotonic = RealClock(), time.monotonic
+    clock, monotonic = RealClock(), system.now_s
 
     def held_up() -> float:
         time.sleep(0.2)
         return monotonic()
 
-    monkeypatch.setattr(time, "monotonic", held_up)
+    monkeypatch.setattr(system, "now_s", held_up)
     assert clock.slept_s == 0.0
 
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
-from hil.daq.connection import close, close_in_children, connect
+from hil.system.tcp import close, close_in_children, connect
 from tests.lost_packets import lost
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "register_at_fork"), reason="no fork here")

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from drivers.modbus import LineSettings, ModbusLink
-from hil.daq import device_link
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.device_link import DeviceLink, ReadBackTimes, stands_as_driven
 from hil.errors import DeviceLostError, LinkError, SettingError
+from hil.system import system
 from tests.foreign_line import ForeignLine, Tables
 from tests.modbus_pair import MODEL, WIRING
 
@@ -156,7 +156,7 @@ def test_after_an_answer_that_did_not_come_what_is_late_passes_first() -> None:
 def test_readings_come_after_one_slow_answer_and_not_after_two(monkeypatch: pytest.MonkeyPatch) -> None:
     """By the clock of the device, which answers slowly twice: however slow this computer is."""
     device, clock = Tables(inputs={0: 20}, holding={8: 0}), SimpleNamespace(now_s=0.0, answer_s=0.0)
-    monkeypatch.setattr(device_link, "time", SimpleNamespace(monotonic=lambda: clock.now_s, sleep=time.sleep))
+    monkeypatch.setattr(system, "now_s", lambda: clock.now_s)
 
     def answer(frame: bytes) -> bytes:
         clock.now_s += clock.answer_s

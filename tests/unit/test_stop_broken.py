@@ -22,6 +22,7 @@ from hil.safety import guard, operator
 from hil.safety.guard import Guard
 from hil.safety.operator import Operator
 from hil.safety.outputs import Output, Outputs, State
+from hil.system.parent import Parent
 from tests import stops
 from tests.unit import test_safety_operator as by_run
 from tests.unit import test_stop_listener as by_listener
@@ -131,7 +132,7 @@ def _one_is_enough(patch: Patch) -> None:
 
 
 def _killing_nobody(patch: Patch) -> None:
-    patch.setattr(watchdog._Reader, "kill", lambda _self, _pid: None)
+    patch.setattr(Parent, "kill", lambda _self, _pid: None)
 
 
 def _no_desk_memory(patch: Patch) -> None:

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,6 +21,7 @@ from hil.bench import rescue, watchdog
 from hil.bench.stop.control import Control, Tokens, control_of, published
 from hil.bench.stop.stop_service import StopService
 from hil.safety.outputs import Output, Outputs, State, outputs_in
+from hil.system.parent import Parent
 from tests.stops import SAFE
 from tests.unit.test_bench_watchdog import Valve, bench_of
 from tests.waits import PATIENCE_S, until
@@ -32,7 +34,7 @@ class Watched:
     """A watchdog that watches over a program that does nothing, and what it said to it."""
 
     program: subprocess.Popen[bytes]
-    reader: watchdog._Reader
+    reader: Parent[Any]
     pipe: int
     service: StopService
     received: list[bytes] = field(default_factory=list)
@@ -78,9 +80,9 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
 @contextmanager
 def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
     reading, writing = os.pipe()
-    with subprocess.Popen(["sleep", "infinity"]) as program, closing(watchdog._Reader(reading, program.pid)) as reader:
+    with subprocess.Popen(["sleep", "infinity"]) as program, closing(Parent(program.pid, reading)) as reader:
         made = Watched(program, reader, writing, StopService({"valve": "V"}, "watchdog", reader.request))
-        monkeypatch.setattr(watchdog, "_say", made.received.append)
+        monkeypatch.setattr(reader, "say", made.received.append)
         try:
             yield made
         finally:
@@ -186,8 +188,9 @@ def test_program_that_hands_over_is_told_that_it_is_done(watched: Watched) -> No
 LISTENS = """
 import sys
 from hil.bench import watchdog
+from hil.system.parent import Parent
 from hil.bench.stop.stop_service import StopService
-reader = watchdog._Reader(pid=int(sys.argv[1]))
+reader = Parent(int(sys.argv[1]))
 print("ready", file=sys.stderr, flush=True)
 end = watchdog._watched(reader, 2.0, int(sys.argv[1]), StopService({}, "watchdog", reader.request))
 print(end, file=sys.stderr)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
@@ -15,6 +14,7 @@ from hil.bench.read import BenchFile
 from hil.daq.contract import Block, Daq, Waveform
 from hil.errors import DeviceLostError, HardwareError, SettingError, UnknownNameError
 from hil.record.recording import Array
+from hil.system import system
 
 _AGAIN_S = 1.0  # after a failure a device is opened again
 
@@ -121,29 +121,29 @@ class _Looked:
         self._followed = {name: Followed(name, file) for name in names}
         self._rate_hz = file.bench.sample_rate_hz
         self._came_s = self._failed_s = -float("inf")
-        self._begun_s = time.monotonic()
+        self._begun_s = system.now_s()
         self.is_virtual = file.is_simulated
         self.daq: Daq | None = None
         self.failure = ""
 
     def step(self, duration_s: float) -> None:
         """Read for so long; what goes wrong is kept in words, and the device opened again a second later."""
-        if time.monotonic() - self._failed_s < _AGAIN_S:
-            time.sleep(duration_s)
+        if system.now_s() - self._failed_s < _AGAIN_S:
+            system.sleep(duration_s)
             return
         try:
             self.daq = self.daq or self._device.open(self._channels, looked_at=True)
             for block in self.daq.play(self._waveform(self.daq, duration_s)):
                 self._take(block)
         except HardwareError as error:
-            self.failure, self._failed_s = str(error), time.monotonic()
+            self.failure, self._failed_s = str(error), system.now_s()
             self.close()
         else:
             self.failure = ""
 
     def readings(self, duration_s: float) -> list[Reading]:
         """How each input stands; one of a device that tells nothing any more is stale."""
-        age_s = time.monotonic() - max(self._came_s, self._begun_s)
+        age_s = system.now_s() - max(self._came_s, self._begun_s)
         late = age_s > max(1.0, 3.0 * duration_s)
         silent = self.failure or (f"no answer for {age_s:.1f} s" if late and not self.is_virtual else "")
         return [followed.reading(age_s, silent) for followed in self._followed.values()]
@@ -180,4 +180,4 @@ class _Looked:
             raise DeviceLostError(f"{self._device.name}: no samples came")
         for name, followed in self._followed.items():
             followed.take(block.time_s, block.inputs[name], block.unmeasured.get(name, ""))
-        self._came_s = time.monotonic()
+        self._came_s = system.now_s()

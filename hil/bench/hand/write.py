@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-import os
 import shutil
 from collections.abc import Mapping
 from contextlib import suppress
@@ -15,6 +14,7 @@ from hil.bench.fault import BenchError
 from hil.bench.file import CalibrationLine
 from hil.bench.read import BenchFile, read_bench
 from hil.errors import FileError, StorageError
+from hil.system import system
 from hil.untrusted import read_text
 
 HISTORY = "calibration_history"
@@ -39,7 +39,7 @@ def write_calibration(file: BenchFile, channel: str, new: CalibrationLine) -> Be
         text = read_text(path)
         if read_bench(path).text != file.text:
             raise FileError(f"{path}: has changed since it was read; calibrate again")
-        part = path.with_name(f".{path.name}.{os.getpid()}")
+        part = path.with_name(f".{path.name}.{system.pid()}")
         try:
             part.write_text(changed(text, channel, new, old, narrowed(file, channel, new)), encoding="utf-8")
             _refuse_faults(part, path)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hmac
 import json
-import os
 import secrets
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -16,6 +15,7 @@ from typing import Any
 from hil.bench.stop.press import StopSwitch
 from hil.bench.stop.stop_service import By
 from hil.record.durable import write_whole
+from hil.system import system
 
 CONTROL_FILE = "control.json"
 SCHEMA = "hil.control/1"
@@ -51,7 +51,7 @@ class Control:
     def as_dict(self, run: Path) -> dict[str, Any]:
         """As the file has it."""
         return {
-            "schema": SCHEMA, "run": run.absolute().name, "pid": os.getpid(), "listener": self.listener,
+            "schema": SCHEMA, "run": run.absolute().name, "pid": system.pid(), "listener": self.listener,
             "stop_url": f"{self.url}/stop", "token": self.tokens.stop,
             "stop_urls": [f"{url}/stop" for url in self.urls],
             "hold_url": f"{self.url}/hold", "hold_token": self.tokens.hold,

@@ -10,8 +10,6 @@ import asyncio
 import hmac
 import socket
 import ssl
-import threading
-import time
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 
@@ -20,6 +18,7 @@ from hil.bench.stop.control import Control, Tokens, vouched
 from hil.bench.stop.door import Door, Listening
 from hil.bench.stop.request import BadRequestError, Request, request_in, response
 from hil.bench.stop.stop_service import By, StopService
+from hil.system import system
 
 ANSWER_S = 0.85  # the page has its answer within a second, whatever the devices do
 _SAYS_S = 2.0  # so long a connection has to say what it wants
@@ -46,10 +45,10 @@ class Listener:
         self._service = service
         self._tokens = Tokens()
         self._sockets, urls = _opened()
-        self._ended = threading.Event()
+        self._ended = system.event()
         self._wake: Callable[[], object] | None = None
         self.control = Control(by, urls, self._tokens)
-        self._thread = threading.Thread(target=self._run, name="hil-stop", daemon=True)
+        self._thread = system.thread(self._run, name="hil-stop")
         self._thread.start()
 
     def close(self) -> None:
@@ -78,8 +77,8 @@ class Listener:
         if not self._ended.is_set():
             await end.wait()
         door.close()
-        until_s = time.monotonic() + _FLUSH_S
-        while door.is_busy and time.monotonic() < until_s:
+        until_s = system.now_s() + _FLUSH_S
+        while door.is_busy and system.now_s() < until_s:
             await asyncio.sleep(0.005)
 
     async def _answer(self, request: Request) -> bytes:
@@ -111,7 +110,7 @@ class Listener:
         return account if hmac.compare_digest(voucher, vouched(account, self._tokens.hold).encode()) else ""
 
     async def _stopped(self, by: str) -> object:
-        since_s = time.monotonic()
+        since_s = system.now_s()
         asked = self._service.stop(by)
         try:
             status = await asyncio.wait_for(asyncio.wrap_future(asked), ANSWER_S)

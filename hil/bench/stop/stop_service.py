@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -11,6 +9,7 @@ from typing import Any, Literal
 
 from hil.safety.operator import Asked
 from hil.safety.outputs import Output, State, record_of
+from hil.system import system
 
 By = Literal["run", "watchdog"]
 
@@ -63,10 +62,10 @@ class StopService:
 
     def __init__(self, units: Mapping[str, str], by: By, act: Callable[[Asked], None]) -> None:
         self._act = act
-        self._lock = threading.Lock()
+        self._lock = system.lock()
         self._waiting: list[Future[OutputStatus]] = []
         self._nothing = {name: Output(State.UNKNOWN, unit) for name, unit in units.items()}
-        self._status = OutputStatus(self._nothing, by, time.monotonic())
+        self._status = OutputStatus(self._nothing, by, system.now_s())
         self._holding = self._hold_asked = self._stop_asked = False
         self.stopped_by = ""
 
@@ -108,14 +107,14 @@ class StopService:
     def tell(self, outputs: Mapping[str, Output], by: By) -> None:
         """Say what is known of the outputs since a stop was asked for, or since the run is dead."""
         with self._lock:
-            self._status = OutputStatus({**self._status.outputs, **outputs}, by, time.monotonic())
+            self._status = OutputStatus({**self._status.outputs, **outputs}, by, system.now_s())
             done, self._waiting = (self._waiting, []) if self._status.is_final else ([], self._waiting)
         self._answer(done)
 
     def forget(self) -> None:
         """What the run said does not count any more: it is dead, and what it sent may still be on its way."""
         with self._lock:
-            self._status = OutputStatus(self._nothing, "watchdog", time.monotonic())
+            self._status = OutputStatus(self._nothing, "watchdog", system.now_s())
 
     def close(self) -> None:
         """Nobody will tell more: who still waits is answered with what is known."""

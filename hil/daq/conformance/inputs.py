@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from typing import Any
 
 from hil.daq.conformance.subject import Behind, LeftOut, Subject, expect
+from hil.system import system
 
 _AGREES = 0.01  # of an input's range: what a protocol may round, and what goes on between two looks
 
@@ -26,14 +26,14 @@ def reads_what_is_there(subject: Subject) -> None:
 
 def reads_the_truth(subject: Subject, link: Any, side: Behind, commanded: Mapping[str, float]) -> None:
     """What is read lies within what is there at the moment, or was there when a message of that age was sent."""
-    time.sleep(0.01)
+    system.sleep(0.01)
     for _ in range(1 if age_s(link) else 2):  # the second time finds an answer that is one behind
         there = [side.read()]
-        until_s = time.monotonic() + 8.0 * age_s(link)
-        while time.monotonic() < until_s:
+        until_s = system.now_s() + 8.0 * age_s(link)
+        while system.now_s() < until_s:
             if commanded:
                 link.drive(commanded)
-            time.sleep(0.02)
+            system.sleep(0.02)
             there.append(side.read())
         read = link.read()
         there.append(side.read())

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
-
 from hil.daq.conformance.subject import Subject, agree, expect, quiet_s
+from hil.system import system
 
 _COMMANDS, _FEWEST, _COMMANDING_S = 100, 20, 1.0  # so many, but no longer; so few in any case
 _KEPT_S = 0.5  # without a word
@@ -24,14 +23,14 @@ def obeys_every_command(subject: Subject) -> str | None:
     """Of many commands in a row every one is obeyed, and what stands goes on standing."""
     _ = subject.outputs
     with subject.link() as link:
-        until_s = time.monotonic() + _COMMANDING_S
+        until_s = system.now_s() + _COMMANDING_S
         for number in range(_COMMANDS):
             commanded = subject.nth(number)
             subject.drive(link, commanded)
             subject.stand_there(link, commanded)
-            if number + 1 >= _FEWEST and time.monotonic() > until_s:
+            if number + 1 >= _FEWEST and system.now_s() > until_s:
                 break
-        time.sleep(min(_KEPT_S, quiet_s(link)))
+        system.sleep(min(_KEPT_S, quiet_s(link)))
         subject.stand_there(link, commanded, 0.0)
     return None if number + 1 == _COMMANDS else f"tried {number + 1} of {_COMMANDS} commands, a link of this speed"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
@@ -13,6 +12,7 @@ from hil.daq.conformance.tasks import far, rate_of
 from hil.daq.conformance.what_it_says import LONGEST_S
 from hil.daq.contract import Waveform
 from hil.errors import HardwareError
+from hil.system import system
 
 _FLIPS = 8  # bits, one at a time: of a short answer at least every other one changes what is read or the checksum
 
@@ -83,15 +83,15 @@ def _spoiled(subject: Subject, **quirk: Any) -> None:
             link.drive(commanded)
             reads_the_truth(subject, link, side, commanded)
         spoil(**quirk)
-        begun_s = time.monotonic()
+        begun_s = system.now_s()
         patience_s = 0.0 if age_s(link) == 0.0 else 3.0 * _timeout_s(subject)
         try:
             link.read()
-            while time.monotonic() - begun_s < patience_s:  # what the device told before may still be good
+            while system.now_s() - begun_s < patience_s:  # what the device told before may still be good
                 link.read()
-                time.sleep(0.01)
+                system.sleep(0.01)
         except HardwareError:
-            taken_s = time.monotonic() - begun_s
+            taken_s = system.now_s() - begun_s
             expect(taken_s < LONGEST_S, f"it took {taken_s:.1f} s to say so")
         else:
             raise Broken("the answer was spoiled, and a reading came nevertheless")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Daq
 from hil.daq.pin import Pin
 from hil.errors import HardwareError
+from hil.system import system
 
 AGREES = 0.005  # of an output's range: what a protocol may round
 SOON_S = 1.0  # within which an output stands where it was driven, on a computer that is busy too
@@ -196,7 +196,7 @@ class Subject:
             steps = max(math.ceil(abs(commanded[t] - stands[t]) / (slow[t] * _STEP_S)) for t in slow)
             for step in range(1, steps):
                 link.drive({t: commanded[t] + (stands[t] - commanded[t]) * (1.0 - step / steps) for t in commanded})
-                time.sleep(_STEP_S)
+                system.sleep(_STEP_S)
         link.drive(commanded)
 
     def seen(self, link: Any) -> Mapping[str, float]:
@@ -238,15 +238,15 @@ class Subject:
         Raises:
             Broken: one is not, in time.
         """
-        until_s = time.monotonic() + min(longest_s, quiet_s(link))
+        until_s = system.now_s() + min(longest_s, quiet_s(link))
         while True:
             seen = self.seen(link)
             away = [c for c in self.outputs if not agree(c, commanded[c.terminal], seen[c.terminal])]
             if not away:
                 return
-            if time.monotonic() > until_s:
+            if system.now_s() > until_s:
                 raise Broken("; ".join(_where_it_stands(c, commanded[c.terminal], seen[c.terminal]) for c in away))
-            time.sleep(0.005)
+            system.sleep(0.005)
 
 
 def quiet_s(link: Any) -> float:

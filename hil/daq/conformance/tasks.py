@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -15,6 +14,7 @@ from hil.daq.conformance.subject import SOON_S, Broken, LeftOut, Subject, agree,
 from hil.daq.contract import Block, Daq, Waveform, joined
 from hil.errors import RangeError
 from hil.record.recording import Array
+from hil.system import system
 
 _RATE_HZ = 50.0
 _TRIES = 10
@@ -94,7 +94,7 @@ def goes_safe_at_once_and_again(subject: Subject) -> None:
         for _ in range(2):
             daq.make_safe()
             _is_safe(subject, daq)
-        time.sleep(3.0 / rate_hz)
+        system.sleep(3.0 / rate_hz)
         _is_safe(subject, daq)
 
 
@@ -151,10 +151,10 @@ def _is_safe(subject: Subject, daq: Daq) -> None:
 
 def _stands(subject: Subject, daq: Daq, name: str, level: float) -> None:
     """An output is where it should be, as its twin shows or its device says, where it can be asked."""
-    channel, until_s = daq.outputs[name], time.monotonic() + SOON_S
+    channel, until_s = daq.outputs[name], system.now_s() + SOON_S
     while (at := _seen(subject, daq, name)) is not None and not agree(channel, at, level):
-        expect(time.monotonic() < until_s, f"'{name}' stands at {at:.4g} {channel.unit}, not at {level:.4g}")
-        time.sleep(0.005)
+        expect(system.now_s() < until_s, f"'{name}' stands at {at:.4g} {channel.unit}, not at {level:.4g}")
+        system.sleep(0.005)
 
 
 def _seen(subject: Subject, daq: Daq, name: str) -> float | None:

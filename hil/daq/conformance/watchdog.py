@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -11,6 +10,7 @@ from hil.daq.conformance.subject import Broken, LeftOut, Subject, agree
 from hil.daq.conformance.what_it_says import LONGEST_S
 from hil.daq.conformance.witness import measured_at
 from hil.errors import HardwareError
+from hil.system import system
 
 _BY_ITSELF = "its twin does so without being armed: the driver arms nothing, so set it at the device itself"
 
@@ -43,10 +43,10 @@ def _left_alone(subject: Subject, link: Any) -> None:
         raise LeftOut(f"{link.watchdog_s:g} s are too long to wait for")
     commanded = subject.levels(0.5)
     subject.drive(link, commanded)
-    time.sleep(0.4 * link.watchdog_s)
+    system.sleep(0.4 * link.watchdog_s)
     subject.stand_there(link, commanded)
     subject.drive(link, commanded)
-    time.sleep(1.5 * link.watchdog_s + 0.05)
+    system.sleep(1.5 * link.watchdog_s + 0.05)
     reported = _reports_expiry(link)
     _went_safe(subject, link)
     if not reported:
@@ -65,7 +65,7 @@ def _armed_by_itself(subject: Subject, watchdog_s: float) -> bool:
     with unarmed.asking() as link:
         subject.drive(link, subject.levels(0.5))
         subject.stand_there(link, subject.levels(0.5))
-        time.sleep(1.5 * watchdog_s + 0.05)
+        system.sleep(1.5 * watchdog_s + 0.05)
         by_itself = all(agree(c, c.safe, side.standing(c.terminal)) for c in subject.outputs)
         with suppress(HardwareError):
             subject.drive(link, subject.safe())

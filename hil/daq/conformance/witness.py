@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from hil.daq.channel import OutputChannel
 from hil.daq.conformance.subject import Broken, LeftOut, Subject, Witness
+from hil.system import system
 
 Readings = Mapping[str, np.ndarray]
 _READINGS = 10
@@ -74,14 +74,14 @@ def _shown(witness: Witness) -> tuple[float, float]:
 def _seen(
     witness: Witness, channel: OutputChannel, level: float, read: Callable[[], float], longest_s: float, after: str
 ) -> None:
-    until_s = time.monotonic() + longest_s
+    until_s = system.now_s() + longest_s
     while not abs((reads := read()) - witness.expected(level)) <= witness.allowed:  # NaN is no measurement
-        if time.monotonic() > until_s:
+        if system.now_s() > until_s:
             raise Broken(
                 f"'{channel.name}' was {after}; '{witness.channel.name}', which measures it, reads {reads:.4g} "
                 f"{witness.channel.unit}, not {witness.expected(level):.4g}"
             )
-        time.sleep(0.005)
+        system.sleep(0.005)
 
 
 def _answered(subject: Subject) -> str:
@@ -140,15 +140,15 @@ def _settled(subject: Subject, link: Any) -> Readings:
 
 
 def _waited(subject: Subject, link: Any) -> None:
-    until_s = time.monotonic() + subject.settling_s
-    while time.monotonic() < until_s:
+    until_s = system.now_s() + subject.settling_s
+    while system.now_s() < until_s:
         link.read()  # a watchdog shall not take us for dead
-        time.sleep(0.02)
+        system.sleep(0.02)
 
 
 def _taken(subject: Subject, link: Any) -> Readings:
     rows = []
     for _ in range(_READINGS):
-        time.sleep(0.01)
+        system.sleep(0.01)
         rows.append(link.read())
     return {name: np.array([row[subject.wiring.inputs[name].terminal] for row in rows]) for name in subject.responses}
