@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, FloatRect, Page
 
 from hil.session.demo import demonstrate
 from tests.chromium import chromium
@@ -21,6 +21,7 @@ from tests.waits import until
 PICTURES = Path(__file__).parent / "pictures"
 _SIZE = {"width": 1180, "height": 760}
 _PAGE = {"width": 1100, "height": 866}  # a page's head and its first drawing
+_TEXT: FloatRect = {"x": 94, "y": 30, "width": 914, "height": 836}  # of it, without margins
 _PATIENCE_MS = 120_000
 _LIMITS = "\n[acceptance.step_response]\nrise = { high = 900.0 }\nsettling = { high = 2000.0 }\n"
 
@@ -42,7 +43,7 @@ def demo(browser: Browser, report: Path) -> None:
     """The first screen of what `hil demo` writes."""
     page = browser.new_page(viewport=_PAGE)
     page.goto(report.as_uri())
-    taken(page, "demo")
+    taken(page, "demo", _TEXT)
 
 
 def day(browser: Browser, address: str) -> None:
@@ -101,11 +102,11 @@ def prepared(page: Page, procedure: str, **settings: str) -> Callable[[], None]:
     return start
 
 
-def taken(page: Page, name: str) -> None:
-    """A picture in few colours, so that it is small."""
+def taken(page: Page, name: str, part: FloatRect | None = None) -> None:
+    """A picture, or a part of it, in few colours, so that it is small."""
     page.wait_for_timeout(700)
     path = PICTURES / f"{name}.png"
-    page.screenshot(path=path)
+    page.screenshot(path=path, clip=part)
     with Image.open(path) as picture:
         picture.convert("RGB").quantize(96, dither=Image.Dither.NONE).save(path, optimize=True)
 

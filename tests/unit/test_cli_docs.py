@@ -49,7 +49,7 @@ def anchors(page: Path) -> set[str]:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_lead_somewhere(page: Path) -> None:
-    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+    for target in re.findall(r"(?:\]\(|<img src=\")([^)\s\"]+)", page.read_text(encoding="utf-8")):
         if target.startswith(("http", "mailto:")):
             continue
         file, _, anchor = target.partition("#")
