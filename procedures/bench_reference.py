@@ -11,7 +11,7 @@ from hil.record.recording import Recording
 from hil.rig import Rig
 from procedures import flow_curve, step_response
 from procedures._sequence import SequencedTest, both_sides, drive, evaluated
-from procedures._settings import Positive
+from procedures._settings import Positive, PositivePercent
 
 RESUMABLE = True
 MEASUREMENTS = (*flow_curve.MEASUREMENTS, *step_response.MEASUREMENTS)
@@ -21,7 +21,7 @@ def run(
     rig: Rig,
     *,
     cycle_s: Positive = 20.0,
-    step: Positive = 50.0,
+    step: PositivePercent = 50.0,
     full_command: Positive | None = None,
     rate_hz: Positive | None = None,
 ) -> None:

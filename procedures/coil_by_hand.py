@@ -21,7 +21,7 @@ from hil.rig import Rig
 from procedures._course import Course
 from procedures._definitions import COILS, defined
 from procedures._recorded import parts_of
-from procedures._settings import NotNegative, Positive
+from procedures._settings import Celsius, NotNegative, NotNegativePercent, Positive
 
 COLD = Measurement("coil_resistance_cold", "ohm", "resistance of the coil after it rested at ambient temperature")
 HOT = Measurement("coil_resistance_hot", "ohm", "resistance of the warm coil just after it was switched off")
@@ -41,10 +41,10 @@ def run(
     hot: Positive | None = None,
     inductance: Positive | None = None,
     insulation: Positive | None = None,
-    resistance_uncertainty: NotNegative | None = None,
-    inductance_uncertainty: NotNegative | None = None,
-    insulation_uncertainty: NotNegative | None = None,
-    ambient: float = 20.0,
+    resistance_uncertainty: NotNegativePercent | None = None,
+    inductance_uncertainty: NotNegativePercent | None = None,
+    insulation_uncertainty: NotNegativePercent | None = None,
+    ambient: Celsius = 20.0,
     switched_off_s: NotNegative = 1.0,
     rate_hz: Positive | None = None,
 ) -> None:

@@ -25,7 +25,7 @@ from procedures._definitions import CYLINDERS, defined
 from procedures._extreme import extreme
 from procedures._recorded import calibration_std, departures, parts_of, reading_step, roles_of
 from procedures._scale import check_above, scale_of
-from procedures._settings import Positive
+from procedures._settings import Percent, Positive
 
 RATE = Measurement("drift_rate", "", "rate of the position while the command stands")
 DRIFT = Measurement("drift", "", "largest less smallest position, of a smooth curve through one-second means")
@@ -44,7 +44,7 @@ _LEAST_COEFFICIENTS = 5
 def run(
     rig: Rig,
     *,
-    levels: tuple[float, ...] | None = None,
+    levels: tuple[Percent, ...] | None = None,
     duration_s: Annotated[float, Allowed(at_least=_LEAST_S)] = 60.0,
     settle_s: Positive | None = None,
     full_command: Positive | None = None,

@@ -54,7 +54,7 @@ from procedures._efc import (
 from procedures._recorded import departures, roles_of
 from procedures._scale import check_at_least
 from procedures._sequence import defaults_of, joined
-from procedures._settings import Positive
+from procedures._settings import Ampere, Positive, PositiveHertz
 
 FUNCTION = Measurement(
     "function", "psi", "rise of pressure from the closing to the opening current, in the direction of the type", 100.0
@@ -107,9 +107,9 @@ def run(
     *,
     voltage: Literal["12", "24"] = "12",
     normally_open: bool = False,
-    top_current: float = 2.0,
+    top_current: Ampere = 2.0,
     sweep_s: Positive = 20.0,
-    frequencies: tuple[Positive, ...] = FREQUENCIES_HZ,
+    frequencies: tuple[PositiveHertz, ...] = FREQUENCIES_HZ,
     levels: tuple[Literal["low", "medium", "high"], ...] = ("low", "medium", "high"),
     rate_hz: Positive | None = None,
 ) -> None:

@@ -19,7 +19,7 @@ from hil.record.measurement import Findings
 from hil.record.recording import Recording
 from hil.rig import Rig
 from procedures import frequency_response, pressure_current
-from procedures._settings import NotNegative, Positive, Twice
+from procedures._settings import NotNegative, Positive, PositiveAmpere, PositiveHertz, Twice
 from procedures._steady_sine import Patience
 
 MEASUREMENTS = frequency_response.MEASUREMENTS
@@ -33,10 +33,10 @@ def run(
     rig: Rig,
     *,
     levels: tuple[Literal["low", "medium", "high"], ...] = ("low", "medium", "high"),
-    frequencies: tuple[Positive, ...] = _FREQUENCIES_HZ,
+    frequencies: tuple[PositiveHertz, ...] = _FREQUENCIES_HZ,
     measure_periods: Twice = 3,
     measure_s: NotNegative = 2.0,
-    top_current: Positive = 2.0,
+    top_current: PositiveAmpere = 2.0,
     cycle_s: Positive = 20.0,
     normally_open: bool = False,
     rate_hz: Positive | None = None,

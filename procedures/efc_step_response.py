@@ -27,7 +27,7 @@ from procedures._efc import Stage, held, instrument_std, part_recordings, play
 from procedures._extreme import extreme
 from procedures._recorded import NO_DEAD_TIME, roles_of
 from procedures._scale import check_above
-from procedures._settings import NotNegative, Once, Positive
+from procedures._settings import NotNegativeAmpere, Once, Positive, PositiveAmpere
 
 FINAL = Measurement("step_pressure", "psi", "steady pressure at the end of the step")
 RISE = Measurement("rise", "ms", "from 10 % to 90 % of the change")
@@ -44,9 +44,9 @@ _LEAST_CHANGE = 6.0  # psi, below which a step tells no times
 def run(
     rig: Rig,
     *,
-    currents: tuple[Positive, ...] = (1.2, 1.4, 1.6, 1.8, 2.0),
+    currents: tuple[PositiveAmpere, ...] = (1.2, 1.4, 1.6, 1.8, 2.0),
     repeats: Once = 3,
-    from_current: NotNegative = 0.0,
+    from_current: NotNegativeAmpere = 0.0,
     hold_s: Annotated[float, Allowed(at_least=0.2)] = 1.5,
     rate_hz: Positive | None = None,
 ) -> None:

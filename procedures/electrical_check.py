@@ -36,7 +36,7 @@ from procedures._efc import (
 )
 from procedures._recorded import reading_step
 from procedures._scale import check_at_least
-from procedures._settings import Positive, Twice
+from procedures._settings import Celsius, Positive, PositiveAmpere, Twice
 
 RESISTANCE = Measurement("coil_resistance", "ohm", "resistance of the coil at 72 °F", 1.7, 2.5)
 INDUCTANCE = Measurement("coil_inductance", "mH", "inductance of the coil", None, 120.0)
@@ -60,11 +60,11 @@ def run(
     rig: Rig,
     *,
     voltage: Literal["12", "24"] = "12",
-    test_current: Positive = 0.5,
+    test_current: PositiveAmpere = 0.5,
     rise_s: Positive = 0.02,
     hold_s: Annotated[float, Allowed(at_least=0.4)] = 0.6,
     repeats: Twice = 5,
-    coil_temperature: float | None = None,
+    coil_temperature: Celsius | None = None,
     rate_hz: Positive | None = None,
 ) -> None:
     """Drive the steps.

@@ -27,7 +27,7 @@ from procedures._course import Course, joined
 from procedures._definitions import CYCLES, defined
 from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of, settings_of
 from procedures._scale import check_stands, scale_of
-from procedures._settings import NotNegative, Positive
+from procedures._settings import NotNegative, NotNegativePercent, Percent, Positive, PositivePercent
 
 RESUMABLE = True
 _Figure = Literal["gain", "phase", "offset", "residual"]
@@ -80,11 +80,11 @@ def run(
     cycles: Annotated[int, Allowed(at_least=2, at_most=1_000_000_000)] = 10_000,
     pattern: Literal["sine", "triangle", "square"] = "sine",
     frequency_hz: Positive = 1.0,
-    amplitude: Positive = 40.0,
-    bias: float | None = None,
+    amplitude: PositivePercent = 40.0,
+    bias: Percent | None = None,
     keep_every: Annotated[int, Allowed(at_least=2, at_most=1_000_000)] = 1000,
     figures: tuple[_Figure, ...] = FIGURES,
-    stop_at: NotNegative | None = 10.0,
+    stop_at: NotNegativePercent | None = 10.0,
     false_stop: Annotated[float, Allowed(above=0.0, below=1.0)] = 0.01,
     warm_up_s: NotNegative = 0.0,
     full_command: Positive | None = None,

@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Unit
 
 from hil.errors import InputError, SettingError
 from hil.identification.steady.characteristic import Read
@@ -27,7 +28,7 @@ from procedures._course import Course, joined
 from procedures._definitions import FAIL_SAFES, defined
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
 from procedures._scale import Scale, check_stands, scale_of
-from procedures._settings import NotNegative, Positive, Twice
+from procedures._settings import NotNegative, Percent, Positive, Twice
 
 CLOSING = Measurement("closing_time", "ms", "from the loss of the command until the response stays at its final value")
 LEFT = Measurement("left_open", "", "response after the loss of the command, less that at neutral before")
@@ -38,8 +39,8 @@ _HOLD_SETTLINGS = 2.0
 def run(
     rig: Rig,
     *,
-    levels: tuple[float, ...] | None = None,
-    band: Annotated[float, Allowed(above=0.0, below=50.0)] = 5.0,  # noqa: ARG001 — for the evaluation
+    levels: tuple[Percent, ...] | None = None,
+    band: Annotated[float, Allowed(above=0.0, below=50.0), Unit("%")] = 5.0,  # noqa: ARG001 — for the evaluation
     hold_s: Positive | None = None,
     repeats: Twice = 3,
     warm_up_s: NotNegative = 0.0,

@@ -25,7 +25,7 @@ from procedures._definitions import SWEEPS, defined
 from procedures._pressure_drop import pressure_drops
 from procedures._recorded import calibration_std, departures, parts_of, roles_of
 from procedures._scale import Scale, check_at_least, check_stands, scale_of
-from procedures._settings import NotNegative, Once, Positive
+from procedures._settings import NotNegative, Once, Percent, Positive
 
 MEASUREMENTS = defined(
     SWEEPS,
@@ -60,8 +60,8 @@ _SAMPLES, _SETTLINGS = 1000, 4.0  # least of a sweep: samples, and settling time
 def run(
     rig: Rig,
     *,
-    low: float | None = None,
-    high: float | None = None,
+    low: Percent | None = None,
+    high: Percent | None = None,
     cycle_s: Positive = 60.0,
     cycles: Once = 1,
     half_speed: bool = True,

@@ -34,7 +34,7 @@ from procedures._response import (
     reference_deviations,
 )
 from procedures._scale import about_levels, check_form_asked, scale_of
-from procedures._settings import NotNegative, Poles, Positive, Twice, Zeros
+from procedures._settings import NotNegative, Percent, Poles, Positive, PositiveHertz, PositivePercent, Twice, Zeros
 from procedures._steady_sine import Heard, Patience, Tone, heard_before, listen, steady_path
 
 THD = Measurement("thd", "%", "largest distortion of the response beyond noise: harmonics 2 to 5 over the fundamental")
@@ -47,13 +47,13 @@ _STANDARD_HZ, _STANDARD_SHARE = 5.0, 0.05  # reference: the first, or this share
 def run(
     rig: Rig,
     *,
-    frequencies: tuple[Positive, ...] = even_frequencies(0.1, 4.9, 0.2),
-    amplitudes: tuple[Positive, ...] = (5.0, 10.0, 20.0),
-    biases: tuple[float, ...] | None = None,
+    frequencies: tuple[PositiveHertz, ...] = even_frequencies(0.1, 4.9, 0.2),
+    amplitudes: tuple[PositivePercent, ...] = (5.0, 10.0, 20.0),
+    biases: tuple[Percent, ...] | None = None,
     reference: Literal["lowest", "standard"] = "lowest",
     measure_periods: Twice = 3,
     measure_s: NotNegative = 5.0,
-    tolerance: Positive = 0.2,
+    tolerance: PositivePercent = 0.2,
     longest_wait_s: NotNegative = 30.0,
     warm_up_s: NotNegative = 0.0,
     correct_chain: bool = True,

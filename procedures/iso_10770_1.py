@@ -18,7 +18,7 @@ from hil.record.recording import Recording
 from hil.rig import Rig
 from procedures import fail_safe, flow_curve, multisine_response, step_response, threshold
 from procedures._sequence import SequencedTest, both_sides, drive, evaluated
-from procedures._settings import NotNegative, Positive
+from procedures._settings import NotNegative, Percent, Positive, PositivePercent
 
 CERTIFICATE, RESUMABLE = True, True
 _TESTS: Mapping[str, tuple[ModuleType, Note, tuple[str, ...]]] = {
@@ -39,9 +39,9 @@ def run(
     rig: Rig,
     *,
     tests: tuple[_Name, ...] = ("flow_curve", "step_response", "multisine_response", "threshold", "fail_safe"),
-    steps: tuple[Positive, ...] = (5.0, 25.0, 90.0),
-    amplitudes: tuple[Positive, ...] = (5.0, 10.0, 20.0),
-    biases: tuple[float, ...] | None = None,
+    steps: tuple[PositivePercent, ...] = (5.0, 25.0, 90.0),
+    amplitudes: tuple[PositivePercent, ...] = (5.0, 10.0, 20.0),
+    biases: tuple[Percent, ...] | None = None,
     high_hz: Positive | None = None,
     cycle_s: Positive = 60.0,
     warm_up_s: NotNegative = 0.0,

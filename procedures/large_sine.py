@@ -27,7 +27,7 @@ from procedures._extreme import extreme
 from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
 from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of
 from procedures._scale import Scale, check_stands, scale_of
-from procedures._settings import NotNegative, Once, Positive
+from procedures._settings import NotNegative, Once, Percent, Positive, PositiveHertz, PositivePercent
 
 AMPLITUDE = Measurement("amplitude", "", "amplitude of the response's fundamental")
 PHASE = Measurement("phase", "deg", "phase of the response's fundamental against the command")
@@ -39,9 +39,9 @@ MEASUREMENTS = defined(SINES, AMPLITUDE, PHASE, OFFSET, THD)
 def run(
     rig: Rig,
     *,
-    frequencies: tuple[Positive, ...] = (0.1, 0.3, 0.5),
-    amplitude: Positive | None = None,
-    bias: float | None = None,
+    frequencies: tuple[PositiveHertz, ...] = (0.1, 0.3, 0.5),
+    amplitude: PositivePercent | None = None,
+    bias: Percent | None = None,
     cycles: Once = 3,
     warm_up_s: NotNegative = 0.0,
     full_command: Positive | None = None,

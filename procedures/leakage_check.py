@@ -28,7 +28,7 @@ from procedures._efc import (
     play,
 )
 from procedures._recorded import reading_step, roles_of
-from procedures._settings import NotNegative, Positive
+from procedures._settings import NotNegative, NotNegativeAmpere, Positive
 
 LEAKAGE = Measurement("leakage", "ml/min", "flow through the closed valve, at 220 psi across it", 35.0, 125.0)
 MEASUREMENTS = (
@@ -46,7 +46,7 @@ _FULL = 0.98  # of a flow meter's range: beyond it may be anything
 def run(
     rig: Rig,
     *,
-    closing_current: NotNegative = 0.0,
+    closing_current: NotNegativeAmpere = 0.0,
     settle_s: NotNegative = 2.0,
     hold_s: Positive = 5.0,
     rate_hz: Positive | None = None,

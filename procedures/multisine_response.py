@@ -24,7 +24,7 @@ from procedures._extreme import extreme
 from procedures._recorded import departures, parts_of, roles_of
 from procedures._response import MEASURED, Evaluated, chain_notes, evaluated, reference_deviations
 from procedures._scale import about_levels, check_form_asked, scale_of
-from procedures._settings import NotNegative, Poles, Positive, Seed, Twice, Zeros
+from procedures._settings import NotNegative, Percent, Poles, Positive, PositivePercent, Seed, Twice, Zeros
 
 NOISE = Measurement("noise", "%", "noise of the mean over the periods, median over the lines, in % of the response")
 ODD = Measurement(
@@ -42,8 +42,8 @@ def run(
     low_hz: Positive = 0.1,
     high_hz: Positive = 4.9,
     base_hz: Positive = 0.1,
-    amplitudes: tuple[Positive, ...] = (10.0,),
-    biases: tuple[float, ...] | None = None,
+    amplitudes: tuple[PositivePercent, ...] = (10.0,),
+    biases: tuple[Percent, ...] | None = None,
     periods: Twice = 4,
     seed: Seed = 0,
     warm_up_s: NotNegative = 0.0,

@@ -26,7 +26,7 @@ from procedures._definitions import SWEEPS, defined
 from procedures._efc import Stage, held, instrument_std, part_recordings, play
 from procedures._extreme import extreme
 from procedures._recorded import calibration_share, roles_of
-from procedures._settings import Positive
+from procedures._settings import Positive, PositiveAmpere
 
 PRESSURE = Measurement("pressure", "psi", "pressure at a current, middle of the loop")
 SPAN = Measurement(
@@ -45,7 +45,7 @@ _POINTS_A = (1.2, 1.4, 1.6, 1.8, 2.0)
 def run(
     rig: Rig,
     *,
-    top_current: Positive = 2.0,
+    top_current: PositiveAmpere = 2.0,
     cycle_s: Positive = 20.0,
     normally_open: bool = False,
     rate_hz: Positive | None = None,

@@ -28,7 +28,7 @@ from procedures._extreme import extreme
 from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
 from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of
 from procedures._scale import Scale, scale_of
-from procedures._settings import NotNegative, Once, Positive
+from procedures._settings import NotNegative, NotNegativePercent, Once, Positive, PositivePercent
 
 AMPLITUDE = Measurement("amplitude", "", "amplitude of the position's fundamental")
 PHASE = Measurement("phase", "deg", "phase of the position's fundamental against the command")
@@ -45,8 +45,8 @@ _SETTLING = 0.1  # of the measured sine: the model starts from rest, the cylinde
 def run(
     rig: Rig,
     *,
-    amplitude: Positive = 50.0,
-    offset: NotNegative | None = None,
+    amplitude: PositivePercent = 50.0,
+    offset: NotNegativePercent | None = None,
     frequency_rad_s: Positive | None = None,
     cycles: Once = 3,
     stroke_mm: Positive = 250.0,

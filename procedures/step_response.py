@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import Unit
 
 from hil.errors import InputError, SettingError
 from hil.identification.frequency.table_fit import as_response
@@ -28,7 +29,7 @@ from procedures._definitions import STEPS, defined
 from procedures._extreme import extreme
 from procedures._recorded import NO_DEAD_TIME, calibration_share, departures, parts_of, roles_of
 from procedures._scale import check_stands, scale_of
-from procedures._settings import NotNegative, Once, Positive
+from procedures._settings import NotNegative, Once, Percent, Positive
 from procedures._step_model import step_model
 
 DEAD_TIME = Measurement("dead_time", "ms", "until the response has moved by more than noise and 2 % of its change")
@@ -54,10 +55,10 @@ def run(
     rig: Rig,
     *,
     sequence: Literal["paper", "small", "half", "full", "reversal", "inner", "quarter"] = "paper",
-    levels: tuple[float, ...] | None = None,
+    levels: tuple[Percent, ...] | None = None,
     hold_s: Positive | None = None,
     repeats: Once = 1,
-    band: Annotated[float, Allowed(above=0.0, below=50.0)] = 2.0,  # noqa: ARG001 — for the evaluation
+    band: Annotated[float, Allowed(above=0.0, below=50.0), Unit("%")] = 2.0,  # noqa: ARG001 — for the evaluation
     beside: str = "",
     warm_up_s: NotNegative = 0.0,
     full_command: Positive | None = None,

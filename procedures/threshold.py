@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Unit
 
 from hil.identification.steady.threshold_estimate import (
     CLEAR,
@@ -35,7 +36,7 @@ from procedures._definitions import THRESHOLDS, defined
 from procedures._extreme import rounded_up
 from procedures._recorded import calibration_share, departures, parts_of, reading_step, roles_of
 from procedures._scale import Scale, about_levels, check_stands, scale_of
-from procedures._settings import NotNegative, Positive, Twice
+from procedures._settings import NotNegative, Percent, Positive, PositivePercent, Twice
 
 ONWARD, REVERSAL = "onward", "reversal"
 COUNTED = Measurement("counted_change", "", "change of the response that counts: three standard uncertainties")
@@ -51,9 +52,9 @@ _WAIT = 2.0  # settling times at each stop, of which the second half is read
 def run(
     rig: Rig,
     *,
-    biases: tuple[float, ...] | None = None,
-    reach: Positive = 3.0,
-    speed: Annotated[float, Allowed(above=0.0, at_most=1.0)] = 0.2,
+    biases: tuple[Percent, ...] | None = None,
+    reach: PositivePercent = 3.0,
+    speed: Annotated[float, Allowed(above=0.0, at_most=1.0), Unit("%")] = 0.2,
     repeats: Twice = 2,
     warm_up_s: NotNegative = 0.0,
     full_command: Positive | None = None,

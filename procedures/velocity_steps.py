@@ -23,7 +23,7 @@ from procedures._cylinder import Axis, approach, axis_of
 from procedures._definitions import CYLINDERS, defined
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
 from procedures._scale import Scale, check_above, scale_of
-from procedures._settings import Once, Positive
+from procedures._settings import Once, Positive, PositivePercent
 
 SPEED = Measurement("speed", "", "steady speed after a step, extending positive")
 RATIO = Measurement("speed_ratio", "1", "speed retracting over speed extending")
@@ -42,7 +42,7 @@ _LEAST_SAMPLES = 10
 def run(
     rig: Rig,
     *,
-    levels: tuple[Positive, ...] | None = None,
+    levels: tuple[PositivePercent, ...] | None = None,
     repeats: Once = 2,
     stroke_mm: Positive = 250.0,
     retracted_mm: float | None = None,

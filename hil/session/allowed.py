@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import typing
 from dataclasses import dataclass
-from typing import Any, get_args, get_origin
+from typing import Any, TypeVar, get_args, get_origin
+
+Declared = TypeVar("Declared")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +48,13 @@ class Allowed:
         return f"it must be {' and '.join(f'{word} {end:g}' for word, end in ends if end is not None) or 'finite'}"
 
 
-def allowed_of(kind: Any) -> Allowed | None:
-    """The range that is declared in a type, alone, in a union or of each item of a sequence; None for none."""
+def declared(kind: Any, what: type[Declared]) -> Declared | None:
+    """What a type declares of its numbers, alone, in a union or of each item of a sequence; None for nothing."""
     arguments = get_args(kind)
     if get_origin(kind) is typing.Annotated:
-        own = next((part for part in arguments[1:] if isinstance(part, Allowed)), None)
-        return own or allowed_of(arguments[0])
-    return next((found for part in arguments if (found := allowed_of(part)) is not None), None)
+        own = next((part for part in arguments[1:] if isinstance(part, what)), None)
+        return own or declared(arguments[0], what)
+    return next((found for part in arguments if (found := declared(part, what)) is not None), None)
 
 
 def numbers_in(value: Any) -> list[float]:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import re
 import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, get_args, get_origin
 
+from annotated_types import Unit
+
 from hil.errors import FileError, SettingError
-from hil.session.allowed import allowed_of, numbers_in
+from hil.session.allowed import Allowed, declared, numbers_in
 from hil.session.quantity import number_in
 from hil.untrusted import parse_json
 
 _ENDINGS = {"_rad_s": "rad/s", "_s": "s", "_hz": "Hz", "_mm": "mm", "_a": "A", "_v": "V", "_lpm": "l/min"}
-_IN_UNIT = re.compile(r"\bin (s|ms|Hz|%|A|mA|V|psi|bar|mm|ml/min|l/min|degC|°C|kg|N)(?=[\s,;:.]|$)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +29,12 @@ class Setting:
 
     @property
     def unit(self) -> str:
-        """Of its numbers, as its name (`cycle_s`) or its meaning (`…, in Hz`) says; empty where neither does."""
+        """Of its numbers, as its type (`Annotated[float, Unit("Hz")]`) or its name (`cycle_s`) says; else empty."""
         if not _has_numbers(self.type):
             return ""
-        suffix = next((unit for ending, unit in _ENDINGS.items() if self.name.endswith(ending)), "")
-        match = _IN_UNIT.search(self.meaning)
-        return suffix or (match[1] if match else "")
+        if (stated := declared(self.type, Unit)) is not None:
+            return stated.unit
+        return next((unit for ending, unit in _ENDINGS.items() if self.name.endswith(ending)), "")
 
     def parsed(self, given: Any) -> Any:
         """A value of the declared type, from text (`5,10,20`, `yes`, `[[0, 1], [2, 3]]`) or from a value.
@@ -56,14 +56,14 @@ class Setting:
     @property
     def allowed(self) -> str:
         """The range of its numbers, as a reader has it (`≥ 1`); empty where any is taken."""
-        declared = allowed_of(self.type)
-        return declared.text if declared else ""
+        allowed = declared(self.type, Allowed)
+        return allowed.text if allowed else ""
 
     def _within(self, value: Any) -> Any:
         """The value again, when each of its numbers is allowed."""
-        declared = allowed_of(self.type)
-        for number in numbers_in(value) if declared else ():
-            if declared and (fault := declared.fault(number)):
+        allowed = declared(self.type, Allowed)
+        for number in numbers_in(value) if allowed else ():
+            if allowed and (fault := allowed.fault(number)):
                 raise SettingError(f"setting {self.name}: {number:g}{self.unit and ' '}{self.unit}; {fault}")
         return value
 

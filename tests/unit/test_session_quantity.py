@@ -1,6 +1,9 @@
 """Numbers with units as people type them, in settings and limits."""
 
+from typing import Annotated
+
 import pytest
+from annotated_types import Unit
 
 from hil.catalog import entries
 from hil.errors import SettingError
@@ -37,7 +40,7 @@ def test_wrong_unit_is_said(text, unit, said):
 
 
 def test_sequence_may_have_a_unit_on_each_number():
-    setting = Setting("frequencies", tuple[float, ...], (), "of the sines, in Hz, rising.")
+    setting = Setting("frequencies", tuple[Annotated[float, Unit("Hz")], ...], (), "of the sines")
     assert setting.unit == "Hz"
     assert setting.parsed("500 mHz, 1, 0.002kHz") == (0.5, 1.0, 2.0)
     assert setting.echoed((0.5, 1.0)) == "frequencies = 0.5,1 Hz"
