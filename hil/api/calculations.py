@@ -145,7 +145,7 @@ def simulate(
     bound = for_model(simulated, read, several(inputs), output, output_needed=False)
     for note in (*notes_on([read], [bound]), *implausible_metadata(simulated, bound)):
         notes(note)
-    response = bound.respond(simulated.definition, simulated.values, simulated.active_effects)[0]
+    response = bound.simulated(simulated)[0]
     return make(f"{read.name}, simulated", bound.time_s, {simulated.output: response})
 
 

@@ -262,7 +262,7 @@ class Answer:
         f = self.choice.chosen
         stds = standard_uncertainties(f)
         found = []
-        for term, values in zip(f.terms, f.values, strict=True):
+        for term, values in f.pairs:
             if term.kind != "parameter":
                 continue
             p, u = self.problem.plant.parameter(term.name), term.unknowns[0]
@@ -431,5 +431,5 @@ def _runs_by_clock(f: Fitted) -> bool:
 
 def _name(f: Fitted) -> str:
     """`friction`, `dead_time + sensor_lag`, `pilot_rate` for a changed parameter."""
-    labels = [t.effect_name(v) or t.name for t, v in zip(f.terms, f.values, strict=True)]
+    labels = [t.effect_name(v) or t.name for t, v in f.pairs]
     return " + ".join(dict.fromkeys(labels))

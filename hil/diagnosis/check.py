@@ -64,7 +64,7 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
         e, clipped = without_clipped(e)
         e, held = without_held(e)
         warnings += [*moved_before, *clipped, *held]
-        simulated = e.respond(model.definition, model.values, model.active_effects)[0]
+        simulated = e.simulated(model)[0]
         kept.append(_Timed(e, simulated, _floor(model, e)))
     moved, notes = _with_clocks_set(kept)
     return Checked(

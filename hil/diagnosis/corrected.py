@@ -33,7 +33,7 @@ def corrected(problem: Problem, f: Fitted, verdict: DiagnosisVerdict) -> Model:
             {u.name: Value(float(v), u.unit, stds.get((f"{term.name}.{u.name}", term.hook)))
              for u, v in zip(term.unknowns, own, strict=True)},
         )
-        for term, own in zip(f.terms, f.values, strict=True)
+        for term, own in f.pairs
         if term.kind == "effect"
     ]  # fmt: skip
     origin = {
@@ -56,11 +56,10 @@ def corrected(problem: Problem, f: Fitted, verdict: DiagnosisVerdict) -> Model:
 
 def _with(model: Model, found: Sequence[ModelEffect]) -> tuple[ModelEffect, ...]:
     """The effects of a model and those found; one that it has already keeps its place and what was not estimated."""
-    held = {(e.name, e.hook): e for e in model.effects}
+    held = {e.key: e for e in model.effects}
     for e in found:
-        key = (e.name, e.hook)
-        known = held[key].parameters if key in held else {}
-        held[key] = replace(e, parameters={**known, **e.parameters})
+        known = held[e.key].parameters if e.key in held else {}
+        held[e.key] = replace(e, parameters={**known, **e.parameters})
     return tuple(held.values())
 
 
@@ -74,7 +73,7 @@ def standard_uncertainties(f: Fitted) -> dict[tuple[str, str], float | None]:
         (u.name, ""): beyond_noise(std, float(value))
         for u, value, std in zip(f.estimate.unknowns[:at], f.estimate.values[:at], stds[:at], strict=True)
     }
-    for term, values in zip(f.terms, f.values, strict=True):
+    for term, values in f.pairs:
         by_law = {p.name: p.by_law for p in installed_effect(term.name).parameters} if term.kind == "effect" else {}
         for u, value in zip(term.unknowns, values, strict=True):
             key = (term.name, "") if term.kind == "parameter" else (f"{term.name}.{u.name}", term.hook)

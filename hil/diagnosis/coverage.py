@@ -60,7 +60,7 @@ def limits(place: Around, terms: Sequence[Term], twins: Sequence[Fitted] = ()) -
         if known is None or (limit.visible, -limit.upper) > (known.visible, -known.upper):
             found[term.reported_name] = limit
     for f in twins:
-        for term, values in zip(f.terms, f.values, strict=True):
+        for term, values in f.pairs:
             if term.kind == "effect" and term.reported_name in found:
                 found[term.reported_name] = _as_large_as(found[term.reported_name], term, values, _std(f, term))
     return tuple(found[name] for name in sorted(found))

@@ -84,12 +84,12 @@ class Option:
     def own(self) -> Fitted:
         """Those of its terms that are what their names say; the others only describe."""
         f = self.fitted
-        return f.only([k for k, (t, v) in enumerate(zip(f.terms, f.values, strict=True)) if not is_another(t, v)])
+        return f.only([k for k, (t, v) in enumerate(f.pairs) if not is_another(t, v)])
 
     @property
     def is_less(self) -> bool:
         """Whether one of its terms has ended at nothing: then it is another option."""
-        return any(t.is_nothing(v) for t, v in zip(self.fitted.terms, self.fitted.values, strict=True))
+        return any(t.is_nothing(v) for t, v in self.fitted.pairs)
 
 
 def as_named(problem: Problem, f: Fitted) -> tuple[tuple[str, ...], tuple[str, ...], int]:
@@ -101,7 +101,7 @@ def as_named(problem: Problem, f: Fitted) -> tuple[tuple[str, ...], tuple[str, .
     """
     there = [
         (t, v)
-        for t, v in zip(f.terms, f.values, strict=True)
+        for t, v in f.pairs
         if not (is_no_news(problem.model, t, v) or (t.name == "sensor_offset" and cuts_off(f, problem.step)))
     ]
     names = [t.effect_name(v) for t, v in there]

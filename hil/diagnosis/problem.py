@@ -267,7 +267,7 @@ def _without_hum(model: Model, e: Experiment) -> Experiment:
     known = model.noise
     if known is None or known.hum_hz is None:
         return e
-    error = e.output - e.respond(model.definition, model.values, model.active_effects)[0]
+    error = e.output - e.simulated(model)[0]
     tone, amplitude = line_at(e.time_s, error, known.hum_hz)
     share = min(1.0, PLAINLY * known.hum / max(amplitude, TINY))
     return replace(e, output=e.output - share * tone)

@@ -28,9 +28,7 @@ def refuted(problem: Problem, f: Fitted) -> frozenset[Key]:
         "periodic_disturbance": _commanded,
     }
     return frozenset(
-        (term.name, term.hook)
-        for k, term in enumerate(f.terms)
-        if term.name in tests and tests[term.name](problem, f, k)
+        term.key for k, term in enumerate(f.terms) if term.name in tests and tests[term.name](problem, f, k)
     )
 
 

@@ -20,14 +20,12 @@ def as_in_this_unit(problem: Problem, choice: Choice) -> tuple[Problem, tuple[No
 
     The same question and no words where there are none.
     """
-    found = zip(choice.chosen.terms, choice.chosen.values, strict=True) if choice.verdict != "unexplained" else ()
+    found = choice.chosen.pairs if choice.verdict != "unexplained" else ()
     near = [(term, values) for term, values in found if is_no_news(problem.model, term, values)]
     if not near:
         return problem, ()
-    moved = {(term.name, term.hook): (term, values) for term, values in near}
-    effects = tuple(
-        _moved(e, *moved[e.name, e.hook]) if (e.name, e.hook) in moved else e for e in problem.model.effects
-    )
+    moved = {term.key: (term, values) for term, values in near}
+    effects = tuple(_moved(e, *moved[e.key]) if e.key in moved else e for e in problem.model.effects)
     notes = tuple(text for term, values in near for text in _words(term, values))
     return replace(problem, model=replace(problem.model, effects=effects)), notes
 
@@ -36,7 +34,7 @@ def is_no_news(model: Model, term: Term, values: Sequence[float]) -> bool:
     """Whether these sizes of an effect that the model has are no farther off than was known."""
     if not term.held:
         return False
-    had = next(e for e in model.effects if (e.name, e.hook) == (term.name, term.hook))
+    had = next(e for e in model.effects if e.key == term.key)
     return all(
         abs(value - null) <= SELDOM_BY_CHANCE * (had.parameters[u.name].std or 0.0)
         for u, value, null in zip(term.unknowns, values, term.nulls, strict=True)

@@ -289,6 +289,6 @@ def _less(corrected: Model, reference: Model, f: Finding) -> Model:
 def _misfit(model: Model, experiments: Sequence[Experiment]) -> float:
     found = 0.0
     for e in experiments:
-        error = e.telling(e.output - e.respond(model.definition, model.values, model.active_effects)[0])
+        error = e.telling(e.output - e.simulated(model)[0])
         found += float(np.sum(error**2))
     return found

@@ -176,7 +176,7 @@ class _World:
         if not limits:
             raise InputError(f"{run.results.run}: no limit was given")
         problem = pose(model, [for_model(model, with_blanks(run.recording))])
-        rows = problem.experiments[0].respond(model.definition, model.values, model.active_effects)
+        rows = problem.experiments[0].simulated(model)
         terms = all_terms(problem, problem.nominal_residuals)
         procedure, judged = procedure_of(run.recording), judged_by(run.recording, run.folder)
         return cls(run, problem, procedure, judged, limits, terms, rows, {})

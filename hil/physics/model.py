@@ -55,6 +55,11 @@ class ModelEffect:
     hook: str
     parameters: Mapping[str, Value]
 
+    @property
+    def key(self) -> tuple[str, str]:
+        """(effect name, hook name)."""
+        return self.name, self.hook
+
 
 @dataclass(frozen=True, slots=True)
 class Noise:
@@ -218,12 +223,12 @@ def _checked(model: Model, path: Path) -> Model:
             raise FileError(f"{path}: plant {model.plant} has no parameter '{name}'; known: {', '.join(known)}")
     sites = {site.key: site for site in kernel(model.plant).sites}
     for effect in model.effects:
-        if (effect.name, effect.hook) not in sites:
+        if effect.key not in sites:
             have = ", ".join(sorted({e.name for e in installed_effects()}))
             raise FileError(
                 f"{path}: plant {model.plant} has no effect '{effect.name}' at '{effect.hook}'; effects: {have}"
             )
-        wanted = {p.name for p in sites[effect.name, effect.hook].effect.parameters}
+        wanted = {p.name for p in sites[effect.key].effect.parameters}
         if wanted != set(effect.parameters):
             raise FileError(
                 f"{path}: effect '{effect.name}' has the parameters {', '.join(sorted(wanted))}; "

@@ -124,7 +124,7 @@ def _in_db_and_deg(response: np.ndarray[Any, Any]) -> dict[str, Any]:
 
 def _samples(model: Model, e: Experiment, k: int) -> Picture:
     e, _stated = begun_in_motion(model, e)
-    simulated = e.respond(model.definition, model.values, model.active_effects)[0]
+    simulated = e.simulated(model)[0]
     shown = np.where(e.valid, e.output, np.nan)
 
     def draw(figure: Figure) -> None:

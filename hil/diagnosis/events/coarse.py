@@ -71,7 +71,7 @@ def cuts_off(f: Fitted, step: float) -> bool:
 
 
 def _offset(f: Fitted) -> float:
-    return sum(v[0] for term, v in zip(f.terms, f.values, strict=True) if term.name == "sensor_offset")
+    return sum(v[0] for term, v in f.pairs if term.name == "sensor_offset")
 
 
 def lattice(levels: Array, step: float, rounding: float) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -14,7 +14,7 @@ from hil.diagnosis.search.around import Around, around
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import finished, fit, fit_given
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
-from hil.diagnosis.search.probes import Probe, keys, pairs, predicted_probes, simulated_probes, sketch
+from hil.diagnosis.search.probes import Keys, Probe, keys, pairs, predicted_probes, simulated_probes, sketch
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.diagnosis.thresholds import TINY
 from hil.language.words import marked
@@ -37,7 +37,7 @@ class Worth(Protocol):
 class Pool:
     """Every set that was fitted to its end, the lowest of each."""
 
-    fits: dict[frozenset[tuple[str, str]], Fitted] = field(default_factory=dict)
+    fits: dict[Keys, Fitted] = field(default_factory=dict)
 
     def add(self, f: Fitted) -> Fitted:
         """Keep a fit where it is the lowest of its set; the lowest."""
@@ -52,9 +52,17 @@ class Pool:
         return min(f.chi2 for f in self.fits.values())
 
 
-def labels(f: Fitted) -> frozenset[tuple[str, str]]:
+def labels(f: Fitted) -> Keys:
     """What a set is told as: effects by name, those that a parameter has grown into apart, parameters as parameters."""
-    return frozenset((t.kind, t.effect_name(v) or t.name) for t, v in zip(f.terms, f.values, strict=True))
+    return frozenset((t.kind, t.effect_name(v) or t.name) for t, v in f.pairs)
+
+
+def _distinct(sets: Iterable[Fitted], told: Callable[[Fitted], Keys]) -> list[Fitted]:
+    """The first of those that are told alike."""
+    found: dict[Keys, Fitted] = {}
+    for f in sets:
+        found.setdefault(told(f), f)
+    return list(found.values())
 
 
 class Search:
@@ -64,7 +72,7 @@ class Search:
         self.problem, self.worth = problem, worth
         self.pool = Pool()
         self.probes: list[Probe] = []
-        self._ended: set[frozenset[tuple[str, str]]] = set()
+        self._ended: set[Keys] = set()
         self.terms = all_terms(problem, problem.nominal_residuals)
 
     def also(self, sets: Sequence[Fitted]) -> None:
@@ -72,7 +80,7 @@ class Search:
         found = spread(lambda f: fit(self.problem, f, steps=EFFORT.fine), sets)
         for f in found:
             self.pool.add(f)
-            there = [k for k, (t, v) in enumerate(zip(f.terms, f.values, strict=True)) if not t.is_nothing(v)]
+            there = [k for k, (t, v) in enumerate(f.pairs) if not t.is_nothing(v)]
             if len(there) < len(f.terms):
                 self.pool.add(fit(self.problem, f.only(there), steps=EFFORT.fine))
 
@@ -129,15 +137,12 @@ class Search:
 
     def _lowest(self, found: Iterable[Fitted]) -> list[Fitted]:
         """The lowest few that are not the same terms."""
-        distinct: dict[frozenset[tuple[str, str]], Fitted] = {}
-        for f in sorted(found, key=lambda f: f.chi2):
-            distinct.setdefault(keys(f), f)
-        return list(distinct.values())[: EFFORT.beam]
+        return _distinct(sorted(found, key=lambda f: f.chi2), keys)[: EFFORT.beam]
 
     def _children(self, parent: Fitted) -> list[Fitted]:
         """A set with each effect more that it does not have yet, fitted from where it is."""
         effects = [t for t in all_terms(self.problem, parent.residuals) if t.kind == "effect" and not t.by_clock]
-        jobs = [(t, start) for t in effects if (t.name, t.hook) not in keys(parent) for start in t.starts]
+        jobs = [(t, start) for t in effects if t.key not in keys(parent) for start in t.starts]
         best: dict[int, Probe] = {}
         for probe in simulated_probes(around(self.problem, parent), jobs):
             best.setdefault(id(probe.term), probe)
@@ -169,11 +174,8 @@ class Search:
 
     def _best(self, size: int) -> list[Fitted]:
         """The best sets of a size that are told differently."""
-        distinct: dict[frozenset[tuple[str, str]], Fitted] = {}
         own = (f for f in self.pool.fits.values() if len(f.terms) == size)
-        for f in sorted(own, key=self._score):
-            distinct.setdefault(labels(f), f)
-        return list(distinct.values())
+        return _distinct(sorted(own, key=self._score), labels)
 
     def _parameters(self, unit: Fitted) -> None:
         """Base parameters that moved farther than they may wander: freed, and put back one by one, dearest last."""
@@ -188,7 +190,7 @@ class Search:
             values = tuple((at.parameters[t.name],) for t in terms)
             at = fit(self.problem, Fitted(terms, values, at.parameters, at.chi2, at.residuals), steps=EFFORT.fine)
             self.pool.add(at)
-            away = {t.name: _away(at, t, v[0]) for t, v in zip(at.terms, at.values, strict=True)}
+            away = {t.name: _away(at, t, v[0]) for t, v in at.pairs}
             names = [n for n in names if n != min(away, key=lambda name: away[name])]
 
     def _extend(self, parent: Fitted) -> None:
@@ -197,14 +199,14 @@ class Search:
         predicted = predicted_probes(place, self.probes)[: 4 * EFFORT.tried]
         lines = [t for t in all_terms(self.problem, parent.residuals) if t.by_clock]
         jobs = [(probe.term, probe.at) for probe in predicted]
-        jobs += [(t, s) for t in lines if (t.name, t.hook) not in keys(parent) for s in t.starts[: EFFORT.starts]]
+        jobs += [(t, s) for t in lines if t.key not in keys(parent) for s in t.starts[: EFFORT.starts]]
         self._grow(place, simulated_probes(place, jobs), EFFORT.tried, EFFORT.finished)
 
     def _grow(self, place: Around, probes: Sequence[Probe], tried: int, finished: int) -> None:
         starts: dict[tuple[str, str], list[Probe]] = {}
         for probe in probes:
             if np.isfinite(probe.chi2):
-                starts.setdefault((probe.term.name, probe.term.hook), []).append(probe)
+                starts.setdefault(probe.term.key, []).append(probe)
         jobs = [
             probe
             for rank, own in enumerate(list(starts.values())[:tried])
@@ -214,11 +216,8 @@ class Search:
 
     def _to_the_end(self, grown: Iterable[Fitted], most: int) -> None:
         """The best of different names, fitted to their end where they may turn out best."""
-        distinct: dict[frozenset[tuple[str, str]], Fitted] = {}
-        for f in sorted(grown, key=self._score):
-            if keys(f) not in self.pool.fits:
-                distinct.setdefault(labels(f), f)
-        hopeful = list(distinct.values())[:most]
+        new = (f for f in sorted(grown, key=self._score) if keys(f) not in self.pool.fits)
+        hopeful = _distinct(new, labels)[:most]
         self.also(hopeful[:1])
         self.also([f for f in hopeful[1:] if self._may_win(f)])
 
@@ -241,16 +240,15 @@ class Search:
 
     def _unions(self, size: int) -> None:
         """Sets of this size that share all but one term, together."""
-        found: dict[frozenset[tuple[str, str]], Fitted] = {}
+        found: list[Fitted] = []
         best = self._best(size)[: EFFORT.beam]
         for k, a in enumerate(best):
             for b in best[k + 1 :]:
-                new = [i for i, t in enumerate(b.terms) if (t.name, t.hook) not in keys(a)]
+                new = [i for i, t in enumerate(b.terms) if t.key not in keys(a)]
                 if len(new) == 1 and size < EFFORT.causes:
                     terms, values = (*a.terms, b.terms[new[0]]), (*a.values, b.values[new[0]])
-                    both = Fitted(terms, values, a.parameters, np.inf, a.residuals)
-                    found.setdefault(keys(both), both)
-        new_sets = [f for key, f in found.items() if key not in self.pool.fits]
+                    found.append(Fitted(terms, values, a.parameters, np.inf, a.residuals))
+        new_sets = [f for f in _distinct(found, keys) if keys(f) not in self.pool.fits]
         for f in spread(lambda f: fit(self.problem, f, steps=EFFORT.fine), new_sets):
             self.pool.add(f)
 

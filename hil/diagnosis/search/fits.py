@@ -43,7 +43,7 @@ def _moved(place: Around, terms: tuple[Term, ...], last: tuple[float, ...], move
     for p, move in zip(base, moves, strict=False):
         parameters[p.name] = float(np.clip(parameters[p.name] + move, p.low, p.high))
     values, at = [], len(base)
-    for term, own in zip(accepted.terms, accepted.values, strict=True):
+    for term, own in accepted.pairs:
         bounded = zip(own, moves[at : at + len(own)], term.unknowns, strict=True)
         values.append(tuple(float(np.clip(v + m, u.low, u.high)) for v, m, u in bounded))
         at += len(own)
@@ -75,7 +75,7 @@ def fit(
     root = problem.prior.root(free)
     nominal = np.array([problem.model.values[p.name] for p in base])
     unknowns = [Unknown(p.name, p.unit, fitted.parameters[p.name], p.low, p.high, p.scale) for p in base]
-    for term, values in zip(fitted.terms, fitted.values, strict=True):
+    for term, values in fitted.pairs:
         unknowns += starting(term.unknowns, values)
     count, names = len(base), [p.name for p in base]
 

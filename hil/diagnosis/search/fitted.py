@@ -33,6 +33,11 @@ class Fitted:
     estimate: Estimate | None = None
 
     @property
+    def pairs(self) -> list[tuple[Term, tuple[float, ...]]]:
+        """Each term with its values."""
+        return list(zip(self.terms, self.values, strict=True))
+
+    @property
     def unknowns(self) -> int:
         """Number of estimated values."""
         return sum(len(term.unknowns) for term in self.terms)
@@ -41,14 +46,14 @@ class Fitted:
     def effects(self) -> list[ActiveEffect]:
         """The effects among the terms, as the simulation takes them."""
         found: list[ActiveEffect] = []
-        for term, values in zip(self.terms, self.values, strict=True):
+        for term, values in self.pairs:
             term.apply(values, {}, found)
         return found
 
     @property
     def names(self) -> tuple[str, ...]:
         """The effects that the terms stand for; changed parameters have none."""
-        named = (term.effect_name(values) for term, values in zip(self.terms, self.values, strict=True))
+        named = (term.effect_name(values) for term, values in self.pairs)
         return tuple(name for name in named if name)
 
     def only(self, keep: Sequence[int]) -> Fitted:
@@ -77,7 +82,7 @@ class Fitted:
         """Unknowns of the terms that ended on a bound of theirs which is no natural end."""
         return tuple(
             f"{term.name}.{u.name}"
-            for term, values in zip(self.terms, self.values, strict=True)
+            for term, values in self.pairs
             for u, value in zip(term.unknowns, values, strict=True)
             if u.at_bound(value) and not u.at_natural_end(value)
         )

@@ -63,7 +63,7 @@ def predicted_probes(place: Around, probes: Sequence[Probe]) -> list[Probe]:
     basis = np.linalg.qr(slopes / np.maximum(np.linalg.norm(slopes, axis=0), TINY))[0]
     r, taken, found = sketch(place.residuals_without), keys(place.accepted), []
     for probe in probes:
-        if (probe.term.name, probe.term.hook) not in taken:
+        if probe.term.key not in taken:
             change = probe.change.copy()
             change[: len(slopes)] -= basis @ (basis.T @ change[: len(slopes)])
             found.append(_on_line(probe.term, probe.start, probe.change, change, r))
@@ -75,9 +75,12 @@ def sketch(r: Array) -> NDArray[np.float32]:
     return r[:: 1 + len(r) // EFFORT.sketched].astype(np.float32)
 
 
-def keys(f: Fitted) -> frozenset[tuple[str, str]]:
+Keys = frozenset[tuple[str, str]]
+
+
+def keys(f: Fitted) -> Keys:
     """The terms of a set, by name and hook."""
-    return frozenset((t.name, t.hook) for t in f.terms)
+    return frozenset(t.key for t in f.terms)
 
 
 Placed = tuple[Term, Start]

@@ -58,6 +58,11 @@ class Term:
     held: tuple[tuple[str, float], ...] = ()
 
     @property
+    def key(self) -> tuple[str, str]:
+        """(name, hook)."""
+        return self.name, self.hook
+
+    @property
     def is_new(self) -> bool:
         """Whether it is physics that the nominal model lacks, and not something in it that has changed."""
         return self.kind == "effect" and not self.held

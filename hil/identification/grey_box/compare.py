@@ -115,7 +115,7 @@ def compare(model: Model, experiment: Experiment) -> Comparison:
     (even,), notes = bridged(model, [measured_only])
     e, moved = begun_in_motion(model, even)
     notes = (*left_out, *notes, *moved, *experiment.notes)
-    response = e.respond(model.definition, model.values, model.active_effects)[0]
+    response = e.simulated(model)[0]
     time_s, measured, simulated = e.time_s[e.valid], e.output[e.valid], response[e.valid]
     error = simulated - measured
     noise = noise_in(model.noise, channel_floor(measured)).std

@@ -203,9 +203,7 @@ def _near(
 
 def _fails(model: Model, e: Experiment) -> bool:
     """Whether a model leaves more than the noise."""
-    error = e.telling(
-        e.reading_as_in(model).respond(model.definition, model.values, model.active_effects)[0] - e.output
-    )
+    error = e.telling(e.reading_as_in(model).simulated(model)[0] - e.output)
     return float(np.mean(error**2)) > MISFIT * max(channel_floor(e.valid_output), _resolution(e.output)) ** 2
 
 

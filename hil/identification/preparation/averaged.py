@@ -47,7 +47,7 @@ def with_means(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Ex
 def _count(model: Model, e: Experiment) -> int:
     if len(e.output) < 2 * _MANY:
         return 1
-    motion = [np.diff(row) for row in e.respond(model.definition, model.values, model.active_effects)]
+    motion = [np.diff(row) for row in e.simulated(model)]
     moving = [row for row in motion if float(row @ row) > 0.0]
     count = 1
     while len(e.output) >= 2 * count * _MANY and all(_lost(row, 2 * count) <= _LOST for row in moving):

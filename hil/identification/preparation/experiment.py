@@ -117,6 +117,10 @@ class Experiment:
         grid_s = self.grid_s
         return np.array([np.interp(read_s, grid_s, row) for read_s, row in zip(self.read_s, rows, strict=True)])
 
+    def simulated(self, model: Model) -> Array:
+        """Rows of `respond` of a model as it stands."""
+        return self.respond(model.definition, model.values, model.active_effects)
+
     def by_dither(
         self, plant: Plant, parameters: Parameters, effects: Sequence[ActiveEffect] = ()
     ) -> tuple[Array, ...]:

@@ -88,7 +88,7 @@ def _bound(
     if not any(e.observed for e in cut):
         return cut
     whole = bind(one)
-    rows = whole.respond(model.definition, model.values, model.active_effects)
+    rows = whole.simulated(model)
     command = whole.drive.inputs[0]
     beyond = _BEYOND * float(np.ptp(command))
     reach = float(command.min()) - beyond, float(command.max()) + beyond
@@ -138,7 +138,7 @@ def _resting_at(e: Experiment, level: float) -> Experiment:
 
 def _apart(model: Model, e: Experiment, rows: Array) -> dict[str, Array]:
     """What the model begun at the stretch differs by from the model of the whole, in χ² of each sample of a signal."""
-    begun = e.respond(model.definition, model.values, model.active_effects)
+    begun = e.simulated(model)
     found = {}
     for signal, known, unknown in zip(model.definition.observed, rows[1:], begun[1:], strict=True):
         if signal.name in e.observed and (floor := channel_floor(e.observed[signal.name])):

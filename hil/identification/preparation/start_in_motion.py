@@ -54,9 +54,9 @@ def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note
 
     def errors(change: Array) -> Array:
         begun = _after(e, change)
-        return begun.telling(begun.respond(model.definition, model.values, model.active_effects)[0] - e.output)
+        return begun.telling(begun.simulated(model)[0] - e.output)
 
-    plain = e.telling(e.respond(model.definition, model.values, model.active_effects)[0] - e.output)
+    plain = e.telling(e.simulated(model)[0] - e.output)
     change = np.zeros(count)
     left = errors(change)
     if not (plain.any() and left.any()):  # no noise, and nothing to explain
