@@ -6,17 +6,10 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-Progress = Callable[[float, str], None]
-"""Told how far it is: the share done, and what is going on."""
-
 Notes = Callable[[str], None]
 """Told what was assumed, a sentence each; `print` will do."""
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
-
-
-def quiet(_done: float, _text: str) -> None:
-    """Say nothing of how far it is."""
 
 
 def unsaid(_note: str) -> None:

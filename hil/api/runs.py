@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hil.api.bench import bench_of
-from hil.api.callbacks import NOTHING, Notes, Progress, quiet, unsaid
+from hil.api.callbacks import NOTHING, Notes, unsaid
 from hil.errors import options_of
+from hil.record.progress import Progress, quiet
 from hil.session.several import several
 
 if TYPE_CHECKING:

@@ -7,9 +7,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hil.api.callbacks import Notes, Progress, quiet, unsaid
+from hil.api.callbacks import Notes, unsaid
 from hil.api.models import model_of
 from hil.errors import options_of
+from hil.record.progress import Progress, quiet
 from hil.session.several import several
 
 if TYPE_CHECKING:

@@ -25,10 +25,11 @@ from hil.diagnosis.question import Question, question_of
 from hil.diagnosis.solver import settled
 from hil.diagnosis.within_prior import as_in_this_unit
 from hil.diagnosis.wording import quantity_text
-from hil.diagnosis.work import Progress, Work
+from hil.diagnosis.work import Work
 from hil.identification.preparation.experiment import Experiment
 from hil.language.note import Note
 from hil.physics.model import Model
+from hil.record.progress import Progress, quiet
 from hil.record.recording import Array
 from hil.record.show import table_html
 from hil.signals.products import one_blas_thread
@@ -70,7 +71,7 @@ class Diagnosed:
 def diagnose(
     model: Model,
     experiments: Sequence[Experiment],
-    progress: Progress = lambda _done, _text: None,
+    progress: Progress = quiet,
     span: Span | None = None,
     budget_s: float = math.inf,
     question: str = "",

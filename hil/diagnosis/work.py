@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from threading import Lock
 from typing import Any
 
 from hil.language.note import Note
+from hil.record.progress import Progress, quiet
 
-Progress = Callable[[float, str], None]
 SAMPLES_PER_S = 10e6
 """Simulated samples that a second of a budget stands for, whatever the machine does."""
 
@@ -31,7 +31,7 @@ class Work:
         simulations, samples: that it took so far: of one recording each, and simulated in all of them.
     """
 
-    def __init__(self, progress: Progress = lambda _done, _text: None, budget_s: float = math.inf) -> None:
+    def __init__(self, progress: Progress = quiet, budget_s: float = math.inf) -> None:
         self._progress, self._budget_s = progress, budget_s
         self.left_out: list[str] = []
         self.simulations = self.samples = 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -23,11 +23,11 @@ from hil.passport.sources import Dated
 from hil.physics.compose import kernel
 from hil.physics.model import Model, ModelEffect
 from hil.record.measurement import COVERAGE_FACTOR
+from hil.record.progress import Progress
 from hil.record.simulated import is_simulated
 from hil.session.diagnosis import bound_to
 
 ChangeVerdict = Literal["unchanged", "changed", "unexplained"]
-Progress = Callable[[float, str], None]
 SCHEMA = "hil.diff/1"
 _ONE_SIDED = 1.645  # standard deviations to an upper limit of 95 %
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,14 +12,13 @@ from hil.language.note import Note, translated
 from hil.language.words import _, marked
 from hil.passport.unit import Unit
 from hil.record.measurement import COVERAGE_FACTOR
+from hil.record.progress import Progress
 from hil.report.diagnosis_tables import changed_from
 from hil.report.number import number, with_uncertainty
 
 if TYPE_CHECKING:
     from hil.diagnosis.diagnose import Diagnosed
     from hil.physics.model import Model
-
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, slots=True)

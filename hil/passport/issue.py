@@ -29,7 +29,7 @@ from hil.passport.attached import without_names as nameless
 from hil.passport.certificate import Signer, Trail, certificate_of
 from hil.passport.dcc import certificate_xml
 from hil.passport.figures import pictures
-from hil.passport.identified import Progress, Understood, understood
+from hil.passport.identified import Understood, understood
 from hil.passport.key import SigningKey, fingerprint, name_of
 from hil.passport.pdf import compiled
 from hil.passport.power import Power, notes, power_of, rows
@@ -41,6 +41,7 @@ from hil.passport.verify import Soundness, Trust, verify
 from hil.physics.other_plant import other_plants
 from hil.record.durable import write_whole
 from hil.record.plain import plain, to_json
+from hil.record.progress import Progress, quiet
 from hil.version import PROGRAM
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ class Issued:
 
 def issue(
     folders: Sequence[Path], out: Path, key: SigningKey, wanted: Wanted = Wanted(),
-    progress: Progress = lambda _done, _text: None,
+    progress: Progress = quiet,
 ) -> Issued:  # fmt: skip
     """Make, sign, check and write a passport.
 

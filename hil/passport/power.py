@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cache, partial
@@ -33,6 +33,7 @@ from hil.record.durable import write_whole
 from hil.record.invalid_samples import with_blanks
 from hil.record.measurement import Limit, Measured, Verdict
 from hil.record.plain import to_json
+from hil.record.progress import Progress
 from hil.record.recording import Array, split_heading
 from hil.report.number import number, unit_text
 from hil.session.procedure import Procedure
@@ -50,7 +51,6 @@ _SHARES = tuple(2.0**k for k in range(-8, 5, 2))
 _HALVINGS = 4  # of the logarithm between two of them: to 9 %
 _LARGER, _TRIES = 1.2, 4  # a size that fails more rarely than sought is made so much larger, so often
 
-Progress = Callable[[float, str], None]
 Values = Mapping[str, Measured]
 
 

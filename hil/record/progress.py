@@ -13,12 +13,19 @@ from pathlib import Path
 from hil.errors import FileError
 from hil.untrusted import read_untrusted_json
 
+Progress = Callable[[float, str], None]
+"""Told how far it is: the share done, and what is going on."""
+
 PROGRESS_FILE = "progress.json"
 _FLAGS = os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
 _SCHEMA = "hil.progress/1"
 _EVERY_S = 0.5
 _BYTES = 4096  # one page, which is read as it was written; a file that is renamed may wait for the disk
 _LONGEST = 900  # of the text, in characters of up to four bytes
+
+
+def quiet(_done: float, _text: str) -> None:
+    """Say nothing of how far it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +53,7 @@ def progress_of(folder: Path) -> WrittenProgress | None:
 
 
 @contextmanager
-def kept_progress(folder: Path, progress: Callable[[float, str], None]) -> Iterator[Callable[[float, str], None]]:
+def kept_progress(folder: Path, progress: Progress) -> Iterator[Progress]:
     """A progress function that also keeps what it is told in the run folder, twice a second, while the run lasts.
 
     A file that cannot be written hinders no run.

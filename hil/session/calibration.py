@@ -21,6 +21,7 @@ from hil.bench.hand.write import write_calibration
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.errors import LinkError, SettingError
+from hil.record.progress import quiet
 from hil.record.recording import Array
 from hil.rig import Rig
 from hil.safety.interrupt import terminable
@@ -157,7 +158,7 @@ def output_points(
             file,
             out,
             about,
-            lambda _done, _text: None,
+            quiet,
             known=known,
             commanding=channel,
             operator=Operator(),

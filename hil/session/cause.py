@@ -9,7 +9,6 @@ from __future__ import annotations
 import shlex
 import subprocess
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from hil.errors import ArchiveError, InputError
 from hil.record.cause import ANSWER, Cause
 from hil.record.folder import read
 from hil.record.measurement import is_accepted
+from hil.record.progress import Progress
 from hil.record.recording import Recording
 from hil.safety.interrupt import terminable
 from hil.session.outcome import Outcome
@@ -29,8 +29,6 @@ from hil.session.since import earlier_run
 
 _SEARCHING = 0.6  # of that time; the rest is for starting, reading, and telling what was found
 _POLL_S = 0.25
-
-Progress = Callable[[float, str], None]
 
 
 def cause_of(recording: Recording, folder: Path, earlier: Path | None, budget_s: float, progress: Progress) -> Cause:

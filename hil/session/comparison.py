@@ -11,6 +11,7 @@ from hil.identification.grey_box.compare import Comparison, compare_all
 from hil.identification.preparation.experiment import for_model
 from hil.physics.model import Model
 from hil.physics.other_plant import other_plants
+from hil.record.progress import Progress, quiet
 from hil.record.reading import Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
@@ -29,7 +30,7 @@ def compared_with(
     reading: Reading | None = None,
     notes: Callable[[str], None] = lambda _note: None,
     page: Path | None = None,
-    progress: Callable[[float, str], None] = lambda _done, _text: None,
+    progress: Progress = quiet,
 ) -> list[Comparison | TableComparison]:
     """How well a model fits each of what is read; `notes` is told what was assumed when it was.
 

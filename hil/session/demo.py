@@ -7,7 +7,7 @@ fits, and the diagnosis says why.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from hil.identification.grey_box.identify import GreyBoxFit, fit_plant, starting
 from hil.identification.preparation.experiment import experiment, for_model
 from hil.physics.model import save_model
 from hil.physics.simulate import ActiveEffect
+from hil.record.progress import Progress
 from hil.record.read import read_recording
 from hil.session.diagnosis import of_origins, write_diagnosis
 from hil.session.outcome import Outcome
@@ -42,8 +43,6 @@ CONCEALED: Mapping[str, tuple[str, Mapping[str, float]]] = {
 _GOOD = {"frequency_response": 0.5, "flow_curve": 0.05, "step_response": 0.05}
 _BACK = {"flow_curve": 0.05, "step_response": 0.05}
 _IDENTIFY, _DIAGNOSE = 0.1, 0.2
-
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from hil.identification.preparation.informative_segments import experiments_of
 from hil.physics.model import Model, save_model
 from hil.physics.other_plant import other_plants
 from hil.record.plain import plain
+from hil.record.progress import Progress, quiet
 from hil.record.read import read_recording
 from hil.record.recording import Recording, split_heading
 from hil.record.simulated import is_simulated
@@ -34,8 +35,6 @@ DIAGNOSIS_FILE, CORRECTED_FILE, REPORT_FILE = "diagnosis.json", "corrected.json"
 
 # Settling times that a test takes beside its command, until one has shown it: to its start, to neutral, and two ramps.
 _WAYS = 4.0
-
-Progress = Callable[[float, str], None]
 
 
 def bound_to(
@@ -65,7 +64,7 @@ def diagnosed(
     out: Path | None,
     bench: str = "",
     budget_s: float = 0.0,
-    progress: Progress = lambda _done, _text: None,
+    progress: Progress = quiet,
     computing_s: float = math.inf,
     origins: Sequence[Origin] = (),
     question: str = "",
@@ -119,7 +118,7 @@ def conclude(
     bench: BenchFile,
     budget_s: float,
     out: Path,
-    progress: Progress = lambda _done, _text: None,
+    progress: Progress = quiet,
     computing_s: float = math.inf,
     question: str = "",
 ) -> Diagnosed:

@@ -19,6 +19,7 @@ from hil.cores import cores
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.errors import FileError, HilError, InputError, option
 from hil.physics.model import Model, load_model
+from hil.record.progress import Progress, quiet
 from hil.record.read import read_recording
 from hil.record.reading import Reading
 from hil.record.recording import Recording
@@ -29,7 +30,6 @@ from hil.session.sources import notes_on
 NOMINAL_FILE = "nominal.json"
 _PATIENCE_S = 5
 
-Progress = Callable[[float, str], None]
 Notes = Callable[[str], None]
 SCHEMA = "hil.fleet/1"
 
@@ -82,7 +82,7 @@ def diagnosed_fleet(
     budget_s: float = math.inf,
     reading: Reading | None = None,
     notes: Notes = lambda _note: None,
-    progress: Progress = lambda _done, _text: None,
+    progress: Progress = quiet,
 ) -> list[UnitAnswer]:
     """Diagnose the units of these folders; each answer is written into a folder of its own in `out`, once it is there.
 
@@ -132,7 +132,7 @@ def read_unit(
 def diagnose_units(
     units: Sequence[Unit],
     scheduler: str = "",
-    progress: Progress = lambda _done, _text: None,
+    progress: Progress = quiet,
     budget_s: float = math.inf,
 ) -> Iterator[UnitAnswer]:
     """Diagnose every unit; yields the answers in order.

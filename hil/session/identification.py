@@ -18,6 +18,7 @@ from hil.language.note import Note, codes_of
 from hil.physics.model import Model
 from hil.physics.plant import Plant
 from hil.record.plain import plain
+from hil.record.progress import Progress, quiet
 from hil.record.reading import Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
@@ -141,7 +142,7 @@ def identified(
     output_name: str = "",
     orders: Orders = AS_THEY_SHOW,
     notes: Callable[[str], None] = lambda _note: None,
-    progress: Callable[[float, str], None] = lambda _done, _text: None,
+    progress: Progress = quiet,
 ) -> Identified:
     """Fit a plant, or the model of a file, to everything that was read; `notes` is told what was assumed.
 
@@ -176,7 +177,7 @@ def identified(
     if plant == _LINEAR and (better := command_for(recordings[0], given)):
         notes(better.of(recordings[0].name))
     is_long = sum(len(one.output) for one in experiments) >= _LONG
-    found = fit_plant(start, experiments, free, progress if is_long else lambda _done, _text: None)
+    found = fit_plant(start, experiments, free, progress if is_long else quiet)
     paths = {one.name: str(Path(one.name).resolve()) for one in recordings if Path(one.name).exists()}
     model = replace(found.model, origin={**found.model.origin, "paths": paths})
     model = replace(model, skeleton=table_of(model, [e for e in experiments if not e.stands_still]).as_dict())

@@ -10,6 +10,7 @@ from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.bench.rehearsal import twin_of
 from hil.errors import HilError, RangeError
+from hil.record.progress import quiet
 from hil.session.procedure import Procedure
 from hil.session.setting import parse_settings
 
@@ -30,7 +31,7 @@ def hindrance(procedure: Procedure, bench: BenchFile, rate_hz: float) -> str:
         twin = twin_of(bench)
         with (
             TemporaryDirectory(prefix="hil-possible-") as folder,
-            open_rig(twin, Path(folder) / "run", {}, lambda _done, _text: None) as rig,
+            open_rig(twin, Path(folder) / "run", {}, quiet) as rig,
         ):
             procedure.run(_UpToTheFirstMove(rig, rate_hz), **parse_settings(procedure.settings, {}))
     except _WouldMoveError:

@@ -22,6 +22,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from hil.record.progress import quiet
+
 if TYPE_CHECKING:
     from hil.bench.read import BenchFile
     from hil.bench.rig import BenchRig
@@ -87,7 +89,7 @@ class SimulatedBench:
         """The rig itself, to be driven by the test: `with bench.rig() as rig: rig.play(…)`."""
         from hil.bench.open import open_rig
 
-        return open_rig(self.file, self._next("rig"), {}, lambda _done, _text: None)
+        return open_rig(self.file, self._next("rig"), {}, quiet)
 
     def _tell(self, procedure: str, outcome: Outcome) -> None:
         from hil.record.measurement import COVERAGE_FACTOR

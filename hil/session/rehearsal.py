@@ -10,13 +10,13 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from hil.bench.open import open_rig
-from hil.bench.progress_report import Progress
 from hil.bench.read import BenchFile
 from hil.bench.rehearsal import twin_of
 from hil.errors import HardwareError, RangeError, RehearsalError, StorageError
 from hil.language.note import Note
 from hil.language.words import _, languages, marked, speaking
 from hil.record.folder import read
+from hil.record.progress import Progress, quiet
 from hil.record.recording import Recording
 from hil.session.procedure import Procedure
 
@@ -56,7 +56,7 @@ def rehearse(
     procedure: Procedure,
     bench: BenchFile,
     settings: Mapping[str, Any],
-    progress: Progress = lambda _done, _text: None,
+    progress: Progress = quiet,
     earlier: Recording | None = None,
     keep: Path | None = None,
 ) -> Rehearsal:

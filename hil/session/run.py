@@ -13,13 +13,12 @@ from hil.bench.audit import on_the_trail
 from hil.bench.ending import accounted, word_of_this_process
 from hil.bench.file import Bench
 from hil.bench.open import open_rig
-from hil.bench.progress_report import Progress
 from hil.bench.read import BenchFile
 from hil.errors import InputError, SettingError, StoppedError
 from hil.record.events import EVENTS_FILE
 from hil.record.folder import read
 from hil.record.measurement import Limit
-from hil.record.progress import kept_progress
+from hil.record.progress import Progress, kept_progress, quiet
 from hil.record.recording import Recording
 from hil.record.samples import ROWS_FILE
 from hil.rig import Rig
@@ -44,7 +43,7 @@ def run_procedure(
     bench: BenchFile,
     settings: Mapping[str, Any],
     out: Path,
-    progress: Progress = lambda _done, _text: None,
+    progress: Progress = quiet,
     resets: Iterable[str] = (),
     limits: Mapping[str, Limit | TypedLimit] = MappingProxyType({}),
     resume: Path | None = None,
@@ -117,7 +116,7 @@ def rehearse_procedure(
     procedure: Procedure,
     bench: BenchFile,
     settings: Mapping[str, Any],
-    progress: Progress = lambda _done, _text: None,
+    progress: Progress = quiet,
     resume: Path | None = None,
     keep: Path | None = None,
 ) -> Rehearsal:

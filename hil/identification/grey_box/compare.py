@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from hil.identification.uncertainty.fit import fit_ceiling, fit_percent, rms
 from hil.identification.uncertainty.noise import channel_floor, noise_in
 from hil.language.note import Note
 from hil.physics.model import Model
+from hil.record.progress import Progress, quiet
 from hil.record.recording import Array
 from hil.record.simulated import marked
 
@@ -91,9 +92,7 @@ class Comparison:
         )
 
 
-def compare_all(
-    model: Model, experiments: Sequence[Experiment], progress: Callable[[float, str], None] = lambda _done, _text: None
-) -> list[Comparison]:
+def compare_all(model: Model, experiments: Sequence[Experiment], progress: Progress = quiet) -> list[Comparison]:
     """Each recording as `compare` does, with what looks wrong in it beside this model among its notes."""
     found = []
     for i, e in enumerate(experiments):

@@ -44,6 +44,7 @@ from hil.identification.uncertainty.noise import Measured, channel_floor, measur
 from hil.language.note import Note
 from hil.physics.model import Covariance, Model, Value, load_model, typical_model
 from hil.physics.plant import Parameter, Parameters, Plant, Structure
+from hil.record.progress import Progress, quiet
 from hil.record.recording import Array, Mask
 from hil.signals.colour import colour_factor
 from hil.signals.interval import COVERED, rounded, width
@@ -63,7 +64,6 @@ _LATE_SETTLING = 0.1
 _OF_DYNAMICS = ("s", "rad/s", "1")  # units of time constants, corners and dampings
 _STARTS = 2  # times that what moved a unit before is fitted by turns with the model
 
-Progress = Callable[[float, str], None]
 Tick = Callable[[], None]
 
 
@@ -74,10 +74,6 @@ class _Task:
     experiments: Sequence[Experiment]
     weights: Sequence[float]
     tick: Tick
-
-
-def _quiet(_done: float, _text: str) -> None:
-    """Progress that nobody asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +130,7 @@ def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:
 
 
 def fit_plant(
-    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str] = (), progress: Progress = _quiet
+    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str] = (), progress: Progress = quiet
 ) -> GreyBoxFit:
     """Estimate the plant's parameters from all experiments together, effects of the model included as they are.
 
