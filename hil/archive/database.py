@@ -98,8 +98,7 @@ def _version(connection: Connection) -> str | None:
     """Of the tables, as alembic noted it; None of an empty database."""
     if not inspect(connection).has_table("alembic_version"):
         return None
-    found: str | None = connection.execute(text("select version_num from alembic_version")).scalar()
-    return found
+    return connection.execute(text("select version_num from alembic_version")).scalar()
 
 
 def is_refusal(error: Exception) -> bool:

@@ -143,8 +143,7 @@ def _resumed(run: Path, procedure: str, bench: str, labels: Labels) -> tuple[str
 
 def _asked() -> str:
     """The serial number, typed or scanned."""
-    text: str = typer.prompt("serial number of the unit", default="", show_default=False, err=True)
-    return text
+    return typer.prompt("serial number of the unit", default="", show_default=False, err=True)
 
 
 def understood(procedure: Procedure, given: Mapping[str, str], limits: Mapping[str, Limit]) -> str:

@@ -72,8 +72,7 @@ class Console:
     @classmethod
     def of(cls, request: Request) -> Console:
         """The console of a request."""
-        found: Console = request.app.state.console
-        return found
+        return request.app.state.console
 
     def new_name(self, kind: str) -> str:
         """A name for a process of a kind, unlike any other."""

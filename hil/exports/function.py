@@ -52,8 +52,7 @@ def _slope(values: dict[str, float], name: str, late: bool) -> Array:
     """Of every coefficient with respect to a parameter, by central differences."""
     step = _STEP * max(abs(values[name]), _STEP)
     high, low = (_coefficients({**values, name: values[name] + sign * step}, late) for sign in (1.0, -1.0))
-    made: Array = (high - low) / (2.0 * step)
-    return made
+    return (high - low) / (2.0 * step)
 
 
 def _coefficients(values: dict[str, float], late: bool) -> Array:

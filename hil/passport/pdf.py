@@ -43,10 +43,7 @@ def compiled(page: Mapping[str, Any], pictures: Sequence[tuple[str, bytes]], ins
         _write(place / "page.json", {**page, "pictures": drawn, "files": shown})
         template = files("hil.passport").joinpath("certificate.typ").read_bytes()
         (place / "certificate.typ").write_bytes(template)
-        made: bytes = typst.compile(
-            place / "certificate.typ", root=place, pdf_standards=STANDARD, ignore_system_fonts=True
-        )
-        return made
+        return typst.compile(place / "certificate.typ", root=place, pdf_standards=STANDARD, ignore_system_fonts=True)
     except OSError as error:
         raise StorageError(f"{place}: the passport cannot be made: {error.strerror}") from error
     except RuntimeError as error:

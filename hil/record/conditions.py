@@ -128,8 +128,7 @@ def _in_unit(channel: Channel, unit: str) -> Array | None:
         scale, offset = scale_and_offset(channel.unit, unit)
     except UnitError:
         return None
-    made: Array = scale * channel.values + offset
-    return made
+    return scale * channel.values + offset
 
 
 def _means(time_s: Array, values: Array) -> Array:
@@ -138,5 +137,4 @@ def _means(time_s: Array, values: Array) -> Array:
     whole = max(1, int(np.floor((time_s[-1] - time_s[0]) / _STEADY_S + 1e-9)))
     starts = np.unique(np.searchsorted(seconds, np.arange(whole)))
     counts = np.diff(np.append(starts, len(values)))
-    made: Array = np.add.reduceat(values, starts) / counts
-    return made
+    return np.add.reduceat(values, starts) / counts

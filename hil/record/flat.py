@@ -34,8 +34,7 @@ def _united(time_s: Array, others: Array) -> Array:
     within = others[(others >= time_s[0]) & (others <= time_s[-1])]
     slack = _SAME_STAMP * float(np.median(np.diff(time_s)))
     new = within[np.abs(within - time_s[_nearest(time_s, within)]) > slack]
-    made: Array = np.union1d(time_s, new) if new.size else time_s
-    return made
+    return np.union1d(time_s, new) if new.size else time_s
 
 
 def _spread(time_s: Array, taken: Samples) -> Array:

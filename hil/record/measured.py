@@ -90,8 +90,7 @@ class Measured:
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
-        found: dict[str, Any] = plain(self)
-        return found
+        return plain(self)
 
 
 def _below(deviation: float) -> float:

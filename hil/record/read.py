@@ -112,10 +112,8 @@ def _read_any(path: Path, reading: Reading) -> Recording | ResponseTable:
             inside = confined_contents(form, path, file)
             if not hasattr(form, "assembled"):
                 return assemble(str(path), *inside, reading)
-            made: Recording | ResponseTable = form.assembled(path, inside, reading)
-            return made
-    found: Recording | ResponseTable = form.read(path, reading)
-    return found
+            return form.assembled(path, inside, reading)
+    return form.read(path, reading)
 
 
 def _opened(path: Path) -> BinaryIO:

@@ -65,8 +65,7 @@ class Samples:
         # a stamp that differs by its rounding alone is the same one
         step = 1e-6 * float(np.min(np.diff(self.time_s))) if len(self.time_s) > 1 else 0.0
         reached = np.searchsorted(self.time_s, time_s + step, side="right")
-        held: Array = self.values[np.clip(reached - 1, 0, len(self.values) - 1)]
-        return held
+        return self.values[np.clip(reached - 1, 0, len(self.values) - 1)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,8 +180,7 @@ class Recording:
         delay = (delays or {}).get(self.channel(name).name)
         if delay is None or delay not in self.channels:
             return self.time_s
-        late: Array = self.time_s + self.values(delay, "s")
-        return late
+        return self.time_s + self.values(delay, "s")
 
     def part(self, start_s: float, stop_s: float) -> Recording:
         """The samples with start_s ≤ time < stop_s, stamps unchanged."""

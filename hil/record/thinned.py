@@ -44,5 +44,4 @@ class Thinning:
         rest = table[np.flatnonzero(stays)[-1] + 1 :] if stays.any() else table
         before = None if stays.any() else self.held
         self.held = (rest if before is None else np.concatenate((before, rest)))[-self._rows["last"] :]
-        found: Array = table[stays]
-        return found
+        return table[stays]

@@ -129,8 +129,7 @@ def numbers(texts: Any, decimal: str, thousands: str, unit: str = "", prefixed: 
     bare = bare.mask(marked & ~bare.str.match(_GROUPED), "")  # `5.07` holds no thousands
     bare = bare.str.replace(f"[{marks}]", "", regex=True)
     bare = bare.str.replace(decimal, ".", regex=False).str.replace(r"(?<=\d)[dD](?=[+-]?\d)", "e", regex=True)
-    made: NDArray[np.float64] = pd.to_numeric(bare, errors="coerce").to_numpy(dtype=np.float64)
-    return made
+    return pd.to_numeric(bare, errors="coerce").to_numpy(dtype=np.float64)
 
 
 def stamps(texts: Sequence[str]) -> NDArray[Any]:
@@ -148,8 +147,7 @@ def stamps(texts: Sequence[str]) -> NDArray[Any]:
     cleaned = pd.Series([re.sub(r",(\d+)", r".\1", text.strip()) for text in texts])
     form = {"format": "ISO8601"} if re.match(r"\d{4}-", first.strip()) else {"dayfirst": day_first, "format": "mixed"}
     found = pd.to_datetime(cleaned, utc=True, **form)
-    made: NDArray[Any] = found.dt.tz_localize(None).to_numpy().astype("M8[ns]")
-    return made
+    return found.dt.tz_localize(None).to_numpy().astype("M8[ns]")
 
 
 def _is_day_first(texts: Sequence[str]) -> bool:
@@ -165,8 +163,7 @@ def _is_day_first(texts: Sequence[str]) -> bool:
 
 def joined(days: NDArray[Any], clocks: NDArray[Any]) -> NDArray[Any]:
     """Days and times of the day as stamps."""
-    made: NDArray[Any] = days + (clocks - clocks.astype("m8[D]"))
-    return made
+    return days + (clocks - clocks.astype("m8[D]"))
 
 
 def is_date_only(text: str) -> bool:
@@ -183,5 +180,4 @@ def _clock(pd: Any, texts: list[str]) -> NDArray[Any]:
         whole = [text if text.count(":") == 2 else f"0:{text}" for text in texts]
         found = pd.to_timedelta(pd.Series(whole)).to_numpy().astype("m8[ns]")
     midnight = np.cumsum(np.diff(found, prepend=found[:1]) < -_DAY // 2)
-    made: NDArray[Any] = found + midnight * _DAY.astype("m8[ns]")
-    return made
+    return found + midnight * _DAY.astype("m8[ns]")

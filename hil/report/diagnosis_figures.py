@@ -283,8 +283,7 @@ def _envelope(frequency_hz: Array, amplitude: Array, columns: int = 500) -> tupl
 
 def _largest_of(counts: Array) -> Array:
     """The largest of so many amplitudes of white noise, expected, over their rms: they follow Rayleigh's law."""
-    made: Array = np.sqrt(np.maximum(np.log(counts) + np.euler_gamma, 1.0))
-    return made
+    return np.sqrt(np.maximum(np.log(counts) + np.euler_gamma, 1.0))
 
 
 def _intervals(strip: Strip, where: Where | None) -> tuple[tuple[float, float], ...]:

@@ -21,8 +21,7 @@ def array(curve: Curve, key: str) -> Array | None:
 
 def needed(curve: Curve, key: str) -> Array:
     """An array that every curve of this kind has."""
-    made: Array = np.asarray(curve[key], dtype=np.float64)
-    return made
+    return np.asarray(curve[key], dtype=np.float64)
 
 
 def label_of(curve: Curve) -> str:

@@ -144,7 +144,7 @@ class OnlineEstimate:
         found, excitation = self.estimator, self.estimator.excitation
         rows = zip(found.form.names, found.parameters.tolist(), found.std.tolist(), strict=True)
         poles = [{"re": float(p.real), "im": float(p.imag)} for p in found.poles]
-        made: dict[str, Any] = plain({
+        return plain({
             "schema": "hil.online-estimate/1",
             "parameters": [{"name": n, "value": value, "std": std, "unit": "1"} for n, value, std in rows],
             "numerator": found.numerator, "denominator": found.denominator, "poles": poles,
@@ -152,7 +152,6 @@ class OnlineEstimate:
             "informed": excitation.informed, "asked": excitation.asked, "unknown": list(excitation.unknown),
             "excitation_order": self.excitation_order,
         })  # fmt: skip
-        return made
 
     def as_text(self) -> str:
         """As lines for a terminal."""
@@ -239,12 +238,11 @@ class ThesisError:
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
-        made: dict[str, Any] = plain({
+        return plain({
             "schema": "hil.thesis-error/1", "level": self.level, "error_4_1": self.error, "rms_psi": self.rms,
             "duration_s": self.duration_s, "rate_hz": self.rate_hz, "crisp_class": self.crisp,
             "error_memberships": dict(self.memberships), "current_memberships": dict(self.levels),
         })  # fmt: skip
-        return made
 
     def as_text(self) -> str:
         """As lines for a terminal."""

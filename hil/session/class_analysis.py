@@ -108,14 +108,13 @@ class ClassAnalysis:
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
-        made: dict[str, Any] = plain({
+        return plain({
             "schema": "hil.classes/1", "good": self.good, "bad": self.bad, "rule": self.rule,
             "threshold": self.threshold, "unit": self.unit, "accepted_bad": self.accepted_bad.as_dict(),
             "refused_good": self.refused_good.as_dict(),
             "valves": [{"name": o.name, "class": o.own, "found": o.found, "value": o.value} for o in self.judged],
             "others": [{"name": o.name, "found": o.found, "value": o.value} for o in self.others],
         })  # fmt: skip
-        return made
 
 
 def classes_of_recordings(
@@ -235,8 +234,7 @@ def _differences(known: Array, rows: Array, good: int) -> Array:
     """Root mean square difference of rows from the mean of the first `good` known ones; of these, from all others'."""
     mean = known[:good].mean(axis=0)
     own = np.where(np.arange(len(rows))[:, None] < good, (good * mean - rows) / (good - 1), mean)
-    made: Array = np.sqrt(np.mean((rows - own) ** 2, axis=1))
-    return made
+    return np.sqrt(np.mean((rows - own) ** 2, axis=1))
 
 
 def _judged(

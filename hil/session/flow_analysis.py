@@ -96,14 +96,13 @@ class FlowAnalysis:
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
-        made: dict[str, Any] = plain({
+        return plain({
             "schema": "hil.flow-curve/1", "input": self.input, "output": self.output,
             "values": [{"name": f.name, "value": f.value, "std": f.std, "unit": f.unit} for f in self.figures],
             "degree": self.degree, "polynomial": self.polynomial_text,
             "curve": [{"name": name, "values": values} for name, values in self.columns.items()],
             "notes": list(self.notes),
         })  # fmt: skip
-        return made
 
     def write(self, path: Path) -> None:
         """The curve as CSV. Raises `StorageError`."""

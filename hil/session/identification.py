@@ -64,7 +64,7 @@ class Identified:
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values, schema `hil.identified/1`."""
-        found: dict[str, Any] = plain(
+        return plain(
             {
                 "schema": SCHEMA,
                 "model": self.model.as_dict(),
@@ -74,7 +74,6 @@ class Identified:
                 "simulated": self.simulated,
             }
         )
-        return found
 
     def __str__(self) -> str:
         return self.text

@@ -61,8 +61,7 @@ class _UpToTheFirstMove:
     def actual_rate_hz(self, asked_hz: float) -> float:
         if asked_hz > self._most_hz:
             raise RangeError(f"sample rate {asked_hz:g} Hz: the bench makes {self._most_hz:.4g} Hz as measured")
-        made_hz: float = self._rig.actual_rate_hz(asked_hz)
-        return made_hz
+        return self._rig.actual_rate_hz(asked_hz)
 
 
 def _begun(*_values: Any, **_more: Any) -> NoReturn:

@@ -60,8 +60,7 @@ def _function(module: ModuleType, name: str) -> Callable[..., Any]:
     found = getattr(module, name, None)
     if not callable(found):
         raise FileError(f"{module.__file__}: a procedure has a function '{name}'")
-    function: Callable[..., Any] = found
-    return function
+    return found
 
 
 def _settings(procedure: str, run: Callable[..., None]) -> dict[str, Setting]:

@@ -51,11 +51,10 @@ class SineAnalysis:
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
         each = zip(self.responses, self.bandwidths, strict=True)
-        made: dict[str, Any] = plain({
+        return plain({
             "schema": "hil.sines/1", "input": self.input, "output": self.output,
             "responses": [_entry(one, corners) for one, corners in each], "notes": [_RAW],
         })  # fmt: skip
-        return made
 
     def files(self, out: Path) -> list[Path]:
         """The table of each response: `out`, or where there are several, each with its bias and amplitude behind."""

@@ -40,8 +40,7 @@ def colour_factors(residuals: Array, cycles_per_sample: Array, reach: int = _REA
     table = np.concatenate((np.cos(turn), np.sin(turn)))
     found = np.concatenate([rows_by_rows(part, table) for part in _halves(centred, block)])
     density = np.mean(found**2, axis=0).reshape(2, -1).sum(axis=0) / (block * power)
-    factors: Array = np.maximum(1.0, density)
-    return factors
+    return np.maximum(1.0, density)
 
 
 def _halves(values: Array, block: int) -> list[Array]:

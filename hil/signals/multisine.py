@@ -45,8 +45,7 @@ class Multisine:
 
     def signal(self, periods: int, bias: float = 0.0) -> Array:
         """Repeated periods about a bias."""
-        wave: Array = bias + np.tile(self.period, periods)
-        return wave
+        return bias + np.tile(self.period, periods)
 
     def as_part(self) -> dict[str, object]:
         """What an evaluation needs to know, as JSON values."""

@@ -95,5 +95,4 @@ def rounding_of_means(values: Array, passed: Array, step: float, noise_std: floa
     def integral(place: Array) -> Array:
         return -0.5 * np.square(place - np.rint(place))
 
-    made: Array = step * (integral(at + wide / 2.0) - integral(at - wide / 2.0)) / wide
-    return made
+    return step * (integral(at + wide / 2.0) - integral(at - wide / 2.0)) / wide

@@ -49,8 +49,7 @@ class SineBasis:
         padded[:, : self.samples] = signals
         parts = rows_by_rows(padded.reshape(-1, length), np.ascontiguousarray(_real_pairs(self.within).T))
         per_block = parts.view(np.complex128).reshape(len(signals), count, -1)
-        found: Phasors = (per_block * self.blocks).sum(axis=1)
-        return found
+        return (per_block * self.blocks).sum(axis=1)
 
     def synthesise(self, weights: Phasors) -> Array:
         """Re Σ w_k·e^(ikωt) at every stamp, shape (n,)."""
@@ -106,10 +105,7 @@ def _dirichlet(turn: Array, n: int) -> Array:
     """Σ e^(i·turn·j) over j = 0…n−1, about its middle."""
     half = np.sin(turn / 2.0)
     small = np.abs(half) < 1e-12
-    found: Array = np.where(
-        small, n * np.cos(turn * (n - 1) / 2.0), np.sin(n * turn / 2.0) / np.where(small, 1.0, half)
-    )
-    return found
+    return np.where(small, n * np.cos(turn * (n - 1) / 2.0), np.sin(n * turn / 2.0) / np.where(small, 1.0, half))
 
 
 def _real_pairs(values: Phasors) -> Array:

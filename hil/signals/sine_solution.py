@@ -41,8 +41,7 @@ class Solved:
         # A·sin(ωt + φ) = Re(−i·A·e^(iφ)·e^(iωt))
         sines = self.basis.synthesise(-1j * self.phasors)
         slow = rows_by_columns(self.parameters[None, 1 + 2 * self.basis.harmonics :], extras)[0]
-        rest: Array = values - self.parameters[0] - sines - slow
-        return rest
+        return values - self.parameters[0] - sines - slow
 
 
 def solve(basis: SineBasis, values: Array, extras: Array, frequency_hz: float) -> Solved:

@@ -116,8 +116,7 @@ class Smoother:
 
     def at(self, curves: Curves) -> Array:
         """The curves at the places, shape (m, n)."""
-        made: Array = curves.coefficients @ self.basis.T
-        return made
+        return curves.coefficients @ self.basis.T
 
     def slopes(self, curves: Curves) -> Array:
         """Slopes of the curves at the places, shape (m, n)."""
@@ -177,8 +176,7 @@ def _whitened(values: Array, whitener: Array, axis: int) -> Array:
 def _knots(low: float, high: float, count: int) -> Array:
     """Even knots for cubic splines with so many coefficients from low to high."""
     step = (high - low) / (count - _DEGREE)
-    made: Array = low + step * np.arange(-_DEGREE, count + 1, dtype=np.float64)
-    return made
+    return low + step * np.arange(-_DEGREE, count + 1, dtype=np.float64)
 
 
 def _basis(places: Array, knots: Array, degree: int = _DEGREE) -> Array:
@@ -186,5 +184,4 @@ def _basis(places: Array, knots: Array, degree: int = _DEGREE) -> Array:
     from scipy.interpolate import BSpline
 
     found = BSpline.design_matrix(places, knots, degree, extrapolate=True).toarray()
-    made: Array = np.asarray(found, dtype=np.float64)
-    return made
+    return np.asarray(found, dtype=np.float64)

@@ -25,8 +25,7 @@ def sine(
     join with a phase step below half a sample.
     """
     time_s = np.arange(max(1, round(periods * rate_hz / frequency_hz))) / rate_hz
-    wave: Array = bias + amplitude * np.sin(2.0 * math.pi * frequency_hz * time_s + phase_rad)
-    return wave
+    return bias + amplitude * np.sin(2.0 * math.pi * frequency_hz * time_s + phase_rad)
 
 
 def check_frequencies(frequencies_hz: Sequence[float], rate_hz: float) -> None:

@@ -27,8 +27,7 @@ class Tone:
     def at(self, time_s: Array) -> Array:
         """Its samples."""
         turn = 2.0 * math.pi * self.frequency_hz * time_s
-        made: Array = self.cosine * np.cos(turn) + self.sine * np.sin(turn)
-        return made
+        return self.cosine * np.cos(turn) + self.sine * np.sin(turn)
 
 
 def standing_tone(segments: Sequence[tuple[Array, Array]]) -> Tone | None:
