@@ -29,7 +29,7 @@ _Output = typer.Option("", "--output", metavar="NAME", help="Response, likewise.
 @group.command("step")
 @takes_reading
 def step(
-    recording: Path | None = typer.Argument(None, metavar="[RECORDING]", help="Recording with steps of the command."),
+    recording: Path | None = typer.Argument(None, metavar="RECORDING", help="Recording with steps of the command."),
     input_name: str = _Input,
     output_name: str = _Output,
     rise: float | None = typer.Option(None, "--rise", metavar="S", help="Instead of a recording: rise time."),
@@ -208,7 +208,7 @@ def corners(
 @group.command("recursive")
 @takes_reading
 def recursive(
-    recording: Path = typer.Argument(..., help="Recording with even stamps."),
+    recording: Path = typer.Argument(..., metavar="RECORDING", help="Recording with even stamps."),
     poles: int = typer.Option(..., "--poles", min=0, help="Coefficients a1 …"),
     inputs: int = typer.Option(..., "--inputs", min=1, help="Coefficients b0 …"),
     delay: int = typer.Option(0, "--delay", min=0, help="Samples by which the input is late."),
@@ -239,7 +239,7 @@ def recursive(
 
 @group.command("loop")
 def loop(
-    model: Path | None = typer.Argument(None, metavar="[MODEL.json]", help="Closed loop, a transfer function."),
+    model: Path | None = typer.Argument(None, metavar="MODEL.json", help="Closed loop, a transfer function."),
     numerator: str = typer.Option("", "--numerator", metavar="B,…", help="Instead of a model, highest power first."),
     denominator: str = typer.Option("", "--denominator", metavar="A,…", help="Likewise."),
     sensor: Path | None = typer.Option(None, "--sensor", metavar="MODEL.json", help="C of the loop; 1 without one."),
@@ -276,7 +276,9 @@ def loop(
 @group.command("error")
 @takes_reading
 def error(
-    recording: Path = typer.Argument(..., help="Pressure of a step to 1.4 or 1.6 A, from the step on."),
+    recording: Path = typer.Argument(
+        ..., metavar="RECORDING", help="Pressure of a step to 1.4 or 1.6 A, from the step on."
+    ),
     reference: Path = typer.Option(..., "--reference", metavar="RECORDING", help="Pressure of a good valve."),
     level: str = typer.Option(..., "--level", metavar="low|high", help="1.4 A or 1.6 A."),
     output_name: str = typer.Option("pressure", "--output", metavar="NAME", help="Channel of the pressure."),

@@ -17,8 +17,8 @@ _FILES = ("benches", "descriptions", "models", "tables")
 def command(
     kind: str = typer.Argument(
         "",
-        metavar="[drivers|devices|procedures|plants|effects|benches|descriptions|models|tables]",
-        help="Only one kind.",
+        metavar="KIND",
+        help="Only this kind, such as plants.",
     ),
     as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.installed/1."),
 ) -> None:

@@ -153,6 +153,11 @@ def said(words: list[str]) -> int:
     return int(ended.value.code or 0)
 
 
+def test_arguments_are_named_in_capitals_and_bracketed_once() -> None:
+    usages = [row.partition("` |")[0] for row in program("generate").command_rows("hil")]
+    assert [usage for usage in usages if "[[" in usage or re.search(r"{[a-z]+}", usage)] == []
+
+
 EVERY = [(page, line) for page in WITH_COMMANDS for line in commands(page)]
 
 
