@@ -40,6 +40,9 @@ def _by_content(file: BinaryIO) -> ModuleType | None:
     """The module of a file that says by its first bytes what it is, whatever its name says."""
     start = os.pread(file.fileno(), _LONGEST_BEGINNING, 0)
     for module in formats().values():
+        pattern = getattr(module, "BEGINNING", None)
+        if pattern is not None and pattern.match(start):
+            return module
         if any(start.startswith(beginning) for beginning in getattr(module, "BEGINNINGS", ())):
             return module
     return None
@@ -109,7 +112,11 @@ def _read_any(path: Path, reading: Reading) -> Recording | ResponseTable:
         if hasattr(form, "contents"):
             from hil.record.confined import confined_contents
 
-            inside = confined_contents(form, path, file)
+            if hasattr(form, "files_of"):  # with others that belong to it
+                with form.files_of(path, file) as gathered:
+                    inside = confined_contents(form, path, gathered)
+            else:
+                inside = confined_contents(form, path, file)
             if not hasattr(form, "assembled"):
                 return assemble(str(path), *inside, reading)
             return form.assembled(path, inside, reading)

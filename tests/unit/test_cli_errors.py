@@ -54,7 +54,7 @@ CASES = [
     (("identify", "good.csv", *IDENTIFY, "--input", "pressure"), "no channel 'pressure'"),
     (("compare", "--model", "nope.json", "good.csv"), "nope.json: not a model file"),
     (("simulate", "--model", "good.csv", "--input", "good.csv", "--out", "x.csv"), "good.csv: not a model file"),
-    (("convert", "good.csv", "good.xyz"), "known endings: .asc, .asc.gz, .csv"),
+    (("convert", "good.csv", "good.xyz"), "known endings: .asc, .asc.gz, .blf"),
     (("convert", "good.csv", "mass.csv"), "exists already; --overwrite replaces it"),
     (("convert", "good.csv", "nowhere/good.csv"), "nowhere/good.csv: there is no folder nowhere"),
     (("identify", "capitals.csv", *IDENTIFY), "'command', the input of brevini-hpv41, did you mean 'Command'?"),

@@ -324,7 +324,7 @@ def test_a_missing_library_is_named(tmp_path: Path, ending: str, package: str, m
 
 def test_an_unknown_ending_lists_the_known_ones(tmp_path: Path) -> None:
     (tmp_path / "x.xyz").touch()
-    with pytest.raises(FileError, match=r"x.xyz: unknown kind of recording; known endings: .asc, .asc.gz, .csv"):
+    with pytest.raises(FileError, match=r"x.xyz: unknown kind of recording; known endings: .asc, .asc.gz, .blf"):
         read_recording(tmp_path / "x.xyz")
 
 

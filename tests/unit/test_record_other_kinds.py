@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 import zipfile
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -109,6 +110,55 @@ class TestSound:
         np.testing.assert_array_equal(found.time_s, 0.005 * np.arange(4))
         np.testing.assert_array_equal([c.values for c in found.channels.values()], shares.T)
         assert any("200 Hz" in note for note in found.meta["assumed"])
+
+
+DBC = """VERSION ""
+NS_ :
+BS_:
+BU_: A
+BO_ 256 Valve: 8 A
+ SG_ command : 0|16@1- (0.01,0) [-100|100] "%" A
+ SG_ flow : 16|16@1- (0.01,0) [-100|100] "l/min" A
+BO_ 2566914048 Pump: 2 A
+ SG_ pressure : 7|16@0+ (0.1,-5) [0|400] "bar" A
+"""
+
+
+def can_log(path: Path, dbc: str = "") -> Path:
+    can = pytest.importorskip("can")
+    writer = can.Logger(path)
+    for k in range(40):
+        sent = {"timestamp": 1.7e9 + 0.01 * k}
+        writer(can.Message(arbitration_id=0x100, is_extended_id=False, data=struct.pack("<hhI", -k, 9 * k, k), **sent))
+        if k % 4 == 0:
+            writer(can.Message(arbitration_id=0x19000000, data=struct.pack(">H", 1000 + k), **sent))
+        writer(can.Message(arbitration_id=0x333, is_extended_id=False, data=b"\1", **sent))
+    writer.stop()
+    if dbc:
+        (path.parent / dbc).write_text(DBC.replace("2566914048", str(0x19000000 + 2**31)))
+    return path
+
+
+class TestCanLogs:
+    @pytest.mark.parametrize("ending", [".asc", ".blf", ".trc", ".log"])
+    @pytest.mark.parametrize("dbc", ["x.dbc", "bench.dbc"])
+    def test_signals_are_read_by_the_dbc_beside_the_log(self, tmp_path: Path, ending: str, dbc: str) -> None:
+        found = read_recording(can_log(tmp_path / f"x{ending}", dbc))
+        assert [c.heading for c in found.channels.values()] == ["command [%]", "flow [l/min]", "pressure [bar]"]
+        np.testing.assert_allclose(found.time_s, 0.01 * np.arange(len(found)), atol=1e-6)
+        np.testing.assert_allclose(found.values("flow"), 0.09 * np.arange(len(found)))
+        np.testing.assert_allclose(found.own["pressure"].values, 95.0 + 0.4 * np.arange(10))
+        assert any(dbc in note and "1 identifiers are not in it" in note for note in found.meta["assumed"])
+
+    def test_a_log_without_its_dbc_says_so(self, tmp_path: Path) -> None:
+        with pytest.raises(FileError, match=r"x\.asc: is a CAN log, and its signals need a DBC file: .* as x\.dbc"):
+            read_recording(can_log(tmp_path / "x.asc"))
+
+    def test_a_dbc_of_another_bus_says_which_identifiers_there_are(self, tmp_path: Path) -> None:
+        path = can_log(tmp_path / "x.blf", "x.dbc")
+        (tmp_path / "x.dbc").write_text(DBC.replace("256", "257"))
+        with pytest.raises(FileError, match=r"no frame of the log is in x\.dbc; its identifiers: 0x100, 0x333"):
+            read_recording(path)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,34 @@
+"""A file and those that belong to it, as one: what reads files of others is given a single open file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import BinaryIO
+
+from hil.errors import FileError
+from hil.untrusted import most_bytes, open_small
+
+
+def gathered(*parts: bytes) -> BinaryIO:
+    """An open file that holds these parts."""
+    file = TemporaryFile()  # noqa: SIM115  # who asked for it closes it
+    file.write(json.dumps([len(part) for part in parts]).encode() + b"\n")
+    file.writelines(parts)
+    file.seek(0)
+    return file
+
+
+def parts_of(file: BinaryIO) -> list[bytes]:
+    """The parts of such a file, in their order."""
+    return [file.read(length) for length in json.loads(file.readline())]
+
+
+def whole(path: Path) -> bytes:
+    """A regular file no larger than what is read; raises `FileError` for any other."""
+    try:
+        with open_small(path, most_bytes()) as file:
+            return file.read()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
