@@ -7,7 +7,9 @@ from collections.abc import Mapping
 
 EXTRAS: Mapping[str, str] = {
     **dict.fromkeys(("pymodbus", "serial", "can", "canopen", "cantools"), "links"),
-    **dict.fromkeys(("h5py", "asammdf", "nptdms", "pyarrow", "openpyxl", "python_calamine"), "formats"),
+    **dict.fromkeys(
+        ("h5py", "asammdf", "nptdms", "pyarrow", "openpyxl", "python_calamine", "pyuff", "comtrade"), "formats"
+    ),
     **dict.fromkeys(("dask", "distributed"), "cluster"),
     **dict.fromkeys(
         ("typst", "pyhanko", "pyhanko_certvalidator", "asn1crypto", "cryptography", "pikepdf", "pypdf"), "passport"

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from hil.errors import FileError, reason
+from hil.record.exchange.comtrade import CHANNELS
+from hil.record.gathered import whole
 
 _LONGEST = 64
 _TEXT = "export CSV"
@@ -55,6 +57,9 @@ def check_read(path: Path, file: BinaryIO, *, by_ending: bool) -> None:
     start = os.pread(file.fileno(), _LONGEST, 0)
     if b"WAVEDESC" in start:
         raise FileError(f"{path}: is a waveform of LeCroy, which is not read; save it as ASCII at the scope")
+    described = path.with_suffix(".cfg")
+    if path.suffix.lower() == ".dat" and described.is_file() and CHANNELS.match(whole(described)):
+        raise FileError(f"{path}: holds the samples of a COMTRADE recording; give {described.name}, which describes it")
     if by_ending and start.startswith(b"PK\x03\x04"):
         raise FileError(f"{path}: {_packed(file)}")
     found = next((kind for beginning, kind in _BEGINNINGS.items() if start.startswith(beginning)), None)

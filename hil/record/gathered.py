@@ -32,3 +32,11 @@ def whole(path: Path) -> bytes:
             return file.read()
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def text_of(part: bytes) -> str:
+    """Text of a program of today, or of Windows: both codecs are there before files are given up."""
+    try:
+        return part.decode("utf-8")
+    except UnicodeDecodeError:
+        return part.decode("latin-1")

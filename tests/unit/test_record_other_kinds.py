@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from hil.errors import FileError
-from hil.record.read import read_recording
+from hil.record.read import read_any, read_recording
 from hil.record.reading import Reading
+from hil.record.response_table import ResponseTable
 
 ROWS = [(0.01 * k, float(k % 7), 0.25 * k) for k in range(40)]
 
@@ -159,6 +160,80 @@ class TestCanLogs:
         (tmp_path / "x.dbc").write_text(DBC.replace("256", "257"))
         with pytest.raises(FileError, match=r"no frame of the log is in x\.dbc; its identifiers: 0x100, 0x333"):
             read_recording(path)
+
+
+def comtrade(folder: Path, kind: str) -> Path:
+    pytest.importorskip("comtrade")
+    lines = ["BENCH,1,1999", "3,2A,1D",
+             "1,u,,,V,0.01,0.5,0,-32767,32767,1,1,P", "2,y,,,bar,0.02,0,0,-32767,32767,1,1,P",
+             "1,open,,,0", "50", "1", f"100,{len(ROWS)}", *["01/03/2026,12:00:00.000000"] * 2, kind, "1"]  # fmt: skip
+    (folder / "x.cfg").write_text("\r\n".join(lines) + "\r\n")
+    rows = [(k + 1, 10_000 * k, 3 * k, -5 * k, k % 2) for k in range(len(ROWS))]
+    if kind == "ASCII":
+        (folder / "x.dat").write_text("".join(",".join(map(str, row)) + "\r\n" for row in rows))
+    else:
+        (folder / "x.dat").write_bytes(b"".join(struct.pack("<IIhhH", *row) for row in rows))
+    return folder / "x.cfg"
+
+
+class TestComtrade:
+    @pytest.mark.parametrize("kind", ["ASCII", "BINARY"])
+    def test_channels_are_scaled_and_digital_ones_are_numbers(self, tmp_path: Path, kind: str) -> None:
+        found, k = read_recording(comtrade(tmp_path, kind)), np.arange(len(ROWS))
+        assert [c.heading for c in found.channels.values()] == ["u [V]", "y [bar]", "open [1]"]
+        np.testing.assert_allclose(found.time_s, 0.01 * k, atol=1e-12)
+        np.testing.assert_allclose(found.values("u"), 0.03 * k + 0.5, rtol=1e-12)
+        np.testing.assert_allclose(found.values("y"), -0.1 * k, rtol=1e-12)
+        np.testing.assert_array_equal(found.values("open"), k % 2)
+
+    def test_one_half_names_the_other(self, tmp_path: Path) -> None:
+        described = comtrade(tmp_path, "BINARY")
+        with pytest.raises(FileError, match=r"x\.dat: holds the samples of a COMTRADE recording; give x\.cfg"):
+            read_recording(tmp_path / "x.dat")
+        (tmp_path / "x.dat").unlink()
+        with pytest.raises(FileError, match=r"whose samples, x\.dat, are not beside it"):
+            read_recording(described)
+
+
+def universal(path: Path, *functions, binary: int = 0) -> Path:
+    pyuff = pytest.importorskip("pyuff")
+    sets = []
+    for node, (name, x, data, unit) in enumerate(functions, 1):
+        over_frequency = np.iscomplexobj(data)
+        sets.append({
+            "type": 58, "binary": binary, "func_type": 4 if over_frequency else 1, "rsp_node": node, "rsp_dir": 3,
+            "ref_node": 1, "ref_dir": 1, "id1": name, "id2": "", "id3": "", "id4": "", "id5": "", "ver_num": 0,
+            "load_case_id": 0, "rsp_ent_name": "NONE", "ref_ent_name": "NONE", "num_pts": len(x), "x": x, "data": data,
+            "ord_data_type": 6 if over_frequency else 4, "abscissa_spacing": 1, "abscissa_min": float(x[0]),
+            "abscissa_inc": float(x[1] - x[0]), "z_axis_value": 0.0, "abscissa_axis_lab": "",
+            "abscissa_spec_data_type": 18 if over_frequency else 17, "abscissa_axis_units_lab": "",
+            "ordinate_spec_data_type": 0, "ordinate_axis_lab": "", "ordinate_axis_units_lab": unit,
+            "orddenom_spec_data_type": 0,
+        })  # fmt: skip
+    pyuff.UFF(path).write_sets(sets, "add")
+    return path
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # pyuff's writer leaves files open
+class TestUniversalFiles:
+    @pytest.mark.parametrize("binary", [0, 1])
+    def test_signals_are_read_at_their_times(self, tmp_path: Path, binary: int) -> None:
+        time_s, u, y = (np.array(column) for column in zip(*ROWS, strict=True))
+        path = universal(tmp_path / "x.uff", ("u", time_s, u, "V"), ("NONE", time_s, y, "bar"), binary=binary)
+        found = read_recording(path)
+        assert [c.heading for c in found.channels.values()] == ["u [V]", "2+Z [bar]"]
+        np.testing.assert_allclose(found.time_s, time_s, atol=1e-6)
+        np.testing.assert_allclose(found.values("2+Z"), y, rtol=1e-6)
+
+    def test_a_frequency_response_is_one(self, tmp_path: Path) -> None:
+        at_hz = np.linspace(1.0, 50.0, 50)
+        response = 0.7 / (1.0 + 2j * np.pi * at_hz * 0.1)
+        found = read_any(universal(tmp_path / "x.unv", ("H", at_hz, response, "")))
+        assert isinstance(found, ResponseTable)
+        np.testing.assert_allclose(found.response, response, rtol=1e-5)
+        both = universal(tmp_path / "y.unv", ("H", at_hz, response, ""), ("G", at_hz, response, ""))
+        with pytest.raises(FileError, match="holds 2 functions of frequency; export one frequency response"):
+            read_any(both)
 
 
 @pytest.mark.parametrize(

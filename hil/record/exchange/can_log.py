@@ -15,7 +15,7 @@ from hil.errors import FileError
 from hil.language.note import Note
 from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
-from hil.record.gathered import gathered, parts_of, whole
+from hil.record.gathered import gathered, parts_of, text_of, whole
 
 SUFFIXES = (".blf", ".trc")
 BEGINNING = re.compile(rb"LOGG|;\$FILEVERSION=|date (Mon|Tue|Wed|Thu|Fri|Sat|Sun) |\(\d+\.\d+\) \w+ [0-9A-F]")
@@ -54,9 +54,9 @@ def contents(path: Path, file: BinaryIO) -> Contents:
     """
     name, dbc, log = parts_of(file)
     reader = _reader(path, log)
-    opened: Any = io.BytesIO(log) if reader == "BLFReader" else io.StringIO(_text(log))
+    opened: Any = io.BytesIO(log) if reader == "BLFReader" else io.StringIO(text_of(log))
     frames = getattr(library("can", path), reader)(opened)
-    known = library("cantools", path).database.load_string(_text(dbc), "dbc", strict=False)
+    known = library("cantools", path).database.load_string(text_of(dbc), "dbc", strict=False)
     messages = {(one.frame_id, one.is_extended_frame): one for one in known.messages}
     samples, unknown = _decoded(frames, messages)
     if not samples:
@@ -84,14 +84,6 @@ def _tables(samples: _Samples, start_s: float, note: Note) -> Iterator[Table]:
         together[message, tuple(stamps)].append(Column(signal, np.array(values, dtype=np.float64), unit))
     for (message, read_s), columns in together.items():
         yield Table(message, columns, np.array(read_s) - start_s, note)
-
-
-def _text(part: bytes) -> str:
-    """Text of a program of today, or of Windows: both codecs are there before files are given up."""
-    try:
-        return part.decode("utf-8")
-    except UnicodeDecodeError:
-        return part.decode("latin-1")
 
 
 def _decoded(frames: Iterable[Any], messages: dict[tuple[int, bool], Any]) -> tuple[_Samples, set[int]]:
