@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from hil.api.bench import bench_of
 from hil.api.callbacks import NOTHING, Notes, unsaid
-from hil.errors import option, options_of
+from hil.errors import LinkError, SettingError, UnknownNameError, option, options_of
 from hil.record.progress import Progress, quiet
 from hil.session.several import several
 
@@ -58,7 +58,6 @@ def jog(
         SettingError: the channel is an input, or the time is no time.
         RangeError: the value is outside the output's limits; nothing was driven.
     """
-    from hil.errors import SettingError
     from hil.session.by_hand import output_of, to_be_ended
     from hil.session.labels import labelled, labels_of
     from hil.session.procedure import load_procedure
@@ -95,7 +94,6 @@ def watch(
         LinkError: at the end, when a device did not answer.
     """
     from hil.bench.hand.inputs import inputs_of
-    from hil.errors import LinkError, SettingError
     from hil.safety.interrupt import terminable
 
     if not 0.05 <= every_s <= 60.0:
@@ -156,7 +154,6 @@ def calibrate(
             certificate.
         FileError: no such certificate or table, or a quantity that the channel does not have.
     """
-    from hil.errors import SettingError, UnknownNameError
     from hil.safety.outputs import Outputs as Known
     from hil.session.calibration import calibrated, certified, input_points, output_points, targets_of
     from hil.session.labels import labels_of

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from hil.cli.places import check_file
 from hil.cli.printed import Json
 from hil.cli.reading import takes_reading, teller
+from hil.errors import FileError, SettingError
 from hil.record.reading import Reading
 
 if TYPE_CHECKING:
@@ -70,7 +72,7 @@ def sines(
     text = found.as_text()
     if out is not None:
         for path in found.files(out):
-            _check_out(path, recordings)
+            check_file(path, recordings)
         written = found.write(out)
         text += "".join(f"\nnext: hil identify {shlex.quote(str(path))} --plant transfer-function" for path in written)
     _show(found.as_dict(), text, as_json)
@@ -96,7 +98,7 @@ def flow(
     found = api.flow_curve(read, input=input_name, output=output_name, degree=degree, neutral=neutral)
     text = found.as_text()
     if out is not None:
-        _check_out(out, recordings)
+        check_file(out, recordings)
         found.write(out)
         text += f"\n{out}: the curve; `hil analyse compose` makes a model of it"
     _show(found.as_dict(), text, as_json)
@@ -116,7 +118,6 @@ def classes(
 ) -> None:
     """Classes learnt from good and bad valves: accepted bad and refused good, each with exact 95 % limits."""
     from hil import api
-    from hil.errors import SettingError
 
     if len(valves) == 1 and not valves[0].is_dir():
         found = api.learn_classes(valves[0])
@@ -147,7 +148,6 @@ def compose(
 ) -> None:
     """A measured flow curve and a mean transfer function as one model: section 8 and figure 17 of the HPV41 paper."""
     from hil import api
-    from hil.cli.places import check_file
     from hil.physics.measured_curve import MEASURED
     from hil.session.analyses import model_to_linearise
 
@@ -249,7 +249,6 @@ def loop(
     as_json: Json = False,
 ) -> None:
     """The plant of a closed loop: eqs 10 to 12 of the SP08-47C paper. A plant that would run away is said."""
-    from hil.errors import SettingError
     from hil.identification.papers.closed_loop import UNITY, opened
     from hil.physics.formula import formula
     from hil.physics.model import load_model
@@ -287,7 +286,6 @@ def error(
     reading: Reading,
 ) -> None:
     """Deviation from reference steps, its crisp class and degrees: eqs 4.1 to 4.7 of the EFC thesis."""
-    from hil.errors import SettingError
     from hil.session.analyses import error_between
 
     if level not in ("low", "high"):
@@ -308,22 +306,12 @@ def _read(path: Path, reading: Reading) -> Recording:
 
 def _folder(folder: Path, reading: Reading) -> list[Recording]:
     """The recordings in a folder, one for each valve, by name."""
-    from hil.errors import FileError
-
     if not folder.is_dir():
         raise FileError(f"{folder}: no folder; the recordings of a class lie in one, each of one valve")
     return [_read(one, reading) for one in sorted(folder.iterdir()) if not one.name.startswith(".")]
 
 
-def _check_out(out: Path, read: list[Path]) -> None:
-    from hil.cli.places import check_file
-
-    check_file(out, read)
-
-
 def _numbers(text: str) -> list[float]:
-    from hil.errors import SettingError
-
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
@@ -332,7 +320,6 @@ def _numbers(text: str) -> list[float]:
 
 def _write(out: str, to: str, name: str, model: TransferFunction) -> None:
     if out:
-        from hil.cli.places import check_file
         from hil.exports.texts import function_text
 
         text = function_text(model, name, to)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from hil.cli.printed import Json, printed
+from hil.errors import FileError
 
 if TYPE_CHECKING:
     from hil.bench.audit import Link
@@ -53,7 +54,6 @@ def _head(file: Path | None = _FILE, as_json: Json = False) -> None:
     import socket
 
     from hil.bench.audit import head
-    from hil.errors import FileError
 
     path = _path(file)
     found = head(path)
@@ -66,7 +66,6 @@ def _head(file: Path | None = _FILE, as_json: Json = False) -> None:
 
 def _path(given: Path | None) -> Path:
     from hil.bench.audit import Audit
-    from hil.errors import FileError
 
     if given is not None and not given.is_file():
         raise FileError(f"{given}: there is no such audit trail")

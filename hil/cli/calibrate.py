@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.quantity import quantity
 from hil.cli.runs import ARCHIVE
+from hil.cli.typed import Typed
+from hil.errors import SettingError, UnknownNameError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from hil.bench.read import BenchFile
-    from hil.cli.typed import Typed
     from hil.safety.outputs import Outputs
     from hil.session.calibration import Calibrated
 
@@ -54,10 +56,7 @@ def command(
     """
     from hil import api
     from hil.bench.read import read_bench
-    from hil.cli.quantity import quantity
     from hil.cli.run_end import entered, safely
-    from hil.cli.typed import Typed
-    from hil.errors import UnknownNameError
 
     file = read_bench(bench)
     if channel not in file.bench.channels:
@@ -114,8 +113,6 @@ def _ask(text: str) -> None:
 
 def _answers(typed: Typed, unit: str) -> Callable[[], float | None]:
     """What was typed as a number in the channel's unit; what is none is asked for again."""
-    from hil.cli.quantity import quantity
-    from hil.errors import SettingError
 
     def answered() -> float | None:
         line = typed.line()

@@ -10,6 +10,7 @@ import typer
 
 from hil.cli.printed import Json
 from hil.cli.runs import ARCHIVE
+from hil.errors import FileError, LinkError
 
 if TYPE_CHECKING:
     from hil.bench.device import DeviceInUse
@@ -44,7 +45,6 @@ def command(
     from hil.bench.nets.missing import missing_protection
     from hil.bench.read import read_bench
     from hil.cli.faults import each_reported
-    from hil.errors import FileError
 
     if live and reference:
         raise typer.BadParameter("drives the bench; --live reads it: one after the other", param_hint="--reference")
@@ -69,7 +69,6 @@ def _looked_at(found: BenchFile, as_json: bool) -> list[str]:
     from hil.bench.hand.live import look_at
     from hil.catalog import entries
     from hil.cli.live import live_json, live_text
-    from hil.errors import LinkError
     from hil.safety.interrupt import terminable
     from hil.session.possible import hindrance
     from hil.session.procedure import load_procedure

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from hil.cli.printed import Json, printed
+from hil.errors import SettingError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -116,8 +117,6 @@ def _rescued(file: BenchFile, examined: Subject, as_json: bool, left: list[str])
 
 
 def _pairs(typed: list[str]) -> dict[str, str]:
-    from hil.errors import SettingError
-
     pairs = {output: input_ for output, _, input_ in (text.partition("=") for text in typed)}
     for output, input_ in pairs.items():
         if not output or not input_:
@@ -128,7 +127,6 @@ def _pairs(typed: list[str]) -> dict[str, str]:
 def _bench_with(driver: str) -> Path:
     """An installed bench that uses a driver."""
     from hil.bench.find import benches
-    from hil.errors import SettingError
     from hil.untrusted import parse_toml, read_text
 
     found: list[tuple[int, Path]] = []

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from hil.cli.language import Language
+from hil.cli.places import check_file
 from hil.cli.population import compare_population
 from hil.cli.printed import in_short
 from hil.cli.reading import Inputs, Output, takes_reading, teller
@@ -62,7 +63,6 @@ def command(
         _compare_runs(recordings, as_json, page)
         return
     from hil import api
-    from hil.cli.places import check_file
     from hil.cli.progress import shown
     from hil.record.plain import to_json
 
@@ -82,7 +82,6 @@ def command(
 
 
 def _compare_runs(runs: list[Path], as_json: bool, page: Path | None) -> None:
-    from hil.cli.places import check_file
     from hil.session.run_comparison import compare_runs
 
     if len(runs) != 2:

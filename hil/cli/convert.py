@@ -9,6 +9,7 @@ import typer
 
 from hil.cli.printed import Json, printed
 from hil.cli.reading import options, takes_reading
+from hil.errors import FileError, HilError
 from hil.record.reading import Reading
 
 if TYPE_CHECKING:
@@ -28,7 +29,6 @@ def command(
     """Convert a recording between formats; DST without an ending becomes a run folder."""
     from hil import api
     from hil.cli.places import check_file
-    from hil.errors import FileError
     from hil.record.response_table import ResponseTable
 
     if target.exists() and not overwrite:
@@ -75,7 +75,6 @@ def _restated(found: Recording, source: Path, reading: Reading) -> list[str]:
         return []
     from dataclasses import replace
 
-    from hil.errors import HilError
     from hil.record.read import read_any
     from hil.record.recording import Recording
 

@@ -11,6 +11,7 @@ import typer
 from typer.core import TyperCommand
 
 from hil.cli.language import Language
+from hil.cli.progress import shown
 from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading
 
@@ -84,6 +85,7 @@ def command(
     reading: Reading,
 ) -> None:
     """Locate a mismatch, name the physics that was left out, model it, and show the fit improve."""
+    from hil import api
     from hil.cli.places import check_distinct, check_folder
 
     check_folder(out)
@@ -99,8 +101,6 @@ def command(
             "spreads a fleet (--fleet) over machines; one valve is done on this one", param_hint="--scheduler"
         )
     check_distinct(recordings)
-    from hil import api
-    from hil.cli.progress import shown
     from hil.session.diagnosis import DIAGNOSIS_FILE, REPORT_FILE
 
     with shown() as progress:
@@ -122,7 +122,6 @@ def _diagnose_fleet(
 ) -> None:  # fmt: skip
     from hil import api
     from hil.cli.printed import printed
-    from hil.cli.progress import shown
     from hil.session.fleet import SCHEMA
 
     with shown() as progress:

@@ -9,6 +9,7 @@ import typer
 
 from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading
+from hil.report.number import number, unit_text, with_uncertainty
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,14 +80,11 @@ def _kept(one: Unchanged) -> str:
 
 
 def _limit(one: Unchanged) -> str:
-    from hil.report.number import number, unit_text
-
     return f"{number(one.limit, 2)} {unit_text(one.unit)}".rstrip()
 
 
 def _size(size: Size) -> str:
     from hil.record.measurement import COVERAGE_FACTOR
-    from hil.report.number import with_uncertainty
 
     if size.value is None:
         return "none"

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from hil.cli.printed import in_short
+from hil.report.number import limits_text, number, rounded, with_uncertainty
+from hil.report.terminal import aligned, typed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -67,15 +69,11 @@ def _write_csv(found: InPopulation, path: Path) -> None:
 
 
 def _text(found: InPopulation) -> str:
-    from hil.report.terminal import aligned, typed
-
     lines = [*aligned([_HEAD, *map(_row, found.standings)]), *_sentences(found), *_batch(found.batch)]
     return typed("\n".join(lines))
 
 
 def _batch(batch: Batch | None) -> list[str]:
-    from hil.report.terminal import aligned
-
     if batch is None:
         return []
     rows = [("limit", "unit", "allowed", "units", "fail", "cannot tell", "of all misses", "mean", "std", "Cpk", "")]
@@ -94,8 +92,6 @@ def _share(found: Yield) -> str:
 
 
 def _limit_row(one: LimitOfBatch) -> tuple[str, ...]:
-    from hil.report.number import limits_text, number
-
     share = "" if one.cumulative is None else f"{100.0 * one.cumulative:.0f} %"
     mean, std = ("" if value is None else number(value, 4) for value in (one.mean, one.std))
     cpk = f"{one.cpk:.2f} ({one.cpk_low:.2f} … {one.cpk_high:.2f})" if one.cpk is not None else ""
@@ -106,7 +102,6 @@ def _limit_row(one: LimitOfBatch) -> tuple[str, ...]:
 def _row(one: Standing) -> tuple[str, ...]:
     from hil.record.measurement import COVERAGE_FACTOR
     from hil.report.comparison_page import value_text
-    from hil.report.number import rounded, with_uncertainty
 
     value = value_text(one.values[0]) if len(one.values) == 1 else f"mean of {len(one.values)}"
     mean, std = ("", "") if one.mean is None or one.std is None else (rounded(one.mean, one.std)[0], f"{one.std:.2g}")

@@ -12,11 +12,11 @@ import typer
 from hil.cli.completed import benches_like, procedures_like
 from hil.cli.language import Language
 from hil.cli.runs import ARCHIVE
+from hil.language.note import Note, translated
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from hil.language.note import Note
     from hil.record.measurement import Limit, Measurement
     from hil.safety.outputs import Outputs
     from hil.session.labels import Labels
@@ -148,7 +148,6 @@ def _asked() -> str:
 
 def understood(procedure: Procedure, given: Mapping[str, str], limits: Mapping[str, Limit]) -> str:
     """Settings and limits that were typed, as they were understood; each on a line of its own."""
-    from hil.language.note import Note
     from hil.report.number import limits_text
     from hil.report.terminal import typed
     from hil.session.setting import parse_settings
@@ -166,7 +165,6 @@ def _for_reader(lines: Iterable[Note]) -> list[str]:
     """In English; in the language of the page for a console, which shows them on it."""
     from hil.bench.audit import ACCOUNT
     from hil.language.choice import page_language
-    from hil.language.note import translated
     from hil.language.words import ENGLISH, speaking
 
     with speaking(page_language() if ACCOUNT in os.environ else ENGLISH):

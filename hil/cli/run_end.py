@@ -11,6 +11,11 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import typer
 
+from hil.archive.place import archive_place
+from hil.cli.error_message import WAITS_S, say, text_of
+from hil.errors import RehearsalError, exit_status_of
+from hil.stderr import write
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
@@ -34,13 +39,9 @@ def safely(
         as_json: whether the failure is printed as JSON too (see `failure_document`).
     """
     from hil.archive.begun import forget_begun, mark_begun
-    from hil.archive.place import archive_place
     from hil.bench.ending import last_word
-    from hil.cli.error_message import WAITS_S, say
-    from hil.errors import RehearsalError
     from hil.safety.interrupt import ended_by
     from hil.safety.outputs import Outputs
-    from hil.stderr import write
 
     known = known or Outputs()
     known.announce = lambda text: write(f"hil: {text}\n", 0.0)  # a stopped terminal keeps no output from its safe value
@@ -69,8 +70,6 @@ def safely(
 
 def failure_document(error: BaseException, known: Outputs, folder: Path) -> dict[str, Any]:
     """What a run that failed prints as JSON: results without a value, the error, and the outputs as in `end.json`."""
-    from hil.cli.error_message import text_of
-    from hil.errors import exit_status_of
     from hil.findings.results import SCHEMA
 
     return {
@@ -90,9 +89,7 @@ def ended(run: Callable[[Outputs], Outcome | None], folder: Path, archive: str, 
         as_json: whether its results are printed as JSON instead of words, with what is known of the outputs.
     """
     from hil.archive.begun import forget_begun
-    from hil.cli.error_message import WAITS_S
     from hil.safety.outputs import Outputs
-    from hil.stderr import write
 
     known = Outputs()
     outcome = safely(run, folder, archive, known=known, as_json=as_json)
@@ -126,9 +123,7 @@ def say_outcome(
 
 def _print(text: str) -> None:
     """Print a result; a stopped terminal is waited for as long as for the last word, a reading program for good."""
-    from hil.cli.error_message import WAITS_S
     from hil.printable import printable
-    from hil.stderr import write
 
     if sys.stdout.isatty():
         write(f"{printable(text)}\n", WAITS_S, sys.stdout)
@@ -144,8 +139,6 @@ def entered(archive: str, folder: Path) -> None:
     except Exception as error:
         note = f"the run is not in the archive: {error}; `hil archive rebuild` enters it"
     from hil.archive.begun import forget_begun
-    from hil.cli.error_message import WAITS_S
-    from hil.stderr import write
 
     forget_begun(folder)
     if note:
@@ -155,8 +148,6 @@ def entered(archive: str, folder: Path) -> None:
 @contextmanager
 def _reported_when_slow() -> Iterator[None]:
     """What the command still does is said when that takes longer than a glance: the run itself is over."""
-    from hil.stderr import write
-
     text = "100%  the run is over and its folder is closed; it is being entered into the archive …\n"
     timer = threading.Timer(_SLOW_S, write, (text, 0.0))
     timer.daemon = True
@@ -173,7 +164,6 @@ def _entered(archive: str, folder: Path) -> str:
     if not (folder / HEADER_FILE).is_file():
         return ""
     from hil.archive.pending import enter_or_keep
-    from hil.archive.place import archive_place
 
     return enter_or_keep(archive_place(archive), folder)
 
