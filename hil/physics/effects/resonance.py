@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil.physics.effect import Effect, EffectParameter, Seen, compiled
-from hil.physics.linear import second_order
+from hil.physics.steps import spring_step
 
 
 @compiled
@@ -44,12 +44,11 @@ def settle(value: float, state: Any) -> float:
 
 def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, float]:
     """The exact step of the stage."""
-    names = ("xx", "xv", "x0", "x1", "vx", "vv", "v0", "v1")
     period = parameters["period"]
-    stage: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+    stage = spring_step(1.0, 1.0, math.inf)
     if period > 1e-6:
-        stage = second_order(2.0 * math.pi / period, parameters["damping"], step_s)
-    return dict(zip(names, stage, strict=True)) | {"share": parameters["share"]}
+        stage = spring_step(2.0 * math.pi / period, parameters["damping"], step_s)
+    return stage | {"share": parameters["share"]}
 
 
 def starts(seen: Seen) -> list[dict[str, float]]:

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil.physics.effect import Effect, EffectParameter, Seen, compiled
-from hil.physics.linear import first_order, second_order
+from hil.physics.linear import first_order
+from hil.physics.steps import spring_step
 
 # Below this the second order is over within far less than a sub-step.
 _FIRST_ORDER = 1e-4
@@ -44,12 +45,11 @@ def second_order_shape(parameters: Mapping[str, float]) -> tuple[float, float] |
 
 def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, float]:
     """The step of reading and speed."""
-    names = ("xx", "xv", "x0", "x1", "vx", "vv", "v0", "v1")
     shape = second_order_shape(parameters)
     if shape is None:
         keep, old, new = first_order(parameters["lag"], step_s)
-        return dict.fromkeys(names, 0.0) | {"xx": keep, "x0": old, "x1": new}
-    return dict(zip(names, second_order(*shape, step_s), strict=True))
+        return dict.fromkeys(("xv", "vx", "vv", "v0", "v1"), 0.0) | {"xx": keep, "x0": old, "x1": new}
+    return spring_step(*shape, step_s)
 
 
 def starts(_seen: Seen) -> list[dict[str, float]]:

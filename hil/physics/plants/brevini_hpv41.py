@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil.physics.effect import compiled
-from hil.physics.linear import delay_steps, delayed, first_order, held_first_order, second_order
+from hil.physics.linear import delay_steps, delayed, held_first_order
 from hil.physics.plant import Hook, Parameter, Plant, Signal
+from hil.physics.steps import lag_step, spring_step
 
 
 @compiled
@@ -41,13 +42,13 @@ def equations(command: Any, x: Any, c: Any, hook: Any) -> Any:
     if x.spool >= 0.0:
         free_position = c.xx_pos * x.spool + c.xv_pos * x.speed + c.x0_pos * x.drive + c.x1_pos * drive
         free_speed = c.vx_pos * x.spool + c.vv_pos * x.speed + c.v0_pos * x.drive + c.v1_pos * drive
-        mobility = c.v0_pos + c.v1_pos
-        compliance = c.x0_pos + c.x1_pos
+        mobility = c.mobility_pos
+        compliance = c.compliance_pos
     else:
         free_position = c.xx_neg * x.spool + c.xv_neg * x.speed + c.x0_neg * x.drive + c.x1_neg * drive
         free_speed = c.vx_neg * x.spool + c.vv_neg * x.speed + c.v0_neg * x.drive + c.v1_neg * drive
-        mobility = c.v0_neg + c.v1_neg
-        compliance = c.x0_neg + c.x1_neg
+        mobility = c.mobility_neg
+        compliance = c.compliance_neg
     x.drive = drive
     force = hook.force(free_speed, mobility)
     x.spool = free_position - compliance * force
@@ -67,22 +68,20 @@ def equations(command: Any, x: Any, c: Any, hook: Any) -> Any:
 
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
     """Coefficients of one sub-step from the physical parameters."""
-    names = ("xx", "xv", "x0", "x1", "vx", "vv", "v0", "v1")
     found = {"dead_steps": delay_steps(p["dead_time"], step_s)}
     for side, tempo, stiff in (("pos", 1.0, 1.0), ("neg", p["pilot_ratio"], p["spool_ratio"])):
         found[f"keep_{side}"] = held_first_order(1.0 / (p["pilot_rate"] * tempo), step_s)
-        spool = second_order(p["spool_frequency"] * stiff, p["spool_damping"], step_s)
-        found |= {f"{name}_{side}": value for name, value in zip(names, spool, strict=True)}
-    meter = first_order(p["sensor_lag"], step_s)
-    return found | {
-        "dead_band": p["dead_band"],
-        "full_flow": p["full_flow"],
-        "exponent": p["curve_exponent"],
-        "supply": p["supply_pressure"],
-        "m_keep": meter[0],
-        "m_old": meter[1],
-        "m_new": meter[2],
-    }
+        found |= spring_step(p["spool_frequency"] * stiff, p["spool_damping"], step_s, f"_{side}")
+    return (
+        found
+        | lag_step("m", p["sensor_lag"], step_s)
+        | {
+            "dead_band": p["dead_band"],
+            "full_flow": p["full_flow"],
+            "exponent": p["curve_exponent"],
+            "supply": p["supply_pressure"],
+        }
+    )
 
 
 PLANT = Plant(

@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hil.physics.linear import delay_steps, delayed, held_first_order, second_order
+from hil.physics.linear import delay_steps, delayed, held_first_order
 from hil.physics.plant import Hook, Parameter, Plant, Signal
+from hil.physics.steps import spring_step
 
 
 def equations(voltage: Any, x: Any, c: Any, hook: Any) -> Any:
@@ -30,14 +31,12 @@ def equations(voltage: Any, x: Any, c: Any, hook: Any) -> Any:
 
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
     """Coefficients of one sub-step; before the first sample the drives turn as they did then."""
-    xx, xv, x0, x1, vx, vv, v0, v1 = second_order(p["spring_frequency"], p["spring_damping"], step_s)
-    return {
+    return spring_step(p["spring_frequency"], p["spring_damping"], step_s) | {
         "at_rest": 1.0 if math.isinf(step_s) else 0.0,
         "gain": p["gain"],
         "keep": held_first_order(p["motor_lag"], step_s),
         "count_steps": delay_steps(p["count_time"], step_s),
-        "xx": xx, "xv": xv, "x0": x0, "x1": x1, "vx": vx, "vv": vv, "v0": v0, "v1": v1,
-    }  # fmt: skip
+    }
 
 
 def initial(p: Mapping[str, float], inputs: tuple[float, ...], output: float) -> dict[str, float]:

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil.physics.effect import compiled
-from hil.physics.linear import delay_steps, delayed, first_order, held_first_order, second_order
+from hil.physics.linear import delay_steps, delayed, held_first_order
 from hil.physics.plant import Hook, Parameter, Plant, Signal
+from hil.physics.steps import lag_step, spring_step
 from hil.physics.stop import speed_after
 
 
@@ -53,23 +54,20 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
 
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
     """Coefficients of one sub-step from the physical parameters."""
-    names = ("xx", "xv", "x0", "x1", "vx", "vv", "v0", "v1")
-    rotor = dict(zip(names, second_order(p["rotor_frequency"], p["rotor_damping"], step_s), strict=True))
-    meter = first_order(p["sensor_lag"], step_s)
-    return rotor | {
-        "dead_steps": delay_steps(p["dead_time"], step_s),
-        "coil_keep": held_first_order(p["coil_lag"], step_s),
-        "mobility": rotor["v0"] + rotor["v1"],
-        "compliance": rotor["x0"] + rotor["x1"],
-        "centre": p["curve_centre"],
-        "width": p["curve_width"],
-        "span": p["pressure_span"],
-        "closed_pressure": p["closed_pressure"],
-        "supply": p["supply_pressure"],
-        "m_keep": meter[0],
-        "m_old": meter[1],
-        "m_new": meter[2],
-    }
+    rotor = spring_step(p["rotor_frequency"], p["rotor_damping"], step_s)
+    return (
+        rotor
+        | lag_step("m", p["sensor_lag"], step_s)
+        | {
+            "dead_steps": delay_steps(p["dead_time"], step_s),
+            "coil_keep": held_first_order(p["coil_lag"], step_s),
+            "centre": p["curve_centre"],
+            "width": p["curve_width"],
+            "span": p["pressure_span"],
+            "closed_pressure": p["closed_pressure"],
+            "supply": p["supply_pressure"],
+        }
+    )
 
 
 PLANT = Plant(

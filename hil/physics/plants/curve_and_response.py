@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from hil.physics.linear import delay_steps, delayed, held_first_order, second_order
+from hil.physics.linear import delay_steps, delayed, held_first_order
 from hil.physics.measured_curve import NODES, bends, curve_parameters, nodes, tabulated
 from hil.physics.plant import Hook, Parameter, Plant, Signal
+from hil.physics.steps import spring_step
 from hil.record.recording import Array
 
 _ENDS = np.array([-1e3, *[1e3] * (NODES - 1)])  # of the table that a plant starts with, which changes nothing
@@ -38,8 +39,6 @@ def equations(value: Any, x: Any, c: Any, hook: Any) -> Any:
 
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float | Array]:
     """Coefficients of one sub-step from times, damping and the nodes of the curve."""
-    names = ("xx", "xv", "x0", "x1", "vx", "vv", "v0", "v1")
-    pair = second_order(1.0 / p["pair_time"], p["pair_damping"], step_s)
     at, flow = nodes(p)
     return {
         "dead_steps": delay_steps(p["dead_time"], step_s),
@@ -48,7 +47,7 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float | Arr
         "lowest": float(flow[0]),
         "at": at,
         "bend": bends(at, flow),
-        **dict(zip(names, pair, strict=True)),
+        **spring_step(1.0 / p["pair_time"], p["pair_damping"], step_s),
     }
 
 

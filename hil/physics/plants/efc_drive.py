@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from hil.physics.effect import compiled
-from hil.physics.linear import delay_steps, delayed, first_order, held_first_order, second_order
+from hil.physics.linear import delay_steps, delayed, held_first_order
 from hil.physics.plant import Hook, Parameter, Plant, Signal
+from hil.physics.steps import lag_step, spring_step
 
 COPPER_PER_K = 0.00393  # at 20 °C
 COPPER_REFERENCE_C = 22.2  # 72 °F, at which the specification states the resistance
@@ -125,12 +126,10 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
 
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
     """Coefficients of one sub-step from the physical parameters."""
-    names = ("xx", "xv", "x0", "x1", "vx", "vv", "v0", "v1")
-    rotor = dict(zip(names, second_order(p["rotor_frequency"], p["rotor_damping"], step_s), strict=True))
-    averaging = first_order(p["averaging_lag"], step_s)
-    force = first_order(p["coil_lag"], step_s)
-    meter = first_order(p["sensor_lag"], step_s)
-    return rotor | {
+    made = spring_step(p["rotor_frequency"], p["rotor_damping"], step_s)
+    for name, lag in (("a", "averaging_lag"), ("f", "coil_lag"), ("m", "sensor_lag")):
+        made |= lag_step(name, p[lag], step_s)
+    return made | {
         "dead_steps": delay_steps(p["dead_time"], step_s),
         "resistance": p["resistance"],
         "copper": COPPER_PER_K / (1.0 + COPPER_PER_K * (COPPER_REFERENCE_C - 20.0)),
@@ -138,18 +137,10 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
         "reference": COPPER_REFERENCE_C,
         "over_inductance": min(step_s / p["inductance"], 1e9),
         "follow_rate": min(step_s * p["loop_bandwidth"], 1e9),
-        "a_keep": averaging[0],
-        "a_old": averaging[1],
-        "a_new": averaging[2],
         "supply_voltage": p["supply_voltage"],
         "volts_per_unit": 0.0,
         "warm_keep": held_first_order(p["warming_time"], step_s),
         "warming": p["warming"],
-        "f_keep": force[0],
-        "f_old": force[1],
-        "f_new": force[2],
-        "mobility": rotor["v0"] + rotor["v1"],
-        "compliance": rotor["x0"] + rotor["x1"],
         "shift": p["curve_shift"],
         "stretch": p["curve_stretch"],
         "reverse": p["normally_open"],
@@ -159,9 +150,6 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
         "open_flow": _OPEN_FLOW,
         "supply": p["supply_pressure"],
         "rated_supply": _RATED_SUPPLY,
-        "m_keep": meter[0],
-        "m_old": meter[1],
-        "m_new": meter[2],
     }
 
 

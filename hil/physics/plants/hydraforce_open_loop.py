@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hil.physics.linear import delay_steps, delayed, first_order, second_order
+from hil.physics.linear import delay_steps, delayed
 from hil.physics.plant import Hook, Parameter, Plant, Signal
+from hil.physics.steps import lag_step, spring_step
 
 _EDGE_DROP_BAR = 35.0  # over one edge at rated flow
 # Slower than anything that a cylinder is driven with, faster than a wrong flow needs to carry it out of its stroke.
@@ -82,42 +83,36 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
     """Coefficients of one sub-step from the physical parameters; lengths in mm, pressures in bar, forces in N."""
     step = 0.0 if math.isinf(step_s) else step_s
-    xx, xv, x0, x1, vx, vv, v0, v1 = second_order(p["spool_frequency"], p["spool_damping"], step_s)
-    meter = first_order(p["sensor_lag"], step_s)
+    spool = spring_step(p["spool_frequency"], p["spool_damping"], step_s)
     edge = p["rated_flow"] * 1e6 / 60.0 / math.sqrt(_EDGE_DROP_BAR)
     head, rod = (math.pi / 4.0 * p[name] ** 2 for name in ("bore", "rod"))
     per_mass = 1e3 * step / p["mass"]
-    return {
-        "dead_steps": delay_steps(p["dead_time"], step_s),
-        "play": p["hysteresis"] / 2.0,
-        "first": p["first_flow"],
-        "per_ampere": 100.0 / p["flow_range"],
-        "xx": xx,
-        "xv": xv,
-        "vx": vx,
-        "vv": vv,
-        "compliance": x0 + x1,
-        "mobility": v0 + v1,
-        "supply": p["supply_pressure"],
-        "supply_a": edge,
-        "a_return": edge * p["edge_a_return"],
-        "supply_b": edge * p["edge_supply_b"],
-        "b_return": edge * p["edge_b_return"],
-        "leakage": p["piston_leakage"] * 1e3 / 60.0 / 100.0,
-        "squeeze": step * p["bulk_modulus"],
-        "dead_volume": 1e3 * p["dead_volume"],
-        "head_area": head,
-        "rod_area": head - rod,
-        "half_stroke": p["stroke"] / 2.0,
-        "load": p["load"],
-        "coulomb": p["coulomb"],
-        "inverse_mass": per_mass,
-        "keep": 1.0 / (1.0 + per_mass * p["viscous"]),
-        "step": step,
-        "m_keep": meter[0],
-        "m_old": meter[1],
-        "m_new": meter[2],
-    }
+    return (
+        spool
+        | lag_step("m", p["sensor_lag"], step_s)
+        | {
+            "dead_steps": delay_steps(p["dead_time"], step_s),
+            "play": p["hysteresis"] / 2.0,
+            "first": p["first_flow"],
+            "per_ampere": 100.0 / p["flow_range"],
+            "supply": p["supply_pressure"],
+            "supply_a": edge,
+            "a_return": edge * p["edge_a_return"],
+            "supply_b": edge * p["edge_supply_b"],
+            "b_return": edge * p["edge_b_return"],
+            "leakage": p["piston_leakage"] * 1e3 / 60.0 / 100.0,
+            "squeeze": step * p["bulk_modulus"],
+            "dead_volume": 1e3 * p["dead_volume"],
+            "head_area": head,
+            "rod_area": head - rod,
+            "half_stroke": p["stroke"] / 2.0,
+            "load": p["load"],
+            "coulomb": p["coulomb"],
+            "inverse_mass": per_mass,
+            "keep": 1.0 / (1.0 + per_mass * p["viscous"]),
+            "step": step,
+        }
+    )
 
 
 def initial(p: Mapping[str, float], _inputs: tuple[float, ...], output: float) -> dict[str, float]:

@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hil.physics.linear import delay_steps, delayed, first_order, second_order
+from hil.physics.linear import delay_steps, delayed
 from hil.physics.plant import Hook, Parameter, Plant, Signal
+from hil.physics.steps import lag_step, spring_step
 
 
 def equations(request: Any, x: Any, c: Any, hook: Any) -> Any:
@@ -51,25 +52,19 @@ def equations(request: Any, x: Any, c: Any, hook: Any) -> Any:
 
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
     """Coefficients of one sub-step from the physical parameters."""
-    xx, xv, x0, x1, vx, vv, v0, v1 = second_order(p["spool_frequency"], p["spool_damping"], step_s)
-    meter = first_order(p["sensor_lag"], step_s)
-    return {
-        "loop_gain": p["loop_gain"],
-        "dead_steps": delay_steps(p["dead_time"], step_s),
-        "xx": xx,
-        "xv": xv,
-        "vx": vx,
-        "vv": vv,
-        "compliance": x0 + x1,
-        "mobility": v0 + v1,
-        "extend": p["speed_extend"],
-        "retract": p["speed_extend"] * p["speed_ratio"],
-        "half_step": 0.0 if math.isinf(step_s) else step_s / 2.0,
-        "supply": p["supply_pressure"],
-        "m_keep": meter[0],
-        "m_old": meter[1],
-        "m_new": meter[2],
-    }
+    spool = spring_step(p["spool_frequency"], p["spool_damping"], step_s)
+    return (
+        spool
+        | lag_step("m", p["sensor_lag"], step_s)
+        | {
+            "loop_gain": p["loop_gain"],
+            "dead_steps": delay_steps(p["dead_time"], step_s),
+            "extend": p["speed_extend"],
+            "retract": p["speed_extend"] * p["speed_ratio"],
+            "half_step": 0.0 if math.isinf(step_s) else step_s / 2.0,
+            "supply": p["supply_pressure"],
+        }
+    )
 
 
 def initial(_p: Mapping[str, float], inputs: tuple[float, ...], output: float) -> dict[str, float]:
