@@ -12,7 +12,7 @@ from hil.diagnosis.thresholds import NEXT_TO_NOTHING, PLAINLY, SELDOM_BY_CHANCE
 from hil.errors import FileError
 from hil.identification.preparation.clipped import without_clipped
 from hil.identification.preparation.content import is_of_its_origin
-from hil.identification.preparation.experiment import DEAD, Experiment, require_excitation
+from hil.identification.preparation.experiment import DEAD, OUTPUT, Experiment, require_excitation
 from hil.identification.preparation.gaps import bridged
 from hil.identification.preparation.plausibility.look import implausible
 from hil.identification.preparation.plausibility.suspicion import Suspicion, expected
@@ -175,4 +175,4 @@ def _shifted(e: Experiment, lag: int) -> Experiment:
         lost[-lag:] = True
     else:
         lost[:-lag] = True
-    return replace(e, output=moved, ignored=np.roll(~e.valid, -lag) | lost)
+    return replace(e, output=moved, invalid={**e.invalid, OUTPUT: np.roll(~e.valid, -lag) | lost})

@@ -31,7 +31,7 @@ def strips(problem: Problem, used: Fitted) -> tuple[Strip, ...]:
 def _shown(e: Experiment) -> Array:
     """The output without the stretches that are left out, for what is drawn through a gap was not recorded."""
     shown = e.output.copy()
-    for start, stop in runs(e.ignored) if e.ignored is not None else ():
+    for start, stop in runs(~e.valid):
         if stop - start >= _FEWEST:
             shown[start:stop] = np.nan
     return shown

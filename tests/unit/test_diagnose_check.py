@@ -71,7 +71,7 @@ def test_a_clipped_channel_is_left_out_and_said() -> None:
 
     checked = check(nominal(), bound(nominal(), changed(clip)))
     assert any("clipped at" in text for text in checked.warnings)
-    assert all(e.ignored is not None and e.ignored.any() for e in checked.experiments)
+    assert all(e.invalid["output"].any() for e in checked.experiments)
 
 
 def test_a_slow_channel_is_clipped_where_noise_lets_it_go_for_a_moment_too() -> None:
@@ -82,9 +82,8 @@ def test_a_slow_channel_is_clipped_where_noise_lets_it_go_for_a_moment_too() -> 
     made = changed(clip)
     for e, each in zip(check(nominal(), bound(nominal(), made)).experiments, made, strict=True):
         flow = each.channels["flow"].values
-        assert e.ignored is not None
         at_the_end = np.flatnonzero(flow == flow.max())
-        ignored = e.ignored[at_the_end]
+        ignored = e.invalid["output"][at_the_end]
         assert ignored.mean() > 0.98  # a sample at the end is half a noise too low, wherever it lies
 
 

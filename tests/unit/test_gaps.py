@@ -37,8 +37,8 @@ def test_a_healthy_unit_fits_beside_a_long_gap() -> None:
     checked = check(nominal(), bound(nominal(), made))
     for e in checked.experiments:
         assert e.grid_s is None and len(e.output) == 16 * SECOND
-        assert e.ignored is not None and e.ignored[800:1250].all() and not e.ignored[:800].any()
-        assert e.ignored.mean() < 0.25
+        assert e.invalid["output"][800:1250].all() and not e.invalid["output"][:800].any()
+        assert e.invalid["output"].mean() < 0.25
         assert np.std(residuals(e)) < 1.05 * NOISE
     assert all("where the command is unknown (1 ×)" in text for text in checked.warnings)
 
@@ -50,7 +50,7 @@ def test_a_healthy_unit_fits_with_a_fifth_of_its_samples_missing_anywhere() -> N
         kept[[0, -1]] = True
         made.append(with_rows(each, np.flatnonzero(kept)))
     for e in check(nominal(), bound(nominal(), made)).experiments:
-        assert e.grid_s is None and e.ignored is not None and e.ignored.mean() > 0.19
+        assert e.grid_s is None and e.invalid["output"].mean() > 0.19
         assert np.std(residuals(e)) < 1.05 * NOISE
         assert white_floor(e.output) > 0.85 * NOISE  # what is drawn looks nearly as noisy as the rest
 
@@ -67,10 +67,10 @@ def test_a_command_that_jumps_in_a_hole_is_unknown_and_one_that_moves_on_is_not(
     steps, sweep, _ = bound(nominal(), [with_rows(each, np.delete(np.arange(len(each)), 2 * SECOND))
                                         for each in records(seed=43)])  # fmt: skip
     jumped, said = filled(steps, 0.1, forgets=True)
-    assert jumped.ignored is not None and jumped.ignored.sum() == 1 + 0.5 * SECOND
+    assert jumped.invalid["output"].sum() == 1 + 0.5 * SECOND
     assert "where the command is unknown (1 ×)" in said[0]
     moved, said = filled(sweep, 0.1, forgets=True)
-    assert moved.ignored is not None and moved.ignored.sum() == 1
+    assert moved.invalid["output"].sum() == 1
     assert "drawn straight through" in said[0]
 
 
@@ -117,12 +117,11 @@ def test_samples_that_said_nothing_before_say_nothing_on_the_even_grid() -> None
     (each, *_) = records(seed=48, with_spool=True)
     (e,) = bound(nominal(), [with_rows(each, np.delete(np.arange(len(each)), slice(800, 810)))])
     until, inner = np.arange(len(e.output)) < 50, np.arange(len(e.output)) >= 900
-    even, _ = filled(e.without_all(until).without_inner("spool position", inner), 0.0, forgets=True)
+    even, _ = filled(e.without_all(until).without(inner, "spool position"), 0.0, forgets=True)
     assert len(even.output) == len(e.output) + 10
-    assert even.ignored is not None
-    assert even.ignored[:50].all() and not even.ignored[50:800].any() and even.ignored[800:810].all()
-    spool = even.silent["spool position"]
-    assert spool[:50].all() and not spool[50:800].any() and spool[800:810].all()
+    spool = even.invalid["spool position"]
+    for lost in (even.invalid["output"], spool):
+        assert lost[:50].all() and not lost[50:800].any() and lost[800:810].all()
     assert not spool[810:910].any() and spool[910:].all()
 
 
@@ -130,9 +129,9 @@ def test_a_stretch_that_is_kept_keeps_what_said_nothing_before() -> None:
     (each, *_) = records(seed=48, with_spool=True)
     (e,) = bound(nominal(), [with_rows(each, np.delete(np.arange(len(each)), slice(200, 600)))])
     late = np.arange(len(e.output)) >= len(e.output) - 30
-    cut, _ = filled(e.without(late).without_inner("spool position", late), 0.0, forgets=False)
-    assert len(cut.silent["spool position"]) == len(cut.output) < len(e.output) + 400
-    assert cut.silent["spool position"].sum() == 30 and cut.ignored is not None and cut.ignored[-30:].all()
+    cut, _ = filled(e.without(late).without(late, "spool position"), 0.0, forgets=False)
+    assert len(cut.invalid["spool position"]) == len(cut.output) < len(e.output) + 400
+    assert cut.invalid["spool position"].sum() == 30 and cut.invalid["output"][-30:].all()
 
 
 @pytest.mark.parametrize("kept", ["all but a second", "four of five"])

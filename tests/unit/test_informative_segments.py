@@ -62,7 +62,7 @@ def test_a_long_recording_is_identified_from_a_part_of_it_and_that_is_said(few: 
     assert "40000 samples are more than a fit needs; 6000 (60 s) in informative segments (2) are used" in said[0]
     assert sum(len(e.output) for e in experiments) <= 6000
     for e in experiments:
-        assert e.ignored is not None and e.ignored[0] and not e.ignored[-1]
+        assert e.invalid["output"][0] and not e.invalid["output"][-1]
     steps: list[float] = []
     found = fit_plant(start, experiments, progress=lambda done, _text: steps.append(done)).model.parameters
     assert steps == sorted(steps) and steps[-1] == 1.0

@@ -179,8 +179,8 @@ def test_only_channels_that_are_used_decide_which_samples_tell() -> None:
     })  # fmt: skip
     (e,) = bound(nominal(), [with_blanks(lacking)])
     assert len(e.output) == len(made)
-    assert e.ignored is not None and np.flatnonzero(e.ignored).tolist() == list(range(1000, 1100))
-    assert np.flatnonzero(e.silent["spool position"]).tolist() == list(range(200, 900))
+    assert np.flatnonzero(e.invalid["output"]).tolist() == list(range(1000, 1100))
+    assert np.flatnonzero(e.invalid["spool position"]).tolist() == list(range(200, 900))
     assert np.isfinite(e.output).all() and np.isfinite(e.observed["spool position"]).all()
 
 

@@ -137,7 +137,7 @@ def test_stale_and_held_samples_are_left_out_and_said() -> None:
         flow[start : start + 40] = flow[start]
     stale = looked_at(with_values(one, flow=lambda _: flow))
     assert any("was not measured anew 4 ×, for 0.16 s on average" in text for text in stale.notes)
-    assert stale.experiments[0].ignored is not None and stale.experiments[0].ignored.sum() == 4 * 39
+    assert stale.experiments[0].invalid["output"].sum() == 4 * 39
     held = looked_at(with_values(one, flow=lambda r: np.repeat(r.values("flow")[::8], 8)))
     assert any("shows each value 8 times" in text for text in held.notes)
 
@@ -207,7 +207,7 @@ def test_the_noise_of_an_inner_channel_is_that_of_samples_within_its_range() -> 
 
     made = records(parameters=OWN, seed=41, with_spool=True)[0]
     (e,) = looked_at(with_values(made, **{"spool position": clipped})).experiments
-    assert e.silent["spool position"].mean() > 0.1
+    assert e.invalid["spool position"].mean() > 0.1
     assert channel_floor(e.valid_observed["spool position"]) == pytest.approx(0.5, rel=0.1)
 
 

@@ -28,8 +28,7 @@ def test_a_recorder_that_stops_once_for_long_is_recognised_by_that_alone() -> No
     flow[5 * SECOND :] = flow[5 * SECOND]
     kept, intervals = without_stale(bound(nominal(), made))
     assert [(s.recording, s.start_s) for s in intervals] == [("sweep", 5.0)]
-    assert kept[1].ignored is not None
-    assert kept[1].ignored.mean() == pytest.approx((DURATION_S - 5.0) / DURATION_S, abs=0.001)
+    assert kept[1].invalid["output"].mean() == pytest.approx((DURATION_S - 5.0) / DURATION_S, abs=0.001)
 
 
 def test_a_short_run_alone_is_nothing() -> None:

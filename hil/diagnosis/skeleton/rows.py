@@ -180,7 +180,7 @@ def _of_recording(
     found = []
     for name, k in places.items():
         measured = e.output if k == 0 else e.observed[name]
-        tells = e.valid if k == 0 else e.inner_tells(name)
+        tells = e.valid_in(name)
         valid = _means(tells.astype(float), samples) > 0.5
         recorded = _rows(model, e, np.where(tells, measured, sampled[k]), length_s)
         misfit = np.where(valid, nominal[name] - recorded / floors[name], 0.0)

@@ -51,7 +51,7 @@ class Residuals:
             each = e.by_dither(self.plant, self.about, self.effects)
             channels = [
                 (0, weight, e.valid),
-                *((places[n], 1.0 / noise, e.inner_tells(n)) for n, noise in inner.items()),
+                *((places[n], 1.0 / noise, e.valid_in(n)) for n, noise in inner.items()),
             ]
             made.append([_unknown([w * rows[k] * tells for rows in each]) for k, w, tells in channels])
         return made

@@ -31,7 +31,7 @@ def without_clipped(e: Experiment) -> tuple[Experiment, list[Note]]:
         clipped, at = clipped_samples(values)
         if clipped is not None:
             notes.append(_sentence(e.name, name, clipped, at))
-            e = e.without_inner(name, clipped)
+            e = e.without(clipped, name)
     return e, notes
 
 

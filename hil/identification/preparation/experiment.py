@@ -24,6 +24,7 @@ from hil.record.invalid_samples import across, measured_rows
 from hil.record.recording import Array, Channel, Mask, Recording, Samples, split_heading
 
 _FELT_BEND = 0.5  # of the noise, as an error
+OUTPUT = "output"  # among the names of a plant's inner signals
 DEAD = Note("a dead sensor, no supply or a wrong column")
 # A rest of fewer samples tells no more than its first; halves that differ by more than this moved.
 _FEWEST_AT_REST, _NO_MOTION_SIGMAS = 8, 3.0
@@ -42,19 +43,18 @@ class Experiment:
         grid_s: the grid's stamps when the recording's are uneven, else None.
         output: the measured output, shape (n,), in the plant's unit.
         observed: measured inner signals, by name, where the recording has them.
-        ignored: samples of the output that say nothing (clipped, held, lost), shape (n,), or None.
+        invalid: samples that say nothing (clipped, held, lost), shape (n,), by inner signal, `OUTPUT` for the output's.
         reading_known: whether the recording (or a model) declared when in a sample the output is read.
         read_s: where the recording knows when every single sample was read: those instants for the output and the
             plant's inner signals, shape (1 + observed, n), else None. They lie on the time of `grid_s` then, and
             `drive.read_at` says nothing.
-        silent: the same of inner signals, by name, shape (n,) each.
         skew_s: how much later than the output each row of `respond` was read, where that is the same in every sample.
         notes: what of the recording is used in another way than it was sampled, in words.
         is_late: whether the command is known before the first sample of the output: simulated from there, a unit that
             forgets its past is in its true state when the comparison begins.
         command_is_known: whether it was sampled apart from the output, and without a hole: gaps of the output say
             nothing of it.
-        gain_stds: what calibrations state, as a relative standard uncertainty of the slope, by inner signal, `"output"`
+        gain_stds: what calibrations state, as a relative standard uncertainty of the slope, by inner signal, `OUTPUT`
             and `""` for the command. The stated uncertainty is taken to belong to the largest reading.
         is_timed: whether the bench that made the recording timed its samples: their unit of time is no heading.
         stated_units: names of channels whose unit its user stated, `time` for that of the stamps: it is no mistake.
@@ -73,10 +73,9 @@ class Experiment:
     output: Array
     observed: Mapping[str, Array]
     reading_known: bool = False
-    ignored: Mask | None = None
+    invalid: Mapping[str, Mask] = field(default_factory=dict)
     read_s: Array | None = None
     notes: tuple[Note, ...] = ()
-    silent: Mapping[str, Mask] = field(default_factory=dict)
     skew_s: tuple[float, ...] = ()
     is_late: bool = False
     command_is_known: bool = False
@@ -165,7 +164,7 @@ class Experiment:
         0 where they are lost.
         """
         return [
-            np.where(self.inner_tells(signal.name), (row - self.observed[signal.name]) / noise[signal.name], 0.0)
+            np.where(self.valid_in(signal.name), (row - self.observed[signal.name]) / noise[signal.name], 0.0)
             for signal, row in zip(plant.observed, rows[1:], strict=True)
             if signal.name in noise
         ]
@@ -173,7 +172,7 @@ class Experiment:
     @property
     def valid(self) -> Mask:
         """Which samples of the output say something, shape (n,)."""
-        return np.ones(len(self.output), dtype=np.bool_) if self.ignored is None else ~self.ignored
+        return self.valid_in(OUTPUT)
 
     @property
     def valid_output(self) -> Array:
@@ -183,21 +182,21 @@ class Experiment:
     @property
     def valid_observed(self) -> dict[str, Array]:
         """Inner signals where they say something, one sample after another."""
-        return {name: values[self.inner_tells(name)] for name, values in self.observed.items()}
+        return {name: values[self.valid_in(name)] for name, values in self.observed.items()}
 
     @property
     def count_lost(self) -> int:
         """How many samples no channel says anything at."""
-        seen = np.any([self.valid, *map(self.inner_tells, self.observed)], axis=0)
+        seen = np.any([self.valid_in(name) for name in (OUTPUT, *self.observed)], axis=0)
         return int(np.count_nonzero(~seen))
 
     def telling(self, errors: Array) -> Array:
         """Errors of the output, 0 where it says nothing, shape (n,)."""
         return np.where(self.valid, errors, 0.0)
 
-    def inner_tells(self, name: str) -> Mask:
-        """Which samples of an inner signal say something, shape (n,)."""
-        return ~self.silent[name] if name in self.silent else np.ones(len(self.output), dtype=np.bool_)
+    def valid_in(self, name: str) -> Mask:
+        """Which samples of an inner signal, or of `OUTPUT`, say something, shape (n,)."""
+        return ~self.invalid[name] if name in self.invalid else np.ones(len(self.output), dtype=np.bool_)
 
     def across_silence(self, errors: Array) -> Array:
         """Errors of the output, straight from one telling sample to the next where it says nothing, shape (n,).
@@ -245,19 +244,13 @@ class Experiment:
         command: Array = self.at_stamps(self.drive.inputs)[0]
         return command
 
-    def without(self, samples: Mask) -> Experiment:
-        """The same with more samples of the output ignored, shape (n,)."""
-        return replace(self, ignored=~self.valid | samples)
-
-    def without_inner(self, name: str, samples: Mask) -> Experiment:
-        """The same with samples of an inner signal left out, shape (n,)."""
-        return replace(self, silent={**self.silent, name: ~self.inner_tells(name) | samples})
+    def without(self, samples: Mask, name: str = OUTPUT) -> Experiment:
+        """The same with more samples of the output, or of an inner signal, left out, shape (n,)."""
+        return replace(self, invalid={**self.invalid, name: ~self.valid_in(name) | samples})
 
     def without_all(self, samples: Mask) -> Experiment:
-        """The same with more samples of every channel ignored, shape (n,)."""
-        return replace(
-            self.without(samples), silent={name: ~self.inner_tells(name) | samples for name in self.observed}
-        )
+        """The same with more samples of every channel left out, shape (n,)."""
+        return replace(self, invalid={name: ~self.valid_in(name) | samples for name in (OUTPUT, *self.observed)})
 
     def reading_at(self, read_at: float) -> Experiment:
         """The same with another reading instant, unless the instants are known one by one."""
@@ -303,14 +296,15 @@ def experiment(
     inputs = np.array([recording.values(name, unit) for name, unit in zip(names, units, strict=True)])
     measured = recording.channel(output_name)
     output_unit = measured.unit if plant.output.unit == "any" else plant.output.unit
-    output, ignored = across(recording.values(measured.name, output_unit))
-    inner = {
+    channels = {OUTPUT: across(recording.values(measured.name, output_unit))}
+    channels |= {
         signal.name: across(recording.values(signal.name, signal.unit))
         for signal in plant.observed
         if signal.name in recording.channels
     }
-    observed = {name: values for name, (values, _) in inner.items()}
-    silent = {name: lacking for name, (_, lacking) in inner.items() if lacking.any()}
+    invalid = {name: lacking for name, (_, lacking) in channels.items() if lacking.any()}
+    observed = {name: values for name, (values, _) in channels.items()}
+    output = observed.pop(OUTPUT)
     read_s = _read_s(recording, measured.name, plant)
     at = declared_read_at(recording) if read_at is None else read_at
     if read_s is not None:
@@ -326,11 +320,11 @@ def experiment(
     if any(skew_s):
         late_s = dict(zip((signal.name for signal in plant.observed), skew_s[1:], strict=True))
         bent = {name: _bends(values, late_s[name] / interval_s) for name, values in observed.items()}
-        silent |= {name: samples | silent.get(name, False) for name, samples in bent.items() if samples.any()}
+        invalid |= {name: samples | invalid.get(name, False) for name, samples in bent.items() if samples.any()}
     return Experiment(
         recording.name, f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]",
-        recording.time_s, drive, grid_s, output, observed, at is not None, ignored if ignored.any() else None,
-        read_s=read_s, gain_stds=stated, silent=silent,
+        recording.time_s, drive, grid_s, output, observed, at is not None, invalid,
+        read_s=read_s, gain_stds=stated,
         ripples=ripples, skew_s=skew_s, is_timed="sampling" in recording.meta,
         stated_units=frozenset(recording.meta.get("stated_units", ())),
     )  # fmt: skip
@@ -349,7 +343,7 @@ def _bends(values: Array, late: float) -> Mask:
 
 
 def _gain_stds(recording: Recording, command: str, output: str, plant: Plant) -> dict[str, float]:
-    named = {"": command, "output": output, **{signal.name: signal.name for signal in plant.observed}}
+    named = {"": command, OUTPUT: output, **{signal.name: signal.name for signal in plant.observed}}
     found = {}
     for role, name in named.items():
         if (channel := recording.channels.get(name)) is None:
@@ -407,7 +401,7 @@ def _on_own_stamps(
         notes=tuple(notes), is_late=is_late,
     )  # fmt: skip
     if ignored is not None and not observed:
-        return replace(bound, time_s=grid_s, grid_s=None, output=output.held_at(grid_s), ignored=ignored)
+        return replace(bound, time_s=grid_s, grid_s=None, output=output.held_at(grid_s), invalid={OUTPUT: ignored})
     on_grid = len(grid_s) == len(output.time_s) and bool(np.all(np.abs(grid_s - output.time_s) < 1e-3 * interval_s))
     known = all(map(is_known_throughout, given))
     return replace(bound, grid_s=None if on_grid else grid_s, command_is_known=known)

@@ -139,10 +139,9 @@ def _bridged(e: Experiment, grid_s: Array, at: NDArray[np.intp], missing: Mask) 
         on_even[at] = samples
         return on_even
 
-    silent = {name: moved(samples) for name, samples in e.silent.items()}
     even = replace(
         e, time_s=time_s, drive=drive, grid_s=None, output=output, observed=observed,
-        ignored=moved(~e.valid), silent=silent, ripples=None,
+        invalid={name: moved(samples) for name, samples in e.invalid.items()}, ripples=None,
     )  # fmt: skip
     return even.without_all(missing)
 
@@ -187,6 +186,5 @@ def _cut(even: Experiment, missing: Mask, unknown: list[tuple[int, int]]) -> Exp
     return replace(
         even, time_s=even.time_s[part], drive=drive, output=even.output[part],
         observed={name: values[part] for name, values in even.observed.items()},
-        silent={name: samples[part] for name, samples in even.silent.items()},
-        ignored=~even.valid[part], ripples=None,
+        invalid={name: samples[part] for name, samples in even.invalid.items()}, ripples=None,
     )  # fmt: skip

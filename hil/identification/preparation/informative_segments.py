@@ -110,8 +110,8 @@ def _begun_as(model: Model, e: Experiment, rows: Array, reach: tuple[float, floa
     apart = _apart(model, found, rows)
     for name, felt in apart.items():
         moving = np.cumsum(felt[::-1])[::-1] > _FELT
-        informs = (found.inner_tells(name) & ~moving).any()
-        found = found.without_inner(name, moving) if informs else _without_signal(found, name)
+        informs = (found.valid_in(name) & ~moving).any()
+        found = found.without(moving, name) if informs else _without_signal(found, name)
     return found
 
 
@@ -142,13 +142,13 @@ def _apart(model: Model, e: Experiment, rows: Array) -> dict[str, Array]:
     found = {}
     for signal, known, unknown in zip(model.definition.observed, rows[1:], begun[1:], strict=True):
         if signal.name in e.observed and (floor := channel_floor(e.observed[signal.name])):
-            found[signal.name] = np.where(e.inner_tells(signal.name), (known - unknown) / floor, 0.0) ** 2
+            found[signal.name] = np.where(e.valid_in(signal.name), (known - unknown) / floor, 0.0) ** 2
     return found
 
 
 def _without_signal(e: Experiment, name: str) -> Experiment:
     observed = {other: values for other, values in e.observed.items() if other != name}
-    return replace(e, observed=observed, silent={n: samples for n, samples in e.silent.items() if n != name})
+    return replace(e, observed=observed, invalid={n: samples for n, samples in e.invalid.items() if n != name})
 
 
 def informative_segments(command: Array, most: int, length: int) -> list[Segment]:
