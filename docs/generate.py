@@ -305,8 +305,10 @@ unit of the place. Times and rates are those of valves; a slower plant says by h
 def effects_page() -> Iterator[str]:
     """The page of the effects: signature, equation, parameters, where each may sit."""
     yield from ("# Effects", "", NOTE, "", EFFECTS)
-    yield from ("", "| effect | what it is | what it looks like in data |", "|---|---|---|")
-    yield from (f"| [`{e.name}`](#{e.name}) | {e.title} | {e.signature} |" for e in effects())
+    yield from ("", "| effect | what it looks like in data |", "|---|---|")
+    for e in effects():
+        title = "" if e.title == e.name.replace("_", " ") else f" {e.title}"
+        yield f"| [`{e.name}`](#{e.name}){title} | {e.signature} |"
     for effect in effects():
         yield from effect_section(effect)
 

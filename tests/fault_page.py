@@ -21,23 +21,20 @@ HEAD = """\
 <!-- Made by `python -m tests.fault_page` from what it measures; a test compares the cells with the cases. -->
 
 {count} combinations of a fault, a moment and a link, each made to happen by a test
-(`tests/scenario/test_faults_*.py`) and measured **at the device**: what counts is when its output stood at the safe
-value for good. Cells are s from the fault to there; "–" is where nobody can reach the output. NOT SAFE is said where
-the outputs did not answer: then only an emergency stop, the device itself or the watchdog process helps.
+(`tests/scenario/test_faults_*.py`) and measured **at the device**: cells are s from the fault until its output stood
+at the safe value for good; "–" is where nobody can reach it. NOT SAFE is said where the outputs did not answer: then
+only an emergency stop, the device itself or the watchdog process helps.
 
 - *promised*: what the test asks for, in s. *status*: the exit status; −9 is a program that was killed.
-- *lost*: samples that the device had given and the recording does not have, each number once in the order of the
-  columns. Those for which the disk has no room cannot be recorded. In every case the run folder could be read
-  afterwards, up to its last block, where there was one.
-- A device that freezes its output and says that it obeys reads back safe: the interlock tells. What is said of
-  outputs follows from their answers ([safety](../explanation/safety.md#what-is-known-of-an-output)).
+- *lost*: samples that the device had given and the recording does not have, in the order of the columns. In every
+  case the run folder could be read afterwards, up to its last block.
+- A device that freezes its output and says that it obeys reads back safe: the interlock tells.
 - Simulated DAQ: virtual time, blocks of {block_s:g} s, ramp of {ramp:g} %/s from 60 or 70 %.
 - Links: wall-clock time, while it is driven; blocks 0.1 s, time-outs 0.1 … 0.2 s, the devices' own watchdogs 0.5 … 1
   s. Where the *program* is killed or hangs, those were off, except on CANopen, and the watchdog process
   ({watchdog_s:g} s) acted.
 - "No answers", "garbled", "late", "restarts" concern what comes back: the device still hears. "Cable pulled" is where
-  nothing gets through: there its own watchdog acts. The second master wrote for 3 s; only an interlock surely notices
-  it.
+  nothing gets through. The second master wrote for 3 s; only an interlock surely notices it.
 """
 
 
@@ -102,15 +99,14 @@ def section(rows: list[Row]) -> str:
 
 def _table(rows: list[Row], across: str) -> Iterator[str]:
     columns = list(dict.fromkeys(getattr(one, across) for one in rows))
-    titles = ["fault", *columns, "promised", "lost", "status", "what is said, for instance"]
+    titles = ["fault", *columns, "promised", "lost", "status"]
     yield f"| {' | '.join(titles)} |"
     yield "|" + "---|" * len(titles)
     for fault in dict.fromkeys(one.fault for one in rows):
         found = {getattr(one, across): one for one in rows if one.fault == fault}
         seen = [_cell(found[column]) if column in found else "" for column in columns]
         facts = (_each(getattr(one, name) for one in found.values()) for name in ("promised", "lost", "status"))
-        said = next((said for said in map(_said, found.values()) if said), "")
-        yield f"| {' | '.join([fault, *seen, *facts, said])} |"
+        yield f"| {' | '.join([fault, *seen, *facts])} |"
 
 
 def _cell(one: Row) -> str:
@@ -120,12 +116,6 @@ def _cell(one: Row) -> str:
 def _each(values: Iterable[str]) -> str:
     """Every value once, in order."""
     return ", ".join(dict.fromkeys(value for value in values if value))
-
-
-def _said(one: Row) -> str:
-    """What was said of the cause: the error without its class, what is said of outputs, and the way out."""
-    cause = re.sub(r"^\w+Error: ", "", one.message)
-    return re.sub(r"[;:] (NOT SAFE|outputs are safe|find the cause|what was recorded).*", "", cause).replace("|", "\\|")
 
 
 def cells(page: str) -> dict[str, str]:
