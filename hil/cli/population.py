@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hil.session.population import InPopulation
 
 
-def compare_population(runs: Sequence[Path], archive: str, as_json: bool, csv: Path | None = None) -> None:
+def compare_population(runs: Sequence[Path], archive: str, as_json: bool, csv: Path | None) -> None:
     """Print where runs lie among the other units of the archive; the limits of a batch go into a CSV file too."""
     from hil.archive.pending import searched
     from hil.cli.searches import not_entered

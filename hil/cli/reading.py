@@ -75,7 +75,7 @@ def options(reading: Reading) -> dict[str, Any]:
     return {field.name: getattr(reading, field.name) for field in fields(reading)}
 
 
-def teller(*, aside: bool = False, kept: list[str] | None = None) -> Callable[[str], None]:
+def teller(*, aside: bool, kept: list[str] | None = None) -> Callable[[str], None]:
     """What prints notes, none twice.
 
     Args:

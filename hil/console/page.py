@@ -65,7 +65,7 @@ def static_mark() -> str:
     return sha256(repr(contents).encode()).hexdigest()[:12]
 
 
-def file_of(root: Path, name: str, kind: str, headers: Mapping[str, str] | None = None) -> Response:
+def file_of(root: Path, name: str, kind: str, headers: Mapping[str, str] | None) -> Response:
     """A file below a folder as it lies there: regular, no link on the way, of bounded size.
 
     Raises:

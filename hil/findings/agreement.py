@@ -16,7 +16,7 @@ _ROUNDING = 1e-9  # of a figure without uncertainty: other processors add in ano
 _DRAWN = 1e-3  # of the height of a curve: the width of its line
 
 
-def disagreements(kept: Results, anew: Results, *, words: bool = True) -> list[str]:
+def disagreements(kept: Results, anew: Results, *, words: bool) -> list[str]:
     """What kept results say otherwise than an evaluation now, a sentence each.
 
     Args:

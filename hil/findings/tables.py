@@ -29,7 +29,7 @@ def values_csv(results: Results) -> str:
     return csv_text(VALUE_HEADS, _value_rows(results))
 
 
-def curve_csv(curve: Curve, *, simulated: bool | None = None) -> str:
+def curve_csv(curve: Curve, *, simulated: bool | None) -> str:
     """A curve, columns headed `name [unit]` as in a recording, and whether it is of a simulated valve."""
     return csv_text((*_heads(curve), VALUE_HEADS[-1]), ((*row, simulated) for row in curve.rows))
 

@@ -162,7 +162,7 @@ def from_texts(column: Column) -> Column:
     return column
 
 
-def from_matrix(name: str, values: NDArray[Any], unit: str = "", **more: Any) -> list[Column]:
+def from_matrix(name: str, values: NDArray[Any], unit: str, **more: Any) -> list[Column]:
     """A vector as one column, a matrix as numbered ones along its longer side; anything else as none."""
     values = np.squeeze(values)
     if values.ndim == 1:

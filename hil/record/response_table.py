@@ -118,7 +118,7 @@ def are_responses(tables: Sequence[Table]) -> bool:
     return any(_parts(_with_names(table.columns)) for table in tables)
 
 
-def response_table(name: str, tables: Sequence[Table], meta: Mapping[str, Any] | None = None) -> ResponseTable:
+def response_table(name: str, tables: Sequence[Table], meta: Mapping[str, Any] | None) -> ResponseTable:
     """The frequency response of a table.
 
     Raises:

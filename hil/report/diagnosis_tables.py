@@ -103,7 +103,7 @@ def changed_rows(changed: Iterable[ChangedParameter]) -> list[dict[str, Any]]:
 
 
 def candidate_rows(
-    candidates: Sequence[Candidate], effects: Sequence[Finding], changed: Sequence[ChangedParameter] = ()
+    candidates: Sequence[Candidate], effects: Sequence[Finding], changed: Sequence[ChangedParameter]
 ) -> list[dict[str, Any]]:
     """Explanations that were fitted, best first, with their evidence and how far it is behind the best.
 

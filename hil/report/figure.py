@@ -99,7 +99,7 @@ def small_multiples(
     columns: int,
     draw_one: Callable[[Axes, T], None],
     labels: tuple[str, str],
-    caption: str = "",
+    caption: str,
 ) -> Picture:
     """Drawings of a kind beside and below each other, with one legend over all of them.
 

@@ -39,7 +39,7 @@ def write_fit_page(
     notes: Sequence[str],
     path: Path,
     *,
-    simulated: bool = False,
+    simulated: bool,
 ) -> None:
     """Write the page.
 

@@ -85,7 +85,7 @@ def certified(
     return calibrated(file, channel, points, certificate.source, std, operator, valid_days, certificate.date)
 
 
-def targets_of(file: BenchFile, channel: str, count: int, between: tuple[float, float] | None = None) -> list[float]:
+def targets_of(file: BenchFile, channel: str, count: int, between: tuple[float, float] | None) -> list[float]:
     """Places of an output, evenly from end to end: of its limits where not said."""
     entry = file.bench.channels[channel]
     terminal = file.devices[entry.device].terminals[entry.terminal]

@@ -121,7 +121,7 @@ def classes_of_recordings(
     good: tuple[str, Sequence[Recording]],
     bad: tuple[str, Sequence[Recording]],
     output: str,
-    others: Sequence[Recording] = (),
+    others: Sequence[Recording],
 ) -> ClassAnalysis:
     """A threshold on the difference from the mean good valve, in one test that all valves passed through.
 

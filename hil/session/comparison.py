@@ -11,7 +11,7 @@ from hil.identification.grey_box.compare import Comparison, compare_all
 from hil.identification.preparation.experiment import for_model
 from hil.physics.model import Model
 from hil.physics.other_plant import other_plants
-from hil.record.progress import Progress, quiet
+from hil.record.progress import Progress
 from hil.record.reading import Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
@@ -25,12 +25,12 @@ _READING = 0.5  # share of the work that is reading
 def compared_with(
     model: Model,
     sources: Iterable[Source],
-    inputs: Sequence[str] = (),
-    output: str = "",
-    reading: Reading | None = None,
-    notes: Callable[[str], None] = lambda _note: None,
-    page: Path | None = None,
-    progress: Progress = quiet,
+    inputs: Sequence[str],
+    output: str,
+    reading: Reading | None,
+    notes: Callable[[str], None],
+    page: Path | None,
+    progress: Progress,
 ) -> list[Comparison | TableComparison]:
     """How well a model fits each of what is read; `notes` is told what was assumed when it was.
 

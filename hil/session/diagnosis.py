@@ -40,8 +40,8 @@ _WAYS = 4.0
 def bound_to(
     model: Model,
     recordings: Sequence[Recording],
-    inputs: Sequence[str] = (),
-    output: str = "",
+    inputs: Sequence[str],
+    output: str,
     computing_s: float = math.inf,
 ) -> tuple[list[Experiment], tuple[str, ...]]:
     """Recordings bound to a model, in their most telling stretches where they are too long; and what to know of it.

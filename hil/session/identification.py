@@ -88,9 +88,9 @@ def read_for(
     plant: str,
     sources: Sequence[Source],
     reading: Reading | None,
-    part: str = "",
-    input_name: Sequence[str] = (),
-    output_name: str = "",
+    part: str,
+    input_name: Sequence[str],
+    output_name: str,
 ) -> list[Recording] | list[ResponseTable]:
     """What there is to identify a plant from: all samples in time, or all frequency responses.
 

@@ -60,7 +60,7 @@ def _package(module: str) -> str:
     return module.partition(".")[0]
 
 
-def _imports_of(module: ModuleType, left_out: Collection[str] = ()) -> Iterator[str]:
+def _imports_of(module: ModuleType, left_out: Collection[str]) -> Iterator[str]:
     """What a module imports, wherever it does; of `from a import b` both `a` and `a.b`, which may be a module too."""
     path = Path(getattr(module, "__file__", None) or "")
     if path.suffix != ".py":

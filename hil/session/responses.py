@@ -45,7 +45,7 @@ def write_responses(findings: Findings, folder: Path) -> list[Path]:
     return written
 
 
-def measured_responses(source: object, inputs: Sequence[str] = (), output: str = "") -> bool:
+def measured_responses(source: object, inputs: Sequence[str], output: str) -> bool:
     """Whether this is the folder of a run that measured frequency responses, of these channels where they are named."""
     if not isinstance(source, str | Path) or not (Path(source) / HEADER_FILE).is_file():
         return False

@@ -25,7 +25,7 @@ Source = Union[Recording, ResponseTable, str, Path, Mapping[str, Any], "pd.DataF
 
 
 def read_source(
-    source: Source, reading: Reading | None = None, *, responses: bool = False, part: str = "",
+    source: Source, reading: Reading | None, *, responses: bool = False, part: str = "",
     inputs: Sequence[str] = (), output: str = "",
 ) -> Recording | ResponseTable:  # fmt: skip
     """A recording or a table of a frequency response.
@@ -53,7 +53,7 @@ def read_source(
     return read_any(source, reading)
 
 
-def samples_of(source: Source, reading: Reading | None = None) -> Recording:
+def samples_of(source: Source, reading: Reading | None) -> Recording:
     """Samples in time.
 
     Raises:
@@ -65,7 +65,7 @@ def samples_of(source: Source, reading: Reading | None = None) -> Recording:
     return found
 
 
-def all_samples(given: Source | Iterable[Source], reading: Reading | None = None) -> list[Recording]:
+def all_samples(given: Source | Iterable[Source], reading: Reading | None) -> list[Recording]:
     """Samples in time of one source or of several. Raises `FileError` as `samples_of`."""
     sources: list[Source] = several(given)
     return [samples_of(one, reading) for one in sources]

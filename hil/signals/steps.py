@@ -36,9 +36,7 @@ def step_sequence(levels: Sequence[float], hold_s: float, rate_hz: float) -> Arr
     return np.repeat(np.asarray(levels, dtype=np.float64), samples)
 
 
-def binary_sequence(
-    low: float, high: float, clock_s: float, rate_hz: float, *, bits: int = 9, periods: int = 1
-) -> Array:
+def binary_sequence(low: float, high: float, clock_s: float, rate_hz: float, *, bits: int, periods: int = 1) -> Array:
     """A maximum-length pseudo-random binary sequence (PRBS) of 2^bits − 1 clocks per period.
 
     Its spectrum is flat up to about 0.44/clock.
