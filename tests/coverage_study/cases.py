@@ -78,6 +78,7 @@ CASES = (
     Case("step_response", HPV41, {}, truth_steps.of_step_response),
     Case("step_response", EFC, {"levels": "0,80,0"}, truth_steps.of_step_response),
     Case("step_response", CLOSED, {"levels": "0,20,0"}, truth_steps.of_step_response),
+    Case("step_response", "four-way-lab", {"levels": "0,80,0"}, truth_steps.of_step_response),
     Case("frequency_response", HPV41, {"amplitudes": "10", "biases": "50", "frequencies": _LINES},
          truth_sines.of_frequency_response),
     Case("frequency_response", EFC, {"amplitudes": "2", "biases": "72", "frequencies": _EFC_LINES},
