@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -78,20 +79,15 @@ def menu(span: Span) -> tuple[MenuTest, ...]:
     """Tests that stay within the span, levels in % of full command."""
     low, high = (100.0 * (end - span.neutral) / span.full for end in (span.low, span.high))
     middle, half = (low + high) / 2.0, (high - low) / 2.0
-    found = [_steps((low, high), 3.0), _steps(_inner(low, high), 2.0)]
+    inner = tuple(round(low + share * (high - low), 3) for share in (0.5, 0.65, 0.35, 0.8, 0.2, 0.95, 0.05, 0.5))
+    found = [_steps((low, high), 3.0), _steps(inner, 2.0)]
     found += [_sines((f,), middle, half, cycles) for f, cycles in ((0.1, 2), (0.5, 5), (1.5, 10))]
     found += [_sweep(low, high, 20.0), _sweep(low, high, 60.0)]
     return tuple(found)
 
 
-def _inner(low: float, high: float) -> tuple[float, ...]:
-    return tuple(round(low + share * (high - low), 3) for share in (0.5, 0.65, 0.35, 0.8, 0.2, 0.95, 0.05, 0.5))
-
-
 def _steps(levels: tuple[float, ...], hold_s: float) -> MenuTest:
-    def shape(rate_hz: float) -> Array:
-        return step_sequence([v / 100.0 for v in levels], hold_s, rate_hz)
-
+    shape = partial(step_sequence, [v / 100.0 for v in levels], hold_s)
     return MenuTest("step_response", {"levels": levels, "hold_s": hold_s}, shape)
 
 
@@ -106,13 +102,9 @@ def _sines(frequencies: tuple[float, ...], middle: float, half: float, cycles: i
 
 
 def _sweep(low: float, high: float, cycle_s: float) -> MenuTest:
-    def shape(rate_hz: float) -> Array:
-        wave: Array = triangle(low / 100.0, high / 100.0, cycle_s, rate_hz, start=low / 100.0)
-        return wave
-
-    return MenuTest(
-        "flow_curve", {"low": round(low, 3), "high": round(high, 3), "cycle_s": cycle_s, "half_speed": False}, shape
-    )
+    settings = {"low": round(low, 3), "high": round(high, 3), "cycle_s": cycle_s, "half_speed": False}
+    shape = partial(triangle, low / 100.0, high / 100.0, cycle_s, start=low / 100.0)
+    return MenuTest("flow_curve", settings, shape)
 
 
 def next_test(

@@ -137,9 +137,7 @@ def _scope(lines: list[str]) -> list[str]:
 def _memory(variables: Variables) -> np.ndarray[Any, np.dtype[np.int64]]:
     """Where the memory of each effect and delay line begins."""
     kernel, step_s = variables.kernel, variables.step_s
-    sizes = [0]
-    for site in kernel.sites:
-        sizes.append(site.effect.memory({p.name: p for p in site.effect.parameters_at(site.hook)}, step_s))
+    sizes = [0, *(site.effect.words_at(site.hook, step_s) for site in kernel.sites)]
     sizes += [math.ceil(length / step_s) + 4 for length in variables.plant.lines_s.values()]
     return np.cumsum(np.array(sizes, dtype=np.int64))
 

@@ -147,7 +147,7 @@ class Effect:
         hooks: where it can sit; a plant has it wherever it has a hook of that name.
         parameters: the first is the one whose size says how strong the effect is.
         transform: compiled; returns what leaves the hook.
-        memory: words of state, given (parameter bounds at the hook, sub-step).
+        memory: words of state, or how many for (parameter bounds at the hook, sub-step).
         settle: compiled; like transform, for the steady state before the first sample.
         starts: where fits start, given what the model shows at the hook: a limit that nothing reaches has no
             slope to follow. Parameters that are left out start at their typical value.
@@ -168,7 +168,7 @@ class Effect:
     source: str
     sentence: str
     starts: Callable[[Seen], Sequence[Start]]
-    memory: Callable[[Mapping[str, Parameter], float], int] = lambda _parameters, _step_s: 0
+    memory: int | Callable[[Mapping[str, Parameter], float], int] = 0
     settle: Callable[..., Any] | None = None
     coefficients: Callable[[Mapping[str, float], float], Mapping[str, float]] | None = None
     known_as: str = ""
@@ -182,6 +182,11 @@ class Effect:
     def parameters_at(self, hook: Hook) -> tuple[Parameter, ...]:
         """The parameters in the units of a hook."""
         return tuple(parameter.at(hook) for parameter in self.parameters)
+
+    def words_at(self, hook: Hook, step_s: float) -> int:
+        """Words of state at a hook."""
+        memory = self.memory
+        return memory if isinstance(memory, int) else memory({p.name: p for p in self.parameters_at(hook)}, step_s)
 
     def null_at(self, hook: Hook) -> dict[str, float]:
         """Values at which the effect does nothing, in the units of a hook."""

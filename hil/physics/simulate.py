@@ -238,8 +238,7 @@ def effects_at(
             given = dict(site.effect.coefficients(given, step_s))
         on[k] = True
         values[compiled.starts[k] : compiled.starts[k + 1]] = [given[name] for name in compiled.arguments[k]]
-        scaled = {parameter.name: parameter for parameter in site.effect.parameters_at(site.hook)}
-        sizes[1 + k] = site.effect.memory(scaled, step_s)
+        sizes[1 + k] = site.effect.words_at(site.hook, step_s)
     sizes[1 + count :] = [math.ceil(length / step_s) + 4 for length in plant.lines_s.values()]
     return on, values, np.cumsum(sizes)
 

@@ -216,6 +216,5 @@ def test_its_coefficients_are_what_the_transform_takes(effect: Effect) -> None:
         given = dict(effect.coefficients(given, INTERVAL_S))
     assert set(site.arguments) <= set(given)
     if "state" in inspect.signature(effect.transform.py_func).parameters:
-        scaled = {parameter.name: parameter for parameter in effect.parameters_at(hook)}
-        assert effect.memory(scaled, INTERVAL_S) > 0
+        assert effect.words_at(hook, INTERVAL_S) > 0
     assert dataclasses.is_dataclass(effect)

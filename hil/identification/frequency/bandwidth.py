@@ -109,13 +109,12 @@ def reference_notes(response: FrequencyResponse, phase_90: Crossing, rule: Refer
     return (note,)
 
 
-def magnitude_crossing(response: FrequencyResponse, level_db: float, reference_hz: float | None = None) -> Crossing:
-    """Where magnitude falls to a level relative to that at a reference (the lowest frequency when None)."""
-    at = 0 if reference_hz is None else int(np.argmin(np.abs(response.frequency_hz - reference_hz)))
+def magnitude_crossing(response: FrequencyResponse, level_db: float) -> Crossing:
+    """Where magnitude falls to a level relative to that at the lowest frequency."""
     own = response.magnitude_std_db
-    shared = np.full(len(own), own[at])  # the reference is in every other line
-    shared[at] = own[at] = 0.0
-    return _crossing(response.frequency_hz, response.normalised(reference_hz).magnitude_db, own, shared, level_db, "dB")
+    shared = np.full(len(own), own[0])  # the reference is in every other line
+    shared[0] = own[0] = 0.0
+    return _crossing(response.frequency_hz, response.normalised().magnitude_db, own, shared, level_db, "dB")
 
 
 def phase_crossing(response: FrequencyResponse, level_deg: float) -> Crossing:

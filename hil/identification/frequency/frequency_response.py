@@ -121,20 +121,17 @@ class FrequencyResponse:
         std = np.sqrt(squared / np.maximum(4.0 * beyond, 2.0 * np.sqrt(squared)))
         return np.where(COVERAGE_FACTOR * np.sqrt(one) < 1.0, np.sqrt(beyond), np.nan), std
 
-    def normalised(self, reference_hz: float | None = None) -> FrequencyResponse:
-        """Magnitude over that at a reference frequency (the lowest when None): eq. 1 of the HPV41 paper.
+    def normalised(self) -> FrequencyResponse:
+        """Magnitude over that at the lowest frequency: eq. 1 of the HPV41 paper.
 
         This deletes the static gain, which friction and dead band make depend on amplitude; keep the raw one
         too. The uncertainty of the reference is added to every other line.
         """
-        at = 0 if reference_hz is None else int(np.argmin(np.abs(self.frequency_hz - reference_hz)))
-        size = abs(self.response[at])
-        radial = np.full(len(self), self._std_along(self.response)[at] ** 2)
-        across = self._std_along(1j * self.response) ** 2
-        along = self._std_along(self.response) ** 2 + radial
-        along[at] = 0.0
-        response = self.response / size
-        note = f"magnitude over that at {self.frequency_hz[at]:g} Hz"
+        along, across = self._std_along(self.response) ** 2, self._std_along(1j * self.response) ** 2
+        along += along[0]
+        along[0] = 0.0
+        response = self.response / abs(self.response[0])
+        note = f"magnitude over that at {self.frequency_hz[0]:g} Hz"
         return replace(
             self, response=response, covariance=_rotated(response, along, across), output_unit="1", input_unit="1",
             corrections=(*self.corrections, note),

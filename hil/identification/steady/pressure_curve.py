@@ -110,7 +110,4 @@ def pressure_curve(
     if len(sweeps) < 2 or np.ptp(speeds) == 0.0:
         raise InputError(f"{name}: a pressure curve needs sweeps at two speeds")
     estimate = sweep_estimate(name, sweeps, standing, draws=draws)
-    rising, falling = (
-        np.where(np.isnan(branch), estimate.response, branch) for branch in (estimate.branch(1), estimate.branch(-1))
-    )
-    return PressureCurve(estimate, loop(estimate, certain, speeds), rising, falling)
+    return PressureCurve(estimate, loop(estimate, certain, speeds), estimate.whole_branch(1), estimate.whole_branch(-1))

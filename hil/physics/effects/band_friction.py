@@ -55,7 +55,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 2,
+    memory=2,
     settle=settle,
     equation="F = F_C·z;  dz/dx = (s − z·sgn v)/x_0,  s = 1 forwards, r backwards",
     signature="a loop of force over travel that does not depend on speed, its corners rounded after each reversal",

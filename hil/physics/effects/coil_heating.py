@@ -48,7 +48,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 1,
+    memory=1,
     settle=settle,
     coefficients=coefficients,
     equation="τ·dϑ/dt + ϑ = h·(i/i_N)²;  F ∝ i/(1 + ϑ)",

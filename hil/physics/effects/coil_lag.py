@@ -62,7 +62,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 2,
+    memory=2,
     settle=settle,
     coefficients=coefficients,
     equation="F = (e + k·(F₂/U)²)·F(i) + (1 − e − k·(F₂/U)²)·F₂, (r·T²/4·s² + T·s + 1)·F₂ = F(i)",

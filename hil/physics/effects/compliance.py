@@ -34,7 +34,7 @@ EFFECT = Effect(
     parameters=(EffectParameter("swell", "{motion}/bar", 0.0, 0.002, 0.0, 0.2, "volume taken up per bar, as travel"),),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 1,
+    memory=1,
     settle=settle,
     equation="q_C = C·dp/dt",
     signature="lags when pressure builds up and gives it back when pressure falls; nothing at steady pressure",

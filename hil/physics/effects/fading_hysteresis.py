@@ -49,7 +49,7 @@ EFFECT = Effect(
     transform=transform,
     settle=settle,
     starts=starts,
-    memory=lambda _parameters, _step_s: 2,
+    memory=2,
     equation="y = u − w·z/(1 + (c·u/U)²),  dz = (du − |du|·z)/r",
     signature="a loop that does not depend on speed, rounded after reversals; small motions wear the memory off",
     source="Visintin: Differential Models of Hysteresis, 1994, ch. V; Jiles, Atherton, J. Magn. Magn. Mater. 61, 1986",

@@ -88,7 +88,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 2,
+    memory=2,
     settle=settle,
     equation="ż = v − |v|·z/z_s(v);  F = (F_C/z_0)·z;  F_ss = F_C·(1 + (r − 1)·exp(−(v/v_s)²))·sgn v",
     signature="phase lag that stays as frequency falls, odd harmonics, residual at reversals of motion; "

@@ -58,7 +58,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: PLAYS,
+    memory=PLAYS,
     equation="y = u − w·mean_k[(u − play_{r_k}(u))/r_k] / (1 + (c·u/U)²),  r_k evenly from l·r to r",
     signature="a loop that does not depend on speed, rounded after reversals, minor loops that close",
     source="Brokate, Sprekels: Hysteresis and Phase Transitions, 1996",

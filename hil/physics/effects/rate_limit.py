@@ -29,7 +29,7 @@ EFFECT = Effect(
     parameters=(EffectParameter("rate", "{value}/s", math.inf, 2.0, 0.02, 200.0, "fastest change", by_law=0.02),),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 1,
+    memory=1,
     equation="|dy/dt| ≤ R",
     signature="steps become ramps of constant slope, bandwidth falls as amplitude grows",
     source="Merritt: Hydraulic Control Systems, 1967, ch. 7",

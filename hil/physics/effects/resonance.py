@@ -68,7 +68,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 3,
+    memory=3,
     settle=settle,
     coefficients=coefficients,
     equation="ÿ/ω² + 2ζ·ẏ/ω + y = u",

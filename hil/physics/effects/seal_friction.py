@@ -49,7 +49,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 2,
+    memory=2,
     settle=settle,
     equation="F = (F_0 + μ·A·p)·z;  dz/dx = (1 − z·sgn v)/x_0",
     signature="a loop of force over travel that opens with pressure, its corners rounded after each reversal",

@@ -67,7 +67,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 3,
+    memory=3,
     settle=settle,
     coefficients=coefficients,
     equation="(r·T²/4·s² + T·s + 1)·y = u",

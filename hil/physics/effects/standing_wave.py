@@ -72,7 +72,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 2 + _WORDS * WAVES,
+    memory=2 + _WORDS * WAVES,
     settle=settle,
     equation="y = d·u + 4·(1 + ρ)/P · Σ_k Re q_k,  q̇_k = (−σ·√(2k − 1) + j·2π·(2k − 1)/P)·q_k + u,  σ = −2·ln ρ/P,  "
     "k = 1…3,  d: as the gain at rest is one",

@@ -37,7 +37,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 1,
+    memory=1,
     equation="x stays while |u − x| ≤ S, then goes to u ∓ S·(1 − j)",
     signature="the process value steps while the controller output ramps; the loop cycles by itself",
     source="He, Wang, Pottmann, Qin: A curve fitting method for detecting valve stiction, "

@@ -61,7 +61,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 1,
+    memory=1,
     settle=settle,
     coefficients=coefficients,
     equation="T·dΔ/dt + Δ = d·|q/q_N|^m,  q = (1 ± e)·demand;  p_s = p_0·(1 − Δ − l·d·(q/q_N)²);  q ∝ √p_s",

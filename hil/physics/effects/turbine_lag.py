@@ -42,7 +42,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 2,
+    memory=2,
     equation="ẏ = (u − y)·(k₀ + (1 − k₀)·|y|/Q)/T, T larger while |y| falls",
     signature="phase and gain fall with frequency, the more the smaller the flow; spool position is on time",
     source="Grey: Transient response of the turbine flowmeter, Jet Propulsion 26, 1956",

@@ -38,7 +38,7 @@ EFFECT = Effect(
     parameters=(EffectParameter("loss", "1", 0.0, 0.5, 0.0, 200.0, "pressure lost at full speed"),),
     transform=transform,
     settle=settle,
-    memory=lambda _parameters, _step_s: 1,
+    memory=1,
     starts=starts,
     equation="Δp = R·v·|v|",
     signature="much damping in fast motion, hardly any in slow motion: ringing goes on at standstill",

@@ -46,7 +46,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 1,
+    memory=1,
     settle=settle,
     equation="F = F_y·z;  ż = (v − |v|·z)/x_0",
     signature="a loop of force over speed that closes at high speed, steep about zero speed",

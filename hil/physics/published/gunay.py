@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 from hil.physics.transfer_function import transfer_function
 
-# Section III: the only test signal, and the fit of the model to the data that it was made from.
-AMPLITUDE_V, OFFSET_V = 5.0, 5.0
+# Section III: the only test signal, about 5 V.
+AMPLITUDE_V = 5.0
 FREQUENCY_RAD_S = 1.0
-FIT_PERCENT = 89.8
 
 # Eq. 9 (closed loop, "the transfer function obtained"); its first two numerator terms are printed
 # "−2,842e − 0,14" and "−1,998e − 0,15" and are read as −2.842·10⁻¹⁴ and −1.998·10⁻¹⁵.
@@ -26,13 +25,12 @@ OPEN_LOOP_EQ_12 = transfer_function((0.7837,), (1.0, 3.853, -0.78368989))
 
 # Section III, valve and LVDT.
 FULL_FLOW_LPM = 11.4
-VALVE_PRESSURE_BAR, CYLINDER_PRESSURE_BAR = 240.0, 250.0
+VALVE_PRESSURE_BAR = 240.0
 LVDT_RANGE_MM = 250.0
 
-# HydraForce's data sheet of the sister valve SP08-47D, 12 V: first flow, full flow, hysteresis, leakage per side.
+# HydraForce's data sheet of the sister valve SP08-47D, 12 V: first flow, full flow, hysteresis.
 FIRST_FLOW_A, FULL_FLOW_A = 0.4, 1.1
 HYSTERESIS_PERCENT = 7.0
-LEAKAGE_ML_PER_MIN, LEAKAGE_PRESSURE_BAR = 328.0, 207.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,15 +24,9 @@ Level = Literal["low", "high"]
 Class = Literal["good", "malfunctioned", "severely malfunctioned"]
 CLASSES: tuple[Class, ...] = (marked("good"), marked("malfunctioned"), marked("severely malfunctioned"))
 
-# Section 3.1.2: electrical and hydraulic specification. Resistance at 72 °F, by nominal voltage.
-REFERENCE_TEMPERATURE_F = 72.0
+# Section 3.1.2: resistance at 72 °F, by nominal voltage.
 RESISTANCE_OHM = {12: (2.1, 0.4), 24: (7.2, 0.4)}
 INDUCTANCE_LIMIT_H = 0.120
-VOLTAGE_PROOF = 1.33
-PROOF_TEMPERATURE_F = 220.0
-LEAKAGE_ML_PER_MIN = (35.0, 125.0)
-LEAKAGE_SUPPLY_PSI, LEAKAGE_RETURN_PSI, LEAKAGE_TOLERANCE_PSI = 220.0, 0.0, 3.0
-MEAN_PRESSURE_PSI, PRESSURE_AMPLITUDE_PSI, BURST_PRESSURE_PSI = 300.0, 50.0, 400.0
 
 # Section 3.1.3.1: pressures between which each sweep swings. The names are levels: "high" is the smallest but one.
 SWEEPS_PSI = {"low": (19.0, 21.0), "medium": (20.0, 140.0), "high": (133.0, 147.0)}
@@ -40,7 +34,6 @@ SWEEPS_PSI = {"low": (19.0, 21.0), "medium": (20.0, 140.0), "high": (133.0, 147.
 # Section 3.1.3.2: step currents and the mean largest pressure that each reaches.
 STEP_CURRENTS_A = (1.2, 1.4, 1.6, 1.8, 2.0)
 STEP_PRESSURES_PSI = (3.1, 26.0, 120.0, 160.0, 210.0)
-STEP_REPEATS = 3
 CLASSIFIED_CURRENT_A: Mapping[Level, float] = {"low": 1.4, "high": 1.6}
 
 DECLARED = {
