@@ -29,7 +29,12 @@ def why_not_better(problem: Problem, nominal: Array, predicted: Array, kept: Kep
     """
     if kept.basis == NOTHING:
         return Note("there is no part of the recordings that no fit has seen")
-    gains = _gains(problem, nominal, predicted, kept)
+    # by how much the squared error falls in each block that has something to judge
+    settles_s = max(time_constant_s(problem.model, e) for e in problem.experiments)
+    lasting_s = sum(e.duration_s for e in problem.experiments)
+    blocks = problem.block_labels(max(FORGOTTEN * settles_s, lasting_s / _MOST))[kept.scored]
+    gain = nominal[kept.scored] ** 2 - predicted[kept.scored] ** 2
+    gains = np.bincount(blocks, gain).astype(np.float64)[np.bincount(blocks) > 0]
     if len(gains) < _FEWEST:
         return Note(
             "the parts that no fit has seen make {count} blocks longer than the plant settles in; {least} are needed",
@@ -50,13 +55,3 @@ def by_sign_changes(gains: Array) -> float:
         drawn = np.random.default_rng(count).integers(0, 2, (_DRAWN, count))
         signs = np.vstack([np.ones(count), 1.0 - 2.0 * drawn])
     return float(np.mean(signs @ gains >= gains.sum() * (1.0 - 1e-12)))
-
-
-def _gains(problem: Problem, nominal: Array, predicted: Array, kept: KeptBack) -> Array:
-    """By how much the squared error falls in each block that has something to judge."""
-    settles_s = max(time_constant_s(problem.model, e) for e in problem.experiments)
-    lasting_s = sum(e.duration_s for e in problem.experiments)
-    blocks = problem.block_labels(max(FORGOTTEN * settles_s, lasting_s / _MOST))[kept.scored]
-    gain = nominal[kept.scored] ** 2 - predicted[kept.scored] ** 2
-    found: Array = np.bincount(blocks, gain).astype(np.float64)[np.bincount(blocks) > 0]
-    return found

@@ -429,7 +429,12 @@ def _load(source: str, name: str) -> ModuleType:
         if not path.exists():
             forget_unused(path.parent)
             write_whole(path, source.encode())
-        return _imported(path, name)
+        spec = importlib.util.spec_from_file_location(f"hil_kernel_{name}", path)
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[spec.name] = module  # numba looks its functions up by module name
+        spec.loader.exec_module(module)
+        return module
 
 
 @cache
@@ -438,12 +443,3 @@ def _unkept() -> Path:
     folder = tempfile.mkdtemp(prefix="hil-kernels-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
-
-
-def _imported(path: Path, name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(f"hil_kernel_{name}", path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # numba looks its functions up by module name
-    spec.loader.exec_module(module)
-    return module

@@ -13,7 +13,7 @@ import numpy as np
 from hil.errors import InputError
 from hil.identification.frequency.factored import coefficients, model_of, units
 from hil.identification.frequency.frequency_response import FrequencyResponse
-from hil.identification.frequency.rational import Data, Form, Solution, data, solve
+from hil.identification.frequency.rational import Form, data, solve
 from hil.identification.uncertainty.fit import fit_percent
 from hil.language.note import Note
 from hil.physics.readings import readings
@@ -172,7 +172,24 @@ def fit_form(
     given = data(response.frequency_hz, response.response, whitening(response, used))
     begin = None if start is None else start / units(form, given.scale)
     solved = solve(replace(form, dead_time_s=form.dead_time_s * given.scale), given, begin)
-    return _result(response, form, used, given, solved)
+    seconds = units(form, given.scale)
+    dof = 2 * len(response) - form.unknowns
+    spread = solved.chi2 / dof
+    # Known noise: the data set the scale, but a misfit beyond it widens every interval (Birge). Unknown: the
+    # residual sets it.
+    factor = max(1.0, spread) if used == "covariance" else spread
+    inverse = np.linalg.pinv(solved.jacobian.T @ solved.jacobian, hermitian=True)
+    later = given.white(given.s * given.scale * response.delay_std_s * given.response)
+    moved = inverse @ solved.jacobian.T @ later  # by a delay that all lines share
+    covariance = factor * inverse + np.outer(moved, moved)
+    parameters = solved.parameters * seconds
+    model = model_of(form, parameters)
+    return TransferFunctionFit(
+        model, form, parameters, covariance * np.outer(seconds, seconds), used,
+        spread if used == "covariance" else math.nan,
+        fit_percent(response.response, model.at(response.frequency_hz)),
+        response.frequency_hz, response.response, solved.residuals, solved.converged,
+    )  # fmt: skip
 
 
 def check_form(response: FrequencyResponse, form: Form) -> None:
@@ -198,26 +215,3 @@ def whitening(response: FrequencyResponse, weights: Weights) -> Array:
         return np.linalg.inv(np.linalg.cholesky(covariance))
     scale = size if weights == "relative" else np.full(len(size), float(np.mean(size)))
     return np.eye(2) / scale[:, None, None]
-
-
-def _result(
-    response: FrequencyResponse, form: Form, weights: Weights, given: Data, solved: Solution
-) -> TransferFunctionFit:
-    seconds = units(form, given.scale)
-    dof = 2 * len(response) - form.unknowns
-    spread = solved.chi2 / dof
-    # Known noise: the data set the scale, but a misfit beyond it widens every interval (Birge). Unknown: the
-    # residual sets it.
-    factor = max(1.0, spread) if weights == "covariance" else spread
-    inverse = np.linalg.pinv(solved.jacobian.T @ solved.jacobian, hermitian=True)
-    later = given.white(given.s * given.scale * response.delay_std_s * given.response)
-    moved = inverse @ solved.jacobian.T @ later  # by a delay that all lines share
-    covariance = factor * inverse + np.outer(moved, moved)
-    parameters = solved.parameters * seconds
-    model = model_of(form, parameters)
-    return TransferFunctionFit(
-        model, form, parameters, covariance * np.outer(seconds, seconds), weights,
-        spread if weights == "covariance" else math.nan,
-        fit_percent(response.response, model.at(response.frequency_hz)),
-        response.frequency_hz, response.response, solved.residuals, solved.converged,
-    )  # fmt: skip

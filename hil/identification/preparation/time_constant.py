@@ -7,7 +7,6 @@ import numpy as np
 from hil.identification.preparation.experiment import Experiment
 from hil.physics.model import Model
 from hil.physics.simulate import Drive, simulate
-from hil.record.recording import Array
 
 # Steps that are tried, as shares of full scale: a small one stays linear, but may end within a dead band.
 _STEPS = (0.05, 0.25, 0.6)
@@ -34,20 +33,15 @@ def time_constant_s(model: Model, e: Experiment) -> float:
 
 def _time_constant_s(model: Model, e: Experiment, interval_s: float) -> float:
     for share in _STEPS:
-        change = _moved_by(model, e, share, interval_s)
+        # how much further the output moves with a step from where the recording begins than without
+        rest, full = e.drive.inputs[:, :1], model.definition.inputs[0].full_scale
+        held = np.repeat(rest, _SAMPLES, axis=1)
+        stepped = held.copy()
+        stepped[0, 1:] += share * full * (-1.0 if rest[0, 0] > 0.5 * full else 1.0)
+        drives = (Drive(inputs, e.drive.first_output, interval_s) for inputs in (held, stepped))
+        without, answer = (simulate(model.definition, model.values, d, model.active_effects)[0] for d in drives)
+        change = np.abs(answer - without)
         if change[-1] > 0.0:
             settles = abs(change[-1] - change[3 * _SAMPLES // 4]) <= 0.01 * change[-1]
             return float(np.argmax(change >= 0.632 * change[-1])) * interval_s if settles else 0.0
     return 0.0
-
-
-def _moved_by(model: Model, e: Experiment, share: float, interval_s: float) -> Array:
-    """How much further the output moves with a step from where the recording begins than without, (_SAMPLES,)."""
-    rest, full = e.drive.inputs[:, :1], model.definition.inputs[0].full_scale
-    held = np.repeat(rest, _SAMPLES, axis=1)
-    stepped = held.copy()
-    stepped[0, 1:] += share * full * (-1.0 if rest[0, 0] > 0.5 * full else 1.0)
-    drives = (Drive(inputs, e.drive.first_output, interval_s) for inputs in (held, stepped))
-    without, answer = (simulate(model.definition, model.values, d, model.active_effects)[0] for d in drives)
-    moved: Array = np.abs(answer - without)
-    return moved

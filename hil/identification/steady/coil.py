@@ -77,7 +77,9 @@ def fit_coil(readings: CoilReadings) -> Coil:
     Raises:
         InputError: the demand does not rise and fall between rests of at least 0.2 s.
     """
-    rests = _rests(readings)
+    # first and end sample of every stretch of at least 0.2 s in which the demand stands
+    still, time_s = np.diff(readings.demand_a) == 0.0, readings.time_s
+    rests = [(a, b + 1) for a, b in runs(still) if time_s[b] - time_s[a] >= _REST_S - 1e-9]
     if len(rests) < 3:
         raise InputError("coil: the current must rise and fall between rests of at least 0.2 s")
     levels = [_level(readings, rest) for rest in rests]
@@ -97,12 +99,6 @@ def fit_coil(readings: CoilReadings) -> Coil:
         float(ohm), float(spread[0]), float(henry), math.hypot(float(spread[1]), grain), voltage, current, asked,
         float(np.std(tops, ddof=1)) if len(tops) > 1 else 0.0,
     )  # fmt: skip
-
-
-def _rests(readings: CoilReadings) -> list[tuple[int, int]]:
-    """First and end sample of every stretch of at least 0.2 s in which the demand stands."""
-    still, time_s = np.diff(readings.demand_a) == 0.0, readings.time_s
-    return [(a, b + 1) for a, b in runs(still) if time_s[b] - time_s[a] >= _REST_S - 1e-9]
 
 
 def _settled(rest: tuple[int, int]) -> slice:

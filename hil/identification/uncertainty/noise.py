@@ -172,7 +172,12 @@ def measured_noise(
         residuals: of the model, shape (n,) each.
         step_s: interval of the samples.
     """
-    noise = _floor_of(outputs, residuals)
+    # white noise as all outputs show it, and less where a model takes what is no noise out of their differences
+    floors = [
+        max(min(channel_floor(y), white_floor(r)), rounding_of(y)) for y, r in zip(outputs, residuals, strict=True)
+    ]
+    floor = float(np.sqrt(np.mean(np.square(floors))))
+    noise = Noise(floor, std_uncertainty=_MEDIAN_SPREAD * floor / math.sqrt(sum(map(len, outputs))))
     seen, left = noise_of(_alike(witnesses, step_s), step_s), noise_of(residuals, step_s)
     if _exceeds(seen, noise):
         noise = seen
@@ -191,15 +196,6 @@ def _alike(witnesses: Sequence[Array], step_s: float) -> list[Array]:
 def _exceeds(more: Noise, less: Noise) -> bool:
     """Whether a level is above another one, beyond the uncertainty of both."""
     return more.std - less.std > COVERED * math.hypot(more.std_uncertainty, less.std_uncertainty)
-
-
-def _floor_of(outputs: Sequence[Array], residuals: Sequence[Array]) -> Noise:
-    """White noise as all outputs show it, and less where a model takes what is no noise out of their differences."""
-    floors = [
-        max(min(channel_floor(y), white_floor(r)), rounding_of(y)) for y, r in zip(outputs, residuals, strict=True)
-    ]
-    floor = float(np.sqrt(np.mean(np.square(floors))))
-    return Noise(floor, std_uncertainty=_MEDIAN_SPREAD * floor / math.sqrt(sum(map(len, outputs))))
 
 
 def noise_in(known: Noise | None, floor: float) -> Noise:
