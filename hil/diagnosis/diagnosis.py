@@ -242,37 +242,28 @@ class Diagnosis:
 
     def as_dict(self) -> dict[str, Any]:
         """`diagnosis.json`: the contract's fields and more, without the pictures' arrays."""
-        made: dict[str, Any] = plain(
-            {
-                "schema": SCHEMA,
-                "question": self.question,
-                "why_asked": self.why_asked,
-                "verdict": self.verdict,
-                "headline": self.headline,
-                "plant": self.plant,
-                "effects": [f.as_dict() for f in self.effects],
-                "changed_parameters": [c.as_dict() for c in self.changed_parameters],
-                "not_separable": self.not_separable,
-                "next_test": self.next_test,
-                "candidates": self.candidates,
-                "fit": {"held_out": self.held_out, "kept_back": self.kept_back, "recordings": self.recordings},
-                "left_out": self.left_out,
-                "gate": self.gate,
-                "table": self.table,
-                "corrected_is": self.corrected_is,
-                "why_corrected": self.why_corrected,
-                "mismatch": self.mismatch,
-                "left": self.left,
-                "limits": self.limits,
-                "warnings": self.warnings,
-                "false_alarm_rate": self.false_alarms.rate,
-                "false_alarm_scope": self.false_alarms.scope,
-                "seconds": self.seconds,
-                "work": self.work,
-                SIMULATED: self.simulated,
-                "codes": codes_of(self._texts()),
-            }
-        )
+
+        def stated(*names: str) -> dict[str, Any]:
+            return {name: getattr(self, name) for name in names}
+
+        made: dict[str, Any] = plain({
+            "schema": SCHEMA,
+            **stated(
+                "question", "why_asked", "verdict", "headline", "plant", "effects", "changed_parameters",
+                "not_separable", "next_test", "candidates",
+            ),
+            "effects": [f.as_dict() for f in self.effects],
+            "changed_parameters": [c.as_dict() for c in self.changed_parameters],
+            "fit": {"held_out": self.held_out, "kept_back": self.kept_back, "recordings": self.recordings},
+            **stated(
+                "left_out", "gate", "table", "corrected_is", "why_corrected", "mismatch", "left", "limits", "warnings",
+            ),
+            "false_alarm_rate": self.false_alarms.rate,
+            "false_alarm_scope": self.false_alarms.scope,
+            **stated("seconds", "work"),
+            SIMULATED: self.simulated,
+            "codes": codes_of(self._texts()),
+        })  # fmt: skip
         return made
 
     def _texts(self) -> Iterator[str]:

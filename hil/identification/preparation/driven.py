@@ -25,11 +25,12 @@ def as_driven(recording: Recording) -> Recording:
     phase of a dither is not known; its mean over a period is what is taken.
     """
     outputs = _outputs(recording)
-    channels = {name: replace(c, values=_acted(c.values, outputs[name])) for name, c in recording.channels.items()
-                if name in outputs}  # fmt: skip
-    own = {name: replace(taken, values=_acted(taken.values, outputs[name])) for name, taken in recording.own.items()
-           if name in outputs}  # fmt: skip
-    return replace(recording, channels={**recording.channels, **channels}, own={**recording.own, **own})
+    channels, own = dict(recording.channels), dict(recording.own)
+    for name, how in outputs.items():
+        channels[name] = replace(channels[name], values=_acted(channels[name].values, how))
+        if name in own:
+            own[name] = replace(own[name], values=_acted(own[name].values, how))
+    return replace(recording, channels=channels, own=own)
 
 
 def with_dither(recording: Recording) -> tuple[Recording, ...]:
