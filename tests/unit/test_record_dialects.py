@@ -207,7 +207,13 @@ def test_segments_of_an_lvm_that_cannot_be_joined_are_said(tmp_path: Path) -> No
     )
     found = read(tmp_path, content, name="x.lvm")
     assert len(found) == 20
-    assert found.meta["assumed"][0].startswith("only the first recording of the file is read; another begins at line")
+    assert found.meta["assumed"] == ["only the first of 2 recordings in the file is read"]
+
+
+def test_a_text_among_the_numbers_of_an_lvm_is_no_value(tmp_path: Path) -> None:
+    content = LVM + segment(0, 20, "10:00:00.0", 0.0).replace("\t7\t3.5\n", "\t7\tlost\n")
+    with pytest.raises(FileError, match=r"sample 7, channel 'flow': no value \(1 such of 20\); with --gaps"):
+        read(tmp_path, content, name="x.lvm")
 
 
 CURRENT = "time (s),{},flow (l/min)\n"
