@@ -182,14 +182,21 @@ def fastest_pole_rad_s(values: Parameters) -> float:
 
 def _beyond_nyquist(model: Model, experiments: Sequence[Experiment]) -> list[Note]:
     fastest_s, limit = min(e.interval_s for e in experiments), fastest_shown_rad_s(experiments)
-    return [
+    beyond = {name: value for name, value in _corners(model).items() if value > limit}
+    notes = [
         Note(
             "{name} at {corner:.4g} rad/s is no measurement: samples {apart_s:.3g} s apart show at most {limit:.4g} "
-            "rad/s. Sample at {rate_hz:g} Hz or faster",
-            name=name, corner=value, limit=limit, apart_s=fastest_s, rate_hz=enough_hz(value),
+            "rad/s",
+            name=name, corner=value, limit=limit, apart_s=fastest_s,
         )
-        for name, value in _corners(model).items() if value > limit
+        for name, value in beyond.items()
     ]  # fmt: skip
+    if model.origin.get("discrepancy"):  # a wrong model's poles ask for no rate
+        return notes
+    return [
+        Note("{note}. Sample at {rate_hz:g} Hz or faster", note=note, rate_hz=enough_hz(value))
+        for note, value in zip(notes, beyond.values(), strict=True)
+    ]
 
 
 def _corners(model: Model) -> dict[str, float]:
@@ -208,7 +215,9 @@ def enough_hz(corner_rad_s: float) -> float:
 
 
 def too_slow_hz(model: Model, experiments: Sequence[Experiment]) -> float:
-    """The rate that the fastest pole of a fitted model needs; 0 where the samples show it."""
+    """The rate that the fastest pole of a fitted model needs; 0 where the samples show it, or the model is wrong."""
+    if model.origin.get("discrepancy"):
+        return 0.0
     fastest = max(_corners(model).values(), default=0.0)
     return enough_hz(fastest) if fastest > fastest_shown_rad_s(experiments) else 0.0
 
