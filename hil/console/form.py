@@ -10,7 +10,7 @@ from typing import Any, get_args, get_origin
 
 from hil.errors import SettingError
 from hil.session.procedure import Procedure
-from hil.session.setting import Setting, type_text, value_text
+from hil.session.setting import Setting, value_text
 
 _NAMED = re.compile(r"\bsetting '?(\w+)|^(\w+)[ :]")
 
@@ -24,7 +24,6 @@ class Field:
         kind: `choice`, `switch`, `number`, `list` or `text`.
         options: of a choice.
         default: as it would be typed.
-        expects: the type in words.
         allowed: the range of its numbers, empty where any is taken.
     """
 
@@ -34,7 +33,6 @@ class Field:
     kind: str
     options: tuple[str, ...]
     default: str
-    expects: str
     allowed: str
 
 
@@ -70,8 +68,7 @@ def setting_named_in(procedure: Procedure, message: str) -> str:
 def _field(setting: Setting) -> Field:
     kind, options = _kind(setting.type)
     default = "none" if setting.default is None else value_text(setting.default)
-    return Field(setting.name, setting.unit, setting.meaning, kind, options, default, type_text(setting.type),
-                 setting.allowed)  # fmt: skip
+    return Field(setting.name, setting.unit, setting.meaning, kind, options, default, setting.allowed)
 
 
 def _kind(declared: Any) -> tuple[str, tuple[str, ...]]:

@@ -63,7 +63,7 @@ def _as_contract(encoding: str, lines: Sequence[str]) -> Layout | None:
             kinds = tuple(_kind([row[i] for row in rows if len(row) > i]) for i in range(len(cells)))
             decimal, thousands = _marks(mark, rows)
             units = ("",) * len(cells)
-            return Layout(encoding, mark, decimal, thousands, tuple(cells), units, at + 1, at + 2, kinds)
+            return Layout(encoding, mark, decimal, thousands, tuple(cells), units, at + 2, kinds)
     return None
 
 
@@ -92,7 +92,7 @@ def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named:
     inside = [_unit_in_cells([row[i] for row in rows if len(row) > i and not is_blank(row[i])]) for i in range(count)]
     inside = ["" if headings.split(cell)[1] else found for cell, found in zip(cells, inside, strict=True)]
     units = tuple(unit or found for unit, found in zip(units, inside, strict=True))
-    return Layout(encoding, separator, decimal, thousands, cells, units, at, first + 1, kinds)
+    return Layout(encoding, separator, decimal, thousands, cells, units, first + 1, kinds)
 
 
 def _days_apart(cells: Sequence[str], kinds: Sequence[Kind]) -> int:

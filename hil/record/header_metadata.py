@@ -193,7 +193,7 @@ def _known(
     decimal = "." if mark == "," else decimal_and_thousands([c for row in samples for c in row])[0]
     made = Layout(
         encoding, mark, decimal, "", tuple(by_place.get(i, ("", ""))[0] for i in range(width)),
-        tuple(by_place.get(i, ("", ""))[1] for i in range(width)), 0, first + 1, kinds,
+        tuple(by_place.get(i, ("", ""))[1] for i in range(width)), first + 1, kinds,
     )  # fmt: skip
     return Known(made, partial(_tables, form, (metadata.start_s, interval_s, words), at))
 

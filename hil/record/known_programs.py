@@ -59,13 +59,13 @@ def _rigol(encoding: str, lines: Sequence[str]) -> Known | None:
         start, step = units[len(names) + 1 : len(names) + 3]
         kinds = _NUMBER * (len(names) + 1)
         headings, of_channels = ("X", *names), ("", *units[1 : len(names) + 1])
-        made = Layout(encoding, ",", ".", "", headings, of_channels, 1, 3, kinds)
+        made = Layout(encoding, ",", ".", "", headings, of_channels, 3, kinds)
         return Known(made, partial(_evenly, float(start), float(step), 1))
     if found := _RIGOL_HEAD.match(lines[0]):
         names, count = found["names"].split(","), len(lines[1].rstrip(",").split(","))
         width = len(lines[1].split(","))
         headings = (*names[:count], *[""] * (width - count))
-        made = Layout(encoding, ",", ".", "", headings, ("",) * width, 1, 2, _NUMBER * width)
+        made = Layout(encoding, ",", ".", "", headings, ("",) * width, 2, _NUMBER * width)
         return Known(made, partial(_evenly, float(found["start"]), float(found["step"]), 0))
     return None
 
@@ -95,7 +95,7 @@ def _spice(path: Path, encoding: str, lines: Sequence[str]) -> Known | None:
     row = 3 if stepped else 2
     if first.casefold() == "time":
         units = ("s", *(_SPICE_UNITS[trace.lstrip("-")[0].casefold()] if _is_trace(trace) else "" for trace in traces))
-        made = Layout(encoding, mark, ".", "", (first, *traces), units, 1, row, _NUMBER * (1 + len(traces)))
+        made = Layout(encoding, mark, ".", "", (first, *traces), units, row, _NUMBER * (1 + len(traces)))
         return Known(made, lambda columns: [Table("", columns)])
     if len(traces) > 1:
         raise FileError(
@@ -103,7 +103,7 @@ def _spice(path: Path, encoding: str, lines: Sequence[str]) -> Known | None:
             "them over another: plot and export V(out)/V(in)"
         )
     kinds: tuple[Kind, ...] = ("number", "text")
-    made = Layout(encoding, "\t", ".", "", (first, *traces), ("Hz", ""), 1, row, kinds)
+    made = Layout(encoding, "\t", ".", "", (first, *traces), ("Hz", ""), row, kinds)
     return Known(made, partial(_complex, path))
 
 
@@ -154,7 +154,7 @@ def _twincat(path: Path, encoding: str, lines: Sequence[str]) -> Known | None:
     decimal, _ = decimal_and_thousands([cell for cells in rows[at:] for cell in cells])
     kinds = _NUMBER * len(headings)
     made = Layout(
-        encoding, mark, decimal, "", headings, ("",) * len(headings), start + 1, at + 1, kinds,
+        encoding, mark, decimal, "", headings, ("",) * len(headings), at + 1, kinds,
         remarks=_end_mark(path, encoding),
     )  # fmt: skip
     return Known(made, partial(_by_twos, about))

@@ -24,10 +24,8 @@ class Layout:
     Attributes:
         separator: between fields, or `WHITESPACE`.
         headings, units: of the columns, empty texts where none are stated.
-        heading_line: its number, from 1; 0 where there is none.
         first_row: number of the first line with samples.
         kinds: of the columns.
-        rows: how many there are, None up to the end.
         remarks: numbers of lines among the samples that are left out.
     """
 
@@ -37,10 +35,8 @@ class Layout:
     thousands: str
     headings: tuple[str, ...]
     units: tuple[str, ...]
-    heading_line: int
     first_row: int
     kinds: tuple[Kind, ...]
-    rows: int | None = None
     remarks: frozenset[int] = frozenset()
 
     def split(self, line: str) -> list[str]:

@@ -185,7 +185,7 @@ def _table(pd: Any, path: Path, found: Layout, spare: bool = False, by_hand: boo
                     file, sep=found.separator, decimal=found.decimal, thousands=thousands,
                     skiprows=_skipped(found), header=None, names=names, index_col=False, dtype=kinds,
                     na_values=blanks, keep_default_na=False, skipinitialspace=True, encoding=encoding,
-                    encoding_errors="strict" if only_numbers else "replace", engine="c", nrows=found.rows,
+                    encoding_errors="strict" if only_numbers else "replace", engine="c",
                 )  # fmt: skip
     except pd.errors.EmptyDataError:
         raise FileError(f"{path}: no rows after the header") from None

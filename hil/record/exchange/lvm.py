@@ -46,13 +46,12 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
         tables = [_tables(path.stem, found.get("X_Columns") != "No", segment) for segment in segments]
     except (LookupError, SyntaxError, ValueError) as error:
         raise FileError(f"{path}: cannot be read as LVM: {reason(error)}") from None
-    made, note = joined_segments(tables, [_start(found, segment) for segment in segments])
+    made, note = _joined_segments(tables, [_start(found, segment) for segment in segments])
     return assemble(str(path), made, {"assumed": [note]} if note else None, reading)
 
 
-def joined_segments(segments: Sequence[list[Table]], starts: Sequence[NDArray[Any]]) -> tuple[list[Table], str]:
-    """The tables of all segments as one, at their times, and that they were joined; of the first where that cannot be;
-    and what was done.
+def _joined_segments(segments: Sequence[list[Table]], starts: Sequence[NDArray[Any]]) -> tuple[list[Table], str]:
+    """The tables of all segments as one, at their times, else those of the first; and what was done, in words.
 
     Args:
         segments: the tables of each, with the same headings in all.
