@@ -179,7 +179,7 @@ def test_what_this_bench_cannot_do_is_refused_before_anything_moves(tmp_path, se
     assert not (tmp_path / "run").exists()
 
 
-def test_of_a_dead_valve_no_drift_is_told():
+def test_a_dead_valve_has_no_drift():
     blocks = [Block(10 * i, 10, dict.fromkeys((*FIGURES, "amplitude"), 0.0), {}) for i in range(4)]
     assert math.isnan(along(blocks, "offset").percent)
     assert not along(blocks, "gain").chance(1.0) < 1.0

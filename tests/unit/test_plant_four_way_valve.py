@@ -124,9 +124,9 @@ def test_the_spool_moves_as_the_supply_lets_its_pilot(supply, share):
     rate = p["pilot_rate"] * share
 
     def motion(_time_s, state):
-        flapper, swing, spool = state
-        pull = p["motor_frequency"] ** 2 * (50.0 - flapper) - 2.0 * p["motor_damping"] * p["motor_frequency"] * swing
-        return swing, pull, rate * (flapper - spool)
+        flapper, speed, spool = state
+        pull = p["motor_frequency"] ** 2 * (50.0 - flapper) - 2.0 * p["motor_damping"] * p["motor_frequency"] * speed
+        return speed, pull, rate * (flapper - spool)
 
     time_s = 2.5e-4 * np.arange(400)
     expected = solve_ivp(motion, (0.0, 0.1), (0.0, 0.0, 0.0), t_eval=time_s, rtol=1e-9, atol=1e-9).y[2]

@@ -23,7 +23,7 @@ _STATES = (
     "tank",
     "load",
     "flapper",
-    "swing",
+    "flapper_speed",
     "spool",
     "pressure_a",
     "moved_a",
@@ -61,8 +61,8 @@ def between(pressure: float, supply: float, tank: float) -> float:
 
 
 @compiled
-def is_open(left_a: float, left_b: float) -> bool:
-    """Whether the flows of a chamber are still out of balance."""
+def is_unbalanced(left_a: float, left_b: float) -> bool:
+    """Whether flows into and out of a chamber still differ."""
     return left_a * left_a + left_b * left_b > _ENOUGH_L_MIN * _ENOUGH_L_MIN
 
 
@@ -118,8 +118,8 @@ def equations(command: Any, supply: Any, load: Any, tank: Any, temperature: Any,
     x.load += c.line_step * (max(load, 0.0) - x.load)
     null = c.null + c.null_supply * (x.supply / c.rated - 1.0) + c.null_tank * x.tank / c.rated
     torque = command - null - c.null_warm * warmer(temperature)
-    flapper = c.xx * x.flapper + c.xv * x.swing + (1.0 - c.xx) * torque
-    x.swing = c.vx * (x.flapper - torque) + c.vv * x.swing
+    flapper = c.xx * x.flapper + c.xv * x.flapper_speed + (1.0 - c.xx) * torque
+    x.flapper_speed = c.vx * (x.flapper - torque) + c.vv * x.flapper_speed
     # the pilot's flow moves the spool until the feedback spring has brought the flapper back
     speed = math.sqrt(max(0.5 * (before + x.supply - x.tank), 0.0) / c.rated)
     x.spool = followed(x.spool, x.flapper, flapper, c.pilot_step * speed)
@@ -144,7 +144,7 @@ def equations(command: Any, supply: Any, load: Any, tank: Any, temperature: Any,
     from_a, from_b, step_a, step_b, share = x.pressure_a, x.pressure_b, x.moved_a, x.moved_b, 1.0
     q_at, q_bt, q_load, left_a, left_b = 0.0, 0.0, 0.0, 1.0, 1.0
     least, steps = math.inf, 0.0
-    while is_open(left_a, left_b) and steps < c.most_steps:
+    while is_unbalanced(left_a, left_b) and steps < c.most_steps:
         steps += 1.0
         at_a = between(from_a + share * step_a, x.supply, x.tank)
         at_b = between(from_b + share * step_b, x.supply, x.tank)
@@ -178,8 +178,8 @@ def equations(command: Any, supply: Any, load: Any, tank: Any, temperature: Any,
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
     """Coefficients of one sub-step from the physical parameters."""
     decay = p["motor_damping"] * p["motor_frequency"]
-    swing = (0.0,) * 4 if math.isinf(step_s) else free_motion(p["motor_frequency"], decay, step_s)
-    motor = dict(zip(("xx", "xv", "vx", "vv"), swing, strict=True))
+    armature = (0.0,) * 4 if math.isinf(step_s) else free_motion(p["motor_frequency"], decay, step_s)
+    motor = dict(zip(("xx", "xv", "vx", "vv"), armature, strict=True))
     meter = first_order(p["sensor_lag"], step_s)
     stroke_um = 1e3 * p["stroke"]
     gain = p["rated_flow"] / (stroke_um * math.sqrt(_RATED_EDGE_BAR))
