@@ -87,7 +87,8 @@ class FlowAnalysis:
 
     def as_text(self) -> str:
         """As lines for a terminal."""
-        rows = [f"{self.output} over {self.input}, {self.command[0]:g} … {self.command[-1]:g}"]
+        low, high = (float(round(end, 6 - round(math.log10(np.ptp(self.command))))) for end in self.command[[0, -1]])
+        rows = [f"{self.output} over {self.input}, {low + 0.0:g} … {high:g}"]
         rows += [f"  {figure}" for figure in self.figures]
         rows.append(f"  polynomial {self.polynomial_text}")
         return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
@@ -172,6 +173,11 @@ def _figures(
         gain, steepest = largest_slope(estimate, [sweep.speed_per_s for sweep in found.sweeps])
         made += [Figure("command_half", *half, unit_in), Figure("gain_largest", *gain, f"{unit_out} per {unit_in}")]
         notes.append(Note("steepest at {at:.4g} {unit}: a good bias for dynamic tests", at=steepest, unit=unit_in))
+        one_sided = Note(
+            "the command stays on one side of {neutral:g} {unit}: a dead band and the symmetry need a sweep over both",
+            neutral=neutral, unit=unit_in,
+        )  # fmt: skip
+        notes.append(one_sided)
     return tuple(made), tuple(notes)
 
 

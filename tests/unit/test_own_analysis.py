@@ -105,6 +105,19 @@ def test_a_sweep_of_one_speed_does_not_call_lag_hysteresis():
     assert any("of one speed" in note for note in found.notes)
 
 
+def test_half_a_sweep_says_which_half_is_missing():
+    whole = sweep(10.0)
+    quarter = round(10.0 * RATE_HZ / 4.0)
+    up = whole.rows(100, quarter)
+    with pytest.raises(InputError, match="only rises; the falling sweep over the same range is missing"):
+        hil.flow_curve(up, input="valve", output="flow")
+    with pytest.raises(InputError, match="only falls; the rising sweep over the same range is missing"):
+        hil.flow_curve(whole.rows(100 + quarter, quarter), input="valve", output="flow")
+    one_side = hil.flow_curve(whole.rows(100, 2 * quarter), input="valve", output="flow")
+    assert any("stays on one side of 0 %" in note for note in one_side.notes)
+    assert one_side.as_text().startswith("flow [l/min] over valve [%], 0 … ")
+
+
 def test_flow_at_the_prompt_makes_a_curve_that_compose_takes(curve, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     hil.write(sweep(10.0), "sweep.csv")

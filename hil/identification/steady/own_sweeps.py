@@ -74,10 +74,12 @@ def own_sweeps(recordings: Sequence[Recording], input_name: str, output_name: st
         ways += [(one.speed_per_s, _line(recording.time_s, command, one), response[one.samples]) for one in found]
         standing += _at_ends(command, response)
         rests += [(value, std) for value, std, _ in _waits(command, response, neutral)]
-    directions = {bool(speed > 0.0) for speed, _, _ in ways}
-    if len(directions) < 2:
-        only = "rises" if True in directions else "falls"
-        raise InputError(f"{recordings[0].name}: the command only {only}; a flow curve needs the way back as well")
+    if len({speed > 0.0 for speed, _, _ in ways}) < 2:
+        done, lacking = ("rises", "falling") if ways[0][0] > 0.0 else ("falls", "rising")
+        raise InputError(
+            f"{recordings[0].name}: the command only {done}; the {lacking} sweep over the same range is missing: "
+            "record it at the same speed and give both recordings"
+        )
     return OwnSweeps(_by_speed(ways), tuple(standing), rests[0] if rests else None)
 
 
