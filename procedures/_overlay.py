@@ -48,5 +48,4 @@ def thinning(samples: int) -> int:
 def synthesised(fit: SineFit, time_s: Array) -> Array:
     """Offset, fundamental and harmonics at stamps, shape (n,)."""
     turn = 2.0 * math.pi * fit.frequency_hz * np.outer(np.arange(1, len(fit.phasors) + 1), time_s)
-    made: Array = fit.offset + (fit.phasors[:, None] * np.exp(1j * turn)).imag.sum(axis=0)
-    return made
+    return fit.offset + (fit.phasors[:, None] * np.exp(1j * turn)).imag.sum(axis=0)

@@ -45,8 +45,7 @@ def roles_of(recording: Recording) -> tuple[Channel, Channel]:
 
 def settings_of(recording: Recording) -> Mapping[str, Any]:
     """The settings of the run, defaults included."""
-    found: Mapping[str, Any] = recording.meta["settings"]
-    return found
+    return recording.meta["settings"]
 
 
 def parts_of(recording: Recording, kind: str) -> list[Mapping[str, Any]]:

@@ -202,7 +202,7 @@ class _Ear:
         A turn that does not last as long as its periods cannot be fitted with harmonics. What is reported is fitted
         to the whole measurement, at the stamps as they were.
         """
-        planned_s: Array = stamps_s[0] + np.arange(len(stamps_s)) / self._rate_hz
+        planned_s = stamps_s[0] + np.arange(len(stamps_s)) / self._rate_hz
         lasted = (stamps_s[-1] - stamps_s[0]) / (planned_s[-1] - planned_s[0])
         return stamps_s if abs(lasted - 1.0) <= _STALLED else planned_s
 
@@ -229,5 +229,4 @@ class _Ear:
 
 def _wave(tone: Tone, first: int, samples: int, rate_hz: float, phase_rad: float) -> Array:
     turn = 2.0 * math.pi * tone.frequency_hz / rate_hz
-    made: Array = tone.bias + tone.amplitude * np.sin(turn * np.arange(first, first + samples) + phase_rad)
-    return made
+    return tone.bias + tone.amplitude * np.sin(turn * np.arange(first, first + samples) + phase_rad)

@@ -34,15 +34,13 @@ def step_model(time_s: Array, measured: Array, figures: StepFigures) -> StepMode
 
     def follow(p: Array) -> Array:
         late = np.maximum(time_s - p[1], 0.0)
-        made: Array = -np.expm1(-late / p[0])
-        return made
+        return -np.expm1(-late / p[0])
 
     longest_s = float(time_s[-1])
     first = [max(figures.rise_s / np.log(9.0), 1e-6), max(figures.dead_time_s, 0.0)]
 
     def residuals(p: Array) -> Array:
-        made: Array = follow(p) - share
-        return made
+        return follow(p) - share
 
     def slopes(p: Array) -> Array:
         late = np.maximum(time_s - p[1], 0.0)

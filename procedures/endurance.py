@@ -179,12 +179,11 @@ def _samples(frequency_hz: float, rate_hz: float) -> int:
 def _shape(pattern: str, samples: int) -> Array:
     """One cycle between −1 and 1, from its lowest level on."""
     phase = np.arange(samples) / samples
-    found: Array = {
+    return {
         "sine": -np.cos(2.0 * math.pi * phase),
         "triangle": 1.0 - 2.0 * np.abs(2.0 * phase - 1.0),
         "square": np.where(phase < 0.5, -1.0, 1.0),
     }[pattern]
-    return found
 
 
 class _Figures:

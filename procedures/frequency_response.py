@@ -179,8 +179,7 @@ def _hummed(
     orders = np.arange(1, response.harmonics.shape[1] + 2)
     near = np.min(np.abs(np.outer(response.frequency_hz, orders) - hum_hz), axis=1)
     resolved = {one.frequency_hz: 1.0 / (one.count * interval_s) for one in segments}
-    made: NDArray[np.bool_] = near < np.array([resolved.get(f, 0.0) for f in response.frequency_hz.tolist()])
-    return made
+    return near < np.array([resolved.get(f, 0.0) for f in response.frequency_hz.tolist()])
 
 
 def _hum_note(one: Evaluated, hummed: NDArray[np.bool_], hum_hz: float | None) -> Note:

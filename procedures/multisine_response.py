@@ -125,8 +125,7 @@ def _lead(wave: Multisine, settling_s: float) -> Array:
     """The end of a period, so long that the valve has settled when the first whole one begins."""
     samples = round(settling_s * wave.rate_hz)
     repeats = -(-samples // len(wave.period))
-    made: Array = np.tile(wave.period, repeats)[len(wave.period) * repeats - samples :]
-    return made
+    return np.tile(wave.period, repeats)[len(wave.period) * repeats - samples :]
 
 
 def _levels(one: Evaluated, bla: BestLinearApproximation) -> tuple[Measured, ...]:
@@ -151,7 +150,6 @@ def _curve(one: Evaluated, bla: BestLinearApproximation) -> dict[str, Any]:
 
     def decibel(level: Array) -> Array:
         share = np.maximum(level / bla.response.output_amplitude, 1e-9)
-        made: Array = 20.0 * np.log10(share * gain / reference)
-        return made
+        return 20.0 * np.log10(share * gain / reference)
 
     return one.curve(noise_db=decibel(bla.noise_std), odd_db=decibel(bla.odd_std), even_db=decibel(bla.even_std))

@@ -15,7 +15,7 @@ from hil.identification.papers.step_models import over_lowest, step_models
 from hil.identification.step.step_estimate import MeasuredStep, measured_steps
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
-from hil.record.recording import Array, Channel, Recording
+from hil.record.recording import Channel, Recording
 from hil.record.response_table import ResponseTable
 from hil.rig import Rig
 from hil.session.allowed import Allowed
@@ -232,7 +232,7 @@ def _curve(
     lead = min(int(before["count"]), round(_BEFORE * part["count"]))
     rows = slice(part["first"] - lead, part["first"] + part["count"])
     every = max(1, (rows.stop - rows.start) // _MOST_POINTS)
-    time_s: Array = recording.time_s[rows] - recording.time_s[part["first"]]
+    time_s = recording.time_s[rows] - recording.time_s[part["first"]]
     model = step_model(time_s, response.values[rows], found.figures)
     shown = slice(None, None, every)
     return {

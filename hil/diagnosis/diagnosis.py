@@ -246,7 +246,7 @@ class Diagnosis:
         def stated(*names: str) -> dict[str, Any]:
             return {name: getattr(self, name) for name in names}
 
-        made: dict[str, Any] = plain({
+        return plain({
             "schema": SCHEMA,
             **stated(
                 "question", "why_asked", "verdict", "headline", "plant", "effects", "changed_parameters",
@@ -264,7 +264,6 @@ class Diagnosis:
             SIMULATED: self.simulated,
             "codes": codes_of(self._texts()),
         })  # fmt: skip
-        return made
 
     def _texts(self) -> Iterator[str]:
         yield from (self.headline, self.why_asked, self.why_corrected, self.kept_back, self.false_alarms.scope)

@@ -36,8 +36,7 @@ class Judged:
 def training_half(problem: Problem) -> Mask:
     """Which residuals are fitted; the others are for judging. Shape (n,), True and False."""
     blocks = problem.block_labels(max(_BLOCK_S, _BLOCK_SAMPLES * max(problem.intervals_s)))
-    half: Mask = blocks % 2 == 0
-    return half
+    return blocks % 2 == 0
 
 
 def judge(problem: Problem, fitted: Fitted) -> Judged:

@@ -76,8 +76,7 @@ def predicted(problem: Problem, f: Fitted, kept: KeptBack, refit: Callable[[Mask
     folds = [k for k in np.unique(kept.fold) if np.any(kept.scored[kept.fold == k])]
     refit = refit or (lambda keep: fit(problem, f, keep=keep, steps=EFFORT.rough))
     parts = spread(lambda k: np.where(kept.fold == k, refit(kept.fold != k).residuals, 0.0), folds)
-    made: Array = np.sum(parts, axis=0)
-    return made
+    return np.sum(parts, axis=0)
 
 
 def fit_kept_back(problem: Problem, residuals: Array, kept: KeptBack) -> float:
@@ -100,7 +99,6 @@ def _shows_in_one(problem: Problem, f: Fitted, fold: Folds) -> bool:
 
 def _tiled(problem: Problem, values: Sequence[Mask]) -> Mask:
     """The same for the output and every inner signal of each recording."""
-    made: Mask = np.concatenate(
+    return np.concatenate(
         [np.tile(own, len(parts)) for own, parts in zip(values, problem.channel_slices(), strict=True)]
     )
-    return made

@@ -95,7 +95,7 @@ def _intervals(time_s: Array, d: Array) -> tuple[tuple[float, float], ...]:
 def _false_discovery_rates(p: Array) -> Array:
     """The rate of false discoveries at which each is one (Benjamini, Hochberg, JRSS B 57, 1995), shape (n,)."""
     order = np.argsort(p)[::-1]
-    rates: Array = np.empty(len(p))
+    rates = np.empty(len(p))
     rates[order] = np.minimum.accumulate(p[order] * len(p) / np.arange(len(p), 0, -1))
     return rates
 
@@ -119,7 +119,7 @@ def _spectrum(e: Experiment, values: Array) -> tuple[Array, Array]:
     count = min(len(values), _SEGMENT)
     window = np.hanning(count + 1)[:-1]
     segments = np.lib.stride_tricks.sliding_window_view(values, count)[:: max(count - count // 2, 1)]
-    power: Array = np.mean([np.abs(np.fft.rfft(window * segment)) ** 2 for segment in segments], axis=0)
+    power = np.mean([np.abs(np.fft.rfft(window * segment)) ** 2 for segment in segments], axis=0)
     power[1 : (count + 1) // 2] *= 2.0  # of both signs; the mean and the highest of an even number have one
     power *= len(values) / (count * float(window @ window))
     return np.asarray(np.fft.rfftfreq(count, e.interval_s), np.float64), power
@@ -251,8 +251,7 @@ def _hat(values: Array, knots: Array, j: int, rising: bool) -> Array:
     height = np.zeros(len(knots))
     height[j] = 1.0
     up = np.diff(values, prepend=values[0]) >= 0.0
-    hat: Array = np.interp(values, knots, height) * np.where(up if rising else ~up, 1.0, 0.0)
-    return hat
+    return np.interp(values, knots, height) * np.where(up if rising else ~up, 1.0, 0.0)
 
 
 def _injected(at: _Point, hook: str, shapes: Sequence[Array]) -> Array:

@@ -94,8 +94,7 @@ def _steps(levels: tuple[float, ...], hold_s: float) -> MenuTest:
 def _sines(frequencies: tuple[float, ...], middle: float, half: float, cycles: int) -> MenuTest:
     def shape(rate_hz: float) -> Array:
         time_s = np.arange(round(cycles / frequencies[0] * rate_hz)) / rate_hz
-        wave: Array = (middle + half * np.sin(2.0 * np.pi * frequencies[0] * time_s)) / 100.0
-        return wave
+        return (middle + half * np.sin(2.0 * np.pi * frequencies[0] * time_s)) / 100.0
 
     settings = {"frequencies": frequencies, "amplitude": round(half, 3), "bias": round(middle, 3), "cycles": cycles}
     return MenuTest("large_sine", settings, shape)
@@ -240,7 +239,7 @@ def _planned(problem: Problem, test: MenuTest, span: Span) -> Experiment:
     wave = span.neutral + span.full * test.shape(1.0 / interval_s)
     inputs = np.vstack([wave, *(np.full(len(wave), float(np.median(row))) for row in like.drive.inputs[1:])])
     drive = Drive(inputs, float(like.output[0]), interval_s, like.drive.read_at)
-    time_s: Array = interval_s * np.arange(len(wave), dtype=np.float64)
+    time_s = interval_s * np.arange(len(wave), dtype=np.float64)
     return Experiment(like.name, like.input, like.output_heading, time_s, drive, None, np.zeros(len(wave)), {})
 
 

@@ -57,8 +57,8 @@ def spectra(problem: Problem, nominal: Fitted, used: Fitted) -> tuple[Spectrum, 
 def _amplitudes(values: Array, step_s: float) -> tuple[Array, Array]:
     """(frequencies, amplitudes) with a window of Hann; a sine shows with its amplitude."""
     window = np.hanning(len(values))
-    spectrum: Array = 2.0 * np.abs(np.fft.rfft(values * window)) / window.sum()
-    frequency: Array = np.fft.rfftfreq(len(values), step_s).astype(np.float64)
+    spectrum = 2.0 * np.abs(np.fft.rfft(values * window)) / window.sum()
+    frequency = np.fft.rfftfreq(len(values), step_s).astype(np.float64)
     return frequency[1:], spectrum[1:]
 
 

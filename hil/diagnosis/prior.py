@@ -41,8 +41,7 @@ class Prior:
         """Shape (k, k)."""
         usual = [_DRIFT_SHARE * max(abs(self.model.values[p.name]), p.scale) for p in self.base]
         drift = [share if p.drift is None else p.drift for p, share in zip(self.base, usual, strict=True)]
-        made: Array = self._known + np.diag(np.square(drift))
-        return made
+        return self._known + np.diag(np.square(drift))
 
     @cached_property
     def std(self) -> Array:
@@ -93,8 +92,7 @@ class Prior:
         """
         variances, directions = np.linalg.eigh(self._known / np.outer(self._sizes, self._sizes))
         far = variances > 1.0
-        reaches: Array = np.sqrt(variances[far])[:, None] * directions[:, far].T * self._sizes
-        return reaches
+        return np.sqrt(variances[far])[:, None] * directions[:, far].T * self._sizes
 
     @cached_property
     def _has_part(self) -> NDArray[np.bool_]:
@@ -126,13 +124,11 @@ class Prior:
         is_given = np.ones(len(self.base), dtype=bool)
         is_given[list(free)] = False
         given = self._unidentifiable[np.any(self._has_part & is_given, axis=1)]
-        covariance: Array = (self.covariance - given.T @ given)[np.ix_(free, free)]
-        return covariance
+        return (self.covariance - given.T @ given)[np.ix_(free, free)]
 
     def root(self, free: Sequence[int]) -> Array:
         """R with Rᵀ·R the precision of these parameters, the others given; shape (free, free)."""
-        made: Array = np.linalg.inv(np.linalg.cholesky(self.of(free)))
-        return made
+        return np.linalg.inv(np.linalg.cholesky(self.of(free)))
 
     def moved(self, parameters: Mapping[str, float]) -> list[str]:
         """The parameters that are further from their nominal values than they may wander.

@@ -176,8 +176,7 @@ class Problem:
 
         Whitening keeps the size of white noise; coloured noise stays whitened.
         """
-        error: Array = residuals * self.noises[i].std
-        return error
+        return residuals * self.noises[i].std
 
     def traces(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect]) -> list[Array]:
         """What passes every hook in each experiment, on the grid of its drive, shape (hooks, n)."""
@@ -235,8 +234,7 @@ def white(e: Experiment, error: Array, noise: Noise, interval_s: float) -> Array
 
 def beyond_rounding(error: Array, step: float) -> Array:
     """What of errors rounding to a step cannot have done, shape (n,)."""
-    left: Array = error - np.clip(error, -0.5 * step, 0.5 * step)
-    return left
+    return error - np.clip(error, -0.5 * step, 0.5 * step)
 
 
 def pose(model: Model, experiments: Sequence[Experiment]) -> Problem:

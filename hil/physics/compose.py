@@ -87,8 +87,7 @@ class Kernel:
     def run(self) -> Callable[..., None]:
         """The plant with every effect that fits it, compiled at its first use on a machine."""
         source = self.source
-        loaded: Callable[..., None] = _load(source, _stamp(self.plant, self.sites, source)).kernel
-        return loaded
+        return _load(source, _stamp(self.plant, self.sites, source)).kernel
 
     @cached_property
     def operations(self) -> int:
@@ -121,8 +120,7 @@ def plant(name: str) -> Plant:
 @cache
 def effect(name: str) -> Effect:
     """An installed effect by name."""
-    found: Effect = find("effects", name).load().EFFECT
-    return found
+    return find("effects", name).load().EFFECT
 
 
 @cache

@@ -33,8 +33,7 @@ class TransferFunction:
         """Complex gain at frequencies in Hz, same shape."""
         s = 2j * math.pi * np.asarray(frequency_hz, dtype=np.float64)
         ratio = np.polyval(self.numerator, s) / np.polyval(self.denominator, s)
-        found: Complex = ratio * np.exp(-s * self.dead_time_s)
-        return found
+        return ratio * np.exp(-s * self.dead_time_s)
 
     @property
     def poles(self) -> Complex:

@@ -350,7 +350,7 @@ def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, li
     stop = min(stops)
     if len(starts) == 1 and stop >= time_s[-1] - slack:
         return time_s, []
-    common: Array = time_s[(time_s >= max(starts) - slack) & (time_s < max(stop, time_s[0]) - slack)]
+    common = time_s[(time_s >= max(starts) - slack) & (time_s < max(stop, time_s[0]) - slack)]
     if len(common) < 2:
         names = ", ".join(dict.fromkeys(one.table for one in taken))
         raise FileError(f"{name}: its time bases have no time in common: {names}")

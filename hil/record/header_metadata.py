@@ -20,7 +20,6 @@ from hil.record import heading as headings
 from hil.record.columns import Column, Table
 from hil.record.known_programs import Known
 from hil.record.layout import Kind, Layout, is_row_of_units, split
-from hil.record.recording import Array
 from hil.record.text_file import encoding_of, open_text
 from hil.record.tokens import decimal_and_thousands, is_blank, is_number, is_stamp
 from hil.units import scale_and_offset
@@ -237,7 +236,7 @@ def _tables(form: _Form, clock: tuple[float, float, str], at: Sequence[int], col
     if form == "with time":
         return [Table("", read)]
     start_s, step_s, words = clock
-    time_s: Array = start_s + step_s * np.arange(len(read[0].values), dtype=np.float64)
+    time_s = start_s + step_s * np.arange(len(read[0].values), dtype=np.float64)
     return [Table("", [column for column in read if not column.counts_rows], time_s, words)]
 
 

@@ -276,7 +276,7 @@ def _envelope(frequency_hz: Array, amplitude: Array, columns: int = 500) -> tupl
     bands = np.geomspace(frequency_hz[0], frequency_hz[-1] * (1 + 1e-9), columns + 1)
     starts = np.unique(np.searchsorted(frequency_hz, bands[:-1]))
     starts = starts[starts < len(frequency_hz)]
-    largest: Array = np.maximum.reduceat(amplitude, starts)
+    largest = np.maximum.reduceat(amplitude, starts)
     stops = np.append(starts[1:], len(frequency_hz)) - 1
     return np.sqrt(frequency_hz[starts] * frequency_hz[stops]), largest, (stops - starts + 1).astype(np.float64)
 

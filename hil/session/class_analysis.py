@@ -173,7 +173,7 @@ def classes_of_table(path: Path) -> ClassAnalysis:
     features = np.column_stack(list(numbers.values()))
     labels = np.array([names.index(name) for name in classes], dtype=np.int64)
     learn(features, labels, names)
-    found: Labels = np.argmax(leave_one_out(features, labels, names), axis=1).astype(np.int64)
+    found = np.argmax(leave_one_out(features, labels, names), axis=1).astype(np.int64)
     text = next((k for k in range(len(head)) if k != at and k not in numbers), None)
     called = [row[text] if text is not None else f"row {i + 2}" for i, row in enumerate(rows)]
     rule = f"{names[1]}: by a Gaussian model of {', '.join(head[k] for k in numbers)}"
@@ -193,7 +193,7 @@ def _rows_of(path: Path) -> tuple[list[str], list[list[str]]]:
 
 def _numbers(rows: Sequence[Sequence[str]], column: int) -> Array | None:
     try:
-        made: Array = np.array([float(row[column]) for row in rows])
+        made = np.array([float(row[column]) for row in rows])
     except ValueError:
         return None
     return made if np.all(np.isfinite(made)) and np.ptp(made) > 0.0 else None

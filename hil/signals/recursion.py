@@ -40,5 +40,5 @@ def filtered(numerator: Polynomial, denominator: Polynomial, signal: NDArray[Any
     above, below = np.zeros((2, max(len(numerator), len(denominator)) + 1), dtype=kind)
     above[: len(numerator)], below[: len(denominator)] = numerator, denominator
     rows = np.ascontiguousarray(signal, dtype=kind).reshape(-1, np.shape(signal)[-1])
-    made: NDArray[Any] = _filtered(above, below, rows)
+    made = _filtered(above, below, rows)
     return made.reshape(np.shape(signal))

@@ -35,7 +35,7 @@ def rounded_again(values: Array, step: float, shift: Array) -> Array:
     """Values as a converter would give them whose codes lie elsewhere by `shift` steps; 0 for no converter."""
     if step == 0.0:
         return values
-    made: Array = values / step  # and then in place: many recordings at once are more than a cache holds
+    made = values / step  # and then in place: many recordings at once are more than a cache holds
     made += shift
     np.rint(made, out=made)
     made -= shift

@@ -96,7 +96,7 @@ class SineFit:
     def left(self, time_s: Array, values: Array) -> Array:
         """What the fit leaves of the samples that it was made of, shape (n,)."""
         turn = 2.0j * math.pi * self.frequency_hz * np.outer(np.arange(1, len(self.phasors) + 1), time_s)
-        made: Array = values - self.offset - (self.phasors[:, None] * np.exp(turn)).imag.sum(axis=0)
+        made = values - self.offset - (self.phasors[:, None] * np.exp(turn)).imag.sum(axis=0)
         if len(self.drift):
             made = made - self.drift @ _powers(time_s, len(self.drift))
         return made

@@ -124,9 +124,9 @@ class Smoother:
 
     def beside(self, curves: Curves, places: Array) -> tuple[Array, Array]:
         """(the curves, their slopes) at other places, each of shape (m, places); beyond the samples they go on."""
-        values: Array = curves.coefficients @ _basis(places, self.knots).T
+        values = curves.coefficients @ _basis(places, self.knots).T
         steps = np.diff(curves.coefficients, axis=1) / (self.knots[1] - self.knots[0])
-        slopes: Array = steps @ _basis(places, self.knots[1:-1], _DEGREE - 1).T
+        slopes = steps @ _basis(places, self.knots[1:-1], _DEGREE - 1).T
         return values, slopes
 
 

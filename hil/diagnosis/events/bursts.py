@@ -48,8 +48,7 @@ def block_power(e: Experiment, residuals: Array) -> Array:
     """Mean square of one channel's residuals in each whole block, shape (blocks,)."""
     size = block_size(e)
     count = len(residuals) // size
-    power: Array = np.mean(residuals[: count * size].reshape(count, size) ** 2, axis=1)
-    return power
+    return np.mean(residuals[: count * size].reshape(count, size) ** 2, axis=1)
 
 
 def is_sparse(problem: Problem, residuals: Array, bursts: Sequence[Sequence[Burst]]) -> bool:

@@ -77,8 +77,7 @@ def without_tone(problem: Problem, beside: Fitted, frequency_hz: float) -> tuple
 def _without(measured: Array, simulated: Array, waves: Array) -> Array:
     """What was measured without the waves in what the simulation leaves of it."""
     share = np.linalg.lstsq(waves, measured - simulated, rcond=None)[0]
-    left: Array = measured - waves @ share
-    return left
+    return measured - waves @ share
 
 
 def _sharpened(problem: Problem, residuals: Array, frequency_hz: float) -> float:
@@ -122,11 +121,9 @@ def _waves(e: Experiment, frequency_hz: float) -> Array:
     phase = 2.0 * np.pi * frequency_hz * np.outer((1.0, 2.0, 3.0), e.time_s)
     waves = np.vstack([np.sin(phase), np.cos(phase)])
     decays = np.exp(-np.outer(1.0 / np.array(_START_DIES_S), e.time_s - e.time_s[0]))
-    columns: Array = np.vstack([waves, waves[[0, 3]] * _level(e), decays]).T
-    return columns
+    return np.vstack([waves, waves[[0, 3]] * _level(e), decays]).T
 
 
 def _level(e: Experiment) -> Array:
     """The output as a share of its largest magnitude."""
-    level: Array = e.output / max(float(np.abs(e.output).max()), TINY)
-    return level
+    return e.output / max(float(np.abs(e.output).max()), TINY)

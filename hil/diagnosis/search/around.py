@@ -42,8 +42,7 @@ class Around:
     @cached_property
     def gram(self) -> Array:
         """Inner products of the slopes, shape (k, k)."""
-        product: Array = self.slopes.T @ self.slopes
-        return product
+        return self.slopes.T @ self.slopes
 
     @cached_property
     def adaptations(self) -> dict[frozenset[str], _Adaptation]:

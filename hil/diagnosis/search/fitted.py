@@ -102,8 +102,7 @@ def evaluated(problem: Problem, f: Fitted) -> Fitted:
 
 def output_of(problem: Problem, f: Fitted, e: Experiment) -> Array:
     """The output that an explanation as it stands gives under what drives an experiment, shape (n,)."""
-    output: Array = rows_of(problem, f, e)[0]
-    return output
+    return rows_of(problem, f, e)[0]
 
 
 def rows_of(problem: Problem, f: Fitted, e: Experiment) -> Array:
@@ -122,8 +121,7 @@ def residuals_of(
 def change_without(problem: Problem, f: Fitted, k: int) -> Array:
     """How residuals change when one term is taken away, shape (n,)."""
     others = f.only([i for i in range(len(f.terms)) if i != k])
-    difference: Array = residuals_of(problem, others) - f.residuals
-    return difference
+    return residuals_of(problem, others) - f.residuals
 
 
 def simulated(

@@ -118,8 +118,8 @@ def gains(changes: NDArray[np.float32], r: NDArray[np.float32], most: Array) -> 
 
     Each of shape (k, k); [i, j] is the pair of i and j.
     """
-    products: Array = (changes @ changes.T).astype(np.float64)
-    pull: Array = -(changes @ r).astype(np.float64)
+    products = (changes @ changes.T).astype(np.float64)
+    pull = -(changes @ r).astype(np.float64)
     size = np.diag(products)
     with np.errstate(divide="ignore", invalid="ignore"):
         alone = (np.outer(pull, size) - products * pull) / (np.outer(size, size) - products**2)

@@ -167,8 +167,7 @@ def _z(before: Before, g: Array, information: Array) -> Array:
 def _normal(z: Array, blocks: Array) -> Array:
     """What is as improbable of a normal distribution as z, whose scale was learned from so many blocks (Student)."""
     tail = np.maximum(stdtr(blocks, -np.abs(z)), np.finfo(np.float64).tiny)
-    found: Array = -np.sign(z) * ndtri(tail)
-    return found
+    return -np.sign(z) * ndtri(tail)
 
 
 def _blocks(rows: Rows, left: Array, std: Array, use: Mask) -> tuple[Array, Array]:

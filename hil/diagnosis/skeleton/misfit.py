@@ -86,8 +86,7 @@ def learned(rows: Rows, fold: NDArray[np.int64]) -> tuple[Misfit, Array, Array]:
 def _products(d: Array, misfit: Array, use: Mask) -> Array:
     """Inner products of the scaled columns, and in the last column those with the misfit."""
     own = d[use]
-    found: Array = own.T @ np.column_stack([own, misfit[use]])
-    return found
+    return own.T @ np.column_stack([own, misfit[use]])
 
 
 def _fitted(channel: int, rms: Array, products: Array) -> Misfit:
@@ -108,7 +107,7 @@ def scaled(rows: Rows, rms: Array) -> Array:
 
 def rms_of(rows: Rows, known: Mask) -> Array:
     """The rms of every column over some rows; 0 of those that do nothing there."""
-    found: Array = np.sqrt(np.mean(np.square(rows.changes[:, known], dtype=np.float64), axis=1))
+    found = np.sqrt(np.mean(np.square(rows.changes[:, known], dtype=np.float64), axis=1))
     return np.where(found > _NOTHING, found, 0.0)
 
 
@@ -133,14 +132,12 @@ class Remainder:
         """The standard deviation of what is left in each row, shape (n,)."""
         log = _remainder_columns((rows.state - self.mean) / self.std, leverage) @ self.coefficients
         variance = np.maximum(self.factor * np.exp(np.clip(log, *_LOG_VARIANCE)), self.white)
-        made: Array = np.sqrt(self.whole * variance)
-        return made
+        return np.sqrt(self.whole * variance)
 
 
 def log_power(left: Array, samples: int) -> Array:
     """Logarithm of squares of rows, those of nothing but luck no less than white noise makes usual; shape (n,)."""
-    found: Array = np.log(left**2 + 0.5 / samples)
-    return found
+    return np.log(left**2 + 0.5 / samples)
 
 
 def remainder(rows: Rows, left: Array, leverage: Array, known: Mask) -> Remainder:

@@ -142,8 +142,7 @@ def _simulated(
 ) -> Array:
     plant = model.definition
     with np.errstate(all="ignore"):
-        found: Array = e.respond(plant, parameters, effects, factor=factor, following=plant.observer is not None)
-    return found
+        return e.respond(plant, parameters, effects, factor=factor, following=plant.observer is not None)
 
 
 def _channels(model: Model, e: Experiment, floors: Mapping[str, float]) -> Mapping[str, int]:
@@ -194,15 +193,13 @@ def _of_recording(
 def _means(values: Array, count: int) -> Array:
     """Means over so many samples, one after another; what is left over at the end is left out."""
     whole = len(values) // count * count
-    made: Array = values[:whole].reshape(-1, count).mean(axis=1)
-    return made
+    return values[:whole].reshape(-1, count).mean(axis=1)
 
 
 def _grown(values: Array) -> Array:
     """By how much values have grown in the last rows."""
     before = np.concatenate([np.full(min(_GROWTH, len(values)), values[0]), values[:-_GROWTH]])
-    grown: Array = values - before[: len(values)]
-    return grown
+    return values - before[: len(values)]
 
 
 def _state(command: Array, output: Array) -> Array:

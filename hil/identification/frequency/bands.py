@@ -41,5 +41,4 @@ def _slope(fit: TransferFunctionFit, frequency_hz: Array) -> tuple[Complex, Comp
 
 
 def _std(rows: Array, covariance: Array) -> Array:
-    made: Array = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", rows, covariance, rows), 0.0))
-    return made
+    return np.sqrt(np.maximum(np.einsum("np,pq,nq->n", rows, covariance, rows), 0.0))

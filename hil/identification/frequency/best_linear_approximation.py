@@ -162,14 +162,12 @@ def _periods(name: str, values: Array, samples: int, settle: int) -> Array:
 
 def _spectrum(periods: Array) -> Complex:
     """Amplitude spectrum of each period."""
-    made: Complex = np.fft.rfft(periods, axis=1) * (2.0 / periods.shape[1])
-    return made
+    return np.fft.rfft(periods, axis=1) * (2.0 / periods.shape[1])
 
 
 def _noise(rest: Complex) -> Array:
     """Variance of the mean over periods, both parts together."""
-    made: Array = np.var(rest, axis=0, ddof=1) / len(rest)
-    return made
+    return np.var(rest, axis=0, ddof=1) / len(rest)
 
 
 def _pooled(noise: Array) -> Array:
@@ -184,8 +182,7 @@ def _level(periods: Array) -> Array:
     late = np.arange(count) - (count - 1) / 2.0
     per_period = float(late @ periods.mean(axis=1)) / float(late @ late)
     drift = per_period * (np.arange(count * samples) / samples - count / 2.0)
-    made: Array = periods - drift.reshape(count, samples)
-    return made
+    return periods - drift.reshape(count, samples)
 
 
 def _rounded(outputs: Array, grid: float) -> float:

@@ -104,8 +104,7 @@ class FrequencyResponse:
     @property
     def distortion(self) -> Array:
         """THD of the output: rms of harmonics 2… over the fundamental."""
-        made: Array = np.linalg.norm(self.harmonics, axis=1)
-        return made
+        return np.linalg.norm(self.harmonics, axis=1)
 
     @property
     def distortion_beyond_noise(self) -> tuple[Array, Array]:
@@ -158,8 +157,7 @@ class FrequencyResponse:
         unit = direction / np.abs(direction)
         pairs = np.stack((unit.real, unit.imag), axis=-1)
         variance = np.einsum("ni,nij,nj->n", pairs, self.covariance, pairs)
-        made: Array = np.sqrt(np.maximum(variance, 0.0)) / np.abs(self.response)
-        return made
+        return np.sqrt(np.maximum(variance, 0.0)) / np.abs(self.response)
 
 
 def from_fits(
@@ -261,8 +259,7 @@ def _turned(turn: Complex, covariance: Array) -> Array:
     matrix = np.empty((len(turn), 2, 2))
     matrix[:, 0, 0] = matrix[:, 1, 1] = turn.real
     matrix[:, 1, 0], matrix[:, 0, 1] = turn.imag, -turn.imag
-    made: Array = np.einsum("nij,njk,nlk->nil", matrix, covariance, matrix)
-    return made
+    return np.einsum("nij,njk,nlk->nil", matrix, covariance, matrix)
 
 
 def _rotated(response: Complex, along: Array, across: Array) -> Array:

@@ -41,8 +41,7 @@ class MeasuringChain:
         s = 2j * math.pi * np.asarray(frequency_hz, dtype=np.float64)
         late = np.exp(s * (self.skew_s + self.read_at_s - self.hold_s / 2.0))  # reading later looks like a lead
         held = np.sinc(np.asarray(frequency_hz) * self.hold_s)
-        made: Complex = late * held / (1.0 + s * self.sensor_lag_s)
-        return made
+        return late * held / (1.0 + s * self.sensor_lag_s)
 
 
 @dataclass(frozen=True, slots=True)

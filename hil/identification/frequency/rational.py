@@ -98,7 +98,7 @@ class Data:
     def white(self, values: Complex) -> Array:
         """Whitened real and imaginary parts of (n,) or (n, p) complex values, shape (2n,) or (2n, p)."""
         pairs = np.stack((values.real, values.imag), axis=1)
-        made: Array = np.einsum("nij,nj...->ni...", self.whitening, pairs)
+        made = np.einsum("nij,nj...->ni...", self.whitening, pairs)
         return made.reshape(2 * len(values), *values.shape[1:])
 
 

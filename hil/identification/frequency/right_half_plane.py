@@ -19,7 +19,6 @@ from hil.identification.frequency.rational import Form
 from hil.identification.frequency.transfer_function import TransferFunctionFit, fit_form
 from hil.language.note import Note
 from hil.physics.transfer_function import TransferFunction
-from hil.record.recording import Array
 
 _STEP_SAMPLES = 4000
 
@@ -97,7 +96,7 @@ def _preference(fit: TransferFunctionFit, other: TransferFunctionFit, response: 
 def _steps_apart(a: TransferFunction, b: TransferFunction) -> tuple[float, float]:
     """Largest difference of two unit steps, as a share of the final value, and when."""
     time_s = np.linspace(0.0, max(_horizon(a), _horizon(b)), _STEP_SAMPLES)
-    difference: Array = np.abs(a.step(time_s) - b.step(time_s)) / abs(a.dc_gain)
+    difference = np.abs(a.step(time_s) - b.step(time_s)) / abs(a.dc_gain)
     worst = int(np.argmax(difference))
     return float(difference[worst]), float(time_s[worst])
 

@@ -69,5 +69,4 @@ def _reader(time_s: Array, frequency_hz: float) -> Complex:
     k = np.arange(1, _HARMONICS + 1)
     turn = 2.0 * math.pi * frequency_hz * np.outer(time_s, k)
     rows = np.linalg.pinv(np.hstack((np.sin(turn), np.cos(turn), np.ones((len(time_s), 1)))))
-    made: Complex = rows[0] + 1j * rows[_HARMONICS]
-    return made
+    return rows[0] + 1j * rows[_HARMONICS]

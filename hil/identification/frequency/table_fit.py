@@ -232,7 +232,7 @@ def _covariance(fit: TransferFunctionFit, made: Model) -> tuple[tuple[str, ...],
         slopes.append({name: (high[name] - low[name]) / (2.0 * step) for name in high})
     moving = [name for name in made.parameters if any(slope.get(name, 0.0) for slope in slopes)]
     matrix = np.array([[slope[name] for slope in slopes] for name in moving])
-    found: Array = matrix @ fit.covariance @ matrix.T
+    found = matrix @ fit.covariance @ matrix.T
     if "dead_time" in moving:  # beside its scatter what other forms that fit as well say of it
         found[moving.index("dead_time"), moving.index("dead_time")] += fit.form_std_s**2
     return tuple(moving), found

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.identification.uncertainty.identifiability import Curvature, Identifiability, Slopes, identifiability, products
@@ -84,7 +83,7 @@ class Estimate:
     @property
     def covariance(self) -> Array:
         """Shape (k, k), scaled by the residual's variance and its colour; infinite variances of what is not told."""
-        infinite: Array = np.diag(np.where(self.identifiability.is_unidentifiable, np.inf, 0.0))
+        infinite = np.diag(np.where(self.identifiability.is_unidentifiable, np.inf, 0.0))
         return self.identifiability.whole + infinite
 
     @property
@@ -244,7 +243,7 @@ def _slopes_both_ways(
         return (residuals(moved) - base) / step
 
     slopes = np.empty((len(values), len(base)))
-    bends: NDArray[np.float32] = np.empty(slopes.shape, np.float32)  # only their size is asked for
+    bends = np.empty(slopes.shape, np.float32)  # only their size is asked for
 
     def column(k: int) -> None:
         step = _RELATIVE_STEP * scale[k]

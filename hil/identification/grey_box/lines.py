@@ -81,8 +81,7 @@ def prominence(power: Array) -> Array:
     around = median_filter(power, _NEIGHBOURHOOD, mode="reflect")
     below = median_filter(power, _BESIDE, mode="nearest", origin=_BESIDE // 2)
     shifted = np.concatenate([np.full(_LINE_BINS, np.inf), below[:-_LINE_BINS]])
-    ratio: Array = power / np.maximum(np.maximum(around, shifted), 1e-300)
-    return ratio
+    return power / np.maximum(np.maximum(around, shifted), 1e-300)
 
 
 def between_bins(power: Array, k: int) -> float:

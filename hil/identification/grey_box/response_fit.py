@@ -71,5 +71,4 @@ def _simulated(model: Model, test: SineTest) -> Complex:
 
 
 def _relative(response: Complex) -> Complex:
-    made: Complex = response / abs(response[0])
-    return made
+    return response / abs(response[0])

@@ -77,8 +77,7 @@ def repeat_difference(inputs: Array, output: Array) -> Array | None:
     if not good.size:
         return None
     lag = int(good[0])
-    difference: Array = (output[lag:] - output[:-lag])[n // 20 :] / np.sqrt(2.0)
-    return difference
+    return (output[lag:] - output[:-lag])[n // 20 :] / np.sqrt(2.0)
 
 
 def _variance_from(values: Array) -> Array:
@@ -98,5 +97,4 @@ def _mean_square_difference(values: Array) -> Array:
     squares = np.concatenate(([0.0], np.cumsum(centred**2)))
     counts = np.arange(n, 0, -1)
     both = squares[counts] + squares[n] - squares[n - counts]
-    result: Array = np.maximum(both - 2.0 * product, 0.0) / counts
-    return result
+    return np.maximum(both - 2.0 * product, 0.0) / counts

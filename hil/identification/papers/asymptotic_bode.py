@@ -108,8 +108,7 @@ def _refined(x: Array, magnitude: Array, kinds: Array, start: Array, *, curve: b
 
     def residuals(corners: Array) -> Array:
         left = magnitude - _shape(x, kinds, corners, curve=curve)
-        made: Array = left - left.mean()
-        return made
+        return left - left.mean()
 
     bounds = (float(x[0]) - _BEYOND, float(x[-1]) + _BEYOND)
     found = least_squares(residuals, start, bounds=bounds, x_scale=1.0)
@@ -118,8 +117,7 @@ def _refined(x: Array, magnitude: Array, kinds: Array, start: Array, *, curve: b
 
 def _shape(x: Array, kinds: Array, corners: Array, *, curve: bool) -> Array:
     part = log_corner if curve else asymptote
-    made: Array = np.sum([part(x, corner, kind) for corner, kind in zip(corners, kinds, strict=True)], axis=0)
-    return made
+    return np.sum([part(x, corner, kind) for corner, kind in zip(corners, kinds, strict=True)], axis=0)
 
 
 def _misfit(x: Array, magnitude: Array, kinds: Array, corners: Array, *, curve: bool) -> float:

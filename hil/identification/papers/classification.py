@@ -48,15 +48,13 @@ class GaussianClasses:
         `measured`: covariance of the features by measurement, shape (f, f), beyond that of those learnt from.
         """
         away = np.atleast_2d(features)[:, None, :] - self.means
-        made: Array = np.einsum("nkf,kfg,nkg->nk", away, np.linalg.inv(self._covariances(measured)), away)
-        return made
+        return np.einsum("nkf,kfg,nkg->nk", away, np.linalg.inv(self._covariances(measured)), away)
 
     def probabilities(self, features: Array, measured: Array | None = None) -> Array:
         """Probability of each class if the unit is of one of them, shape (n, k)."""
         size = np.linalg.slogdet(self._covariances(measured))[1]
         score = np.log(self.priors) - 0.5 * (self.distances(features, measured) + size)
-        made: Array = softmax(score, axis=1)
-        return made
+        return softmax(score, axis=1)
 
     def usual(self, features: Array, measured: Array | None = None) -> Array:
         """Share of each class's units that lie farther from its middle than these features, shape (n, k).
@@ -65,8 +63,7 @@ class GaussianClasses:
         """
         n, features_known = self.counts, self.means.shape[1]
         scale = n * (n - features_known) / ((n**2 - 1.0) * features_known)
-        made: Array = fdtrc(features_known, n - features_known, scale * self.distances(features, measured))
-        return made
+        return fdtrc(features_known, n - features_known, scale * self.distances(features, measured))
 
     def is_unlike(self, features: Array, measured: Array | None = None) -> Mask:
         """Whether features lie farther from every class than all but one in a thousand of its units."""

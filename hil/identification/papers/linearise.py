@@ -118,8 +118,7 @@ def _answer(model: Model, at: float, size: float, window_s: float, settle_s: flo
     command = np.concatenate((np.full(before, at), np.full(after, at + size)))
     rest = [np.zeros_like(command)] * (len(model.definition.inputs) - 1)
     drive = Drive(np.array([command, *rest]), math.nan, _INTERVAL_S, model.read_at)
-    made: Array = simulate(model.definition, model.values, drive, model.active_effects)[row][before:]
-    return made
+    return simulate(model.definition, model.values, drive, model.active_effects)[row][before:]
 
 
 def _response(answer: Array, frequency_hz: Array) -> Complex:

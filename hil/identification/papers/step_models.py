@@ -97,12 +97,11 @@ class StepModels:
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
         roots = [{"re": float(root.real), "im": float(root.imag)} for root in self.roots]
-        found: dict[str, Any] = plain({
+        return plain({
             "schema": SCHEMA, "step": self.label, "rise_s": self.rise_s, "settling_s": self.settling_s,
             "damping_roots": roots,
             "models": [model.as_dict() for model in self.models], "notes": list(self.notes),
         })  # fmt: skip
-        return found
 
     def as_text(self) -> str:
         """As lines for a terminal."""

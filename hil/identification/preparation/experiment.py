@@ -241,8 +241,7 @@ class Experiment:
 
     def on_grid_input(self) -> Array:
         """The command at the recording's stamps, shape (n,)."""
-        command: Array = self.at_stamps(self.drive.inputs)[0]
-        return command
+        return self.at_stamps(self.drive.inputs)[0]
 
     def without(self, samples: Mask, name: str = OUTPUT) -> Experiment:
         """The same with more samples of the output, or of an inner signal, left out, shape (n,)."""
@@ -337,7 +336,7 @@ def _bends(values: Array, late: float) -> Mask:
     """
     bend = np.abs(np.diff(values, 2, prepend=values[0], append=values[-1]))
     within = (values > values.min()) & (values < values.max())  # at the end of a range there is no noise
-    beyond: Mask = bend * abs(late) > _FELT_BEND * white_floor(values[within])
+    beyond = bend * abs(late) > _FELT_BEND * white_floor(values[within])
     beyond[:-1] |= beyond[1:].copy()
     return beyond
 

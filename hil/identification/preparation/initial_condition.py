@@ -63,5 +63,4 @@ def with_free_start(residuals: Array, slope: Array | None) -> Array:
         return residuals
     power = float(slope @ slope)
     share = (1.0 - 1.0 / np.sqrt(1.0 + power)) / power
-    left: Array = residuals - share * float(slope @ residuals) * slope
-    return left
+    return residuals - share * float(slope @ residuals) * slope

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.noise import NOISE_OVER_RESOLUTION, resolution, white_floor
@@ -99,7 +98,7 @@ def _stale_runs(values: Array) -> list[Run]:
     if not moving.size or floor < NOISE_OVER_RESOLUTION * float(moving.min()):
         return []
     least = longer_than_by_chance(steps, floor)
-    ends: NDArray[np.float64] = np.array([values.max(), values.min()])
+    ends = np.array([values.max(), values.min()])
     return [
         (start, stop + 1)
         for start, stop in runs(steps == 0.0)

@@ -30,7 +30,7 @@ def held_grid(given: Sequence[Samples], output_s: Array, from_s: float) -> tuple
     else:  # in step with the base
         start = fine[0] + interval_s * np.floor((start - fine[0]) / interval_s + _OFF_GRID)
     count = int(np.ceil((stop - start) / interval_s - _OFF_GRID)) + 1
-    grid_s: Array = start + interval_s * np.arange(count)
+    grid_s = start + interval_s * np.arange(count)
     return grid_s, interval_s
 
 

@@ -208,8 +208,7 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
 
     def law_at(place: Array, p: Array) -> Array:
         over = np.maximum((place - p[0]) / (top - p[0]), 0.0)
-        made: Array = p[3] + p[4] * place / top + p[2] * over ** p[1]
-        return made
+        return p[3] + p[4] * place / top + p[2] * over ** p[1]
 
     def residuals(p: Array) -> Array:
         return (law_at(opening, p) - part) * weight
@@ -220,7 +219,7 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
         safe = np.where(flows, over, 1.0)
         power = np.where(flows, safe ** p[1], 0.0)
         moved = (opening - top) / (top - p[0]) ** 2
-        made: Array = np.column_stack((
+        made = np.column_stack((
             p[2] * p[1] * power / safe * moved, p[2] * power * np.log(safe), power, np.ones(len(opening)), opening / top
         ))  # fmt: skip
         return made * weight[:, None]

@@ -129,8 +129,7 @@ def _line(time_s: Array, command: Array, branch: Branch) -> Array:
     """The command of a branch as the line that it follows: noise of a measured command turns no sample back."""
     late = time_s[branch.samples] - time_s[branch.first]
     slope, level = np.polyfit(late, command[branch.samples], 1)
-    made: Array = level + slope * late
-    return made
+    return level + slope * late
 
 
 def _by_speed(ways: Sequence[tuple[float, Array, Array]]) -> tuple[Sweep, ...]:

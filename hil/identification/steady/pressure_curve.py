@@ -47,8 +47,7 @@ class PressureCurve:
     @property
     def std(self) -> Array:
         """Standard uncertainty of the pressure at the levels, of the noise alone."""
-        made: Array = np.std(self.estimate.responses, axis=0)
-        return made
+        return np.std(self.estimate.responses, axis=0)
 
     @property
     def hysteresis_a(self) -> float:

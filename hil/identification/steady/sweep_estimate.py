@@ -124,10 +124,7 @@ class SweepEstimate:
         # what is left of the shift to the curve is hysteresis
         place = self.points.command[mine] + side * self.mean_width_or_all / 2.0
         order = np.argsort(place)
-        made: Array = np.interp(
-            self.command, place[order], self.points.response[mine][order], left=np.nan, right=np.nan
-        )
-        return made
+        return np.interp(self.command, place[order], self.points.response[mine][order], left=np.nan, right=np.nan)
 
     def whole_branch(self, side: int) -> Array:
         """A branch of the first sweep, the curve where it has not been, shape (LEVELS,)."""

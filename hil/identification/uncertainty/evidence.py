@@ -33,8 +33,7 @@ def bic_of_known_noise(chi2: float, count: float, unknowns: float) -> float:
 
 def odds(criteria: Sequence[float]) -> Array:
     """How probable each of several models is, of which one is right, by twice its negative log evidence; shape (n,)."""
-    shares: Array = softmax(-0.5 * np.array(criteria))
-    return shares
+    return softmax(-0.5 * np.array(criteria))
 
 
 def simplest_good(

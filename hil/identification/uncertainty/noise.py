@@ -68,8 +68,7 @@ def white_floor(values: Array) -> float:
 def _without_rest(values: Array) -> Array:
     """The samples that do not have the most common value."""
     levels, counts = np.unique(values, return_counts=True)
-    kept: Array = values[values != levels[np.argmax(counts)]]
-    return kept
+    return values[values != levels[np.argmax(counts)]]
 
 
 def _of_fourth_differences(values: Array) -> float:
@@ -153,8 +152,7 @@ def _correlation_of(colour: tuple[float, ...]) -> Array:
     response = _impulse_response(colour)
     power = np.abs(np.fft.rfft(response, 2 * _TAIL)) ** 2
     found = np.fft.irfft(power)[:_TAIL]
-    made: Array = found / found[0]
-    return made
+    return found / found[0]
 
 
 def measured_noise(
@@ -224,7 +222,7 @@ def whiten(residuals: Array, noise: Noise, interval_s: float) -> Array:
     same_rate = noise.interval_s is not None and abs(noise.interval_s / interval_s - 1.0) < 0.02
     if not noise.colour or not same_rate:
         return residuals / noise.std
-    innovations: Array = np.apply_along_axis(lambda r: np.convolve((1.0, *noise.colour), r)[: len(r)], 0, residuals)
+    innovations = np.apply_along_axis(lambda r: np.convolve((1.0, *noise.colour), r)[: len(r)], 0, residuals)
     response = _impulse_response(noise.colour)  # its power is the noise's over that of its white source
     return innovations / (noise.std * math.sqrt(1.0 / float(response @ response)))
 

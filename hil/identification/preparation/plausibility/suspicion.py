@@ -54,8 +54,7 @@ def spoken_of(model: Model) -> Note:
 def expected(model: Model, e: Experiment) -> Array:
     """What the model expects; led back to the recording where it would drift away from any, right or wrong."""
     plant = model.definition
-    response: Array = e.respond(plant, model.values, model.active_effects, following=plant.observer is not None)[0]
-    return response
+    return e.respond(plant, model.values, model.active_effects, following=plant.observer is not None)[0]
 
 
 def good_fit(model: Model) -> float:
