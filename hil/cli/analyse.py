@@ -16,6 +16,8 @@ from hil.errors import FileError, SettingError
 from hil.record.reading import Reading
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.physics.model import Model
     from hil.physics.transfer_function import TransferFunction
     from hil.record.recording import Recording
@@ -244,12 +246,15 @@ def loop(
     denominator: str = typer.Option("", "--denominator", metavar="A,…", help="Likewise."),
     sensor: Path | None = typer.Option(None, "--sensor", metavar="MODEL.json", help="C of the loop; 1 without one."),
     feedback: bool = typer.Option(False, "--feedback", help="The sensor stands in the feedback, not the forward path."),
-    out: str = typer.Option("", "--out", metavar="FILE", help="Also write the open loop, as --to says."),
+    close: float | None = typer.Option(
+        None, "--close", metavar="K_TK", help="Close the loop instead, eq 8: gain of the feedback, per unit of output."
+    ),
+    out: str = typer.Option("", "--out", metavar="FILE", help="Also write the loop that was found, as --to says."),
     to: str = typer.Option("json", "--to", metavar="python|matlab|json|csv", help="For which tool."),
     as_json: Json = False,
 ) -> None:
-    """The plant of a closed loop: eqs 10 to 12 of the SP08-47C paper. A plant that would run away is said."""
-    from hil.identification.papers.closed_loop import UNITY, opened
+    """The plant of a closed loop, or with --close the loop of a plant: eqs 8 and 10 to 12 of the SP08-47C paper."""
+    from hil.identification.papers.closed_loop import UNITY, closed_over, opened
     from hil.physics.formula import formula
     from hil.physics.model import load_model
     from hil.record.plain import plain
@@ -257,19 +262,35 @@ def loop(
 
     if (model is None) == (not numerator or not denominator):
         raise SettingError("name a model of the closed loop, or say --numerator B,… and --denominator A,…")
-    closed = linear_of(load_model(model), str(model)) if model else ratio(_numbers(numerator), _numbers(denominator))
+    given = linear_of(load_model(model), str(model)) if model else ratio(_numbers(numerator), _numbers(denominator))
+    if close is not None:
+        if sensor is not None or feedback:
+            raise SettingError("--close closes a loop over a gain; --sensor and --feedback open one")
+        loop, notes = closed_over(given, close)
+        content = {"schema": "hil.closed-loop/1", **_ratio_and_poles(loop), "notes": list(notes)}
+        _write(out, to, "closed loop", loop)
+        _show(plain(content), _loop_text("closed", formula(loop), loop, notes), as_json)
+        return
     by = UNITY if sensor is None else linear_of(load_model(sensor), str(sensor))
-    found = opened(closed, by, "feedback" if feedback else "forward")
-    poles = ", ".join(f"{p.real:.4g}" if abs(p.imag) < 1e-12 else f"{p:.4g}" for p in found.model.poles)
-    text = [f"open loop {formula(found.model)}", f"  poles {poles} rad/s, gain at rest {found.model.dc_gain:.5g}"]
+    found = opened(given, by, "feedback" if feedback else "forward")
     content = {
-        "schema": "hil.open-loop/1", "numerator": found.model.numerator, "denominator": found.model.denominator,
-        "poles": [{"re": float(p.real), "im": float(p.imag)} for p in found.model.poles],
+        "schema": "hil.open-loop/1", **_ratio_and_poles(found.model),
         "unstable_poles": [{"re": float(p.real), "im": float(p.imag)} for p in found.unstable_poles],
         "closed_at_rest": found.rest, "notes": list(found.notes),
     }  # fmt: skip
     _write(out, to, "open loop", found.model)
-    _show(plain(content), "\n".join([*text, *(f"  note: {note}" for note in found.notes)]), as_json)
+    _show(plain(content), _loop_text("open", formula(found.model), found.model, found.notes), as_json)
+
+
+def _ratio_and_poles(model: TransferFunction) -> dict[str, Any]:
+    poles = [{"re": float(p.real), "im": float(p.imag)} for p in model.poles]
+    return {"numerator": model.numerator, "denominator": model.denominator, "poles": poles}
+
+
+def _loop_text(kind: str, ratio: str, model: TransferFunction, notes: Sequence[str]) -> str:
+    poles = ", ".join(f"{p.real:.4g}" if abs(p.imag) < 1e-12 else f"{p:.4g}" for p in model.poles)
+    rows = [f"{kind} loop {ratio}", f"  poles {poles} rad/s, gain at rest {model.dc_gain:.5g}"]
+    return "\n".join([*rows, *(f"  note: {note}" for note in notes)])
 
 
 @group.command("error")

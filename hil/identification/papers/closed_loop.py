@@ -94,10 +94,33 @@ def closed(plant: TransferFunction, sensor: TransferFunction = UNITY, place: Pla
         InputError: a dead time, which makes it no ratio of polynomials.
     """
     if plant.dead_time_s or sensor.dead_time_s:
-        raise InputError("closing a loop: with a dead time it is no ratio of polynomials")
+        raise InputError(
+            "closing a loop: with a dead time it is no ratio of polynomials; "
+            "`hil linearise --set dead_time=0` leaves it out"
+        )
     around = np.convolve(plant.numerator, sensor.numerator)
     below = np.polyadd(np.convolve(plant.denominator, sensor.denominator), around).astype(np.float64)
     return transfer_function(around if place == "forward" else np.convolve(plant.numerator, sensor.denominator), below)
+
+
+def closed_over(plant: TransferFunction, feedback_gain: float) -> tuple[TransferFunction, tuple[Note, ...]]:
+    """The loop of a plant over a gain in the feedback, G/(1 + K·G), and what its reader should know.
+
+    Args:
+        plant: G. An integrating one is 1/K at rest.
+        feedback_gain: K, in units of the request per unit of the output.
+
+    Raises:
+        InputError: a dead time, or no gain.
+    """
+    if feedback_gain == 0.0 or not math.isfinite(feedback_gain):
+        raise InputError(f"closing a loop: a gain of the feedback of {feedback_gain:g} closes none")
+    made = closed(plant, transfer_function((feedback_gain,), (1.0,)), "feedback")
+    unstable = made.poles[made.poles.real >= 0.0]
+    if not unstable.size:
+        return made, ()
+    largest = float(np.max(unstable.real))
+    return made, (Note("The loop is unstable: a pole at {pole:+.4g} rad/s; a smaller gain is needed.", pole=largest),)
 
 
 def _rest(loop: TransferFunction, sensor: TransferFunction) -> float:
