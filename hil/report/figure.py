@@ -142,6 +142,12 @@ def thinned(x: Array, y: Array, columns: int = _COLUMNS) -> tuple[Array, Array]:
     return x[indices], y[indices]
 
 
+def titled(axes: Axes, title: str) -> None:
+    """One of several drawings beside each other: a quiet title at its right, and its curves from edge to edge."""
+    axes.set_title(title, fontweight="normal", loc="right", pad=3.0)
+    axes.margins(x=0.0)
+
+
 def plain_log(axes: Axes, axis: str = "x") -> None:
     """A logarithmic axis with 0.1, 1, 10 on it instead of powers of ten, where the span allows."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter

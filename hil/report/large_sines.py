@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hil.language.words import _
 from hil.report.field import Curve, array, label_of, needed, unit_of
-from hil.report.figure import BLUE, INK, SOFT, Picture, drawn, legend_on_top, thinned
+from hil.report.figure import BLUE, INK, SOFT, Picture, drawn, legend_on_top, thinned, titled
 from hil.report.number import fixed
 from hil.report.section import Section, Table
 
@@ -55,8 +55,7 @@ def _sine(axes: Axes, curve: Curve) -> None:
     if command is not None:
         unit = unit_of(curve, "command_unit")
         axes.plot(*thinned(time_s, command), color=INK, lw=0.8, ls="--", label=_("command") + unit)
-    axes.set_title(label_of(curve), fontweight="normal", loc="right", pad=3.0)
-    axes.margins(x=0.0)
+    titled(axes, label_of(curve))
 
 
 def _harmonics(curves: Sequence[Curve]) -> Table:

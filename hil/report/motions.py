@@ -10,7 +10,7 @@ import numpy as np
 from hil.language.words import _
 from hil.record.recording import Array
 from hil.report.field import Curve, label_of, needed, unit_of
-from hil.report.figure import BLUE, GRID, Picture, small_multiples, thinned
+from hil.report.figure import BLUE, GRID, Picture, small_multiples, thinned, titled
 from hil.report.number import number
 from hil.report.section import Section, Table
 
@@ -52,8 +52,7 @@ def threshold_section(curves: Sequence[Curve]) -> Section:
 
     def draw(axes: Axes, curve: Curve) -> None:
         axes.plot(*thinned(needed(curve, "command"), needed(curve, "measured")), color=BLUE, lw=1.0)
-        axes.set_title(label_of(curve), fontweight="normal", loc="right", pad=3.0)
-        axes.margins(x=0.0)
+        titled(axes, label_of(curve))
 
     caption = _("Change of the response since a stop, mean of both directions and all repeats; its delay is taken out.")
     units = [unit_of(curves[0], key) for key in ("command_unit", "response_unit")]
@@ -68,8 +67,7 @@ def trend_section(curves: Sequence[Curve]) -> Section:
         cycle, mean, std = (needed(curve, key) for key in TREND_NEEDED)
         axes.fill_between(cycle, mean - std, mean + std, color=GRID, lw=0.0)
         axes.plot(cycle, mean, color=BLUE, lw=1.0, marker="o" if len(cycle) <= _MOST_DOTS else "")
-        axes.set_title(label_of(curve) + unit_of(curve, "response_unit"), fontweight="normal", loc="right", pad=3.0)
-        axes.margins(x=0.0)
+        titled(axes, label_of(curve) + unit_of(curve, "response_unit"))
 
     caption = _("Means of blocks of cycles; shaded, one standard deviation of the single cycles.")
     return Section(_("Trend"), figures=(small_multiples("trend", curves[:_MOST], 2, draw, (_("cycle"), ""), caption),))
@@ -102,5 +100,4 @@ def _motion(axes: Axes, curve: Curve, position: str) -> None:
     axes.plot(*thinned(time_s, fitted), color=BLUE, lw=1.0, ls="--", label=_("fitted line"))
     if "from_s" in curve:
         axes.set_ylim(*_span(time_s, measured, fitted, float(curve["from_s"]), float(curve["to_s"])))
-    axes.set_title(label_of(curve), fontweight="normal", loc="right", pad=3.0)
-    axes.margins(x=0.0)
+    titled(axes, label_of(curve))

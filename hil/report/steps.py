@@ -24,6 +24,7 @@ from hil.report.figure import (
     plain_log,
     small_multiples,
     thinned,
+    titled,
 )
 from hil.report.number import note_text, number
 from hil.report.section import Section, Table
@@ -70,8 +71,7 @@ def _step(axes: Axes, curve: Curve) -> None:
         axes.plot(*thinned(time_s, scaled), color=INK, lw=0.8, ls="--", label=_("command"))
     for share in (0.1, 0.9):
         axes.axhline(start + share * (final - start), color=SOFT, lw=0.8, ls=":")
-    axes.set_title(label_of(curve), fontweight="normal", loc="right", pad=3.0)
-    axes.margins(x=0.0)
+    titled(axes, label_of(curve))
 
 
 def _step_of(time_s: Array, command: Array) -> float:
