@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 
 from hil.errors import FileError
 from hil.findings.results import read_results
-from hil.record.header import HEADER_FILE, read_end, read_header
+from hil.record.header import HEADER_FILE, read_end, read_header, stated
 from hil.record.instruments import StatedCalibration, calibrations_of, instruments_mark
 from hil.record.measurement import FINDINGS_FILE, RESULTS_FILE, Measured, Verdict
 from hil.record.simulated import is_simulated
@@ -70,13 +70,12 @@ def entry_of(folder: Path) -> Entry:
     header, end = read_header(folder), read_end(folder)
     verdict, values = _found(folder)
     meta = header.meta
-    valve = meta.get("valve")
     return Entry(
         folder=folder.resolve(),
-        serial=str(valve.get("serial") or "") if isinstance(valve, dict) else "",
-        operator=str(meta.get("operator") or ""),
-        procedure=str(meta.get("procedure") or ""),
-        bench=str(meta.get("bench") or ""),
+        serial=stated(meta, "valve", "serial"),
+        operator=stated(meta, "operator"),
+        procedure=stated(meta, "procedure"),
+        bench=stated(meta, "bench"),
         started_utc=header.started_utc,
         outcome=UNFINISHED if end is None else end.outcome,
         verdict=verdict,

@@ -26,7 +26,7 @@ def disagreements(kept: Results, anew: Results, *, words: bool) -> list[str]:
     """
     return [
         *_about(kept, anew), *_values(kept.values, anew.values, words),
-        *_values(_condition(kept), _condition(anew), words),
+        *_values(kept.figures, anew.figures, words),
         *_curves(kept.curves, anew.curves), *_functions(kept.transfer_functions, anew.transfer_functions),
         *(_sentences(kept, anew) if words else ()),
     ]  # fmt: skip
@@ -37,10 +37,6 @@ def _about(kept: Results, anew: Results) -> Iterator[str]:
         stated, found = getattr(kept, name), getattr(anew, name)
         if stated != found and not (name == "started_utc" and stated is None):  # version 0.1.0 did not state it
             yield f"{name}: {stated or 'none'} in {kept.run}, {found or 'none'} by its samples"
-
-
-def _condition(results: Results) -> tuple[Measured, ...]:
-    return results.likeness.figures if results.likeness else ()
 
 
 def _values(kept: Sequence[Measured], anew: Sequence[Measured], words: bool) -> Iterator[str]:

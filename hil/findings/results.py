@@ -148,6 +148,11 @@ class Results(_Strict):
     cause: Cause | None = None
     simulated: bool | None = None
 
+    @property
+    def figures(self) -> tuple[Measured, ...]:
+        """Those of the unit's condition, beside good ones of its type; none where no procedure knows them."""
+        return self.likeness.figures if self.likeness else ()
+
     def __getitem__(self, name: str) -> Measured:
         """A value by its full name (`bandwidth_3db, +50 ± 5 %`).
 

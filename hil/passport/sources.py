@@ -12,7 +12,7 @@ from hil.passport.attached import MODEL_FILE, RUNS, TYPE_MODEL_FILE
 from hil.passport.contents import lay_out
 from hil.passport.verify import opened
 from hil.physics.model import Model, load_model
-from hil.record.header import HEADER_FILE
+from hil.record.header import HEADER_FILE, stated
 from hil.record.read import formats, read_recording
 from hil.record.reading import Reading
 from hil.record.recording import Recording
@@ -30,7 +30,7 @@ class Dated:
     @property
     def serials(self) -> set[str]:
         """Of the units that the recordings name."""
-        return {str(s) for one in self.recordings if (s := (one.meta.get("valve") or {}).get("serial"))}
+        return {stated(one.meta, "valve", "serial") for one in self.recordings} - {""}
 
 
 def read_dated(path: Path, place: Path, reading: Reading | None = None) -> Dated:

@@ -12,6 +12,7 @@ from hil.findings.agreement import disagreements
 from hil.findings.collect import findings_of, results_of
 from hil.findings.results import Results
 from hil.record.folder import read
+from hil.record.header import stated
 from hil.record.measurement import RESULTS_FILE, Findings, Verdict, ended_as_planned
 from hil.record.recording import Recording
 from hil.record.seal import Seal, check_seal
@@ -86,12 +87,12 @@ class Unit:
     @property
     def valve(self) -> str:
         """Its type, as the bench file names it."""
-        return str((self.runs[0].recording.meta.get("valve") or {}).get("name") or self.runs[0].results.procedure)
+        return stated(self.runs[0].recording.meta, "valve", "name") or self.runs[0].results.procedure
 
     @property
     def plant(self) -> str:
         """The plant or model that the bench file names for it; empty where it names none."""
-        return str((self.runs[0].recording.meta.get("valve") or {}).get("plant") or "")
+        return stated(self.runs[0].recording.meta, "valve", "plant")
 
     @property
     def simulated(self) -> bool:
@@ -161,7 +162,7 @@ def _refusal(run: UnitRun, same_program: bool) -> str:
 
 
 def _serial(run: UnitRun) -> str:
-    serial = str((run.recording.meta.get("valve") or {}).get("serial") or "")
+    serial = stated(run.recording.meta, "valve", "serial")
     if not serial:
         raise SettingError(
             f"{run.folder}: says not which unit it is of; a passport needs a run made with {option('serial', 'SN')}"

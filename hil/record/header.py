@@ -216,3 +216,10 @@ def read_stated(path: Path, model: type[_Model], name: str) -> _Model:
         maker = str(content.get("program") or "")
         newer = f"; {made_by(maker)}" if is_newer(maker.removeprefix("valve-hil ")) else ""
         raise FileError(f"{path}: field '{place}': {first['msg']}, found {first['input']!r:.60}{newer}") from None
+
+
+def stated(about: Any, *path: str) -> str:
+    """What a header states, as text: `stated(meta, "valve", "serial")`; empty where it says nothing of that."""
+    for name in path:
+        about = about.get(name) if isinstance(about, Mapping) else None
+    return str(about or "")

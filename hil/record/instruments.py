@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hil.record.header import Column, Header
+from hil.record.header import Column, Header, stated
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +45,8 @@ def calibrations_of(header: Header) -> tuple[StatedCalibration, ...]:
 def instruments_mark(header: Header) -> str:
     """A mark that two runs share when one bench measured both with the same calibrations."""
     lines = [(column.name, column.calibration) for column in header.samples.columns]
-    stated = json.dumps([header.meta.get("bench"), lines], sort_keys=True, default=str)
-    return hashlib.sha256(stated.encode()).hexdigest()
+    both = json.dumps([header.meta.get("bench"), lines], sort_keys=True, default=str)
+    return hashlib.sha256(both.encode()).hexdigest()
 
 
 def _of_channels(columns: tuple[Column, ...]) -> Iterator[StatedCalibration]:
@@ -55,16 +55,16 @@ def _of_channels(columns: tuple[Column, ...]) -> Iterator[StatedCalibration]:
         if line:
             yield StatedCalibration(
                 column.name, column.source, "", _day(line.get("date")), _day(line.get("due")),
-                str(line.get("source") or ""), _width(line.get("uncertainty"), column.unit),
+                stated(line, "source"), _width(line.get("uncertainty"), column.unit),
             )  # fmt: skip
 
 
-def _of_instruments(stated: Any) -> Iterator[StatedCalibration]:
-    for one in stated if isinstance(stated, list | tuple) else ():
+def _of_instruments(listed: Any) -> Iterator[StatedCalibration]:
+    for one in listed if isinstance(listed, list | tuple) else ():
         if isinstance(one, Mapping):
             yield StatedCalibration(
-                str(one.get("channel") or ""), str(one.get("name") or ""), str(one.get("serial") or ""),
-                _day(one.get("calibrated")), _day(one.get("due")), "", str(one.get("uncertainty") or ""),
+                stated(one, "channel"), stated(one, "name"), stated(one, "serial"),
+                _day(one.get("calibrated")), _day(one.get("due")), "", stated(one, "uncertainty"),
             )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from hil.errors import FileError
 from hil.language.words import _
-from hil.record.header import HEADER_FILE, read_header, sha256_of
+from hil.record.header import HEADER_FILE, read_header, sha256_of, stated
 from hil.record.recording import Recording
 from hil.record.samples import ROWS_FILE
 from hil.report.local_time import stated_text
@@ -54,9 +54,8 @@ def origin_facts(origins: Sequence[Origin]) -> list[tuple[str, str]]:
 
 
 def _text(one: Origin) -> str:
-    valve = one.about.get("valve")
-    serial = valve.get("serial") if isinstance(valve, Mapping) else None
-    facts = [str(text) for text in (serial, one.about.get("bench"), stated_text(one.about.get("started_utc"))) if text]
+    serial, bench = stated(one.about, "valve", "serial"), stated(one.about, "bench")
+    facts = list(filter(None, (serial, bench, stated_text(one.about.get("started_utc")))))
     if one.sha256:
         facts.append(_("SHA-256 of {file}").format(file=one.sealed) + f" {one.sha256}")
     return "; ".join(facts) or _("nothing is known of it")

@@ -10,7 +10,7 @@ from typing import Any
 from hil.errors import FileError
 from hil.language.words import _
 from hil.record.conditions import Condition, measured_conditions
-from hil.record.header import read_end
+from hil.record.header import read_end, stated
 from hil.record.recording import Channel, Recording
 from hil.report.facts import fact_of, facts_of, text_of
 from hil.report.name import within
@@ -86,7 +86,7 @@ def _channel(channel: Channel) -> tuple[str, ...]:
         f"{number(line.get('slope'), 6)} {unit}/{raw}".replace(" /", " 1/"),
         f"{number(line.get('offset'), 6)} {unit}".rstrip(),
         _("not stated") if uncertainty is None else f"{number(uncertainty)} {unit}".rstrip(),
-        str(line.get("date") or _("not stated")), str(line.get("source") or ""),
+        str(line.get("date") or _("not stated")), stated(line, "source"),
     )  # fmt: skip
 
 
@@ -96,11 +96,11 @@ def identity_of(recording: Recording) -> list[tuple[str, str]]:
     sampling = meta.get("sampling") or {}
     rows = [
         (_("Run folder"), recording.name),
-        (_("Started"), str(meta.get("started_utc") or "")),
-        (_("Stopped"), str(meta.get("stopped_utc") or "")),
-        (_("Ended"), str(meta.get("outcome") or "")),
-        (_("Stopped by"), str(meta.get("stopped_by") or "")),
-        (_("Program"), str(meta.get("program") or "")),
+        (_("Started"), stated(meta, "started_utc")),
+        (_("Stopped"), stated(meta, "stopped_utc")),
+        (_("Ended"), stated(meta, "outcome")),
+        (_("Stopped by"), stated(meta, "stopped_by")),
+        (_("Program"), stated(meta, "program")),
         *_seals(recording.name),
         *_asked(meta),
         (_("Rate of the stamps"), f"{number(1.0 / recording.interval_s, 6)} Hz" if len(recording) > 1 else ""),
@@ -124,7 +124,7 @@ def _seals(name: str) -> list[tuple[str, str]]:
 def _asked(meta: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Sample rate and seed as the bench file states them."""
     try:
-        bench = parse_toml(str(meta.get("bench_file") or ""), "bench_file")
+        bench = parse_toml(stated(meta, "bench_file"), "bench_file")
     except FileError:
         return []
     rate_hz, seed = bench.get("sample_rate_hz"), (bench.get("simulation") or {}).get("seed")

@@ -9,6 +9,7 @@ from typing import Any
 
 from hil.language.choice import in_page_language
 from hil.language.words import _
+from hil.record.header import stated
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
 from hil.record.simulated import is_simulated
@@ -56,18 +57,16 @@ def write_run_report(
 
 
 def _valve_name(meta: Mapping[str, Any]) -> str:
-    valve = meta.get("valve") or {}
-    return str(valve.get("name") or meta.get("bench") or "recording")
+    return stated(meta, "valve", "name") or stated(meta, "bench") or "recording"
 
 
 def _summary(recording: Recording) -> list[tuple[str, str]]:
     meta = recording.meta
-    valve = meta.get("valve") or {}
     rows = [
-        (_("Valve"), str(valve.get("name") or "")),
-        (_("Serial"), str(valve.get("serial") or "")),
-        (_("Bench"), str(meta.get("bench") or "")),
-        (_("Operator"), str(meta.get("operator") or "")),
+        (_("Valve"), stated(meta, "valve", "name")),
+        (_("Serial"), stated(meta, "valve", "serial")),
+        (_("Bench"), stated(meta, "bench")),
+        (_("Operator"), stated(meta, "operator")),
         *((capital(_(str(name))), str(text)) for name, text in (meta.get("notes") or {}).items()),
         (_("Date"), stated_text(meta.get("started_utc"))),
         (_("Recorded"), _("{seconds} s, {n} samples").format(seconds=number(recording.duration_s), n=len(recording))),

@@ -18,6 +18,7 @@ from hil.child import child
 from hil.errors import ArchiveError, InputError
 from hil.record.cause import ANSWER, Cause
 from hil.record.folder import read
+from hil.record.header import stated
 from hil.record.measurement import is_accepted
 from hil.record.progress import Progress
 from hil.record.recording import Recording
@@ -42,7 +43,7 @@ def cause_of(recording: Recording, folder: Path, earlier: Path | None, budget_s:
         progress: told how far it is.
     """
     begun_s = time.monotonic()
-    model = str((recording.meta.get("valve") or {}).get("plant") or "")
+    model = stated(recording.meta, "valve", "plant")
     if not model:
         return Cause("", reason="the bench file names no plant for this valve", budget_s=budget_s)
     arguments = (model, str(folder), str(earlier or ""), f"{_SEARCHING * budget_s:g}")
@@ -101,7 +102,7 @@ def with_cause(procedure: Procedure, outcome: Outcome, archive: str, budget_s: f
     if not procedure.certificate or is_accepted(outcome.findings.verdict) or not budget_s > 0.0:
         return outcome
     folder, recording, earlier = outcome.folder, read(outcome.folder), None
-    serial = str((recording.meta.get("valve") or {}).get("serial") or "")
+    serial = stated(recording.meta, "valve", "serial")
     with suppress(ArchiveError, InputError, OSError):
         earlier = earlier_run(archive, serial, procedure.name, recording, folder) if serial else None
     found = cause_of(recording, folder, None if earlier is None else earlier.folder, budget_s, progress)

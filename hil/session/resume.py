@@ -9,7 +9,7 @@ from typing import Any
 from hil.bench.read import BenchFile
 from hil.errors import FileError, SettingError
 from hil.record.folder import read
-from hil.record.header import read_header
+from hil.record.header import read_header, stated
 from hil.record.recording import Recording
 from hil.session.labels import Labels
 from hil.session.procedure import Procedure
@@ -55,9 +55,8 @@ def broken_off_command(folder: Path) -> BrokenOff:
     meta = read_header(folder).meta
     if not meta.get("procedure"):
         raise FileError(f"{folder}: names no procedure; a run of `hil run` was expected")
-    serial = (meta.get("valve") or {}).get("serial") or ""
-    labels = Labels(str(serial), str(meta.get("operator") or ""), dict(meta.get("notes") or {}))
-    return BrokenOff(str(meta["procedure"]), str(meta.get("bench_path") or ""), labels)
+    labels = Labels(stated(meta, "valve", "serial"), stated(meta, "operator"), dict(meta.get("notes") or {}))
+    return BrokenOff(str(meta["procedure"]), stated(meta, "bench_path"), labels)
 
 
 def settings_of(earlier: Recording) -> dict[str, Any]:

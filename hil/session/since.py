@@ -14,7 +14,7 @@ from hil.errors import ArchiveError, InputError
 from hil.findings.collect import results_of
 from hil.findings.difference import Difference, differences
 from hil.findings.results import Results, read_results
-from hil.record.header import read_header
+from hil.record.header import read_header, stated
 from hil.record.instruments import instruments_mark
 from hil.record.measurement import RESULTS_FILE, Findings, is_accepted
 from hil.record.recording import Recording
@@ -39,7 +39,7 @@ def with_earlier(
         folder: of the run.
         archive: folder or URL; else `HIL_ARCHIVE`, else `./runs`.
     """
-    serial = str((recording.meta.get("valve") or {}).get("serial") or "")
+    serial = stated(recording.meta, "valve", "serial")
     if not procedure.certificate or not serial or is_accepted(findings.verdict):
         return findings
     with suppress(ArchiveError, InputError, OSError):
@@ -96,16 +96,16 @@ def _missed(found: Sequence[Difference]) -> Iterator[Missed]:
 
 def _with_figures(results: Results) -> Results:
     """The results with the figures of the valve's condition before the values that they rest on."""
-    figures = results.likeness.figures if results.likeness else ()
-    named = {figure.name for figure in figures}
-    return results.model_copy(update={"values": (*figures, *(v for v in results.values if v.name not in named))})
+    named = {figure.name for figure in results.figures}
+    return results.model_copy(
+        update={"values": (*results.figures, *(v for v in results.values if v.name not in named))}
+    )
 
 
 def _weight(one: Difference, now: Results) -> tuple[bool, bool, float]:
     """Figures of the condition first, then what keeps the unit from passing, then the rest; the surest first."""
-    figures = now.likeness.figures if now.likeness else ()
     missed = one.second is not None and one.second.verdict in ("fail", "cannot tell")
-    return one.name in {figure.name for figure in figures}, missed, abs(one.change or 0.0) / (one.std or math.inf)
+    return one.name in {figure.name for figure in now.figures}, missed, abs(one.change or 0.0) / (one.std or math.inf)
 
 
 def _count(found: Sequence[Difference], meaning: str) -> int:

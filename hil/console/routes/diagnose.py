@@ -28,7 +28,7 @@ from hil.errors import ArchiveError, HilError, SettingError, UnknownNameError
 from hil.language.note import revived, translated
 from hil.physics.model import load_model
 from hil.physics.other_plant import plant_of_run
-from hil.record.header import read_header
+from hil.record.header import read_header, stated
 from hil.untrusted import is_regular, read_untrusted_json
 
 _RUNS = 40
@@ -57,7 +57,7 @@ def _header(console: Console, run: str) -> Mapping[str, Any]:
 
 def _model_for(chosen: Sequence[Mapping[str, Any]], known: Mapping[str, str]) -> str:
     """The model of the valve that was recorded: the one that its bench names, else the only one of its plant."""
-    named = {str((meta.get("valve") or {}).get("plant") or "") for meta in chosen}
+    named = {stated(meta, "valve", "plant") for meta in chosen}
     plants = {plant_of_run(meta) for meta in chosen}
     fitting = [name for name in known if {name} == named] or [n for n, plant in known.items() if {plant} == plants]
     return fitting[0] if len(fitting) == 1 else ""

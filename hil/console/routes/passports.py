@@ -17,7 +17,7 @@ from hil.console.routes import jobs
 from hil.console.site import NotHereError
 from hil.console.uploads import form_of
 from hil.errors import SettingError
-from hil.record.header import read_header
+from hil.record.header import read_header, stated
 
 _PASSPORT = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._+-]{0,120}\.pdf$")
 
@@ -54,8 +54,8 @@ def passports(runs: Path) -> list[str]:
 
 def _serial(folder: Path) -> str:
     """The unit's serial number as far as the name of a file can hold it."""
-    valve = read_header(folder).meta.get("valve") or {}
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", str(valve.get("serial") or "")).strip("-.") or "unit"
+    serial = stated(read_header(folder).meta, "valve", "serial")
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", serial).strip("-.") or "unit"
 
 
 ROUTES = [
