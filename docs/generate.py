@@ -169,7 +169,7 @@ def command_line() -> Iterator[str]:
     yield from ("# The command line", "", NOTE, "", COMMANDS, "", "| option | |", "|---|---|")
     told = options(said("compare", "--help"))
     yield from (f"| `{name}` | {told[name]} |" for name in (*READING, "--input", "--output", "--archive", "--language"))
-    yield from ("", "| command | what it does | options |", "|---|---|---|")
+    yield from ("", "Each command with what it does, and its options:", "")
     yield from command_rows("hil")
 
 
@@ -184,8 +184,7 @@ def command_rows(command: str) -> Iterator[str]:
         does = " ".join(rest.partition("\n\n")[0].split())
         own = [f"`{name}`" for name in named if name not in READING]
         reading = ["*reading*"] if set(READING) <= set(named) else []
-        whole = " ".join([command, *taken]).replace("|", "\\|")
-        yield f"| `{whole}` | {does} | {' '.join([*own, *reading])} |"
+        yield f"- `{' '.join([command, *taken])}`: {' '.join([does, *own, *reading])}"
     for line in group.splitlines():
         if line[2:3] != " ":
             yield from command_rows(f"{command} {line.split()[0]}")
@@ -305,10 +304,10 @@ unit of the place. Times and rates are those of valves; a slower plant says by h
 def effects_page() -> Iterator[str]:
     """The page of the effects: signature, equation, parameters, where each may sit."""
     yield from ("# Effects", "", NOTE, "", EFFECTS)
-    yield from ("", "| effect | what it looks like in data |", "|---|---|")
+    yield from ("", "What each looks like in data:", "")
     for e in effects():
         title = "" if e.title == e.name.replace("_", " ") else f" {e.title}"
-        yield f"| [`{e.name}`](#{e.name}){title} | {e.signature} |"
+        yield f"- [`{e.name}`](#{e.name}){title}: {e.signature}"
     for effect in effects():
         yield from effect_section(effect)
 

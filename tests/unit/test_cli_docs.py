@@ -152,7 +152,7 @@ def said(words: list[str]) -> int:
 
 
 def test_arguments_are_named_in_capitals_and_bracketed_once() -> None:
-    usages = [row.partition("` |")[0] for row in program("generate").command_rows("hil")]
+    usages = [row.split("`")[1] for row in program("generate").command_rows("hil")]
     assert [usage for usage in usages if "[[" in usage or re.search(r"{[a-z]+}", usage)] == []
 
 
