@@ -31,7 +31,7 @@ from hil.identification.papers.efc_condition import (
 from hil.identification.steady.pressure_curve import PressureCurve, pressure_curve
 from hil.identification.steady.sweep_estimate import Sweep
 from hil.language.note import Note
-from hil.physics.published.tugsal import CLASSIFIED_CURRENT_A
+from hil.physics.published.tugsal import BURST_PSI, CLASSIFIED_CURRENT_A, OVERVOLTAGE, OVERVOLTAGE_H
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.population_comparison import PopulationComparison
 from hil.record.recording import Array, Recording
@@ -195,7 +195,12 @@ def evaluate(recording: Recording) -> Findings:
         Note("Level {level} of the frequency response left out: {why}.", level=one["level"], why=one["reason"])
         for one in left_out
     ]
-    together = joined(done.values(), (*notes, *condition_notes))
+    declared = Note(
+        "Declared limits that are not driven here: burst above {burst_psi:g} psi; {hours:g} h at {over:.0f} % of the "
+        "coil's voltage.",
+        burst_psi=BURST_PSI, hours=OVERVOLTAGE_H, over=100.0 * OVERVOLTAGE,
+    )  # fmt: skip
+    together = joined(done.values(), (*notes, *condition_notes, declared))
     return replace(
         together,
         measured=(complete, *(() if function is None else (function,)), *judged, *together.measured),

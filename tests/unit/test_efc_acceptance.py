@@ -23,6 +23,7 @@ def test_a_good_valve_passes_the_whole_sequence(tmp_path: Path) -> None:
     assert value(found, "parts_completed") == 6.0
     assert (value(found, "probability_good") or 0.0) > 80.0
     assert any(note.startswith("Condition: good") for note in found.notes)
+    assert any("burst above 400 psi; 48 h at 133 % of the coil's voltage" in note for note in found.notes)
     assert {"flow_curve", "steps", "responses"} <= set(found.curves)
     # 1 mA of friction makes a loop of twice that
     assert value(found, "hysteresis") == pytest.approx(2.0, abs=0.6)

@@ -28,6 +28,11 @@ CLASSES: tuple[Class, ...] = (marked("good"), marked("malfunctioned"), marked("s
 RESISTANCE_OHM = {12: (2.1, 0.4), 24: (7.2, 0.4)}
 INDUCTANCE_LIMIT_H = 0.120
 
+# Limits of the specification that no bench of this kind drives: pressure at which nothing bursts, voltage over nominal
+# and its time.
+BURST_PSI = 400.0
+OVERVOLTAGE, OVERVOLTAGE_H = 1.33, 48.0
+
 # Section 3.1.3.1: pressures between which each sweep swings. The names are levels: "high" is the smallest but one.
 SWEEPS_PSI = {"low": (19.0, 21.0), "medium": (20.0, 140.0), "high": (133.0, 147.0)}
 
