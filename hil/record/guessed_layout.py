@@ -31,6 +31,7 @@ _JUDGED = 60
 _LEAST_NUMERIC = 0.2
 _NAME_LABELS = frozenset({"tagname", "tag", "name", "names", "channel", "channels", "signal", "signals", "variable"})
 _ALSO_UNITS = ("", "K", "T")  # of the letters for powers of ten: kelvin and tesla where every number has one
+_RULE = re.compile(r"[\s|+:=_-]*(--|==|__)[\s|+:=_-]*")  # below the headings of a printed table
 _TYPES = frozenset({"float", "double", "single", "int", "integer", "real", "float64", "float32", "number", "f8"})
 
 
@@ -174,7 +175,7 @@ def _above(lines: Sequence[str], separator: str, count: int) -> Iterator[tuple[i
     for number, line in enumerate(lines, 1):
         bare = line.lstrip("#% ")
         raw = () if separator == WHITESPACE and line.startswith("%") else (line,)
-        for text in (bare, *raw) if bare.strip(separator) else ():
+        for text in (bare, *raw) if bare.strip(separator) and not _RULE.fullmatch(line) else ():
             cells = _heading_cells(text, separator, count)
             if len(cells) == count and any(cells):
                 yield number, cells

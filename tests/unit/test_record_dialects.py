@@ -286,3 +286,17 @@ def test_units_of_toa5_stand_though_cells_between_them_are_blank(tmp_path: Path)
 def test_empty_lines_above_the_headings_do_no_harm(tmp_path):
     (tmp_path / "x.csv").write_text("\n\n\ntime [s],u [V]\n" + "".join(f"{k},{2 * k}\n" for k in range(5)))
     assert read_recording(tmp_path / "x.csv").values("u").tolist() == [0.0, 2.0, 4.0, 6.0, 8.0]
+
+
+@pytest.mark.parametrize(
+    ("head", "rule", "mark"),
+    [
+        ("| time [s] | u [V] |", "|----------|-------|", "| {} | {} |"),
+        (" time [s] | u [V] ", "----------+-------", " {} | {}"),
+        ("time u", "==== ====", "{} {}"),
+    ],
+)
+def test_the_rule_of_a_printed_table_is_no_row_of_units(tmp_path, head, rule, mark):
+    rows = "".join(mark.format(k, 2 * k) + "\n" for k in range(5))
+    (tmp_path / "x.txt").write_text(f"{head}\n{rule}\n{rows}")
+    assert read_recording(tmp_path / "x.txt").values("u").tolist() == [0.0, 2.0, 4.0, 6.0, 8.0]
