@@ -300,3 +300,19 @@ def test_the_rule_of_a_printed_table_is_no_row_of_units(tmp_path, head, rule, ma
     rows = "".join(mark.format(k, 2 * k) + "\n" for k in range(5))
     (tmp_path / "x.txt").write_text(f"{head}\n{rule}\n{rows}")
     assert read_recording(tmp_path / "x.txt").values("u").tolist() == [0.0, 2.0, 4.0, 6.0, 8.0]
+
+
+@pytest.mark.parametrize(
+    ("encoding", "names", "is_said"),
+    [
+        ("shift_jis", "圧力,流量", True), ("gb18030", "压力,流量", True), ("cp1251", "Давление,Расход", True),
+        ("cp1252", "Überdruck °C,Durchfluß µm²", False), ("utf-8", "圧力,流量", False),
+    ],
+)  # fmt: skip
+def test_headings_in_another_encoding_are_said_to_look_wrong(tmp_path, encoding, names, is_said):
+    text = f"time [s],{names}\n" + "".join(f"{k},{2 * k},{3 * k}\n" for k in range(5))
+    (tmp_path / "x.csv").write_bytes(text.encode(encoding))
+    found = read_recording(tmp_path / "x.csv")
+    assert any("neither UTF-8 nor Western" in note for note in found.meta.get("assumed", ())) is is_said
+    named = read_recording(tmp_path / "x.csv", Reading(columns=("time", "p", "q")))
+    assert list(named.channels) == ["p", "q"] and not any("UTF-8" in note for note in named.meta.get("assumed", ()))

@@ -8,6 +8,7 @@ a clock, time in any column, several columns of time, text beside the numbers.
 from __future__ import annotations
 
 import csv
+import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,12 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from hil.errors import FileError
+from hil.language.note import Note
 from hil.record.assemble import assemble
 from hil.record.columns import Table
 from hil.record.flat import flat
 from hil.record.guessed_layout import layout
 from hil.record.header_metadata import of_header_lines
 from hil.record.known_programs import of_known_program
+from hil.record.layout import Layout
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
@@ -30,6 +33,7 @@ from hil.record.text_rows import columns, place
 _ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".asc", ".prn", ".log")
 SUFFIXES = (*_ENDINGS, *(f"{ending}.gz" for ending in _ENDINGS))
 _CHUNK_ROWS = 10_000
+_OTHER_LETTERS = re.compile(r"[^\x00-\x7f]{3}")
 
 
 def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
@@ -45,11 +49,19 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
         known = None if reading.columns else of_known_program(path) or of_header_lines(path)
         found = layout(path, named=bool(reading.columns)) if known is None else known.layout
         read_columns, note, found = columns(path, found, reading)
+        note = "; ".join(filter(None, (note, _illegible(found, reading))))
         tables = [Table(path.stem, read_columns)] if known is None else known.tables(read_columns)
         tables = [replace(one, assumed="; ".join(filter(None, (one.assumed, note)))) for one in tables]
         return assemble(str(path), tables, None, reading, partial(place, path, found) if len(tables) == 1 else None)
     except (OSError, EOFError, UnicodeError, csv.Error) as error:
         raise FileError(f"{path}: cannot be read as CSV: {error}") from error
+
+
+def _illegible(found: Layout, reading: Reading) -> str:
+    """What is said of headings in another encoding: no western language has three such letters in a row."""
+    if reading.columns or found.encoding != "cp1252" or not _OTHER_LETTERS.search(" ".join(found.headings)):
+        return ""
+    return Note("the headings are neither UTF-8 nor Western European; save it as UTF-8, or say names with --columns")
 
 
 def write(recording: Recording, path: Path) -> None:
