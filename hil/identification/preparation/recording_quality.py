@@ -194,7 +194,7 @@ def _beyond_nyquist(model: Model, experiments: Sequence[Experiment]) -> list[Not
     if model.origin.get("discrepancy"):  # a wrong model's poles ask for no rate
         return notes
     return [
-        Note("{note}. Sample at {rate_hz:g} Hz or faster", note=note, rate_hz=enough_hz(value))
+        Note("{note}. Sample at {rate_hz:g} Hz or faster", note=note, rate_hz=_rate_hz(model, value, limit))
         for note, value in zip(notes, beyond.values(), strict=True)
     ]
 
@@ -219,7 +219,13 @@ def too_slow_hz(model: Model, experiments: Sequence[Experiment]) -> float:
     if model.origin.get("discrepancy"):
         return 0.0
     fastest = max(_corners(model).values(), default=0.0)
-    return enough_hz(fastest) if fastest > fastest_shown_rad_s(experiments) else 0.0
+    limit = fastest_shown_rad_s(experiments)
+    return _rate_hz(model, fastest, limit) if fastest > limit else 0.0
+
+
+def _rate_hz(model: Model, corner_rad_s: float, limit_rad_s: float) -> float:
+    """The rate for a pole beyond what samples show; of a form that nobody's physics bounds, for a decade beyond."""
+    return enough_hz(min(corner_rad_s, 10.0 * limit_rad_s) if model.plant == LINEAR else corner_rad_s)
 
 
 def runs_the_other_way(model: Model) -> tuple[Note, ...]:
