@@ -22,8 +22,10 @@ from hil.signals.interval import CERTAIN, COVERED
 
 def disagreement(experiments: Sequence[Experiment]) -> tuple[Note, ...]:
     """What is said of the first two recordings of one command that differ by more than their noise; empty if none."""
-    for one, other in combinations(experiments, 2):
-        if _is_one_test(one, other) and (ways := _differences(one, other)):
+    noises = [[channel_floor(row) for row in e.drive.inputs] if len(experiments) > 1 else [] for e in experiments]
+    for (one, noise), (other, others) in combinations(zip(experiments, noises, strict=True), 2):
+        allowed = COVERED * np.hypot(noise, others) if len(noise) == len(others) else None
+        if _is_one_test(one, other, allowed) and (ways := _differences(one, other)):
             disagree = Note(
                 "the same command as {other}, yet the output differs: {ways}. No one model fits both; repeat the first "
                 "test: where its output comes back, the unit was changed in between, else it drifts",
@@ -33,17 +35,13 @@ def disagreement(experiments: Sequence[Experiment]) -> tuple[Note, ...]:
     return ()
 
 
-def _is_one_test(one: Experiment, other: Experiment) -> bool:
-    """Whether two recordings have the same commands, sample by sample, but for the noise of these."""
-    if one.drive.inputs.shape != other.drive.inputs.shape or len(one.output) != len(other.output):
+def _is_one_test(one: Experiment, other: Experiment, allowed: Array | None) -> bool:
+    """Whether two recordings have the same commands, sample by sample, but for what their noise allows."""
+    if allowed is None or one.drive.inputs.shape != other.drive.inputs.shape or len(one.output) != len(other.output):
         return False
     if not math.isclose(one.interval_s, other.interval_s, rel_tol=1.0 / len(one.output)):
         return False
-    return all(_differ_by_noise(a, b) for a, b in zip(one.drive.inputs, other.drive.inputs, strict=True))
-
-
-def _differ_by_noise(a: Array, b: Array) -> bool:
-    return float(np.std(a - b)) <= COVERED * math.hypot(channel_floor(a), channel_floor(b))
+    return bool(np.all(np.std(one.drive.inputs - other.drive.inputs, axis=1) <= allowed))
 
 
 def _differences(one: Experiment, other: Experiment) -> tuple[Note, ...]:
