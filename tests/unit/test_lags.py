@@ -14,7 +14,8 @@ def sensed(values: np.ndarray, lag_s: float, second: float) -> np.ndarray:
     coefficients = sensor_lag.coefficients({"lag": lag_s, "second": second}, STEP_S)
     state = np.zeros(3)
     sensor_lag.settle(values[0], state)
-    return np.array([sensor_lag.transform(v, state, *coefficients.values()) for v in values])
+    given = [coefficients[name] for name in ("xx", "xv", "x0", "x1", "vx", "vv", "v0", "v1")]
+    return np.array([sensor_lag.transform(v, state, *given) for v in values])
 
 
 def turned(values: np.ndarray, *shape: float) -> np.ndarray:

@@ -48,8 +48,7 @@ class Place:
         if site.effect.coefficients is not None:
             given = dict(site.effect.coefficients(given, step_s))
         self.given = given
-        scaled = {parameter.name: parameter for parameter in site.effect.parameters_at(hook)}
-        self.state = np.zeros(site.effect.memory(scaled, step_s))
+        self.state = np.zeros(site.effect.words_at(hook, step_s))
         self.transform = plain(site.effect.transform)
         takes_state = "state" in inspect.signature(self.transform).parameters
         settle = site.effect.settle or (hold_first if takes_state else site.effect.transform)

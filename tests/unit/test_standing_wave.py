@@ -8,17 +8,19 @@ import numpy as np
 import pytest
 
 from hil.physics.effects.standing_wave import EFFECT
+from hil.physics.plant import Hook
 from hil.record.recording import Array
 
 pytestmark = pytest.mark.xdist_group("standing wave")  # gains are worked out once
 
 PERIOD_S, STEP_S = 0.16, 0.001
+HOOK = Hook(EFFECT.hooks[0], "flow", "l/min", 100.0)
 ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0)
 FREQUENCIES_HZ = (0.5, 3.0, *(order / PERIOD_S for order in ORDERS))
 
 
 def passed(values: Array, reflection: float) -> Array:
-    state = np.zeros(EFFECT.memory({}, STEP_S))
+    state = np.zeros(EFFECT.words_at(HOOK, STEP_S))
     assert EFFECT.settle is not None
     EFFECT.settle(values[0], state, STEP_S, reflection, PERIOD_S)
     return np.array([EFFECT.transform(value, state, reflection, PERIOD_S) for value in values])
