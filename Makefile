@@ -7,7 +7,7 @@ STAMP  := $(VENV)/.installed
 # Tests start hundreds of processes: without bytecode on disk each of them compiles every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow outside check pins warm wheel bench acceptance-risk papers notebooks proof coverage coverage-identify docs catalogues tutorial clean help
+.PHONY: demo test test-slow outside worlds mutants check pins warm wheel bench acceptance-risk papers notebooks proof coverage coverage-identify docs catalogues tutorial clean help
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -53,6 +53,12 @@ test-slow: $(STAMP) warm  ## the rest: faults on every link in wall-clock time, 
 
 outside: $(STAMP)  ## the device against every word of the program: outages, named cases, 300 drawn combinations (an hour)
 	$(BIN)/python -m tests.outside --drawn 300
+
+worlds: $(STAMP) ## the code that acts in N=1000 drawn worlds of virtual time, from SEED on
+	$(BIN)/python -m tests.worlds -n $(or $(N),1000) $(if $(SEED),--seed $(SEED))
+
+mutants: $(STAMP) ## faults planted in the code that acts (N=200, SEED=1), and how many of them worlds find
+	$(BIN)/python -m tests.worlds.mutants -n $(or $(N),200) --seed $(or $(SEED),1)
 
 wheel: $(STAMP)  ## build the wheel, install it alone, and try it where there is no checkout
 	$(BIN)/python .ci/try_wheel.py

@@ -1,0 +1,102 @@
+"""The real code of run, guard, watchdog and drivers in virtual time: what is said of outputs is so."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from contextlib import nullcontext
+from typing import Any
+
+import pytest
+
+from hil.bench import heartbeat, watchdog
+from hil.bench.ending import Ending
+from hil.daq.channel import Wiring
+from hil.daq.link import Late
+from hil.daq.pin import Pin
+from hil.safety.guard import Guard
+from hil.safety.outputs import Outputs
+from hil.system import tcp
+from tests.worlds.judge import judge
+from tests.worlds.kernel import in_world, on_linux, script
+from tests.worlds.processes import ParentEnd
+from tests.worlds.schedule import PROCEDURES, Schedule, drawn
+from tests.worlds.system import WorldSystem
+from tests.worlds.world import Ran, one
+
+
+def of(code: str) -> Ran:
+    return one(Schedule.of(code), judge)
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
+def test_without_a_fault_a_run_ends_as_its_procedure_does(procedure: str) -> None:
+    ran = one(Schedule(1, procedure=procedure, ramped=True, away=True), judge)
+    assert not ran.broken and ran.blocks >= 50
+    assert [word.by for word in ran.words if set(word.safe) == {"command", "enable"}]
+
+
+def test_one_schedule_is_one_course() -> None:
+    first, again = one(drawn(8), judge), one(drawn(8), judge)
+    assert (first.changes, first.said, first.calls) == (again.changes, again.said, again.calls)
+    assert Schedule.of(first.schedule.code) == first.schedule
+
+
+@pytest.mark.parametrize("part", range(2))
+def test_drawn_worlds_hold(part: int) -> None:
+    """Others with each commit; one that does not hold is printed as `python -m tests.worlds CODE` takes it."""
+    commit = subprocess.run(["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False).stdout
+    seed = 1000 * int(commit[:7] or "0", 16) + 100 * part
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.worlds", "-n", "100", "--seed", str(seed), "--jobs", "1"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_tcp_of_the_world_is_that_of_linux(seed: int) -> None:
+    """All of `python -m tests.worlds.kernel -n 500` but two are equal; these are some of them."""
+    steps = script(seed)
+    linux, world = on_linux(steps), in_world(steps)
+    assert (linux.received, linux.failed) == (world.received, world.failed), steps
+
+
+Patches = list[tuple[object, str, Any]]
+MENDS: dict[str, tuple[Patches, str]] = {
+    "what was not acknowledged goes out again": (
+        [(tcp, "guard", lambda made, _timeout_s: made), (WorldSystem, "forget", lambda _system, _held: None)],
+        "30308,0.2,steps,-|out:driving:2.4864:10:io|fork:driving:2.4759:0.05:",
+    ),
+    "a late command is not waited for": (
+        [(Late, "left_s", lambda _late, _now_s: 0.0)],
+        "30295,0.2,plain,w|hold:driving:1.6272:1:io|hup:driving:2.0031:0:",
+    ),
+    "another device is believed": (
+        [(Wiring, "refuse_another", lambda _wiring, _identity: None), (Pin, "doubt", lambda _pin, _identity: "")],
+        "30006,0.05,swallows,-|stop:making safe:0.2661:0:|swap:driving:2.6213:0:io",
+    ),
+    "an end is not final": (
+        [(Guard, "end", lambda _guard, _error: None), (Ending, "check", lambda _ending: None),
+         (Ending, "signalled", lambda _ending, _error: None), (Ending, "task", lambda _ending: nullcontext())],
+        "7,0.05,swallows,-|int:driving:1.3:0:",
+    ),
+    "a signal ends the watchdog": (
+        [(watchdog, "HOLDING_UP", ()), (heartbeat, "HOLDING_UP", ())], "7,0.05,plain,-|wd term:driving:1.3:0:",
+    ),
+    "a program that hangs is not killed": (
+        [(ParentEnd, "kill", lambda _parent, _pid: None)], "7,0.05,plain,-|pause:driving:1.3:5:",
+    ),
+    "an answer that did not come is one": (
+        [(Outputs, "settled", property(lambda _known: True))], "7,0.05,plain,-|deaf:driving:1.3:5:io",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MENDS)
+def test_a_mend_that_is_taken_back_is_found(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    patches, code = MENDS[name]
+    assert not of(code).broken
+    for thing, attribute, instead in patches:
+        monkeypatch.setattr(thing, attribute, instead)
+    assert of(code).broken

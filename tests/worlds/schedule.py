@@ -1,0 +1,107 @@
+"""What happens to a run in a world: drawn from a seed, or read from its code."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass, field
+
+DEVICES = ("io", "aux")
+PHASES = ("opening", "driving", "making safe", "closing")
+PROCEDURES = ("plain", "steps", "swallows", "raises", "exits", "blocks", "leaves early")
+KINDS = {
+    "out": "network", "hold": "network", "double": "network", "slow line": "network", "reset": "network",
+    "deaf": "device", "mute": "device", "slow": "device", "lies": "device", "restart": "device", "poke": "device",
+    "over": "device", "low": "device", "pressed": "device", "swap": "device",
+    "int": "signal", "term": "signal", "hup": "signal", "kill": "process", "pause": "process",
+    "wd term": "process", "wd kill": "process", "wd pause": "process", "fork": "process",
+    "stop": "person", "hold run": "person", "second": "person",
+    "sleep": "machine", "disk full": "machine", "disk slow": "machine",
+}  # fmt: skip
+_WITH_DEVICE = {kind for kind, of in KINDS.items() if of in ("network", "device")}
+_AT_ONCE = {"poke", "reset", "swap", "int", "term", "hup", "kill", "wd term", "wd kill", "stop"}
+_TIMES_S = (0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Something that happens.
+
+    Attributes:
+        kind: a key of `KINDS`.
+        phase: of the run, after whose begin it happens.
+        after_s: so long after.
+        lasts_s: for so long, where it lasts.
+        device: to which.
+    """
+
+    kind: str
+    phase: str
+    after_s: float
+    lasts_s: float = 0.0
+    device: str = ""
+
+    @property
+    def code(self) -> str:
+        return ":".join((self.kind, self.phase, f"{self.after_s:g}", f"{self.lasts_s:g}", self.device))
+
+    @classmethod
+    def of(cls, code: str) -> Fault:
+        kind, phase, after_s, lasts_s, device = code.split(":")
+        return cls(kind, phase, float(after_s), float(lasts_s), device)
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """A world.
+
+    Attributes:
+        seed: of everything that is drawn while it goes on.
+        hurry: chance that a call of the seam takes a task away.
+        procedure: what is run.
+        armed: whether devices have watchdogs of their own.
+        ramped: whether the command goes down a ramp.
+        away: whether outputs are found away from their safe values.
+        faults: what happens.
+    """
+
+    seed: int
+    hurry: float = 0.05
+    procedure: str = "plain"
+    armed: bool = False
+    ramped: bool = False
+    away: bool = False
+    faults: tuple[Fault, ...] = field(default=())
+
+    @property
+    def code(self) -> str:
+        """All of it, on one line."""
+        marks = "w" * self.armed + "r" * self.ramped + "a" * self.away or "-"
+        head = f"{self.seed},{self.hurry:g},{self.procedure},{marks}"
+        return "|".join((head, *(fault.code for fault in self.faults)))
+
+    @classmethod
+    def of(cls, code: str) -> Schedule:
+        head, *faults = code.split("|")
+        seed, hurry, procedure, marks = head.split(",")
+        return cls(int(seed), float(hurry), procedure, "w" in marks, "r" in marks, "a" in marks,
+                   tuple(map(Fault.of, faults)))  # fmt: skip
+
+
+def drawn(seed: int) -> Schedule:
+    """One of all: one to four faults, half of them close behind another one."""
+    draw = random.Random(f"schedule {seed}")
+    faults: list[Fault] = []
+    for _ in range(draw.choice((1, 1, 2, 2, 2, 3, 3, 4))):
+        kind = draw.choice([*KINDS])
+        near = draw.choice(faults) if faults and draw.random() < 0.5 else None
+        phase = near.phase if near else draw.choices(PHASES, (2, 5, 4, 2))[0]
+        spread_s = {"opening": 2.0, "driving": 4.0, "making safe": 0.5, "closing": 0.1}[phase]
+        after_s = (
+            max(0.0, near.after_s + draw.choice((-1, 1)) * draw.expovariate(5.0)) if near else draw.uniform(0, spread_s)
+        )
+        faults.append(
+            Fault(kind, phase, round(after_s, 4), 0.0 if kind in _AT_ONCE else draw.choice(_TIMES_S),
+                  draw.choice(DEVICES) if kind in _WITH_DEVICE else "")
+        )  # fmt: skip
+    marks = [draw.random() < 0.3 for _ in range(3)]
+    return Schedule(seed, draw.choice((0.01, 0.05, 0.2)), draw.choice(PROCEDURES), *marks, tuple(faults))

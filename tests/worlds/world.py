@@ -1,0 +1,506 @@
+"""One run in a world, from before the bench is opened until nothing late can arrive, and what was said of it."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import signal
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from greenlet import getcurrent
+
+from hil.bench import watchdog
+from hil.bench.ending import LastWord, accounted
+from hil.bench.open import open_rig
+from hil.bench.read import BenchFile, read_bench
+from hil.errors import exit_status_of, with_notes
+from hil.safety.interrupt import ended_by, terminable
+from hil.safety.operator import Operator
+from hil.safety.outputs import Outputs
+from hil.system import system
+from hil.system.tcp import not_for_children
+from tests.worlds.devices import Coupler
+from tests.worlds.network import Cable
+from tests.worlds.processes import Process
+from tests.worlds.schedule import DEVICES, Fault, Schedule
+from tests.worlds.system import WorldSystem
+from tests.worlds.tasks import Hub, Task
+
+NEAR = 0.6  # % of full scale: nearer than that an output stands at its safe value
+LATE_S = 1.0  # nothing that has left this computer arrives later (see `hil.daq.link.DIRECT_S`)
+LONGEST_S = 400.0  # no world goes on for longer
+WATCHED_S = 30.0  # so long outputs are looked at once everybody has gone
+WATCHDOG_S = 1.0
+RAMP_PER_S = 140.0
+IDENTITIES = {"io": "WAGO 750-352 A1", "aux": "WAGO 750-352 B2"}
+BENCH = """\
+name = "world"
+sample_rate_hz = 20
+[valve]
+name = "none"
+plant = "brevini-hpv41"
+settling_s = 0.2
+[devices.io]
+driver = "modbus"
+model = "wago-750"
+address = "10.0.0.1:502"{armed}
+[devices.aux]
+driver = "modbus"
+model = "wago-750"
+address = "10.0.0.2:502"{armed}
+[channels.command]
+role = "command"
+device = "io"
+terminal = "ao0"
+unit = "%"
+calibration = {{ slope = 10.0 }}
+safe = 0.0
+witness = "flow"
+limits = {{ low = -100.0, high = 100.0 }}{ramp}
+[channels.flow]
+role = "response"
+device = "io"
+terminal = "ai0"
+unit = "l/min"
+calibration = {{ slope = 10.0 }}
+[channels.enable]
+device = "aux"
+terminal = "ao0"
+unit = "V"
+safe = 0.0
+on = 5.0
+limits = {{ low = 0.0, high = 10.0 }}
+[channels."supply pressure"]
+device = "aux"
+terminal = "ai1"
+unit = "bar"
+calibration = {{ slope = 25.0 }}
+[interlocks.over-pressure]
+channel = "supply pressure"
+high = 140.0
+for_s = 0.02
+action = "trip"
+[channels."emergency stop"]
+role = "emergency stop"
+device = "aux"
+terminal = "ai2"
+unit = "V"
+pressed_below = 2.0
+[interlocks.low-pressure]
+channel = "supply pressure"
+low = 40.0
+for_s = 0.02
+action = "hold"
+[protection]
+block_s = 0.1
+patience_s = 20.0
+watchdog_s = {watchdog}
+"""
+OUTPUTS = {"command": "io", "enable": "aux"}
+SIGNALS = {"int": signal.SIGINT, "term": signal.SIGTERM, "hup": signal.SIGHUP, "kill": signal.SIGKILL}
+
+
+@dataclass
+class Word:
+    """Something that was said of outputs, by whom and when.
+
+    Attributes:
+        safe: the outputs that are called safe, each with the instant since when.
+        states: of all of them, where they are told.
+    """
+
+    by: str
+    at_s: float
+    safe: dict[str, float]
+    text: str = ""
+    states: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass
+class Ran:
+    """What came of a schedule.
+
+    Attributes:
+        status: of the run; None: it never ended.
+        words: everything that was said.
+        changes: of each output, as its device has them.
+        took: the faults that took effect, each with the phase that the run was in; took_s: when.
+        broken: every invariant that does not hold.
+        blocks: how many were driven.
+    """
+
+    schedule: Schedule
+    status: int | None = None
+    words: list[Word] = field(default_factory=list)
+    said: list[tuple[float, str, str]] = field(default_factory=list)
+    changes: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+    took: list[tuple[Fault, str]] = field(default_factory=list)
+    took_s: list[float] = field(default_factory=list)
+    broken: list[str] = field(default_factory=list)
+    blocks: int = 0
+    calls: int = 0
+    ended_s: float = 0.0
+    pokes: dict[str, list[float]] = field(default_factory=dict)
+
+
+_files: dict[str, BenchFile] = {}
+
+
+def _bench(schedule: Schedule) -> BenchFile:
+    """The bench as a process reads it: its devices are not known yet."""
+    text = BENCH.format(
+        armed="\nwatchdog_s = 1.0" if schedule.armed else "", watchdog=WATCHDOG_S,
+        ramp=f"\nramp_to_safe_per_s = {RAMP_PER_S}" if schedule.ramped else "",
+    )  # fmt: skip
+    if text not in _files:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, "bench.toml")
+            path.write_text(text, encoding="utf-8")
+            _files[text] = read_bench(path)
+    file = _files[text]
+    return replace(file, devices={name: replace(device) for name, device in file.devices.items()})
+
+
+class World:
+    """The run, its watchdog, its devices and what happens to them.
+
+    Args:
+        schedule: what happens.
+        folder: where the run folder is written.
+    """
+
+    def __init__(self, schedule: Schedule, folder: Path) -> None:
+        self.schedule, self.folder = schedule, folder
+        self.hub = Hub(schedule.seed, schedule.hurry)
+        self.ran = Ran(schedule, pokes={name: [] for name in DEVICES})
+        self.cables = {name: Cable(self.hub, (1e-4, 1e-3)) for name in DEVICES}
+        pressure = round(100.0 / 25.0 / 10.0 * 0x7FFF)
+        self.devices = {
+            name: Coupler(self.hub, cable, IDENTITIES[name], pressure) for name, cable in self.cables.items()
+        }
+        self.strangers: dict[str, Coupler] = {}
+        for device in self.devices.values() if schedule.away else ():
+            device.put(35.0)
+        hosts = {("10.0.0.1", 502): self.devices["io"].host, ("10.0.0.2", 502): self.devices["aux"].host}
+        self.system = WorldSystem(self.hub, hosts, {"hil.bench.watchdog": self._watchdog}, (0.2, 1.0))
+        self.run = self.system.new_process("run")
+        self.phase = "opening"
+        self.moved = False
+        self._begun: set[str] = set()
+        self.stderr = _Stderr(self)
+
+    def go(self) -> Ran:
+        """Let it all happen."""
+        self.devices["io"].watchers.append(self._moved)
+        with self._in_place():
+            self.run.begin(self._main)
+            self.run.held.append(lambda: self._begins("making safe"))
+            self._begins("opening")
+            self.hub.run(LONGEST_S, lambda: not self.system.living)
+            self.ran.ended_s, self.ran.calls = self.hub.now_s, self.hub.calls
+            if not self.system.living:
+                self.hub.run(self.hub.now_s + WATCHED_S)
+            self.hub.leave()
+        self.ran.status = self.run.status
+        self.ran.changes = {name: self.devices[device].changes for name, device in OUTPUTS.items()}
+        return self.ran
+
+    @contextmanager
+    def _in_place(self) -> Iterator[None]:
+        state = {"HIL_STATE_DIR": str(self.folder / "state"), "HIL_LANGUAGE": "en"}
+        with (
+            system.replaced_by(self.system), patch.dict(os.environ, state), patch.object(sys, "stderr", self.stderr),
+            patch.object(watchdog, "read_bench", lambda _path: _bench(self.schedule)),
+        ):  # fmt: skip
+            yield
+
+    def _main(self) -> int:
+        known, file = _Known(lambda: self._begins("making safe")), _bench(self.schedule)
+        known.announce = lambda text: self.say("run", text)
+
+        def said(error: BaseException) -> int:
+            known.mark(error)
+            self.say("run", with_notes(error))
+            self._word("run", known)
+            return exit_status_of(error)
+
+        word = LastWord(said)
+        try:
+            with (
+                accounted(known), terminable(),
+                open_rig(file, self.folder / "run", {}, lambda *_: None, (), None, known, "", Operator(), None, word)
+                as rig,
+            ):  # fmt: skip
+                self._begins("driving")
+                self._procedure(rig)
+        except BaseException as error:
+            return word.say(ended_by(error))
+        self.say("run", known.text)
+        self._word("run", known)
+        return 0
+
+    def _procedure(self, rig: Any) -> None:
+        kind = self.schedule.procedure
+        up = np.linspace(0.0, 70.0, 20)
+
+        def stand() -> None:
+            for _ in range(10):
+                rig.play(np.full(10, 70.0))
+                self.ran.blocks += 5
+
+        if kind == "swallows":
+            for _ in range(4):
+                with suppress(BaseException):
+                    rig.play(up)
+                    stand()
+            return
+        rig.play(up)
+        if kind == "steps":
+            for level in (20.0, -40.0, 70.0, 0.0, 70.0):
+                rig.play(np.full(20, level))
+                self.ran.blocks += 10
+        elif kind == "leaves early":
+            for piece in rig.stream([np.full(10, 70.0)] * 20):
+                self.ran.blocks += 5
+                if len(piece) > 1e9:
+                    break
+            for _ in rig.stream([np.full(10, 50.0)] * 20):
+                break
+        else:
+            stand()
+        if kind == "raises":
+            raise ValueError("a fault of the procedure")
+        if kind == "exits":
+            sys.exit(5)
+        if kind == "blocks":
+            system.sleep(3.0)
+
+    def _watchdog(self, *words: str) -> int:
+        return watchdog.main(*words)
+
+    def say(self, by: str, text: str) -> None:
+        self.ran.said.append((self.hub.now_s, by, text))
+
+    def _word(self, by: str, known: Outputs) -> None:
+        safe = {name: self.hub.now_s for name, output in known.known.items() if str(output.state) == "safe"}
+        states = {name: str(output.state) for name, output in known.known.items()}
+        self.moved = known.moved
+        self.ran.words.append(Word(by, self.hub.now_s, safe, known.text, states))
+
+    def _begins(self, phase: str) -> None:
+        if phase in self._begun or (phase == "making safe" and self.phase == "opening"):
+            return
+        self._begun.add(phase)
+        self.phase = phase
+        for fault in self.schedule.faults:
+            if fault.phase == phase:
+                self.hub.after(fault.after_s, lambda fault=fault: self._happen(fault))  # type: ignore[misc]
+
+    def _moved(self) -> None:
+        if self.phase == "making safe" and abs(self.devices["io"].percent) < NEAR:
+            self._begins("closing")
+
+    def _happen(self, fault: Fault) -> None:
+        if not self.system.living:
+            return
+        self.ran.took.append((fault, self.phase))
+        self.ran.took_s.append(self.hub.now_s)
+        kind, after = fault.kind, self.hub.after
+        cable = self.cables.get(fault.device)
+        device = self.devices.get(fault.device)
+        if kind in SIGNALS:
+            self.run.signal(SIGNALS[kind])
+        elif kind == "pause":
+            self.run.signal(signal.SIGSTOP)
+            after(fault.lasts_s, lambda: self.run.signal(signal.SIGCONT))
+        elif kind.startswith("wd "):
+            self._to_watchdog(kind.removeprefix("wd "), fault.lasts_s)
+        elif kind == "stop":
+            self._press("stop", fault.lasts_s)
+        elif kind == "hold run":
+            self._press("hold", fault.lasts_s)
+        elif kind == "second":
+            self._second()
+        elif kind == "sleep":
+            self._sleep(fault.lasts_s)
+        elif kind == "fork":
+            self._fork(fault.lasts_s)
+        elif kind in ("disk full", "disk slow"):
+            self._disk(kind, fault.lasts_s)
+        elif cable is not None and device is not None:
+            self._to_device(fault, cable, device)
+
+    def _to_device(self, fault: Fault, cable: Cable, device: Coupler) -> None:
+        def for_a_while(thing: object, name: str, value: object, after: object) -> None:
+            setattr(thing, name, value)
+            self.hub.after(fault.lasts_s, lambda: setattr(thing, name, after))
+
+        match fault.kind:
+            case "out":
+                for_a_while(cable, "is_out", True, False)
+            case "hold":
+                cable.holds_s = 0.9 * LATE_S
+                for_a_while(cable, "holds_chance", 0.2, 0.0)
+            case "double":
+                for_a_while(cable, "doubles_chance", 0.3, 0.0)
+            case "slow line":
+                for_a_while(cable, "delay_s", (0.01, 0.15), (1e-4, 1e-3))
+            case "reset":
+                device.hang_up()
+            case "deaf" | "mute" | "lies":
+                for_a_while(device, fault.kind, True, False)
+            case "slow":
+                for_a_while(device, "slow_s", 0.08, 0.0)
+            case "restart":
+                device.restart(fault.lasts_s)
+            case "poke":
+                self.ran.pokes[fault.device].append(self.hub.now_s)
+                device.put(28.0)
+            case "over":
+                for_a_while(self.devices["aux"], "pressure", round(0.6 * 0x7FFF), round(0.4 * 0x7FFF))
+            case "low":
+                for_a_while(self.devices["aux"], "pressure", round(0.1 * 0x7FFF), round(0.4 * 0x7FFF))
+            case "pressed":
+                for_a_while(self.devices["aux"], "contact", 0, 0x7FFF // 2)
+            case "swap":
+                stranger = self.strangers[fault.device] = Coupler(self.hub, cable, "WAGO 750-352 C3")
+                device.host.is_on = False
+                for end in device.host.ends:
+                    end.gone(None)
+                stranger.host = device.host
+                device.host.is_on, device.host.taken = True, stranger.taken
+
+    @property
+    def watchdog(self) -> Process | None:
+        """The watchdog process, where one was started."""
+        return next((one for one in self.system.processes if one.name == "hil.bench.watchdog"), None)
+
+    @property
+    def watchdog_ended_s(self) -> float:
+        """When it was gone."""
+        return self.watchdog.ended_s if self.watchdog else 0.0
+
+    def _to_watchdog(self, kind: str, lasts_s: float) -> None:
+        if (process := self.watchdog) is None:
+            return
+        process.signal({"term": signal.SIGTERM, "kill": signal.SIGKILL, "pause": signal.SIGSTOP}[kind])
+        if kind == "pause":
+            self.hub.after(lasts_s, lambda: process.signal(signal.SIGCONT))
+
+    def _press(self, what: str, lasts_s: float) -> None:
+        for process, service in self.system.services.values():
+            if process.lives:
+                process.tasks.append(self.hub.spawn(partial(self._pressed, service, what, lasts_s), process, "person"))
+
+    def _pressed(self, service: Any, what: str, lasts_s: float) -> None:
+        if what == "hold":
+            service.ask_to_hold(True)
+            system.sleep(lasts_s)
+            service.ask_to_hold(False)
+            return
+        asked, until_s = service.stop("a person"), self.hub.now_s + 0.85
+        while not asked.done() and self.hub.now_s < until_s:
+            system.sleep(0.005)
+        status = asked.result() if asked.done() else service.status
+        if status.is_confirmed:
+            safe = {name: self.hub.now_s for name, output in status.outputs.items() if str(output.state) == "safe"}
+            self.ran.words.append(Word("stop", self.hub.now_s, safe))
+
+    def _second(self) -> None:
+        """Another program wants the same bench."""
+        process = self.system.new_process("second")
+
+        def main() -> int:
+            known = Outputs()
+            try:
+                with (
+                    accounted(known),
+                    open_rig(_bench(self.schedule), self.folder / "second", {}, lambda *_: None, known=known) as rig,
+                ):
+                    rig.play(np.zeros(5))
+            except BaseException as error:
+                return exit_status_of(error)
+            return 0
+
+        process.begin(main)
+
+    def _sleep(self, lasts_s: float) -> None:
+        """The computer sleeps: nothing runs, the devices go on."""
+        awake = [process for process in self.system.processes if process.lives and not process.is_stopped]
+        for process in awake:
+            process.is_stopped = True
+        began_s = self.hub.now_s
+
+        def wake() -> None:
+            self.system.asleep_s += self.hub.now_s - began_s
+            for process in awake:
+                process.signal(signal.SIGCONT)
+
+        self.hub.after(lasts_s, wake)
+
+    def _fork(self, lasts_s: float) -> None:
+        """The procedure forks a child, which holds what nobody has closed there."""
+        held = [one for one in self.run.sockets if one not in not_for_children]
+        for one in held:
+            one.holders += 1
+
+        def end() -> None:
+            for one in held:
+                one.holders -= 1
+                if not one.holders and one.end is not None:
+                    one.end.close()
+
+        self.hub.after(lasts_s, end)
+
+    def _disk(self, kind: str, lasts_s: float) -> None:
+        name, value, after = ("is_full", True, False) if kind == "disk full" else ("slow_s", 0.3, 0.0)
+        setattr(self.system.disk, name, value)
+        self.hub.after(lasts_s, lambda: setattr(self.system.disk, name, after))
+
+
+class _Known(Outputs):
+    """Tells when it begins to be made safe."""
+
+    def __init__(self, begins: Callable[[], None]) -> None:
+        super().__init__()
+        self._begins = begins
+
+    def make_safe(self, *about: Any, **more: Any) -> None:
+        self._begins()
+        super().make_safe(*about, **more)
+
+
+class _Stderr(io.TextIOBase):
+    """What each process says: of a child whose parent reads it, through its pipe."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def write(self, text: str) -> int:
+        task = getcurrent()
+        process = task.owner if isinstance(task, Task) else None
+        if process is not None and text.strip():
+            self._world.say(process.name, text.strip())
+        return len(text)
+
+
+def one(schedule: Schedule, judge: Callable[[World, Ran], None]) -> Ran:
+    """A world, from its beginning to its end."""
+    folder = Path(tempfile.mkdtemp(prefix="world-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
+    try:
+        world = World(schedule, folder)
+        ran = world.go()
+        judge(world, ran)
+        return ran
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
