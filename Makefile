@@ -7,7 +7,7 @@ STAMP  := $(VENV)/.installed
 # Tests start hundreds of processes: without bytecode on disk each of them compiles every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow outside worlds mutants check pins warm wheel bench acceptance-risk papers notebooks proof coverage coverage-identify docs catalogues tutorial clean help
+.PHONY: demo test test-slow outside worlds mutants check pins warm wheel bench acceptance-risk papers notebooks proof coverage coverage-identify catalogues tutorial clean help
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'

@@ -56,10 +56,10 @@ _EVEN = 1e-3  # of the interval, by which stamps of an even recording may differ
 
 def models_of_steps(
     recording: Recording,
-    input_name: str,
-    output_name: str,
-    beside: ResponseTable | None,
-    band: float,
+    input_name: str = "",
+    output_name: str = "",
+    beside: ResponseTable | None = None,
+    band: float = 0.02,
 ) -> list[StepModels]:
     """The models of every step in a recording: eqs 9 to 22 of the HPV41 paper.
 
@@ -73,7 +73,7 @@ def models_of_steps(
 
 
 def models_of_times(
-    rise_s: float | None, settling_s: float | None, beside: ResponseTable | None, band: float
+    rise_s: float | None, settling_s: float | None, beside: ResponseTable | None = None, band: float = 0.02
 ) -> StepModels:
     """The models of a step of which the two times are known.
 
@@ -103,7 +103,7 @@ def _of_step(one: MeasuredStep, response: FrequencyResponse | None, band: float)
     return replace(made, label=label)
 
 
-def corners_of(table: ResponseTable, poles: int, zeros: int) -> AsymptoticFit:
+def corners_of(table: ResponseTable, poles: int, zeros: int = 0) -> AsymptoticFit:
     """Real poles and zeros from the magnitude of a frequency response: eqs 3.1 to 3.6 of the EFC thesis."""
     return asymptotic_bode(as_response([table]), poles, zeros)
 
@@ -188,9 +188,9 @@ def estimated_online(
     output_name: str,
     form: ArxForm,
     *,
-    memory: float,
-    forgetting: Forgetting,
-    prior_std: float,
+    memory: float = 1.0,
+    forgetting: Forgetting = "directional",
+    prior_std: float = 1e3,
 ) -> OnlineEstimate:
     """Recursive least squares over a recording, sample by sample: eqs 3.7 to 3.15 of the EFC thesis.
 
@@ -340,7 +340,9 @@ def channels_of(recording: Recording, input_name: str = "", output_name: str = "
     return recording.channel(given).name, recording.channel(answer).name
 
 
-def error_between(measured: Recording, reference: Recording, level: Level, output_name: str) -> ThesisError:
+def error_between(
+    measured: Recording, reference: Recording, level: Level, output_name: str = "pressure"
+) -> ThesisError:
     """Eq. 4.1 between two recordings on the same stamps, as far as both go.
 
     Raises:

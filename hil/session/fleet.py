@@ -74,15 +74,15 @@ _Diagnose = Callable[[Unit], UnitAnswer]
 
 def diagnosed_fleet(
     folders: Sequence[Path],
-    model: Model | None,
-    inputs: Sequence[str],
-    output: str,
-    out: Path | None,
-    scheduler: str,
-    budget_s: float,
-    reading: Reading | None,
-    notes: Notes,
-    progress: Progress,
+    model: Model | None = None,
+    inputs: Sequence[str] = (),
+    output: str = "",
+    out: Path | None = None,
+    scheduler: str = "",
+    budget_s: float = math.inf,
+    reading: Reading | None = None,
+    notes: Notes = lambda _note: None,
+    progress: Progress = quiet,
 ) -> list[UnitAnswer]:
     """Diagnose the units of these folders; each answer is written into a folder of its own in `out`, once it is there.
 

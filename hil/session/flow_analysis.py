@@ -35,6 +35,8 @@ from hil.session.analyses import channels_of
 from hil.signals.interval import CERTAIN
 from hil.signals.rounding import rounding_step
 
+DEGREE = 9
+
 
 @dataclass(frozen=True, slots=True)
 class Figure:
@@ -117,10 +119,10 @@ class FlowAnalysis:
 
 def flow_analysis(
     recordings: Sequence[Recording],
-    input_name: str,
-    output_name: str,
-    degree: int,
-    neutral: float,
+    input_name: str = "",
+    output_name: str = "",
+    degree: int = DEGREE,
+    neutral: float = 0.0,
 ) -> FlowAnalysis:
     """The curve of the sweeps that recordings hold.
 

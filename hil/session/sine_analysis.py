@@ -76,7 +76,7 @@ class SineAnalysis:
         return self.files(out)
 
 
-def sine_analysis(recordings: Sequence[Recording], input_name: str, output_name: str) -> SineAnalysis:
+def sine_analysis(recordings: Sequence[Recording], input_name: str = "", output_name: str = "") -> SineAnalysis:
     """The frequency responses of the sines that recordings hold together: one file for all, or one for each frequency.
 
     Raises:
