@@ -432,7 +432,7 @@ def _example(doc: str) -> list[str]:
 def signature_of(function: Any) -> str:
     """What a function takes and returns; of a default that is no plain value only that there is one."""
     found = inspect.signature(function)
-    plain = str | int | float | tuple[float, ...] | bool | None
+    plain = str | int | float | tuple | bool | None
     given = [
         one if one.default is one.empty or isinstance(one.default, plain) else one.replace(default=Ellipsis)
         for one in found.parameters.values()
