@@ -236,7 +236,8 @@ def _taken_back(source: str, number: int, room: str) -> tuple[CodeType, str] | N
         for hunk in re.split(r"^@@.*@@.*$", shown, flags=re.MULTILINE)[1:]:
             lines = hunk.strip("\n").splitlines()
             made, before = (_side(lines, drop) for drop in "-+")
-            if made != before and source.count(made) == 1 and len(made.strip()) > 40:
+            is_moved = "system." in made and "system." not in before  # the seam itself: what it took away is not there
+            if made != before and not is_moved and source.count(made) == 1 and len(made.strip()) > 40:
                 other = source.replace(made, before)
                 try:
                     compile(other, room, "exec")
