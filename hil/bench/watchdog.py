@@ -26,6 +26,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,7 @@ CONFIRMS_S = 0.2  # after a stop the program has so long to be confirming, or do
 _SO_FAR = "watchdog-so-far"  # what is told before the last word, for who cannot hear it on stderr
 _LONGEST_LINE = 1 << 20
 _TELLS_S = 5.0  # so long a stopped terminal is waited for
+_LOOKS_S = 0.2  # how often a bench that another program has is asked for
 _RELEASE_S = 2.0  # the system needs a moment to end a killed process, its lease and its hold on serial ports
 
 
@@ -209,13 +211,8 @@ def _watched(parent: Parent[Asked], limit_s: float, pid: int, service: StopServi
 def _act(file: BenchFile, pid: int, run: Path, end: _End, service: StopService) -> None:
     why = end.why
     service.forget()
-    rescue = Rescue(file, service)
-    try:
-        with _lease_of_the_dead(file, pid, rescue.one_attempt):
-            rescue.with_patience(lambda: _report_not_yet(file, run, why, pid, rescue))
-    except InUseError as taken:  # whoever took it has made its outputs safe on opening it
-        report = {"why": why, "left_alone": str(taken), "outputs": record_of(rescue.outputs)}
-        _report(file, run, report, f"process {pid} {why}; {taken}")
+    rescue = _rescued(file, pid, run, why, service)
+    if rescue is None:
         return
     took_s = round(rescue.took_s, 3)
     outputs: dict[str, Any] = {"outputs": record_of(rescue.outputs)}
@@ -230,6 +227,32 @@ def _act(file: BenchFile, pid: int, run: Path, end: _End, service: StopService) 
     else:
         text = f"process {pid} {why}; outputs made safe in {took_s:g} s"
         _report(file, run, {"why": why, "safe_after_s": took_s, **outputs}, text)
+
+
+def _rescued(file: BenchFile, pid: int, run: Path, why: str, service: StopService) -> Rescue | None:
+    """Made safe as far as could be; None where another program has the bench, and keeps it for `GIVE_UP_S`.
+
+    Whoever takes a bench makes its outputs safe when it opens them. One that fails in that lets go of it, and what the
+    dead program had driven would stand.
+    """
+    until_s, is_told = system.now_s() + GIVE_UP_S, False
+    while True:
+        rescue = Rescue(file, service)
+        try:
+            with _lease_of_the_dead(file, pid, rescue.one_attempt):
+                rescue.with_patience(partial(_report_not_yet, file, run, why, pid, rescue))
+            return rescue
+        except InUseError as taken:
+            report = {"why": why, "left_alone": str(taken), "outputs": record_of(rescue.outputs)}
+            text = f"process {pid} {why}; {taken}"
+        if system.now_s() >= until_s:
+            _report(file, run, report, text)
+            return None
+        if not is_told:
+            is_told = True
+            _write(_places(file, run, _SO_FAR), report)
+            _tell(text)
+        system.sleep(_LOOKS_S)
 
 
 def _report_not_yet(file: BenchFile, run: Path, why: str, pid: int, rescue: Rescue) -> None:

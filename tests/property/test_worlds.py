@@ -42,6 +42,12 @@ def test_one_schedule_is_one_course() -> None:
     assert Schedule.of(first.schedule.code) == first.schedule
 
 
+def test_outputs_of_a_dead_run_are_made_safe_when_who_took_the_bench_could_not() -> None:
+    code = "702308,0.2,blocks,-|out:making safe:0.0526:10:aux|second:making safe:0:0.05:"
+    ran = of(code)
+    assert not ran.broken and ran.changes["enable"][-1][1] == 0.0
+
+
 @pytest.mark.parametrize("part", range(2))
 def test_drawn_worlds_hold(part: int) -> None:
     """Others with each commit; one that does not hold is printed as `python -m tests.worlds CODE` takes it."""

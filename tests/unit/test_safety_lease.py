@@ -109,8 +109,10 @@ def test_a_bench_that_begins_anew_with_each_run_needs_none() -> None:
 
 
 def test_the_watchdog_leaves_a_bench_alone_that_another_program_has_taken_over(
-    file: BenchFile, holder: subprocess.Popen[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+    file: BenchFile, holder: subprocess.Popen[str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(watchdog, "GIVE_UP_S", 0.3)
     watchdog._act(file, os.getpid(), tmp_path, watchdog._End("ended"), StopService({}, "watchdog", lambda _wish: None))
     told = json.loads((tmp_path / "watchdog.json").read_text(encoding="utf-8"))
     assert told["why"] == "ended" and f"in use by process {holder.pid}" in told["left_alone"]
