@@ -11,7 +11,7 @@ import sys
 import time
 
 from tests.worlds.judge import judge
-from tests.worlds.schedule import KINDS, Schedule, drawn
+from tests.worlds.schedule import KINDS, PHASES, Schedule, drawn
 from tests.worlds.world import Ran, one
 
 _BATCH = 100  # worlds of one process: what a killed run holds is never let go of
@@ -84,12 +84,22 @@ def _batch(seeds: range) -> None:
                 f"broken\t{ran.schedule.code}\n" + "\n".join(f"broken\t    {text}" for text in ran.broken), flush=True
             )
         for (fault, phase), (other, _) in itertools.combinations(ran.took, 2):
-            print(f"took\t{'+'.join(sorted((KINDS[fault.kind], KINDS[other.kind])))} {phase}")
+            print(f"took\t{'+'.join(sorted((fault.kind, other.kind)))}\t{phase}")
 
 
 def _coverage(took: collections.Counter[str]) -> None:
-    for pair, count in sorted(took.items()):
-        print(f"{count:6} {pair}")
+    """How many of all pairs of kinds happened in each phase of a run, and which classes of pairs never did."""
+    classes: collections.Counter[str] = collections.Counter()
+    for line, count in took.items():
+        pair, phase = line.split("\t")
+        classes["+".join(sorted(KINDS[kind] for kind in pair.split("+"))) + " " + phase] += count
+    every = [*itertools.combinations_with_replacement(sorted(KINDS), 2)]
+    for phase in PHASES:
+        reached = sum(line.endswith("\t" + phase) for line in took)
+        print(f"{phase}: {reached} of {len(every)} pairs of kinds")
+    pairs = {"+".join(sorted((KINDS[one], KINDS[other]))) for one, other in every}
+    reached = len({line for line in classes if classes[line]})
+    print(f"{reached} of {len(pairs) * len(PHASES)} pairs of classes, a class and a phase each")
 
 
 def _show(ran: Ran) -> None:
