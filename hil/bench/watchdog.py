@@ -66,7 +66,7 @@ CONFIRMS_S = 0.2  # after a stop the program has so long to be confirming, or do
 _SO_FAR = "watchdog-so-far"  # what is told before the last word, for who cannot hear it on stderr
 _LONGEST_LINE = 1 << 20
 _TELLS_S = 5.0  # so long a stopped terminal is waited for
-_LOOKS_S = 0.2  # how often a bench that another program has is asked for
+_LEASE_AGAIN_S = 0.2  # how often a bench that another program has is asked for
 _RELEASE_S = 2.0  # the system needs a moment to end a killed process, its lease and its hold on serial ports
 
 
@@ -235,7 +235,7 @@ def _rescued(file: BenchFile, pid: int, run: Path, why: str, service: StopServic
     Whoever takes a bench makes its outputs safe when it opens them. One that fails in that lets go of it, and what the
     dead program had driven would stand.
     """
-    until_s, is_told = system.now_s() + GIVE_UP_S, False
+    until_s, is_announced = system.now_s() + GIVE_UP_S, False
     while True:
         rescue = Rescue(file, service)
         try:
@@ -248,11 +248,11 @@ def _rescued(file: BenchFile, pid: int, run: Path, why: str, service: StopServic
         if system.now_s() >= until_s:
             _report(file, run, report, text)
             return None
-        if not is_told:
-            is_told = True
+        if not is_announced:
+            is_announced = True
             _write(_places(file, run, _SO_FAR), report)
             _tell(text)
-        system.sleep(_LOOKS_S)
+        system.sleep(_LEASE_AGAIN_S)
 
 
 def _report_not_yet(file: BenchFile, run: Path, why: str, pid: int, rescue: Rescue) -> None:

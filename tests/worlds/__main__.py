@@ -19,15 +19,15 @@ _BATCH = 100  # worlds of one process: what a killed run holds is never let go o
 
 def main() -> int:
     """Do what was asked."""
-    told = _told()
-    if told.code:
-        ran = one(Schedule.of(told.code), judge)
+    options = _options()
+    if options.code:
+        ran = one(Schedule.of(options.code), judge)
         _show(ran)
         return bool(ran.broken)
-    first = told.seed if told.seed is not None else _of_commit()
+    first = options.seed if options.seed is not None else _of_commit()
     broken, took = 0, collections.Counter[str]()
     begun_s = time.process_time() + sum(os.times()[2:4])
-    for lines in _batches(range(first, first + told.n), told.jobs):
+    for lines in _batches(range(first, first + options.n), options.jobs):
         for line in lines:
             kind, _, rest = line.partition("\t")
             if kind == "broken":
@@ -36,23 +36,25 @@ def main() -> int:
             else:
                 took[rest] += 1
     spent_s = time.process_time() + sum(os.times()[2:4]) - begun_s
-    print(f"{told.n} worlds, {broken} broken; {told.n / spent_s * 3600.0:,.0f} a processor-hour; seeds from {first}")
+    print(
+        f"{options.n} worlds, {broken} broken; {options.n / spent_s * 3600.0:,.0f} a processor-hour; seeds from {first}"
+    )
     _coverage(took)
     return bool(broken)
 
 
-def _told() -> argparse.Namespace:
+def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.worlds", description=__doc__)
     parser.add_argument("code", nargs="?", help="a schedule, as it was printed")
     parser.add_argument("-n", type=int, default=200, help="so many worlds (200)")
     parser.add_argument("--seed", type=int, help="of the first; from the commit's hash if not given")
     parser.add_argument("--jobs", type=int, default=2, help="processes at a time (2)")
     parser.add_argument("--batch", nargs=2, type=int, help=argparse.SUPPRESS)
-    told = parser.parse_args()
-    if told.batch:
-        _batch(range(*told.batch))
+    options = parser.parse_args()
+    if options.batch:
+        _batch(range(*options.batch))
         sys.exit(0)
-    return told
+    return options
 
 
 def _of_commit() -> int:

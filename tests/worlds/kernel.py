@@ -162,18 +162,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.worlds.kernel", description=__doc__)
     parser.add_argument("-n", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0)
-    told = parser.parse_args()
-    scripts = [script(seed) for seed in range(told.seed, told.seed + told.n)]
+    options = parser.parse_args()
+    scripts = [script(seed) for seed in range(options.seed, options.seed + options.n)]
     with ThreadPoolExecutor(40) as pool:
         real = [*pool.map(on_linux, scripts)]
     differ = 0
-    for seed, steps, linux in zip(range(told.seed, told.seed + told.n), scripts, real, strict=True):
+    for seed, steps, linux in zip(range(options.seed, options.seed + options.n), scripts, real, strict=True):
         world = in_world(steps)
         if (linux.received, linux.failed) != (world.received, world.failed):
             differ += 1
             print(f"{seed}: {steps}\n   Linux {len(linux.received)} bytes, failed {linux.failed}\n"
                   f"   world {len(world.received)} bytes, failed {world.failed}")  # fmt: skip
-    print(f"{told.n} scripts, {differ} differ")
+    print(f"{options.n} scripts, {differ} differ")
     return bool(differ)
 
 

@@ -42,16 +42,16 @@ DOES_NOT_COUNT, FOUND, MISSED = 10, 11, 12
 
 def main() -> int:
     """Draw them, try them, and count."""
-    told = _told()
-    if told.one:
-        return _try(*told.one, told.seconds, told.seed)
-    draw = random.Random(told.seed)
+    options = _options()
+    if options.one:
+        return _try(*options.one, options.seconds, options.seed)
+    draw = random.Random(options.seed)
     counts: collections.Counter[str] = collections.Counter()
-    with ThreadPoolExecutor(told.jobs) as pool:
+    with ThreadPoolExecutor(options.jobs) as pool:
         tried = 0
-        while tried < told.n:
-            drawn = [_drawn(draw) for _ in range(min(2 * told.jobs, told.n - tried))]
-            for mutant, (status, line) in zip(drawn, pool.map(lambda one: _status(one, told), drawn), strict=True):
+        while tried < options.n:
+            drawn = [_drawn(draw) for _ in range(min(2 * options.jobs, options.n - tried))]
+            for mutant, (status, line) in zip(drawn, pool.map(lambda one: _status(one, options), drawn), strict=True):
                 if status == DOES_NOT_COUNT:
                     counts["does not count"] += 1
                     continue
@@ -63,7 +63,7 @@ def main() -> int:
     return 0
 
 
-def _told() -> argparse.Namespace:
+def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.worlds.mutants", description=__doc__)
     parser.add_argument("-n", type=int, default=200, help="so many that count (200)")
     parser.add_argument("--seed", type=int, default=1, help="of the draw")
@@ -80,11 +80,11 @@ def _drawn(draw: random.Random) -> tuple[str, str, str]:
     return room, draw.choice(OPERATORS), str(draw.randrange(1 << 30))
 
 
-def _status(mutant: tuple[str, str, str], told: argparse.Namespace) -> tuple[int, str]:
-    words = [sys.executable, "-m", "tests.worlds.mutants", "--one", *mutant, "--seconds", str(told.seconds),
-             "--seed", str(told.seed)]  # fmt: skip
+def _status(mutant: tuple[str, str, str], options: argparse.Namespace) -> tuple[int, str]:
+    words = [sys.executable, "-m", "tests.worlds.mutants", "--one", *mutant, "--seconds", str(options.seconds),
+             "--seed", str(options.seed)]  # fmt: skip
     done = subprocess.run(
-        words, cwd=ROOT, capture_output=True, text=True, check=False, timeout=20.0 * told.seconds + 120
+        words, cwd=ROOT, capture_output=True, text=True, check=False, timeout=20.0 * options.seconds + 120
     )
     lines = done.stdout.splitlines() or [""]
     if done.returncode not in (DOES_NOT_COUNT, FOUND, MISSED):  # what does not even begin is no mutant
