@@ -28,8 +28,8 @@ def judge(world: World, ran: Ran) -> None:
     for at_s, by, text in ran.said:
         if any(all_of_them in text for all_of_them in _SAYS_ALL):
             ran.words.append(Word(by, at_s, dict.fromkeys(OUTPUTS, at_s), text))
-    ran.broken += [*_words(world, ran), *_status(world, ran), *_ends(world, ran), *_rescued(world, ran)]
-    ran.broken += [*_recorded(world), *_agree(world, ran), *_as_expected(world, ran), *_strangers(world, ran)]
+    for law in (_words, _agree, _status, _ends, _killed, _rescued, _latched, _recorded, _strangers, _as_expected):
+        ran.broken += law(world, ran)
     ran.broken += [f"{task.name} fell: {error!r}" for task, error in world.hub.fallen]
 
 
@@ -103,8 +103,26 @@ def _rescued(world: World, ran: Ran) -> Iterator[str]:
             yield f"{output} stands at {percent:.1f} % in the end ({left})"
 
 
-def _recorded(world: World) -> Iterator[str]:
-    """The record can be read, and every flow in it is one that the device measured."""
+_MAY_HANG = {"kill", "pause", "sleep", "disk slow", "slow line", "hold", "slow"}
+
+
+def _killed(world: World, ran: Ran) -> Iterator[str]:
+    """A program that gives signs of life is not taken for one that hangs."""
+    if world.run.status == -9 and not _kinds(ran) & _MAY_HANG and ran.schedule.procedure != "blocks":
+        yield "the watchdog killed a run that was at work"
+
+
+def _latched(world: World, ran: Ran) -> Iterator[str]:
+    """What has tripped keeps the next program from driving."""
+    if world.after is None:
+        return
+    moved = any(at_s > world.after.taken_s for output in OUTPUTS for at_s, _ in _away(world, ran, output))
+    if world.after.status != _NOT_SAFE or moved:
+        yield f"an interlock had tripped, and the next run ends with {world.after.status}{', and drove' * moved}"
+
+
+def _recorded(world: World, ran: Ran) -> Iterator[str]:
+    """The record can be read; all that was handed back is in it, and every flow is one that the device measured."""
     if not (world.folder / "run" / "run.json").exists():
         return
     try:
@@ -113,6 +131,10 @@ def _recorded(world: World) -> Iterator[str]:
         if "at least 2 are needed" not in str(error):
             yield f"the record cannot be read: {error}"
         return
+    if len(recording.time_s) < 2 * ran.blocks:
+        yield f"{len(recording.time_s)} samples are recorded, and {2 * ran.blocks} were handed back"
+    if not ran.schedule.faults and abs(np.median(np.diff(recording.time_s)) - 0.05) > 0.005:
+        yield "nothing happened, and samples are not at their times"
     flow = recording.channels["flow"].values
     counts = {round(value) for value in flow[np.isfinite(flow)] / 100.0 * FULL}
     measured = world.devices["io"].read.union(*(stranger.read for stranger in world.strangers.values()))

@@ -196,6 +196,7 @@ class World:
         self.run = self.system.new_process("run")
         self.phase = "opening"
         self.moved = False
+        self.after: Process | None = None
         self._begun: set[str] = set()
         self.stderr = _Stderr(self)
 
@@ -210,6 +211,7 @@ class World:
             self.ran.ended_s, self.ran.calls = self.hub.now_s, self.hub.calls
             if not self.system.living:
                 self.hub.run(self.hub.now_s + WATCHED_S)
+                self._come_after()
             self.hub.leave()
         self.ran.status = self.run.status
         self.ran.changes = {name: self.devices[device].changes for name, device in OUTPUTS.items()}
@@ -416,16 +418,16 @@ class World:
             safe = {name: self.hub.now_s for name, output in status.outputs.items() if str(output.state) == "safe"}
             self.ran.words.append(Word("stop", self.hub.now_s, safe))
 
-    def _second(self) -> None:
+    def _second(self, name: str = "second") -> Process:
         """Another program wants the same bench."""
-        process = self.system.new_process("second")
+        process = self.system.new_process(name)
 
         def main() -> int:
             known = Outputs()
             try:
                 with (
                     accounted(known),
-                    open_rig(_bench(self.schedule), self.folder / "second", {}, lambda *_: None, known=known) as rig,
+                    open_rig(_bench(self.schedule), self.folder / name, {}, lambda *_: None, known=known) as rig,
                 ):
                     rig.play(np.zeros(5))
             except BaseException as error:
@@ -433,6 +435,13 @@ class World:
             return 0
 
         process.begin(main)
+        return process
+
+    def _come_after(self) -> None:
+        """Where an interlock has tripped, the next program wants the bench."""
+        if any("then reset it with --reset" in text for _, by, text in self.ran.said if by == "run"):
+            self.after = self._second("after")
+            self.hub.run(self.hub.now_s + WATCHED_S, lambda: not self.system.living)
 
     def _sleep(self, lasts_s: float) -> None:
         """The computer sleeps: nothing runs, the devices go on."""
