@@ -18,7 +18,7 @@ from hil.safety.guard import Guard
 from hil.safety.outputs import Outputs
 from hil.system import tcp
 from tests.worlds.judge import judge
-from tests.worlds.kernel import in_world, on_linux, script
+from tests.worlds.kernel import in_world, on_linux, parent_in_world, parent_on_linux, parent_script, script
 from tests.worlds.processes import ParentEnd
 from tests.worlds.schedule import PROCEDURES, Schedule, drawn
 from tests.worlds.system import WorldSystem
@@ -66,6 +66,11 @@ def test_tcp_of_the_world_is_that_of_linux(seed: int) -> None:
     steps = script(seed)
     linux, world = on_linux(steps), in_world(steps)
     assert (linux.received, linux.failed) == (world.received, world.failed), steps
+
+
+def test_what_a_watchdog_hears_is_what_it_hears_on_linux() -> None:
+    for steps in map(parent_script, range(20)):
+        assert parent_on_linux(steps) == parent_in_world(steps), steps
 
 
 Patches = list[tuple[object, str, Any]]

@@ -10,23 +10,29 @@ the connection ended for it, and which calls failed.
 from __future__ import annotations
 
 import argparse
+import os
 import random
+import subprocess
 import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, field
 
 from hil.system import system
+from hil.system.parent import Parent
 from hil.system.tcp import TcpConnection
 from tests.foreign_line import ForeignLine
 from tests.worlds.network import Cable, End, Host
+from tests.worlds.processes import ParentEnd, Pipe
 from tests.worlds.system import WorldSystem
 from tests.worlds.tasks import Hub
 
 TIMEOUT_S = 0.4  # of the link: far from the kernel's first retransmission after 0.2 s
 SHORT_S, LONG_S = 0.05, 1.5
 SETTLES_S = 1.0
+_SOON_S = 0.05
 Script = tuple[tuple[str, float], ...]
 _STEPS = ("send", "send", "send", "wait", "lose", "heal", "other sends", "other closes", "other resets")
 
@@ -138,6 +144,68 @@ def in_world(steps: Script) -> Seen:
     return seen
 
 
+def parent_script(seed: int) -> tuple[str, ...]:
+    """What a program and somebody who asks do to a watchdog, and when it listens."""
+    draw = random.Random(f"parent {seed}")
+    return (*(draw.choice(_TO_PARENT) for _ in range(draw.randint(4, 12))), "next", "next")
+
+
+_TO_PARENT = ("write", "write", "request", "next", "next", "close", "die")
+
+
+def parent_on_linux(steps: tuple[str, ...]) -> list[object]:
+    """What `hil.system.parent.Parent` hears."""
+    heard: list[object] = []
+    reading, writing = os.pipe()
+    with subprocess.Popen(["sleep", "60"]) as program, closing(Parent[str](program.pid, reading, writing)) as parent:
+        is_open = True
+        for at, step in enumerate(steps):
+            if step == "write" and is_open:
+                os.write(writing, bytes([65 + at]))
+            elif step == "request":
+                parent.request(f"asked {at}")
+            elif step == "close" and is_open:
+                is_open = False
+                os.close(writing)
+            elif step == "die":
+                program.kill()
+                program.wait()
+            elif step == "next":
+                heard.append(parent.next(_SOON_S))
+        program.kill()
+        if is_open:
+            os.close(writing)
+        os.close(reading)
+    return heard
+
+
+def parent_in_world(steps: tuple[str, ...]) -> list[object]:
+    """What its stand-in hears."""
+    hub, heard = Hub(1), list[object]()
+    standing = WorldSystem(hub, {}, {}, (0.0, 0.0))
+    program, process, pipe = standing.new_process("program"), standing.new_process("watchdog"), Pipe(hub)
+
+    def main() -> int:
+        parent = ParentEnd(program, pipe, Pipe(hub), standing.call)
+        for at, step in enumerate(steps):
+            if step == "write" and pipe.writers:
+                pipe.write(bytes([65 + at]), standing.call)
+            elif step == "request":
+                parent.request(f"asked {at}")
+            elif step == "close":
+                pipe.close_writer()
+            elif step == "die":
+                program.die(-9)
+            elif step == "next":
+                heard.append(parent.next(_SOON_S))
+        return 0
+
+    with system.replaced_by(standing):
+        process.begin(main)
+        hub.run(100.0, lambda: not process.lives)
+    return heard
+
+
 def _step(held: TcpConnection, seen: Seen, at: int, what: str, much: float, wait: Callable[[float], None]) -> None:
     if what == "send":
         _try(seen, at, lambda: (held.read(0.0), held.write(bytes([at + 1]) * int(much))))
@@ -173,8 +241,13 @@ def main() -> int:
             differ += 1
             print(f"{seed}: {steps}\n   Linux {len(linux.received)} bytes, failed {linux.failed}\n"
                   f"   world {len(world.received)} bytes, failed {world.failed}")  # fmt: skip
-    print(f"{options.n} scripts, {differ} differ")
-    return bool(differ)
+    print(f"{options.n} scripts of TCP, {differ} differ")
+    scripts_of_parent = [parent_script(seed) for seed in range(options.seed, options.seed + options.n)]
+    others = [steps for steps in scripts_of_parent if parent_on_linux(steps) != parent_in_world(steps)]
+    for steps in others:
+        print(f"{steps}\n   Linux {parent_on_linux(steps)}\n   world {parent_in_world(steps)}")
+    print(f"{options.n} scripts of a pipe and a process, {len(others)} differ")
+    return bool(differ or others)
 
 
 if __name__ == "__main__":
