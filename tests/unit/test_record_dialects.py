@@ -216,6 +216,12 @@ def test_a_text_among_the_numbers_of_an_lvm_is_no_value(tmp_path: Path) -> None:
         read(tmp_path, content, name="x.lvm")
 
 
+def test_a_text_behind_the_last_number_of_an_lvm_is_told_with_its_line(tmp_path: Path) -> None:
+    content = LVM + segment(0, 20, "10:00:00.0", 0.0).replace("\t19\t9.5\n", "\t19\tlost\n")
+    with pytest.raises(FileError, match=r"line \d+: 'lost' is no number"):
+        read(tmp_path, content, name="x.lvm")
+
+
 CURRENT = "time (s),{},flow (l/min)\n"
 
 

@@ -46,8 +46,40 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
         tables = [_tables(path.stem, found.get("X_Columns") != "No", segment) for segment in segments]
     except (LookupError, SyntaxError, ValueError) as error:
         raise FileError(f"{path}: cannot be read as LVM: {reason(error)}") from None
+    if fault := _text_at_an_end(text.splitlines()):
+        raise FileError(f"{path}: {fault}")
     made, note = _joined_segments(tables, [_start(found, segment) for segment in segments])
     return assemble(str(path), made, {"assumed": [note]} if note else None, reading)
+
+
+def _text_at_an_end(lines: Sequence[str]) -> str:
+    """A cell behind the last number of a column that is none, with its line; empty where there is none.
+
+    The library makes it a place without a value, and behind the last number these are where a shorter channel ends. A
+    column of remarks, the last one, may hold anything.
+    """
+    headings: list[str] = []
+    text: dict[int, str] = {}
+    for at, line in enumerate(lines, 1):
+        cells = [cell.strip() for cell in line.split("\t" if "\t" in line else ",")]
+        if cells[0] == _TIME:
+            headings = cells[: cells.index(_REMARK)] if _REMARK in cells else cells
+        elif line.startswith("***") or (len(cells[0]) > len("-inf") and cells[0].isalpha()):  # of another segment
+            headings = []
+        for column, cell in enumerate(cells[: len(headings)] if cells[0] != _TIME else []):
+            if _is_number(cell):
+                text.pop(column, None)
+            elif cell:
+                text[column] = f"line {at}: '{cell:.40}' is no number; leave it empty where there is none"
+    return next(iter(text.values()), "")
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
 
 
 def _joined_segments(segments: Sequence[list[Table]], starts: Sequence[NDArray[Any]]) -> tuple[list[Table], str]:
