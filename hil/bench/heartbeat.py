@@ -35,6 +35,7 @@ GIVE_UP_S = 60.0  # so long a watchdog tries to reach a device
 _START_S = 60.0
 _FAREWELL_S = 10.0
 _DEATH_S = 1.0
+_LAST_BREATH_S = 0.05  # its pipe is closed a moment before its status can be had
 _TAKES_OVER_S = 2.0  # a watchdog that does not say so within this time is taken for dead
 _LONGEST_REASON = 4096
 
@@ -182,7 +183,7 @@ class HeartbeatClient:
         try:
             self._say(sign)
         except (OSError, ValueError):
-            raise self._gone() from None
+            raise self._gone(self._death(_LAST_BREATH_S)) from None
 
     def say_farewell(self) -> None:
         """Let the watchdog end: nothing is left to do."""
@@ -234,8 +235,8 @@ class HeartbeatClient:
         self._process.kill()
         self._process.wait()
 
-    def _gone(self) -> StoppedError:
-        ended = "" if self._process.poll() is None else self._death()  # its pipe may tell that later
+    def _gone(self, ended: str = "") -> StoppedError:
+        ended = ended or ("" if self._process.poll() is None else self._death())  # its pipe may tell that later
         how = self._failed or ended or f"gave no answer for {self._limit_s:g} s"
         return StoppedError(f"the watchdog process {how}; the run was stopped")
 
@@ -290,10 +291,10 @@ class HeartbeatClient:
                 with suppress(OSError, ValueError):
                     print(printable(line.decode(errors="replace").rstrip()), file=sys.stderr, flush=True)
 
-    def _death(self) -> str:
+    def _death(self, within_s: float = _DEATH_S) -> str:
         """How it ended without a word."""
         try:
-            status = self._process.wait(_DEATH_S)
+            status = self._process.wait(within_s)
         except TimeoutExpired:
             return "ended"
         return f"ended: killed by {name_of(-status)}" if status < 0 else f"ended with status {status}"
