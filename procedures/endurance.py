@@ -186,6 +186,11 @@ def _shape(pattern: str, samples: int) -> Array:
     }[pattern]
 
 
+def _about_the_first(phase_deg: Array) -> Array:
+    """The same phases within half a turn of the first, so that none jumps at ±180°."""
+    return np.asarray(phase_deg[0] + np.remainder(phase_deg - phase_deg[0] + 180.0, 360.0) - 180.0)
+
+
 class _Figures:
     """The figures of a block's cycles, as they come."""
 
@@ -201,7 +206,7 @@ class _Figures:
     def statistics(self) -> dict[str, dict[str, float]]:
         """Mean and standard deviation over the cycles, by figure."""
         found = np.concatenate(self._found, axis=1)
-        found[1] = found[1, 0] + np.remainder(found[1] - found[1, 0] + 180.0, 360.0) - 180.0
+        found[1] = _about_the_first(found[1])
         mean, std = found.mean(axis=1), found.std(axis=1, ddof=min(1, found.shape[1] - 1))
         return {"mean": dict(zip(_ROWS, mean, strict=True)), "std": dict(zip(_ROWS, std, strict=True))}
 
@@ -277,10 +282,10 @@ def _columns(blocks: Sequence[Block], figure: str) -> tuple[Array, Array, Array]
 
 
 def _trend(blocks: Sequence[Block], figure: str) -> tuple[Array, Array, Array]:
-    """Middle cycle, mean of the figure, and number of cycles of each block; a phase does not jump at ±180°."""
+    """Middle cycle, mean of the figure, and number of cycles of each block."""
     values = np.array([block.mean[figure] for block in blocks])
     if figure == "phase":
-        values = values[0] + np.remainder(values - values[0] + 180.0, 360.0) - 180.0
+        values = _about_the_first(values)
     cycles = np.array([float(block.cycles) for block in blocks])
     return np.array([block.after for block in blocks]) + cycles / 2.0, values, cycles
 
