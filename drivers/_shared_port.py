@@ -46,9 +46,8 @@ class SharedPort:
 
     @quiet_until_s.setter
     def quiet_until_s(self, until_s: float) -> None:
-        _registry().quiet_until_s[self._key] = max(
-            until_s, self.quiet_until_s
-        )  # a shorter one does not end a longer one
+        latest_s = max(until_s, self.quiet_until_s)  # a shorter one does not end a longer one
+        _registry().quiet_until_s[self._key] = latest_s
 
     def write(self, data: bytes) -> None:
         """Send; what has come before belongs to nobody."""
@@ -74,14 +73,15 @@ class SharedPort:
 
     def let_go(self, patience_s: float = 1.0) -> None:
         """Let go of it in order; what comes on it from now on is nobody's."""
-        with _registry().lock:
+        known = _registry()
+        with known.lock:
             self._users -= 1
             if self._users > 0 and not self.is_broken:
                 with suppress(Exception):
                     self._port.reset_input_buffer()
                 return
-            if _registry().ports.get(self._key) is self:
-                del _registry().ports[self._key]
+            if known.ports.get(self._key) is self:
+                del known.ports[self._key]
         if (behind := getattr(self._port, "_socket", None)) is not None:  # of RFC 2217
             close(behind, patience_s)
         self._port.close()
@@ -112,10 +112,10 @@ def shared_port(path: str, speech: Mapping[str, object], opened: Callable[[], An
 
     `speech`: speed, parity and the like, by the port's own names.
     """
-    key = os.path.realpath(path)
-    with _registry().lock:
-        there = _registry().ports.get(key)
+    key, known = os.path.realpath(path), _registry()
+    with known.lock:
+        there = known.ports.get(key)
         if there is not None and not there.is_broken:
             return there.taken(speech)
-        made = _registry().ports[key] = SharedPort(key, opened())
-        return made
+        known.ports[key] = SharedPort(key, opened())
+        return known.ports[key]
