@@ -9,16 +9,21 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from hil.record.recording import Array, Recording
+
+ConditionRole = Literal["supply pressure", "load orifice", "tank pressure", "oil temperature"]
+"""What a bench may adjust beside the command. A load orifice at 0 blocks the ports A and B."""
 
 
 @dataclass(frozen=True, slots=True)
 class RoleChannel:
     """A channel of the rig in engineering units: its name, unit and allowed range.
 
-    `operating_point`: of a command, where the valve is tried when nobody says where; None where the bench names none.
+    `operating_point`: of a command, where the valve is tried when nobody says where; of a condition, where it stands
+    unless it is adjusted; None where the bench names none.
+    `settles_s`: of a condition: so long after it was adjusted it has come about.
     `integrates`: of a response, whether it moves on for as long as the command is off neutral.
     """
 
@@ -30,6 +35,7 @@ class RoleChannel:
     slew_per_s: float | None = None
     operating_point: float | None = None
     integrates: bool = False
+    settles_s: float = 0.0
 
 
 class Rig(Protocol):
@@ -43,6 +49,11 @@ class Rig(Protocol):
     @property
     def response(self) -> RoleChannel:
         """The measured answer (flow, pressure, position)."""
+        ...
+
+    @property
+    def adjustable(self) -> Mapping[ConditionRole, RoleChannel]:
+        """What sets a condition of the test on this bench, by role."""
         ...
 
     @property
@@ -119,6 +130,17 @@ class Rig(Protocol):
 
     def ramp_to(self, value: float, rate_hz: float | None = None) -> Recording:
         """Go to a value at the allowed slew and stay there for one settling time of the valve."""
+        ...
+
+    def adjust(self, values: Mapping[ConditionRole, float], rate_hz: float | None = None) -> Recording:
+        """Bring conditions to values, by role, at their allowed slews, and stay until they have come about.
+
+        The command stands meanwhile. The recording has the part `{"kind": "adjusted", ROLE: value, …}`.
+
+        Raises:
+            RangeError: a value is outside the limits of its channel; nothing has moved.
+            KeyError: a role that is not in `adjustable`.
+        """
         ...
 
     def way_to(self, value: float, rate_hz: float | None = None) -> Array:

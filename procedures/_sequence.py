@@ -191,4 +191,4 @@ class _Planned(_Own):
         """A test drives only what it has said before."""
         raise RangeError(f"{self._test}: drives before it says how long it takes")
 
-    stream = hold = ramp_to = play
+    stream = hold = ramp_to = adjust = play

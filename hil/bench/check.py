@@ -10,6 +10,7 @@ from hil.bench.check_interlocks import interlock_faults, known_channel
 from hil.bench.device import DeviceInUse, mixes, model_path
 from hil.bench.draft import Draft
 from hil.bench.fault import Fault
+from hil.bench.file import CONDITIONS
 from hil.catalog import find, models
 from hil.daq.address import address_fault
 from hil.errors import HilError
@@ -33,6 +34,7 @@ def faults_of(draft: Draft, devices: Mapping[str, DeviceInUse], folder: Path) ->
             yield from known_channel(("instruments", i, "channel"), instrument.channel, draft)
     yield from _named_procedures(draft)
     yield from _samples_in_a_block(draft)
+    yield from _shutdown_order(draft)
     for name in draft.simulation.get("instruments", {}):
         yield from known_channel(("simulation", "instruments", name), name, draft)
 
@@ -71,6 +73,16 @@ def _samples_in_a_block(draft: Draft) -> Iterator[Fault]:
         )
 
 
+def _shutdown_order(draft: Draft) -> Iterator[Fault]:
+    place, order = ("protection", "shutdown_order"), draft.protection.shutdown_order
+    for name in order:
+        yield from known_channel(place, name, draft)
+        if name in draft.channels and not draft.channels[name].is_output:
+            yield Fault(place, f"'{name}' is an input; only outputs are made safe")
+    if len(set(order)) < len(order):
+        yield Fault(place, "an output is named twice")
+
+
 def _named_procedures(draft: Draft) -> Iterator[Fault]:
     for section, named in (("acceptance", draft.acceptance), ("presets", draft.presets)):
         for name in named:
@@ -99,9 +111,10 @@ def _addresses(devices: Mapping[str, DeviceInUse]) -> Iterator[Fault]:
 
 
 def _roles(draft: Draft) -> Iterator[Fault]:
-    for role, wants_output in (("command", True), ("response", False)):
+    adjusted = [(role, True) for role in CONDITIONS]
+    for role, wants_output in (("command", True), ("response", False), *adjusted):
         having = [name for name, channel in draft.channels.items() if channel.role == role]
-        if not having and not any(place[0] == "channels" for place in draft.faulty):
+        if not having and role not in CONDITIONS and not any(place[0] == "channels" for place in draft.faulty):
             yield Fault(("channels",), f'no channel has role = "{role}"; exactly one needs it')
         for name in having[1:]:
             yield Fault(("channels", name, "role"), f"'{having[0]}' is the {role} already; exactly one is")

@@ -8,7 +8,7 @@ from hil.bench.check_interlocks import known_channel
 from hil.bench.device import DeviceInUse
 from hil.bench.draft import Draft
 from hil.bench.fault import Fault
-from hil.bench.file import EMERGENCY_STOP, ChannelEntry
+from hil.bench.file import CONDITIONS, EMERGENCY_STOP, ChannelEntry
 from hil.daq.channel import Terminal
 from hil.errors import HilError
 from hil.units import check_unit
@@ -104,8 +104,11 @@ def _limits(name: str, channel: ChannelEntry) -> Iterator[Fault]:
 def _witness(name: str, channel: ChannelEntry, draft: Draft) -> Iterator[Fault]:
     """Whether the witness of an output is an input."""
     place = ("channels", name)
-    if channel.is_output and channel.settles_s is not None:
-        yield Fault((*place, "settles_s"), "only an input has this: the one that is the witness of an output")
+    if channel.is_output and channel.role not in CONDITIONS and channel.settles_s is not None:
+        yield Fault(
+            (*place, "settles_s"),
+            "only an input that is the witness of an output has this, or an output that procedures adjust",
+        )
     if not channel.is_output or channel.witness is None:
         return
     yield from known_channel((*place, "witness"), channel.witness, draft)

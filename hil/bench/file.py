@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import datetime as dt
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat, field_validator, model_validator
 from typing_extensions import TypedDict
 
 from hil.daq.calibration import Calibration
 from hil.daq.channel import Pwm
+from hil.rig import ConditionRole
 from hil.safety.interlock import Action
 
-Role = Literal["command", "response", "emergency stop", "other"]
+Role = Literal["command", "response", ConditionRole, "emergency stop", "other"]
+CONDITIONS: tuple[ConditionRole, ...] = get_args(ConditionRole)
 EMERGENCY_STOP: Role = "emergency stop"
 
 
@@ -129,7 +131,8 @@ class ChannelEntry(_Strict):
 
     Attributes:
         device, terminal: where it is connected.
-        role: `command` is what procedures drive, `response` what they look at; one of each. `emergency stop` is the
+        role: `command` is what procedures drive, `response` what they look at; one of each. `supply pressure`, `load
+            orifice`, `tank pressure`, `oil temperature` are outputs that procedures adjust. `emergency stop` is the
             feedback contact of the hardware's own stop, closed while nobody has pressed it.
         pressed_below: of an emergency stop: below it the contact is open. A digital line needs none.
         unit: of everything said about it. Other than the terminal's own it needs a `calibration`.
@@ -138,7 +141,8 @@ class ChannelEntry(_Strict):
         on: where it stands while the bench is open: an enable relay, a pressure set point.
         ramp_to_safe_per_s: how fast it goes there; without, it jumps.
         witness: the input that answers to an output; it is safe only when that is back at what it read at rest.
-        settles_s: of an input that is a witness: so long after the safe value it is back; 1 s if not given.
+        settles_s: of an input that is a witness: so long after the safe value it is back; 1 s if not given. Of an
+            output that procedures adjust: so long after a change it has come about; the valve's if not given.
         source: the instrument, in words.
         calibration_history: what `calibration` said before, the oldest first.
     """
@@ -217,13 +221,15 @@ class ProtectionEntry(_Strict):
 
     A program that gives no sign of life for `watchdog_s` while outputs are driven is killed by its watchdog process,
     which makes them safe; 0: there is no such process. `overdue` says what becomes of a run with a calibration that was
-    due before: it carries a deviation, or is refused.
+    due before: it carries a deviation, or is refused. Outputs in `shutdown_order` go to their safe values one after
+    another, and to their `on` values in the reverse order.
     """
 
     block_s: PositiveFloat = 0.1
     patience_s: PositiveFloat = 600.0
     watchdog_s: float = Field(default=10.0, ge=0.0)
     overdue: Literal["deviation", "refuse"] = "deviation"
+    shutdown_order: tuple[str, ...] = ()
 
     @model_validator(mode="after")
     def _beats_in_time(self) -> Self:

@@ -207,7 +207,7 @@ def _switch_on(bench: Bench, guard: Guard, rate_hz: float) -> None:
     targets = {name: entry.on for name, entry in bench.channels.items() if entry.on is not None}
     slews = {name: min(limits.slew_per_s, bench.channels[name].ramp_to_safe_per_s or math.inf)
              for name, limits in guard.limits.items()}  # fmt: skip
-    way = way_to(targets, guard.levels, slews, rate_hz)
+    way = way_to(targets, guard.levels, slews, rate_hz, tuple(reversed(bench.protection.shutdown_order)))
     if way is not None:
         for _ in guard.play(way):
             pass

@@ -26,6 +26,7 @@ def protection_of(bench: Bench, rate_hz: float) -> Protection:
         block_s=bench.protection.block_s,
         patience_s=bench.protection.patience_s,
         witnesses=witnesses_of(bench),
+        shutdown_order=bench.protection.shutdown_order,
     )
 
 

@@ -6,12 +6,13 @@ import math
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from hil.bench.ending import Ending
-from hil.bench.file import Bench
+from hil.bench.file import CONDITIONS, Bench
 from hil.bench.progress_report import ProgressReporter
 from hil.bench.recorder import Recorder
 from hil.daq.contract import Block, Waveform, joined
@@ -19,7 +20,7 @@ from hil.record.header import Column
 from hil.record.invalid_samples import supposed
 from hil.record.recording import Array, Channel, Recording
 from hil.record.simulated import SIMULATED
-from hil.rig import RoleChannel
+from hil.rig import ConditionRole, RoleChannel
 from hil.safety.envelope import Envelope
 from hil.safety.guard import Guard
 from hil.safety.ramp import way_to
@@ -69,11 +70,7 @@ class BenchRig:
     def command(self) -> RoleChannel:
         """The valve's command, with the limits in force."""
         name = self._roles["command"]
-        limits, channel = self._guard.limits[name], self._guard.outputs[name]
-        slew = None if np.isinf(limits.slew_per_s) else limits.slew_per_s
-        own = name == self._own_command
-        point = self._bench.valve.operating_point if own else None
-        return RoleChannel(name, channel.unit, limits.low, limits.high, channel.safe, slew, point)
+        return self._output(name, self._bench.valve.operating_point if name == self._own_command else None)
 
     @property
     def response(self) -> RoleChannel:
@@ -81,6 +78,19 @@ class BenchRig:
         channel = self._guard.inputs[self._roles["response"]]
         integrates = self._bench.valve.integrates and self.command.name == self._own_command
         return RoleChannel(channel.name, channel.unit, channel.low, channel.high, integrates=integrates)
+
+    @property
+    def adjustable(self) -> Mapping[ConditionRole, RoleChannel]:
+        """What sets a condition of the test, by role, with the limits in force."""
+        entries = self._bench.channels
+        return {
+            role: replace(
+                self._output(name, entries[name].safe if entries[name].on is None else entries[name].on),
+                settles_s=entries[name].settles_s or self.settling_s,
+            )
+            for role in CONDITIONS
+            if (name := self._roles.get(role))
+        }
 
     @property
     def rate_hz(self) -> float:
@@ -124,7 +134,9 @@ class BenchRig:
     def play(self, command: Array, rate_hz: float | None = None, *, part: Mapping[str, Any] | None = None) -> Recording:
         """Drive the command and return every channel for just these samples, already on disk."""
         self._ending.check()
-        waveform = self._waveform(command, rate_hz)
+        return self._played(self._waveform(command, rate_hz), part)
+
+    def _played(self, waveform: Waveform, part: Mapping[str, Any] | None) -> Recording:
         with self._ending.task():
             self._guard.ready()
             with self._recorder.part(part):
@@ -162,11 +174,25 @@ class BenchRig:
         command = still if value == self._level else np.concatenate((self.way_to(value, rate_hz), still))
         return self.play(command, rate_hz, part={"kind": "ramp", "to": value})
 
+    def adjust(self, values: Mapping[ConditionRole, float], rate_hz: float | None = None) -> Recording:
+        """Bring conditions to values, by role, at their allowed slews, and stay until they have come about."""
+        self._ending.check()
+        rate_hz, adjusted = self._rate(rate_hz), self.adjustable
+        targets = {adjusted[role].name: value for role, value in values.items()}
+        way = way_to(targets, self._guard.levels, {name: self._slew_per_s(name) for name in targets}, rate_hz)
+        moved = 0 if way is None else len(way)
+        still = max(1, round(max(adjusted[role].settles_s for role in values) * rate_hz))
+        outputs = {name: np.full(moved + still, value) for name, value in targets.items()}
+        for name, path in ({} if way is None else way.outputs).items():
+            outputs[name][:moved] = path
+        waveform = Waveform(rate_hz, outputs)
+        self._guard.check(waveform)  # what is refused while it plays makes all outputs safe
+        return self._played(waveform, {"kind": "adjusted"} | {str(role): value for role, value in values.items()})
+
     def way_to(self, value: float, rate_hz: float | None = None) -> Array:
         """The samples that bring the command to a value at the allowed slew; drives nothing."""
         name = self.command.name
-        slew_per_s = self.command.slew_per_s or self._bench.channels[name].ramp_to_safe_per_s or np.inf
-        way = way_to({name: value}, {name: self._level}, {name: slew_per_s}, self._rate(rate_hz))
+        way = way_to({name: value}, {name: self._level}, {name: self._slew_per_s(name)}, self._rate(rate_hz))
         return np.array([value]) if way is None else way.outputs[name]
 
     def mark(self, samples: int, part: Mapping[str, Any]) -> None:
@@ -196,6 +222,15 @@ class BenchRig:
     @property
     def _level(self) -> float:
         return self._guard.levels[self.command.name]
+
+    def _output(self, name: str, point: float | None) -> RoleChannel:
+        limits, channel = self._guard.limits[name], self._guard.outputs[name]
+        slew = None if np.isinf(limits.slew_per_s) else limits.slew_per_s
+        return RoleChannel(name, channel.unit, limits.low, limits.high, channel.safe, slew, point)
+
+    def _slew_per_s(self, name: str) -> float:
+        slew_per_s = self._guard.limits[name].slew_per_s
+        return slew_per_s if math.isfinite(slew_per_s) else self._bench.channels[name].ramp_to_safe_per_s or math.inf
 
     def _rate(self, asked_hz: float | None) -> float:
         return self.actual_rate_hz(self._bench.sample_rate_hz if asked_hz is None else asked_hz)

@@ -425,10 +425,11 @@ class Guard:
 
     def _ramp_down(self) -> None:
         safe = {name: channel.safe for name, channel in self.outputs.items()}
-        ramps, rate_hz = self._protection.ramps_per_s, self._ramp_rate_hz
-        if self._operator.stop_asked or self._clock.slept_s or all(self.levels[name] == safe[name] for name in ramps):
+        ramps, order, rate_hz = self._protection.ramps_per_s, self._protection.shutdown_order, self._ramp_rate_hz
+        are_there = all(self.levels[name] == safe[name] for name in (*ramps, *order))
+        if self._operator.stop_asked or self._clock.slept_s or are_there:
             return  # after a sleep nobody knows where a ramp would have to begin
-        path = way_to(safe, self.levels, ramps, rate_hz)
+        path = way_to(safe, self.levels, ramps, rate_hz, order)
         if path is None:
             return
         self.known.driving(path)

@@ -23,6 +23,7 @@ class Protection:
         patience_s: how long a `hold` is waited for before the run is stopped.
         witnesses: by output, the input that answers to it.
         look_s: how long the bench is looked at before anything moves.
+        shutdown_order: outputs that go to their safe values one after another; the others go at once.
     """
 
     rate_hz: float
@@ -33,6 +34,7 @@ class Protection:
     patience_s: float = 600.0
     witnesses: Mapping[str, Witness] = field(default_factory=dict)
     look_s: float = 0.1
+    shutdown_order: Sequence[str] = ()
 
     def block_samples(self, rate_hz: float) -> int:
         """Samples of a block at a rate."""

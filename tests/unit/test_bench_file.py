@@ -75,7 +75,7 @@ def changed(old: str, new: str) -> str:
         ('action = "trip"', 'action = "panic"', "interlocks.over-pressure.action", "found 'panic'"),
         ('witness = "flow"', 'witness = "flwo"', "channels.command.witness", "no channel 'flwo'"),
         ('witness = "flow"', 'witness = "command"', "channels.command.witness", "'command' is an output"),
-        ('safe = 0.0', 'safe = 0.0\nsettles_s = 2.0', "channels.command.settles_s", "only an input has this"),
+        ('safe = 0.0', 'safe = 0.0\nsettles_s = 2.0', "channels.command.settles_s", "only an input that is"),
         ('minus = "command"', 'minus = "comand"', "interlocks.command-not-obeyed.minus", "no channel 'comand'"),
         ("only_while = { channel = \"command\"", "only_while = { channel = \"x\"",
          "interlocks.flow-without-command.only_while.channel", "no channel 'x'"),
