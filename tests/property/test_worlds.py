@@ -19,8 +19,16 @@ from hil.safety.outputs import Outputs
 from hil.system import tcp
 from tests.worlds.judge import judge
 from tests.worlds.kernel import in_world, on_linux, parent_in_world, parent_on_linux, parent_script, script
+from tests.worlds.kernel_of_terminals import (
+    port_in_world,
+    port_on_linux,
+    port_script,
+    signal_script,
+    signals_in_world,
+    signals_on_linux,
+)
 from tests.worlds.processes import ParentEnd
-from tests.worlds.schedule import PROCEDURES, Schedule, drawn
+from tests.worlds.schedule import PROCEDURES, THIRDS, Schedule, drawn
 from tests.worlds.system import WorldSystem
 from tests.worlds.world import Ran, one
 
@@ -34,6 +42,13 @@ def test_without_a_fault_a_run_ends_as_its_procedure_does(procedure: str) -> Non
     ran = one(Schedule(1, procedure=procedure, ramped=True, away=True), judge)
     assert not ran.broken and ran.blocks >= 50
     assert [word.by for word in ran.words if set(word.safe) == {"command", "enable"}]
+
+
+@pytest.mark.parametrize("third", THIRDS.values())
+def test_a_device_on_a_serial_line_or_on_can_is_driven_beside_the_couplers(third: str) -> None:
+    ran = one(Schedule(1, armed=True, third=third), judge)
+    assert not ran.broken and ran.status == 0
+    assert max(percent for _, percent in ran.changes["pilot"]) >= 40.0 and ran.changes["pilot"][-1][1] == 0.0
 
 
 def test_one_schedule_is_one_course() -> None:
@@ -71,6 +86,14 @@ def test_tcp_of_the_world_is_that_of_linux(seed: int) -> None:
 def test_what_a_watchdog_hears_is_what_it_hears_on_linux() -> None:
     for steps in map(parent_script, range(20)):
         assert parent_on_linux(steps) == parent_in_world(steps), steps
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_signals_and_serial_ports_of_the_world_are_those_of_linux(part: int) -> None:
+    for seed in range(10 * part, 10 * part + 10):
+        signals, port = signal_script(seed), port_script(seed)
+        assert signals_on_linux(signals) == signals_in_world(signals), signals
+        assert port_on_linux(port) == port_in_world(port), port
 
 
 Patches = list[tuple[object, str, Any]]

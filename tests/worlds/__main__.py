@@ -31,7 +31,7 @@ def main() -> int:
         for line in lines:
             kind, _, rest = line.partition("\t")
             if kind == "broken":
-                broken += 1
+                broken += not rest.startswith(" ")
                 print(rest, flush=True)
             else:
                 took[rest] += 1

@@ -1,9 +1,10 @@
-"""A coupler on Modbus TCP in a world: it shares no code with drivers or twins, and remembers where its output stood."""
+"""Devices of a world: they share no code with drivers or twins, and remember where their output stood."""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from weakref import WeakSet
 
 from tests.foreign_line import Tables, tcp_frame
 from tests.worlds.network import Cable, End, Host
@@ -13,36 +14,78 @@ FULL, READ_BACK = 0x7FFF, 0x0200
 _TRIGGER, _TENTHS = 0x100A, 0x1000
 
 
-class Coupler(Tables):
-    """An output, read back from 0x0200, and inputs that follow it.
+class Device:
+    """Holds an output.
 
     Attributes:
         changes: (s, % of full scale) of the output, each time that it was another one.
         deaf: takes nothing in; mute: obeys and does not answer; lies: acknowledges and does not obey.
+        fails: reports a fault, and its output falls to zero.
         slow_s: so much longer it takes to answer.
-        pressure: second input, in counts.
-        contact: third input, of an emergency stop: about zero when somebody has pressed.
-        read: every count of the first input that it measured.
+        is_on: whether it has power.
+        watchers: called when the output moves.
     """
 
-    def __init__(self, hub: Hub, cable: Cable, identity: str, pressure: int = 0) -> None:
-        registers = [*range(4), *range(READ_BACK, READ_BACK + 4), _TENTHS, 0x1008, _TRIGGER]
-        super().__init__(holding=dict.fromkeys(registers, 0), identity=identity)
-        self._hub, self.pressure = hub, pressure
-        self.host = Host(hub, cable, self.taken)
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
         self.changes: list[tuple[float, float]] = [(0.0, 0.0)]
-        self.deaf = self.mute = self.lies = False
-        self.contact = FULL // 2  # of an emergency stop: closed
-        self.slow_s = 0.0
-        self._came: dict[int, bytes] = {}
-        self._free_s, self._heard_s = 0.0, 0.0
+        self.deaf = self.mute = self.lies = self.fails = False
+        self.is_on, self.slow_s = True, 0.0
         self.watchers: list[Callable[[], None]] = []
-        self.read: set[int] = set()
+        self._free_s, self._heard_s = 0.0, 0.0
 
     @property
     def percent(self) -> float:
         """Where the output stands."""
         return self.changes[-1][1]
+
+    def stands(self, percent: float) -> None:
+        """It stands there from now on."""
+        if percent != self.percent:
+            self.changes.append((self._hub.now_s, percent))
+            for watch in self.watchers:
+                watch()
+
+    def soon(self, least_s: float, most_s: float) -> float:
+        """When it is through with the next request: one after the other."""
+        self._free_s = max(self._free_s, self._hub.now_s) + self._hub.draw.uniform(least_s, most_s) + self.slow_s
+        return self._free_s
+
+    def heard(self, watchdog_s: float) -> None:
+        """Somebody spoke to it: its own watchdog begins anew, where it has one (0: none)."""
+        self._heard_s = self._hub.now_s
+        if watchdog_s:
+            self._hub.after(watchdog_s, lambda: self._expired(watchdog_s))
+
+    def _expired(self, watchdog_s: float) -> None:
+        if self.is_on and self._hub.now_s - self._heard_s >= watchdog_s - 1e-9:
+            self.expire()
+
+    def expire(self) -> None:
+        """Nothing was said to it for longer than its watchdog allows."""
+
+
+class Coupler(Device, Tables):
+    """A coupler on Modbus TCP: an output, read back from 0x0200, and inputs that follow it.
+
+    Attributes:
+        pressure: second input, in counts.
+        contact: third input, of an emergency stop: about zero when somebody has pressed.
+        measured: each answer about inputs: (s, count that the output was told last, count of the first input).
+        unasked: when a new connection began with a command other than the safe one.
+    """
+
+    def __init__(self, hub: Hub, cable: Cable, identity: str, pressure: int = 0) -> None:
+        registers = [*range(4), *range(READ_BACK, READ_BACK + 4), _TENTHS, 0x1008, _TRIGGER]
+        Device.__init__(self, hub)
+        Tables.__init__(self, holding=dict.fromkeys(registers, 0), identity=identity)
+        self.pressure = pressure
+        self.host = Host(hub, cable, self.taken)
+        self.contact = FULL // 2  # of an emergency stop: closed
+        self.measured: list[tuple[float, int, int]] = []
+        self.unasked: list[float] = []
+        self._told = 0
+        self._asked: WeakSet[End] = WeakSet()  # connections on which it was read back, or made safe
 
     def put(self, percent: float) -> None:
         """Somebody else moves it, or it does so by itself."""
@@ -77,22 +120,34 @@ class Coupler(Tables):
         waiting = bytes(end.received)
         while count := tcp_frame(waiting):
             request, waiting = waiting[:count], waiting[count:]
-            self._free_s = max(self._free_s, self._hub.now_s) + self._hub.draw.uniform(1e-4, 6e-4) + self.slow_s
-            self._hub.at(self._free_s, lambda request=request: self._answer(end, request))  # type: ignore[misc]
+            at_s = self.soon(1e-4, 6e-4)
+            self._hub.at(at_s, lambda request=request: self._answer(end, request))  # type: ignore[misc]
         end.received[:] = waiting
 
     def _answer(self, end: End, request: bytes) -> None:
         if self.deaf or not self.host.is_on:
             return
+        self._look_at(end, request[7:])
         answer = self.on_tcp(request)
         if not self.mute and not end.is_gone and not end.is_over:
             end.send(answer)
 
+    def _look_at(self, end: End, request: bytes) -> None:
+        """The first command on a connection is the safe value, unless it was asked before where the output stands."""
+        is_command = request[0] in (6, 16) and request[1:3] == b"\0\0"
+        count = int.from_bytes(request[-2:] if request[0] == 6 else request[6:8], "big", signed=True)
+        if is_command:
+            self._told = count
+        if is_command and count and end not in self._asked:
+            self.unasked.append(self._hub.now_s)
+        if is_command or (request[0] == 3 and request[1:3] == READ_BACK.to_bytes(2, "big")):
+            self._asked.add(end)
+
     def answered(self, request: bytes) -> bytes:
-        self._heard_s = self._hub.now_s
-        if self.holding[_TRIGGER] and self.holding[_TENTHS]:
-            self._hub.after(0.1 * self.holding[_TENTHS], self._expire)
+        self.heard(0.1 * self.holding[_TENTHS] if self.holding[_TRIGGER] else 0.0)
         self.inputs = self._measured()
+        if request[0] == 4:
+            self.measured.append((self._hub.now_s, self._told, _signed(self.inputs[0])))
         before = dict(self.holding)
         answer = super().answered(request)
         if self.lies and request[0] in (6, 16):
@@ -102,21 +157,18 @@ class Coupler(Tables):
         return answer
 
     def _measured(self) -> dict[int, int]:
-        at, noise = self.holding[0], self._hub.draw.randrange(-3, 4)
-        signed = at - 0x10000 if at > 0x7FFF else at
-        counts = [signed + noise, self.pressure + noise, self.contact + noise, *[noise] * 5]
-        self.read.add(max(-FULL, min(FULL, counts[0])))
+        noise = self._hub.draw.randrange(-3, 4)
+        counts = [_signed(self.holding[0]) + noise, self.pressure + noise, self.contact + noise, *[noise] * 5]
         return {i: max(-FULL, min(FULL, count)) & 0xFFFF for i, count in enumerate(counts)}
 
-    def _expire(self) -> None:
-        """Its own watchdog: nothing was asked for longer than its time."""
-        armed_s = 0.1 * self.holding[_TENTHS]
-        if self.holding[_TRIGGER] and armed_s and self._hub.now_s - self._heard_s >= armed_s - 1e-9:
+    def expire(self) -> None:
+        if self.holding[_TRIGGER]:
             self.put(0.0)
+            self._asked.clear()
 
     def _moved(self) -> None:
-        at = 100.0 * struct.unpack(">h", struct.pack(">H", self.holding[0]))[0] / FULL
-        if at != self.percent:
-            self.changes.append((self._hub.now_s, at))
-            for watch in self.watchers:
-                watch()
+        self.stands(100.0 * _signed(self.holding[0]) / FULL)
+
+
+def _signed(word: int) -> int:
+    return int(struct.unpack(">h", struct.pack(">H", word))[0])

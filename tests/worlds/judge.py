@@ -14,8 +14,10 @@ import numpy as np
 from hil.errors import FileError
 from hil.record.folder import read
 from tests.worlds.devices import FULL
+from tests.worlds.left import LAWS
+from tests.worlds.left import kinds as _kinds
 from tests.worlds.system import BEGAN
-from tests.worlds.world import NEAR, OUTPUTS, Ran, Word, World
+from tests.worlds.world import NEAR, Ran, Word, World
 
 _SAYS_ALL = ("outputs are safe (read back)", "outputs made safe in")
 _NOT_SAFE = 3
@@ -27,9 +29,12 @@ def judge(world: World, ran: Ran) -> None:
                   *_kept(world.folder / "run" / "watchdog.json", "watchdog.json", world.watchdog_ended_s)]  # fmt: skip
     for at_s, by, text in ran.said:
         if any(all_of_them in text for all_of_them in _SAYS_ALL):
-            ran.words.append(Word(by, at_s, dict.fromkeys(OUTPUTS, at_s), text))
-    for law in (_words, _agree, _status, _ends, _killed, _rescued, _latched, _recorded, _strangers, _as_expected):
-        ran.broken += law(world, ran)
+            ran.words.append(Word(by, at_s, dict.fromkeys(world.outputs, at_s), text))
+    own = (_words, _agree, _status, _ends, _killed, _rescued, _latched, _recorded, _strangers, _as_expected)
+    for law in (*own, *LAWS):
+        broken = [*law(world, ran)]
+        ran.broken += broken
+        ran.laws |= {law.__name__} if broken else set()
     ran.broken += [f"{task.name} fell: {error!r}" for task, error in world.hub.fallen]
 
 
@@ -46,7 +51,7 @@ def _kept(path: Path, name: str, ended_s: float) -> Iterator[Word]:
 
 def _away(world: World, ran: Ran, output: str) -> list[tuple[float, float]]:
     """The intervals in which an output was away from its safe value by what this computer sent."""
-    device = OUTPUTS[output]
+    device = world.outputs[output]
     changes, ends_s = ran.changes[output], world.hub.now_s
     ends = [*[at_s for at_s, _ in changes[1:]], ends_s]
     away = [(at_s, end_s) for (at_s, at), end_s in zip(changes, ends, strict=True)
@@ -59,7 +64,7 @@ def _words(world: World, ran: Ran) -> Iterator[str]:
     exchanged = [fault.device for fault, phase in ran.took if fault.kind == "swap" and phase == "opening"]
     for word in ran.words:
         for output, since_s in word.safe.items():
-            if OUTPUTS[output] in exchanged:  # before anybody knew it: it is said of the other one
+            if world.outputs[output] in exchanged:  # before anybody knew it: it is said of the other one
                 continue
             for begins_s, ends_s in _away(world, ran, output):
                 if ends_s > since_s + 1e-3:
@@ -74,7 +79,7 @@ def _status(world: World, ran: Ran) -> Iterator[str]:
     status, ended_s = world.run.status, world.run.ended_s
     if status is None or status < 0 or status == _NOT_SAFE:
         return
-    for output in OUTPUTS:
+    for output in world.outputs:
         if any(begins_s and ends_s > ended_s for begins_s, ends_s in _away(world, ran, output)):
             yield f"exit status {status} at {ended_s:.3f} s, and {output} was away after it"
 
@@ -88,15 +93,11 @@ def _ends(world: World, ran: Ran) -> Iterator[str]:
         yield "the run ended by itself, and there is no end.json"
 
 
-def _kinds(ran: Ran) -> set[str]:
-    return {fault.kind for fault, _ in ran.took}
-
-
 def _rescued(world: World, ran: Ran) -> Iterator[str]:
     """With the run or the watchdog left, and the devices within reach again, outputs are safe in the end."""
     watchdog = world.watchdog
     nobody = world.run.status in (-9, _NOT_SAFE) and (watchdog is None or watchdog.status == -9)
-    for output, device in OUTPUTS.items():
+    for output, device in world.outputs.items():
         begun_s, percent = ran.changes[output][-1]
         if begun_s and abs(percent) > NEAR and not nobody and not ran.pokes[device] and device not in world.strangers:
             left = f"run {world.run.status}, watchdog {watchdog and watchdog.status}"
@@ -116,7 +117,7 @@ def _latched(world: World, ran: Ran) -> Iterator[str]:
     """What has tripped keeps the next program from driving."""
     if world.after is None:
         return
-    moved = any(at_s > world.after.taken_s for output in OUTPUTS for at_s, _ in _away(world, ran, output))
+    moved = any(at_s > world.after.taken_s for output in world.outputs for at_s, _ in _away(world, ran, output))
     if world.after.status != _NOT_SAFE or moved:
         yield f"an interlock had tripped, and the next run ends with {world.after.status}{', and drove' * moved}"
 
@@ -137,7 +138,7 @@ def _recorded(world: World, ran: Ran) -> Iterator[str]:
         yield "nothing happened, and samples are not at their times"
     flow = recording.channels["flow"].values
     counts = {round(value) for value in flow[np.isfinite(flow)] / 100.0 * FULL}
-    measured = world.devices["io"].read.union(*(stranger.read for stranger in world.strangers.values()))
+    measured = {count for one in (world.couplers["io"], *world.strangers.values()) for _, _, count in one.measured}
     if strange := counts - measured:
         yield f"{len(strange)} recorded flows were never measured, such as {min(strange)} counts"
 
@@ -201,10 +202,10 @@ def _as_expected(world: World, ran: Ran) -> Iterator[str]:
     statuses = {3, -9} if fault.kind == "sleep" else {status}
     if ran.status not in statuses:
         yield f"{fault.kind} alone ends with {ran.status}: {said:.200}"
-    elif text not in said and ran.status != -9:
+    elif fault.device != "third" and text not in said and ran.status != -9:
         yield f"{fault.kind} alone is not told: {said:.200}"
     within_s += (fault.lasts_s if fault.kind in _WAITS else 0.0) + (0.7 if ran.schedule.ramped else 0.0)
-    for output in OUTPUTS:
+    for output in world.outputs:
         late = [ends_s for _, ends_s in _away(world, ran, output) if ends_s > begun_s + within_s]
         if late:
             yield f"{fault.kind} alone at {begun_s:.3f} s, and {output} is away until {late[-1]:.3f} s"

@@ -1,4 +1,4 @@
-"""The world's TCP against Linux: one drawn script on both, and what either side saw.
+"""The world against Linux: TCP, pipes, signals, serial ports. One drawn script on both, and what either side saw.
 
     python -m tests.worlds.kernel -n 500
 
@@ -15,7 +15,7 @@ import random
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -24,6 +24,15 @@ from hil.system import system
 from hil.system.parent import Parent
 from hil.system.tcp import TcpConnection
 from tests.foreign_line import ForeignLine
+from tests.worlds.kernel_of_terminals import (
+    Steps,
+    port_in_world,
+    port_on_linux,
+    port_script,
+    signal_script,
+    signals_in_world,
+    signals_on_linux,
+)
 from tests.worlds.network import Cable, End, Host
 from tests.worlds.processes import ParentEnd, Pipe
 from tests.worlds.system import WorldSystem
@@ -247,7 +256,24 @@ def main() -> int:
     for steps in others:
         print(f"{steps}\n   Linux {parent_on_linux(steps)}\n   world {parent_in_world(steps)}")
     print(f"{options.n} scripts of a pipe and a process, {len(others)} differ")
-    return bool(differ or others)
+    seeds = range(options.seed, options.seed + options.n)
+    left = _compared("signals", map(signal_script, seeds), signals_on_linux, signals_in_world)
+    left += _compared("a serial port", map(port_script, seeds), port_on_linux, port_in_world)
+    return bool(differ or others or left)
+
+
+def _compared(
+    what: str, scripts: Iterable[Steps], linux: Callable[[Steps], object], world: Callable[[Steps], object]
+) -> int:
+    """How many differ, which are printed."""
+    steps = [*scripts]
+    with ThreadPoolExecutor(1 if what == "signals" else 40) as pool:
+        both = zip(steps, pool.map(linux, steps), map(world, steps), strict=True)
+        differ = [(one, real, ours) for one, real, ours in both if real != ours]
+    for one, real, ours in differ:
+        print(f"{one}\n   Linux {real}\n   world {ours}")
+    print(f"{len(steps)} scripts of {what}, {len(differ)} differ")
+    return len(differ)
 
 
 if __name__ == "__main__":

@@ -272,6 +272,7 @@ class Socket:
                 asking.waits.wait(next_s if until_s is None else min(next_s, until_s))
                 self._call()
             if asking.is_made:
+                self._process.connected_s.append(self._hub.now_s)
                 self.end, self._asking = asking.near, None
                 self._tell_end()
                 return

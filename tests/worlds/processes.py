@@ -11,8 +11,9 @@ from greenlet import getcurrent
 
 from tests.worlds.tasks import Hub, Task, Waiters
 
-_FATAL = {signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGALRM}
+_FATAL = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGALRM}
 _CAPACITY = 65536
+_POLLING = "hil-poll"  # the one thread that drives
 
 
 class Pipe:
@@ -115,6 +116,8 @@ class Process:
         values: what it has one of each kind (`System.of_process`).
         sockets: that it holds open.
         held: called when it ends, however that is: the system lets go of what it held.
+        connected_s: when it connected to a device.
+        has_returned: whether its main function came to its end; left: what it held then.
     """
 
     def __init__(self, hub: Hub, pid: int, name: str) -> None:
@@ -123,6 +126,8 @@ class Process:
         self.ended_s = self.taken_s = float("inf")
         self.is_stopped = False
         self.tasks: list[Task] = []
+        self.connected_s: list[float] = []
+        self.has_returned, self.left = False, list[str]()
         self.values: dict[type, Any] = {}
         self.sockets: list[Any] = []
         self.held: list[Callable[[], None]] = []
@@ -158,6 +163,9 @@ class Process:
             status = 1
         for do in reversed(self.at_exit):
             do()
+        self.has_returned = self.lives
+        threads = [f"thread {task.name}" for task in self.tasks[1:] if not task.is_over and task.name == _POLLING]
+        self.left = [*threads, *["a connection"] * len(self.sockets)]
         self.die(status)
         self.hub.greenlet.switch()
 
@@ -192,7 +200,11 @@ class Process:
             waiting, self._waiting = self._waiting, []
             for task in waiting:
                 self.hub.make_ready(task)
-        elif number in self.blocked:
+            came = [one for one in self.pending if one not in self.blocked]
+            self.pending = [one for one in self.pending if one in self.blocked]
+            for one in sorted(came):
+                self._deliver(one)
+        elif number in self.blocked or self.is_stopped:
             if number not in self.pending:
                 self.pending.append(number)
         else:
@@ -200,6 +212,8 @@ class Process:
 
     def _deliver(self, number: int) -> None:
         handler = self.handlers.get(number, signal.SIG_DFL)
+        if not self.lives:
+            return
         if handler == signal.SIG_DFL and number in _FATAL:
             self.die(-number)
         elif callable(handler):
@@ -212,12 +226,13 @@ class Process:
             deliverable = [number for number in self.pending if number not in self.blocked]
             if not deliverable:
                 return
-            self.pending.remove(deliverable[0])
-            handler = self.handlers.get(deliverable[0], signal.SIG_DFL)
+            number = min(deliverable)  # of several that have come, Python handles the least first
+            self.pending.remove(number)
+            handler = self.handlers.get(number, signal.SIG_DFL)
             if callable(handler):
-                handler(deliverable[0], None)
-            elif handler == signal.SIG_DFL and deliverable[0] in _FATAL:
-                self.die(-deliverable[0])
+                handler(number, None)
+            elif handler == signal.SIG_DFL and number in _FATAL:
+                self.die(-number)
                 self.hub.greenlet.switch()
 
     def unblock(self, numbers: set[int]) -> None:

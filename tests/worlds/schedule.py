@@ -6,10 +6,14 @@ import random
 from dataclasses import dataclass, field
 
 DEVICES = ("io", "aux")
+THIRD = "third"
+THIRDS = {"m": "module", "s": "source", "p": "amplifier", "v": "valve"}
+"""Devices that may stand beside those two, by their mark in a code: three on a serial line, one on CAN."""
 PHASES = ("opening", "driving", "making safe", "closing")
 PROCEDURES = ("plain", "steps", "swallows", "raises", "exits", "blocks", "leaves early")
 KINDS = {
     "out": "network", "hold": "network", "double": "network", "slow line": "network", "reset": "network",
+    "lose": "network", "garble": "network", "echo": "network", "fails": "device", "claims": "device",
     "deaf": "device", "mute": "device", "slow": "device", "lies": "device", "restart": "device", "poke": "device",
     "over": "device", "low": "device", "pressed": "device", "swap": "device",
     "int": "signal", "term": "signal", "hup": "signal", "kill": "process", "pause": "process",
@@ -17,8 +21,13 @@ KINDS = {
     "stop": "person", "hold run": "person", "second": "person",
     "sleep": "machine", "disk full": "machine", "disk slow": "machine",
 }  # fmt: skip
+_OF_THIRD = {
+    "module": {"lose", "garble", "echo"}, "source": {"lose", "garble", "echo"},
+    "amplifier": {"lose", "garble", "echo", "fails"}, "valve": {"lose", "fails", "claims"}, "": set[str](),
+}  # fmt: skip
+_OF_COUPLERS = {"swap", "over", "low", "pressed"}
 _WITH_DEVICE = {kind for kind, of in KINDS.items() if of in ("network", "device")}
-_AT_ONCE = {"poke", "reset", "swap", "int", "term", "hup", "kill", "wd term", "wd kill", "stop"}
+_AT_ONCE = {"poke", "claims", "reset", "swap", "int", "term", "hup", "kill", "wd term", "wd kill", "stop"}
 _TIMES_S = (0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 
 
@@ -61,6 +70,7 @@ class Schedule:
         armed: whether devices have watchdogs of their own.
         ramped: whether the command goes down a ramp.
         away: whether outputs are found away from their safe values.
+        third: a device beside the couplers, of `THIRDS`; empty: none.
         faults: what happens.
     """
 
@@ -70,12 +80,14 @@ class Schedule:
     armed: bool = False
     ramped: bool = False
     away: bool = False
+    third: str = ""
     faults: tuple[Fault, ...] = field(default=())
 
     @property
     def code(self) -> str:
         """All of it, on one line."""
-        marks = "w" * self.armed + "r" * self.ramped + "a" * self.away or "-"
+        third = "".join(mark for mark, name in THIRDS.items() if name == self.third)
+        marks = "w" * self.armed + "r" * self.ramped + "a" * self.away + third or "-"
         head = f"{self.seed},{self.hurry:g},{self.procedure},{marks}"
         return "|".join((head, *(fault.code for fault in self.faults)))
 
@@ -83,16 +95,19 @@ class Schedule:
     def of(cls, code: str) -> Schedule:
         head, *faults = code.split("|")
         seed, hurry, procedure, marks = head.split(",")
-        return cls(int(seed), float(hurry), procedure, "w" in marks, "r" in marks, "a" in marks,
+        third = "".join(name for mark, name in THIRDS.items() if mark in marks)
+        return cls(int(seed), float(hurry), procedure, "w" in marks, "r" in marks, "a" in marks, third,
                    tuple(map(Fault.of, faults)))  # fmt: skip
 
 
 def drawn(seed: int) -> Schedule:
     """One of all: one to four faults, half of them close behind another one."""
     draw = random.Random(f"schedule {seed}")
+    third = draw.choices(("", *THIRDS.values()), (4, 1, 1, 1, 1))[0]
+    kinds = kinds_with(third)
     faults: list[Fault] = []
     for _ in range(draw.choice((1, 1, 2, 2, 2, 3, 3, 4))):
-        kind = draw.choice([*KINDS])
+        kind = draw.choice(kinds)
         near = draw.choice(faults) if faults and draw.random() < 0.5 else None
         phase = near.phase if near else draw.choices(PHASES, (2, 5, 4, 2))[0]
         spread_s = {"opening": 2.0, "driving": 4.0, "making safe": 0.5, "closing": 0.1}[phase]
@@ -101,7 +116,20 @@ def drawn(seed: int) -> Schedule:
         )
         faults.append(
             Fault(kind, phase, round(after_s, 4), 0.0 if kind in _AT_ONCE else draw.choice(_TIMES_S),
-                  draw.choice(DEVICES) if kind in _WITH_DEVICE else "")
+                  draw.choice(_devices(kind, third)) if kind in _WITH_DEVICE else "")
         )  # fmt: skip
     marks = [draw.random() < 0.3 for _ in range(3)]
-    return Schedule(seed, draw.choice((0.01, 0.05, 0.2)), draw.choice(PROCEDURES), *marks, tuple(faults))
+    return Schedule(seed, draw.choice((0.01, 0.05, 0.2)), draw.choice(PROCEDURES), *marks, third, tuple(faults))
+
+
+def kinds_with(third: str) -> list[str]:
+    """What can happen beside a third device."""
+    never = set.union(*_OF_THIRD.values()) - _OF_THIRD[third]
+    return [kind for kind in KINDS if kind not in never]
+
+
+def _devices(kind: str, third: str) -> tuple[str, ...]:
+    """To which it can happen; to the third one as often as to both others."""
+    if kind in _OF_THIRD[third]:
+        return (THIRD,)
+    return DEVICES if not third or kind in _OF_COUPLERS else (*DEVICES, THIRD, THIRD)

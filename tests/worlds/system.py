@@ -15,8 +15,10 @@ from greenlet import getcurrent
 
 from hil.bench.stop.control import Control, Tokens
 from tests.worlds import tasks
+from tests.worlds.can_bus import BusEnd, CanBus
 from tests.worlds.network import Host, Socket
 from tests.worlds.processes import Child, ParentEnd, Pipe, Process
+from tests.worlds.serial_line import SerialLine, SerialPort
 
 BEGAN = datetime(2026, 3, 2, 12, tzinfo=UTC)
 
@@ -41,6 +43,9 @@ class WorldSystem:
         hosts: what is reached, by address and port.
         programs: what a module does as a process of its own, by its name.
         starts_s: least and greatest time until a new process has begun.
+
+    Attributes:
+        lines, buses: serial lines by the path of their port, CAN buses by channel.
     """
 
     def __init__(
@@ -53,6 +58,8 @@ class WorldSystem:
         self.living = 0
         self.asleep_s = 0.0
         self.services: dict[str, Any] = {}
+        self.lines: dict[str, SerialLine] = {}
+        self.buses: dict[str, CanBus] = {}
         self.locks: dict[str, Process] = {}
         self.born: list[Callable[[Process], None]] = []
 
@@ -73,8 +80,7 @@ class WorldSystem:
 
     def call(self) -> None:
         """Every call of the seam: others may get their turn, and signals are heard."""
-        self.hub.point()
-        process = self.process
+        process = self.hub.point().owner
         if process.pending:
             process.hear()
 
@@ -217,11 +223,18 @@ class WorldSystem:
     def forget(self, held: Socket) -> None:
         held.forget()
 
-    def serial(self, url: str, **_speech: Any) -> Any:
-        raise OSError(errno.ENOENT, f"no serial port in this world: {url}")
+    def serial(self, url: str, **speech: Any) -> SerialPort:
+        self.call()
+        line = self.lines[url]
+        if line.is_pulled:
+            raise OSError(errno.ENOENT, f"could not open port {url}: No such file or directory")
+        if line.ports and speech["exclusive"]:
+            raise OSError(errno.EAGAIN, f"could not open port {url}: Resource temporarily unavailable")
+        return SerialPort(self.hub, line, self.process, self.call, speech)
 
-    def can_bus(self, **_which: Any) -> Any:
-        raise OSError(errno.ENODEV, "no CAN bus in this world")
+    def can_bus(self, *, channel: str, **_which: Any) -> BusEnd:
+        self.call()
+        return BusEnd(self.hub, self.buses[channel], self.process, self.call)
 
     def serve(self, _listener: Callable[[], Any], service: Any) -> Any:
         """No event loop: whoever presses asks the service itself, in a thread of its process."""

@@ -57,6 +57,7 @@ class Hub:
 
     def __init__(self, seed: int, hurry: float = 0.05, step_s: float = 5e-6) -> None:
         self.draw = random.Random(seed)
+        self._random = self.draw.random
         self.now_s = 0.0
         self.greenlet = getcurrent()
         self.fallen: list[tuple[Task, BaseException]] = []
@@ -113,16 +114,16 @@ class Hub:
         self.greenlet.switch()
         return task.woken
 
-    def point(self) -> None:
-        """A call of the seam: a moment in which another task may get its turn."""
+    def point(self) -> Any:
+        """A call of the seam: a moment in which another task may get its turn; returns whose it is."""
         self.calls += 1
         self.now_s += self._step_s
-        if self.draw.random() < self._hurry:
-            task = getcurrent()
-            assert isinstance(task, Task)
-            task.waits += 1
-            self.make_ready(task)
+        task = getcurrent()
+        if self._random() < self._hurry:
+            task.waits += 1  # type: ignore[attr-defined]
+            self.make_ready(task)  # type: ignore[arg-type]
             self.greenlet.switch()
+        return task
 
     def run(self, until_s: float, is_over: Callable[[], bool] = lambda: False) -> None:
         """Let the world go on, from the outside: until an instant, or until it is over, or nothing is left to do."""
@@ -287,6 +288,8 @@ class Thread:
 
     def cancel(self) -> None:
         self._is_cancelled = True
+        if self.task is not None:
+            self._hub.wake(self.task)
 
     def is_alive(self) -> bool:
         return self.task is not None and not self.task.is_over

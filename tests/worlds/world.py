@@ -18,6 +18,7 @@ from unittest.mock import patch
 
 import numpy as np
 from greenlet import getcurrent
+from serial.tools import list_ports
 
 from hil.bench import watchdog
 from hil.bench.ending import LastWord, accounted
@@ -29,10 +30,12 @@ from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
 from hil.system import system
 from hil.system.tcp import not_for_children
+from tests.worlds.can_bus import CanBus, Valve
 from tests.worlds.devices import Coupler
 from tests.worlds.network import Cable
 from tests.worlds.processes import Process
 from tests.worlds.schedule import DEVICES, Fault, Schedule
+from tests.worlds.serial_line import Amplifier, Module, Source
 from tests.worlds.system import WorldSystem
 from tests.worlds.tasks import Hub, Task
 
@@ -106,7 +109,61 @@ block_s = 0.1
 patience_s = 20.0
 watchdog_s = {watchdog}
 """
+THIRD_BENCH = """
+[channels.pilot]
+device = "third"
+terminal = "{terminal}"
+unit = "{unit}"
+safe = 0.0
+on = {on}
+limits = {{ low = 0.0, high = {high} }}
+[devices.third]
+address = "{address}"
+timeout_s = 0.1
+longest_reply_s = 0.25
+"""
+PORT, BUS = "/dev/null", "can0"  # a port must be there, and nothing of this one is touched
+THIRD: dict[str, tuple[dict[str, object], str]] = {
+    "module": ({"terminal": "ao0", "unit": "V", "on": 5.0, "high": 10.0, "address": PORT},
+               'driver = "ascii_module"\nmodel = "adam-4024"\nmodule = 1\nbaud = 38400'),
+    "source": ({"terminal": "current", "unit": "A", "on": 1.5, "high": 3.0, "address": PORT},
+               'driver = "scpi"\nmodel = "dc-source"'),
+    "amplifier": ({"terminal": "ao", "unit": "V", "on": 5.0, "high": 10.0, "address": PORT},
+                  """driver = "modbus"
+transport = "rtu"
+baud = 38400
+[devices.third.description]
+summary = "an amplifier that must be enabled"
+source = "tests/worlds/serial_line.py"
+modbus = {addresses = "wire"}
+watchdog = {arm = [{address = 10, value = "{tenths}"}], expires_to = 0.0}
+safe_mode = {status = {table = "coil", address = 16}, clear = {table = "coil", address = 32}}
+enable = {write = [{address = 11, value = 1}], ready = {table = "input", address = 5, bit = 0}, \
+disable = [{address = 11, value = 0}]}
+faults = {flags = [{table = "input", address = 6, bit = 0, means = "it is too hot"}], \
+clear = [{address = 12, value = 1}]}
+[devices.third.description.terminals.ao]
+direction = "out"
+unit = "V"
+range = [0.0, 10.0]
+address = 0
+table = "holding"
+slope = 0.001
+[devices.third.description.terminals.ai]
+direction = "in"
+unit = "V"
+range = [0.0, 11.0]
+address = 0
+table = "input"
+slope = 0.001
+"""),
+    "valve": ({"terminal": "flow command", "unit": "%", "on": 40.0, "high": 100.0, "address": f"socketcan:{BUS}"},
+              'driver = "j1939_valve"'),
+}  # fmt: skip
+THIRD_READS = {"source": ("coil current", "A"), "amplifier": ("ai", "V"), "valve": ("estimated flow", "%")}
 OUTPUTS = {"command": "io", "enable": "aux"}
+PILOT = "pilot"
+UNITS = {"command": "%", "enable": "V"}
 SIGNALS = {"int": signal.SIGINT, "term": signal.SIGTERM, "hup": signal.SIGHUP, "kill": signal.SIGKILL}
 
 
@@ -147,6 +204,7 @@ class Ran:
     took: list[tuple[Fault, str]] = field(default_factory=list)
     took_s: list[float] = field(default_factory=list)
     broken: list[str] = field(default_factory=list)
+    laws: set[str] = field(default_factory=set)
     blocks: int = 0
     calls: int = 0
     ended_s: float = 0.0
@@ -162,6 +220,7 @@ def _bench(schedule: Schedule) -> BenchFile:
         armed="\nwatchdog_s = 1.0" if schedule.armed else "", watchdog=WATCHDOG_S,
         ramp=f"\nramp_to_safe_per_s = {RAMP_PER_S}" if schedule.ramped else "",
     )  # fmt: skip
+    text += _third(schedule) if schedule.third else ""
     if text not in _files:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder, "bench.toml")
@@ -169,6 +228,16 @@ def _bench(schedule: Schedule) -> BenchFile:
             _files[text] = read_bench(path)
     file = _files[text]
     return replace(file, devices={name: replace(device) for name, device in file.devices.items()})
+
+
+def _third(schedule: Schedule) -> str:
+    about, how = THIRD[schedule.third]
+    has_own = schedule.armed and schedule.third in ("module", "amplifier")
+    channels = THIRD_BENCH.format(**about) + ("watchdog_s = 1.0\n" if has_own else "") + how
+    if schedule.third in THIRD_READS:
+        terminal, unit = THIRD_READS[schedule.third]
+        channels += f'\n[channels."pilot reads"]\ndevice = "third"\nterminal = "{terminal}"\nunit = "{unit}"\n'
+    return channels
 
 
 class World:
@@ -182,27 +251,37 @@ class World:
     def __init__(self, schedule: Schedule, folder: Path) -> None:
         self.schedule, self.folder = schedule, folder
         self.hub = Hub(schedule.seed, schedule.hurry)
-        self.ran = Ran(schedule, pokes={name: [] for name in DEVICES})
+        self.ran = Ran(schedule, pokes={name: [] for name in (*DEVICES, "third")})
         self.cables = {name: Cable(self.hub, (1e-4, 1e-3)) for name in DEVICES}
         pressure = round(100.0 / 25.0 / 10.0 * 0x7FFF)
-        self.devices = {
+        self.couplers = {
             name: Coupler(self.hub, cable, IDENTITIES[name], pressure) for name, cable in self.cables.items()
         }
         self.strangers: dict[str, Coupler] = {}
+        hosts = {("10.0.0.1", 502): self.couplers["io"].host, ("10.0.0.2", 502): self.couplers["aux"].host}
+        self.system = WorldSystem(self.hub, hosts, {"hil.bench.watchdog": watchdog.main}, (0.2, 1.0))
+        self.third = _THIRDS[schedule.third](self.hub) if schedule.third else None
+        if isinstance(self.third, Valve):
+            self.system.buses[BUS] = self.third.line
+        elif self.third is not None:
+            self.system.lines[PORT] = self.third.line
+        third = {} if self.third is None else {"third": self.third}
+        self.devices: dict[str, Coupler | Module | Source | Amplifier | Valve] = {**self.couplers, **third}
+        self.outputs, self.units = dict(OUTPUTS), dict(UNITS)
+        if self.third is not None:
+            self.outputs[PILOT], self.units[PILOT] = "third", str(THIRD[schedule.third][0]["unit"])
         for device in self.devices.values() if schedule.away else ():
             device.put(35.0)
-        hosts = {("10.0.0.1", 502): self.devices["io"].host, ("10.0.0.2", 502): self.devices["aux"].host}
-        self.system = WorldSystem(self.hub, hosts, {"hil.bench.watchdog": watchdog.main}, (0.2, 1.0))
         self.run = self.system.new_process("run")
         self.phase = "opening"
         self.moved = False
         self.after: Process | None = None
-        self._begun: set[str] = set()
+        self.begun_s: dict[str, float] = {}
         self.stderr = _Stderr(self)
 
     def go(self) -> Ran:
         """Let it all happen."""
-        self.devices["io"].watchers.append(self._moved)
+        self.couplers["io"].watchers.append(self._moved)
         with self._in_place():
             self.run.begin(self._main)
             self.run.held.append(lambda: self._begins("making safe"))
@@ -214,7 +293,7 @@ class World:
                 self._come_after()
             self.hub.leave()
         self.ran.status = self.run.status
-        self.ran.changes = {name: self.devices[device].changes for name, device in OUTPUTS.items()}
+        self.ran.changes = {name: self.devices[device].changes for name, device in self.outputs.items()}
         return self.ran
 
     @contextmanager
@@ -223,6 +302,7 @@ class World:
         with (
             system.replaced_by(self.system), patch.dict(os.environ, state), patch.object(sys, "stderr", self.stderr),
             patch.object(watchdog, "read_bench", lambda _path: _bench(self.schedule)),
+            patch.object(list_ports, "comports", list),
         ):  # fmt: skip
             yield
 
@@ -295,9 +375,9 @@ class World:
         self.ran.words.append(Word(by, self.hub.now_s, safe, known.text, states))
 
     def _begins(self, phase: str) -> None:
-        if phase in self._begun or (phase == "making safe" and self.phase == "opening"):
+        if phase in self.begun_s or (phase == "making safe" and self.phase == "opening"):
             return
-        self._begun.add(phase)
+        self.begun_s[phase] = self.hub.now_s
         self.phase = phase
         for fault in self.schedule.faults:
             if fault.phase == phase:
@@ -313,8 +393,6 @@ class World:
         self.ran.took.append((fault, self.phase))
         self.ran.took_s.append(self.hub.now_s)
         kind, after = fault.kind, self.hub.after
-        cable = self.cables.get(fault.device)
-        device = self.devices.get(fault.device)
         if kind in SIGNALS:
             self.run.signal(SIGNALS[kind])
         elif kind == "pause":
@@ -334,14 +412,17 @@ class World:
             self._fork(fault.lasts_s)
         elif kind in ("disk full", "disk slow"):
             self._disk(kind, fault.lasts_s)
-        elif cable is not None and device is not None:
-            self._to_device(fault, cable, device)
+        elif fault.device == "third":
+            self._to_third(fault)
+        else:
+            self._to_coupler(fault, self.cables[fault.device], self.couplers[fault.device])
 
-    def _to_device(self, fault: Fault, cable: Cable, device: Coupler) -> None:
-        def for_a_while(thing: object, name: str, value: object, after: object) -> None:
-            setattr(thing, name, value)
-            self.hub.after(fault.lasts_s, lambda: setattr(thing, name, after))
+    def _for_a_while(self, fault: Fault, thing: object, name: str, value: object, after: object) -> None:
+        setattr(thing, name, value)
+        self.hub.after(fault.lasts_s, lambda: setattr(thing, name, after))
 
+    def _to_coupler(self, fault: Fault, cable: Cable, device: Coupler) -> None:
+        for_a_while = partial(self._for_a_while, fault)
         match fault.kind:
             case "out":
                 for_a_while(cable, "is_out", True, False)
@@ -364,11 +445,11 @@ class World:
                 self.ran.pokes[fault.device].append(self.hub.now_s)
                 device.put(28.0)
             case "over":
-                for_a_while(self.devices["aux"], "pressure", round(0.6 * 0x7FFF), round(0.4 * 0x7FFF))
+                for_a_while(self.couplers["aux"], "pressure", round(0.6 * 0x7FFF), round(0.4 * 0x7FFF))
             case "low":
-                for_a_while(self.devices["aux"], "pressure", round(0.1 * 0x7FFF), round(0.4 * 0x7FFF))
+                for_a_while(self.couplers["aux"], "pressure", round(0.1 * 0x7FFF), round(0.4 * 0x7FFF))
             case "pressed":
-                for_a_while(self.devices["aux"], "contact", 0, 0x7FFF // 2)
+                for_a_while(self.couplers["aux"], "contact", 0, 0x7FFF // 2)
             case "swap":
                 stranger = self.strangers[fault.device] = Coupler(self.hub, cable, "WAGO 750-352 C3")
                 device.host.is_on = False
@@ -376,6 +457,46 @@ class World:
                     end.gone(None)
                 stranger.host = device.host
                 device.host.is_on, device.host.taken = True, stranger.taken
+
+    def _to_third(self, fault: Fault) -> None:
+        for_a_while, device = partial(self._for_a_while, fault), self.third
+        assert device is not None
+        line = device.line
+        usual_s = line.delay_s
+        match fault.kind:
+            case "out":
+                for_a_while(line, "is_out", True, False)
+            case "hold" if isinstance(line, CanBus):
+                for_a_while(line, "delay_s", (0.0, 0.2), usual_s)
+            case "hold":
+                for_a_while(line, "late_chance", 0.2, 0.0)
+            case "slow line":
+                for_a_while(line, "delay_s", (0.005, 0.05), usual_s)
+            case "double":
+                for_a_while(line, "doubles", 0.05, 0.0)
+            case "lose":
+                for_a_while(line, "loses", 0.05, 0.0)
+            case "garble" | "echo":
+                name, value = ("garbles", 0.05) if fault.kind == "garble" else ("echoes", True)
+                for_a_while(line, name, value, type(value)())
+            case "reset" if isinstance(line, CanBus):
+                for_a_while(line, "is_off", True, False)
+            case "reset":
+                line.pull(fault.lasts_s)
+            case "deaf" | "mute" | "lies":
+                for_a_while(device, fault.kind, True, False)
+            case "slow":
+                for_a_while(device, "slow_s", 0.08, 0.0)
+            case "restart":
+                device.restart(fault.lasts_s)
+            case "poke":
+                self.ran.pokes["third"].append(self.hub.now_s)
+                device.put(28.0)
+            case "fails" if isinstance(device, Amplifier | Valve):
+                device.fail(True)
+                self.hub.after(fault.lasts_s, partial(device.fail, False))
+            case "claims" if isinstance(device, Valve):
+                device.take_address()
 
     @property
     def watchdog(self) -> Process | None:
@@ -470,6 +591,11 @@ class World:
         name, value, after = ("is_full", True, False) if kind == "disk full" else ("slow_s", 0.3, 0.0)
         setattr(self.system.disk, name, value)
         self.hub.after(lasts_s, lambda: setattr(self.system.disk, name, after))
+
+
+_THIRDS: dict[str, type[Module | Source | Amplifier | Valve]] = {
+    "module": Module, "source": Source, "amplifier": Amplifier, "valve": Valve,
+}  # fmt: skip
 
 
 class _Known(Outputs):

@@ -1,0 +1,227 @@
+"""What a run wrote down, told and left behind, against what happened (see `judge`)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import suppress
+from datetime import datetime
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from hil.bench.stop.control import CONTROL_FILE
+from hil.errors import FileError
+from hil.record.folder import read
+from hil.record.recording import Recording
+from tests.worlds.devices import FULL
+from tests.worlds.system import BEGAN
+from tests.worlds.world import NEAR, RAMP_PER_S, Ran, World
+
+_SAFE_S = 5.0  # so soon outputs are safe once whoever makes them safe reaches every device
+_LEAVES_S = 12.0  # so soon a watchdog is gone that has nothing to do
+_TRIES_S = 80.0  # so long one tries at most
+_LASTING = {"claims", "swap"}  # what is never over
+SIGNALLED = {"int", "term", "hup", "stop"}
+
+
+def faults_end_s(ran: Ran) -> float:
+    """When everything that happened is over."""
+    return max((at_s + fault.lasts_s for (fault, _), at_s in zip(ran.took, ran.took_s, strict=True)), default=0.0)
+
+
+def kinds(ran: Ran) -> set[str]:
+    """What happened."""
+    return {fault.kind for fault, _ in ran.took}
+
+
+def end_of(world: World) -> dict[str, Any]:
+    """What stands in end.json; nothing where there is none."""
+    with suppress(OSError, ValueError):
+        found: dict[str, Any] = json.loads((world.folder / "run" / "end.json").read_text(encoding="utf-8"))
+        return found
+    return {}
+
+
+def recording_of(world: World) -> Recording | None:
+    """The record, where there is one with samples."""
+    with suppress(FileError):
+        return read(world.folder / "run")
+    return None
+
+
+def end_is_true(world: World, ran: Ran) -> Iterator[str]:
+    """What is written of the end is what was said of it, and what every output was known to be."""
+    end, word = end_of(world), next((one for one in ran.words if one.by == "run"), None)
+    if not end or word is None or world.run.status is None or world.run.status < 0:
+        return
+    states = {name: output["state"] for name, output in end["outputs"].items()}
+    if states != word.states and "NOT SAFE" not in word.text:
+        yield f"end.json has {states}, and the run said {word.states}"
+    late = any(
+        fault.kind in SIGNALLED and phase != "driving" for fault, phase in ran.took
+    )  # told to end when it was over
+    if (end["outcome"] == "completed") != (world.run.status == 0) and not late:
+        yield f"the outcome is {end['outcome']!r}, and the exit status {world.run.status}"
+    cause = end["outcome"].partition(": ")[2].split(";")[0]
+    if cause not in " ".join(text for _, by, text in ran.said if by == "run"):
+        yield f"the outcome is {end['outcome']!r}, and something else was said"
+    for name, output in end["outputs"].items():
+        since_s = (datetime.fromisoformat(output["at_utc"]) - BEGAN).total_seconds()
+        if output["unit"] != world.units[name]:
+            yield f"{name} is in {output['unit']}, not in {world.units[name]}"
+        if not -1e-3 <= since_s <= world.run.ended_s + 1e-3:
+            yield f"{name} is known since {since_s:.3f} s, and the run ended at {world.run.ended_s:.3f} s"
+        if output["state"] == "safe" and not (output["read_back"] and abs(output["at"]) <= NEAR):
+            yield f"{name} is safe: {output}"
+    recording = recording_of(world)
+    if recording is not None and len(recording.time_s) != end["rows"]:
+        yield f"{end['rows']} rows are counted, and {len(recording.time_s)} are there"
+
+
+def told(world: World, ran: Ran) -> Iterator[str]:
+    """Who ends otherwise than in order says why, and nobody dies of a fault of his own."""
+    for at_s, by, text in ran.said:
+        if "died of" in text or "Traceback" in text:
+            yield f"{by} at {at_s:.3f} s: {text}"
+    texts = [text for _, by, text in ran.said if by == "run"]
+    status = world.run.status
+    if status is None or status < 0:
+        return
+    if not texts or (status == 3 and not any(_why(text) for text in texts)):
+        yield f"exit status {status}, and nobody says why: {texts}"
+    if status in (0, 3, 5) and any(fault.kind in SIGNALLED and phase == "driving" for fault, phase in ran.took):
+        came = [at_s for (fault, phase), at_s in zip(ran.took, ran.took_s, strict=True)
+                if fault.kind in SIGNALLED and phase == "driving"]  # fmt: skip
+        if status == 0 and came:
+            yield f"told to end at {came[0]:.3f} s, and the exit status is 0"
+
+
+def _why(text: str) -> str:
+    """What is said beside the outputs."""
+    return "; ".join(
+        part for part in text.split("; ") if not part.startswith(("outputs are safe", "nothing was driven"))
+    )
+
+
+def nothing_is_left(world: World, ran: Ran) -> Iterator[str]:
+    """Who ended in order holds nothing: no lease, connection or thread; and no file says that somebody is at work."""
+    for process in world.system.processes:
+        if process.status is None or not process.has_returned:
+            continue
+        if process.left:
+            yield f"{process.name} ended with {', '.join(process.left)}"
+    held = {path for path, holder in world.system.locks.items() if holder.has_returned}
+    if held:
+        yield f"nobody holds the bench, and its lease was not let go of: {', '.join(sorted(held))}"
+    watchdog = world.watchdog
+    if watchdog is not None and watchdog.status == 0 and "disk full" not in kinds(ran):
+        left = [path.name for path in world.folder.rglob("*so-far*") if path.is_file()]
+        left += [str(path.relative_to(world.folder)) for path in world.folder.glob("state/*so-far*/*")]
+        if (world.folder / "run" / CONTROL_FILE).exists():
+            left.append(CONTROL_FILE)
+        if left:
+            yield f"everybody has gone, and {', '.join(left)} is there"
+
+
+def in_time(world: World, ran: Ran) -> Iterator[str]:
+    """Once everybody is reached again: outputs are safe soon, and everybody ends soon."""
+    run, watchdog = world.run, world.watchdog
+    if kinds(ran) & _LASTING:
+        return
+    is_over_s = min(run.ended_s, world.begun_s.get("making safe", run.ended_s))
+    reached_s = max(is_over_s, faults_end_s(ran))
+    somebody = run.status not in (-9, None) or (watchdog is not None and watchdog.status not in (-9, None))
+    for output, device in world.outputs.items():
+        changes = ran.changes[output]
+        ends = [*[at_s for at_s, _ in changes[1:]], world.hub.now_s]
+        late = [end_s for (at_s, at), end_s in zip(changes, ends, strict=True)
+                if at_s and abs(at) > NEAR and end_s > reached_s + _SAFE_S and at_s not in ran.pokes[device]
+                and world.after is None]  # fmt: skip
+        if late and somebody and run.status != 3:
+            yield f"over at {is_over_s:.3f} s, everything reached from {reached_s:.3f} s on, and {output} is away until {late[0]:.3f} s"
+    if run.status is not None and run.status >= 0 and run.ended_s > reached_s + _TRIES_S:
+        yield f"over at {is_over_s:.3f} s, and the run ended at {run.ended_s:.3f} s"
+    if watchdog is not None and watchdog.status is not None and watchdog.ended_s < float("inf"):
+        patience_s = _LEAVES_S if run.status == 0 else _TRIES_S
+        if watchdog.ended_s > max(run.ended_s, faults_end_s(ran)) + patience_s:
+            yield f"the run ended at {run.ended_s:.3f} s, and its watchdog at {watchdog.ended_s:.3f} s"
+
+
+def doubts_end(world: World, ran: Ran) -> Iterator[str]:
+    """Where nothing has happened for a while, outputs are called safe."""
+    word = next((one for one in ran.words if one.by == "run" and one.states), None)
+    if word is None or kinds(ran) & _LASTING or not word.states:
+        return
+    if faults_end_s(ran) + 2 * _SAFE_S < word.at_s and any(state != "safe" for state in word.states.values()):
+        yield f"all is well from {faults_end_s(ran):.3f} s on, and at {word.at_s:.3f} s the run says: {word.text}"
+
+
+def watchdog_keeps_off(world: World, ran: Ran) -> Iterator[str]:
+    """While the run drives, nobody else connects to its devices."""
+    begun_s, until_s = world.begun_s.get("driving"), world.begun_s.get("making safe", world.run.ended_s)
+    if begun_s is None:
+        return
+    until_s = min(until_s, world.run.ended_s)
+    for process in world.system.processes:
+        early = [at_s for at_s in process.connected_s if begun_s < at_s < until_s and process is not world.run]
+        if early:
+            yield f"{process.name} connected to a device at {early[0]:.3f} s, while the run drove it"
+
+
+def reads_first(world: World, ran: Ran) -> Iterator[str]:
+    """After a gap the first command is the safe value, or the output was read back before."""
+    for name, device in world.couplers.items():
+        if device.unasked:
+            yield f"{name} was driven away at {device.unasked[0]:.3f} s on a new connection, or after its watchdog"
+
+
+def samples_are_those(world: World, ran: Ran) -> Iterator[str]:
+    """Each sample is what the device was told and then measured, in this order."""
+    recording = recording_of(world)
+    if recording is None:
+        return
+    measured = sorted(one for device in (world.couplers["io"], *world.strangers.values()) for one in device.measured)
+    at = iter((told_to, count) for _, told_to, count in measured)
+    told_to = np.round(recording.channels["command"].values / 100.0 * FULL)
+    flow = np.round(recording.channels["flow"].values / 100.0 * FULL)
+    for i, pair in enumerate(zip(told_to, flow, strict=True)):
+        if np.isfinite(pair).all() and not any(pair == one for one in at):
+            yield f"sample {i} ({recording.time_s[i]:.3f} s): command and flow {pair} were never told and measured"
+            return
+
+
+def ramps_down(world: World, ran: Ran) -> Iterator[str]:
+    """A run that ends in order goes down its ramp, where it has one."""
+    begun_s, calm = (
+        world.begun_s.get("making safe"),
+        {"int", "term", "hup", "fork", "second", "double", "low", "wd term"},
+    )
+    if not ran.schedule.ramped or begun_s is None or kinds(ran) - calm or ran.schedule.procedure == "blocks":
+        return
+    late = [at for at_s, at in ran.changes["command"] if at_s >= begun_s - 0.1]
+    steps = [abs(after - before) for before, after in pairwise(late)]
+    if steps and max(steps) > 2.0 * RAMP_PER_S * 0.05:
+        yield f"the command fell by {max(steps):.1f} % at once, and has a ramp of {RAMP_PER_S:g} %/s"
+
+
+def events_tell(world: World, ran: Ran) -> Iterator[str]:
+    """What an interlock or a person did stands among the events."""
+    recording = recording_of(world)
+    said = " ".join(text for _, by, text in ran.said if by == "run")
+    if recording is None or "disk full" in kinds(ran) or world.run.status in (None, -9):
+        return
+    events = {(event["event"], event["details"].get("interlock", "")) for event in recording.meta["events"]}
+    names = {event for event, _ in events}
+    for text, interlock in (("over-pressure", "over-pressure"), ("pressed at", "emergency stop")):
+        if text in said and "then reset it" in said and ("trip", interlock) not in events:
+            yield f"'{interlock}' has tripped, and no event says so: {sorted(events)}"
+    if world.run.status == 138 and "stop" not in names:
+        yield f"stop was pressed, and no event says so: {sorted(names)}"
+
+
+LAWS = (
+    end_is_true, told, nothing_is_left, in_time, doubts_end, watchdog_keeps_off, reads_first, samples_are_those,
+    ramps_down, events_tell,
+)  # fmt: skip
