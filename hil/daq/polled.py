@@ -85,6 +85,7 @@ class PolledDaq:
         self._task: Task | None = None
         self._failed: HardwareError | None = None
         self._made_safe, self._only_safe = False, not measured
+        self._stand = True  # whether outputs are known to be at `levels`: a sample that failed leaves them anywhere
         self._ended = Flag()
         self._blind_s = 0.0
         self._zero_s = self._used_s = self._sent_s = self._clock.now_s
@@ -145,7 +146,7 @@ class PolledDaq:
         with self._lock:
             left = self._driven_safe(self._members)
             left = self._driven_safe([member for member, _ in left])
-            self._made_safe = True
+            self._made_safe, self._stand = True, not left
             if left:  # said before the lock is given up: the keep-alive must not drive again what stood before
                 is_unanswered = self._only_safe and all(isinstance(failure, LinkError) for _, failure in left)
                 self._failed = (UnansweredError if is_unanswered else DeviceLostError)(
@@ -343,9 +344,10 @@ class PolledDaq:
         refuse_after_sleep(self._clock)
         self._refuse_after_silence()
         self._sent_s = begun_s = self._clock.now_s
+        self._stand = False
         for member in self._members:
             member.drive(levels)
-        self.levels = levels
+        self.levels, self._stand = levels, True
         updated_s = 0.5 * (begun_s + self._clock.now_s)
         readings: dict[str, float] = {}
         delays_s: dict[str, float] = {}
@@ -394,8 +396,8 @@ class PolledDaq:
             with self._lock:
                 if self._ended.is_set():
                     return  # closed while we waited: a link that is driven now would open again
-                if self._failed is not None:
-                    continue  # made safe while we waited, perhaps unheard: what stood before is over
+                if self._failed is not None or not self._stand:
+                    continue  # made safe while we waited, perhaps unheard, or on the way: what stood before is over
                 try:
                     refuse_after_sleep(self._clock)
                     self._refuse_after_silence()

@@ -63,6 +63,11 @@ def test_outputs_of_a_dead_run_are_made_safe_when_who_took_the_bench_could_not()
     assert not ran.broken and ran.changes["enable"][-1][1] == 0.0
 
 
+def test_after_a_sample_that_failed_no_sign_of_life_drives_again_what_stood_before() -> None:
+    """A module that fell silent held up the first step of a ramp, and meanwhile all outputs went up again."""
+    assert not of("181748677043,0.2,leaves early,wrm|deaf:driving:2.8788:5:third").broken
+
+
 @pytest.mark.parametrize("part", range(2))
 def test_drawn_worlds_hold(part: int) -> None:
     """Others with each commit; one that does not hold is printed as `python -m tests.worlds CODE` takes it."""
