@@ -140,7 +140,10 @@ def in_time(world: World, ran: Ran) -> Iterator[str]:
                 if at_s and abs(at) > NEAR and end_s > reached_s + _SAFE_S and at_s not in ran.pokes[device]
                 and world.after is None]  # fmt: skip
         if late and somebody and run.status != 3:
-            yield f"over at {is_over_s:.3f} s, everything reached from {reached_s:.3f} s on, and {output} is away until {late[0]:.3f} s"
+            yield (
+                f"over at {is_over_s:.3f} s, everything reached from {reached_s:.3f} s on, and {output} is away until "
+                f"{late[0]:.3f} s"
+            )
     if run.status is not None and run.status >= 0 and run.ended_s > reached_s + _TRIES_S:
         yield f"over at {is_over_s:.3f} s, and the run ended at {run.ended_s:.3f} s"
     if watchdog is not None and watchdog.status is not None and watchdog.ended_s < float("inf"):
@@ -206,6 +209,18 @@ def ramps_down(world: World, ran: Ran) -> Iterator[str]:
         yield f"the command fell by {max(steps):.1f} % at once, and has a ramp of {RAMP_PER_S:g} %/s"
 
 
+def stays_safe(world: World, ran: Ran) -> Iterator[str]:
+    """Once the run makes its outputs safe it drives none of them away again."""
+    begun_s = world.begun_s.get("making safe")
+    if begun_s is None or kinds(ran) & {"hold", "double", "slow line", "swap"}:  # what was on its way may come later
+        return
+    for output, device in world.outputs.items():
+        for (_, before), (at_s, after) in pairwise(ran.changes[output]):
+            if begun_s < at_s < world.run.ended_s and abs(after) > abs(before) + NEAR and at_s not in ran.pokes[device]:
+                yield f"made safe from {begun_s:.3f} s on, and {output} goes to {after:.1f} % at {at_s:.3f} s"
+                break
+
+
 def events_tell(world: World, ran: Ran) -> Iterator[str]:
     """What an interlock or a person did stands among the events."""
     recording = recording_of(world)
@@ -223,5 +238,5 @@ def events_tell(world: World, ran: Ran) -> Iterator[str]:
 
 LAWS = (
     end_is_true, told, nothing_is_left, in_time, doubts_end, watchdog_keeps_off, reads_first, samples_are_those,
-    ramps_down, events_tell,
+    ramps_down, stays_safe, events_tell,
 )  # fmt: skip
