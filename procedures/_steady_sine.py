@@ -10,13 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
-from hil.signals.sine_fit import SineFit, sine_fit
+from hil.signals.sine_fit import SineFit, sine_fit, sine_phasor
 from hil.signals.steady import steadiness
 from procedures._course import Course
 
@@ -140,21 +139,29 @@ class _Ear:
         self._response = response
         self._sent = 0
         self._start_s: float | None = None
-        self._turn: list[Recording] = []
+        self._time_s, self._values = np.empty(0), np.empty(0)
         self._fits: list[SineFit] = []
+        self._phasors: list[complex] = []
         self._first: int | None = None
         self._steady = True
 
     def pieces(self) -> Iterator[Array]:
-        """The lead, then turns in pieces, until enough was heard."""
+        """The lead, then turns, each in a short piece and the rest, until enough was heard.
+
+        While the short one plays, the turns before are judged; those that are measured anyhow then come in one.
+        """
         yield self._next(max(1, round(self._patience.lead_s * self._rate_hz)))
         turn = 0
-        while True:
-            for samples in self._cuts(turn):
-                if self._done:
-                    return
-                yield self._next(samples)
-            turn += 1
+        while not self._done:
+            first = self._first_piece(turn)
+            yield self._next(first)
+            if self._done:
+                return
+            turns = self._patience.turns(self._tone.frequency_hz)
+            until = max(turn + 1, 0 if self._first is None else self._first + turns)
+            if rest := self._edge(until) - self._edge(turn) - first:
+                yield self._next(rest)
+            turn = until
 
     def take(self, piece: Recording) -> int:
         """Take what a piece brought; the number of samples to be marked when the measurement is whole, else 0."""
@@ -163,17 +170,18 @@ class _Ear:
             return 0
         if self._done:
             return 0
-        self._turn.append(piece)
-        if sum(map(len, self._turn)) < self._length(len(self._fits)):
-            return 0
-        self._judge()
-        return self._edge(len(self._fits)) - self._edge(self._first or 0) if self._done else 0
+        self._time_s = np.concatenate((self._time_s, piece.stamps(self._response)))
+        self._values = np.concatenate((self._values, piece.values(self._response)))
+        while not self._done and (length := self._whole_turns()):
+            self._judge(self._judged_s(self._time_s[:length]), self._values[:length])
+            self._time_s, self._values = self._time_s[length:], self._values[length:]
+        return self._edge(len(self._phasors)) - self._edge(self._first or 0) if self._done else 0
 
     def heard(self) -> Heard:
         """What was measured."""
         first, omega = self._first or 0, 2.0 * math.pi * self._tone.frequency_hz
         given = self._tone.amplitude * np.exp(1j * (self._phase_rad - omega * (self._start_s or 0.0)))
-        answer = np.mean([fit.phasor for fit in self._fits[first:]])
+        answer = np.mean(self._phasors[first:])
         waited_s = self._patience.lead_s + self._edge(first) / self._rate_hz
         ended_rad = math.fmod(self._phase_rad + omega * self._sent / self._rate_hz, 2.0 * math.pi)
         return Heard(complex(answer / given), self._steady, waited_s, ended_rad)
@@ -181,16 +189,25 @@ class _Ear:
     @property
     def _done(self) -> bool:
         turns = self._patience.turns(self._tone.frequency_hz)
-        return self._first is not None and len(self._fits) - self._first >= turns
+        return self._first is not None and len(self._phasors) - self._first >= turns
 
-    def _judge(self) -> None:
-        """Fit the turn that has come, and compare it with those before."""
-        time_s = self._judged_s(np.concatenate([piece.stamps(self._response) for piece in self._turn]))
-        values = np.concatenate([piece.values(self._response) for piece in self._turn])
-        self._turn = []
-        self._fits.append(sine_fit(time_s, values, self._tone.frequency_hz, harmonics=_HARMONICS))
+    def _whole_turns(self) -> int:
+        """Samples of the next turn, or of all that have come once the response is steady; 0 while none is whole."""
+        done, most = len(self._phasors), self._patience.turns(self._tone.frequency_hz)
+        until = done + 1 if self._first is None else self._first + most
+        while until > done and self._edge(until) - self._edge(done) > len(self._time_s):
+            until -= 1
+        return self._edge(until) - self._edge(done)
+
+    def _judge(self, time_s: Array, values: Array) -> None:
+        """Fit the turn that has come, and compare it with those before; steady ones are fitted together."""
         if self._first is not None:
+            turns = round(len(time_s) / self._length(len(self._phasors)))
+            phasor = sine_phasor(time_s, values, self._tone.frequency_hz, harmonics=_HARMONICS)
+            self._phasors += [phasor] * turns
             return
+        self._fits.append(sine_fit(time_s, values, self._tone.frequency_hz, harmonics=_HARMONICS))
+        self._phasors.append(self._fits[-1].phasor)
         if steadiness(self._fits, self._patience.tolerance).steady:
             self._first = len(self._fits) - 2
         elif self._edge(len(self._fits)) / self._rate_hz >= self._patience.longest_wait_s:
@@ -214,12 +231,10 @@ class _Ear:
     def _length(self, turn: int) -> int:
         return self._edge(turn + 1) - self._edge(turn)
 
-    def _cuts(self, turn: int) -> list[int]:
-        """Sizes of the pieces of a turn."""
+    def _first_piece(self, turn: int) -> int:
+        """How long it is: about `Patience.piece_s`, as one of equal pieces."""
         length = self._length(turn)
-        count = max(1, round(length / (self._patience.piece_s * self._rate_hz)))
-        edges = [round(i * length / count) for i in range(count + 1)]
-        return [stop - start for start, stop in pairwise(edges)]
+        return round(length / max(1, round(length / (self._patience.piece_s * self._rate_hz))))
 
     def _next(self, samples: int) -> Array:
         wave = _wave(self._tone, self._sent, samples, self._rate_hz, self._phase_rad)

@@ -132,6 +132,13 @@ def sine_fit(time_s: Array, values: Array, frequency_hz: float, *, harmonics: in
     return finish(solved, values, slow, _cycles(time_s, frequency_hz), frequency_hz)
 
 
+def sine_phasor(time_s: Array, values: Array, frequency_hz: float, *, harmonics: int = 5) -> complex:
+    """The phasor that `sine_fit` finds with these arguments, without its uncertainty. Raises as that does."""
+    _check(time_s, values, frequency_hz, harmonics, 0)
+    solved = solve(sine_basis(time_s, frequency_hz, harmonics), values, _powers(time_s, 0), frequency_hz)
+    return complex(solved.phasors[0])
+
+
 def with_rounding(fit: SineFit, step: float) -> SineFit:
     """The fit of rounded samples, with what rounding by the steps of a converter may have made of it."""
     if step == 0.0:
