@@ -46,9 +46,10 @@ class Recorder:
         """Write a block, as it is. Raises `StorageError`."""
         if self._zero_s is None:
             self._zero_s = float(block.time_s[0]) - self._first_s
-        self._writer.append(self.time_of(block), block.columns)
+        time_s = self.time_of(block)
+        self._writer.append(time_s, block.columns)
         for name, channel in self._inputs.items():
-            self._follow(channel, block.inputs[name], self.time_of(block), block.unmeasured.get(name, ""))
+            self._follow(channel, block.inputs[name], time_s, block.unmeasured.get(name, ""))
         if block.late:
             self.note("late samples", count=block.late)
 

@@ -15,7 +15,7 @@ from hil.bench.ending import Ending
 from hil.bench.file import CONDITIONS, Bench
 from hil.bench.progress_report import ProgressReporter
 from hil.bench.recorder import Recorder
-from hil.daq.contract import Block, Waveform, joined
+from hil.daq.contract import Block, Promises, Waveform, joined
 from hil.record.header import Column
 from hil.record.invalid_samples import supposed
 from hil.record.recording import Array, Channel, Recording
@@ -62,6 +62,7 @@ class BenchRig:
         self._columns = {column.name: column for column in columns}
         self._reporter = reporter
         self._rates_hz: set[float] = set()
+        self._sampled: tuple[Promises, float, dict[str, Any]] | None = None
         self._roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
         self._own_command = self._roles["command"]
         self._roles["command"] = commanding or self._own_command
@@ -240,12 +241,15 @@ class BenchRig:
 
     def _counted(self, commands: Iterable[Array], rate_hz: float, asked: deque[int]) -> Iterator[Waveform]:
         for command in commands:
-            waveform = self._waveform(command, rate_hz)
+            waveform = Waveform(rate_hz, {self._roles["command"]: np.asarray(command, dtype=np.float64)})
             asked.append(len(waveform))
             yield waveform
 
     def _sampling(self, rate_hz: float) -> dict[str, Any]:
-        return self._guard.promises.sampling(self._guard.inputs, rate_hz)
+        promises = self._guard.promises
+        if self._sampled is None or self._sampled[0] is not promises or self._sampled[1] != rate_hz:
+            self._sampled = promises, rate_hz, promises.sampling(self._guard.inputs, rate_hz)
+        return self._sampled[2]
 
     def _recording(self, block: Block, rate_hz: float, part: Mapping[str, Any] | None) -> Recording:
         time_s = self._recorder.time_of(block)

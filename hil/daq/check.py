@@ -41,6 +41,8 @@ def check_waveform(waveform: Waveform, outputs: Mapping[str, OutputChannel], pro
         if name not in outputs:
             raise RangeError(f"no output '{name}'; the device drives: {', '.join(outputs) or 'none'}")
         channel = outputs[name]
+        if channel.low <= values.min() and values.max() <= channel.high:  # false for NaN
+            continue
         rounding = 1e-9 * (channel.high - channel.low)  # of the calibration in front
         inside = (values >= channel.low - rounding) & (values <= channel.high + rounding)  # false for NaN too
         if not inside.all():

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from hil.daq.channel import InputChannel, OutputChannel
 from hil.daq.contract import Block, Daq, Promises, ReadBack, Waveform, closing_blocks
 from hil.errors import LinkError
 from hil.record.recording import Array
+
+_Channel = TypeVar("_Channel")
+_Scaled = tuple[Mapping[str, _Channel], Mapping[str, _Channel]]  # as the backend has them, and in engineering units
 
 _END = 1e-4  # of a range: nearer to its end than that, a converter may have been held there
 
@@ -22,6 +26,8 @@ class Scaled:
     def __init__(self, daq: Daq, calibrations: Mapping[str, Calibration]) -> None:
         self._daq = daq
         self._calibrations = calibrations
+        self._outputs: _Scaled[OutputChannel] = ({}, {})
+        self._inputs: _Scaled[InputChannel] = ({}, {})
 
     @property
     def promises(self) -> Promises:
@@ -31,12 +37,18 @@ class Scaled:
     @property
     def outputs(self) -> Mapping[str, OutputChannel]:
         """The outputs, ranges and safe values in engineering units."""
-        return {name: self._scaled_output(channel) for name, channel in self._daq.outputs.items()}
+        raw = self._daq.outputs
+        if raw is not self._outputs[0]:
+            self._outputs = raw, {name: self._scaled_output(channel) for name, channel in raw.items()}
+        return self._outputs[1]
 
     @property
     def inputs(self) -> Mapping[str, InputChannel]:
         """The inputs, ranges in engineering units."""
-        return {name: self._scaled_input(channel) for name, channel in self._daq.inputs.items()}
+        raw = self._daq.inputs
+        if raw is not self._inputs[0]:
+            self._inputs = raw, {name: self._scaled_input(channel) for name, channel in raw.items()}
+        return self._inputs[1]
 
     @property
     def levels(self) -> Mapping[str, float]:
@@ -56,6 +68,11 @@ class Scaled:
         """Continuous acquisition in engineering units."""
         with closing_blocks(self._daq.stream(map(self._raw, waveforms))) as blocks:
             yield from map(self._values, blocks)
+
+    @property
+    def roll_back(self) -> Callable[[int], None] | None:
+        """That of the backend (see `Daq`)."""
+        return getattr(self._daq, "roll_back", None)
 
     def look(self, name: str) -> Block:
         """A reading of one input in engineering units (see `Daq`).
@@ -118,6 +135,8 @@ def measured(raw: Array, channel: InputChannel) -> Array:
     if channel.kind == "digital":
         return raw
     further = (channel.over - _END) * (channel.high - channel.low)
+    if channel.low - further <= raw.min() and raw.max() <= channel.high + further:  # quicker, and nearly always so
+        return raw
     above = raw > channel.high + further if channel.high != 0.0 else np.isposinf(raw)
     below = raw < channel.low - further if channel.low != 0.0 else np.isneginf(raw)
     if not (above.any() or below.any()):

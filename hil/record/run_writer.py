@@ -23,7 +23,7 @@ from hil.record.recording import Array, Recording
 from hil.record.samples import RowsWriter
 from hil.record.thinned import Thinning
 
-_CHUNK_ROWS = 1 << 16
+_CHUNK_ROWS = 1 << 12  # are lost at most when a disk is full
 
 
 class RunWriter:
@@ -198,8 +198,9 @@ class RunWriter:
             if np.shape(column) != (len(time_s),):
                 raise ValueError(f"channel '{name}' has shape {np.shape(column)}, time has {time_s.shape}")
         before = -np.inf if self.last_s is None else self.last_s
-        late = np.flatnonzero(~(np.diff(time_s, prepend=before) > 0) | ~np.isfinite(time_s))
-        if late.size:
+        # What goes on from sample to sample is finite but perhaps at its end.
+        if len(time_s) and not (before < time_s[0] and time_s[-1] < np.inf and (time_s[1:] > time_s[:-1]).all()):
+            late = np.flatnonzero(~(np.diff(time_s, prepend=before) > 0) | ~np.isfinite(time_s))
             raise StorageError(
                 f"{self.path}: sample {self.rows + late[0]}: time {time_s[late[0]]:g} s does not come after the "
                 f"sample before it; this block is not recorded, {self._kept()}"

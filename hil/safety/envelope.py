@@ -87,6 +87,8 @@ class Envelope:
         return values, Past(float(values[-1]), self._dwelt(values, rate_hz, past, where, unit))
 
     def _in_range(self, values: Array, where: str, unit: str) -> Array:
+        if self.low <= values.min() and values.max() <= self.high:  # false for NaN
+            return values
         rounding = _ROUNDING * (self.high - self.low)
         inside = (values >= self.low - rounding) & (values <= self.high + rounding)  # false for NaN too
         if not inside.all():
@@ -94,9 +96,7 @@ class Envelope:
             raise RangeError(
                 f"{where}, sample {at}: {values[at]:g} {unit} is outside {self.low:g} … {self.high:g} {unit}"
             )
-        if values.min() < self.low or values.max() > self.high:
-            return np.clip(values, self.low, self.high)
-        return values
+        return np.clip(values, self.low, self.high)
 
     def _check_slew(self, values: Array, rate_hz: float, before: float, where: str, unit: str) -> None:
         if math.isinf(self.slew_per_s):
@@ -125,6 +125,8 @@ class Envelope:
 def _dwelt_beyond(
     dwell: Dwell, values: Array, time_s: Array, interval_s: float, beyond_s: float | None, where: str, unit: str
 ) -> float | None:
+    if -dwell.level <= values.min() and values.max() <= dwell.level:
+        return None
     beyond = np.abs(values) > dwell.level
     held_s, since_s = lasting_s(beyond, time_s, None if beyond_s is None else -beyond_s)
     held_s += interval_s  # a sample stands until the next one

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -37,6 +38,18 @@ class Band:
             return values
         with np.errstate(invalid="ignore"):  # of two that were not measured nothing is known
             return values - block.values(self.minus)
+
+    def keeps(self, block: Block) -> bool:
+        """Whether the channel was measured all the time and is within the range: what `outside` finds nowhere."""
+        values = self.values(block)
+        low, high = values.min(), values.max()
+        return bool(self.low <= low and high <= self.high and -np.inf < low and high < np.inf)
+
+    def avoids(self, block: Block) -> bool:
+        """Whether the channel is beyond one end of the range all the time: what `may_hold` finds nowhere."""
+        values = self.values(block)
+        low, high = values.min(), values.max()
+        return bool((self.high < low or high < self.low) and -np.inf < low and high < np.inf)
 
     def outside(self, block: Block) -> NDArray[np.bool_]:
         """Where the channel is not within the range, or was not measured."""
@@ -146,6 +159,10 @@ class Watch:
         lock = self.interlock
         if not lock.allowed.asks:  # only that the reading changes
             return None
+        # Two comparisons, and nearly always so.
+        if lock.allowed.keeps(block) or (lock.only_while is not None and lock.only_while.avoids(block)):
+            self._outside_since_s = None
+            return None
         outside = lock.allowed.outside(block)
         if lock.is_emergency_stop:  # a contact may read the ends of its range: the upper one is closed
             outside = ~(lock.allowed.values(block) >= lock.allowed.low)
@@ -221,6 +238,17 @@ class Watches:
         """The violations that begin in this block, in the order of time (see `Watch.judge`)."""
         found = [violation for watch in self._watches if (violation := watch.judge(block, blind_s)) is not None]
         return sorted(found, key=lambda violation: violation.time_s)
+
+    def pass_over(self, block: Block) -> bool:
+        """Judge several blocks in one, where none of them breaks an interlock; else nothing of it is remembered.
+
+        However they are cut then, `judge` would say nothing of any.
+        """
+        watches = [copy(watch) for watch in self._watches]
+        if any(watch.broken or watch.judge(block) is not None for watch in watches):
+            return False
+        self._watches = watches
+        return True
 
     @property
     def ended_by(self) -> frozenset[str]:
