@@ -23,7 +23,7 @@ from hil.bench.read import read_bench
 
 RATE_HZ, RUNS, RUN_S = 1000.0, 6, 207.0
 BENCH_S = RUNS * RUN_S
-BLOCKS_S = (1.0, 0.1, 10.0)
+BLOCKS_S = (1.0, 0.1, 3.0)
 
 
 def stepped_sine() -> list[np.ndarray]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,6 +62,17 @@ class OutputStage:
     def pwm(self, given: Pwm | None) -> None:
         if given != self._pwm:
             self._pwm, self._drive = given, None
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Keep how the power stage stands; what is returned takes it back there."""
+        drive = self._drive
+        stood = drive.checkpoint() if drive else lambda: None
+
+        def roll_back() -> None:
+            self._drive = drive
+            stood()
+
+        return roll_back
 
     def drive(self, raw: Array, every: int, first_tick: int, tick_s: float) -> Array:
         """The plant's input at each tick, for values that each stand for `every` ticks."""
@@ -132,6 +143,16 @@ class InputStages:
             noise *= self._noise_raw
             values += noise
         return dict(zip(self._names, self._converter.convert(values), strict=True))
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Keep where the noise stands; what is returned takes it back there."""
+        states = [generator.bit_generator.state for generator in self._noise]
+
+        def roll_back() -> None:
+            for generator, state in zip(self._noise, states, strict=True):
+                generator.bit_generator.state = state
+
+        return roll_back
 
 
 def _column(numbers: Iterable[Any]) -> Array:

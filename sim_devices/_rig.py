@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -59,6 +59,16 @@ class SimulatedRig:
             ticks -= some
             if ticks <= 0:
                 return seen, some
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Keep how plant, power stages and noise stand; what is returned takes them back there."""
+        kept = [self._world.checkpoint(), self.inputs.checkpoint(), *(s.checkpoint() for s in self.stages.values())]
+
+        def roll_back() -> None:
+            for part in kept:
+                part()
+
+        return roll_back
 
     def _driven(self, outputs: Mapping[str, Array], samples: int, every: int, first_tick: int) -> dict[str, Array]:
         """What acts on the plant, tick by tick; what no output is connected to stays at zero."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +48,16 @@ class World:
         return Signals(
             dict(zip(self._input_names, held, strict=True)), dict(zip(self._output_names, seen, strict=True))
         )
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Keep how it stands; what is returned takes it back there."""
+        twin, ticks, held, seen = self._twin.checkpoint(), self.ticks, self._held, self._seen
+
+        def roll_back() -> None:
+            twin()
+            self.ticks, self._held, self._seen = ticks, held, seen
+
+        return roll_back
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
-from hil.clock import Clock, clock
+from hil.clock import Clock, VirtualClock, clock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.check import check_waveform, checked_task, coerced_rate, next_or_failure
 from hil.daq.contract import Block, Promises, ReadBack, Waveform
@@ -57,6 +58,7 @@ class SimulatedDaq:
         self._samples = 0
         self._fault = settings.fault
         self._lost = False
+        self._again = 0
 
     def actual_rate_hz(self, asked_hz: float) -> float:
         """The nearest whole division of the device's clock."""
@@ -70,6 +72,11 @@ class SimulatedDaq:
     def stream(self, waveforms: Iterable[Waveform]) -> Iterator[Block]:
         """Continuous acquisition; a writer who falls behind by more than the buffer meets an `OutputUnderflowError`."""
         return self._task(checked_task(waveforms, self.outputs, self.promises), OutputUnderflowError)
+
+    @property
+    def roll_back(self) -> Callable[[int], None] | None:
+        """In virtual time (see `hil.daq.contract.Daq`)."""
+        return self._play_again if isinstance(self._clock, VirtualClock) else None
 
     def make_safe(self) -> None:
         """Put every output at its safe value.
@@ -102,18 +109,42 @@ class SimulatedDaq:
         self._catch_up()
         waveform, failure = next_or_failure(waveforms)
         while waveform is not None:
+            stood, played = self._checkpoint(), waveform
             block = self._run(waveform)
             fault = self._fault_in(len(waveform) - len(block))
             waveform, failure = next_or_failure(waveforms)  # asked for while this one plays
             self._clock.sleep_until(self._zero_s + self._now_s)
             if len(block):
                 yield block
+            if samples := self._again:
+                stood()
+                waveforms = chain(played.slices(samples), _rest(waveform, failure), waveforms)
+                waveform, failure = next_or_failure(waveforms)
+                continue
             if fault is not None:
                 raise fault
             if waveform is not None:
                 self._check_punctual(too_late)
         if failure is not None:
             raise failure
+
+    def _play_again(self, block_samples: int) -> None:
+        self._again = block_samples
+
+    def _checkpoint(self) -> Callable[[], None]:
+        """Keep how the device stands; what is returned takes it back there."""
+        clock = self._clock
+        if not isinstance(clock, VirtualClock):
+            return lambda: None
+        rig, now_s = self._rig.checkpoint(), clock.now_s
+        levels, samples, fault, lost = self.levels, self._samples, self._fault, self._lost
+
+        def roll_back() -> None:
+            rig()
+            clock.now_s, self._again = now_s, 0
+            self.levels, self._samples, self._fault, self._lost = levels, samples, fault, lost
+
+        return roll_back
 
     def _run(self, waveform: Waveform) -> Block:
         """Drive a waveform, or as much of it as the fault on demand lets through."""
@@ -157,6 +188,14 @@ class SimulatedDaq:
     def _refuse_if_lost(self) -> None:
         if self._lost:
             raise _error(Fault(kind="lost", after=0), self._samples)
+
+
+def _rest(waveform: Waveform | None, failure: Exception | None) -> Iterator[Waveform]:
+    """What was asked for already, as it came."""
+    if waveform is not None:
+        yield waveform
+    if failure is not None:
+        raise failure
 
 
 def _promises(settings: Settings, inputs: int) -> Promises:

@@ -43,6 +43,7 @@ BLOCK_S, LEVEL, SWING, RAMP_PER_S = 0.05, 60.0, 10.0, 200.0
 # The course of the run, in seconds of the device since it was opened, and a moment within each stretch of it.
 MOMENTS = {"before anything moves": 0.05, "on the way up": 0.25, "while it stands": 3.0, "in a stream": 5.0,
            "on the way down": 6.53}  # fmt: skip
+_BLOCK_SAMPLES = round(1000.0 * BLOCK_S)
 _JUMP_S = BLOCK_S + 0.005
 _RAMP_S = BLOCK_S + (LEVEL + SWING) / RAMP_PER_S + 0.005
 
@@ -72,6 +73,16 @@ class Faulty:
 
     def stream(self, waveforms: Iterable[Waveform]) -> Iterator[Block]:
         return self._with_fault(self.daq.stream(waveforms))
+
+    @property
+    def roll_back(self) -> Callable[[int], None] | None:
+        back = self.daq.roll_back
+
+        def taken_back(block_samples: int) -> None:
+            self.samples -= len(self.course.pop()[0])
+            back(block_samples)
+
+        return back and taken_back
 
     def make_safe(self) -> None:
         if self.gone:
@@ -106,6 +117,10 @@ class Faulty:
         for block in blocks:
             self._saw(block.time_s, block.outputs["command"])
             self.samples += len(block)
+            begins = self.happened_s is None and block.time_s[-1] >= self.at_s
+            if begins and len(block) > _BLOCK_SAMPLES and (roll_back := self.roll_back):
+                roll_back(_BLOCK_SAMPLES)  # it happens in one of the blocks in it
+                continue
             if block.time_s[-1] >= self.at_s:
                 if self.happened_s is None:
                     self.happened_s = max(self.at_s, float(block.time_s[0]))

@@ -217,6 +217,9 @@ class Daq(Protocol):
     `DeviceLostError`, `OutputUnderflowError`, `OverrunError`. Blocks read before an error are handed over
     before it is raised.
 
+    One in virtual time may have a `roll_back(block_samples)`, called between two blocks of a task: the last one is
+    taken back, and what it covered is played anew in blocks of so many samples. It is None where time is real.
+
     One of several devices may have a `look(input) -> Block`: a reading of that input now, asked of its device alone,
     with no task at work; also after another device failed.
     """

@@ -8,6 +8,7 @@ the proof voltage of the EFC thesis, whatever the supply is.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -134,6 +135,15 @@ class PwmDrive:
     def fault_s(self) -> float:
         """See the class."""
         return float(self._state[9])
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Keep how it stands; what is returned takes it back there."""
+        state = self._state.copy()
+
+        def roll_back() -> None:
+            self._state[:] = state
+
+        return roll_back
 
     def drive(self, demand_a: Array, tick_s: float) -> Array:
         """Mean current over each tick for one demand per tick, shape (n,)."""

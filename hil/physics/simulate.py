@@ -163,6 +163,18 @@ class Twin:
         self._done += inputs.shape[1] * self._arrays.sub_steps
         return out
 
+    def checkpoint(self) -> Callable[[], None]:
+        """Keep where it stands; what is returned takes it back there."""
+        arrays, done = self._arrays, self._done
+        kept = None if arrays is None else (arrays.states.copy(), arrays.memory.copy())
+
+        def roll_back() -> None:
+            self._arrays, self._done = arrays, done
+            if arrays is not None and kept is not None:
+                arrays.states[:], arrays.memory[:] = kept
+
+        return roll_back
+
 
 def _dense(values: Array) -> Array:
     """What the compiled kernel takes; a copy of what another process handed over read-only, or of every other value."""

@@ -34,6 +34,8 @@ from hil.safety.protection import Protection
 from hil.safety.ramp import way_to
 from hil.safety.witness import Witnesses
 
+_AHEAD_SAMPLES = 1 << 16  # are played at once at most where time is virtual
+
 
 class Guard:
     """A backend behind its limits and interlocks. Itself a `Daq`, in engineering units.
@@ -42,6 +44,9 @@ class Guard:
     task before its end (a violation, an error, Ctrl-C, a reader that leaves early) makes the outputs safe
     before it is raised, and reads them back. Opening a guard makes them safe too. What came of it stands in
     `known`; no error of a device on the way takes the place of the one that ended the task.
+
+    In virtual time many blocks are played and judged as one. Where an interlock is broken in them they are taken back,
+    and played and judged one by one, so that a trip comes at the sample at which it would have come.
 
     An end is final: whatever ended a task (see `is_end`), or was said to have ended the run (`end`), is raised again by
     every later call, so that a procedure that catches everything drives nothing more.
@@ -85,6 +90,8 @@ class Guard:
         self._protection = protection
         self._limits = Limits(daq, protection.envelopes, self._clock)
         self._watches = Watches(protection.interlocks)
+        self._roll_back: Callable[[int], None] | None = getattr(daq, "roll_back", None)
+        self._block_samples = 1
         self._keep = keep
         self._note = note
         self._over: BaseException | None = None
@@ -182,7 +189,7 @@ class Guard:
         with self._safe_on_error():
             (admitted,) = self._limits.admit([waveform])
             samples = block_samples or self._protection.block_samples(waveform.rate_hz)
-            yield from self._played(admitted, samples)
+            yield from self._played(admitted, samples, 1 if block_samples else self._ahead(samples))
 
     def stream(self, waveforms: Iterable[Waveform]) -> Iterator[Block]:
         """Continuous acquisition; each waveform is checked before its first sample, blocks as with `play`.
@@ -342,10 +349,16 @@ class Guard:
         except BaseException as error:
             self._note_if_possible("the device could not be closed", error=reason(error))
 
-    def _played(self, waveform: Waveform, samples: int) -> Iterator[Block]:
+    def _played(self, waveform: Waveform, samples: int, at_once: int = 1) -> Iterator[Block]:
+        """A waveform in blocks of so many samples, so many of them at once."""
         self._operator.check()
         self.known.driving(waveform)
-        return self._judged(self._daq.play(waveform, samples))
+        self._block_samples = samples
+        return self._judged(self._daq.play(waveform, samples * at_once))
+
+    def _ahead(self, samples: int) -> int:
+        """How many blocks of so many samples may be played at once."""
+        return 1 if self._roll_back is None else max(1, _AHEAD_SAMPLES // samples)
 
     def _judged(self, blocks: Iterator[Block]) -> Iterator[Block]:
         self._beat(True)
@@ -354,10 +367,14 @@ class Guard:
                 self._refuse_when_over()
                 self._operator.check()
                 self._beat(True)
+                are_many = self._roll_back is not None and len(block) > self._block_samples
+                if self._roll_back is not None and are_many and not self._passes(block):
+                    self._roll_back(self._block_samples)
+                    continue
                 self._keep(block)
                 refuse_after_sleep(self._clock)
                 self._limits.seen()
-                for violation in self._watches.judge(block, self._daq.promises.blind_s):
+                for violation in () if are_many else self._watches.judge(block, self._daq.promises.blind_s):
                     self._act(violation)
                 _refuse_no_number(block, self._watches.ended_by)
                 yield block
@@ -367,7 +384,18 @@ class Guard:
         for waveform in waveforms:
             self._operator.check()
             self.known.driving(waveform)
-            yield from waveform.slices(self._protection.block_samples(waveform.rate_hz))
+            samples = self._block_samples = self._protection.block_samples(waveform.rate_hz)
+            if self._ahead(samples) == 1 or len(waveform) <= samples:
+                yield from waveform.slices(samples)
+                continue
+            # While the last block plays the next waveform is asked for: not before all others were judged.
+            blocks, last = waveform.slices((len(waveform) - 1) // samples * samples)
+            yield from blocks.slices(samples * self._ahead(samples))
+            yield last
+
+    def _passes(self, block: Block) -> bool:
+        """Whether nothing at all is to be said of several blocks in one."""
+        return all(np.isfinite(values).all() for values in block.inputs.values()) and self._watches.pass_over(block)
 
     def _act(self, violation: Violation) -> None:
         lock = violation.interlock
