@@ -106,6 +106,27 @@ def test_a_model_that_never_fitted_well_is_not_asked_for_more() -> None:
             check(poor, bound(poor, scaled(made, channel, factor)))
 
 
+def test_a_recording_that_a_poor_model_cannot_follow_is_in_no_wrong_unit() -> None:
+    """In another unit it would be as large as the model's answer, and no more like it."""
+    good = nominal()
+    poor = replace(good, origin={**good.origin, "fit_percent": {"steps": 20.0}})
+
+    def unlike(each: Recording) -> None:
+        flow = each.channels["flow"].values
+        flow[:] = 0.15 * (flow + np.std(flow) * np.sqrt(2.0) * np.sin(0.9 * each.time_s))
+
+    check(poor, bound(poor, changed(unlike)))
+
+
+def test_a_force_that_a_led_back_model_does_better_without_is_in_no_wrong_unit() -> None:
+    """Led back to a slow motion it fits that well undriven, and so in any unit that makes its force small."""
+    time_s = np.arange(0.0, 16.0, 1.0 / RATE_HZ)
+    force = 40.0 * np.sin(2.0 * np.pi * 0.3 * time_s) + 20.0 * np.sin(2.0 * np.pi * 1.7 * time_s)
+    position = 0.01 * np.sin(0.5 * time_s) + 2e-5 * noise(np.random.default_rng(26), len(time_s))
+    axis = typical_model("linear-axis")
+    check(axis, [for_model(axis, recording("loop", time_s, {"force [N]": force, "position [m]": position}))])
+
+
 @pytest.mark.parametrize("factor", [1000.0, 100.0, 10.0])
 def test_an_axis_that_moves_many_times_as_much_as_it_can_is_refused(factor: float) -> None:
     """Its friction is in no model yet, so that the right unit does not fit well either."""

@@ -58,9 +58,12 @@ def expected(model: Model, e: Experiment) -> Array:
 
 
 def good_fit(model: Model) -> float:
-    """From which fit on the channels are what they say; less where the model never fitted well, run freely."""
+    """From which fit on the channels are what they say; less where the model never fitted well, run freely.
+
+    Never a poor fit: a recording that the model cannot follow in any unit says nothing of its units.
+    """
     own = [] if model.definition.observer else list((model.origin.get("fit_percent") or {}).values())
-    return min(GOOD_FIT, float(np.median(own)) - _LESS_THAN_OWN) if own else GOOD_FIT
+    return max(min(GOOD_FIT, float(np.median(own)) - _LESS_THAN_OWN), POOR_FIT) if own else GOOD_FIT
 
 
 def fit_but_for_gain(model: Model, e: Experiment) -> float:

@@ -106,7 +106,7 @@ def _fits_in_another_unit(model: Model, e: Experiment, before: float) -> Suspici
     if not tried:
         return None
     best = max(tried, key=lambda found: np.nan_to_num(found.fit, nan=-np.inf))
-    if not best.fit > _enough(model, before, best.factor):
+    if not best.fit > _enough(model, max(before, _undriven(model, e)), best.factor):
         return None
     first, *others = [found for found in tried if found.factor == best.factor and found.fit >= best.fit - _SAME_FIT]
     found = Note(
@@ -144,6 +144,11 @@ def _in_another_unit(e: Experiment, channel: int, factor: float) -> Experiment:
     # a loop that starts at its first reading starts somewhere else
     begins = replace(e.drive, first_output=e.drive.first_output / factor)
     return replace(e, drive=begins, output=e.output / factor)
+
+
+def _undriven(model: Model, e: Experiment) -> float:
+    """The fit without a command: a mean has none, and what is led back to a recording owes no model that much."""
+    return 0.0 if model.definition.observer is None else fit_but_for_gain(model, _in_another_unit(e, 0, 0.0))
 
 
 def _enough(model: Model, before: float, factor: float) -> float:
