@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hil.cores import spread
 from hil.diagnosis.changed import Changed
 from hil.diagnosis.choice import Choice
-from hil.diagnosis.score import UNKNOWN, Hypothesis, Noise, Table, table, verdict
+from hil.diagnosis.score import UNKNOWN, Hypothesis, Noise, Table, table
 from hil.diagnosis.search.effort import EFFORT, Steps
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing, starting
 from hil.diagnosis.search.terms import Term, all_terms
@@ -44,11 +44,10 @@ def named(changed: Changed) -> Choice:
     as_it_was = changed.left_as_it_was
     left, whole = (max(chi2 - changed.count, 0.0) for chi2 in (best.chi2, float(as_it_was @ as_it_was)))
     chances = {name: scores.chance(name) for key in by_label for name in key}
-    outcome = verdict(scores, is_alarm=True)
-    others = names[1:] or ([UNKNOWN] if outcome == "unexplained" and names else [])
+    others = names[1:] or ([UNKNOWN] if scores.first.verdict == "unexplained" and names else [])
     shown = [evaluated(problem, f) for f in (best, *(f for f in ranked if f is not best))]
     return Choice(
-        outcome, shown[0], nominal, nominal, tuple(shown), tuple((names[0], name) for name in others),
+        scores.first.verdict, shown[0], nominal, nominal, tuple(shown), tuple((names[0], name) for name in others),
         terms, left / max(whole, TINY), alike=tuple(names), chances=chances, table=scores,
     )  # fmt: skip
 

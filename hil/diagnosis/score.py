@@ -218,16 +218,3 @@ def _resembles(noise: Noise, chi2: float, row: Row, best: Row) -> bool:
         return False
     left = noise.left(row.hypothesis.chi2, chi2), noise.left(best.hypothesis.chi2, chi2)
     return score(noise, left[0], 0, 0) < score(noise, left[1], 1, 0)
-
-
-def verdict(of: Table, *, is_alarm: bool | None = None) -> DiagnosisVerdict:
-    """The verdict that a table says.
-
-    Args:
-        of: the table.
-        is_alarm: whether the gate before any name says that the unit has changed; None where there is none.
-    """
-    if is_alarm is False:
-        return "consistent"
-    first = of.first.verdict
-    return "unexplained" if is_alarm and first == "consistent" else first
