@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cached_property
 
 import numpy as np
 
@@ -158,7 +158,7 @@ class Explanation:
         self.options: list[Option] = []
         self.terms = all_terms(problem, problem.nominal_residuals)
         names = {t.reported_name if t.kind == "effect" else t.name for t in self.terms}
-        self.worth = Worth(problem, self._noise(1.0, len(names)), cache(self._events_alone))
+        self.worth = Worth(problem, self._noise(1.0, len(names)), self._best_alone)
 
     def choice(self) -> tuple[Problem, Choice]:
         """Search, look for events, and read the table: the first row, and the question that it answers."""
@@ -180,10 +180,14 @@ class Explanation:
         sets = (nothing(search.problem), *search.pool.fits.values())
         self.options += [Option(search.problem, f, events, f.residuals, f.chi2 + lost) for f in sets]
 
-    def _events_alone(self) -> float:
-        """S of the best event beside the nominal model, were noise as small as it may be."""
-        noise = self.worth.noise
-        found = [e.chi2 for _, e in recognised(self.problem, [nothing(self.problem)])]
+    @cached_property
+    def _alone(self) -> list[tuple[Fitted, Events]]:
+        """Events beside the nominal model."""
+        return recognised(self.problem, [nothing(self.problem)])
+
+    def _best_alone(self) -> float:
+        """S of the best of them, were noise as small as it may be."""
+        noise, found = self.worth.noise, [e.chi2 for _, e in self._alone]
         return min((score(noise, noise.left(chi2, 0.0), 1, _OF_EVENTS) for chi2 in found), default=math.inf)
 
     def _led_back(self, search: Search) -> None:
@@ -209,12 +213,13 @@ class Explanation:
         if replace(self.worth, events=Worth.events).is_enough(laws[0].fitted, 1 + len(laws[0].fitted.terms)):
             return
         unit = next(o.fitted for o in laws if not o.fitted.terms)
-        models = [nothing(problem), unit, *([laws[0].fitted] if laws[0].fitted.terms else [])]
+        models = [unit, *([laws[0].fitted] if laws[0].fitted.terms else [])]
         if self.table().first.is_open and (law := least_trimmed_squares(problem, [o.fitted for o in laws])) is not None:
             models.append(law)
+        alone = self._alone if problem is self.problem else recognised(problem, [nothing(problem)])
         found = [
             Option(problem, model, (*before, e), e.residuals, e.chi2 + _prior_cost(model))
-            for model, e in recognised(problem, models)
+            for model, e in (*alone, *recognised(problem, models))
             if e.name not in (b.name for b in before)
         ]
         is_open = self.table().first.is_open
