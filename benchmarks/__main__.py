@@ -27,6 +27,7 @@ NAMES = (
     "recursive_least_squares",
     "virtual_time",
     "frequency_response",
+    "search",
     "mismatch",
 )
 
