@@ -17,9 +17,10 @@ import numpy as np
 from hil.diagnosis.choice import OPEN, Choice
 from hil.diagnosis.diagnosis import DiagnosisVerdict, NextTest
 from hil.diagnosis.problem import Problem
-from hil.diagnosis.search.fitted import Fitted, output_of
+from hil.diagnosis.search.fitted import Fitted, nothing, output_of
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import TINY
+from hil.identification.grey_box.estimate import jacobian
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.noise import whiten
 from hil.language.note import Note
@@ -192,13 +193,12 @@ def _revealing(
 
 def _visible(problem: Problem, test: MenuTest, span: Span, terms: Sequence[Term]) -> set[str]:
     planned = _planned(problem, test, span)
-    nothing = Fitted((), (), dict(problem.model.values), 0.0, np.zeros(0))
-    plain = _simulated(problem, planned, nothing)
+    plain = _simulated(problem, planned, nothing(problem))
     slopes = _base_slopes(problem, planned, plain)
     found = set()
     for term in terms:
         values = tuple(u.start for u in term.unknowns)
-        f = Fitted((term,), (values,), nothing.parameters, 0.0, nothing.residuals)
+        f = Fitted((term,), (values,), dict(problem.model.values), 0.0, plain)
         if _apart(_simulated(problem, planned, f) - plain, slopes) > _SEPARATED:
             found.add(term.reported_name)
     return found
@@ -221,13 +221,14 @@ def _apart(difference: Array, slopes: Array) -> float:
 
 def _base_slopes(problem: Problem, planned: Experiment, plain: Array) -> Array:
     """Whitened slopes in the base parameters, the prior's under them, shape (n + k, k)."""
-    columns = []
-    for p in problem.base:
-        step = 1e-3 * p.scale * (-1.0 if problem.model.values[p.name] + 1e-3 * p.scale > p.high else 1.0)
-        moved = {**problem.model.values, p.name: problem.model.values[p.name] + step}
-        f = Fitted((), (), moved, 0.0, plain)
-        columns.append((_simulated(problem, planned, f) - plain) / step)
-    return np.vstack([np.column_stack(columns), problem.prior.root(range(len(problem.base)))])
+    names = [p.name for p in problem.base]
+
+    def moved(at: Array) -> Array:
+        parameters = problem.model.values | dict(zip(names, at.tolist(), strict=True))
+        return _simulated(problem, planned, Fitted((), (), parameters, 0.0, plain))
+
+    slopes = jacobian(moved, problem.base, np.array([problem.model.values[name] for name in names]), plain)
+    return np.vstack([slopes, problem.prior.root(range(len(names)))])
 
 
 def _simulated(problem: Problem, planned: Experiment, f: Fitted) -> Array:

@@ -213,9 +213,7 @@ class Problem:
         def moved(at: Array) -> Array:
             return self.residuals({**parameters, **dict(zip(names, at.tolist(), strict=True))}, effects)
 
-        high = np.array([p.high for p in self.base])
-        scale = np.array([p.scale for p in self.base])
-        return jacobian(moved, values, high, scale, base)
+        return jacobian(moved, self.base, values, base)
 
     def block_labels(self, seconds: float) -> Array:
         """A number for every residual: the stretch of time of its recording that it lies in, shape (n,)."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of
-from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import MOST
 from hil.identification.grey_box.lines import is_commanded
 from hil.record.recording import Array
@@ -34,7 +33,7 @@ def refuted(problem: Problem, f: Fitted) -> frozenset[Key]:
 
 def _commanded(problem: Problem, f: Fitted, k: int) -> bool:
     """Whether a disturbance has the command's own frequency or one of its harmonics: it is the unit's answer."""
-    frequency_hz = _values(f.terms[k], f.values[k]).get("frequency")
+    frequency_hz = f.terms[k].named(f.values[k]).get("frequency")
     return frequency_hz is not None and is_commanded(problem.experiments, frequency_hz)
 
 
@@ -48,24 +47,19 @@ def _never_reached(problem: Problem, f: Fitted, k: int) -> bool:
     if problem.model.resolved_unit(problem.plant.hook(term.hook).unit) != problem.model.output_unit:
         return False
     place = [hook.name for hook in problem.plant.hooks].index(term.hook)
-    stops = _values(term, f.values[k])
-    without = _without(f, k)
+    stops = term.named(f.values[k])
     recorded = free = 0.0
     long, all_of_it = 0, 0
     traces = problem.traces(f.parameters, [*problem.model.active_effects, *f.effects])
     for e, rows, noise in zip(problem.experiments, traces, problem.noises, strict=True):
         arrives = e.at_stamps(rows)[place]
         held = (arrives > stops["upper"]) | (arrives < stops["lower"])
-        goes_on = output_of(problem, without, e)
+        goes_on = output_of(problem, f.without(k), e)
         for start, stop in runs(held):
             long, all_of_it = long + (stop - start) * (stop - start >= _STAYS), all_of_it + stop - start
             recorded += max(_way(e.output[start:stop]) - _noise_way(noise.std, stop - start), 0.0)
             free += _way(goes_on[start:stop])
     return recorded > MOST * free or long < MOST * all_of_it
-
-
-def _without(f: Fitted, k: int) -> Fitted:
-    return f.only([i for i in range(len(f.terms)) if i != k])
 
 
 def _way(values: Array) -> float:
@@ -76,7 +70,3 @@ def _way(values: Array) -> float:
 def _noise_way(std: float, count: int) -> float:
     """How far noise alone makes so many samples go."""
     return std * (1.0 + float(np.sqrt(2.0 * np.log(max(count, 1)))))
-
-
-def _values(term: Term, values: Sequence[float]) -> dict[str, float]:
-    return {u.name: v for u, v in zip(term.unknowns, values, strict=True)}

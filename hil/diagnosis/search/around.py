@@ -12,6 +12,7 @@ from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, residuals_of, simulated
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import TINY
+from hil.identification.grey_box.estimate import jacobian
 from hil.record.recording import Array
 
 _FROZEN = 1e6
@@ -70,16 +71,12 @@ def around(problem: Problem, accepted: Fitted) -> Around:
 
 def _term_slopes(problem: Problem, accepted: Fitted, k: int) -> Array:
     """Shape (unknowns of the term, n)."""
-    rows = []
-    for i, unknown in enumerate(accepted.terms[k].unknowns):
-        step = 1e-3 * unknown.scale
-        values = [list(v) for v in accepted.values]
-        if values[k][i] + step > unknown.high:
-            step = -step
-        values[k][i] += step
-        moved = simulated(problem, accepted.parameters, accepted.terms, values)
-        rows.append((moved - accepted.residuals) / step)
-    return np.array(rows)
+
+    def moved(own: Array) -> Array:
+        values = (*accepted.values[:k], tuple(own.tolist()), *accepted.values[k + 1 :])
+        return simulated(problem, accepted.parameters, accepted.terms, values)
+
+    return jacobian(moved, accepted.terms[k].unknowns, np.array(accepted.values[k]), accepted.residuals).T
 
 
 def with_term(place: Around, term: Term, values: Sequence[float], coarse: bool = False) -> Array:

@@ -257,7 +257,7 @@ class Search:
         best, tried = self._best(size)[: EFFORT.beam], set()
         for f in best:
             for k in range(size):
-                rest = f.only([i for i in range(size) if i != k])
+                rest = f.without(k)
                 if keys(rest) in tried:
                     continue
                 tried.add(keys(rest))

@@ -62,6 +62,10 @@ class Fitted:
         terms, values = tuple(self.terms[k] for k in keep), tuple(self.values[k] for k in keep)
         return replace(self, terms=terms, values=values, parameters=self.parameters | back, estimate=None)
 
+    def without(self, k: int) -> Fitted:
+        """All but one of the terms, as in `only`."""
+        return self.only([i for i in range(len(self.terms)) if i != k])
+
     @property
     def as_change(self) -> Fitted:
         """The same with base parameters told as what they are, and not as the effects that they grow into."""
@@ -120,8 +124,7 @@ def residuals_of(
 
 def change_without(problem: Problem, f: Fitted, k: int) -> Array:
     """How residuals change when one term is taken away, shape (n,)."""
-    others = f.only([i for i in range(len(f.terms)) if i != k])
-    return residuals_of(problem, others) - f.residuals
+    return residuals_of(problem, f.without(k)) - f.residuals
 
 
 def simulated(

@@ -110,13 +110,17 @@ class Term:
             return self.reported_name
         return self.change or (self.growth if values[0] > self.nominal else "")
 
+    def named(self, values: Sequence[float]) -> dict[str, float]:
+        """The values by the names of the unknowns."""
+        return {u.name: float(value) for u, value in zip(self.unknowns, values, strict=True)}
+
     def apply(self, values: Sequence[float], parameters: dict[str, float], effects: list[ActiveEffect]) -> None:
         """Put these values into a simulation's arguments."""
         if self.kind == "parameter":
             parameters[self.name] = float(values[0])
         else:
-            named = {u.name: float(value) for u, value in zip(self.unknowns, values, strict=True)}
-            effects.append(ActiveEffect(self.name, self.hook, {**dict(self.held), **named}))  # the last of a key counts
+            own = {**dict(self.held), **self.named(values)}
+            effects.append(ActiveEffect(self.name, self.hook, own))  # the last of a key counts
 
 
 def all_terms(problem: Problem, left: Array) -> tuple[Term, ...]:

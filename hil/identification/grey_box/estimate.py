@@ -11,6 +11,7 @@ import numpy as np
 
 from hil.cores import spread
 from hil.identification.uncertainty.identifiability import Curvature, Identifiability, Slopes, identifiability, products
+from hil.physics.plant import Parameter
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 
@@ -144,7 +145,7 @@ def estimate(
         return Estimate((), values, r, True, "nothing to estimate", lambda: _slopes_alone(np.zeros((len(r), 0))))
 
     def differences() -> Array:
-        return jacobian(sketch or residuals, values, high, scale, sketch(values) if sketch else r)
+        return jacobian(sketch or residuals, unknowns, values, sketch(values) if sketch else r)
 
     slopes, secants = differences(), 0
     damping, evaluations, sentence = _FIRST_DAMPING, 1, ""
@@ -179,7 +180,7 @@ def estimate(
     def slopes_there() -> Slopes:
         if careful:
             return _slopes_both_ways(residuals, values, low, high, scale, r)
-        return _slopes_alone(jacobian(residuals, values, high, scale, r))
+        return _slopes_alone(jacobian(residuals, unknowns, values, r))
 
     return Estimate(tuple(unknowns), values, r, done, sentence, slopes_there)
 
@@ -208,7 +209,9 @@ def _damped_step(
     return step * scale
 
 
-def jacobian(residuals: Callable[[Array], Array], values: Array, high: Array, scale: Array, base: Array) -> Array:
+def jacobian(
+    residuals: Callable[[Array], Array], unknowns: Sequence[Unknown | Parameter], values: Array, base: Array
+) -> Array:
     """Forward differences in all unknowns at once (in threads), stepping away from a near bound; shape (n, k).
 
     Every column lies in one piece: products with long, narrow arrays are as quick as memory then.
@@ -216,8 +219,8 @@ def jacobian(residuals: Callable[[Array], Array], values: Array, high: Array, sc
     made = np.empty((len(values), len(base)))
 
     def column(k: int) -> None:
-        step = _RELATIVE_STEP * scale[k]
-        if values[k] + step > high[k]:
+        step = _RELATIVE_STEP * unknowns[k].scale
+        if values[k] + step > unknowns[k].high:
             step = -step
         moved = values.copy()
         moved[k] += step
