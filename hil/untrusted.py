@@ -11,7 +11,9 @@ import json
 import os
 import re
 import stat
+import sys
 import tomllib
+from collections.abc import Iterable
 from functools import cache
 from io import BufferedReader
 from pathlib import Path, PurePosixPath
@@ -40,6 +42,7 @@ _KINDS = (
 # Atomic groups: a line of 100 kB is read once, whatever stands in it.
 _KEY = r"""(?>[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+_MAYBE_HUGE = re.compile(r"\d{308}|[eE]\+?\d{3}")
 _DOTTED = re.compile(rf"(?<![A-Za-z0-9_-]){_KEY}(?:[ \t]*+\.[ \t]*+{_KEY}){{{MOST_LEVELS}}}")
 
 
@@ -169,20 +172,24 @@ def parse_json(text: str | bytes, where: str) -> Any:
         where: it stands, for the message.
 
     Raises:
-        FileError: no JSON, larger than `MOST_BYTES`, or nested deeper than `MOST_LEVELS`.
+        FileError: no JSON, larger than `MOST_BYTES`, nested deeper than `MOST_LEVELS`, or a number that no float holds.
     """
     if len(text) > MOST_BYTES:
         raise FileError(f"{where}: {_size(len(text))} of JSON; at most {_size(MOST_BYTES)} are read")
     try:
         text = text if isinstance(text, str) else text.decode(json.detect_encoding(text))
-        content = json.loads(text)
+        content = json.loads(text, parse_constant=_refused)
         if _SURROGATE.search(text):  # half a character is none: what is made of it can be neither written nor sent
             json.dumps(content, ensure_ascii=False).encode()
     except RecursionError:
         raise FileError(_too_deep(where, "JSON")) from None
     except ValueError as error:  # a number of 5000 digits and what is no text are one too
         raise FileError(f"{where}: JSON was expected: {error}") from None
-    _check_levels(content, where, "JSON")
+    levels = _levels(content, where, "JSON")
+    if _MAYBE_HUGE.search(text) and any(
+        _is_huge(value) for level in levels for item in level for value in _inside(item)
+    ):
+        raise FileError(f"{where}: JSON was expected: a number beyond ±{sys.float_info.max:.2g}")
     return content
 
 
@@ -208,7 +215,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         raise FileError(_too_deep(where, "TOML")) from None
     except ValueError as error:  # of the TOML, or a number of 5000 digits
         raise FileError(f"{where}: {error}") from None
-    _check_levels(content, where, "TOML")
+    _levels(content, where, "TOML")
     return content
 
 
@@ -261,14 +268,27 @@ def _kind(mode: int) -> str:
     return next((text for is_kind, text in _KINDS if is_kind(mode)), "no folder")
 
 
-def _check_levels(content: Any, where: str, kind: str) -> None:
-    level = [content] if isinstance(content, dict | list) else []
-    for _ in range(MOST_LEVELS):
-        values = (inner for item in level for inner in (item.values() if isinstance(item, dict) else item))
-        level = [inner for inner in values if isinstance(inner, dict | list)]
+def _levels(content: Any, where: str, kind: str) -> list[list[Any]]:
+    """Tables and lists of what was parsed, those of each depth together; raises `FileError` where they go too deep."""
+    found: list[list[Any]] = [[[content]]]
+    for _ in range(MOST_LEVELS + 1):
+        level: list[Any] = [value for item in found[-1] for value in _inside(item) if isinstance(value, dict | list)]
         if not level:
-            return
+            return found
+        found.append(level)
     raise FileError(_too_deep(where, kind))
+
+
+def _inside(item: Any) -> Iterable[Any]:
+    return item.values() if isinstance(item, dict) else item
+
+
+def _is_huge(value: Any) -> bool:
+    return isinstance(value, int | float) and abs(value) > sys.float_info.max
+
+
+def _refused(constant: str) -> None:
+    raise ValueError(f"{constant} is no number of JSON")
 
 
 def _too_deep(where: str, kind: str) -> str:

@@ -97,6 +97,7 @@ def control_of(folder: Path) -> Mapping[str, Any]:
         return {}
     urls = content.get("stop_urls")
     urls = [url for url in urls if isinstance(url, str) and _is_here(url)] if isinstance(urls, list) else []
+    content = {key: value for key, value in content.items() if key == "pid" or isinstance(value, str)}
     return {**content, "stop_urls": urls} if _is_here(str(content.get("stop_url", ""))) else {}
 
 

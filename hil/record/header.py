@@ -23,7 +23,10 @@ _FORMAT, _END_FORMAT, _VERSION = "hil-run", "hil-run-end", 1
 _KEPT_BYTES = 16384
 _SAMPLES = ("samples.f8", "samples.log")
 _FIGURES, _WORDS = ("slope", "offset", "uncertainty", "lag_s"), ("date", "due", "source", "unit", "raw_unit")
-_TABLES = ("valve", "conditions", "limits", "settings", "roles", "sampling")  # of meta
+_OF_META = {
+    **dict.fromkeys(("valve", "conditions", "limits", "settings", "roles", "sampling", "notes", "outputs"), "table"),
+    **dict.fromkeys(("instruments", "deviations"), "list"),
+}
 _NO_BRACKET = r"^[^\[\]\r\n]+$"
 
 
@@ -135,16 +138,28 @@ def read_header(folder: Path) -> Header:
         FileError: there is none, or it is not what this program writes; names the field.
     """
     header = read_stated(folder / HEADER_FILE, Header, _FORMAT)
-    for key in _TABLES:
-        if not isinstance(stated := header.meta.get(key), dict | None):
-            raise FileError(f"{folder / HEADER_FILE}: field 'meta.{key}' must be a table, found {stated!r:.40}")
+    _check_meta(header.meta, folder / HEADER_FILE)
     return header
 
 
 def read_end(folder: Path) -> End | None:
     """How the run ended; None while it is being written, and when its program was killed."""
     path = folder / END_FILE
-    return read_stated(path, End, _END_FORMAT) if path.exists() else None
+    if not path.exists():
+        return None
+    end = read_stated(path, End, _END_FORMAT)
+    _check_meta(end.meta, path)
+    return end
+
+
+def _check_meta(meta: Mapping[str, Any], path: Path) -> None:
+    """Raise `FileError` where what is read as a table or a list is none: who reads a run relies on that."""
+    for key, kind in _OF_META.items():
+        if not isinstance(found := meta.get(key), dict | None if kind == "table" else list | None):
+            raise FileError(f"{path}: field 'meta.{key}' must be a {kind}, found {found!r:.40}")
+    outputs: dict[str, Any] = meta.get("outputs") or {}
+    if not all(isinstance(one, dict) for one in outputs.values()):
+        raise FileError(f"{path}: field 'meta.outputs' must be a table of tables, found {outputs!r:.40}")
 
 
 def meta_of(folder: Path) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import socket
 import stat
 import sys
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -97,6 +98,41 @@ def test_bad_file_in_a_run_folder_takes_no_page(name: str, made: Callable[[Path]
     for page in PAGES:
         status, text, _ = there.ask(page)
         assert status < 500 and "the secret" not in text, page
+
+
+HUGE = "1" + "0" * 400
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("end.json", '"outputs": [1]'), ("end.json", '"outputs": {"command": 1}'), ("run.json", '"instruments": "x"'),
+        ("run.json", f'"sampling": {{"latency_s": {HUGE}}}'), ("run.json", '"notes": [1]'),
+        ("control.json", '"listener": 1e999, "token": NaN'), ("control.json", '"listener": [1], "token": {"a": 1}'),
+        ("progress.json", f'"share": {HUGE}'), ("progress.json", '"share": 1e999'),
+    ],
+)  # fmt: skip
+def test_value_of_another_kind_takes_no_page(name: str, text: str, lab: Path) -> None:
+    folder = lab / "runs" / "one"
+    end, here = (folder / "end.json").read_text(encoding="utf-8"), f'"pid": {os.getpid()}'
+    (folder / "end.json").unlink()
+    control = {**CONTROL, "stop_url": "http://127.0.0.1:1/stop"}
+    (folder / "control.json").write_text(json.dumps(control), encoding="utf-8")
+    (folder / "progress.json").write_text(f'{{"schema": "hil.progress/1", "text": "", {here}}}', encoding="utf-8")
+    there = browser(lab)
+    assert '"run":"one"' in there.ask("/controls")[1]  # it is under way, and on every page
+    if name == "end.json":
+        (folder / name).write_text(end, encoding="utf-8")
+    path = folder / name
+    old = path.read_text(encoding="utf-8")
+    mark = '"meta":' if '"meta":' in old else "{"
+    before, _, after = old.partition(mark)
+    after = after.lstrip()[1:] if mark != "{" else after
+    path.write_text(f"{before}{mark}{'{' if mark != '{' else ''}{text}, {after}".replace(", }", "}"), encoding="utf-8")
+    time.sleep(0.15)  # what was seen is told again for a tenth of a second
+    for page in PAGES:
+        status, _, _ = there.ask(page)
+        assert status < 500, page
 
 
 @pytest.mark.parametrize(

@@ -149,6 +149,21 @@ def test_meta_of_another_kind_is_named(
 
 
 @pytest.mark.parametrize(
+    ("key", "value"),
+    [("outputs", ["x"]), ("outputs", {"command": 1}), ("instruments", "x"), ("deviations", {}), ("notes", 1)],
+)
+def test_end_of_another_kind_is_named(
+    key: str, value: object, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = folder / "run/end.json"
+    content = json.loads(path.read_text())
+    content["meta"][key] = value
+    path.write_text(json.dumps(content))
+    status, _, err = told(capsys, monkeypatch, "convert run x.csv")
+    assert status == 2 and f"end.json: field 'meta.{key}' must be a " in err
+
+
+@pytest.mark.parametrize(
     "command",
     ["identify circle --plant linear-axis --out m.json", "runs --archive circle", "convert good.csv circle",
      "archive rebuild --archive circle", "run jog --bench brevini-hpv41 --out circle/x"],

@@ -126,6 +126,17 @@ def test_parse_json_reads_both_halves() -> None:
     assert parse_json(r'"\ud83d\ude00"', "here") == "\U0001f600" == parse_json('"\U0001f600"'.encode(), "here")
 
 
+@pytest.mark.parametrize("text", ["1" * 310, '{"a": [-1e309]}', "[NaN]", '{"a": -Infinity}', f'["a", {10**308 * 2}]'])
+def test_parse_json_refuses_what_no_float_holds(text: str) -> None:
+    with pytest.raises(FileError, match="here: JSON was expected"):
+        parse_json(text, "here")
+
+
+def test_parse_json_reads_long_and_large_numbers() -> None:
+    text = "9" * 400
+    assert parse_json(f'["{text}", 1e308, {10**307}, 0.{text}, 1e-999]', "here")[:2] == [text, 1e308]
+
+
 @pytest.mark.parametrize("text", [b"", b"\xff\xfe\xfd", b"{", b"1" * 5000, b"\x00" * 10])
 def test_parse_json_says_what_is_no_json(text: bytes) -> None:
     with pytest.raises(FileError, match="here: JSON was expected"):
