@@ -76,9 +76,16 @@ class Swept:
     response: Channel
 
 
-def swept(recording: Recording, parts: Sequence[Mapping[str, Any]]) -> Swept:
-    """The estimate of sweeps that were driven over one range with waits at their ends."""
+def swept(recording: Recording, parts: Sequence[Mapping[str, Any]], of: Channel | None = None) -> Swept:
+    """The estimate of sweeps that were driven over one range with waits at their ends.
+
+    Args:
+        recording: with the parts.
+        parts: the sweeps.
+        of: the channel over the command; the response when not given.
+    """
     command, response = roles_of(recording)
+    response = of or response
     sweeps, waits = [], []
     for part in parts:
         rows = slice(part["first"], part["first"] + part["count"])
@@ -276,23 +283,29 @@ def _null(
     if found is None:
         return [], []
     below, above = found.slopes
-    level, command, share = _level(swept_), calibration_std(swept_.command), calibration_share(swept_.command)
-    # a meter off by so much moves both crossings one way, and apart where the gains differ
+    level, share = _level(swept_), calibration_share(swept_.command)
     drifted, percent = swept_.drifted or 0.0, 100.0 / full
-    centre, centre_std = found.centre
     lap, lap_std = found.lap
-    moved = 0.5 * abs(1.0 / above + 1.0 / below)
+    # a meter off by so much moves both crossings one way, and apart where the gains differ
     spread = abs(1.0 / above - 1.0 / below)
-    bias = of["null_bias"].of(
-        percent * (centre - neutral), percent * math.hypot(centre_std, drifted * moved),
-        calibration=percent * math.hypot(level * moved, command),
-    )  # fmt: skip
+    bias = null_bias(swept_, found, neutral, full, of["null_bias"])
     width = of["lap"].of(
         percent * lap, percent * math.hypot(lap_std, drifted * spread),
         calibration=percent * math.hypot(level * spread, share * lap),
     )  # fmt: skip
     ends = [_saturated(swept_, found, sign, of) for sign in (1, -1)]
     return [bias, width, *ends], [_lap_class(width, edges)]
+
+
+def null_bias(swept_: Swept, found: Null, neutral: float, full: float, what: Measurement) -> Measured:
+    """The null from neutral, in % of full command."""
+    below, above = found.slopes
+    percent, moved = 100.0 / full, 0.5 * abs(1.0 / above + 1.0 / below)
+    centre, centre_std = found.centre
+    return what.of(
+        percent * (centre - neutral), percent * math.hypot(centre_std, swept_.drifted * moved),
+        calibration=percent * math.hypot(_level(swept_) * moved, calibration_std(swept_.command)),
+    )  # fmt: skip
 
 
 def _saturated(swept_: Swept, found: Null, sign: int, of: Mapping[str, Measurement]) -> Measured:

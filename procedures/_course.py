@@ -10,8 +10,10 @@ import numpy as np
 from hil.record.recording import Array
 from hil.rig import Rig
 from hil.signals.ramps import ramp
+from procedures._scale import Scale, check_at_least
 
 _PIECE_S = 5.0  # of a long command, which is not in memory as a whole
+_SAMPLES, _SETTLINGS = 1000, 4.0  # least of a sweep: samples, and settling times of the valve
 
 
 class Course:
@@ -93,3 +95,23 @@ def joined(rig: Rig, rate_hz: float, warm_up_s: float, pieces: Sequence[Array]) 
         path.append(piece)
         at = float(piece[-1])
     return np.concatenate((*path, ramped(rig, at, rig.command.safe, rate_hz)))
+
+
+def check_cycle(rig: Rig, cycle_s: float, rate_hz: float) -> None:
+    """Raise `SettingError` unless a sweep up and down has enough samples and is slow enough for the valve."""
+    check_at_least("cycle_s", max(_SAMPLES / rate_hz, _SETTLINGS * rig.settling_s), cycle_s, "s")
+
+
+def sweep(rig: Rig, bottom: float, top: float, cycle_s: float, rate_hz: float, cycles: int = 1) -> Array:
+    """The command up and down, with a wait of one settling time at each end; `cycle_s` counts the ways only."""
+    up, wait = ramp(bottom, top, cycle_s / 2.0, rate_hz), round(rig.settling_s * rate_hz)
+    once = (up[1:], np.full(wait, top), up[-2::-1], np.full(wait, bottom))
+    return np.concatenate(([bottom], *once * cycles))
+
+
+def sweep_part(rig: Rig, scale: Scale, bottom: float, top: float, cycle_s: float) -> dict[str, float]:
+    """What the evaluation needs to know of such a sweep, as fields of its part."""
+    return {
+        "cycle_s": cycle_s, "speed_per_s": 2.0 * (top - bottom) / cycle_s, "settling_s": rig.settling_s,
+        "neutral": scale.neutral, "span": top - bottom, "full": scale.full,
+    }  # fmt: skip

@@ -16,15 +16,14 @@ import numpy as np
 from hil.errors import SettingError
 from hil.identification.steady.flow_curve import monotone, polynomial, polynomial_text
 from hil.record.measurement import Findings, Measured, Measurement
-from hil.record.recording import Array, Recording
+from hil.record.recording import Recording
 from hil.rig import Rig
-from hil.signals.ramps import ramp
 from procedures._characteristic import Characteristic, Swept, characteristic, steady, swept
-from procedures._course import Course, joined
+from procedures._course import Course, check_cycle, joined, sweep, sweep_part
 from procedures._definitions import SWEEPS, defined
 from procedures._pressure_drop import pressure_drops
 from procedures._recorded import calibration_std, departures, parts_of, roles_of
-from procedures._scale import Scale, check_at_least, check_stands, scale_of
+from procedures._scale import Scale, check_stands, scale_of
 from procedures._settings import NotNegative, Once, Percent, Positive
 
 MEASUREMENTS = defined(
@@ -54,7 +53,6 @@ MEASUREMENTS = defined(
 )
 _BY_NAME = {measurement.name: measurement for measurement in MEASUREMENTS}
 _DEGREE = 9
-_SAMPLES, _SETTLINGS = 1000, 4.0  # least of a sweep: samples, and settling times of the valve
 
 
 def run(
@@ -83,22 +81,19 @@ def run(
         rate_hz: sample rate; that of the bench when not given.
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
-    check_at_least("cycle_s", max(_SAMPLES / rate_hz, _SETTLINGS * rig.settling_s), cycle_s, "s")
+    check_cycle(rig, cycle_s, rate_hz)
     scale = scale_of(rig, full_command)
     check_stands(scale, "a flow curve")
     bottom, top = _ends(scale, low, high)
     speeds = [(cycle_s, cycles), *([(2.0 * cycle_s, 1)] if half_speed else [])]
-    sweeps = [_sweep(bottom, top, duration_s, rig.settling_s, rate_hz, count) for duration_s, count in speeds]
+    sweeps = [sweep(rig, bottom, top, duration_s, rate_hz, count) for duration_s, count in speeds]
     course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, sweeps), {"from": bottom, "to": top})
     course.play(np.full(max(1, round(rig.settling_s * rate_hz)), scale.neutral), "neutral", {"kind": "neutral"})
     course.warm_up(bottom, warm_up_s)
-    for sweep, (duration_s, _) in zip(sweeps, speeds, strict=True):
+    for path, (duration_s, _) in zip(sweeps, speeds, strict=True):
         course.go_to(bottom)
-        part = {
-            "kind": "sweep", "cycle_s": duration_s, "speed_per_s": 2.0 * (top - bottom) / duration_s,
-            "settling_s": rig.settling_s, "neutral": scale.neutral, "span": top - bottom, "full": scale.full,
-        }  # fmt: skip
-        course.play(sweep, f"sweep of {duration_s:g} s", part)
+        part = {"kind": "sweep", **sweep_part(rig, scale, bottom, top, duration_s)}
+        course.play(path, f"sweep of {duration_s:g} s", part)
     course.finish()
 
 
@@ -134,13 +129,6 @@ def _ends(scale: Scale, low: float | None, high: float | None) -> tuple[float, f
         unit = scale.command.unit
         raise SettingError(f"settings low and high: from {bottom:g} {unit} to {top:g} {unit}; high must be above low")
     return bottom, top
-
-
-def _sweep(bottom: float, top: float, cycle_s: float, wait_s: float, rate_hz: float, cycles: int) -> Array:
-    """Up and down, with a wait at each end; `cycle_s` counts the ways only."""
-    up, wait = ramp(bottom, top, cycle_s / 2.0, rate_hz), round(wait_s * rate_hz)
-    once = (up[1:], np.full(wait, top), up[-2::-1], np.full(wait, bottom))
-    return np.concatenate(([bottom], *once * cycles))
 
 
 def _curve(recording: Recording, curve: Characteristic) -> Mapping[str, Any]:

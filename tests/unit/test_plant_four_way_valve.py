@@ -7,8 +7,8 @@ import time
 
 import numpy as np
 import pytest
+from four_way_simulator import Valve
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, Twin, simulate
@@ -16,7 +16,6 @@ from hil.physics.simulate import Drive, Twin, simulate
 VALVE = plant("four-way-valve")
 OPEN = {"supply": 70.0, "load": 100.0, "tank": 2.0, "oil_c": 40.0}
 SEEN = ("flow", "spool", "pressure_a", "pressure_b", "load_pressure", "returned", "supply", "tank")
-BAR, L_MIN = 1e5, 1e-3 / 60.0
 
 
 def simulated(commands, supply=70.0, load=100.0, tank=2.0, oil_c=40.0, interval_s=1e-3, **changed):
@@ -31,50 +30,6 @@ def settled(command, **conditions):
     return {name: values[-1] for name, values in simulated(np.full(400, float(command)), **conditions).items()}
 
 
-def edge_flow(drop_pa, past_m, radius_m, clearance_m, width_m, viscosity_pa_s):
-    """The flow at which an orifice and a slot behind each other take the whole pressure drop."""
-    way = math.hypot(max(past_m, 0.0), clearance_m)
-    length = clearance_m + radius_m + max(-past_m, 0.0)
-
-    def excess(flow):
-        return 870.0 / 2.0 * (flow / (0.65 * width_m * way)) ** 2 + 12.0 * viscosity_pa_s * length * flow / (
-            width_m * way**3
-        ) - abs(drop_pa)  # fmt: skip
-
-    return math.copysign(brentq(excess, 0.0, 1e-2, xtol=1e-14), drop_pa) if drop_pa else 0.0
-
-
-def truth(spool, supply=70.0, load=100.0, tank=2.0, oil_c=40.0, **changed):
-    """Pressures at which two chambers of oil come to rest, and the flows then; in bar and l/min."""
-    p = VALVE.typical | changed
-    viscosity = 870.0 * p["viscosity"] * 1e-6 * math.exp(-p["thinning"] * (oil_c - 40.0))
-    area = p["rated_flow"] * L_MIN / (0.65 * math.sqrt(2.0 * 35.0 * BAR / 870.0))
-    width = area / (p["stroke"] * 1e-3)
-    travel = spool / 100.0 * p["stroke"] * 1e-3
-
-    def edge(name, way, drop):
-        past = way * travel - 1e-6 * (p[f"lap_{name}"] - p[f"radius_{name}"])
-        return edge_flow(drop, past, 1e-6 * p[f"radius_{name}"], 1e-6 * p["clearance"], width, viscosity)
-
-    def flows(pressures):
-        a, b = pressures
-        drop_bar = (a - b) / BAR  # a throttle is a root of the drop, and straight below a tenth of a bar
-        through_load = load / 100.0 * p["load_flow"] * L_MIN * drop_bar / math.sqrt(35.0 * math.hypot(drop_bar, 0.1))
-        return (edge("pa", 1, supply * BAR - a), edge("at", -1, a - tank * BAR),
-                edge("pb", -1, supply * BAR - b), edge("bt", 1, b - tank * BAR), through_load)  # fmt: skip
-
-    def rises(_time_s, pressures):
-        pa, at, pb, bt, out = flows(pressures)
-        return np.array([pa - at - out, pb - bt + out]) * 1.4e9 / 20e-6
-
-    start = np.full(2, (supply + tank) / 2.0 * BAR)
-    end = solve_ivp(rises, (0.0, 30.0), start, method="BDF", rtol=1e-8, atol=1.0).y[:, -1]
-    _, at, _, bt, out = flows(end)
-    pilot = p["pilot_flow"] * math.sqrt((supply - tank) / p["rated_supply"])
-    return {"flow": out / L_MIN, "pressure_a": end[0] / BAR, "pressure_b": end[1] / BAR,
-            "returned": (at + bt) / L_MIN + pilot}  # fmt: skip
-
-
 WORN = {"lap_pa": 12.0, "radius_pa": 40.0, "lap_bt": -8.0, "lap_pb": 30.0, "radius_at": 0.0, "clearance": 6.0}
 
 
@@ -86,7 +41,7 @@ WORN = {"lap_pa": 12.0, "radius_pa": 40.0, "lap_bt": -8.0, "lap_pb": 30.0, "radi
 )
 @pytest.mark.parametrize("spool", [-60.0, -2.0, 0.0, 0.7, 5.0, 100.0])
 def test_pressures_and_flows_are_those_of_compressed_oil_at_rest(spool, conditions, changed):
-    found, expected = settled(spool, **conditions, **changed), truth(spool, **conditions, **changed)
+    found, expected = settled(spool, **conditions, **changed), Valve(**changed).come_to_rest(spool, **conditions)
     assert found["spool"] == pytest.approx(spool, abs=1e-9)
     for name, value in expected.items():
         full = 28.0 if name in ("flow", "returned") else conditions["supply"]
