@@ -111,6 +111,43 @@ FAIL_SAFES: Mapping[str, str] = {
     ),
     "left_open": "Mean of the second half of the time after the loss, less the response at neutral before the test.",
 }
+PRESSURE_GAINS: Mapping[str, str] = {
+    "pressure_gain": (
+        "ISO 10770-1 pressure gain (recollection): slope of the load pressure with blocked ports. Least-squares line, "
+        "even in command, through the curve between the branches where it is within ± 40 % of the supply pressure."
+    ),
+    "pressure_null": "Where that curve passes zero load pressure.",
+    "supply_pressure": "Mean over the sweeps; the load pressure counts in % of it.",
+}
+LEAKAGES: Mapping[str, str] = {
+    "leakage_peak": (
+        "ISO 10770-1 internal leakage (recollection): flow from supply to tank with blocked ports, at its largest. Of "
+        "the curve between the branches of a sweep about neutral. What a pilot stage takes is in it."
+    ),
+    "leakage_peak_at": (
+        "Middle of the commands between which that curve is above halfway from its larger end to its peak. Two edges "
+        "that overlap make two peaks with a dip between them."
+    ),
+    "leakage_high": "The same flow while the command waits at the upper end, mean of the visits.",
+    "leakage_low": "The same at the lower end.",
+}
+PRESSURE_DROPS: Mapping[str, str] = {
+    "flow": "Mean of the second half of the time at a command and a supply pressure.",
+    "pressure_drop": (
+        "Supply less return pressure, less the size of the load pressure where that is recorded, at the same time."
+    ),
+    "flow_exponent": "Slope of the least-squares line through log flow over log pressure drop; 0.5 for sharp edges.",
+    "rated_flow": "Of that line at the rated valve pressure drop, `rated_drop`.",
+}
+NULL_SHIFTS: Mapping[str, str] = {
+    "null": "`null_bias` of `flow_curve`, under the condition that is named.",
+    "null_shift_supply": (
+        "ISO 10770-1 null shift (recollection): slope of the least-squares line through the nulls over the measured "
+        "supply pressure, times 10 % of the supply pressure under the bench's own conditions."
+    ),
+    "null_shift_tank": "The same over the measured tank pressure, times 10 % of the supply pressure.",
+    "null_shift_temperature": "The same over the oil temperature as it was adjusted, times 40 K.",
+}
 COILS: Mapping[str, str] = {
     "coil_resistance_cold": "ISO 10770-2:2012, 7.2: after at least 2 h without current, at ambient temperature. Typed.",
     "coil_resistance_hot": "ISO 10770-2:2012, 7.2: temperature settled, within 1 s of switching off. Typed.",

@@ -1,5 +1,7 @@
 """ISO 10770-1 in one run: flow curve, steps, frequency response, threshold and fail-safe of a valve; a certificate.
 
+Where the bench adjusts what they need, also pressure gain, internal leakage, flow over pressure drop and null shift.
+
 One rehearsal, one time, one page. A run that was broken off goes on with the test that it had not completed. All six
 frequency responses are measured by multisines, in a fifth of the time of stepped sines; `frequency_response` measures
 them by those. What of the standard is in it, and what is not: docs/explanation/standard.md.
@@ -7,7 +9,7 @@ them by those. What of the standard is in it, and what is not: docs/explanation/
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from types import ModuleType
 from typing import Any, Literal
 
@@ -15,8 +17,19 @@ from hil.errors import SettingError
 from hil.language.note import Note
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
-from hil.rig import Rig
-from procedures import fail_safe, flow_curve, multisine_response, step_response, threshold
+from hil.rig import ConditionRole, Rig
+from procedures import (
+    fail_safe,
+    flow_curve,
+    flow_over_pressure_drop,
+    internal_leakage,
+    multisine_response,
+    null_shift,
+    pressure_gain,
+    step_response,
+    threshold,
+)
+from procedures._conditions import LOAD, OIL, SUPPLY, TANK
 from procedures._sequence import SequencedTest, both_sides, drive, evaluated
 from procedures._settings import NotNegative, Percent, Positive, PositivePercent
 
@@ -27,18 +40,38 @@ _TESTS: Mapping[str, tuple[ModuleType, Note, tuple[str, ...]]] = {
     "multisine_response": (multisine_response, Note("frequency response"), ("amplitudes", "biases", "high_hz")),
     "threshold": (threshold, Note("threshold"), ("biases",)),
     "fail_safe": (fail_safe, Note("fail-safe"), ()),
+    "pressure_gain": (pressure_gain, Note("pressure gain"), ()),
+    "internal_leakage": (internal_leakage, Note("internal leakage"), ()),
+    "flow_over_pressure_drop": (flow_over_pressure_drop, Note("flow over pressure drop"), ()),
+    "null_shift": (null_shift, Note("null shift"), ()),
+}
+_ADJUSTING: Mapping[str, frozenset[ConditionRole]] = {
+    "pressure_gain": frozenset({LOAD}),
+    "internal_leakage": frozenset({LOAD}),
+    "flow_over_pressure_drop": frozenset({SUPPLY}),
+    "null_shift": frozenset({SUPPLY, TANK, OIL}),
 }
 MEASUREMENTS = tuple(one for test, _, _ in _TESTS.values() for one in test.MEASUREMENTS)
 
 _TOP_HZ, _SAMPLES = 4.9, 20.0  # of the HPV41 paper; the least samples of a period of the top frequency
 
-_Name = Literal["flow_curve", "step_response", "multisine_response", "threshold", "fail_safe"]
+_Name = Literal[
+    "flow_curve",
+    "step_response",
+    "multisine_response",
+    "threshold",
+    "fail_safe",
+    "pressure_gain",
+    "internal_leakage",
+    "flow_over_pressure_drop",
+    "null_shift",
+]
 
 
 def run(
     rig: Rig,
     *,
-    tests: tuple[_Name, ...] = ("flow_curve", "step_response", "multisine_response", "threshold", "fail_safe"),
+    tests: tuple[_Name, ...] | None = None,
     steps: tuple[PositivePercent, ...] = (5.0, 25.0, 90.0),
     amplitudes: tuple[PositivePercent, ...] = (5.0, 10.0, 20.0),
     biases: tuple[Percent, ...] | None = None,
@@ -52,7 +85,7 @@ def run(
 
     Args:
         rig: the bench.
-        tests: which of them, each once.
+        tests: which of them, each once; when not given those of which the bench adjusts all that they need.
         steps: sizes of the steps from neutral and back, in % of full command; to both sides where it has two.
         amplitudes: peaks of the multisines, in % of full command.
         biases: about which multisines swing and thresholds are sought, in % of full command from neutral. When not
@@ -63,11 +96,11 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
-    if not tests or len(set(tests)) < len(tests):
+    if tests is not None and len(set(tests)) != max(len(tests), 1):
         raise SettingError(f"setting tests: {', '.join(tests) or 'none'}; at least one is needed, and each once")
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
     asked = {
-        "tests": tests, "amplitudes": amplitudes, "biases": biases,
+        "tests": _named(tests, rig.adjustable), "amplitudes": amplitudes, "biases": biases,
         "high_hz": high_hz or min(_TOP_HZ, rate_hz / _SAMPLES),
         "cycle_s": cycle_s, "warm_up_s": warm_up_s, "full_command": full_command, "rate_hz": rate_hz,
         "levels": both_sides(rig, "steps", steps, full_command),
@@ -77,7 +110,14 @@ def run(
 
 def evaluate(recording: Recording) -> Findings:
     """Findings of all tests together; what was not done is said, and what has a limit there cannot be told."""
-    return evaluated(recording, _asked({**recording.meta["settings"], "levels": ()}))
+    settings = recording.meta["settings"]
+    tests = _named(settings["tests"], recording.meta.get("roles", {}))
+    return evaluated(recording, _asked({**settings, "tests": tests, "levels": ()}))
+
+
+def _named(tests: Sequence[str] | None, roles: Collection[str]) -> list[str]:
+    """The tests that are asked for; all that a bench with these roles can do when nobody has said."""
+    return [name for name in _TESTS if _ADJUSTING.get(name, frozenset()) <= set(roles)] if tests is None else [*tests]
 
 
 def _asked(settings: Mapping[str, Any]) -> list[SequencedTest]:

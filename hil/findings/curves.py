@@ -22,7 +22,7 @@ _SUFFIXES = {
 _UNIT_KEYS = {
     "command": "command_unit", "rising": "response_unit", "falling": "response_unit", "std": "response_unit",
     "spline": "response_unit", "polynomial": "response_unit", "measured": "response_unit", "fitted": "response_unit",
-    "gain": "gain_unit", "gain_std": "gain_unit",
+    "gain": "gain_unit", "gain_std": "gain_unit", "drop": "drop_unit", "condition": "condition_unit",
 }  # fmt: skip
 FUNCTION_KEYS = ("numerator", "denominator")  # what tells a fitted transfer function
 _NOT_POINTS = (*FUNCTION_KEYS, "covariance", "coefficients")

@@ -8,7 +8,7 @@ from typing import Any
 
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
-from hil.report import flow_curves, large_sines, motions, responses, steps
+from hil.report import characteristics, flow_curves, large_sines, motions, responses, steps
 from hil.report.overview import overview
 from hil.report.plain_curve import plain_section
 from hil.report.section import Section
@@ -43,6 +43,10 @@ KINDS: Mapping[str, Kind] = {
     "velocity_steps": Kind(motions.STEPS_NEEDED, motions.velocity_steps_section),
     "threshold": Kind(motions.THRESHOLD_NEEDED, motions.threshold_section),
     "trend": Kind(motions.TREND_NEEDED, motions.trend_section),
+    "pressure_gain": Kind(characteristics.BRANCHES_NEEDED, characteristics.pressure_gain_section),
+    "internal_leakage": Kind(characteristics.LEVELS_NEEDED, characteristics.internal_leakage_section),
+    "flow_over_pressure_drop": Kind(characteristics.DROPS_NEEDED, characteristics.flow_over_pressure_drop_section),
+    "null_shift": Kind(characteristics.CONDITIONS_NEEDED, characteristics.null_shift_section),
     "drift": Kind(motions.DRIFT_NEEDED, motions.drift_section),
 }
 

@@ -6,8 +6,18 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from hil.record.recording import Recording
-from tests.coverage_study import truth_others, truth_sines, truth_static, truth_steps
-from tests.coverage_study.situations import ACCEPTANCE, CLOSED, EFC, HPV41, OPEN, SITUATIONS, Effect, Situation
+from tests.coverage_study import truth_four_way, truth_others, truth_sines, truth_static, truth_steps
+from tests.coverage_study.situations import (
+    ACCEPTANCE,
+    CLOSED,
+    EFC,
+    FOUR_WAY,
+    HPV41,
+    OPEN,
+    SITUATIONS,
+    Effect,
+    Situation,
+)
 from tests.coverage_study.truth_static import Truths
 
 WITHOUT_TRUTH = {
@@ -21,7 +31,8 @@ WITHOUT_TRUTH = {
     "rise_over_good": "a ratio to the good reference, held against it in `make acceptance-risk`",
     "bandwidth_over_good": "a ratio to the good reference",
     "deviation_from_good": "the thesis's own number; it grows with noise and duration, and is stated with both",
-    "pressure_drop_high": "no shipped bench reads a return pressure; held in tests/unit/test_flow_curve_null.py",
+    "pressure_drop_high": "of `flow_curve` on a bench that reads a return pressure: held in "
+    "tests/unit/test_flow_curve_null.py",
     "pressure_drop_low": "the same",
     "counted_change": "three standard uncertainties of a mean: it says how well this recording can be read",
     "reading": "what an input showed while an output was moved by hand",
@@ -31,7 +42,10 @@ MADE_OF = {
         "pressure_current", "efc_step_response", "efc_frequency_response", "leakage_check", "electrical_check",
     ),
     "bench_reference": ("flow_curve", "step_response"),
-    "iso_10770_1": ("flow_curve", "step_response", "multisine_response", "threshold", "fail_safe"),
+    "iso_10770_1": (
+        "flow_curve", "step_response", "multisine_response", "threshold", "fail_safe", "pressure_gain",
+        "internal_leakage", "flow_over_pressure_drop", "null_shift",
+    ),
 }  # fmt: skip
 """Procedures whose figures are those of others."""
 BY_HAND = {
@@ -78,7 +92,7 @@ CASES = (
     Case("step_response", HPV41, {}, truth_steps.of_step_response),
     Case("step_response", EFC, {"levels": "0,80,0"}, truth_steps.of_step_response),
     Case("step_response", CLOSED, {"levels": "0,20,0"}, truth_steps.of_step_response),
-    Case("step_response", "four-way-lab", {"levels": "0,80,0"}, truth_steps.of_step_response),
+    Case("step_response", FOUR_WAY, {"levels": "0,80,0"}, truth_steps.of_step_response),
     Case("frequency_response", HPV41, {"amplitudes": "10", "biases": "50", "frequencies": _LINES},
          truth_sines.of_frequency_response),
     Case("frequency_response", EFC, {"amplitudes": "2", "biases": "72", "frequencies": _EFC_LINES},
@@ -103,6 +117,10 @@ CASES = (
     Case("electrical_check", ACCEPTANCE, {}, truth_others.of_electrical_check),
     Case("threshold", HPV41, {"rate_hz": "250"}, truth_static.of_threshold),
     Case("fail_safe", HPV41, {}, truth_steps.of_fail_safe),
+    Case("pressure_gain", FOUR_WAY, {}, truth_four_way.of_pressure_gain),
+    Case("internal_leakage", FOUR_WAY, {}, truth_four_way.of_internal_leakage),
+    Case("flow_over_pressure_drop", FOUR_WAY, {}, truth_four_way.of_flow_over_pressure_drop),
+    Case("null_shift", FOUR_WAY, {}, truth_four_way.of_null_shift),
 )  # fmt: skip
 
 

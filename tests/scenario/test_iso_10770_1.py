@@ -121,6 +121,34 @@ def test_a_test_that_this_bench_cannot_do_is_refused_before_anything_moves(tmp_p
         ran(bench, tmp_path / "run", settings={"tests": ("threshold", "threshold")})
 
 
+def test_tests_of_adjusted_conditions_join_where_the_bench_has_their_roles(tmp_path: Path) -> None:
+    lab = read_bench(benches()["four-way-lab"])
+    names = ("pressure_gain", "flow_over_pressure_drop")
+    joined = ran(lab, tmp_path / "run", settings={"tests": names, "rate_hz": 200.0})
+    for name in names:
+        alone = run_procedure(load_procedure(name), lab, {"rate_hz": 200.0}, tmp_path / name).findings
+        assert agree(
+            type(joined)(tuple(m for m in joined.measured if m.name in {a.name for a in alone.measured})), alone
+        )
+    with pytest.raises(SettingError, match='a pressure gain needs an output with role = "load orifice"'):
+        ran(read_bench(benches()["brevini-hpv41"]), tmp_path / "hpv41", settings={"tests": ("pressure_gain",)})
+
+
+def test_nobody_has_to_name_the_tests_of_a_bench(file: BenchFile, tmp_path: Path) -> None:
+    def stop(_done: float, text: str) -> None:
+        if text.startswith("sweep"):
+            raise StoppedError("somebody opened the door")
+
+    named = {}
+    for name, bench in (("lab", read_bench(benches()["four-way-lab"])), ("hpv41", file)):
+        with pytest.raises(StoppedError):
+            ran(bench, tmp_path / name, progress=stop)
+        notes = load_procedure("iso_10770_1").evaluate(read_recording(tmp_path / name)).notes
+        named[name] = [str(note) for note in notes]
+    more = ("pressure gain", "internal leakage", "flow over pressure drop", "null shift")
+    assert named["lab"] == named["hpv41"] + [f"Not done: {name}." for name in more]
+
+
 def procedure(run: Any) -> ModuleType:
     made = ModuleType("procedures.made")
     vars(made)["run"] = run

@@ -21,10 +21,12 @@ SHORT = {
     "endurance": ("brevini-hpv41", {"cycles": 12, "keep_every": 3, "rate_hz": 200}),
     "fail_safe": ("brevini-hpv41", {"repeats": 2, "rate_hz": 200}),
     "flow_curve": ("brevini-hpv41", {"cycle_s": 12}),
+    "flow_over_pressure_drop": ("four-way-lab", {"rate_hz": 200}),
     "frequency_response": (
         "brevini-hpv41",
         {"frequencies": (1, 2, 4), "amplitudes": (20,), "biases": (50,), "measure_s": 0.5},
     ),
+    "internal_leakage": ("four-way-lab", {"cycle_s": 20, "rate_hz": 200}),
     "iso_10770_1": (
         "brevini-hpv41",
         {"cycle_s": 12, "steps": (50,), "amplitudes": (10,), "biases": (50,), "rate_hz": 200},
@@ -36,7 +38,9 @@ SHORT = {
         "brevini-hpv41",
         {"low_hz": 0.5, "high_hz": 4.5, "base_hz": 0.5, "amplitudes": (4,), "periods": 3, "biases": (60,)},
     ),
+    "null_shift": ("four-way-lab", {"cycle_s": 10, "rate_hz": 200}),
     "pressure_current": ("cummins-efc", {}),
+    "pressure_gain": ("four-way-lab", {"cycle_s": 20, "rate_hz": 200}),
     "sine_position": ("hydraforce-open-loop", {"frequency_rad_s": 8}),
     "step_response": ("brevini-hpv41", {"levels": (0, 80)}),
     "threshold": ("brevini-hpv41", {"speed": 1, "reach": 2, "biases": (60,), "rate_hz": 200}),

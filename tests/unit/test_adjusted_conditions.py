@@ -16,8 +16,8 @@ from hil.errors import RangeError, RehearsalError, SettingError
 from hil.record.read import read_recording
 from hil.rig import Rig
 from hil.session.procedure import load_procedure
-from hil.session.run import rehearse_procedure
-from procedures._conditions import adjusted, adjusting
+from hil.session.run import rehearse_procedure, run_procedure
+from procedures._conditions import adjusted
 
 LAB = benches()["four-way-lab"].read_text(encoding="utf-8")
 ORDER = 'shutdown_order = ["supply setting", "command", "load orifice"]'
@@ -100,13 +100,11 @@ def test_what_makes_no_sense_is_a_fault_of_the_bench_file(tmp_path: Path, old: s
         bench(tmp_path, (old, new))
 
 
-def test_a_role_that_no_output_has_is_named(tmp_path: Path) -> None:
-    file = bench(tmp_path, ('role = "load orifice"\n', ""))
-    with (
-        opened(file, tmp_path / "run") as rig,
-        pytest.raises(SettingError, match='"load orifice"; this bench adjusts: su'),
-    ):
-        adjusting(rig, "load orifice", "a pressure gain")
+@pytest.mark.parametrize("name", ["pressure_gain", "internal_leakage", "flow_over_pressure_drop", "null_shift"])
+def test_a_test_that_lacks_a_role_is_refused_by_name(tmp_path: Path, name: str) -> None:
+    hpv41 = read_bench(benches()["brevini-hpv41"])
+    with pytest.raises(SettingError, match=r'needs an output with role = "[a-z ]+"; this bench adjusts: nothing'):
+        run_procedure(load_procedure(name), hpv41, {}, tmp_path / "run")
 
 
 def test_the_rehearsal_judges_adjusted_conditions_too(tmp_path: Path) -> None:

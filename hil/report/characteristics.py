@@ -1,0 +1,82 @@
+"""Steady characteristics under adjusted conditions: load pressure, leakage, flow over pressure drop, nulls."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from hil.language.words import _
+from hil.report.field import Curve, array, label_of, needed, unit_of
+from hil.report.figure import BLUE, GRID, RED, small_multiples, titled
+from hil.report.section import Section
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+BRANCHES_NEEDED = ("command", "rising", "falling")
+LEVELS_NEEDED = ("command", "measured")
+DROPS_NEEDED = ("drop", "measured")
+CONDITIONS_NEEDED = ("condition", "measured", "std", "fitted")
+_MOST = 6
+
+
+def pressure_gain_section(curves: Sequence[Curve]) -> Section:
+    """Load pressure over command, both branches."""
+
+    def draw(axes: Axes, curve: Curve) -> None:
+        axes.axhspan(-40.0, 40.0, color=GRID, lw=0.0)
+        axes.plot(needed(curve, "command"), needed(curve, "rising"), color=BLUE, lw=1.2, label=_("rising command"))
+        axes.plot(
+            needed(curve, "command"), needed(curve, "falling"), color=RED, lw=1.2, ls="--", label=_("falling command")
+        )
+
+    labels = _("command") + unit_of(curves[0], "command_unit"), _("load pressure [% of supply]")
+    caption = _("Ports A and B are blocked. Shaded: where the gain is read.")
+    return Section(
+        _("Pressure gain"), figures=(small_multiples("pressure-gain", curves[:1], 1, draw, labels, caption),)
+    )
+
+
+def internal_leakage_section(curves: Sequence[Curve]) -> Section:
+    """Flow from supply to tank over the command."""
+
+    def draw(axes: Axes, curve: Curve) -> None:
+        axes.plot(needed(curve, "command"), needed(curve, "measured"), color=BLUE, lw=1.2)
+        titled(axes, label_of(curve))
+
+    units = [unit_of(curves[0], key) for key in ("command_unit", "response_unit")]
+    labels = _("command") + units[0], _("leakage") + units[1]
+    caption = _("Flow from supply to tank with ports A and B blocked; between the branches of each sweep.")
+    picture = small_multiples("internal-leakage", curves[:_MOST], 2, draw, labels, caption)
+    return Section(_("Internal leakage"), figures=(picture,))
+
+
+def flow_over_pressure_drop_section(curves: Sequence[Curve]) -> Section:
+    """Flow over the valve pressure drop, with the power law."""
+
+    def draw(axes: Axes, curve: Curve) -> None:
+        drop, fitted = needed(curve, "drop"), array(curve, "fitted")
+        axes.plot(drop, needed(curve, "measured"), color=BLUE, ls="", marker="o", label=_("measured"))
+        if fitted is not None:
+            axes.plot(drop, fitted, color=RED, lw=1.0, label=_("power law"))
+        titled(axes, label_of(curve))
+
+    units = [unit_of(curves[0], key) for key in ("drop_unit", "response_unit")]
+    labels = _("valve pressure drop") + units[0], _("flow") + units[1]
+    caption = _("Each point is the steady flow at one supply pressure.")
+    picture = small_multiples("flow-pressure-drop", curves[:_MOST], 2, draw, labels, caption)
+    return Section(_("Flow over pressure drop"), figures=(picture,))
+
+
+def null_shift_section(curves: Sequence[Curve]) -> Section:
+    """The null over each condition, with the line whose slope is the shift."""
+
+    def draw(axes: Axes, curve: Curve) -> None:
+        condition, null, std, fitted = (needed(curve, key) for key in CONDITIONS_NEEDED)
+        axes.errorbar(condition, null, 2.0 * std, color=BLUE, ls="", marker="o", capsize=2.0, label=_("null ± U"))
+        axes.plot(condition, fitted, color=RED, lw=1.0, label=_("least-squares line"))
+        titled(axes, label_of(curve) + unit_of(curve, "condition_unit"))
+
+    labels = _("condition"), _("null") + unit_of(curves[0], "response_unit")
+    caption = _("Each null is that of a whole sweep. U is without the calibration, which moves all nulls alike.")
+    return Section(_("Null shift"), figures=(small_multiples("null-shift", curves[:_MOST], 3, draw, labels, caption),))

@@ -1,0 +1,100 @@
+"""What tests under adjusted conditions must find: a simulator of another structure, read by the written definitions."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from hil.bench.find import benches
+from hil.record.recording import Array, Recording
+from tests.coverage_study.situations import Situation
+from tests.coverage_study.truth_static import Truths
+from tests.four_way_simulator import curve
+
+_NEAR = tuple(np.linspace(-5.0, 5.0, 1001))
+_WHOLE = tuple(np.concatenate((np.linspace(-100.0, -6.0, 48), np.linspace(-5.0, 5.0, 41), np.linspace(6.0, 100.0, 48))))
+_POINTS = 40_001
+_SUPPLY_BAR, _TANK_BAR, _OIL_C = 70.0, 2.0, 40.0
+
+
+def _read(bench: str, name: str, commands: tuple[float, ...], **conditions: float) -> Array:
+    told: Mapping[str, Any] = tomllib.loads(benches()[bench].read_text(encoding="utf-8"))["simulation"]
+    return curve(name, commands, tuple(sorted(conditions.items())), tuple(sorted(told.get("parameters", {}).items())))
+
+
+def _dense(commands: tuple[float, ...], values: Array) -> tuple[Array, Array]:
+    places = np.linspace(commands[0], commands[-1], _POINTS)
+    return places, PchipInterpolator(commands, values)(places)
+
+
+def of_pressure_gain(_clean: Recording, bench: str, _situation: Situation) -> Truths:
+    """The straight line through the blocked curve within ± 40 % of supply."""
+    command, load = _dense(_NEAR, _read(bench, "load_pressure", _NEAR, load=0.0) / _SUPPLY_BAR * 100.0)
+    body = np.abs(load) <= 40.0
+    return {
+        "pressure_gain": float(np.polyfit(command[body], load[body], 1)[0]),
+        "pressure_null": float(np.interp(0.0, load, command)), "supply_pressure": _SUPPLY_BAR,
+    }  # fmt: skip
+
+
+def of_internal_leakage(_clean: Recording, bench: str, _situation: Situation) -> Truths:
+    """The largest return flow, the middle of its peak, and those at the ends."""
+    near = tuple(np.linspace(-10.0, 10.0, 401))
+    command, leak = _dense(near, _read(bench, "returned", near, load=0.0))
+    above = command[leak >= 0.5 * (leak.max() + max(leak[0], leak[-1]))]
+    low, high = _read(bench, "returned", (-100.0, 100.0), load=0.0)
+    return {
+        "leakage_peak": float(leak.max()), "leakage_peak_at": 0.5 * float(above[0] + above[-1]),
+        "leakage_high": float(high), "leakage_low": float(low),
+    }  # fmt: skip
+
+
+def of_flow_over_pressure_drop(clean: Recording, bench: str, _situation: Situation) -> Truths:
+    """Flow and drop at each supply pressure, and the straight line through their logarithms."""
+    rated_bar = float(clean.meta["settings"]["rated_drop"])
+    found: Truths = {}
+    for label, command in (("+100 %", 100.0), ("-100 %", -100.0)):
+        flows, drops = [], []
+        for supply in (35.0, 52.5, 70.0, 105.0, 140.0):
+            flow, load = (float(_read(bench, name, (command,), supply=supply)[0]) for name in ("flow", "load_pressure"))
+            flows.append(flow)
+            drops.append(supply - _TANK_BAR - abs(load))
+            found[f"flow, {label}, supply {supply:.4g} bar"] = flow
+            found[f"pressure_drop, {label}, supply {supply:.4g} bar"] = drops[-1]
+        exponent, level = np.polyfit(np.log(np.array(drops) / rated_bar), np.log(np.abs(flows)), 1)
+        found[f"flow_exponent, {label}"] = float(exponent)
+        found[f"rated_flow, {label}"] = float(np.sign(command) * np.exp(level))
+    return found
+
+
+def of_null_shift(_clean: Recording, bench: str, _situation: Situation) -> Truths:
+    """The null under each condition by the lines through 20 to 80 % of each side, and its slope over the condition."""
+    ways = {
+        "null_shift_supply": ("supply", "supply pressure {:.4g} bar", (56.0, 84.0), 0.1 * _SUPPLY_BAR),
+        "null_shift_tank": ("tank", "tank pressure {:.4g} bar", (9.0,), 0.1 * _SUPPLY_BAR),
+        "null_shift_temperature": ("oil_c", "oil temperature {:.4g} °C", (20.0, 60.0), 40.0),
+    }
+    usual = {"supply": _SUPPLY_BAR, "tank": _TANK_BAR, "oil_c": _OIL_C}
+    stands = _null(bench)
+    found: Truths = {"null, as the bench stands": stands}
+    for figure, (condition, label, levels, change) in ways.items():
+        nulls = [stands]
+        for level in levels:
+            nulls.append(_null(bench, **{condition: level}))
+            found[f"null, {label.format(level)}"] = nulls[-1]
+        found[figure] = float(np.polyfit([usual[condition], *levels], nulls, 1)[0]) * change
+    return found
+
+
+def _null(bench: str, **conditions: float) -> float:
+    command, flow = _dense(_WHOLE, _read(bench, "flow", _WHOLE, **conditions))
+    crossings = []
+    for end in (flow[-1], flow[0]):
+        body = (flow / end >= 0.2) & (flow / end <= 0.8)
+        gain, level = np.polyfit(command[body], flow[body], 1)
+        crossings.append(float(-level / gain))
+    return float(np.mean(crossings))

@@ -1,0 +1,67 @@
+"""Flow over pressure drop of flows by formula."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.record.recording import Channel, Recording
+from procedures.flow_over_pressure_drop import KIND, evaluate
+
+SUPPLIES = (35.0, 52.5, 70.0, 105.0, 140.0)
+
+
+def found(exponent=0.5, seed=0, rated=70.0, supplies=SUPPLIES, uncertainty=0.0, off=0.0):
+    """Flows of ± 28 l/min at 70 bar; 2 bar in the tank line, 3 bar across the load."""
+    rng, count = np.random.default_rng(seed), 800
+    rows = [(sign, supply) for supply in supplies for sign in (1.0, -1.0)]
+    parts = [
+        {
+            "kind": KIND, "label": f"{100 * sign:+.0f} %", "supply": f"supply {supply:g} bar", "first": k * count,
+            "count": count, "start_s": k * count / 200.0, "stop_s": ((k + 1) * count - 1) / 200.0,
+        }
+        for k, (sign, supply) in enumerate(rows)
+    ]  # fmt: skip
+
+    def read(name, unit, values, noise, known=0.0):
+        samples = np.repeat(values, count) + noise * rng.normal(size=count * len(values))
+        return Channel(name, unit, samples, calibration={"uncertainty": known} if known else {})
+
+    flows = [sign * 28.0 * ((supply - 5.0) / 70.0) ** exponent for sign, supply in rows]
+    channels = {
+        "command": read("command", "%", [100.0 * sign for sign, _ in rows], 0.0),
+        "flow": read("flow", "l/min", flows, 0.05),
+        "supply pressure": read("supply pressure", "bar", [supply + off for _, supply in rows], 0.2, uncertainty),
+        "return pressure": read("return pressure", "bar", [2.0] * len(rows), 0.02),
+        "load pressure": read("load pressure", "bar", [3.0 * sign for sign, _ in rows], 0.2),
+    }
+    meta = {"roles": {"command": "command", "response": "flow"}, "parts": parts, "conditions": {},
+            "settings": {"rated_drop": rated}}  # fmt: skip
+    findings = evaluate(Recording("run", np.arange(count * len(rows)) / 200.0, channels, meta))
+    return findings, {one.name: one for one in findings.measured}
+
+
+@pytest.mark.parametrize("exponent", [0.5, 0.62])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_exponent_and_rated_flow_hold_the_truth(exponent, sign):
+    label = f"{100 * sign:+.0f} %"
+    for seed in range(3):
+        _, one = found(exponent, seed)
+        power, rated = one[f"flow_exponent, {label}"], one[f"rated_flow, {label}"]
+        assert power.value == pytest.approx(exponent, abs=3.0 * power.std)
+        assert power.std < 0.001
+        assert rated.value == pytest.approx(sign * 28.0, abs=3.0 * rated.std)
+        assert one[f"pressure_drop, {label}, supply 70 bar"].value == pytest.approx(65.0, abs=0.06)
+
+
+def test_a_transducer_that_is_off_by_what_its_calibration_allows_stays_within_the_uncertainty():
+    _, one = found(uncertainty=2.0, off=1.0)
+    power = one["flow_exponent, +100 %"]
+    assert abs(power.value - 0.5) > 5.0 * power.repeatability
+    assert abs(power.value - 0.5) < 1.5 * power.std
+
+
+def test_a_rated_drop_outside_what_was_driven_is_said_and_two_points_are_no_law():
+    findings, _ = found(rated=200.0)
+    assert "+100 %: the rated pressure drop, 200 bar, is outside what was driven, 30 … 135 bar." in findings.notes
+    assert found(supplies=(35.0, 70.0))[1]["flow_exponent, +100 %"].value is None
