@@ -34,9 +34,9 @@ from hil.physics.model import typical_model
 from hil.physics.published.tordal import FREQUENCIES_HZ, RUNS
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Recording, recording
+from hil.signals.binary_sequence import binary_sequence
 from hil.signals.frequency_fit import frequency_fit
 from hil.signals.sine_fit import sine_fit
-from hil.signals.steps import binary_sequence
 
 Array = NDArray[np.float64]
 

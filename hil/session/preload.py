@@ -20,8 +20,9 @@ from hil.kernel import compile_kernels
 from hil.units import units_ready
 
 _LATER_ANYHOW = ("numpy.fft", "numpy.polynomial", "numpy.random")  # numpy imports them when they are asked for
-# Exports, pictures and text files of others: half a second each, and nothing of ours wants them while it drives.
-_NEVER_WHILE_DRIVEN = frozenset({"control", "matplotlib", "pandas"})
+# Exports, pictures and text files of others, which nothing of ours wants while it drives, and libraries of links, which
+# are there once a bench is open, where it needs them: half a second to two each.
+_NEVER_WHILE_DRIVEN = frozenset({"can", "control", "matplotlib", "pandas", "serial"})
 
 
 def preload(run: Callable[..., Any]) -> None:

@@ -1,4 +1,4 @@
-"""Step sequences, and pseudo-random binary ones."""
+"""Step sequences."""
 
 from __future__ import annotations
 
@@ -34,22 +34,3 @@ def step_sequence(levels: Sequence[float], hold_s: float, rate_hz: float) -> Arr
     if not len(levels) or samples < 1:
         raise SettingError(f"steps: {len(levels)} levels of {samples} samples; at least one of each is needed")
     return np.repeat(np.asarray(levels, dtype=np.float64), samples)
-
-
-def binary_sequence(low: float, high: float, clock_s: float, rate_hz: float, *, bits: int, periods: int = 1) -> Array:
-    """A maximum-length pseudo-random binary sequence (PRBS) of 2^bits − 1 clocks per period.
-
-    Its spectrum is flat up to about 0.44/clock.
-
-    Raises:
-        SettingError: bits outside 2…16, or a clock shorter than one sample.
-    """
-    samples = round(clock_s * rate_hz)
-    if not (2 <= bits <= 16 and samples >= 1):
-        raise SettingError(
-            f"PRBS: {bits} bits, {samples} samples per clock; allowed are 2…16 bits and at least one sample"
-        )
-    from scipy.signal import max_len_seq
-
-    sequence = max_len_seq(bits, state=[1] + [0] * (bits - 1))[0]
-    return np.tile(np.repeat(low + (high - low) * sequence, samples), periods)

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.driven_imports import HEAVY
+
 WATCHER = Path(__file__).parents[1] / "driven_imports.py"
 QUICK = "frequency_response brevini-hpv41 frequencies=0.5,1,2,4 amplitudes=4 measure_s=1 biases=60"
 ALL = [
@@ -39,6 +41,16 @@ ALL = [
 ]
 
 
+PRELOADED = f"""
+import json, sys
+from hil.session.preload import preload
+from hil.session.procedure import load_procedure
+for name in sys.argv[1:]:
+    preload(load_procedure(name).run)
+print(json.dumps([name for name in {(*HEAVY, "can", "serial")} if name in sys.modules]))
+"""
+
+
 @pytest.mark.parametrize("case", [QUICK, *(pytest.param(case, marks=pytest.mark.slow) for case in ALL)])
 def test_everything_is_there_before_the_first_output_moves(case: str) -> None:
     told = subprocess.run([sys.executable, str(WATCHER), *case.split()], capture_output=True, text=True, check=True)
@@ -46,6 +58,13 @@ def test_everything_is_there_before_the_first_output_moves(case: str) -> None:
     assert seen["imported"] == [] and seen["compiled"] == []
     assert seen["kernels"][0] == seen["kernels"][1]
     assert seen["heavy"] == []
+
+
+def test_what_no_procedure_needs_is_not_there_before_it_drives() -> None:
+    """All procedures at once, in a process of their own: what each adds is seconds before each run."""
+    names = sorted({case.split()[0] for case in (QUICK, *ALL)})
+    told = subprocess.run([sys.executable, "-c", PRELOADED, *names], capture_output=True, text=True, check=True)
+    assert json.loads(told.stdout) == []
 
 
 def test_all_procedures_are_watched() -> None:

@@ -12,7 +12,8 @@ from hil.identification.papers.first_order import first_order
 from hil.identification.preparation.experiment import experiment
 from hil.physics.transfer_function import from_parameters
 from hil.record.recording import recording
-from hil.signals.steps import binary_sequence, step_sequence
+from hil.signals.binary_sequence import binary_sequence
+from hil.signals.steps import step_sequence
 
 INTERVAL_S = 0.02
 FINE = 20

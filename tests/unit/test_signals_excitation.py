@@ -2,12 +2,13 @@ import numpy as np
 import pytest
 
 from hil.errors import SettingError
+from hil.signals.binary_sequence import binary_sequence
 from hil.signals.multisine import odd_multisine
 from hil.signals.ramps import ramp, triangle
 from hil.signals.sine_fit import sine_fit
 from hil.signals.steady import steadiness
 from hil.signals.stepped_sine import check_frequencies, sine
-from hil.signals.steps import CUSTOMARY_STEPS, binary_sequence, step_sequence
+from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
 
 
 def test_sine_has_whole_periods_bias_and_phase():
