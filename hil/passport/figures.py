@@ -55,9 +55,9 @@ def _parts(curve: Curve) -> list[str]:
 
 
 def _drawn(curves: Sequence[Curve]) -> bytes:
-    import matplotlib as mpl
     from matplotlib.figure import Figure
 
+    from hil.report.figure import drawn_alike
     from hil.report.tick_labels import with_decimal_sign
 
     shown = [column for column in curves[0].columns[1:] if not column.name.endswith("std")]
@@ -66,7 +66,7 @@ def _drawn(curves: Sequence[Curve]) -> bytes:
              "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.3, "legend.frameon": False,
              "figure.constrained_layout.use": False, "xtick.minor.visible": False}  # fmt: skip
     file = io.BytesIO()
-    with mpl.rc_context(style):  # type: ignore[arg-type]
+    with drawn_alike(style):
         figure = Figure(figsize=(WIDTH_IN, 0.7 + 1.7 * len(units)))
         _fill(figure, curves, units)
         with_decimal_sign(figure)

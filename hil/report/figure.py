@@ -5,10 +5,11 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -58,6 +59,21 @@ class Picture:
     caption: str = ""
 
 
+@contextmanager
+def drawn_alike(style: Mapping[str, Any]) -> Iterator[None]:
+    """What is drawn inside looks alike everywhere: a `matplotlibrc` of the working folder may ask for LaTeX.
+
+    Args:
+        style: what is unlike matplotlib's own defaults.
+    """
+    import matplotlib as mpl
+
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(style)  # type: ignore[arg-type]
+        yield
+
+
 def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: str = "", *, alt: str = "") -> Picture:
     """A picture of the page's width.
 
@@ -68,14 +84,13 @@ def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: 
         caption: below the picture.
         alt: what it shows, for those who cannot see it; the caption when not given.
     """
-    import matplotlib as mpl
     from matplotlib.figure import Figure
 
     from hil.report.tick_labels import with_decimal_sign
 
     style = {**_STYLE, "svg.hashsalt": name}
     file = io.StringIO()
-    with mpl.rc_context(style), warnings.catch_warnings():  # type: ignore[arg-type]
+    with drawn_alike(style), warnings.catch_warnings():
         # A letter that the measuring font lacks is drawn by the reader's font; a crowded drawing is still a drawing.
         warnings.simplefilter("ignore", UserWarning)
         figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")

@@ -69,3 +69,21 @@ def test_numba_takes_no_folder_of_compiled_code_from_the_working_folder(folder: 
     program = "import hil.kernel, numba.core.config as config; print('cache:', config.CACHE_DIR)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.stdout == "cache: \n", done.stderr
+
+
+def test_a_picture_is_drawn_alike_whatever_matplotlibrc_lies_in_the_working_folder(folder: Path) -> None:
+    for name in _NAMES:
+        (folder / f"{name}.py").unlink()
+    program = (
+        "from hil.report.figure import drawn\n"
+        "print(drawn('p', 1.0, lambda figure: figure.subplots().plot([1, 2], label='a')).svg)"
+    )
+
+    def picture() -> str:
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    plain = picture()
+    (folder / "matplotlibrc").write_text("text.usetex: True\nlines.linewidth: 20\nbackend: module://planted\n")
+    assert picture() == plain
