@@ -11,6 +11,7 @@ import asyncio
 from collections.abc import Mapping
 from contextlib import suppress
 from getpass import getuser
+from http import HTTPStatus
 from typing import Any
 from urllib.parse import urlencode
 
@@ -139,7 +140,9 @@ class Access:
         self.lock.seen(session.id)
         path = request.url.path
         if path == "/login":
-            return await self._login(request) if request.method == "POST" else self._keep(_login_page(request), session)
+            if request.method == "POST":
+                return await self._login(request)
+            return self._keep(await run_in_threadpool(_login_page, request), session)
         if path == "/logout" and request.method == "POST":
             return self._logout(session)
         if path == "/seat":
@@ -279,7 +282,9 @@ def _local_name() -> str:
 
 
 def _no(status: int, text: str) -> Response:
-    return JSONResponse({"error": text}, status)
+    """Refused; who asks too often is hung up on, so that what it has sent ahead is not answered one by one."""
+    headers = {"Connection": "close"} if status == HTTPStatus.TOO_MANY_REQUESTS else None
+    return JSONResponse({"error": text}, status, headers)
 
 
 def _login_page(request: Request, why: str = "", status: int = 200) -> Response:

@@ -8,6 +8,7 @@ import json
 import os
 import stat
 import sys
+import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -317,6 +318,14 @@ def test_too_many_acts_are_refused(accounts: Accounts, monkeypatch: pytest.Monke
     monkeypatch.setattr(access, "_ACTS", Rate(3.0, 0.0))
     browser = Browser(console(accounts))
     assert [browser.ask("/run/start", {"a": "1"})[0] for _ in range(5)] == [401] * 3 + [429] * 2
+    assert browser.ask("/run/start", {"a": "1"})[2]["connection"] == "close"  # what was sent ahead is not answered
+
+
+def test_page_for_logging_in_is_made_beside_the_loop(accounts: Accounts, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[threading.Thread] = []
+    monkeypatch.setattr(access, "page", lambda *_, **__: made.append(threading.current_thread()) or JSONResponse({}))
+    assert Browser(console(accounts)).ask("/login")[0] == 200
+    assert made and made[0] is not threading.main_thread()  # a flood of them keeps no stop waiting
 
 
 def test_limiter_gives_tokens_back_and_forgets_the_oldest(monkeypatch: pytest.MonkeyPatch) -> None:
