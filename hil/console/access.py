@@ -28,7 +28,7 @@ from hil.console.access_where import Where
 from hil.console.operator_lock import OperatorLock, OperatorLockedError
 from hil.console.page import language_of, page
 from hil.console.uploads import form_of
-from hil.errors import HilError, SettingError
+from hil.errors import HilError, SettingError, StorageError
 from hil.language.note import error_text
 from hil.language.words import marked, speaking
 
@@ -99,6 +99,8 @@ class Access:
             answer = _no(413, f"the request is too large, or does not end: {error}")
         except ClientDisconnect:
             return
+        except StorageError as error:  # of the trail: what cannot be written down is not done
+            answer = _no(503, error_text(error))
         except SettingError as error:
             answer = _no(400, error_text(error))
         await answer(scope, receive, send)
@@ -185,7 +187,7 @@ class Access:
                 self._audit.write(name, "takes over", {"address": _address(request)})
             elif wanted == "0":
                 self.lock.leave(session.id)
-        answer = JSONResponse({"operator": self.lock.holder, "account": name, "role": role})
+        answer = JSONResponse({"operator": self.lock.holder if role else "", "account": name, "role": role})
         return self._keep(answer, session)
 
     async def _login(self, request: Request) -> Response:

@@ -89,7 +89,7 @@ def controls_of(request: Request) -> dict[str, Any]:
     if not known:
         runs = [{key: run[key] for key in _FOR_A_STOP if key in run} for run in runs]
     press = console.switch.pressed
-    return {"runs": runs, "pressed": press and press.model_dump(mode="json")}
+    return {"runs": runs, "pressed": press and press.model_dump(mode="json", exclude=None if known else {"account"})}
 
 
 def refusal(request: Request, error: HilError) -> Response:

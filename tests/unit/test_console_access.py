@@ -24,6 +24,7 @@ from starlette.routing import Route
 
 from hil.__main__ import main
 from hil.bench.audit import Audit, read_audit
+from hil.bench.stop.press import StopSwitch
 from hil.clock import VirtualClock
 from hil.console import access
 from hil.console.access import Access, audited
@@ -369,6 +370,7 @@ def test_one_operates_and_the_others_look(accounts: Accounts) -> None:
     assert status == 409 and "otto operates this console since" in text
     assert second.ask("/bench")[0] == second.ask("/run/check", {"a": "1"})[0] == 200
     assert json.loads(second.ask("/seat")[1])["operator"] == "otto"
+    assert "otto" not in Browser(app).ask("/seat")[1]
     assert json.loads(second.ask("/seat", {"take": "1"})[1])["operator"] == "olga"
     assert first.ask("/run/start", {"a": "1"})[0] == 409
     second.ask("/seat", {"take": "0"})
@@ -424,6 +426,9 @@ def test_act_is_refused_when_it_cannot_be_written_down(accounts: Accounts, tmp_p
     assert browser.ask("/run/start", {"a": "1"})[0] == 503
     with pytest.raises(StorageError):
         audit.write("otto", "run", {})
+    for password in (PASSWORD, "another one"):  # also for who logs in, or tries to
+        status, text, _ = Browser(app).ask("/login", {"name": "olga", "password": password})
+        assert status == 503 and "the audit trail cannot be written" in text
 
 
 def test_accounts_are_kept_for_their_owner_alone(accounts: Accounts) -> None:
@@ -512,7 +517,9 @@ def test_nobody_is_told_where_to_stop_and_nothing_else(accounts: Accounts, tmp_p
     nobody, otto = Browser(app), Browser(app).logged_in("otto")
     (seen,) = json.loads(nobody.ask("/controls")[1])["runs"]
     assert (seen["run"], seen["token"], seen["stop_url"]) == ("jog-1", "t", "http://127.0.0.1:1/stop")
+    StopSwitch(runs).press("olga")
     texts = [browser.ask(path)[1] for browser in (nobody, otto) for path in ("/controls", "/login", "/bench")]
+    assert not any("olga" in text for text in texts[:3]) and "olga" in texts[3]
     assert not any("never shown" in text for text in texts)
     assert not any("4711" in text for text in texts[:3]) and "4711" in texts[3]
     with_run.close("completed")
