@@ -89,6 +89,6 @@ def test_at_least_ten_effects_are_on_no_list() -> None:
 def test_a_law_acts_in_exactly_one_way_and_names_its_parameters(law: str) -> None:
     found = all_laws()[law]
     assert sum(way is not None for way in (found.equation, found.before, found.after)) == 1
-    assert found.equation is None or set(found.slot) == set(found.largest)
     for plant in found.largest:
         assert len(found.draw(np.random.default_rng(1), plant)) + 1 == len(found.meaning)
+        assert (found.slot(plant) is None) is (found.equation is None)

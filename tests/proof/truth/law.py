@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,18 @@ class Shared:
     both_ways: bool = False
 
 
+class Times(NamedTuple):
+    """A range that is drawn from evenly, times a value of the plant."""
+
+    of: Mapping[str, float]
+    low: float
+    high: float
+
+
+Range = float | tuple[float, float]
+"""A number, or a range that is drawn from evenly."""
+
+
 @dataclass(frozen=True, slots=True)
 class Law:
     """One law. Exactly one of `equation`, `before` and `after` is given.
@@ -36,11 +48,11 @@ class Law:
     Attributes:
         effect: Name of the effect in the contract, or the law's own name where no list has it.
         listed: Whether `effect` is one of the contract's names.
-        meaning: Names of the parameters, the strength first.
+        strength: Name of the first parameter.
         largest: Greatest strength on each plant where the law makes sense.
-        draw: Draws the other parameters for a plant.
+        others: The other parameters by name, in their order, or by name and plant.
         equation: `law(x, a, b, r)` at a slot of the chain.
-        slot: Slot on each plant.
+        at: Slot, or the slot on each plant.
         before: Changes the samples of the command on their way to the valve; the recorded ones stay.
         after: Changes the samples of the output on their way to the recording.
         predictable: Whether knowing the law suffices to predict a recording (chance is not predictable).
@@ -50,11 +62,11 @@ class Law:
     """
 
     effect: str
-    meaning: tuple[str, ...]
+    strength: str
     largest: Mapping[str, float]
-    draw: Callable[[np.random.Generator, str], tuple[float, ...]]
+    others: Mapping[str, Range | Times | Mapping[str, Range]] = field(default_factory=dict)
     equation: Callable[..., float] | None = None
-    slot: Mapping[str, int] = field(default_factory=dict)
+    at: int | Mapping[str, int] | None = None
     before: SampleLaw | None = None
     after: SampleLaw | None = None
     listed: bool = True
@@ -62,6 +74,26 @@ class Law:
     counterparts: tuple[str, ...] = ()
     shared: tuple[Shared, ...] = ()
     full_sigma: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def meaning(self) -> tuple[str, ...]:
+        """Names of the parameters, the strength first."""
+        return (self.strength, *self.others)
+
+    def draw(self, rng: np.random.Generator, plant: str) -> tuple[float, ...]:
+        """The other parameters, for a plant."""
+        return tuple(_drawn(one, rng, plant) for one in self.others.values())
+
+    def slot(self, plant: str) -> int | None:
+        """Where the equation acts."""
+        return self.at[plant] if isinstance(self.at, Mapping) else self.at
+
+
+def _drawn(told: Range | Times | Mapping[str, Range], rng: np.random.Generator, plant: str) -> float:
+    if isinstance(told, Times):
+        return told.of[plant] * rng.uniform(told.low, told.high)
+    range_ = told[plant] if isinstance(told, Mapping) else told
+    return rng.uniform(*range_) if isinstance(range_, tuple) else range_
 
 
 @dataclass(frozen=True, slots=True)

@@ -104,7 +104,7 @@ def _prepared(unit: Unit, key: float, command: float) -> tuple[Any, tuple[Any, .
         raise ValueError(f"{len(acting)} laws at once, {LAWS_AT_ONCE} are possible")
     records = np.zeros(len(acting), LAW_MEMORY)
     for record, hidden in zip(records, acting, strict=True):
-        record["slot"] = all_laws()[hidden.law].slot[unit.plant.name]
+        record["slot"] = all_laws()[hidden.law].slot(unit.plant.name)
         record["p"] = row(hidden, key)
     plant = np.zeros(1, PLANT_MEMORY)
     constants = unit.plant.row(unit.parameters)

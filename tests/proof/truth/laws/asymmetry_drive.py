@@ -14,16 +14,12 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x * (1.0 - r.p[0] * 0.5 * (1.0 - np.tanh(x / r.p[1])))
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return (rng.uniform(0.5, 3.0),)
-
-
 LAW = Law(
     effect="asymmetry",
-    meaning=("loss_on_negative_side", "transition"),
+    strength="loss_on_negative_side",
+    others={"transition": (0.5, 3.0)},
     largest={AXIS: 0.3},
-    draw=draw,
     equation=equation,
-    slot={AXIS: slots.DRIVE},
+    at=slots.DRIVE,
     full_sigma={AXIS: (1000.0, 5000.0)},  # a force adds up in a position: a few newtons
 )

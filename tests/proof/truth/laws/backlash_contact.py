@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import EFC, HPV41, SP08, Law
 
@@ -28,15 +26,11 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return r.m[1] + r.z[0]
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return (rng.uniform(5000.0, 8000.0),)
-
-
 LAW = Law(
     effect="backlash",
-    meaning=("gap", "contact_rate_1_s"),
+    strength="gap",
+    others={"contact_rate_1_s": (5000.0, 8000.0)},
     largest={HPV41: 15.0, EFC: 0.15, SP08: 25.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.LINK, EFC: slots.LINK, SP08: slots.LINK},
+    at=slots.LINK,
 )

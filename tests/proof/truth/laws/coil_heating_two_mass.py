@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import EFC, HPV41, SP08, Law
 
@@ -25,15 +23,11 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return force
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(4.0, 12.0), rng.uniform(40.0, 120.0), _FULL[plant]
-
-
 LAW = Law(
     effect="coil_heating",
-    meaning=("force_loss", "winding_s", "iron_s", "full"),
+    strength="force_loss",
+    others={"winding_s": (4.0, 12.0), "iron_s": (40.0, 120.0), "full": _FULL},
     largest={HPV41: 1.0, EFC: 0.5, SP08: 6.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.DRIVE, EFC: slots.DRIVE, SP08: slots.DRIVE},
+    at=slots.DRIVE,
 )

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import AXIS, EFC, HPV41, SP08, Law
 
@@ -26,16 +24,12 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return (1.0 - eddy) * current + eddy * x
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(0.0, 0.12), _FULL[plant]
-
-
 LAW = Law(
     effect="coil_lag",
-    meaning=("lag_s", "eddy_share", "full"),
+    strength="lag_s",
+    others={"eddy_share": (0.0, 0.12), "full": _FULL},
     largest={HPV41: 0.15, EFC: 0.1, SP08: 0.15, AXIS: 0.1},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.DRIVE, EFC: slots.DRIVE, SP08: slots.DRIVE, AXIS: slots.DRIVE},
+    at=slots.DRIVE,
     counterparts=("coil_lag",),
 )

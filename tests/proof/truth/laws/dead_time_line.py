@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..delay_line import between, remember
 from ..law import EFC, HPV41, SP08, Law, Shared
@@ -29,17 +27,13 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return value
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(0.1, 0.3), _HELD[plant]
-
-
 LAW = Law(
     effect="dead_time",
-    meaning=("mean_delay_s", "mixed_share", "held"),
+    strength="mean_delay_s",
+    others={"mixed_share": (0.1, 0.3), "held": _HELD},
     largest={HPV41: 0.12, EFC: 0.06, SP08: 0.12},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.DRIVE, EFC: slots.DRIVE, SP08: slots.DRIVE},
+    at=slots.DRIVE,
     counterparts=("dead_time",),
     shared=(Shared("mean delay beyond the baseline's", "s", lambda p: p[0]),),
 )

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..delay_line import between, remember
 from ..law import AXIS, EFC, HPV41, SP08, Law, Shared
@@ -22,17 +20,13 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return between(r, (r.p[0] - since) / r.h, x)
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return (_HELD[plant],)
-
-
 LAW = Law(
     effect="dead_time",
-    meaning=("dead_time_s", "held"),
+    strength="dead_time_s",
+    others={"held": _HELD},
     largest={HPV41: 0.12, EFC: 0.06, SP08: 0.12, AXIS: 0.1},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.DRIVE, EFC: slots.DRIVE, SP08: slots.DRIVE, AXIS: slots.DRIVE},
+    at=slots.DRIVE,
     counterparts=("dead_time",),
     shared=(Shared("dead time beyond the baseline's", "s", lambda p: p[0]),),
 )

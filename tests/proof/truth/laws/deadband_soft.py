@@ -26,17 +26,13 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return _soft(x - overlap * (1.0 + uneven), edge) - _soft(-x - overlap * (1.0 - uneven), edge)
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(-0.12, 0.12), rng.uniform(0.04, 0.12)
-
-
 LAW = Law(
     effect="deadband",
-    meaning=("overlap", "uneven", "rounding"),
+    strength="overlap",
+    others={"uneven": (-0.12, 0.12), "rounding": (0.04, 0.12)},
     largest={HPV41: 15.0, SP08: 15.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.METER, SP08: slots.METER},
+    at=slots.METER,
     counterparts=("overlap",),
     shared=(Shared("half width, mean of both sides", "%", lambda p: p[0]),),
 )

@@ -17,15 +17,11 @@ def before(command: Array, sample_s: float, p: Sequence[float], rng: np.random.G
     return held
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return (rng.uniform(1.5, 4.0),)
-
-
 LAW = Law(
     effect="dropout",
-    meaning=("lasting_s", "every_s"),
+    strength="lasting_s",
+    others={"every_s": (1.5, 4.0)},
     largest={HPV41: 1.5, EFC: 1.0, SP08: 1.5},
-    draw=draw,
     before=before,
     predictable=False,
 )

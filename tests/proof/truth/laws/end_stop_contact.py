@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
-from ..law import AXIS, EFC, HPV41, Law, Shared
+from ..law import AXIS, EFC, HPV41, Law, Shared, Times
 
 _REACH = {HPV41: 101.0, EFC: 2.11, AXIS: 0.11}
 _STIFFNESS = {HPV41: 300.0, EFC: 150.0, AXIS: 4e6}  # input units per unit of position
@@ -24,17 +22,13 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x - push if a > 0.0 else x + push
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return _REACH[plant], _STIFFNESS[plant] * rng.uniform(0.8, 1.5), _DAMPING_S[plant] * rng.uniform(0.5, 2.0)
-
-
 LAW = Law(
     effect="end_stop",
-    meaning=("moved_in", "reach", "stiffness", "damping_s"),
+    strength="moved_in",
+    others={"reach": _REACH, "stiffness": Times(_STIFFNESS, 0.8, 1.5), "damping_s": Times(_DAMPING_S, 0.5, 2.0)},
     largest={HPV41: 60.0, EFC: 0.6, AXIS: 0.08},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.FORCE, EFC: slots.FORCE, AXIS: slots.FORCE},
+    at=slots.FORCE,
     shared=(
         Shared("position", "%", lambda p: p[1] - p[0], both_ways=True),
         Shared("position", "A", lambda p: p[1] - p[0], both_ways=True),

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import SP08, Law, Shared
 
@@ -17,16 +15,12 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return min(x, 0.0) if deep > r.p[2] else min(x, x * (1.0 - deep / r.p[2]))
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return 188.0, rng.uniform(0.3, 0.8)
-
-
 LAW = Law(
     effect="end_stop",
-    meaning=("moved_in_mm", "reach_mm", "cushion_mm"),
+    strength="moved_in_mm",
+    others={"reach_mm": 188.0, "cushion_mm": (0.3, 0.8)},
     largest={SP08: 70.0},
-    draw=draw,
     equation=equation,
-    slot={SP08: slots.TRAVEL},
+    at=slots.TRAVEL,
     shared=(Shared("position", "mm", lambda p: p[1] - p[0]),),
 )

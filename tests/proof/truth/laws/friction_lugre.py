@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import slots
-from ..law import AXIS, EFC, HPV41, SP08, Law
+from ..law import AXIS, EFC, HPV41, SP08, Law, Times
 
 
 def equation(x: float, a: float, b: float, r: Any) -> float:
@@ -28,21 +28,17 @@ _BRISTLE = {HPV41: 0.08, EFC: 0.0015, SP08: 0.6, AXIS: 2e-4}
 _STRIBECK_SPEED = {HPV41: 8.0, EFC: 0.25, SP08: 25.0, AXIS: 0.01}
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return (
-        rng.uniform(1.1, 1.6),
-        _STRIBECK_SPEED[plant] * rng.uniform(0.7, 1.4),
-        _BRISTLE[plant] * rng.uniform(0.9, 1.3),
-        rng.uniform(0.0, 5e-4),
-    )
-
-
 LAW = Law(
     effect="friction",
-    meaning=("coulomb", "static_over_coulomb", "stribeck_speed", "bristle_deflection", "bristle_damping_s"),
+    strength="coulomb",
+    others={
+        "static_over_coulomb": (1.1, 1.6),
+        "stribeck_speed": Times(_STRIBECK_SPEED, 0.7, 1.4),
+        "bristle_deflection": Times(_BRISTLE, 0.9, 1.3),
+        "bristle_damping_s": (0.0, 5e-4),
+    },
     largest={HPV41: 10.0, EFC: 0.08, SP08: 12.0, AXIS: 60.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.FORCE, EFC: slots.FORCE, SP08: slots.FORCE, AXIS: slots.FORCE},
+    at=slots.FORCE,
     full_sigma={AXIS: (1000.0, 5000.0)},  # a force adds up in a position: a few newtons
 )

@@ -7,10 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
-from ..law import AXIS, EFC, HPV41, SP08, Law
+from ..law import AXIS, EFC, HPV41, SP08, Law, Times
 
 
 def equation(x: float, a: float, b: float, r: Any) -> float:
@@ -31,21 +29,17 @@ _DEFLECTION = {HPV41: 0.15, EFC: 0.002, SP08: 0.8, AXIS: 6e-5}
 _STRIBECK_SPEED = {HPV41: 8.0, EFC: 0.25, SP08: 25.0, AXIS: 0.01}
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return (
-        rng.uniform(1.1, 1.5),
-        _STRIBECK_SPEED[plant] * rng.uniform(0.7, 1.4),
-        _DEFLECTION[plant] * rng.uniform(0.8, 1.2),
-        rng.uniform(0.2, 0.5),
-    )
-
-
 LAW = Law(
     effect="friction",
-    meaning=("coulomb", "static_over_coulomb", "stribeck_speed", "deflection", "spread_of_elements"),
+    strength="coulomb",
+    others={
+        "static_over_coulomb": (1.1, 1.5),
+        "stribeck_speed": Times(_STRIBECK_SPEED, 0.7, 1.4),
+        "deflection": Times(_DEFLECTION, 0.8, 1.2),
+        "spread_of_elements": (0.2, 0.5),
+    },
     largest={HPV41: 10.0, EFC: 0.08, SP08: 12.0, AXIS: 60.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.FORCE, EFC: slots.FORCE, SP08: slots.FORCE, AXIS: slots.FORCE},
+    at=slots.FORCE,
     full_sigma={AXIS: (1000.0, 5000.0)},  # a force adds up in a position: a few newtons
 )

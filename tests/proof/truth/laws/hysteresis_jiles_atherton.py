@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from .. import slots
-from ..law import EFC, HPV41, SP08, Law
+from ..law import EFC, HPV41, SP08, Law, Times
 
 
 @njit(inline="always")
@@ -40,15 +40,11 @@ _MIDDLE = {HPV41: 0.0, EFC: 1.5, SP08: 0.0}
 _SHAPE = {HPV41: 40.0, EFC: 0.25, SP08: 40.0}
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return (_MIDDLE[plant], _SHAPE[plant] * rng.uniform(0.9, 1.3), _SHAPE[plant] * rng.uniform(0.08, 0.15))
-
-
 LAW = Law(
     effect="hysteresis",
-    meaning=("strength", "middle", "shape", "pinning"),
+    strength="strength",
+    others={"middle": _MIDDLE, "shape": Times(_SHAPE, 0.9, 1.3), "pinning": Times(_SHAPE, 0.08, 0.15)},
     largest={HPV41: 200.0, EFC: 1.2, SP08: 200.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.DRIVE, EFC: slots.DRIVE, SP08: slots.DRIVE},
+    at=slots.DRIVE,
 )

@@ -7,10 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
-from ..law import EFC, HPV41, SP08, Law
+from ..law import EFC, HPV41, SP08, Law, Times
 
 CENTRES, WIDTHS = 60, 16
 
@@ -42,15 +40,11 @@ _MIDDLE = {HPV41: 0.0, EFC: 1.5, SP08: 0.0}
 _REACH = {HPV41: 120.0, EFC: 0.7, SP08: 110.0}
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return (_MIDDLE[plant], _REACH[plant] * rng.uniform(0.9, 1.2), _REACH[plant] * rng.uniform(0.02, 0.05))
-
-
 LAW = Law(
     effect="hysteresis",
-    meaning=("strength", "middle", "reach", "half_width"),
+    strength="strength",
+    others={"middle": _MIDDLE, "reach": Times(_REACH, 0.9, 1.2), "half_width": Times(_REACH, 0.02, 0.05)},
     largest={HPV41: 200.0, EFC: 1.2, SP08: 200.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.DRIVE, EFC: slots.DRIVE, SP08: slots.DRIVE},
+    at=slots.DRIVE,
 )

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import EFC, Law
 
@@ -15,15 +13,11 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x + strength * (1.0 - x / supply) * length / (length + max(edge - a, 0.0))
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(1.3, 1.5), rng.uniform(1.0, 3.0), rng.uniform(215.0, 230.0)
-
-
 LAW = Law(
     effect="leakage",
-    meaning=("strength_psi", "edge_a", "length_a", "supply_psi"),
+    strength="strength_psi",
+    others={"edge_a": (1.3, 1.5), "length_a": (1.0, 3.0), "supply_psi": (215.0, 230.0)},
     largest={EFC: 30.0},
-    draw=draw,
     equation=equation,
-    slot={EFC: slots.FLOW},
+    at=slots.FLOW,
 )

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import HPV41, SP08, Law
 
@@ -23,15 +21,11 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
 _OVERLAP = {HPV41: 20.0, SP08: 2.0}
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return _OVERLAP[plant], rng.uniform(15.0, 40.0), rng.uniform(0.0, 0.3)
-
-
 LAW = Law(
     effect="leakage",
-    meaning=("strength", "overlap", "entrance", "wear_of_other_land"),
+    strength="strength",
+    others={"overlap": _OVERLAP, "entrance": (15.0, 40.0), "wear_of_other_land": (0.0, 0.3)},
     largest={HPV41: 8.0, SP08: 30.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.FLOW, SP08: slots.FLOW},
+    at=slots.FLOW,
 )

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import AXIS, Law, Shared
 
@@ -14,17 +12,12 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x - r.p[0]
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return ()
-
-
 LAW = Law(
     effect="load_force",
-    meaning=("force_n",),
+    strength="force_n",
     largest={AXIS: 40.0},
-    draw=draw,
     equation=equation,
-    slot={AXIS: slots.FORCE},
+    at=slots.FORCE,
     shared=(Shared("force", "N", lambda p: abs(p[0])),),
     full_sigma={AXIS: (3000.0, 30000.0)},  # a constant force adds up most of all
 )

@@ -18,15 +18,11 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x * np.sqrt(max(0.05, 1.0 - load if a > 0.0 else 1.0 + load))
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(110.0, 140.0), rng.uniform(60.0, 80.0)
-
-
 LAW = Law(
     effect="load_force",
-    meaning=("share_of_supply", "middle_mm", "reach_mm"),
+    strength="share_of_supply",
+    others={"middle_mm": (110.0, 140.0), "reach_mm": (60.0, 80.0)},
     largest={SP08: 0.8},
-    draw=draw,
     equation=equation,
-    slot={SP08: slots.FLOW},
+    at=slots.FLOW,
 )

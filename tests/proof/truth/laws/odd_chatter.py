@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .. import slots
-from ..law import EFC, HPV41, Law
+from ..law import EFC, HPV41, Law, Times
 
 _PLACE = {HPV41: (35.0, 65.0), EFC: (1.5, 1.66)}
 _WIDTH = {HPV41: 10.0, EFC: 0.04}
@@ -18,16 +18,12 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x + size * np.exp(-(((a - place) / width) ** 2)) * np.sin(2.0 * np.pi * frequency * r.t)
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(*_PLACE[plant]), _WIDTH[plant] * rng.uniform(0.8, 1.3), rng.uniform(8.0, 30.0)
-
-
 LAW = Law(
     effect="chatter",
     listed=False,
-    meaning=("size", "place", "width", "frequency_hz"),
+    strength="size",
+    others={"place": _PLACE, "width": Times(_WIDTH, 0.8, 1.3), "frequency_hz": (8.0, 30.0)},
     largest={HPV41: 20.0, EFC: 40.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.OUTPUT, EFC: slots.OUTPUT},
+    at=slots.OUTPUT,
 )

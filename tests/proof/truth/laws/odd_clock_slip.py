@@ -14,15 +14,10 @@ def after(values: Array, sample_s: float, p: Sequence[float], rng: np.random.Gen
     return np.interp(at * (1.0 - p[0]), at, values)
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return ()
-
-
 LAW = Law(
     effect="clock_slip",
     listed=False,
-    meaning=("slip",),
+    strength="slip",
     largest={HPV41: 4e-3, EFC: 4e-3, SP08: 8e-3},
-    draw=draw,
     after=after,
 )

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import AXIS, HPV41, SP08, Law
 
@@ -17,17 +15,13 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x - r.p[0] * r.p[2] * (a / r.p[1]) ** 3.0
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return _REACH[plant], _FORCE[plant]
-
-
 LAW = Law(
     effect="cubic_spring",
     listed=False,
-    meaning=("strength", "reach", "force_at_reach"),
+    strength="strength",
+    others={"reach": _REACH, "force_at_reach": _FORCE},
     largest={HPV41: 1.0, SP08: 2.0, AXIS: 1.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.FORCE, SP08: slots.FORCE, AXIS: slots.FORCE},
+    at=slots.FORCE,
     full_sigma={AXIS: (1000.0, 5000.0)},  # a force adds up in a position: a few newtons
 )

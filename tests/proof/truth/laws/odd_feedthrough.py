@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import EFC, HPV41, Law
 
@@ -16,16 +14,12 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x + r.p[0] * (b - r.p[1])
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return (_MIDDLE[plant],)
-
-
 LAW = Law(
     effect="feedthrough",
     listed=False,
-    meaning=("gain", "middle"),
+    strength="gain",
+    others={"middle": _MIDDLE},
     largest={HPV41: 0.3, EFC: 80.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.READING, EFC: slots.READING},
+    at=slots.READING,
 )

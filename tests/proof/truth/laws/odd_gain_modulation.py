@@ -14,16 +14,12 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x * (1.0 + r.p[0] * np.sin(2.0 * np.pi * r.t / r.p[1] + r.p[2]))
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(2.0, 15.0), rng.uniform(0.0, 6.28)
-
-
 LAW = Law(
     effect="gain_modulation",
     listed=False,
-    meaning=("depth", "period_s", "phase_rad"),
+    strength="depth",
+    others={"period_s": (2.0, 15.0), "phase_rad": (0.0, 6.28)},
     largest={HPV41: 0.6, EFC: 0.4, SP08: 0.95},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.OUTPUT, EFC: slots.OUTPUT, SP08: slots.OUTPUT},
+    at=slots.OUTPUT,
 )

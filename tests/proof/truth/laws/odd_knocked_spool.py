@@ -24,17 +24,13 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x + direction * size * np.sin(np.pi * since / lasting_s)
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(1.0, 3.0), rng.uniform(0.02, 0.06)
-
-
 LAW = Law(
     effect="knocked_spool",
     listed=False,
-    meaning=("size", "every_s", "lasting_s"),
+    strength="size",
+    others={"every_s": (1.0, 3.0), "lasting_s": (0.02, 0.06)},
     largest={HPV41: 300.0, EFC: 3.0, SP08: 600.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.FORCE, EFC: slots.FORCE, SP08: slots.FORCE},
+    at=slots.FORCE,
     predictable=False,
 )

@@ -21,15 +21,10 @@ def before(command: Array, sample_s: float, p: Sequence[float], rng: np.random.G
     return (1.0 - share) * _highest_of_last(command, whole) + share * _highest_of_last(command, whole + 1)
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return ()
-
-
 LAW = Law(
     effect="late_when_falling",
     listed=False,
-    meaning=("late_s",),
+    strength="late_s",
     largest={HPV41: 0.3, EFC: 0.15, SP08: 0.5},
-    draw=draw,
     before=before,
 )

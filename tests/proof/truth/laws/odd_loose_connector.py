@@ -17,16 +17,12 @@ def after(values: Array, sample_s: float, p: Sequence[float], rng: np.random.Gen
     return seen
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(3.0, 8.0), rng.uniform(0.2, 1.0)
-
-
 LAW = Law(
     effect="loose_connector",
     listed=False,
-    meaning=("signal_lost", "every_s", "lasting_s"),
+    strength="signal_lost",
+    others={"every_s": (3.0, 8.0), "lasting_s": (0.2, 1.0)},
     largest={HPV41: 0.9, EFC: 0.6, SP08: 0.1},
-    draw=draw,
     after=after,
     predictable=False,
 )

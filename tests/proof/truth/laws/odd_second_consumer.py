@@ -21,17 +21,13 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x * (1.0 - depth * r.z[0])
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(0.7, 3.0), rng.uniform(0.03, 0.15)
-
-
 LAW = Law(
     effect="second_consumer",
     listed=False,
-    meaning=("pressure_taken", "dwell_s", "time_s"),
+    strength="pressure_taken",
+    others={"dwell_s": (0.7, 3.0), "time_s": (0.03, 0.15)},
     largest={HPV41: 0.7, EFC: 0.5, SP08: 0.9},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.SUPPLY, EFC: slots.SUPPLY, SP08: slots.SUPPLY},
+    at=slots.SUPPLY,
     predictable=False,
 )

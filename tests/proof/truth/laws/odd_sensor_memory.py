@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import EFC, HPV41, Law
 
@@ -18,16 +16,12 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x * (1.0 + gain * (r.z[0] - 0.4))
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(1.0, 5.0), _FULL[plant]
-
-
 LAW = Law(
     effect="sensor_memory",
     listed=False,
-    meaning=("gain", "time_s", "full"),
+    strength="gain",
+    others={"time_s": (1.0, 5.0), "full": _FULL},
     largest={HPV41: 0.8, EFC: 0.5},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.SENSOR, EFC: slots.SENSOR},
+    at=slots.SENSOR,
 )

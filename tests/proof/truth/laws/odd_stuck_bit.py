@@ -16,15 +16,10 @@ def before(command: Array, sample_s: float, p: Sequence[float], rng: np.random.G
     return command - weight * (np.floor(np.abs(command) / weight) % 2.0) * np.sign(command)
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return ()
-
-
 LAW = Law(
     effect="stuck_bit",
     listed=False,
-    meaning=("weight_of_bit",),
+    strength="weight_of_bit",
     largest={HPV41: 12.0, EFC: 0.08, SP08: 8.0},
-    draw=draw,
     before=before,
 )

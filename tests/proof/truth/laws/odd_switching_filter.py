@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import EFC, HPV41, SP08, Law
 
@@ -22,16 +20,12 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return (rng.uniform(1.5, 6.0),)
-
-
 LAW = Law(
     effect="switching_filter",
     listed=False,
-    meaning=("lag_s", "every_s"),
+    strength="lag_s",
+    others={"every_s": (1.5, 6.0)},
     largest={HPV41: 0.5, EFC: 0.3, SP08: 0.6},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.DRIVE, EFC: slots.DRIVE, SP08: slots.DRIVE},
+    at=slots.DRIVE,
 )

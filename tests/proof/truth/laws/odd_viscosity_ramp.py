@@ -14,16 +14,12 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x * np.exp(r.p[0] * (1.0 - max(0.0, r.t) / r.p[1]))
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return (rng.uniform(30.0, 60.0),)
-
-
 LAW = Law(
     effect="viscosity_ramp",
     listed=False,
-    meaning=("log_of_ratio_at_start", "time_to_normal_s"),
+    strength="log_of_ratio_at_start",
+    others={"time_to_normal_s": (30.0, 60.0)},
     largest={HPV41: 1.5, EFC: 1.5, AXIS: 0.7},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.VISCOSITY, EFC: slots.VISCOSITY, AXIS: slots.VISCOSITY},
+    at=slots.VISCOSITY,
 )

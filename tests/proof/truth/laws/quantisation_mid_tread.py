@@ -13,15 +13,10 @@ def after(values: Array, sample_s: float, p: Sequence[float], rng: np.random.Gen
     return values if p[0] <= 0.0 else p[0] * np.round(values / p[0])
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return ()
-
-
 LAW = Law(
     effect="quantisation",
-    meaning=("step",),
+    strength="step",
     largest={HPV41: 20.0, EFC: 40.0, SP08: 4.0, AXIS: 0.05},
-    draw=draw,
     after=after,
     predictable=False,
     shared=tuple(Shared("step", unit, lambda p: p[0]) for unit in ("l/min", "psi", "mm", "m")),

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import HPV41, SP08, Law, Shared
 
@@ -20,16 +18,12 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x / (1.0 + abs(share * x / reference) ** power) ** (1.0 / power)
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(6.0, 14.0), _REFERENCE[plant]
-
-
 LAW = Law(
     effect="rate_limit",
-    meaning=("reference_over_limit", "sharpness", "reference_speed"),
+    strength="reference_over_limit",
+    others={"sharpness": (6.0, 14.0), "reference_speed": _REFERENCE},
     largest={HPV41: 12.0, SP08: 25.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.RATE, SP08: slots.RATE},
+    at=slots.RATE,
     shared=(Shared("limit", "%/s", lambda p: p[2] / p[0]),),
 )

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import EFC, Law
 
@@ -20,15 +18,11 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x / (1.0 + abs(x / limit) ** 10.0) ** 0.1
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(5.0, 7.0), rng.uniform(0.35, 0.6)
-
-
 LAW = Law(
     effect="rate_limit",
-    meaning=("reference_over_limit", "full_current_a", "fall"),
+    strength="reference_over_limit",
+    others={"full_current_a": (5.0, 7.0), "fall": (0.35, 0.6)},
     largest={EFC: 40.0},
-    draw=draw,
     equation=equation,
-    slot={EFC: slots.RATE},
+    at=slots.RATE,
 )

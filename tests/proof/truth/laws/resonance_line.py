@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..delay_line import amend, between, remember
 from ..law import EFC, HPV41, Law
@@ -27,15 +25,11 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
 _TRAVEL_S = {HPV41: (0.03, 0.08), EFC: (0.015, 0.04)}
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(*_TRAVEL_S[plant]), rng.uniform(0.003, 0.006)
-
-
 LAW = Law(
     effect="resonance",
-    meaning=("reflection", "return_time_s", "loss_s"),
+    strength="reflection",
+    others={"return_time_s": _TRAVEL_S, "loss_s": (0.003, 0.006)},
     largest={HPV41: 0.9, EFC: 0.9},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.OUTPUT, EFC: slots.OUTPUT},
+    at=slots.OUTPUT,
 )

@@ -23,17 +23,13 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
 _RAD_S = {HPV41: (25.0, 70.0), EFC: (70.0, 160.0), SP08: (15.0, 50.0), AXIS: (40.0, 90.0)}
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(*_RAD_S[plant]), rng.uniform(0.03, 0.15)
-
-
 LAW = Law(
     effect="resonance",
-    meaning=("share", "frequency_rad_s", "damping"),
+    strength="share",
+    others={"frequency_rad_s": _RAD_S, "damping": (0.03, 0.15)},
     largest={HPV41: 1.0, EFC: 1.0, SP08: 1.0, AXIS: 1.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.OUTPUT, EFC: slots.OUTPUT, SP08: slots.OUTPUT, AXIS: slots.OUTPUT},
+    at=slots.OUTPUT,
     shared=(
         Shared("frequency", "rad/s", lambda p: p[1]),
         Shared("frequency", "Hz", lambda p: p[1] / (2.0 * np.pi)),

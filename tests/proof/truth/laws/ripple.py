@@ -23,17 +23,19 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
 _HZ = {HPV41: (3.0, 30.0), EFC: (5.0, 40.0), SP08: (0.7, 6.0), AXIS: (0.4, 3.0)}
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(*_HZ[plant]), rng.uniform(0.0, 0.4), rng.uniform(0.0, 0.2), rng.uniform(0.0, 6.28), 1.0
-
-
 LAW = Law(
     effect="periodic_disturbance",
-    meaning=("size", "frequency_hz", "second_harmonic", "third_harmonic", "phase_rad", "locked"),
+    strength="size",
+    others={
+        "frequency_hz": _HZ,
+        "second_harmonic": (0.0, 0.4),
+        "third_harmonic": (0.0, 0.2),
+        "phase_rad": (0.0, 6.28),
+        "locked": 1.0,
+    },
     largest={HPV41: 10.0, EFC: 20.0, SP08: 60.0, AXIS: 60.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.OUTPUT, EFC: slots.OUTPUT, SP08: slots.OUTPUT, AXIS: slots.DRIVE},
+    at={HPV41: slots.OUTPUT, EFC: slots.OUTPUT, SP08: slots.OUTPUT, AXIS: slots.DRIVE},
     shared=(
         Shared("frequency", "Hz", lambda p: p[1]),
         Shared("frequency", "rad/s", lambda p: p[1] * 2.0 * np.pi),

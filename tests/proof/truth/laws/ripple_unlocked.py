@@ -4,13 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from . import ripple
 
-
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return (*ripple.draw(rng, plant)[:-1], 0.0)
-
-
-LAW = replace(ripple.LAW, draw=draw, predictable=False)
+LAW = replace(ripple.LAW, others={**ripple.LAW.others, "locked": 0.0}, predictable=False)

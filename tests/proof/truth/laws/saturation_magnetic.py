@@ -28,16 +28,12 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return level if x > 0.0 else -level
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(0.9, 0.97), _SPAN[plant]
-
-
 LAW = Law(
     effect="saturation",
-    meaning=("span_over_limit", "knee", "span"),
+    strength="span_over_limit",
+    others={"knee": (0.9, 0.97), "span": _SPAN},
     largest={HPV41: 2.0, EFC: 1.35, SP08: 3.0, AXIS: 6.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.DRIVE, EFC: slots.DRIVE, SP08: slots.DRIVE, AXIS: slots.DRIVE},
+    at=slots.DRIVE,
     full_sigma={AXIS: (1000.0, 5000.0)},  # a force adds up in a position: a few newtons
 )

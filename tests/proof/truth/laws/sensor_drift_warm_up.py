@@ -25,15 +25,11 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x + size * (1.0 - np.exp(-r.t / time_s) + walk * wander)
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(5.0, 40.0), rng.uniform(0.0, 0.03)
-
-
 LAW = Law(
     effect="sensor_drift",
-    meaning=("size", "time_s", "random_walk_share"),
+    strength="size",
+    others={"time_s": (5.0, 40.0), "random_walk_share": (0.0, 0.03)},
     largest={HPV41: 10.0, EFC: 20.0},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.READING, EFC: slots.READING},
+    at=slots.READING,
 )

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import AXIS, EFC, SP08, Law, Shared
 
@@ -22,17 +20,13 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return r.m[1] + r.z[0]
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return (rng.uniform(0.8, 1.2),)
-
-
 LAW = Law(
     effect="sensor_lag",
-    meaning=("lag_s", "damping"),
+    strength="lag_s",
+    others={"damping": (0.8, 1.2)},
     largest={EFC: 0.08, SP08: 0.15, AXIS: 0.1},
-    draw=draw,
     equation=equation,
-    slot={EFC: slots.SENSOR, SP08: slots.SENSOR, AXIS: slots.SENSOR},
+    at=slots.SENSOR,
     counterparts=("sensor_lag",),
     shared=(Shared("lag", "s", lambda p: p[0]),),
 )

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import HPV41, Law
 
@@ -27,16 +25,12 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return y
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(0.4, 0.7), rng.uniform(1.1, 1.5), 70.0
-
-
 LAW = Law(
     effect="sensor_lag",
-    meaning=("lag_at_full_flow_s", "rate_at_rest", "slower_down", "full_flow"),
+    strength="lag_at_full_flow_s",
+    others={"rate_at_rest": (0.4, 0.7), "slower_down": (1.1, 1.5), "full_flow": 70.0},
     largest={HPV41: 0.3},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.SENSOR},
+    at=slots.SENSOR,
     counterparts=("meter_lag",),
 )

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from .. import slots
 from ..law import EFC, HPV41, SP08, Law
 
@@ -24,15 +22,11 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x * max(0.05, pressure - 0.25 * droop * a * a)
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return rng.uniform(0.15, 1.0), rng.uniform(1.1, 1.4)
-
-
 LAW = Law(
     effect="supply_droop",
-    meaning=("droop_at_full_flow", "time_s", "polytropic_exponent"),
+    strength="droop_at_full_flow",
+    others={"time_s": (0.15, 1.0), "polytropic_exponent": (1.1, 1.4)},
     largest={HPV41: 0.7, EFC: 0.5, SP08: 0.7},
-    draw=draw,
     equation=equation,
-    slot={HPV41: slots.SUPPLY, EFC: slots.SUPPLY, SP08: slots.SUPPLY},
+    at=slots.SUPPLY,
 )

@@ -14,16 +14,12 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
     return x * (1.0 + r.p[0] * 0.5 * (1.0 - np.tanh(b / r.p[1])))
 
 
-def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
-    return (rng.uniform(0.005, 0.03),)
-
-
 LAW = Law(
     effect="asymmetry",
-    meaning=("more_drag_backwards", "transition"),
+    strength="more_drag_backwards",
+    others={"transition": (0.005, 0.03)},
     largest={AXIS: 2.0},
-    draw=draw,
     equation=equation,
-    slot={AXIS: slots.VISCOSITY},
+    at=slots.VISCOSITY,
     full_sigma={AXIS: (1000.0, 5000.0)},  # a force adds up in a position: a few newtons
 )
