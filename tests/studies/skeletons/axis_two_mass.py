@@ -9,18 +9,14 @@ carriage, not on the motor. Full force is about 500 N. Nothing limits the travel
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from tests.studies.skeletons import around
+from tests.studies.skeletons import Array, answering, drawing, fading, more, parameters_of, scaled
 
-Array = NDArray[np.float64]
 PLANT = "linear-axis"
 CHANNELS = {"force": "N", "position": "mm"}
 STEP_S = 0.002
@@ -55,7 +51,7 @@ class Unit:
     sensor_lag_s: float = 0.0005
 
 
-_Parameters: Any = namedtuple("_Parameters", [field.name for field in fields(Unit)])  # type: ignore[misc]
+_Parameters = parameters_of(Unit)
 SPREAD = {
     "force_gain": 0.01,
     "tilt_n": 2.0,
@@ -67,9 +63,7 @@ SPREAD = {
 }
 
 
-def draw(rng: np.random.Generator) -> Unit:
-    """A healthy unit: each parameter some percent around its nominal value."""
-    return around(Unit(), SPREAD, 0.05, rng)
+draw = drawing(Unit(), SPREAD, 0.05)
 
 
 @njit(cache=True)
@@ -140,23 +134,20 @@ def _run(p: Any, command: Array, step_s: float, substeps: int) -> Array:
     return out
 
 
-def respond(unit: Unit, command: Array) -> dict[str, Array]:
-    """Position, without noise, at the samples of a force in N; it counts from where the carriage starts."""
-    return {
-        "position": _run(_Parameters(*astuple(unit)), np.ascontiguousarray(command, dtype=np.float64), STEP_S, SUBSTEPS)
-    }
+respond = answering(_run, _Parameters, CHANNELS, STEP_S, SUBSTEPS)
+"""Position, without noise, at the samples of a force in N; it counts from where the carriage starts."""
 
 
-CHANGES: dict[str, Callable[[Unit, float], Unit]] = {
-    "friction_rise": lambda u, a: replace(u, guide_coulomb_n=u.guide_coulomb_n + 70.0 * a),
-    "breakaway_rise": lambda u, a: replace(u, guide_breakaway=u.guide_breakaway + 1.8 * a),
-    "play": lambda u, a: replace(u, coupling_play_m=u.coupling_play_m + 0.6e-3 * a),
-    "cogging_rise": lambda u, a: replace(u, cogging_n=u.cogging_n + 50.0 * a),
-    "damping_change": lambda u, a: replace(u, guide_ns_per_m=u.guide_ns_per_m * (1.0 + 2.0 * a)),
-    "mass_change": lambda u, a: replace(u, carriage_kg=u.carriage_kg * (1.0 + 0.8 * a)),
-    "gain_loss": lambda u, a: replace(u, force_gain=u.force_gain * (1.0 - 0.25 * a)),
-    "asymmetry": lambda u, a: replace(u, guide_forward=u.guide_forward + 2.0 * a),
-    "zero_shift": lambda u, a: replace(u, tilt_n=u.tilt_n + 40.0 * a),
-    "coupling_soft": lambda u, a: replace(u, coupling_n_per_m=u.coupling_n_per_m * 0.08**a),
-    "sensor_lag": lambda u, a: replace(u, sensor_lag_s=u.sensor_lag_s + 0.04 * a),
+CHANGES = {
+    "friction_rise": more(guide_coulomb_n=70.0),
+    "breakaway_rise": more(guide_breakaway=1.8),
+    "play": more(coupling_play_m=0.6e-3),
+    "cogging_rise": more(cogging_n=50.0),
+    "damping_change": scaled(guide_ns_per_m=2.0),
+    "mass_change": scaled(carriage_kg=0.8),
+    "gain_loss": scaled(force_gain=-0.25),
+    "asymmetry": more(guide_forward=2.0),
+    "zero_shift": more(tilt_n=40.0),
+    "coupling_soft": fading(coupling_n_per_m=0.08),
+    "sensor_lag": more(sensor_lag_s=0.04),
 }

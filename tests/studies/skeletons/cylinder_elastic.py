@@ -10,18 +10,14 @@ motion is positive. Masses, pressures and stiffnesses are assumed: the paper giv
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from tests.studies.skeletons import around
+from tests.studies.skeletons import Array, answering, drawing, fading, more, parameters_of, scaled
 
-Array = NDArray[np.float64]
 PLANT = "hydraforce-open-loop"
 CHANNELS = {"current": "A", "position": "mm", "pressure A": "bar", "pressure B": "bar"}
 STEP_S = 0.002
@@ -87,7 +83,7 @@ class Unit:
     sensor_lag_s: float = 0.003
 
 
-_Parameters: Any = namedtuple("_Parameters", [field.name for field in fields(Unit)])  # type: ignore[misc]
+_Parameters = parameters_of(Unit)
 SPREAD = {
     "bore_m2": 0.0,
     "ring_m2": 0.0,
@@ -104,9 +100,7 @@ SPREAD = {
 }
 
 
-def draw(rng: np.random.Generator) -> Unit:
-    """A healthy unit: each parameter some percent around its nominal value."""
-    return around(Unit(), SPREAD, 0.05, rng)
+draw = drawing(Unit(), SPREAD, 0.05)
 
 
 @njit(cache=True)
@@ -275,10 +269,8 @@ def _run(p: Any, command: Array, step_s: float, substeps: int) -> Array:
     return out
 
 
-def respond(unit: Unit, command: Array) -> dict[str, Array]:
-    """Position and both pressures, without noise, at the samples of a current in A, from the middle of the stroke."""
-    rows = _run(_Parameters(*astuple(unit)), np.ascontiguousarray(command, dtype=np.float64), STEP_S, SUBSTEPS)
-    return {"position": rows[0], "pressure A": rows[1], "pressure B": rows[2]}
+respond = answering(_run, _Parameters, CHANNELS, STEP_S, SUBSTEPS)
+"""Position and both pressures, without noise, at the samples of a current in A, from the middle of the stroke."""
 
 
 def _soft_relief(unit: Unit, amount: float) -> Unit:
@@ -291,21 +283,19 @@ def _soft_relief(unit: Unit, amount: float) -> Unit:
     )
 
 
-CHANGES: dict[str, Callable[[Unit, float], Unit]] = {
-    "friction_rise": lambda u, a: replace(u, spool_coulomb_n=u.spool_coulomb_n + 3.0 * a),
-    "breakaway_rise": lambda u, a: replace(u, spool_breakaway=u.spool_breakaway + 9.0 * a),
-    "play": lambda u, a: replace(u, spool_play_m=u.spool_play_m + 0.2e-3 * a),
-    "slower_pilot": lambda u, a: replace(
-        u, coil_lag_s=u.coil_lag_s * (1.0 + 0.6 * a), spool_ns_per_m=u.spool_ns_per_m * (1.0 + 0.6 * a)
-    ),
-    "damping_change": lambda u, a: replace(u, spool_ns_per_m=u.spool_ns_per_m * (1.0 + 6.0 * a)),
-    "edge_worn": lambda u, a: replace(u, edge_radius_m=u.edge_radius_m + 0.5e-3 * a),
-    "leakage": lambda u, a: replace(u, piston_leak_m3_per_pa_s=u.piston_leak_m3_per_pa_s + 6.0e-12 * a),
+CHANGES = {
+    "friction_rise": more(spool_coulomb_n=3.0),
+    "breakaway_rise": more(spool_breakaway=9.0),
+    "play": more(spool_play_m=0.2e-3),
+    "slower_pilot": scaled(coil_lag_s=0.6, spool_ns_per_m=0.6),
+    "damping_change": scaled(spool_ns_per_m=6.0),
+    "edge_worn": more(edge_radius_m=0.5e-3),
+    "leakage": more(piston_leak_m3_per_pa_s=6.0e-12),
     "supply_sag": _soft_relief,
-    "zero_shift": lambda u, a: replace(u, spring_offset_n=u.spring_offset_n + 4.0 * a),
-    "gain_loss": lambda u, a: replace(u, coil_n_per_a=u.coil_n_per_a * (1.0 - 0.25 * a)),
-    "orifice_clogged": lambda u, a: replace(u, return_m2=u.return_m2 * 0.12**a),
-    "stroke_stop": lambda u, a: replace(u, spool_stroke_m=u.spool_stroke_m * (1.0 - 0.45 * a)),
-    "asymmetry": lambda u, a: replace(u, seal_outward=u.seal_outward + 12.0 * a),
-    "sensor_lag": lambda u, a: replace(u, sensor_lag_s=u.sensor_lag_s + 0.05 * a),
+    "zero_shift": more(spring_offset_n=4.0),
+    "gain_loss": scaled(coil_n_per_a=-0.25),
+    "orifice_clogged": fading(return_m2=0.12),
+    "stroke_stop": scaled(spool_stroke_m=-0.45),
+    "asymmetry": more(seal_outward=12.0),
+    "sensor_lag": more(sensor_lag_s=0.05),
 }

@@ -11,18 +11,14 @@ maker's data sheet.
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from tests.studies.skeletons import around
+from tests.studies.skeletons import Array, answering, drawing, more, parameters_of, scaled
 
-Array = NDArray[np.float64]
 PLANT = "hydraforce-open-loop"
 CHANNELS = {"current": "A", "position": "mm", "pressure A": "bar", "pressure B": "bar"}
 STEP_S = 0.002
@@ -82,7 +78,7 @@ class Unit:
     sensor_lag_s: float = 0.002
 
 
-_Parameters: Any = namedtuple("_Parameters", [field.name for field in fields(Unit)])  # type: ignore[misc]
+_Parameters = parameters_of(Unit)
 SPREAD = {
     "bore_m2": 0.0,
     "ring_m2": 0.0,
@@ -99,9 +95,7 @@ SPREAD = {
 }
 
 
-def draw(rng: np.random.Generator) -> Unit:
-    """A healthy unit: each parameter some percent around its nominal value."""
-    return around(Unit(), SPREAD, 0.05, rng)
+draw = drawing(Unit(), SPREAD, 0.05)
 
 
 @njit(cache=True)
@@ -232,28 +226,24 @@ def _run(p: Any, command: Array, step_s: float, substeps: int) -> Array:
     return out
 
 
-def respond(unit: Unit, command: Array) -> dict[str, Array]:
-    """Position and both pressures, without noise, at the samples of a current in A, from the middle of the stroke."""
-    rows = _run(_Parameters(*astuple(unit)), np.ascontiguousarray(command, dtype=np.float64), STEP_S, SUBSTEPS)
-    return {"position": rows[0], "pressure A": rows[1], "pressure B": rows[2]}
+respond = answering(_run, _Parameters, CHANNELS, STEP_S, SUBSTEPS)
+"""Position and both pressures, without noise, at the samples of a current in A, from the middle of the stroke."""
 
 
-CHANGES: dict[str, Callable[[Unit, float], Unit]] = {
-    "friction_rise": lambda u, a: replace(u, spool_coulomb_n=u.spool_coulomb_n + 1.8 * a),
-    "breakaway_rise": lambda u, a: replace(u, spool_breakaway=u.spool_breakaway + 10.0 * a),
-    "stiction_one_side": lambda u, a: replace(u, spool_one_side_n=u.spool_one_side_n + 3.0 * a),
-    "play": lambda u, a: replace(u, spool_play_m=u.spool_play_m + 0.2e-3 * a),
-    "magnetic_hysteresis": lambda u, a: replace(u, remanence_a=u.remanence_a + 0.1 * a),
-    "slower_pilot": lambda u, a: replace(
-        u, field_lag_s=u.field_lag_s * (1.0 + 0.6 * a), spool_ns_per_m=u.spool_ns_per_m * (1.0 + 0.6 * a)
-    ),
-    "damping_change": lambda u, a: replace(u, spool_ns_per_m=u.spool_ns_per_m * (1.0 + 6.0 * a)),
-    "edge_worn": lambda u, a: replace(u, edge_radius_m=u.edge_radius_m + 0.4e-3 * a),
-    "leakage": lambda u, a: replace(u, valve_leak_m3_per_pa_s=u.valve_leak_m3_per_pa_s + 2.0e-12 * a),
-    "supply_sag": lambda u, a: replace(u, supply_pa_s_per_m3=u.supply_pa_s_per_m3 + 3.0e10 * a),
-    "zero_shift": lambda u, a: replace(u, seat_shift_m=u.seat_shift_m + 0.2e-3 * a),
-    "gain_loss": lambda u, a: replace(u, coil_n_per_a=u.coil_n_per_a * (1.0 - 0.25 * a)),
-    "orifice_clogged": lambda u, a: replace(u, inlet_open=u.inlet_open * (1.0 - 0.6 * a)),
-    "stroke_stop": lambda u, a: replace(u, spool_stroke_m=u.spool_stroke_m * (1.0 - 0.45 * a)),
-    "sensor_lag": lambda u, a: replace(u, sensor_lag_s=u.sensor_lag_s + 0.05 * a),
+CHANGES = {
+    "friction_rise": more(spool_coulomb_n=1.8),
+    "breakaway_rise": more(spool_breakaway=10.0),
+    "stiction_one_side": more(spool_one_side_n=3.0),
+    "play": more(spool_play_m=0.2e-3),
+    "magnetic_hysteresis": more(remanence_a=0.1),
+    "slower_pilot": scaled(field_lag_s=0.6, spool_ns_per_m=0.6),
+    "damping_change": scaled(spool_ns_per_m=6.0),
+    "edge_worn": more(edge_radius_m=0.4e-3),
+    "leakage": more(valve_leak_m3_per_pa_s=2.0e-12),
+    "supply_sag": more(supply_pa_s_per_m3=3.0e10),
+    "zero_shift": more(seat_shift_m=0.2e-3),
+    "gain_loss": scaled(coil_n_per_a=-0.25),
+    "orifice_clogged": scaled(inlet_open=-0.6),
+    "stroke_stop": scaled(spool_stroke_m=-0.45),
+    "sensor_lag": more(sensor_lag_s=0.05),
 }

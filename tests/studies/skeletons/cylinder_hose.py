@@ -11,18 +11,14 @@ hoses and pressures are assumed: the paper gives none.
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from tests.studies.skeletons import around
+from tests.studies.skeletons import Array, answering, drawing, more, parameters_of, scaled
 
-Array = NDArray[np.float64]
 PLANT = "hydraforce-open-loop"
 CHANNELS = {"current": "A", "position": "mm"}
 STEP_S = 0.002
@@ -77,13 +73,11 @@ class Unit:
     sensor_lag_s: float = 0.002
 
 
-_Parameters: Any = namedtuple("_Parameters", [field.name for field in fields(Unit)])  # type: ignore[misc]
+_Parameters = parameters_of(Unit)
 SPREAD = {"half_m": 0.0, "head_m2": 0.0, "rod_m2": 0.0, "overlap_m": 0.03, "seal_n": 0.2, "remanence_a": 0.2}
 
 
-def draw(rng: np.random.Generator) -> Unit:
-    """A healthy unit: each parameter some percent around its nominal value."""
-    return around(Unit(), SPREAD, 0.04, rng)
+draw = drawing(Unit(), SPREAD, 0.04)
 
 
 @njit(cache=True)
@@ -170,26 +164,24 @@ def _run(p: Any, command: Array, step_s: float, substeps: int) -> Array:
     return out
 
 
-def respond(unit: Unit, command: Array) -> dict[str, Array]:
-    """Place, without noise, at the samples of a current in A, from the middle of the stroke."""
-    rows = _run(_Parameters(*astuple(unit)), np.ascontiguousarray(command, dtype=np.float64), STEP_S, SUBSTEPS)
-    return {"position": rows}
+respond = answering(_run, _Parameters, CHANNELS, STEP_S, SUBSTEPS)
+"""Place, without noise, at the samples of a current in A, from the middle of the stroke."""
 
 
-CHANGES: dict[str, Callable[[Unit, float], Unit]] = {
-    "friction_rise": lambda u, a: replace(u, spool_friction_a=u.spool_friction_a + 0.2 * a),
-    "magnetic_hysteresis": lambda u, a: replace(u, remanence_a=u.remanence_a + 0.12 * a),
+CHANGES = {
+    "friction_rise": more(spool_friction_a=0.2),
+    "magnetic_hysteresis": more(remanence_a=0.12),
     "slower_pilot": lambda u, a: replace(
         u, coil_lag_s=u.coil_lag_s * (1.0 + 3.0 * a), spool_rad_per_s=u.spool_rad_per_s / (1.0 + 0.6 * a)
     ),
-    "damping_change": lambda u, a: replace(u, spool_damping=u.spool_damping * (1.0 + 4.0 * a)),
-    "edge_worn": lambda u, a: replace(u, edge_m=u.edge_m + 0.5e-3 * a),
-    "leakage": lambda u, a: replace(u, piston_leak_m3_per_pa_s=u.piston_leak_m3_per_pa_s + 8.0e-12 * a),
-    "supply_sag": lambda u, a: replace(u, pump_m3_per_s=u.pump_m3_per_s * (1.0 - 0.7 * a)),
-    "zero_shift": lambda u, a: replace(u, shift_a=u.shift_a + 0.15 * a),
-    "gain_loss": lambda u, a: replace(u, spool_m_per_a=u.spool_m_per_a * (1.0 - 0.25 * a)),
-    "orifice_clogged": lambda u, a: replace(u, counterbalance_m2=u.counterbalance_m2 * (1.0 - 0.7 * a)),
-    "stroke_stop": lambda u, a: replace(u, stroke_m=u.stroke_m * (1.0 - 0.5 * a)),
-    "asymmetry": lambda u, a: replace(u, seal_out_n=u.seal_out_n + 2500.0 * a),
-    "sensor_lag": lambda u, a: replace(u, sensor_lag_s=u.sensor_lag_s + 0.05 * a),
+    "damping_change": scaled(spool_damping=4.0),
+    "edge_worn": more(edge_m=0.5e-3),
+    "leakage": more(piston_leak_m3_per_pa_s=8.0e-12),
+    "supply_sag": scaled(pump_m3_per_s=-0.7),
+    "zero_shift": more(shift_a=0.15),
+    "gain_loss": scaled(spool_m_per_a=-0.25),
+    "orifice_clogged": scaled(counterbalance_m2=-0.7),
+    "stroke_stop": scaled(stroke_m=-0.5),
+    "asymmetry": more(seal_out_n=2500.0),
+    "sensor_lag": more(sensor_lag_s=0.05),
 }

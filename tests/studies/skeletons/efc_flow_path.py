@@ -12,18 +12,14 @@ from running back, and a relief valve limits the rail. After the thesis 1.4, 1.6
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from tests.studies.skeletons import around
+from tests.studies.skeletons import Array, answering, drawing, fading, more, parameters_of, scaled
 
-Array = NDArray[np.float64]
 PLANT = "cummins-efc"
 CHANNELS = {"current": "A", "pressure": "psi"}
 STEP_S = 0.002
@@ -72,7 +68,7 @@ class Unit:
     sensor_lag_s: float = 0.004
 
 
-_Parameters: Any = namedtuple("_Parameters", [field.name for field in fields(Unit)])  # type: ignore[misc]
+_Parameters = parameters_of(Unit)
 SPREAD = {
     "preload_nm": 0.015,
     "torque_nm_per_a2": 0.015,
@@ -83,9 +79,7 @@ SPREAD = {
 }
 
 
-def draw(rng: np.random.Generator) -> Unit:
-    """A healthy unit: each parameter some percent around its nominal value."""
-    return around(Unit(), SPREAD, 0.04, rng)
+draw = drawing(Unit(), SPREAD, 0.04)
 
 
 @njit(cache=True)
@@ -163,27 +157,24 @@ def _run(p: Any, current: Array, step_s: float, substeps: int) -> Array:
     return out
 
 
-def respond(unit: Unit, command: Array) -> dict[str, Array]:
-    """Rail pressure, without noise, at the samples of a coil current in A."""
-    return {
-        "pressure": _run(_Parameters(*astuple(unit)), np.ascontiguousarray(command, dtype=np.float64), STEP_S, SUBSTEPS)
-    }
+respond = answering(_run, _Parameters, CHANNELS, STEP_S, SUBSTEPS)
+"""Rail pressure, without noise, at the samples of a coil current in A."""
 
 
-CHANGES: dict[str, Callable[[Unit, float], Unit]] = {
-    "friction_rise": lambda u, a: replace(u, coulomb_nm=u.coulomb_nm + 5.0e-3 * a),
-    "breakaway_rise": lambda u, a: replace(u, breakaway=u.breakaway + 20.0 * a),
-    "stiction_one_side": lambda u, a: replace(u, opening_nm=u.opening_nm + 7.0e-3 * a),
-    "play": lambda u, a: replace(u, play_rad=u.play_rad + 0.09 * a),
-    "magnetic_hysteresis": lambda u, a: replace(u, remanence_a=u.remanence_a + 0.08 * a),
-    "slower_pilot": lambda u, a: replace(u, coil_lag_s=u.coil_lag_s * (1.0 + 0.6 * a)),
-    "damping_change": lambda u, a: replace(u, viscous_nms=u.viscous_nms * (1.0 + 4.0 * a)),
-    "edge_worn": lambda u, a: replace(u, round_rad=u.round_rad + 0.35 * a),
-    "leakage": lambda u, a: replace(u, leak=u.leak + 0.04 * a),
-    "supply_sag": lambda u, a: replace(u, sag_psi=u.sag_psi + 4.0 * a),
-    "zero_shift": lambda u, a: replace(u, preload_nm=u.preload_nm + 7.0e-3 * a),
-    "gain_loss": lambda u, a: replace(u, torque_nm_per_a2=u.torque_nm_per_a2 * (1.0 - 0.25 * a)),
-    "orifice_clogged": lambda u, a: replace(u, filter=u.filter * 0.12**a),
-    "stroke_stop": lambda u, a: replace(u, stop_rad=u.stop_rad - 0.48 * a),
-    "sensor_lag": lambda u, a: replace(u, sensor_lag_s=u.sensor_lag_s + 0.06 * a),
+CHANGES = {
+    "friction_rise": more(coulomb_nm=5.0e-3),
+    "breakaway_rise": more(breakaway=20.0),
+    "stiction_one_side": more(opening_nm=7.0e-3),
+    "play": more(play_rad=0.09),
+    "magnetic_hysteresis": more(remanence_a=0.08),
+    "slower_pilot": scaled(coil_lag_s=0.6),
+    "damping_change": scaled(viscous_nms=4.0),
+    "edge_worn": more(round_rad=0.35),
+    "leakage": more(leak=0.04),
+    "supply_sag": more(sag_psi=4.0),
+    "zero_shift": more(preload_nm=7.0e-3),
+    "gain_loss": scaled(torque_nm_per_a2=-0.25),
+    "orifice_clogged": fading(filter=0.12),
+    "stroke_stop": more(stop_rad=-0.48),
+    "sensor_lag": more(sensor_lag_s=0.06),
 }

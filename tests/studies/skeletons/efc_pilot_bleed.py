@@ -10,18 +10,14 @@ and 2.0 A give about 26, 120 and 210 psi; masses, faces and volumes are assumed.
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from tests.studies.skeletons import around
+from tests.studies.skeletons import Array, answering, drawing, more, parameters_of, scaled
 
-Array = NDArray[np.float64]
 PLANT = "cummins-efc"
 CHANNELS = {"current": "A", "pressure": "psi"}
 STEP_S = 0.002
@@ -70,13 +66,11 @@ class Unit:
     sensor_lag_s: float = 0.003
 
 
-_Parameters: Any = namedtuple("_Parameters", [field.name for field in fields(Unit)])  # type: ignore[misc]
+_Parameters = parameters_of(Unit)
 SPREAD = {"bleed_psi_per_a": 0.01, "preload_psi": 0.01, "saturation_a": 0.02, "coulomb_n": 0.2, "remanence_a": 0.2}
 
 
-def draw(rng: np.random.Generator) -> Unit:
-    """A healthy unit: each parameter some percent around its nominal value."""
-    return around(Unit(), SPREAD, 0.05, rng)
+draw = drawing(Unit(), SPREAD, 0.05)
 
 
 @njit(cache=True)
@@ -134,24 +128,22 @@ def _run(p: Any, command: Array, step_s: float, substeps: int) -> Array:
     return out
 
 
-def respond(unit: Unit, command: Array) -> dict[str, Array]:
-    """Pressure, without noise, at the samples of a command in A."""
-    rows = _run(_Parameters(*astuple(unit)), np.ascontiguousarray(command, dtype=np.float64), STEP_S, SUBSTEPS)
-    return {"pressure": rows}
+respond = answering(_run, _Parameters, CHANNELS, STEP_S, SUBSTEPS)
+"""Pressure, without noise, at the samples of a command in A."""
 
 
-CHANGES: dict[str, Callable[[Unit, float], Unit]] = {
-    "friction_rise": lambda u, a: replace(u, coulomb_n=u.coulomb_n + 12.0 * a),
-    "breakaway_rise": lambda u, a: replace(u, breakaway=u.breakaway + 40.0 * a),
-    "stiction_one_side": lambda u, a: replace(u, opening_n=u.opening_n + 14.0 * a),
-    "magnetic_hysteresis": lambda u, a: replace(u, remanence_a=u.remanence_a + 0.08 * a),
-    "slower_pilot": lambda u, a: replace(u, flux_lag_s=u.flux_lag_s * (1.0 + 5.0 * a)),
-    "feed_clogged": lambda u, a: replace(u, feed=u.feed * (1.0 - 0.8 * a)),
-    "damping_change": lambda u, a: replace(u, viscous_ns_per_m=u.viscous_ns_per_m * (1.0 + 20.0 * a)),
-    "leakage": lambda u, a: replace(u, leak=u.leak + 0.8 * a),
-    "supply_sag": lambda u, a: replace(u, pump_psi=u.pump_psi * (1.0 - 0.5 * a)),
-    "zero_shift": lambda u, a: replace(u, preload_n=u.preload_n + 20.0 * a),
-    "gain_loss": lambda u, a: replace(u, bleed_psi_per_a=u.bleed_psi_per_a * (1.0 - 0.12 * a)),
-    "stroke_stop": lambda u, a: replace(u, stop_m=u.stop_m - 1.3e-3 * a),
-    "sensor_lag": lambda u, a: replace(u, sensor_lag_s=u.sensor_lag_s + 0.06 * a),
+CHANGES = {
+    "friction_rise": more(coulomb_n=12.0),
+    "breakaway_rise": more(breakaway=40.0),
+    "stiction_one_side": more(opening_n=14.0),
+    "magnetic_hysteresis": more(remanence_a=0.08),
+    "slower_pilot": scaled(flux_lag_s=5.0),
+    "feed_clogged": scaled(feed=-0.8),
+    "damping_change": scaled(viscous_ns_per_m=20.0),
+    "leakage": more(leak=0.8),
+    "supply_sag": scaled(pump_psi=-0.5),
+    "zero_shift": more(preload_n=20.0),
+    "gain_loss": scaled(bleed_psi_per_a=-0.12),
+    "stroke_stop": more(stop_m=-1.3e-3),
+    "sensor_lag": more(sensor_lag_s=0.06),
 }

@@ -10,18 +10,14 @@ and 2.0 A give about 26, 120 and 210 psi; masses, faces and volumes are assumed.
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from tests.studies.skeletons import around
+from tests.studies.skeletons import Array, answering, drawing, more, parameters_of, scaled
 
-Array = NDArray[np.float64]
 PLANT = "cummins-efc"
 CHANNELS = {"current": "A", "pressure": "psi"}
 STEP_S = 0.002
@@ -65,13 +61,11 @@ class Unit:
     sensor_lag_s: float = 0.003
 
 
-_Parameters: Any = namedtuple("_Parameters", [field.name for field in fields(Unit)])  # type: ignore[misc]
+_Parameters = parameters_of(Unit)
 SPREAD = {"preload_n": 0.012, "force_n_per_a": 0.012, "relief_psi": 0.02, "coulomb_n": 0.2, "saturation_a": 0.02}
 
 
-def draw(rng: np.random.Generator) -> Unit:
-    """A healthy unit: each parameter some percent around its nominal value."""
-    return around(Unit(), SPREAD, 0.04, rng)
+draw = drawing(Unit(), SPREAD, 0.04)
 
 
 @njit(cache=True)
@@ -131,26 +125,24 @@ def _run(p: Any, command: Array, step_s: float, substeps: int) -> Array:
     return out
 
 
-def respond(unit: Unit, command: Array) -> dict[str, Array]:
-    """Pressure, without noise, at the samples of a current in A."""
-    rows = _run(_Parameters(*astuple(unit)), np.ascontiguousarray(command, dtype=np.float64), STEP_S, SUBSTEPS)
-    return {"pressure": rows}
+respond = answering(_run, _Parameters, CHANNELS, STEP_S, SUBSTEPS)
+"""Pressure, without noise, at the samples of a current in A."""
 
 
-CHANGES: dict[str, Callable[[Unit, float], Unit]] = {
-    "friction_rise": lambda u, a: replace(u, coulomb_n=u.coulomb_n + 0.7 * a),
-    "breakaway_rise": lambda u, a: replace(u, breakaway=u.breakaway + 14.0 * a),
-    "stiction_one_side": lambda u, a: replace(u, opening_n=u.opening_n + 0.9 * a),
-    "play": lambda u, a: replace(u, play_m=u.play_m + 3.0e-4 * a),
-    "magnetic_hysteresis": lambda u, a: replace(u, remanence_a=u.remanence_a + 0.08 * a),
-    "slower_pilot": lambda u, a: replace(u, flux_lag_s=u.flux_lag_s * (1.0 + 1.5 * a)),
-    "damping_change": lambda u, a: replace(u, viscous_ns_per_m=u.viscous_ns_per_m * (1.0 + 6.0 * a)),
-    "edge_worn": lambda u, a: replace(u, round_m=u.round_m + 1.0e-3 * a),
-    "leakage": lambda u, a: replace(u, leak=u.leak + 0.8 * a),
-    "supply_sag": lambda u, a: replace(u, pump_cm3_per_s=u.pump_cm3_per_s * (1.0 - 0.7 * a)),
-    "zero_shift": lambda u, a: replace(u, preload_n=u.preload_n + 1.0 * a),
-    "gain_loss": lambda u, a: replace(u, force_n_per_a=u.force_n_per_a * (1.0 - 0.2 * a)),
-    "orifice_clogged": lambda u, a: replace(u, outlet=u.outlet * (1.0 - 0.5 * a)),
-    "stroke_stop": lambda u, a: replace(u, stop_m=u.stop_m - 2.4e-3 * a),
-    "sensor_lag": lambda u, a: replace(u, sensor_lag_s=u.sensor_lag_s + 0.06 * a),
+CHANGES = {
+    "friction_rise": more(coulomb_n=0.7),
+    "breakaway_rise": more(breakaway=14.0),
+    "stiction_one_side": more(opening_n=0.9),
+    "play": more(play_m=3.0e-4),
+    "magnetic_hysteresis": more(remanence_a=0.08),
+    "slower_pilot": scaled(flux_lag_s=1.5),
+    "damping_change": scaled(viscous_ns_per_m=6.0),
+    "edge_worn": more(round_m=1.0e-3),
+    "leakage": more(leak=0.8),
+    "supply_sag": scaled(pump_cm3_per_s=-0.7),
+    "zero_shift": more(preload_n=1.0),
+    "gain_loss": scaled(force_n_per_a=-0.2),
+    "orifice_clogged": scaled(outlet=-0.5),
+    "stroke_stop": more(stop_m=-2.4e-3),
+    "sensor_lag": more(sensor_lag_s=0.06),
 }

@@ -10,18 +10,14 @@ senses the load; edges of unequal overlap and width. 100 % is about 70 l/min, th
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from tests.studies.skeletons import around
+from tests.studies.skeletons import Array, answering, drawing, more, parameters_of, scaled
 
-Array = NDArray[np.float64]
 PLANT = "brevini-hpv41"
 CHANNELS = {"command": "%", "flow": "l/min"}
 STEP_S = 0.004
@@ -72,7 +68,7 @@ class Unit:
     sensor_lag_s: float = 0.012
 
 
-_Parameters: Any = namedtuple("_Parameters", [field.name for field in fields(Unit)])  # type: ignore[misc]
+_Parameters = parameters_of(Unit)
 SPREAD = {
     "overlap_a_m": 0.03,
     "overlap_b_m": 0.03,
@@ -83,9 +79,7 @@ SPREAD = {
 }
 
 
-def draw(rng: np.random.Generator) -> Unit:
-    """A healthy unit: each parameter some percent around its nominal value."""
-    return around(Unit(), SPREAD, 0.05, rng)
+draw = drawing(Unit(), SPREAD, 0.05)
 
 
 @njit(cache=True)
@@ -147,25 +141,23 @@ def _run(p: Any, command: Array, step_s: float, substeps: int) -> Array:
     return out
 
 
-def respond(unit: Unit, command: Array) -> dict[str, Array]:
-    """Flow, without noise, at the samples of a command in %."""
-    rows = _run(_Parameters(*astuple(unit)), np.ascontiguousarray(command, dtype=np.float64), STEP_S, SUBSTEPS)
-    return {"flow": rows}
+respond = answering(_run, _Parameters, CHANNELS, STEP_S, SUBSTEPS)
+"""Flow, without noise, at the samples of a command in %."""
 
 
-CHANGES: dict[str, Callable[[Unit, float], Unit]] = {
-    "friction_rise": lambda u, a: replace(u, coulomb_n=u.coulomb_n + 60.0 * a),
-    "breakaway_rise": lambda u, a: replace(u, breakaway=u.breakaway + 25.0 * a),
-    "play": lambda u, a: replace(u, lever_play_m=u.lever_play_m + 0.6e-3 * a),
-    "magnetic_hysteresis": lambda u, a: replace(u, remanence=u.remanence + 0.1 * a),
-    "slower_pilot": lambda u, a: replace(u, spool_ns_per_m=u.spool_ns_per_m * (1.0 + 6.0 * a)),
-    "edge_worn": lambda u, a: replace(u, edge_m=u.edge_m + 1.8e-3 * a),
-    "leakage": lambda u, a: replace(u, leak_m2=u.leak_m2 + 6.0e-6 * a),
-    "supply_sag": lambda u, a: replace(u, sag_pa_s_per_m3=u.sag_pa_s_per_m3 + 4.0e10 * a),
-    "zero_shift": lambda u, a: replace(u, offset=u.offset + 0.12 * a),
-    "gain_loss": lambda u, a: replace(u, wanted_m=u.wanted_m * (1.0 - 0.25 * a)),
-    "spring_weak": lambda u, a: replace(u, compensator_pa=u.compensator_pa * (1.0 - 0.6 * a)),
-    "asymmetry": lambda u, a: replace(u, width_a_m=u.width_a_m * (1.0 - 0.4 * a)),
-    "stroke_stop": lambda u, a: replace(u, stop_m=u.stop_m - 3.6e-3 * a),
-    "sensor_lag": lambda u, a: replace(u, sensor_lag_s=u.sensor_lag_s + 0.08 * a),
+CHANGES = {
+    "friction_rise": more(coulomb_n=60.0),
+    "breakaway_rise": more(breakaway=25.0),
+    "play": more(lever_play_m=0.6e-3),
+    "magnetic_hysteresis": more(remanence=0.1),
+    "slower_pilot": scaled(spool_ns_per_m=6.0),
+    "edge_worn": more(edge_m=1.8e-3),
+    "leakage": more(leak_m2=6.0e-6),
+    "supply_sag": more(sag_pa_s_per_m3=4.0e10),
+    "zero_shift": more(offset=0.12),
+    "gain_loss": scaled(wanted_m=-0.25),
+    "spring_weak": scaled(compensator_pa=-0.6),
+    "asymmetry": scaled(width_a_m=-0.4),
+    "stroke_stop": more(stop_m=-3.6e-3),
+    "sensor_lag": more(sensor_lag_s=0.08),
 }

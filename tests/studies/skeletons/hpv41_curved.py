@@ -11,18 +11,14 @@ both sides differ. 100 % is about 70 l/min, the dead band about ±25 %. Masses, 
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from tests.studies.skeletons import around
+from tests.studies.skeletons import Array, answering, divided, drawing, more, parameters_of, scaled
 
-Array = NDArray[np.float64]
 PLANT = "brevini-hpv41"
 CHANNELS = {"command": "%", "flow": "l/min"}
 STEP_S = 0.004
@@ -74,13 +70,11 @@ class Unit:
     converter_lag_s: float = 0.012
 
 
-_Parameters: Any = namedtuple("_Parameters", [field.name for field in fields(Unit)])  # type: ignore[misc]
+_Parameters = parameters_of(Unit)
 SPREAD = {"stroke_m": 0.0, "overlap_a_m": 0.03, "overlap_b_m": 0.03, "coulomb_n": 0.2, "side_b": 0.02, "pad_a_m": 0.02}
 
 
-def draw(rng: np.random.Generator) -> Unit:
-    """A healthy unit: each parameter some percent around its nominal value."""
-    return around(Unit(), SPREAD, 0.04, rng)
+draw = drawing(Unit(), SPREAD, 0.04)
 
 
 @njit(cache=True)
@@ -154,26 +148,23 @@ def _run(p: Any, command: Array, step_s: float, substeps: int) -> Array:
     return out
 
 
-def respond(unit: Unit, command: Array) -> dict[str, Array]:
-    """Flow, without noise, at the samples of a command in %."""
-    return {
-        "flow": _run(_Parameters(*astuple(unit)), np.ascontiguousarray(command, dtype=np.float64), STEP_S, SUBSTEPS)
-    }
+respond = answering(_run, _Parameters, CHANNELS, STEP_S, SUBSTEPS)
+"""Flow, without noise, at the samples of a command in %."""
 
 
-CHANGES: dict[str, Callable[[Unit, float], Unit]] = {
-    "friction_rise": lambda u, a: replace(u, coulomb_n=u.coulomb_n + 180.0 * a),
-    "breakaway_rise": lambda u, a: replace(u, breakaway=u.breakaway + 16.0 * a),
-    "stiction_one_side": lambda u, a: replace(u, one_side_n=u.one_side_n + 250.0 * a),
-    "play": lambda u, a: replace(u, play_m=u.play_m + 0.7e-3 * a),
-    "slower_pilot": lambda u, a: replace(u, pilot_rad_per_s=u.pilot_rad_per_s / (1.0 + 0.6 * a)),
-    "damping_change": lambda u, a: replace(u, spool_ns_per_m=u.spool_ns_per_m * (1.0 + 1.5 * a)),
-    "edge_worn": lambda u, a: replace(u, edge_m=u.edge_m + 1.6e-3 * a),
-    "leakage": lambda u, a: replace(u, leak_m2=u.leak_m2 + 4.5e-6 * a),
-    "supply_sag": lambda u, a: replace(u, sag_pa_per_lpm=u.sag_pa_per_lpm + 7.0e4 * a),
-    "zero_shift": lambda u, a: replace(u, neutral_m=u.neutral_m + 2.4e-3 * a),
+CHANGES = {
+    "friction_rise": more(coulomb_n=180.0),
+    "breakaway_rise": more(breakaway=16.0),
+    "stiction_one_side": more(one_side_n=250.0),
+    "play": more(play_m=0.7e-3),
+    "slower_pilot": divided(pilot_rad_per_s=0.6),
+    "damping_change": scaled(spool_ns_per_m=1.5),
+    "edge_worn": more(edge_m=1.6e-3),
+    "leakage": more(leak_m2=4.5e-6),
+    "supply_sag": more(sag_pa_per_lpm=7.0e4),
+    "zero_shift": more(neutral_m=2.4e-3),
     "gain_loss": lambda u, a: replace(u, drop_pa=u.drop_pa * (1.0 - 0.25 * a) ** 2),
-    "asymmetry": lambda u, a: replace(u, side_b=u.side_b * (1.0 - 0.3 * a)),
-    "stroke_stop": lambda u, a: replace(u, pad_a_m=u.pad_a_m - 2.6e-3 * a, pad_b_m=u.pad_b_m - 2.6e-3 * a),
-    "sensor_lag": lambda u, a: replace(u, rotor_l=u.rotor_l + 4.0 * a),
+    "asymmetry": scaled(side_b=-0.3),
+    "stroke_stop": more(pad_a_m=-2.6e-3, pad_b_m=-2.6e-3),
+    "sensor_lag": more(rotor_l=4.0),
 }

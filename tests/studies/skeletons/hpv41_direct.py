@@ -9,18 +9,14 @@ each port between the metering edge and the orifice of the load. 100 % is about 
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from tests.studies.skeletons import around
+from tests.studies.skeletons import Array, answering, drawing, more, parameters_of, scaled
 
-Array = NDArray[np.float64]
 PLANT = "brevini-hpv41"
 CHANNELS = {"command": "%", "flow": "l/min"}
 STEP_S = 0.004
@@ -66,13 +62,11 @@ class Unit:
     sensor_lag_s: float = 0.012
 
 
-_Parameters: Any = namedtuple("_Parameters", [field.name for field in fields(Unit)])  # type: ignore[misc]
+_Parameters = parameters_of(Unit)
 SPREAD = {"overlap_a_m": 0.03, "overlap_b_m": 0.03, "coulomb_n": 0.2, "remanence_n": 0.2, "edge_m": 0.2}
 
 
-def draw(rng: np.random.Generator) -> Unit:
-    """A healthy unit: each parameter some percent around its nominal value."""
-    return around(Unit(), SPREAD, 0.05, rng)
+draw = drawing(Unit(), SPREAD, 0.05)
 
 
 @njit(cache=True)
@@ -143,25 +137,23 @@ def _run(p: Any, command: Array, step_s: float, substeps: int) -> Array:
     return out
 
 
-def respond(unit: Unit, command: Array) -> dict[str, Array]:
-    """Flow, without noise, at the samples of a command in %."""
-    rows = _run(_Parameters(*astuple(unit)), np.ascontiguousarray(command, dtype=np.float64), STEP_S, SUBSTEPS)
-    return {"flow": rows}
+respond = answering(_run, _Parameters, CHANNELS, STEP_S, SUBSTEPS)
+"""Flow, without noise, at the samples of a command in %."""
 
 
-CHANGES: dict[str, Callable[[Unit, float], Unit]] = {
-    "friction_rise": lambda u, a: replace(u, coulomb_n=u.coulomb_n + 25.0 * a),
-    "breakaway_rise": lambda u, a: replace(u, breakaway=u.breakaway + 9.0 * a),
-    "stiction_one_side": lambda u, a: replace(u, one_side_n=u.one_side_n + 30.0 * a),
-    "magnetic_hysteresis": lambda u, a: replace(u, remanence_n=u.remanence_n + 12.0 * a),
-    "slower_pilot": lambda u, a: replace(u, coil_lag_s=u.coil_lag_s * (1.0 + 5.0 * a)),
-    "damping_change": lambda u, a: replace(u, dashpot_ns_per_m=u.dashpot_ns_per_m * (1.0 + 1.5 * a)),
-    "edge_worn": lambda u, a: replace(u, edge_m=u.edge_m + 1.8e-3 * a),
-    "leakage": lambda u, a: replace(u, leak_m2=u.leak_m2 + 6.0e-6 * a),
-    "supply_sag": lambda u, a: replace(u, sag_pa_s_per_m3=u.sag_pa_s_per_m3 + 7.0e8 * a),
-    "zero_shift": lambda u, a: replace(u, offset_n=u.offset_n + 14.0 * a),
-    "gain_loss": lambda u, a: replace(u, force_n=u.force_n * (1.0 - 0.25 * a)),
-    "orifice_clogged": lambda u, a: replace(u, load_a=u.load_a * (1.0 - 0.5 * a), load_b=u.load_b * (1.0 - 0.5 * a)),
-    "stroke_stop": lambda u, a: replace(u, stop_m=u.stop_m - 3.6e-3 * a),
-    "sensor_lag": lambda u, a: replace(u, sensor_lag_s=u.sensor_lag_s + 0.08 * a),
+CHANGES = {
+    "friction_rise": more(coulomb_n=25.0),
+    "breakaway_rise": more(breakaway=9.0),
+    "stiction_one_side": more(one_side_n=30.0),
+    "magnetic_hysteresis": more(remanence_n=12.0),
+    "slower_pilot": scaled(coil_lag_s=5.0),
+    "damping_change": scaled(dashpot_ns_per_m=1.5),
+    "edge_worn": more(edge_m=1.8e-3),
+    "leakage": more(leak_m2=6.0e-6),
+    "supply_sag": more(sag_pa_s_per_m3=7.0e8),
+    "zero_shift": more(offset_n=14.0),
+    "gain_loss": scaled(force_n=-0.25),
+    "orifice_clogged": scaled(load_a=-0.5, load_b=-0.5),
+    "stroke_stop": more(stop_m=-3.6e-3),
+    "sensor_lag": more(sensor_lag_s=0.08),
 }

@@ -12,18 +12,14 @@ assumed.
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from tests.studies.skeletons import around
+from tests.studies.skeletons import Array, answering, divided, drawing, more, parameters_of, scaled
 
-Array = NDArray[np.float64]
 PLANT = "brevini-hpv41"
 CHANNELS = {"command": "%", "flow": "l/min"}
 STEP_S = 0.004
@@ -70,7 +66,7 @@ class Unit:
     sensor_lag_s: float = 0.01
 
 
-_Parameters: Any = namedtuple("_Parameters", [field.name for field in fields(Unit)])  # type: ignore[misc]
+_Parameters = parameters_of(Unit)
 SPREAD = {
     "stroke_mm": 0.0,
     "overlap_a_mm": 0.03,
@@ -82,9 +78,7 @@ SPREAD = {
 }
 
 
-def draw(rng: np.random.Generator) -> Unit:
-    """A healthy unit: each parameter some percent around its nominal value."""
-    return around(Unit(), SPREAD, 0.05, rng)
+draw = drawing(Unit(), SPREAD, 0.05)
 
 
 @njit(cache=True)
@@ -145,26 +139,23 @@ def _run(p: Any, command: Array, step_s: float, substeps: int) -> Array:
     return out
 
 
-def respond(unit: Unit, command: Array) -> dict[str, Array]:
-    """Flow, without noise, at the samples of a command in %."""
-    return {
-        "flow": _run(_Parameters(*astuple(unit)), np.ascontiguousarray(command, dtype=np.float64), STEP_S, SUBSTEPS)
-    }
+respond = answering(_run, _Parameters, CHANNELS, STEP_S, SUBSTEPS)
+"""Flow, without noise, at the samples of a command in %."""
 
 
-CHANGES: dict[str, Callable[[Unit, float], Unit]] = {
-    "friction_rise": lambda u, a: replace(u, coulomb_n=u.coulomb_n + 90.0 * a),
-    "breakaway_rise": lambda u, a: replace(u, breakaway=u.breakaway + 9.0 * a),
-    "stiction_one_side": lambda u, a: replace(u, one_side_n=u.one_side_n + 120.0 * a),
-    "play": lambda u, a: replace(u, play_mm=u.play_mm + 0.7 * a),
-    "slower_pilot": lambda u, a: replace(u, pilot_rad_per_s=u.pilot_rad_per_s / (1.0 + 0.6 * a)),
-    "damping_change": lambda u, a: replace(u, pilot_damping=u.pilot_damping * (1.0 - 0.55 * a)),
-    "orifice_clogged": lambda u, a: replace(u, pilot_mm_per_s=u.pilot_mm_per_s * (1.0 - 0.65 * a)),
-    "edge_worn": lambda u, a: replace(u, edge_mm=u.edge_mm + 1.8 * a),
-    "leakage": lambda u, a: replace(u, leak=u.leak + 0.012 * a),
-    "supply_sag": lambda u, a: replace(u, sag_pa_per_lpm=u.sag_pa_per_lpm + 2.4e5 * a),
-    "zero_shift": lambda u, a: replace(u, pickup_shift_mm=u.pickup_shift_mm + 0.8 * a),
+CHANGES = {
+    "friction_rise": more(coulomb_n=90.0),
+    "breakaway_rise": more(breakaway=9.0),
+    "stiction_one_side": more(one_side_n=120.0),
+    "play": more(play_mm=0.7),
+    "slower_pilot": divided(pilot_rad_per_s=0.6),
+    "damping_change": scaled(pilot_damping=-0.55),
+    "orifice_clogged": scaled(pilot_mm_per_s=-0.65),
+    "edge_worn": more(edge_mm=1.8),
+    "leakage": more(leak=0.012),
+    "supply_sag": more(sag_pa_per_lpm=2.4e5),
+    "zero_shift": more(pickup_shift_mm=0.8),
     "gain_loss": lambda u, a: replace(u, compensator_pa=u.compensator_pa * (1.0 - 0.25 * a) ** 2),
-    "stroke_stop": lambda u, a: replace(u, stop_a_mm=u.stop_a_mm - 2.8 * a, stop_b_mm=u.stop_b_mm - 2.8 * a),
-    "sensor_lag": lambda u, a: replace(u, sensor_lag_s=u.sensor_lag_s + 0.08 * a),
+    "stroke_stop": more(stop_a_mm=-2.8, stop_b_mm=-2.8),
+    "sensor_lag": more(sensor_lag_s=0.08),
 }

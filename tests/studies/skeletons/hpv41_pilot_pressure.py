@@ -12,18 +12,14 @@ assumed.
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from tests.studies.skeletons import around
+from tests.studies.skeletons import Array, answering, divided, drawing, more, parameters_of, scaled
 
-Array = NDArray[np.float64]
 PLANT = "brevini-hpv41"
 CHANNELS = {"command": "%", "flow": "l/min"}
 STEP_S = 0.004
@@ -77,13 +73,11 @@ class Unit:
     sensor_lag_s: float = 0.008
 
 
-_Parameters: Any = namedtuple("_Parameters", [field.name for field in fields(Unit)])  # type: ignore[misc]
+_Parameters = parameters_of(Unit)
 SPREAD = {"overlap_a_m": 0.03, "overlap_b_m": 0.03, "coulomb_n": 0.2, "edge_m": 0.2, "pilot_pa": 0.03, "stop_m": 0.01}
 
 
-def draw(rng: np.random.Generator) -> Unit:
-    """A healthy unit: each parameter some percent around its nominal value."""
-    return around(Unit(), SPREAD, 0.04, rng)
+draw = drawing(Unit(), SPREAD, 0.04)
 
 
 @njit(cache=True)
@@ -166,27 +160,24 @@ def _run(p: Any, command: Array, step_s: float, substeps: int) -> Array:
     return out
 
 
-def respond(unit: Unit, command: Array) -> dict[str, Array]:
-    """Flow, without noise, at the samples of a command in %."""
-    return {
-        "flow": _run(_Parameters(*astuple(unit)), np.ascontiguousarray(command, dtype=np.float64), STEP_S, SUBSTEPS)
-    }
+respond = answering(_run, _Parameters, CHANNELS, STEP_S, SUBSTEPS)
+"""Flow, without noise, at the samples of a command in %."""
 
 
-CHANGES: dict[str, Callable[[Unit, float], Unit]] = {
-    "friction_rise": lambda u, a: replace(u, coulomb_n=u.coulomb_n + 110.0 * a),
-    "breakaway_rise": lambda u, a: replace(u, breakaway=u.breakaway + 9.0 * a),
-    "stiction_one_side": lambda u, a: replace(u, one_side_n=u.one_side_n + 150.0 * a),
-    "play": lambda u, a: replace(u, play_m=u.play_m + 0.7e-3 * a),
-    "slower_pilot": lambda u, a: replace(u, reducer_rad_per_s=u.reducer_rad_per_s / (1.0 + 0.6 * a)),
-    "damping_change": lambda u, a: replace(u, reducer_damping=u.reducer_damping * (1.0 - 0.6 * a)),
-    "orifice_clogged": lambda u, a: replace(u, orifice_a=u.orifice_a * (1.0 - 0.6 * a)),
-    "edge_worn": lambda u, a: replace(u, edge_m=u.edge_m + 1.8e-3 * a),
-    "leakage": lambda u, a: replace(u, leak=u.leak + 1.6e-7 * a),
-    "supply_sag": lambda u, a: replace(u, sag_pa_per_lpm=u.sag_pa_per_lpm + 1.6e5 * a),
-    "zero_shift": lambda u, a: replace(u, neutral_m=u.neutral_m + 0.8e-3 * a),
-    "gain_loss": lambda u, a: replace(u, pilot_pa=u.pilot_pa * (1.0 - 0.25 * a)),
-    "asymmetry": lambda u, a: replace(u, spring_b_n_per_m=u.spring_b_n_per_m * (1.0 + 0.4 * a)),
-    "stroke_stop": lambda u, a: replace(u, stop_m=u.stop_m - 2.8e-3 * a),
-    "sensor_lag": lambda u, a: replace(u, sensor_lag_s=u.sensor_lag_s + 0.08 * a),
+CHANGES = {
+    "friction_rise": more(coulomb_n=110.0),
+    "breakaway_rise": more(breakaway=9.0),
+    "stiction_one_side": more(one_side_n=150.0),
+    "play": more(play_m=0.7e-3),
+    "slower_pilot": divided(reducer_rad_per_s=0.6),
+    "damping_change": scaled(reducer_damping=-0.6),
+    "orifice_clogged": scaled(orifice_a=-0.6),
+    "edge_worn": more(edge_m=1.8e-3),
+    "leakage": more(leak=1.6e-7),
+    "supply_sag": more(sag_pa_per_lpm=1.6e5),
+    "zero_shift": more(neutral_m=0.8e-3),
+    "gain_loss": scaled(pilot_pa=-0.25),
+    "asymmetry": scaled(spring_b_n_per_m=0.4),
+    "stroke_stop": more(stop_m=-2.8e-3),
+    "sensor_lag": more(sensor_lag_s=0.08),
 }
