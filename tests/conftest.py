@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import gc
+import io
 import os
 import signal
 from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import platformdirs
 import pytest
@@ -101,20 +102,26 @@ def stranger(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     entries.cache_clear()
 
 
-Told = tuple[int, str, str]
+class Told(NamedTuple):
+    """How a command ended, and what it wrote since the one before."""
+
+    status: int
+    out: str
+    err: str
 
 
 @pytest.fixture
 def command_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Told]:
-    """Runs `hil …` within this process; gives exit status, stdout and stderr."""
+    """Runs `hil …` within this process; `typed` is what it reads from the keyboard."""
 
-    def run(*arguments: object) -> Told:
+    def run(*arguments: object, typed: str = "") -> Told:
         from hil.__main__ import main
 
         monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
+        monkeypatch.setattr("sys.stdin", io.StringIO(typed))
         with pytest.raises(SystemExit) as ended:
             main()
-        return int(ended.value.code or 0), *capsys.readouterr()
+        return Told(int(ended.value.code or 0), *capsys.readouterr())
 
     return run
 

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from click.testing import Result
-from typer.testing import CliRunner
 
 from hil.bench.read import read_bench
 from hil.bench.twin import subject
-from hil.cli.app import _assembled
 from hil.daq.conformance import CHECKS, Subject, examine, left_safe, verdict_of
 from hil.errors import DeviceLostError
+from tests.conftest import Told
 from tests.liars import LIES, WIRES, Port, Server
 
 pytestmark = pytest.mark.xdist_group("waits for liars")  # for clocks: on one worker, beside others that compute
@@ -228,27 +226,29 @@ def test_an_input_of_another_device_may_measure_it(tmp_path: Path) -> None:
         assert verdict_of(check, examined) == ("passed", "")
 
 
-def command(server: Server | Port, folder: Path, *words: str) -> Result:
-    path = str(bench("modbus", server, folder))
-    return CliRunner().invoke(_assembled(), ["check-driver", "modbus", "--bench", path, *words])
+@pytest.fixture
+def check_driver(command_line, tmp_path: Path) -> Callable[..., Told]:
+    """How `hil check-driver modbus` of a server ended."""
+    return lambda server, *words: command_line(
+        "check-driver", "modbus", "--bench", bench("modbus", server, tmp_path), *words
+    )
 
 
 @pytest.mark.parametrize(("lie", "status"), [("ignores", 1), ("", 0)])
-def test_command_says_what_is_broken_on_hardware(lie: str, status: int, tmp_path: Path) -> None:
+def test_command_says_what_is_broken_on_hardware(lie: str, status: int, check_driver: Callable[..., Told]) -> None:
     pairs = [word for pair in WIRED.items() for word in ("--measured-by", "=".join(pair))]
     with served("modbus", lie) as server:
-        result = command(server, tmp_path, "--hardware", *pairs)
-    assert result.exit_code == status, result.output
+        result = check_driver(server, "--hardware", *pairs)
+    assert result.status == status, result
     broken = "broken    drives what it is told: 'command' was driven to 1.2 V and stands at 0"
-    assert (broken in result.output) is bool(lie)
-    assert "outputs stand at their safe values, read back" in result.output
+    assert (broken in result.out + result.err) is bool(lie)
+    assert "outputs stand at their safe values, read back" in result.out + result.err
 
 
-def test_command_ends_with_an_error_when_outputs_do_not_go_safe(tmp_path: Path) -> None:
+def test_command_ends_with_an_error_when_outputs_do_not_go_safe(check_driver: Callable[..., Told]) -> None:
     with served("modbus", "ignores the safe command") as server:
-        result = command(server, tmp_path, "--hardware")
-    assert isinstance(result.exception, DeviceLostError) and result.exception.exit_status == 3
-    assert "outputs are not safe: 'command'" in str(result.exception)
+        result = check_driver(server, "--hardware")
+    assert result.status == 3 and "outputs are not safe: 'command'" in result.err
 
 
 @pytest.mark.parametrize(
@@ -259,7 +259,7 @@ def test_command_ends_with_an_error_when_outputs_do_not_go_safe(tmp_path: Path) 
         ("flow=flow", "no output of device"),
     ],
 )
-def test_pairs_that_cannot_be_are_told(pair: str, text: str, tmp_path: Path) -> None:
+def test_pairs_that_cannot_be_are_told(pair: str, text: str, check_driver: Callable[..., Told]) -> None:
     with served("modbus", "") as server:
-        result = command(server, tmp_path, "--measured-by", pair)
-    assert text in str(result.exception)
+        result = check_driver(server, "--measured-by", pair)
+    assert text in result.err

@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 
 import hil
-from hil.__main__ import main
 from hil.bench.audit import read_audit
 from hil.console.access_accounts import Accounts
 from hil.errors import TrippedError
@@ -41,15 +40,10 @@ def owned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize(("status", "command"), TYPED, ids=[command[:60] for _, command in TYPED])
-def test_a_command_as_it_was_typed_ends_as_it_did(
-    status: str, command: str, owned: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_command_as_it_was_typed_ends_as_it_did(status: str, command: str, owned: Path, command_line) -> None:
     if "hil run" in command:  # the trip that is kept there is of this bench on hardware; a simulated one has none
         assert latch_path("HPV41, end of line").is_relative_to(owned)
-    monkeypatch.setattr(sys, "argv", shlex.split(command))
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert int(ended.value.code or 0) == int(status)
+    assert command_line(*shlex.split(command)[1:]).status == int(status)
 
 
 def test_numbers_are_those_that_were_written(owned: Path) -> None:

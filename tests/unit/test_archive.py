@@ -20,7 +20,6 @@ from hil.archive.begun import begun_in, forget_begun, mark_begun
 from hil.archive.pending import catch_up, enter_or_keep, waiting_for
 from hil.archive.place import INDEX_FILE, archive_place
 from hil.archive.trend import drift_of, points_of
-from hil.cli import app
 from hil.cli.run_end import entered
 from hil.errors import ArchiveError
 from hil.findings.collect import results_of
@@ -262,28 +261,23 @@ def test_two_values_tell_no_drift(tmp_path):
 # -- at the prompt -----------------------------------------------------------------------------------------
 
 
-def _said(monkeypatch, capsys, *arguments):
-    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
-    return app.main(), capsys.readouterr()
-
-
-def test_commands_list_follow_and_rebuild(monkeypatch, capsys, tmp_path):
+def test_commands_list_follow_and_rebuild(tmp_path, command_line):
     lab = tmp_path / "lab"
     for day in range(4):
         made_run(lab / str(day), day=day)
-    status, said = _said(monkeypatch, capsys, "archive", "rebuild", "--archive", lab)
-    assert (status, said.out.strip()) == (0, f"{lab}: 4 runs")
-    status, said = _said(monkeypatch, capsys, "runs", "--serial", "A7", "--archive", lab, "--json")
+    said = command_line("archive", "rebuild", "--archive", lab)
+    assert (said.status, said.out.strip()) == (0, f"{lab}: 4 runs")
+    said = command_line("runs", "--serial", "A7", "--archive", lab, "--json")
     rows = json.loads(said.out)
     assert [Path(row["run"]).name for row in rows] == ["0", "1", "2", "3"]
     assert set(rows[0]) == {"run", "serial", "operator", "procedure", "started_utc", "verdict", "simulated"}
-    status, said = _said(monkeypatch, capsys, "trend", "gain", "--serial", "A7", "--archive", lab, "--json")
+    said = command_line("trend", "gain", "--serial", "A7", "--archive", lab, "--json")
     assert len(json.loads(said.out)["values"][0]["points"]) == 4
-    status, said = _said(monkeypatch, capsys, "trend", "gian", "--serial", "A7", "--archive", lab)
-    assert status == 2
+    said = command_line("trend", "gian", "--serial", "A7", "--archive", lab)
+    assert said.status == 2
     assert "did you mean 'gain'" in said.err
-    status, said = _said(monkeypatch, capsys, "runs", "--since", "yesterday", "--archive", lab)
-    assert status == 2
+    said = command_line("runs", "--since", "yesterday", "--archive", lab)
+    assert said.status == 2
     assert "2026-11-25" in said.err
 
 
@@ -297,12 +291,12 @@ def test_commands_list_follow_and_rebuild(monkeypatch, capsys, tmp_path):
         ("LinkError: io: no answer", "failed"),
     ],
 )
-def test_how_a_run_ended_is_listed_in_a_word(capsys, monkeypatch, tmp_path, outcome, word):
+def test_how_a_run_ended_is_listed_in_a_word(tmp_path, outcome, word, command_line):
     folder = made_run(tmp_path / "lab" / "a")
     end = json.loads((folder / "end.json").read_text(encoding="utf-8"))
     end["outcome"] = outcome
     (folder / "end.json").write_text(json.dumps(end), encoding="utf-8")
-    _, said = _said(monkeypatch, capsys, "runs", "--archive", tmp_path / "lab")
+    said = command_line("runs", "--archive", tmp_path / "lab")
     assert f"pass ({word})  mk" in said.out
 
 
@@ -379,12 +373,12 @@ def test_a_run_that_never_recorded_leaves_no_mark(monkeypatch, tmp_path):
     assert list(begun_in(place)) == []
 
 
-def test_killed_and_running_are_told_apart_in_the_list(capsys, monkeypatch, tmp_path):
+def test_killed_and_running_are_told_apart_in_the_list(tmp_path, command_line):
     for name, pid in (("killed", _dead_pid()), ("running", os.getpid())):
         folder = made_run(tmp_path / "lab" / name)
         (folder / "end.json").unlink()
         (folder / "progress.json").write_text(json.dumps({"share": 0.4, "text": "2 Hz", "pid": pid}), encoding="utf-8")
-    _, said = _said(monkeypatch, capsys, "runs", "--archive", tmp_path / "lab")
+    said = command_line("runs", "--archive", tmp_path / "lab")
     assert [line.split("(")[1].split(")")[0] for line in said.out.splitlines()[1:]] == ["lost", "running"]
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from hil.archive.archive import Search, enter, find_runs, rebuild
 from hil.archive.calibrations import instruments
 from hil.archive.place import INDEX_FILE, archive_place
-from hil.cli import app
 from hil.record.folder import write
 from hil.record.recording import Channel, Recording
 
@@ -26,11 +25,6 @@ def made(folder, day=0, due="2026-02-01", date="2025-02-01", bench="one", meters
             "started_utc": (FIRST + dt.timedelta(days=day)).isoformat()}  # fmt: skip
     write(Recording(str(folder), np.arange(3.0), channels, meta), folder)
     return folder
-
-
-def said(monkeypatch, capsys, *arguments):
-    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
-    return app.main(), capsys.readouterr().out
 
 
 def test_calibrations_are_those_of_the_header(place, tmp_path):
@@ -90,7 +84,7 @@ def test_what_is_no_date_is_not_stated(tmp_path):
     assert (one.calibration.date, one.calibration.due, one.overdue) == (None, None, ())
 
 
-def test_index_of_the_version_before_is_brought_up_and_says_what_it_lacks(monkeypatch, capsys, tmp_path):
+def test_index_of_the_version_before_is_brought_up_and_says_what_it_lacks(tmp_path, command_line):
     lab = tmp_path / "lab"
     enter(archive_place(str(lab)), [made(lab / "a")])
     with sqlite3.connect(lab / INDEX_FILE) as other:
@@ -101,22 +95,22 @@ def test_index_of_the_version_before_is_brought_up_and_says_what_it_lacks(monkey
         other.execute("UPDATE alembic_version SET version_num = '0001'")
     other.close()
     assert [run.folder.name for run in find_runs(archive_place(str(lab)), Search())] == ["a"]
-    status, text = said(monkeypatch, capsys, "archive", "calibrations", "--archive", lab)
+    status, text, _ = command_line("archive", "calibrations", "--archive", lab)
     assert status == 0
     assert "1 runs were entered without their calibrations: `hil archive rebuild`" in text
-    said(monkeypatch, capsys, "archive", "rebuild", "--archive", lab)
-    _, text = said(monkeypatch, capsys, "archive", "calibrations", "--archive", lab)
+    command_line("archive", "rebuild", "--archive", lab)
+    text = command_line("archive", "calibrations", "--archive", lab).out
     assert "gear meter" in text
     assert "without their calibrations" not in text
 
 
-def test_command_lists_what_falls_due(monkeypatch, capsys, tmp_path):
+def test_command_lists_what_falls_due(tmp_path, command_line):
     lab, today = tmp_path / "lab", dt.datetime.now(dt.UTC).date()
     soon = {"name": "soon", "due": str(today + dt.timedelta(days=20))}
     later = {"name": "later", "due": str(today + dt.timedelta(days=21))}
     enter(archive_place(str(lab)), [made(lab / "a", meters=[soon, later, {"name": "never"}])])
     ask = ("archive", "calibrations", "--archive", lab, "--due-within", "20")
-    status, text = said(monkeypatch, capsys, *ask, "--json")
+    status, text, _ = command_line(*ask, "--json")
     told = json.loads(text)
     assert status == 0
     assert told["schema"] == "hil.calibrations/1"
@@ -124,6 +118,6 @@ def test_command_lists_what_falls_due(monkeypatch, capsys, tmp_path):
         "gear meter": (dt.date(2026, 2, 1) - today).days, "soon": 20
     }  # fmt: skip
     assert told["without_due_date"] == 1
-    _, text = said(monkeypatch, capsys, *ask)
+    text = command_line(*ask).out
     assert "later" not in text
     assert "1 of the instruments in use state no due date" in text

@@ -17,7 +17,6 @@ from hil.archive.begun import begun_in, mark_begun
 from hil.archive.pending import catch_up, enter_or_keep, waiting_for
 from hil.archive.place import INDEX_FILE, Place, archive_place
 from hil.child import python
-from hil.cli import app
 from hil.console.process import start
 from hil.errors import ArchiveError
 from hil.safety.latch import state_path
@@ -86,15 +85,13 @@ def test_what_lies_outside_the_searched_folders_stays(place, tmp_path) -> None:
     assert [run.folder for run in find_runs(place, Search(serial="B2"))] == [tmp_path / "unplugged" / "b"]
 
 
-def test_a_folder_of_another_bench_is_named_with_it_and_not_missed(lab, bench, tmp_path, monkeypatch, capsys) -> None:
+def test_a_folder_of_another_bench_is_named_with_it_and_not_missed(lab, bench, tmp_path, command_line) -> None:
     bench("bench-b")
     enter(lab, [made_run(tmp_path / "b1")])
     (tmp_path / "b1").rename(tmp_path / "away")
     bench("bench-a")
-    monkeypatch.setattr("sys.argv", ["hil", "runs", "--archive", lab.url])
-    assert app.main() == 0
-    said = capsys.readouterr()
-    assert f"bench-b:{tmp_path / 'b1'}" in said.out and "not there any more" not in said.err
+    said = command_line("runs", "--archive", lab.url)
+    assert said.status == 0 and f"bench-b:{tmp_path / 'b1'}" in said.out and "not there any more" not in said.err
 
 
 def test_an_index_of_the_version_before_is_taken_over(postgresql, bench, tmp_path) -> None:
@@ -210,7 +207,7 @@ def test_an_index_of_a_newer_version_is_never_removed(tmp_path) -> None:
     "command",
     [("runs",), ("trend", "gain", "--serial", "A1"), ("archive", "calibrations"), ("compare", "--population")],
 )
-def test_why_an_archive_cannot_be_used_is_said_once_where_runs_wait(command, tmp_path, monkeypatch, capsys) -> None:
+def test_why_an_archive_cannot_be_used_is_said_once_where_runs_wait(command, tmp_path, command_line) -> None:
     import sqlite3
 
     place, waits = archive_place(str(tmp_path / "lab")), made_run(tmp_path / "waits")
@@ -219,10 +216,8 @@ def test_why_an_archive_cannot_be_used_is_said_once_where_runs_wait(command, tmp
         other.execute("UPDATE alembic_version SET version_num = '9999'")
     other.close()
     assert "entered later" in enter_or_keep(place, waits)
-    words = (*command, *([str(waits)] if command[0] == "compare" else []), "--archive", str(tmp_path / "lab"))
-    monkeypatch.setattr("sys.argv", ["hil", *words])
-    assert app.main() == 2
-    assert capsys.readouterr().err.count("newer version of this program") == 1
+    said = command_line(*command, *([waits] if command[0] == "compare" else []), "--archive", tmp_path / "lab")
+    assert said.status == 2 and said.err.count("newer version of this program") == 1
 
 
 def test_an_index_that_somebody_locks_is_never_removed(tmp_path) -> None:
@@ -270,12 +265,10 @@ def test_a_mark_of_a_run_that_began_holds_no_password_and_is_its_owners(tmp_path
     ],
 )
 @pytest.mark.parametrize("command", [("runs",), ("archive", "rebuild"), ("trend", "gain", "--serial", "A7")])
-def test_no_message_shows_a_password(url: str, command, tmp_path, monkeypatch, capsys) -> None:
+def test_no_message_shows_a_password(url: str, command, tmp_path, monkeypatch, command_line) -> None:
     monkeypatch.setenv("HIL_ARCHIVE", url)
-    monkeypatch.setattr("sys.argv", ["hil", "--debug", *command])
-    assert app.main() == 2
-    said = "".join(capsys.readouterr())
-    assert "archive" in said and SECRET not in said
+    status, out, err = command_line("--debug", *command)
+    assert status == 2 and "archive" in out + err and SECRET not in out + err
 
 
 def test_a_password_is_in_no_command_line_that_a_console_starts(tmp_path, monkeypatch) -> None:

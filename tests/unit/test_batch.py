@@ -9,7 +9,6 @@ import pytest
 
 from hil.archive.archive import enter
 from hil.archive.place import archive_place
-from hil.cli import app
 from hil.findings.batch import batch_of
 from hil.findings.collect import results_of
 from hil.findings.results import Results, write_results
@@ -88,22 +87,19 @@ def lab(tmp_path):
     return lab
 
 
-def compared(monkeypatch, capsys, lab, *options):
-    runs = (lab / f"u{i}" for i in range(4))
-    arguments = ["compare", *runs, "--population", "--archive", lab, *options]
-    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
-    return app.main(), capsys.readouterr()
+def compared(command_line, lab, *options):
+    return command_line("compare", *(lab / f"u{i}" for i in range(4)), "--population", "--archive", lab, *options)
 
 
-def test_first_pass_yield_counts_the_first_run_of_each_serial(monkeypatch, capsys, lab):
-    status, printed = compared(monkeypatch, capsys, lab)
-    assert status == 0
+def test_first_pass_yield_counts_the_first_run_of_each_serial(command_line, lab):
+    printed = compared(command_line, lab)
+    assert printed.status == 0
     assert "yield: 4 of 4 units (100 %, 95 % interval 40 … 100 %) pass." in printed.out
     assert "first-pass yield: 3 of 4 units (75 %, 95 % interval 19 … 99 %) passed in their first run." in printed.out
 
 
-def test_the_limits_of_a_batch_are_csv_and_json(monkeypatch, capsys, lab, tmp_path):
-    _, printed = compared(monkeypatch, capsys, lab, "--json", "--csv", tmp_path / "batch.csv")
+def test_the_limits_of_a_batch_are_csv_and_json(command_line, lab, tmp_path):
+    printed = compared(command_line, lab, "--json", "--csv", tmp_path / "batch.csv")
     rows = list(csv.DictReader(io.StringIO((tmp_path / "batch.csv").read_text())))
     limits = json.loads(printed.out)["batch"]["limits"]
     assert [row["name"] for row in rows] == [one["name"] for one in limits] == ["rise", "gain"]
@@ -111,10 +107,8 @@ def test_the_limits_of_a_batch_are_csv_and_json(monkeypatch, capsys, lab, tmp_pa
     assert (rows[0]["high"], rows[0]["low"], rows[0]["simulated"]) == ("12.0", "", "False")
 
 
-def test_one_unit_is_no_batch(monkeypatch, capsys, lab, tmp_path):
+def test_one_unit_is_no_batch(lab, tmp_path, command_line):
     path = tmp_path / "batch.csv"
-    arguments = ["hil", "compare", str(lab / "u0"), "--population", "--archive", str(lab), "--csv", str(path)]
-    monkeypatch.setattr("sys.argv", arguments)
-    assert app.main() == 2
-    assert "several runs with limits are needed" in capsys.readouterr().err
+    refused = command_line("compare", lab / "u0", "--population", "--archive", lab, "--csv", path)
+    assert refused.status == 2 and "several runs with limits are needed" in refused.err
     assert not path.exists()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime as dt
 import importlib.util
 import socket
-import sys
 import threading
 import time
 from pathlib import Path
@@ -17,7 +16,6 @@ from hil.bench.find import benches
 from hil.bench.nets import calibration, channels, devices, packages, times
 from hil.bench.nets.missing import RULES, contradicting_oil, missing_protection
 from hil.bench.read import BenchFile, read_bench
-from hil.cli.app import main
 from hil.errors import HardwareError, HilError
 from tests.links import SELDOM, opened, served
 
@@ -193,19 +191,13 @@ def test_way_to_safe_takes_no_longer_than_is_said(bench: str, tmp_path: Path) ->
     assert took_s <= says_s + 60.0, "it waited without end"  # `make test-slow` judges the seconds
 
 
-def test_check_tells_warnings_and_with_strict_they_are_exit_status_2(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def check(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["hil", "check", *arguments])
-        return main(), *capsys.readouterr()
-
+def test_check_tells_warnings_and_with_strict_they_are_exit_status_2(tmp_path: Path, command_line) -> None:
     path = changed(tmp_path, TCP, [("watchdog_s = 1.0\n", ""), (ADDRESS, 'address = "0.0.0.0:15502"')]).path
-    status, out, err = check(str(path))
+    status, out, err = command_line("check", path)
     assert (status, err) == (0, "") and out.count("warning: ") == 2 and "no faults" in out
-    status, out, err = check(str(path), "--strict")
+    status, out, err = command_line("check", path, "--strict")
     assert status == 2 and out.count("warning: ") == 2 and "2 warnings, and --strict allows none" in err
-    assert check(TCP, "--strict")[0] == 0
+    assert command_line("check", TCP, "--strict").status == 0
 
 
 def test_name_of_this_computer_is_a_listener_where_others_reach_it(

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from click.testing import Result
-from typer.testing import CliRunner
 
 from hil.bench.file import CalibrationLine
 from hil.bench.hand.write import changed
 from hil.bench.read import read_bench
-from hil.cli.app import _assembled
-from hil.errors import SettingError
 from hil.record.folder import read
 from hil.session.calibration import input_points
+from tests.conftest import Told
 from tests.links import PATIENT, bench_text, served
 
 
@@ -25,21 +23,30 @@ def _bench(folder: Path) -> Path:
     return path
 
 
-def _calibrated(folder: Path, typed: str, *more: str) -> Result:
-    told = ["calibrate", str(_bench(folder)), "command", "--reference", "meter 7, 2026-03", "--reference-uncertainty",
-            "0.4 %", "--operator", "kb", "--out", str(folder / "run"), "--archive", str(folder), *more]  # fmt: skip
-    return CliRunner().invoke(_assembled(), told, input=typed)
+Calibrated = Callable[..., Told]
 
 
-def test_an_output_is_driven_to_each_point_and_the_line_written(tmp_path: Path) -> None:
-    found = _calibrated(tmp_path, "-90.1\n-44.9\n0,1\nfast\n45.1 %\n89.9\ny\n", "--between", "-90..90")
-    assert found.exit_code == 0, found.output
-    assert "again: " in found.stderr and "residual +0.08 %" in found.stdout and "written into" in found.stdout
+@pytest.fixture
+def calibrated(command_line, tmp_path: Path) -> Calibrated:
+    """How `hil calibrate` of the command ended that was answered so."""
+
+    def run(typed: str, *more: str) -> Told:
+        stated = ("--reference", "meter 7, 2026-03", "--reference-uncertainty", "0.4 %", "--operator", "kb")
+        where = ("--out", tmp_path / "run", "--archive", tmp_path)
+        return command_line("calibrate", _bench(tmp_path), "command", *stated, *where, *more, typed=typed)
+
+    return run
+
+
+def test_an_output_is_driven_to_each_point_and_the_line_written(calibrated: Calibrated, tmp_path: Path) -> None:
+    found = calibrated("-90.1\n-44.9\n0,1\nfast\n45.1 %\n89.9\ny\n", "--between", "-90..90")
+    assert found.status == 0, found
+    assert "again: " in found.err and "residual +0.08 %" in found.out and "written into" in found.out
     entry = read_bench(tmp_path / "bench.toml").bench.channels["command"]
     new = entry.calibration
     assert new is not None and new.slope == pytest.approx(10.0, abs=0.03) and new.operator == "kb"
     assert new.source == "meter 7, 2026-03" and new.due and new.date and (new.due - new.date).days == 365
-    assert entry.limits and entry.limits.low == -99.98 and "limits.low becomes -99.98 %" in found.stdout
+    assert entry.limits and entry.limits.low == -99.98 and "limits.low becomes -99.98 %" in found.out
     assert new.uncertainty and 0.4 < new.uncertainty < 0.9 and entry.calibration_history[0].slope == 10.0
     run = read(tmp_path / "run")
     held = [part for part in run.meta["parts"] if part["kind"] == "held"]
@@ -57,24 +64,26 @@ def test_the_line_is_written_as_a_person_would_with_comments_kept() -> None:
     )
 
 
-def test_not_confirmed_is_not_written_and_json_says_so(tmp_path: Path) -> None:
-    found = _calibrated(tmp_path, "-50\n50.2\nn\n", "--points", "2", "--between", "-50..50", "--json")
-    told = json.loads(found.stdout)
+def test_not_confirmed_is_not_written_and_json_says_so(calibrated: Calibrated, tmp_path: Path) -> None:
+    found = calibrated("-50\n50.2\nn\n", "--points", "2", "--between", "-50..50", "--json")
+    told = json.loads(found.out)
     assert told["schema"] == "hil.calibrate/1" and not told["written"]
     assert told["line"]["slope"] == pytest.approx(10.02) and told["line"]["offset"] == pytest.approx(0.1)
     assert (tmp_path / "bench.toml").read_text(encoding="utf-8") == bench_text("brevini-hpv41")
 
 
-def test_an_input_that_ends_early_leaves_the_output_safe_and_the_file_as_it_was(tmp_path: Path) -> None:
-    found = _calibrated(tmp_path, "-50\n", "--between", "-50..50")
-    assert found.exit_code == 3
+def test_an_input_that_ends_early_leaves_the_output_safe_and_the_file_as_it_was(
+    calibrated: Calibrated, tmp_path: Path
+) -> None:
+    found = calibrated("-50\n", "--between", "-50..50")
+    assert found.status == 3
     assert read(tmp_path / "run").meta["outputs"]["command"]["state"] == "safe"
     assert (tmp_path / "bench.toml").read_text(encoding="utf-8") == bench_text("brevini-hpv41")
 
 
-def test_beyond_the_limits_nothing_is_driven(tmp_path: Path) -> None:
-    found = _calibrated(tmp_path, "1\n2\n", "--between", "0..120", "--points", "2")
-    assert found.exit_code != 0
+def test_beyond_the_limits_nothing_is_driven(calibrated: Calibrated, tmp_path: Path) -> None:
+    found = calibrated("1\n2\n", "--between", "0..120", "--points", "2")
+    assert found.status != 0
     assert max(read(tmp_path / "run").values("command", "%")) <= 100.0
 
 
@@ -95,7 +104,7 @@ def test_an_input_is_averaged_at_each_point(tmp_path: Path) -> None:
         assert all(0.0 < point.raw_std < 0.02 for point in points)
 
 
-def test_an_input_that_does_not_follow_is_no_line(tmp_path: Path) -> None:
-    told = ["calibrate", str(_bench(tmp_path)), "flow", "--reference", "cylinder", "--points", "3"]
-    found = CliRunner().invoke(_assembled(), told, input="0\n10\n20\ny\n")
-    assert isinstance(found.exception, SettingError) and "did not move" in str(found.exception)
+def test_an_input_that_does_not_follow_is_no_line(tmp_path: Path, command_line) -> None:
+    told = ("calibrate", _bench(tmp_path), "flow", "--reference", "cylinder", "--points", "3")
+    found = command_line(*told, typed="0\n10\n20\ny\n")
+    assert found.status == 2 and "did not move" in found.err

@@ -6,12 +6,10 @@ import datetime as dt
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from hil import api
 from hil.bench.hand.certificate import unit_of
 from hil.bench.read import read_bench
-from hil.cli.app import _assembled
 from hil.errors import FileError, SettingError
 from hil.units import scale_and_offset
 from tests.links import bench_text
@@ -82,21 +80,18 @@ def test_indications_of_the_channel_itself_went_through_its_line(tmp_path: Path)
     assert found.line.offset == pytest.approx(1.05 * before.offset, abs=1e-9)
 
 
-def test_the_command_writes_it_and_asks_for_nothing_else(tmp_path: Path) -> None:
+def test_the_command_writes_it_and_asks_for_nothing_else(tmp_path: Path, command_line) -> None:
     file = bench(tmp_path)
     one = column("basic_measuredValue", "-5 0 5", r"\volt")
     one += column("basic_referenceValue", "-51 0 51", r"\litre\minute\tothe{-1}", WIDTH_2_2.format("0.2"))
-    command = ["calibrate", str(file), "flow", "--certificate", str(certificate(tmp_path, one, one)), "--yes"]
-    found = CliRunner().invoke(_assembled(), command)
-    assert isinstance(found.exception, FileError) and "holds the tables 'table 1', 'table 2'; name one" in str(
-        found.exception
-    )
-    found = CliRunner().invoke(_assembled(), [*command, "--table", "table 2"])
-    assert found.exit_code == 0 and "as the stated uncertainties make it" in found.stdout, found.output
+    command = ["calibrate", file, "flow", "--certificate", certificate(tmp_path, one, one), "--yes"]
+    found = command_line(*command)
+    assert found.status == 2 and "holds the tables 'table 1', 'table 2'; name one" in found.err
+    found = command_line(*command, "--table", "table 2")
+    assert found.status == 0 and "as the stated uncertainties make it" in found.out, found
     entry = read_bench(file).bench.channels["flow"]
     assert entry.calibration is not None and entry.calibration.slope == pytest.approx(10.2)
-    both = CliRunner().invoke(_assembled(), [*command, "--reference", "meter 3"])
-    assert isinstance(both.exception, SettingError)
+    assert command_line(*command, "--reference", "meter 3").status == 2
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from hil.bench.find import benches
 from hil.bench.hand.live import look_at
 from hil.bench.read import read_bench
-from hil.cli.app import _assembled
 from hil.errors import LinkError
 from hil.session.possible import hindrance
 from hil.session.procedure import load_procedure
@@ -59,28 +57,27 @@ def test_procedures_that_can_run_and_what_keeps_the_others() -> None:
     assert "through flow" in hindrance(load_procedure("leakage_check"), file, 1000.0)
 
 
-def test_command_line(tmp_path: Path) -> None:
-    runner, app = CliRunner(), _assembled()
-    found = runner.invoke(app, ["check", "brevini-hpv41", "--live", "--json"])
-    told = json.loads(found.stdout)
-    assert found.exit_code == 0 and told["schema"] == "hil.live/1"
+def test_command_line(tmp_path: Path, command_line) -> None:
+    found = command_line("check", "brevini-hpv41", "--live", "--json")
+    told = json.loads(found.out)
+    assert found.status == 0 and told["schema"] == "hil.live/1"
     assert {p["name"]: p["can_run"] for p in told["procedures"]}["step_response"]
     nobody = tmp_path / "nobody.toml"
     nobody.write_text(bench_text("hpv41-modbus-tcp", ("127.0.0.1:15502", "127.0.0.1:1")), encoding="utf-8")
-    found = runner.invoke(app, ["check", str(nobody), "--live"])
-    assert isinstance(found.exception, LinkError) and "io: 127.0.0.1:1: cannot be reached" in str(found.exception)
+    found = command_line("check", nobody, "--live")
+    assert found.status == LinkError.exit_status and "io: 127.0.0.1:1: cannot be reached" in found.err
 
 
-def test_a_device_that_does_not_answer_hides_no_other(tmp_path: Path) -> None:
+def test_a_device_that_does_not_answer_hides_no_other(tmp_path: Path, command_line) -> None:
     with served("hpv41-mixed", tmp_path, *PATIENT) as (file, devices):
         name, device = next(
             (name, one) for name, one in devices.items() if f"127.0.0.1:{getattr(one, 'port', 0)}" in file.text
         )
         path = tmp_path / "one-away.toml"
         path.write_text(file.text.replace(f"127.0.0.1:{device.port}", "127.0.0.1:1"), encoding="utf-8")
-        found = CliRunner().invoke(_assembled(), ["check", str(path), "--live"])
-    lines = found.stdout.splitlines()
-    assert isinstance(found.exception, LinkError) and str(found.exception).startswith(f"{name}: ")
+        found = command_line("check", path, "--live")
+    lines = found.out.splitlines()
+    assert found.status == LinkError.exit_status and found.err.startswith(f"hil: {name}: ")
     assert f"  link {name}: does not answer" in lines
     assert any(line.startswith("  link ") and "all inputs read in" in line for line in lines)
     assert f"  cannot run step_response: {name} must answer first" in lines and "  can run: nothing" in lines

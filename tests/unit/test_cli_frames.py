@@ -2,13 +2,10 @@
 
 import logging
 
-from hil.cli import app
 
-
-def test_debug_of_one_command_does_not_outlast_it(monkeypatch, capsys):
+def test_debug_of_one_command_does_not_outlast_it(command_line):
     links = logging.getLogger("hil.link")
     before = links.level, list(links.handlers)
-    monkeypatch.setattr("sys.argv", ["hil", "--debug", "list", "plants"])
-    assert app.main() == 0
+    status, out, _ = command_line("--debug", "list", "plants")
+    assert status == 0 and out
     assert (links.level, list(links.handlers)) == before
-    assert capsys.readouterr().out

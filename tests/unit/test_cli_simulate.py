@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from hil.__main__ import main
 from hil.identification.uncertainty.fit import fit_percent
 from hil.physics.model import Model, Value, load_model, save_model, typical_model
 from hil.physics.simulate import Drive, simulate
@@ -23,16 +21,13 @@ Run = Callable[..., str]
 
 
 @pytest.fixture
-def hil(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Run:
+def hil(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command_line) -> Run:
     """Runs `hil …` in a folder of its own; gives stdout."""
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: str) -> str:
-        monkeypatch.setattr(sys, "argv", ["hil", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        found = capsys.readouterr()
-        assert not ended.value.code, found.err
+        found = command_line(*arguments)
+        assert found.status == 0, found.err
         return found.out
 
     return run

@@ -9,7 +9,6 @@ import pytest
 
 import hil
 from hil import api
-from hil.cli import app
 from hil.errors import FileError
 from hil.record.plain import to_json
 from hil.record.reading import AS_IT_IS
@@ -36,13 +35,11 @@ def short(run, tmp_path_factory):
 
 
 @pytest.fixture
-def said(monkeypatch, capsys):
+def said(command_line):
     def called(*arguments, status=0):
-        monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
-        ended = app.main()
-        printed = capsys.readouterr()
-        assert ended == status, printed.err
-        return printed.out
+        ended = command_line(*arguments)
+        assert ended.status == status, ended.err
+        return ended.out
 
     return called
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import io
 import json
 import os
 import stat
-import sys
 import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -22,7 +21,6 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from hil.__main__ import main
 from hil.bench.audit import Audit, read_audit
 from hil.bench.stop.press import StopSwitch
 from hil.clock import VirtualClock
@@ -477,24 +475,19 @@ def test_console_beyond_this_computer_needs_accounts_and_a_certificate(accounts:
     check_where(Where("localhost", 1), none)
 
 
-def test_user_add_asks_for_the_password_and_console_refuses_others(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def status(*arguments: str, typed: str = "") -> int:
-        monkeypatch.setattr(sys, "argv", ["hil", "console", *arguments])
-        monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return int(ended.value.code or 0)
-
-    assert status("--host", "0.0.0.0") == 2 and "has no accounts" in capsys.readouterr().err
-    assert status("user", "add", "otto", "--role", "operator", typed=f"{PASSWORD}\n") == 0
+def test_user_add_asks_for_the_password_and_console_refuses_others(command_line) -> None:
+    console = partial(command_line, "console")
+    refused = console("--host", "0.0.0.0")
+    assert refused.status == 2 and "has no accounts" in refused.err
+    assert console("user", "add", "otto", "--role", "operator", typed=f"{PASSWORD}\n").status == 0
     assert Accounts().verified("otto", PASSWORD) is not None
-    assert status("user", "add", "olga", PASSWORD) == 2, "no password as an argument"
-    assert status("user", "list") == 0 and "otto  operator" in capsys.readouterr().out
-    assert status("--host", "0.0.0.0") == 2 and "--cert FILE --key FILE" in capsys.readouterr().err
-    assert status("user", "add", "otto", "--role", "viewer", typed=f"{PASSWORD}\n") == 0
-    assert status("user", "remove", "otto") == 0 and not Accounts().all()
+    assert console("user", "add", "olga", PASSWORD).status == 2, "no password as an argument"
+    listed = console("user", "list")
+    assert listed.status == 0 and "otto  operator" in listed.out
+    refused = console("--host", "0.0.0.0")
+    assert refused.status == 2 and "--cert FILE --key FILE" in refused.err
+    assert console("user", "add", "otto", "--role", "viewer", typed=f"{PASSWORD}\n").status == 0
+    assert console("user", "remove", "otto").status == 0 and not Accounts().all()
     lines = list(read_audit(Audit().path))
     assert [line["act"] for line in lines] == ["add account", "change account", "remove account"]
     assert lines[1]["details"] == {"name": "otto", "role": "viewer", "role before": "operator"} and lines[1]["account"]

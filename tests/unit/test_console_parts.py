@@ -18,7 +18,6 @@ from starlette.requests import Request
 
 from hil.archive.place import archive_place
 from hil.bench.read import read_bench
-from hil.cli.app import main
 from hil.console import board, page
 from hil.console import underway as underway_module
 from hil.console.board import RunReader, interlocks_of, lines_of
@@ -226,14 +225,12 @@ def test_everything_that_scripts_say_is_in_the_catalogues() -> None:
 
 
 def test_a_lean_installation_names_the_extra_in_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command_line
 ) -> None:
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path))
     monkeypatch.setitem(sys.modules, "uvicorn", None)
-    monkeypatch.setattr("sys.argv", ["hil", "console", "--port", "0"])
-    assert main() == 2
-    said = capsys.readouterr().err.strip()
-    assert said.count("\n") == 0
+    status, _, said = command_line("console", "--port", "0")
+    assert status == 2 and said.count("\n") == 1
     assert "pip install 'valve-hil[console]'" in said
 
 

@@ -8,7 +8,6 @@ import os
 import shutil
 import socket
 import stat
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -25,7 +24,6 @@ from hil.archive.place import archive_place
 from hil.bench.audit import Audit
 from hil.bench.stop.consoles import consoles
 from hil.bench.stop.press import StopSwitch
-from hil.cli.app import main
 from hil.console.access_accounts import Accounts
 from hil.console.access_where import Where
 from hil.console.app import application
@@ -162,17 +160,15 @@ def test_name_of_a_run_folder_breaks_no_page(name: bytes, lab: Path) -> None:
     ["0001-01-01T00:00:00+23:59", "9999-12-31T23:59:59-23:59", "0001-01-01T00:00:00Z", "\ud800"],
     ids=repr,
 )
-def test_date_that_no_time_zone_has_hides_no_other_run(
-    started_utc: str, lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_date_that_no_time_zone_has_hides_no_other_run(started_utc: str, lab: Path, command_line) -> None:
     shutil.copytree(lab / "runs" / "one", lab / "runs" / "two")
     header = json.loads((lab / "runs" / "two" / "run.json").read_text(encoding="utf-8"))
     (lab / "runs" / "two" / "run.json").write_text(json.dumps({**header, "started_utc": started_utc}), encoding="utf-8")
     status, text, _ = browser(lab).ask("/results")
     assert status == 200 and "/results/one" in text
     for command, shown in (("runs", "/runs/one"), ("archive rebuild", "1 run")):
-        monkeypatch.setattr(sys, "argv", ["hil", *command.split(), "--archive", str(lab / "runs")])
-        assert main() == 0 and shown in capsys.readouterr().out
+        status, out, _ = command_line(*command.split(), "--archive", lab / "runs")
+        assert status == 0 and shown in out
 
 
 def test_linked_folder_and_passport_are_not_followed(lab: Path) -> None:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import hil
-from hil.cli import app
 from hil.errors import FileError, InputError
 from hil.identification.papers.curve_model import curve_model, table_nodes, with_measured_curve
 from hil.identification.steady.flow_curve import spline
@@ -87,22 +86,12 @@ def test_branches_of_a_table_are_averaged(tmp_path):
         flow_curve_of(path)
 
 
-def test_figure_17_from_the_six_published_responses(monkeypatch, capsys, tmp_path):
+def test_figure_17_from_the_six_published_responses(tmp_path, command_line):
     rows = "".join(f"{u},{q}\n" for u, q in zip(COMMAND, FLOW, strict=True))
     (tmp_path / "curve.csv").write_text(f"{','.join(HEADINGS)}\n{rows}")
-    names = [
-        "analyse",
-        "compose",
-        tmp_path / "curve.csv",
-        *MODELS,
-        "--weights",
-        "uniform",
-        "--out",
-        tmp_path / "m.json",
-    ]
-    monkeypatch.setattr("sys.argv", ["hil", *map(str, names)])
-    assert app.main() == 0
-    assert "(−145 s + 5993) / (s³ + 36.68 s² + 1046 s + 6009)" in capsys.readouterr().out
+    options = ("--weights", "uniform", "--out", tmp_path / "m.json")
+    status, out, _ = command_line("analyse", "compose", tmp_path / "curve.csv", *MODELS, *options)
+    assert status == 0 and "(−145 s + 5993) / (s³ + 36.68 s² + 1046 s + 6009)" in out
     by_hand = hil.compose(tmp_path / "curve.csv", tordal.MEAN_MODEL.to_model("r [l/min]", "q [l/min]"))
     assert hil.load_model(tmp_path / "m.json").values == pytest.approx(by_hand.values, rel=1e-3, abs=1e-6)
 

@@ -17,7 +17,6 @@ from hil.bench.find import benches
 from hil.bench.protection import emergency_stops
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.rehearsal import twin_of
-from hil.cli.app import main
 from hil.clock import VirtualClock
 from hil.daq.calibration import Calibration
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
@@ -62,15 +61,12 @@ def test_a_person_is_told_from_a_link() -> None:
     )
 
 
-def test_a_pressed_stop_ends_a_simulated_run_and_stands_in_its_record(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_pressed_stop_ends_a_simulated_run_and_stands_in_its_record(tmp_path: Path, command_line) -> None:
     out = tmp_path / "run"
-    path = str(bench(tmp_path, "brevini-hpv41", pressed=3.0))
-    monkeypatch.setattr("sys.argv", ["hil", "run", "step_response", "--bench", path, "--out", str(out)])
-    assert main() == 3
+    bench_file = bench(tmp_path, "brevini-hpv41", pressed=3.0)
+    ended = command_line("run", "step_response", "--bench", bench_file, "--out", out)
     said = "emergency stop 'emergency stop': pressed at 3.0"
-    assert said in capsys.readouterr().err
+    assert ended.status == 3 and said in ended.err
     recording = read(out)
     assert said in str(recording.meta["outcome"])
     assert any(event["event"] == "trip" and said in str(event["details"]) for event in recording.meta["events"])
@@ -114,12 +110,9 @@ def test_a_contact_that_cannot_be_told_open_is_a_fault(tmp_path: Path, more: str
     assert any(said in fault for fault in raised.value.faults)
 
 
-def test_check_knows_the_role(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("sys.argv", ["hil", "check", str(bench(tmp_path, "brevini-hpv41"))])
-    assert main() == 0
-    with_notes = capsys.readouterr().out
+def test_check_knows_the_role(tmp_path: Path, command_line) -> None:
+    status, with_notes, _ = command_line("check", bench(tmp_path, "brevini-hpv41"))
+    assert status == 0
     assert "emergency stop (emergency stop): -10 … 10 V" in with_notes
     assert "trip     emergency stop: pressed below 5" in with_notes
 

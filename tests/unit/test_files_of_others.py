@@ -6,13 +6,11 @@ import json
 import os
 import shutil
 import socket
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from hil.cli.app import main
 from hil.cli.places import check_folder
 from hil.errors import FileError
 from hil.record.read import write_recording
@@ -37,14 +35,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, command: str) -> tuple[int, str, str]:
-    monkeypatch.setattr(sys, "argv", ["hil", *command.split()])
-    capsys.readouterr()
-    status = main()
-    out, err = capsys.readouterr()
-    return status, out, err
-
-
 @pytest.mark.parametrize(
     ("command", "kind"),
     [
@@ -59,20 +49,16 @@ def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, co
         ("devices dotted.toml", "TOML"),
     ],
 )
-def test_what_is_nested_too_deep_is_one_line(
-    command: str, kind: str, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_nested_too_deep_is_one_line(command: str, kind: str, folder: Path, command_line) -> None:
     assert folder.exists()
-    status, _, err = told(capsys, monkeypatch, command)
+    status, _, err = command_line(*command.split())
     assert status == 2 and len(err.splitlines()) == 1, err
     assert TOLD[kind][1] in err, err
 
 
 @pytest.mark.parametrize("name", SMALL)
 @pytest.mark.parametrize("kind", ["link", "pipe", "socket", "sparse", "folder"])
-def test_a_run_folder_holds_regular_files_alone(
-    kind: str, name: str, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_folder_holds_regular_files_alone(kind: str, name: str, folder: Path, command_line) -> None:
     path = folder / "run" / name
     shutil.move(path, folder / name)
     if kind == "link":
@@ -88,7 +74,7 @@ def test_a_run_folder_holds_regular_files_alone(
         with socket.socket(socket.AF_UNIX) as listening:
             listening.bind(os.path.relpath(path))
     for command in ("convert run x.csv", "report run", "results run --json -"):
-        status, _, err = told(capsys, monkeypatch, command)
+        status, _, err = command_line(*command.split())
         if name == "samples.log":  # of a closed run nobody needs its journal
             assert status in (0, 2) and "a fault of this program" not in err
         else:
@@ -96,30 +82,24 @@ def test_a_run_folder_holds_regular_files_alone(
 
 
 @pytest.mark.parametrize("text", [DEEP, "[]", "null", "1", '{"format": "hil-run"}', '{"a": NaN}', "\0"])
-def test_a_run_folder_whose_files_say_anything_is_one_line(
-    text: str, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_folder_whose_files_say_anything_is_one_line(text: str, folder: Path, command_line) -> None:
     for name in ("run.json", "end.json", "results.json"):
         shutil.copytree(folder / "run", folder / "made")
         (folder / "made" / name).write_text(text)
-        status, _, err = told(capsys, monkeypatch, "results made --json -")
+        status, _, err = command_line("results", "made", "--json", "-")
         assert status in (0, 2) and len(err.splitlines()) <= 1 and "a fault of this program" not in err, err
         shutil.rmtree(folder / "made")
 
 
-def test_end_json_seals_no_file_outside(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_end_json_seals_no_file_outside(folder: Path, command_line) -> None:
     text = (folder / "run/end.json").read_text()
     assert '"run.json"' in text
     (folder / "run/end.json").write_text(text.replace('"run.json"', '"../../../../../../etc/passwd"'))
-    status, _, err = told(capsys, monkeypatch, "convert run x.csv")
+    status, _, err = command_line("convert", "run", "x.csv")
     assert status == 2 and "seals '../../../../../../etc/passwd', which is no file of the run folder" in err
 
 
-def test_archive_rebuild_leaves_bad_folders_out(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_archive_rebuild_leaves_bad_folders_out(folder: Path, command_line) -> None:
     runs = folder / "runs"
     runs.mkdir()
     shutil.copytree(folder / "run", runs / "good")
@@ -130,21 +110,19 @@ def test_archive_rebuild_leaves_bad_folders_out(
     shutil.copytree(folder / "run", runs / "linked")
     (runs / "linked/results.json").symlink_to("/etc/passwd")
     (runs / "elsewhere").symlink_to(folder)
-    status, _, err = told(capsys, monkeypatch, f"archive rebuild --archive {runs}")
+    status, _, err = command_line("archive", "rebuild", "--archive", runs)
     assert "a fault of this program" not in err
-    _, out, _ = told(capsys, monkeypatch, f"runs --archive {runs} --json")
+    out = command_line("runs", "--archive", runs, "--json").out
     assert '/good"' in out and "deep" not in out and status in (0, 2)
 
 
 @pytest.mark.parametrize("key", ["valve", "conditions", "limits", "settings", "roles", "sampling"])
-def test_meta_of_another_kind_is_named(
-    key: str, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_meta_of_another_kind_is_named(key: str, folder: Path, command_line) -> None:
     path = folder / "run/run.json"
     content = json.loads(path.read_text())
     content["meta"][key] = ["x"]
     path.write_text(json.dumps(content))
-    status, _, err = told(capsys, monkeypatch, "convert run x.csv")
+    status, _, err = command_line("convert", "run", "x.csv")
     assert status == 2 and f"run.json: field 'meta.{key}' must be a table, found ['x']" in err
 
 
@@ -168,11 +146,9 @@ def test_end_of_another_kind_is_named(
     ["identify circle --plant linear-axis --out m.json", "runs --archive circle", "convert good.csv circle",
      "archive rebuild --archive circle", "run jog --bench brevini-hpv41 --out circle/x"],
 )  # fmt: skip
-def test_links_that_go_round_in_a_circle_are_told(
-    command: str, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_links_that_go_round_in_a_circle_are_told(command: str, folder: Path, command_line) -> None:
     (folder / "circle").symlink_to("circle")
-    status, _, err = told(capsys, monkeypatch, command)
+    status, _, err = command_line(*command.split())
     assert status == 2 and "circle" in err and err.count("\n") == 1 and "fault of this program" not in err, err
 
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hil import api
-from hil.__main__ import main
 from hil.errors import HilError
 from hil.physics.transfer_function import TransferFunction
 from hil.record.recording import recording
@@ -18,22 +15,6 @@ from hil.record.response_table import ResponseTable
 from tests.page import read_page
 
 TRUE = TransferFunction((60.0,), (1.0, 20.0), 0.01)
-
-
-Run = Callable[..., int]
-
-
-@pytest.fixture
-def hil(monkeypatch: pytest.MonkeyPatch) -> Run:
-    """Runs `hil …`; gives the exit status."""
-
-    def run(*arguments: str | Path) -> int:
-        monkeypatch.setattr(sys, "argv", ["hil", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return int(ended.value.code or 0)
-
-    return run
 
 
 def table(path: Path) -> Path:
@@ -44,10 +25,10 @@ def table(path: Path) -> Path:
     return path
 
 
-def test_a_table_is_drawn_with_the_transfer_function_that_was_fitted_to_it(tmp_path: Path, hil: Run) -> None:
+def test_a_table_is_drawn_with_the_transfer_function_that_was_fitted_to_it(tmp_path: Path, command_line) -> None:
     source = table(tmp_path / "bode.csv")
     model, page = tmp_path / "m.json", tmp_path / "p.html"
-    assert hil("identify", source, "--plant", "transfer-function", "--out", model, "--page", page) == 0
+    assert command_line("identify", source, "--plant", "transfer-function", "--out", model, "--page", page).status == 0
     seen = read_page(page)
     assert seen.drawings == 1 and "bode.csv" in seen.text
     text = page.read_text(encoding="utf-8")
@@ -55,7 +36,7 @@ def test_a_table_is_drawn_with_the_transfer_function_that_was_fitted_to_it(tmp_p
     assert " / (s + " in text
 
 
-def test_comparing_draws_table_and_samples(tmp_path: Path, hil: Run, capsys: pytest.CaptureFixture[str]) -> None:
+def test_comparing_draws_table_and_samples(tmp_path: Path, command_line) -> None:
     source = table(tmp_path / "bode.csv")
     api.save_model(TRUE.to_model("command [%]", "flow [l/min]"), tmp_path / "m.json")
     time_s = 0.01 * np.arange(500)
@@ -63,19 +44,19 @@ def test_comparing_draws_table_and_samples(tmp_path: Path, hil: Run, capsys: pyt
     made = recording("s", time_s, {"command [%]": command, "flow [l/min]": 3.0 * command + 0.1 * np.sin(time_s)})
     api.write(made, tmp_path / "steps.csv")
     page = tmp_path / "p.html"
-    assert hil("compare", "--model", tmp_path / "m.json", source, tmp_path / "steps.csv", "--page", page) == 0
-    said = capsys.readouterr().out
+    said = command_line("compare", "--model", tmp_path / "m.json", source, tmp_path / "steps.csv", "--page", page)
+    assert said.status == 0
     text = page.read_text(encoding="utf-8")
     assert text.count('<svg role="img"') == 2 and "measured − model" in text
-    fit = next(line.split(" %")[0] for line in said.splitlines() if "fit" in line).strip()
+    fit = next(line.split(" %")[0] for line in said.out.splitlines() if "fit" in line).strip()
     assert fit in text  # what the terminal says of the table stands on the page
 
 
-def test_a_page_replaces_none_of_what_it_is_made_of(tmp_path: Path, hil: Run) -> None:
+def test_a_page_replaces_none_of_what_it_is_made_of(tmp_path: Path, command_line) -> None:
     source = table(tmp_path / "bode.csv")
     api.save_model(TRUE.to_model("command [%]", "flow [l/min]"), tmp_path / "m.json")
     before = source.read_bytes()
-    assert hil("compare", "--model", tmp_path / "m.json", source, "--page", source) == 2
+    assert command_line("compare", "--model", tmp_path / "m.json", source, "--page", source).status == 2
     assert source.read_bytes() == before
     with pytest.raises(HilError):
         api.compare(tmp_path / "m.json", [source], page=tmp_path / "nowhere" / "p.html")

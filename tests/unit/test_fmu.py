@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from hil.catalog import entries
-from hil.cli import app
 from hil.errors import InputError, UnknownNameError
 from hil.fmu.build import PLATFORMS, own_platform, write_c, write_fmu
 from hil.fmu.c_types import UntranslatableError
@@ -271,15 +270,13 @@ def test_both_sides_of_every_branch_are_written():
     assert "sqrt(p[1])" in text
 
 
-def test_command_writes_an_fmu_and_says_how_near_it_is(monkeypatch, capsys, tmp_path):
+def test_command_writes_an_fmu_and_says_how_near_it_is(tmp_path, command_line):
     save_model(typical_model("linear-axis"), tmp_path / "axis.json")
-    command = ["hil", "export", str(tmp_path / "axis.json"), "--to", "fmu", "--out", str(tmp_path / "axis.fmu")]
-    monkeypatch.setattr("sys.argv", [*command, "--effect", "friction@force"])
-    assert app.main() == 0
-    assert "`hil simulate`" in capsys.readouterr().out
-    monkeypatch.setattr("sys.argv", [*command, "--fmi", "4"])
-    assert app.main() == 2
-    assert "fmi 4: there are 2 and 3" in capsys.readouterr().err
+    command = ["export", tmp_path / "axis.json", "--to", "fmu", "--out", tmp_path / "axis.fmu"]
+    written = command_line(*command, "--effect", "friction@force")
+    assert written.status == 0 and "`hil simulate`" in written.out
+    refused = command_line(*command, "--fmi", "4")
+    assert refused.status == 2 and "fmi 4: there are 2 and 3" in refused.err
 
 
 def test_kernel_of_some_effects_is_the_whole_one_with_the_others_left_out():

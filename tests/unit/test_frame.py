@@ -14,7 +14,6 @@ import pytest
 
 import hil
 from hil import api
-from hil.cli.app import main
 from hil.errors import HilError, option, options_of
 from hil.record.recording import Recording
 
@@ -122,14 +121,11 @@ def test_an_option_is_called_as_at_the_outermost_door() -> None:
         assert option("gaps") == "--gaps"
 
 
-def test_the_command_line_keeps_its_options(
-    tmp_path: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_line_keeps_its_options(tmp_path: Any, command_line) -> None:
     path = str(tmp_path / "one.csv")
     pd.DataFrame({**UNITS, "flow": COMMAND}).to_csv(path, index=False)
-    monkeypatch.setattr("sys.argv", ["hil", "identify", path, "--plant", "brevini-hpv41", "--out", str(tmp_path / "m")])
-    assert main() == 2
-    assert "--unit 'flow=l/min'" in capsys.readouterr().err
+    refused = command_line("identify", path, "--plant", "brevini-hpv41", "--out", tmp_path / "m")
+    assert refused.status == 2 and "--unit 'flow=l/min'" in refused.err
     with pytest.raises(HilError, match=r"units=\{'flow': 'l/min'\}"):
         hil.identify(path, "brevini-hpv41")
 

@@ -7,11 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
-from hil.cli.app import _assembled
 from hil.cli.quantity import quantity
 from hil.errors import HilError, SettingError, UnknownNameError
 from hil.record.folder import read
@@ -111,13 +109,11 @@ def test_what_cannot_be_driven(tmp_path: Path) -> None:
     assert not (tmp_path / "run").exists()
 
 
-def test_command_line(tmp_path: Path) -> None:
-    told = ["jog", "brevini-hpv41", "command", "-20", "--for", "500 ms", "--out", str(tmp_path / "run"),
-            "--archive", str(tmp_path), "--operator", "kb"]  # fmt: skip
-    runner, app = CliRunner(), _assembled()
-    found = runner.invoke(app, told)
-    assert found.exit_code == 0, found.output
-    assert "command stood at -20 %." in found.stdout
-    listed = json.loads(runner.invoke(app, ["runs", "--archive", str(tmp_path), "--json"]).stdout)
+def test_command_line(tmp_path: Path, command_line) -> None:
+    archive = ("--archive", tmp_path)
+    where = ("--out", tmp_path / "run", *archive, "--operator", "kb")
+    found = command_line("jog", "brevini-hpv41", "command", "-20", "--for", "500 ms", *where)
+    assert found.status == 0 and "command stood at -20 %." in found.out, found
+    listed = json.loads(command_line("runs", *archive, "--json").out)
     assert [(run["procedure"], run["operator"]) for run in listed] == [("jog", "kb")]
-    assert runner.invoke(app, ["report", str(tmp_path / "run")]).exit_code == 0
+    assert command_line("report", tmp_path / "run").status == 0

@@ -59,13 +59,11 @@ def refuse(constant):
 
 
 @pytest.fixture
-def said(monkeypatch, capsys):
+def said(command_line):
     def called(*arguments):
-        monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments), "--json"])
-        status = app.main()
-        printed = capsys.readouterr()
-        assert status == 0, printed.err
-        told = json.loads(printed.out, parse_constant=refuse)
+        status, out, err = command_line(*arguments, "--json")
+        assert status == 0, err
+        told = json.loads(out, parse_constant=refuse)
         assert told["schema"] in SCHEMAS
         return told
 

@@ -14,7 +14,6 @@ from babel.messages.pofile import read_po
 from docs.catalogues import CATALOGUES, ROOMS, catalogue, compiled, long_sentences, text_of
 from hil.bench.find import benches
 from hil.bench.read import read_bench
-from hil.cli.app import main
 from hil.cli.run import understood
 from hil.console.board import interlocks_of, lines_of
 from hil.errors import SettingError
@@ -120,21 +119,21 @@ def test_the_page_of_a_run_is_german_and_what_is_printed_is_not(
 
 
 @pytest.mark.usefixtures("stranger")
-def test_a_page_in_german_by_option(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    runs = [str(run_of(tmp_path, name=name, gain=gain)) for name, gain in (("a", 50.0), ("b", 53.0))]
+def test_a_page_in_german_by_option(tmp_path: Path, command_line) -> None:
+    runs = [run_of(tmp_path, name=name, gain=gain) for name, gain in (("a", 50.0), ("b", 53.0))]
     page = tmp_path / "page.html"
-    monkeypatch.setattr("sys.argv", ["hil", "compare", *runs, "--page", str(page), "--language", "de"])
-    assert main() == 0
+    assert command_line("compare", *runs, "--page", page, "--language", "de").status == 0
     assert "1 von 1 Werten weichen über ihre Unsicherheit hinaus ab: Verstärkung." in read_page(page).text
     assert page_language({}) == "en", "the option outlasts its command"
 
 
 @pytest.mark.usefixtures("stranger")
-def test_the_certificate_in_german_and_its_files_in_english(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_certificate_in_german_and_its_files_in_english(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command_line
+) -> None:
     run = run_of(tmp_path)
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
-    monkeypatch.setattr("sys.argv", ["hil", "passport", str(run), "--out", str(tmp_path / "p.pdf"), "--language", "de"])
-    assert main() == 0
+    assert command_line("passport", run, "--out", tmp_path / "p.pdf", "--language", "de").status == 0
     with pikepdf.open(tmp_path / "p.pdf") as pdf:
         assert pdf.Root.Lang == "de"
         assert str(pdf.docinfo["/Title"]) == "Ventilpass: HPV41, SN-7"

@@ -13,7 +13,6 @@ from typing import Any
 
 import pytest
 
-from hil.cli.app import main
 from hil.extras import EXTRAS, is_installed, remedy
 
 
@@ -76,34 +75,25 @@ COMMANDS = [
     ("arguments", "package"), COMMANDS, ids=lambda value: " ".join(value[:4]) if isinstance(value, tuple) else value
 )
 def test_command_names_the_extra_in_one_line(
-    arguments: tuple[str, ...],
-    package: str,
-    hide: Callable[..., None],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...], package: str, hide: Callable[..., None], command_line
 ) -> None:
     write_recording()
     hide(package)
-    monkeypatch.setattr(sys, "argv", ["hil", *arguments])
-    status, err = main(), capsys.readouterr().err
+    status, _, err = command_line(*arguments)
     assert status == 2, err
     assert f"needs the package '{package}'" in err.replace("files need ", "files needs ")
     assert remedy(package) in err and ".part" not in err and len(err.splitlines()) == 1
     assert sorted(path.name for path in Path().iterdir()) == ["a.csv", "a.h5", "a.mf4", "a.parquet", "a.tdms"]
 
 
-def test_what_needs_no_extra_works(
-    hide: Callable[..., None], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_needs_no_extra_works(hide: Callable[..., None], command_line) -> None:
     hide(*EXTRAS)
     assert not any(is_installed(package) for package in EXTRAS)
-    for arguments in (["list"], ["check", "brevini-hpv41", "--strict"], ["check", "hpv41-mixed"]):
-        monkeypatch.setattr(sys, "argv", ["hil", *arguments])
-        assert main() == 0
-    out = capsys.readouterr().out
-    assert out.count("which is not installed: pip install 'valve-hil[links]'") == 4
-    monkeypatch.setattr(sys, "argv", ["hil", "check", "hpv41-mixed", "--strict"])
-    assert main() == 2
+    for arguments in (["list"], ["check", "brevini-hpv41", "--strict"]):
+        assert command_line(*arguments).status == 0
+    status, out, _ = command_line("check", "hpv41-mixed")
+    assert status == 0 and out.count("which is not installed: pip install 'valve-hil[links]'") == 4
+    assert command_line("check", "hpv41-mixed", "--strict").status == 2
 
 
 def test_every_library_of_every_extra_is_known() -> None:

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import hil
-from hil.cli.app import main
 from hil.diagnosis.diagnose import Diagnosed
 from hil.physics.model import save_model, typical_model
 from hil.physics.other_plant import other_plants, plant_of_run
@@ -70,13 +69,10 @@ def efc_run(folder: Path) -> Path:
     return folder
 
 
-def test_compare_and_diff_say_it_before_what_they_found(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_compare_and_diff_say_it_before_what_they_found(tmp_path: Path, command_line) -> None:
     run = str(efc_run(tmp_path / "run"))
-    monkeypatch.setattr("sys.argv", ["hil", "compare", "--model", "efc-good", run])
-    assert main() == 0
-    assert f"note: {run} {TOLD}efc-drive" in capsys.readouterr().out.splitlines()[0]
+    compared = command_line("compare", "--model", "efc-good", run)
+    assert compared.status == 0 and f"note: {run} {TOLD}efc-drive" in compared.out.splitlines()[0]
     notes: list[str] = []
     hil.diff(run, run, model="efc-good", budget_s=0.1, notes=notes.append)
     assert TOLD in notes[0]
@@ -104,12 +100,11 @@ def test_hil_diagnose_warns_first_of_another_plant(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("stranger")
 def test_a_passport_refuses_the_model_of_another_plant(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command_line
 ) -> None:
     run = run_of(tmp_path, plant="cummins-efc")
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
-    out = str(tmp_path / "p.pdf")
-    monkeypatch.setattr("sys.argv", ["hil", "passport", str(run), "--out", out, "--model", "hpv41-identified"])
-    assert main() == 2
-    assert f"--model: run {TOLD}brevini-hpv41" in capsys.readouterr().err
-    assert not Path(out).exists()
+    out = tmp_path / "p.pdf"
+    refused = command_line("passport", run, "--out", out, "--model", "hpv41-identified")
+    assert refused.status == 2 and f"--model: run {TOLD}brevini-hpv41" in refused.err
+    assert not out.exists()

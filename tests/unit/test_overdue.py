@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import json
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,9 +14,9 @@ from hil.archive.place import archive_place
 from hil.bench.find import benches
 from hil.bench.nets import calibration
 from hil.bench.read import read_bench
-from hil.cli.app import main
 from hil.record.folder import read
 from hil.session.results import report_again
+from tests.conftest import Told
 
 pytestmark = pytest.mark.usefixtures("unprinted")
 
@@ -41,9 +41,12 @@ def bench(due: dt.date, more: str = "") -> Path:
     return path
 
 
-def run(path: Path, monkeypatch: pytest.MonkeyPatch) -> int:
-    monkeypatch.setattr(sys, "argv", ["hil", "run", "tiny_step", "--bench", str(path), "--out", "run"])
-    return main()
+Run = Callable[[Path], Told]
+
+
+@pytest.fixture
+def run(command_line) -> Run:
+    return lambda path: command_line("run", "tiny_step", "--bench", path, "--out", "run")
 
 
 def overdue_in_archive() -> list[tuple[Path, dt.date]]:
@@ -53,14 +56,12 @@ def overdue_in_archive() -> list[tuple[Path, dt.date]]:
     return [(run.run, run.due) for one in found for run in one.overdue]
 
 
-def test_overdue_instrument_is_a_deviation_in_header_findings_and_page(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_overdue_instrument_is_a_deviation_in_header_findings_and_page(run: Run) -> None:
     yesterday = day(-1)
     when = f"its calibration was due on {yesterday}; the day of this test is {day()}."
     text = f"Instrument 'flow meter' (serial 4711): {when}"
-    assert run(bench(yesterday), monkeypatch) == 0
-    assert f"deviation: {text}" in capsys.readouterr().out
+    status, out, _ = run(bench(yesterday))
+    assert status == 0 and f"deviation: {text}" in out
     assert json.loads(Path("run/run.json").read_text("utf-8"))["meta"]["deviations"] == [text]
     assert text in json.loads(Path("run/results.json").read_text("utf-8"))["deviations"]
     assert f"was due on {yesterday}" in Path("run/report.html").read_text("utf-8")
@@ -68,30 +69,28 @@ def test_overdue_instrument_is_a_deviation_in_header_findings_and_page(
     assert report_again(Path("run")).findings.deviations.count(text) == 1  # the day is that of the run
 
 
-def test_overdue_channel_is_one_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_overdue_channel_is_one_too(run: Run) -> None:
     yesterday = day(-1)
     path = bench(day(1))
     text = path.read_text("utf-8").replace("date = 2026-03-02", f"date = 2020-03-02, due = {yesterday}", 1)
     path.write_text(text, encoding="utf-8")
-    assert run(path, monkeypatch) == 0
+    assert run(path).status == 0
     (deviation,) = read(Path("run")).meta["deviations"]
     assert overdue_in_archive() == [(Path("run").resolve(), yesterday)]
     assert deviation.startswith(f"Channel 'command': its calibration was due on {yesterday};")
 
 
 @pytest.mark.parametrize("ahead", [0, 1])
-def test_what_is_due_today_or_later_is_none(ahead: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert run(bench(day(ahead), 'overdue = "refuse"\n'), monkeypatch) == 0
+def test_what_is_due_today_or_later_is_none(ahead: int, run: Run) -> None:
+    assert run(bench(day(ahead), 'overdue = "refuse"\n')).status == 0
     assert read(Path("run")).meta["deviations"] == []
     assert overdue_in_archive() == []
 
 
-def test_overdue_run_is_refused_where_the_bench_file_says_so(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_overdue_run_is_refused_where_the_bench_file_says_so(run: Run) -> None:
     yesterday = day(-1)
-    assert run(bench(yesterday, 'overdue = "refuse"\n'), monkeypatch) == 2
-    assert f"'flow meter' (serial 4711): its calibration was due on {yesterday}" in capsys.readouterr().err
+    status, _, err = run(bench(yesterday, 'overdue = "refuse"\n'))
+    assert status == 2 and f"'flow meter' (serial 4711): its calibration was due on {yesterday}" in err
     assert not Path("run").exists()
 
 

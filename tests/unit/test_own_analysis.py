@@ -7,7 +7,6 @@ import pytest
 from scipy.signal import lfilter
 
 import hil
-from hil.cli import app
 from hil.errors import InputError
 from hil.identification.frequency.sine_segments import found_segments
 from hil.record.recording import recording
@@ -118,17 +117,15 @@ def test_half_a_sweep_says_which_half_is_missing():
     assert one_side.as_text().startswith("flow [l/min] over valve [%], 0 … ")
 
 
-def test_flow_at_the_prompt_makes_a_curve_that_compose_takes(curve, tmp_path, monkeypatch, capsys):
+def test_flow_at_the_prompt_makes_a_curve_that_compose_takes(curve, tmp_path, monkeypatch, command_line):
     monkeypatch.chdir(tmp_path)
     hil.write(sweep(10.0), "sweep.csv")
     hil.save_model(hil.identify(hil.frequency_response(sines(40.0, 5.0)).tables[0], "transfer-function", poles=1,
                                 zeros=0).model, "lag.json")  # fmt: skip
-    monkeypatch.setattr("sys.argv", ["hil", "analyse", "flow", "sweep.csv", "--out", "curve.csv", "--json"])
-    assert app.main() == 0
-    assert json.loads(capsys.readouterr().out)["schema"] == "hil.flow-curve/1"
-    monkeypatch.setattr("sys.argv", ["hil", "analyse", "compose", "curve.csv", "lag.json", "--out", "both.json"])
-    assert app.main() == 0
-    assert "valve [%] → flow [l/min]" in capsys.readouterr().out
+    found = command_line("analyse", "flow", "sweep.csv", "--out", "curve.csv", "--json")
+    assert found.status == 0 and json.loads(found.out)["schema"] == "hil.flow-curve/1"
+    composed = command_line("analyse", "compose", "curve.csv", "lag.json", "--out", "both.json")
+    assert composed.status == 0 and "valve [%] → flow [l/min]" in composed.out
     text = (tmp_path / "curve.csv").read_text(encoding="utf-8").splitlines()
     (tmp_path / "timed.csv").write_text(
         "\n".join([f"time [s],{text[0]}", *(f"{i},{line}" for i, line in enumerate(text[1:]))]), encoding="utf-8"
@@ -136,25 +133,22 @@ def test_flow_at_the_prompt_makes_a_curve_that_compose_takes(curve, tmp_path, mo
     assert hil.compose("timed.csv", "lag.json").values == hil.compose("curve.csv", "lag.json").values
 
 
-def test_sines_at_the_prompt_leave_a_table_for_each_level(tmp_path, monkeypatch, capsys):
+def test_sines_at_the_prompt_leave_a_table_for_each_level(tmp_path, monkeypatch, command_line):
     monkeypatch.chdir(tmp_path)
     hil.write(sines(40.0, 5.0), "a.csv")
     hil.write(sines(-30.0, 10.0), "b.csv")
-    monkeypatch.setattr("sys.argv", ["hil", "analyse", "sines", "a.csv", "b.csv", "--out", "own.csv"])
-    assert app.main() == 0
-    assert "next: hil identify own_+40_5.csv --plant transfer-function" in capsys.readouterr().out
+    status, out, _ = command_line("analyse", "sines", "a.csv", "b.csv", "--out", "own.csv")
+    assert status == 0 and "next: hil identify own_+40_5.csv --plant transfer-function" in out
     assert len(hil.read("own_-30_10.csv")) == len(FREQUENCIES_HZ)
 
 
 @pytest.mark.parametrize(("kind", "word"), [("sines", "no sine in channel"), ("flow", "no sweep in channel")])
-def test_a_recording_without_them_is_refused_in_one_line(kind, word, tmp_path, monkeypatch, capsys):
+def test_a_recording_without_them_is_refused_in_one_line(kind, word, tmp_path, monkeypatch, command_line):
     monkeypatch.chdir(tmp_path)
     steps = np.repeat([0.0, 50.0, -20.0, 30.0], 200)
     hil.write(made("steps", steps, lagged(steps, 1.0)), "steps.csv")
-    monkeypatch.setattr("sys.argv", ["hil", "analyse", kind, "steps.csv"])
-    assert app.main() == 2
-    error = capsys.readouterr().err
-    assert word in error and error.count("\n") == 1
+    status, _, error = command_line("analyse", kind, "steps.csv")
+    assert status == 2 and word in error and error.count("\n") == 1
 
 
 def test_a_sine_that_a_coarse_converter_rounds_is_one_and_a_clipped_one_is_not():

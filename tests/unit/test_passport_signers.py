@@ -16,7 +16,6 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import NameOID
 
-from hil.cli import app
 from hil.errors import FileError, InputError, SettingError
 from hil.passport.issue import Wanted, issue
 from hil.passport.key import SigningKey, fingerprint, signing_key
@@ -203,7 +202,9 @@ def test_revoked_certificates_are_read_from_a_file_that_says_where_it_is_wrong(t
             read_revocations(None)
 
 
-def test_at_the_prompt_a_revoked_key_needs_a_date_of_ones_own(tmp_path, unsigned, at, monkeypatch, capsys) -> None:
+def test_at_the_prompt_a_revoked_key_needs_a_date_of_ones_own(
+    tmp_path, unsigned, at, monkeypatch, command_line
+) -> None:
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     lab = holder("Lab 12")
     (tmp_path / "lab.pem").write_bytes(lab.certificate.public_bytes(Encoding.PEM))
@@ -211,9 +212,8 @@ def test_at_the_prompt_a_revoked_key_needs_a_date_of_ones_own(tmp_path, unsigned
     (tmp_path / "revoked").write_text(f"{fingerprint(lab.certificate)} {NOW - 10 * DAY:%Y-%m-%d} stolen\n")
 
     def status(*more: str) -> tuple[int, str]:
-        asked = ["hil", "verify", tmp_path / "unit.pdf", "--trust", tmp_path / "lab.pem", *more]
-        monkeypatch.setattr("sys.argv", list(map(str, asked)))
-        return app.main(), "".join(capsys.readouterr())
+        ended = command_line("verify", tmp_path / "unit.pdf", "--trust", tmp_path / "lab.pem", *more)
+        return ended.status, ended.out + ended.err
 
     assert status()[0] == 0
     found, words = status("--revoked", str(tmp_path / "revoked"))

@@ -14,7 +14,6 @@ import pikepdf
 import pytest
 
 from hil.catalog import entries
-from hil.cli.app import main
 from hil.errors import FileError
 from hil.passport import verify as verifying
 from hil.passport.contents import files_inside, lay_out
@@ -81,19 +80,16 @@ def strange(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     entries.cache_clear()
 
 
-def test_open_of_an_unknown_signer_has_a_limit(
-    strange: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_open_of_an_unknown_signer_has_a_limit(strange: Path, command_line) -> None:
     for words in ([], ["--most", "0.001"]):
-        monkeypatch.setattr(sys, "argv", ["hil", "open", "unit.pdf", "--out", "out", *words])
-        assert main() == 2
-        err = capsys.readouterr().err
-        assert err.startswith("hil: unit.pdf: its files unpack to more than") and len(err.splitlines()) == 1
+        status, _, err = command_line("open", "unit.pdf", "--out", "out", *words)
+        assert status == 2 and len(err.splitlines()) == 1
+        assert err.startswith("hil: unit.pdf: its files unpack to more than")
         assert "its signer is not known here; nothing was written" in err
         assert not Path("out").exists()
     assert strange.exists()
-    monkeypatch.setattr(sys, "argv", ["hil", "open", "unit.pdf", "--out", "out", "--most", "10"])
-    assert main() == 0 and Path("out/runs/run/run.json").exists()
+    assert command_line("open", "unit.pdf", "--out", "out", "--most", "10").status == 0
+    assert Path("out/runs/run/run.json").exists()
 
 
 @pytest.mark.parametrize(("answer", "status"), [(b"y\n", 0), (b"n\n", 2)])

@@ -7,7 +7,6 @@ import pytest
 
 from hil.archive.archive import enter
 from hil.archive.place import archive_place
-from hil.cli import app
 from hil.findings.collect import results_of
 from hil.findings.difference import ALPHA
 from hil.findings.population import standings
@@ -119,15 +118,14 @@ def lab(tmp_path):
     return lab
 
 
-def said(monkeypatch, capsys, *arguments):
-    monkeypatch.setattr("sys.argv", ["hil", "compare", *map(str, arguments), "--population"])
-    return app.main(), capsys.readouterr()
+def said(command_line, *arguments):
+    return command_line("compare", *arguments, "--population")
 
 
-def test_population_is_the_last_run_of_each_other_unit(monkeypatch, capsys, lab):
-    status, printed = said(monkeypatch, capsys, lab / "own", "--archive", lab, "--json")
+def test_population_is_the_last_run_of_each_other_unit(command_line, lab):
+    printed = said(command_line, lab / "own", "--archive", lab, "--json")
     told = json.loads(printed.out)
-    assert status == 0
+    assert printed.status == 0
     assert sorted(told["others"]) == ["U0", "U1", "U2", "U3", "U4"]
     assert (told["schema"], told["without_serial"], told["same_instruments"]) == ("hil.population/1", 1, True)
     (row,) = told["values"]
@@ -135,15 +133,15 @@ def test_population_is_the_last_run_of_each_other_unit(monkeypatch, capsys, lab)
     assert (row["units"], row["meaning"]) == (5, "differs")
 
 
-def test_units_that_are_named_are_none_of_the_others(monkeypatch, capsys, lab):
-    _, printed = said(monkeypatch, capsys, lab / "own", lab / "u0", "--archive", lab)
+def test_units_that_are_named_are_none_of_the_others(command_line, lab):
+    printed = said(command_line, lab / "own", lab / "u0", "--archive", lab)
     assert "cannot be told: 4 other units, at least 5 are needed" in printed.out
     assert "Nothing can be told." in printed.out
     assert "1 runs without a serial number" in printed.out
 
 
-def test_table_states_the_rate(monkeypatch, capsys, lab):
-    _, printed = said(monkeypatch, capsys, lab / "own", "--archive", lab)
+def test_table_states_the_rate(command_line, lab):
+    printed = said(command_line, lab / "own", "--archive", lab)
     assert "1 of 1 values that can be told differ from the population (false-alarm rate 5 %" in printed.out
 
 
@@ -155,7 +153,7 @@ def test_table_states_the_rate(monkeypatch, capsys, lab):
         (["nameless"], "no serial number"),
     ],
 )
-def test_runs_that_make_no_batch_are_refused(monkeypatch, capsys, lab, names, why):
-    status, printed = said(monkeypatch, capsys, *(lab / name for name in names), "--archive", lab)
-    assert status == 2
+def test_runs_that_make_no_batch_are_refused(command_line, lab, names, why):
+    printed = said(command_line, *(lab / name for name in names), "--archive", lab)
+    assert printed.status == 2
     assert why in printed.err

@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from hil.bench.read import read_bench
-from hil.cli import app
 from hil.errors import SettingError
 from hil.record.header import read_header
 from hil.session.preset import preset_names, preset_settings
@@ -43,19 +42,15 @@ def test_a_preset_that_cannot_be_taken_names_the_file(bench: Path, name: str, wh
         preset_settings(read_bench(bench), STEP, name)
 
 
-def test_run_takes_a_preset_and_what_is_typed_goes_before(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_takes_a_preset_and_what_is_typed_goes_before(bench: Path, command_line) -> None:
     out = bench.parent / "run"
-    arguments = ["run", "step_response", "--bench", bench, "--preset", "quick", "--set", "hold_s=2", "--out", out]
-    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments), "--archive", str(bench.parent)])
-    assert app.main() == 0
+    typed = ["--preset", "quick", "--set", "hold_s=2", "--out", out, "--archive", bench.parent]
+    assert command_line("run", "step_response", "--bench", bench, *typed).status == 0
     settings = read_header(out).meta["settings"]
     assert (settings["levels"], settings["hold_s"]) == ([0.0, 50.0], 2.0)
 
 
-def test_check_names_a_preset_of_an_unknown_procedure(
-    bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_names_a_preset_of_an_unknown_procedure(bench: Path, command_line) -> None:
     bench.write_text('based_on = "brevini-hpv41"\n[presets.step_respnse.quick]\nlevels = [0, 50]\n')
-    monkeypatch.setattr("sys.argv", ["hil", "check", str(bench)])
-    assert app.main() == 2
-    assert "presets.step_respnse" in "".join(capsys.readouterr())
+    status, out, err = command_line("check", bench)
+    assert status == 2 and "presets.step_respnse" in out + err

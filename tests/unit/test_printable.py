@@ -14,7 +14,6 @@ from unittest.mock import patch
 
 import pytest
 
-from hil.cli.app import main
 from hil.printable import Printable, printable, printable_streams, raw
 from hil.stderr import write
 
@@ -55,28 +54,21 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_names_of_columns_and_files_command_no_terminal(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_names_of_columns_and_files_command_no_terminal(folder: Path, command_line) -> None:
     assert folder.exists()
     for words in (["convert", f"na{TITLE}me.csv", f"out{TITLE}.csv"], ["convert", f"bad{TITLE}.csv", "x.csv"],
                   ["convert", f"no{TITLE}.csv", "x.csv"], [f"no{TITLE}"], ["list", TITLE], ["check", TITLE],
                   ["runs", "--archive", ".", "--serial", TITLE]):  # fmt: skip
-        monkeypatch.setattr(sys, "argv", ["hil", *words])
         before = sys.stdout, sys.stderr
-        main()
+        _, out, err = command_line(*words)
         assert (sys.stdout, sys.stderr) == before
-        out, err = capsys.readouterr()
         assert "\x1b" not in out + err and "\x07" not in out + err
 
 
-def test_a_name_with_a_new_line_is_one_line(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_name_with_a_new_line_is_one_line(folder: Path, command_line) -> None:
     assert folder.exists()
-    monkeypatch.setattr(sys, "argv", ["hil", "convert", "line\nbreak.csv", "x.csv"])
-    assert main() == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
+    status, _, err = command_line("convert", "line\nbreak.csv", "x.csv")
+    assert status == 2 and len(err.splitlines()) == 1
 
 
 def test_a_terminal_sees_no_command(folder: Path) -> None:

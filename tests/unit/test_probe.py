@@ -12,10 +12,8 @@ from pathlib import Path
 import can
 import pytest
 from pymodbus.datastore import ModbusSequentialDataBlock, ModbusServerContext
-from typer.testing import CliRunner
 
 from hil.bench.read import BenchFile
-from hil.cli.app import _assembled
 from hil.daq.probe import Found, probe_of
 from hil.errors import DeviceLostError, LinkError, SettingError, UnknownNameError
 from tests.links import PATIENT, free_port, served
@@ -162,15 +160,14 @@ def test_faults_in_one_line(tmp_path: Path) -> None:
         _who("modbus", f"127.0.0.1:{free_port()}")
 
 
-def test_command_line(tmp_path: Path) -> None:
-    runner, app = CliRunner(), _assembled()
+def test_command_line(tmp_path: Path, command_line) -> None:
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (_, devices):
         (device,) = devices.values()
         told = ["probe", "modbus", f"127.0.0.1:{device.port}", "--set", "units=1", "--set", "timeout_s=5.0"]
-        assert runner.invoke(app, told).stdout.startswith("unit")
-        answer = json.loads(runner.invoke(app, [*told, "--json"]).stdout)
+        assert command_line(*told).out.startswith("unit")
+        answer = json.loads(command_line(*told, "--json").out)
         assert answer["schema"] == "hil.probe/1" and answer["found"]
     with socket.create_server(("127.0.0.1", 0)) as silent:
         port = silent.getsockname()[1]
-        found = runner.invoke(app, ["probe", "scpi", f"socket://127.0.0.1:{port}", "--set", "timeout_s=1.0"])
-        assert isinstance(found.exception, LinkError) and "nobody answers (baud = 115200" in str(found.exception)
+        found = command_line("probe", "scpi", f"socket://127.0.0.1:{port}", "--set", "timeout_s=1.0")
+        assert found.status == LinkError.exit_status and "nobody answers (baud = 115200" in found.err

@@ -9,7 +9,6 @@ import hil
 from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.catalog import models
-from hil.cli import app
 from hil.errors import FileError
 from hil.findings.results import read_results
 from hil.identification.grey_box.identify import starting_model
@@ -41,17 +40,12 @@ def test_every_published_valve_has_a_bench():
     assert set(published_models()) <= {bench.simulation.get("plant", bench.valve.plant) for bench in read}
 
 
-def _said(monkeypatch, capsys, *arguments):
-    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
-    return app.main(), capsys.readouterr()
-
-
-def test_bench_gives_back_the_published_transfer_function(monkeypatch, capsys, tmp_path):
+def test_bench_gives_back_the_published_transfer_function(tmp_path, command_line):
     frequencies = ",".join(str(f) for f in tordal.FREQUENCIES_HZ[::2])
     options = ("--set", f"frequencies={frequencies}", "--set", "biases=50", "--set", "amplitudes=10")
     options += ("--set", "poles=3", "--set", "zeros=1", "--set", "dead_time=no")
     run = ("run", "frequency_response", "--bench", "hpv41-plus-10", "--out", tmp_path / "run", *options)
-    assert _said(monkeypatch, capsys, *run)[0] == 0
+    assert command_line(*run).status == 0
     fitted = read_results(tmp_path / "run" / "results.json").transfer_functions[0]
     published = (-150.8, 6361.0, 31.7, 1225.0, 6345.0)
     for value, variance, expected in zip(
@@ -61,11 +55,11 @@ def test_bench_gives_back_the_published_transfer_function(monkeypatch, capsys, t
         assert value == pytest.approx(expected, rel=0.01)
 
 
-def test_list_shows_benches_and_models(monkeypatch, capsys):
-    _, said = _said(monkeypatch, capsys, "list", "models")
+def test_list_shows_benches_and_models(command_line):
+    said = command_line("list", "models")
     assert "hpv41-plus-10" in said.out
     assert "table 1" in said.out
-    _, said = _said(monkeypatch, capsys, "list", "benches")
+    said = command_line("list", "benches")
     assert "hpv41-identified" in said.out
     assert "HPV41 as identified" in said.out
 
@@ -133,20 +127,19 @@ def test_table_files_are_what_the_papers_numbers_make():
 
 
 @pytest.mark.parametrize("run", tordal.RUNS, ids=lambda run: run.name)
-def test_section_6_gives_every_row_of_tables_1_and_2(monkeypatch, capsys, tmp_path, run):
+def test_section_6_gives_every_row_of_tables_1_and_2(tmp_path, run, command_line):
     name = f"hpv41-{'plus' if run.bias > 0 else 'minus'}-{run.amplitude:g}"
-    status, _ = _said(monkeypatch, capsys, "identify", name, *ORDERS, "--out", tmp_path / "g.json")
-    assert status == 0
+    assert command_line("identify", name, *ORDERS, "--out", tmp_path / "g.json").status == 0
     linear = _function(tmp_path / "g.json")
     assert linear.numerator == pytest.approx([run.b1, run.b0], rel=1e-4)
     assert linear.denominator == pytest.approx([1.0, run.a2, run.a1, run.a0], rel=1e-4)
 
 
-def test_mean_of_six_responses_is_the_mean_model(monkeypatch, capsys, tmp_path):
+def test_mean_of_six_responses_is_the_mean_model(tmp_path, command_line):
     mean, found = tmp_path / "mean.csv", tmp_path / "mean.json"
-    assert _said(monkeypatch, capsys, "average", *RUNS, "--normalised", "--out", mean)[0] == 0
+    assert command_line("average", *RUNS, "--normalised", "--out", mean).status == 0
     options = (*ORDERS, "--weights", "uniform", "--out", found)
-    assert _said(monkeypatch, capsys, "identify", mean, *options)[0] == 0
+    assert command_line("identify", mean, *options).status == 0
     assert _function(found).numerator == pytest.approx(tordal.MEAN_MODEL.numerator, rel=1e-3)
     assert _function(found).denominator == pytest.approx(tordal.MEAN_MODEL.denominator, rel=1e-3)
 
@@ -159,11 +152,11 @@ def test_average_in_python_refuses_other_frequencies():
     assert hil.average([one, one]).response == pytest.approx(one.response)
 
 
-def test_orders_are_asked_of_a_frequency_response_only(monkeypatch, capsys, tmp_path):
+def test_orders_are_asked_of_a_frequency_response_only(tmp_path, command_line):
     path = written(tmp_path / "r.csv", "time [s],command [%],flow [l/min]\n0,0,0\n0.1,1,0\n0.2,1,1\n")
     options = ("--plant", "transfer-function", "--poles", "2", "--out", tmp_path / "m.json")
-    status, said = _said(monkeypatch, capsys, "identify", path, *options)
-    assert status == 2
+    said = command_line("identify", path, *options)
+    assert said.status == 2
     assert "where a frequency response is fitted" in said.err
 
 

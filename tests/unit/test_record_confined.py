@@ -24,7 +24,6 @@ import h5py
 import numpy as np
 import pytest
 
-from hil.cli.app import main
 from hil.errors import FileError
 from hil.record.read import read_recording, write_recording
 from hil.record.recording import recording
@@ -126,21 +125,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: str) -> tuple[int, str]:
-    """Exit status of a command and what it says on stderr."""
-    monkeypatch.setattr(sys, "argv", ["hil", *words])
-    capsys.readouterr()
-    return main(), capsys.readouterr().err
-
-
 @pytest.mark.parametrize("suffix", KINDS)
 @pytest.mark.parametrize("make", OUTSIDE, ids=lambda make: make.__name__)
 def test_hdf5_does_not_reach_outside_itself(
-    make: Callable[[h5py.File, Path], None],
-    suffix: str,
-    folder: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    make: Callable[[h5py.File, Path], None], suffix: str, folder: Path, command_line
 ) -> None:
     path = folder / f"made{suffix}"
     with _begun(path, **KINDS[suffix]) as file:
@@ -150,18 +138,16 @@ def test_hdf5_does_not_reach_outside_itself(
     if suffix == ".mat":
         head = b"MATLAB 7.3 MAT-file".ljust(116) + bytes(8) + struct.pack("<H", 0x0200) + b"IM"
         path.write_bytes(head.ljust(512, b"\0") + path.read_bytes()[512:])
-    status, err = told(capsys, monkeypatch, "convert", path.name, "out.csv")
+    status, _, err = command_line("convert", path.name, "out.csv")
     assert status == 2 and len(err.splitlines()) == 1
     assert err.startswith(f"hil: {path.name}: ") and OUTSIDE[make] in err, err
     assert not (folder / "out.csv").exists()
 
 
-def test_diagnose_reads_no_other_file(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_diagnose_reads_no_other_file(folder: Path, command_line) -> None:
     with _begun(folder / "made.h5") as file:
         external(file, folder)
-    status, err = told(capsys, monkeypatch, "diagnose", "--model", "efc-good", "made.h5", "--out", "d")
+    status, _, err = command_line("diagnose", "--model", "efc-good", "made.h5", "--out", "d")
     assert status == 2 and "has its samples in another file" in err and len(err.splitlines()) == 1
 
 
@@ -190,9 +176,7 @@ def test_mdf_takes_nothing_from_an_attachment_outside(folder: Path) -> None:
         read_recording(folder / "made.mf4")
 
 
-def test_mdf_with_entities_in_its_remarks_ends_at_once(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_mdf_with_entities_in_its_remarks_ends_at_once(folder: Path, command_line) -> None:
     import asammdf
 
     entities = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 12))
@@ -204,7 +188,7 @@ def test_mdf_with_entities_in_its_remarks_ends_at_once(
             file.append([signal_], comment=comment)
             file.header.comment = comment
             file.save(folder / "made.mf4", overwrite=True)
-        status, err = told(capsys, monkeypatch, "convert", "made.mf4", "out.csv")
+        status, _, err = command_line("convert", "made.mf4", "out.csv")
         assert status in (0, 2) and SECRET not in err
         assert status or SECRET not in (folder / "out.csv").read_text()
 
@@ -407,12 +391,10 @@ except OSError as error: print(error.strerror)
     assert done.stdout == "False\nToo many open files\n", done.stderr
 
 
-def test_a_compressed_text_that_unpacks_to_much_more_is_refused(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_compressed_text_that_unpacks_to_much_more_is_refused(folder: Path, command_line) -> None:
     head = gzip.compress(b"time [s],flow [l/min]\n0,1\n0.1,2\n")
     (folder / "made.csv.gz").write_bytes(head + gzip.compress(b"0" * (1 << 20)) * 300)
-    status, err = told(capsys, monkeypatch, "convert", "made.csv.gz", "out.csv")
+    status, _, err = command_line("convert", "made.csv.gz", "out.csv")
     assert status == 2 and len(err.splitlines()) == 1
     assert "unpacks to more than is read; 315.7 kB may unpack to 268.4 MB on this computer" in err
 

@@ -4,37 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from hil.__main__ import main
 from hil.record.folder import RunWriter
 from hil.record.read import read_recording, write_recording
 from hil.record.recording import recording
-
-
-@dataclass(frozen=True)
-class Told:
-    """How the command ended, and what it said."""
-
-    returncode: int
-    stdout: str
-    stderr: str
-
-
-@pytest.fixture
-def hil(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Told]:
-    def converted(*arguments: object) -> Told:
-        monkeypatch.setattr(sys, "argv", ["hil", "convert", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return Told(int(ended.value.code or 0), *capsys.readouterr())
-
-    return converted
 
 
 def by_a_process(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -58,22 +35,22 @@ def test_there_and_back_through_a_run_folder(csv: Path, tmp_path: Path) -> None:
     assert (tmp_path / "back.csv").read_text() == csv.read_text()
 
 
-def test_a_unit_can_be_stated(hil: Callable[..., Told], csv: Path, tmp_path: Path) -> None:
-    assert hil(csv, tmp_path / "x.h5", "--unit", "u=%").returncode == 0
+def test_a_unit_can_be_stated(csv: Path, tmp_path: Path, command_line) -> None:
+    assert command_line("convert", csv, tmp_path / "x.h5", "--unit", "u=%").status == 0
     found = read_recording(tmp_path / "x.h5")
     assert found.channels["u"].unit == "%"
     assert np.array_equal(found.values("u"), read_recording(csv).values("u"))
 
 
-def test_what_was_assumed_is_said(hil: Callable[..., Told], tmp_path: Path) -> None:
+def test_what_was_assumed_is_said(tmp_path: Path, command_line) -> None:
     from scipy.io import savemat
 
     savemat(tmp_path / "x.mat", {"Ts": 0.01, "y": np.arange(5.0)})
-    done = hil(tmp_path / "x.mat", tmp_path / "x.csv")
-    assert "note: even time base from Ts = 0.01" in done.stdout
-    assert "note: no unit is stated for 'y'; taken as 1" in done.stdout
-    stated = hil(tmp_path / "x.mat", tmp_path / "y.csv", "--unit", "y=bar")
-    assert "taken as 1" not in stated.stdout
+    done = command_line("convert", tmp_path / "x.mat", tmp_path / "x.csv")
+    assert "note: even time base from Ts = 0.01" in done.out
+    assert "note: no unit is stated for 'y'; taken as 1" in done.out
+    stated = command_line("convert", tmp_path / "x.mat", tmp_path / "y.csv", "--unit", "y=bar")
+    assert "taken as 1" not in stated.out
 
 
 @pytest.mark.parametrize(
@@ -88,19 +65,19 @@ def test_what_was_assumed_is_said(hil: Callable[..., Told], tmp_path: Path) -> N
     ],
 )
 def test_bad_input_is_one_line_and_status_2(
-    hil: Callable[..., Told], csv: Path, tmp_path: Path, arguments: tuple[str, ...], message: str
+    csv: Path, tmp_path: Path, arguments: tuple[str, ...], message: str, command_line
 ) -> None:
-    done = hil(*(tmp_path / part if "." in part else part for part in arguments))
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert done.stderr.count("\n") == 1
+    done = command_line("convert", *(tmp_path / part if "." in part else part for part in arguments))
+    assert done.status == 2
+    assert message in done.err
+    assert done.err.count("\n") == 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["made.csv"]
 
 
-def test_a_run_folder_is_never_replaced(hil: Callable[..., Told], csv: Path, tmp_path: Path) -> None:
+def test_a_run_folder_is_never_replaced(csv: Path, tmp_path: Path, command_line) -> None:
     with RunWriter.create(tmp_path / "run", {}, [("flow", "l/min")]) as run:
         run.append(np.arange(3.0), {"flow": np.arange(3.0)})
-    done = hil(csv, tmp_path / "run", "--overwrite")
-    assert done.returncode == 2
-    assert "a run is never written over another" in done.stderr
+    done = command_line("convert", csv, tmp_path / "run", "--overwrite")
+    assert done.status == 2
+    assert "a run is never written over another" in done.err
     assert len(read_recording(tmp_path / "run")) == 3

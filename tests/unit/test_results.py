@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.cli import app
 from hil.errors import FileError
 from hil.findings.collect import results_of
 from hil.findings.curves import curves_of
@@ -111,65 +110,56 @@ def test_results_of_another_version_are_refused(results, tmp_path):
         read_results(path)
 
 
-def _said(monkeypatch, capsys, *arguments):
-    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
-    status = app.main()
-    return status, capsys.readouterr()
-
-
-def test_run_on_a_bench_gives_the_same_results_when_read_later(monkeypatch, capsys, tmp_path):
+def test_run_on_a_bench_gives_the_same_results_when_read_later(tmp_path, command_line):
     run = tmp_path / "run"
     sets = ("frequencies=0.5,1,2,4", "amplitudes=20", "biases=50", "measure_s=1")
     options = [word for text in sets for word in ("--set", text)]
-    assert (
-        _said(monkeypatch, capsys, "run", "frequency_response", "--bench", "brevini-hpv41", "--out", run, *options)[0]
-        == 0
-    )
+    assert command_line("run", "frequency_response", "--bench", "brevini-hpv41", "--out", run, *options).status == 0
     kept = Results.model_validate_json((run / RESULTS_FILE).read_text(encoding="utf-8"))
-    status, said = _said(monkeypatch, capsys, "results", run, "--json", "-")
-    assert status == 0
+    said = command_line("results", run, "--json", "-")
+    assert said.status == 0
     assert Results.model_validate_json(said.out) == kept
     assert kept.transfer_functions
     (run / RESULTS_FILE).unlink()
-    _, said = _said(monkeypatch, capsys, "results", run, "--json", "-")
+    said = command_line("results", run, "--json", "-")
     assert Results.model_validate_json(said.out) == kept
 
 
-def test_report_again_judges_by_new_limits(monkeypatch, capsys, tmp_path):
+def test_report_again_judges_by_new_limits(tmp_path, command_line):
     run = tmp_path / "run"
     step = ("run", "step_response", "--set", "levels=0,80", "--bench", "brevini-hpv41")
-    assert _said(monkeypatch, capsys, *step, "--out", run)[0] == 0
+    assert command_line(*step, "--out", run).status == 0
     (run / "report.html").unlink()
     name = read_results(run / RESULTS_FILE).values[0].name
-    status, said = _said(monkeypatch, capsys, "report", run, "--limit", f"{name}=1000..")
-    assert status == 1
+    said = command_line("report", run, "--limit", f"{name}=1000..")
+    assert said.status == 1
     assert "verdict: fail" in said.out
     assert (run / "report.html").is_file()
     assert read_results(run / RESULTS_FILE).verdict == "fail"
 
 
-def test_report_of_a_run_that_was_broken_off_says_so(monkeypatch, capsys, tmp_path):
+def test_report_of_a_run_that_was_broken_off_says_so(tmp_path, command_line):
     channels = {"flow": Channel("flow", "l/min", np.zeros(3))}
     meta = {"procedure": "frequency_response", "outcome": "stopped by Ctrl-C", "roles": {}, "settings": {}}
     write(Recording("run", np.arange(3.0), channels, meta), tmp_path / "run")
-    status, said = _said(monkeypatch, capsys, "report", tmp_path / "run")
-    assert status == 0, said.err
+    said = command_line("report", tmp_path / "run")
+    assert said.status == 0, said.err
     assert "Nothing could be evaluated of this run" in said.out
     assert "did not end as planned: stopped by Ctrl-C" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
 
 
-def test_what_a_stopped_run_measured_has_not_passed(monkeypatch, capsys, tmp_path):
+def test_what_a_stopped_run_measured_has_not_passed(tmp_path, command_line):
     run, stopped = tmp_path / "run", tmp_path / "stopped"
     step = ("run", "step_response", "--set", "levels=0,80", "--bench", "brevini-hpv41", "--limit", "change=10..")
-    assert _said(monkeypatch, capsys, *step, "--out", run)[0] == 0
+    assert command_line(*step, "--out", run).status == 0
     whole = read(run)
     write(replace(whole, meta={**whole.meta, "outcome": "Terminated: by SIGTERM"}), stopped)
-    status, said = _said(monkeypatch, capsys, "report", stopped, "--limit", "change=10..", "--limit", "rise=..1e-9")
+    said = command_line("report", stopped, "--limit", "change=10..", "--limit", "rise=..1e-9")
     kept = read_results(stopped / RESULTS_FILE)
-    assert status == 1
+    assert said.status == 1
     assert kept.verdict == "fail"  # what was missed is missed
     assert {value.verdict for value in kept.values if value.name.startswith("change")} == {"cannot tell"}
     assert "it is met, but the run did not end as planned" in said.out
     assert "pass" not in said.out
-    assert _said(monkeypatch, capsys, "report", stopped, "--limit", "rise=..1e9")[0] == 1  # that of `change` is kept
+    assert command_line("report", stopped, "--limit", "rise=..1e9").status == 1  # that of `change` is kept
     assert read_results(stopped / RESULTS_FILE).verdict == "cannot tell"

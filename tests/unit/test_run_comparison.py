@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from hil.cli import app
 from hil.findings.collect import results_of
 from hil.findings.difference import ALPHA, differences
 from hil.findings.results import Results, write_results
@@ -71,11 +70,6 @@ def test_headline_names_what_differs():
     assert headline([one(value(10.0), value(10.0))]) == "No value differs beyond its uncertainty."
 
 
-def _said(monkeypatch, capsys, *arguments):
-    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
-    return app.main(), capsys.readouterr()
-
-
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     import hil
@@ -90,16 +84,16 @@ def runs(tmp_path_factory):
     return folder
 
 
-def test_worn_valve_is_told_from_the_new_one(monkeypatch, capsys, runs):
+def test_worn_valve_is_told_from_the_new_one(runs, command_line):
     compare = ("compare", runs / "new", runs / "old")
-    status, said = _said(monkeypatch, capsys, *compare, "--json")
+    said = command_line(*compare, "--json")
     document = json.loads(said.out)
-    assert status == 0
+    assert said.status == 0
     assert document["same_instruments"]
     by_name = {row["name"]: row for row in document["differences"]}
     assert by_name["change, 0 → 80 %"]["meaning"] == "differs"
     page = runs / "page.html"
-    status, said = _said(monkeypatch, capsys, *compare, "--page", page)
+    said = command_line(*compare, "--page", page)
     assert "beyond their uncertainty" in said.out
     text = page.read_text(encoding="utf-8")
     assert text.count("<svg") >= 1
@@ -107,18 +101,18 @@ def test_worn_valve_is_told_from_the_new_one(monkeypatch, capsys, runs):
 
 
 @pytest.mark.parametrize("order", [("new", "old"), ("old", "new")])
-def test_compare_runs_goes_by_time_whatever_the_order(monkeypatch, capsys, runs, order):
+def test_compare_runs_goes_by_time_whatever_the_order(runs, order, command_line):
     """The later run less the earlier one, both with their dates: on the terminal, in JSON and on the page."""
     given = [runs / name for name in order]
     found = compare_runs(*given)
     assert (found.first.run, found.second.run) == ("new", "old")
     assert found.first.started_utc < found.second.started_utc
-    _, said = _said(monkeypatch, capsys, "compare", *given, "--page", runs / "page.html")
+    said = command_line("compare", *given, "--page", runs / "page.html")
     dates = [local_text(one.started_utc) for one in (found.first, found.second)]
     sentence = f"Change from new ({dates[0]}) to old ({dates[1]}): the later value less the earlier one."
     assert sentence in said.out
     assert sentence in read_page(runs / "page.html").text
-    _, said = _said(monkeypatch, capsys, "compare", *given, "--json")
+    said = command_line("compare", *given, "--json")
     document = json.loads(said.out)
     assert document["runs"] == ["new", "old"]
     assert document["started_utc"] == sorted(document["started_utc"])
@@ -126,14 +120,14 @@ def test_compare_runs_goes_by_time_whatever_the_order(monkeypatch, capsys, runs,
     assert row["change"] == pytest.approx(row["second"]["value"] - row["first"]["value"])
 
 
-def test_run_compared_with_itself_does_not_differ(monkeypatch, capsys, runs):
-    _, said = _said(monkeypatch, capsys, "compare", runs / "new", runs / "new")
+def test_run_compared_with_itself_does_not_differ(runs, command_line):
+    said = command_line("compare", runs / "new", runs / "new")
     assert "No value differs" in said.out
 
 
-def test_wrong_use_is_said(monkeypatch, capsys, runs):
-    status, said = _said(monkeypatch, capsys, "compare", runs / "new")
-    assert status == 2
+def test_wrong_use_is_said(runs, command_line):
+    said = command_line("compare", runs / "new")
+    assert said.status == 2
     assert "two runs are compared, 1 given" in said.err
 
 
@@ -150,9 +144,9 @@ def adjusted(tmp_path):
     return tmp_path
 
 
-def test_one_unit_is_shown_as_found_and_as_left_with_verdicts(monkeypatch, capsys, adjusted):
+def test_one_unit_is_shown_as_found_and_as_left_with_verdicts(adjusted, command_line):
     page = adjusted / "page.html"
-    _, said = _said(monkeypatch, capsys, "compare", adjusted / "after", adjusted / "before", "--page", page)
+    said = command_line("compare", adjusted / "after", adjusted / "before", "--page", page)
     assert "as found    as left     verdict" in said.out
     assert said.out.splitlines()[1].split("  ")[-2:] == ["-10.0 ± 1.4", "differs"]
     assert "fail → pass" in said.out

@@ -13,7 +13,6 @@ from hil.bench.fault import BenchError
 from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.rehearsal import twin_of
-from hil.cli.app import main
 from hil.errors import HilError, RehearsalError, SettingError
 from hil.session.procedure import Procedure, load_procedure
 from hil.session.run import rehearse_procedure
@@ -81,12 +80,11 @@ def test_refused_with_the_reason(
     assert refused.value.exit_status == 2
 
 
-def test_a_refused_rehearsal_is_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_refused_rehearsal_is_no_run(tmp_path: Path, command_line) -> None:
     file = bench(tmp_path, "brevini-hpv41", ("high = 140.0", "high = 90.0"))
     out, archive = tmp_path / "kept", tmp_path / "runs"
-    asked = ["--bench", str(file.path), "--rehearse-only", "--out", str(out), "--archive", str(archive)]
-    monkeypatch.setattr("sys.argv", ["hil", "run", "step_response", *asked])
-    assert main() == 2
+    asked = ["--bench", file.path, "--rehearse-only", "--out", out, "--archive", archive]
+    assert command_line("run", "step_response", *asked).status == 2
     assert not out.exists()
     assert find_runs(archive_place(str(archive)), Search()) == []
 

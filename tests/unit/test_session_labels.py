@@ -7,7 +7,6 @@ import pytest
 
 from hil.bench.find import benches, find_bench
 from hil.bench.read import read_bench
-from hil.cli import app
 from hil.errors import SettingError
 from hil.session.labels import NO_LABELS, Labels, folder_name, labelled, labels_of, new_folder
 from hil.session.procedure import load_procedure
@@ -76,32 +75,27 @@ def test_folder_of_a_unit_keeps_its_letters_and_no_path():
     assert len(folder_name("efc_frequency_response", 64 * "阀").encode()) < 255
 
 
-def _said(monkeypatch, capsys, *arguments):
-    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
-    return app.main(), capsys.readouterr()
-
-
-def test_run_is_found_again_by_its_unit(monkeypatch, capsys, tmp_path):
+def test_run_is_found_again_by_its_unit(monkeypatch, tmp_path, command_line):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HIL_ARCHIVE", str(tmp_path / "lab"))
     labels = ("--serial", "A/7", "--operator", "mk", "--note", "oil=VG 46")
-    assert _said(monkeypatch, capsys, *STEP, "--bench", "brevini-hpv41", *labels)[0] == 0
+    assert command_line(*STEP, "--bench", "brevini-hpv41", *labels).status == 0
     (folder,) = (tmp_path / "runs").iterdir()
     assert folder.name.startswith("step_response-A-7-")
     header = json.loads((folder / "run.json").read_text(encoding="utf-8"))["meta"]
     assert (header["valve"]["serial"], header["operator"], header["notes"]) == ("A/7", "mk", {"oil": "VG 46"})
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert all(text in page for text in ("A/7", "mk", "VG 46"))
-    _, said = _said(monkeypatch, capsys, "runs", "--serial", "A/7", "--json")
+    said = command_line("runs", "--serial", "A/7", "--json")
     (row,) = json.loads(said.out)
     assert (row["serial"], row["operator"], Path(row["run"])) == ("A/7", "mk", folder)
 
 
-def test_archive_that_is_away_does_not_fail_the_run(monkeypatch, capsys, tmp_path):
+def test_archive_that_is_away_does_not_fail_the_run(tmp_path, command_line):
     away = "postgresql://hil@127.0.0.1:9/none"
     run = (*STEP, "--bench", "brevini-hpv41", "--out", tmp_path / "run", "--archive", away)
-    status, said = _said(monkeypatch, capsys, *run)
-    assert status == 0
+    said = command_line(*run)
+    assert said.status == 0
     assert "will be entered later" in said.err
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,6 @@ from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.bench.rehearsal import twin_of
 from hil.bench.rig import conditions_of
-from hil.cli.app import main
 from hil.findings.tables import write_csv
 from hil.record.conditions import oil_contradiction
 from hil.record.header import read_header
@@ -41,10 +40,10 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def said(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *arguments: object) -> str:
-    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
-    main()
-    return capsys.readouterr().out
+@pytest.fixture
+def said(command_line) -> Callable[..., str]:
+    """What `hil …` prints."""
+    return lambda *arguments: command_line(*arguments).out
 
 
 @pytest.mark.parametrize(
@@ -73,8 +72,8 @@ def test_report_and_verdict_line_and_results_say_it(
     assert read_header(run).meta["simulated"] is True
     assert "SIMULATED Recorded on a simulated device" in read_page(run / "report.html").text
     assert 'data-across="SIMULATED"' in (run / "report.html").read_text(encoding="utf-8")
-    assert "verdict: pass (SIMULATED)\n" in said(capsys, monkeypatch, "results", run)
-    assert json.loads(said(capsys, monkeypatch, "results", run, "--json", "-"))["simulated"] is True
+    assert "verdict: pass (SIMULATED)\n" in said("results", run)
+    assert json.loads(said("results", run, "--json", "-"))["simulated"] is True
 
 
 def test_results_of_a_version_without_it_go_by_the_header(run: Path, tmp_path: Path) -> None:
@@ -92,17 +91,15 @@ def test_lists_trends_and_comparisons_say_it(
     simulated: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     old, new = (run_of(tmp_path / "lab", simulated=simulated, name=name, hour=hour) for name, hour in RUNS)
-    said(capsys, monkeypatch, "archive", "rebuild", "--archive", tmp_path / "lab")
+    said("archive", "rebuild", "--archive", tmp_path / "lab")
     lab = ("--archive", tmp_path / "lab")
-    assert said(capsys, monkeypatch, "runs", *lab).count("pass (SIMULATED)") == 2 * simulated
-    assert [row["simulated"] for row in json.loads(said(capsys, monkeypatch, "runs", *lab, "--json"))] == 2 * [
-        simulated
-    ]
-    assert said(capsys, monkeypatch, "trend", "gain", "--serial", "SN-7", *lab).count("(SIMULATED)") == 2 * simulated
-    assert said(capsys, monkeypatch, "compare", old, new).count("(SIMULATED)") == 2 * simulated
-    told = json.loads(said(capsys, monkeypatch, "compare", old, new, "--json"))
+    assert said("runs", *lab).count("pass (SIMULATED)") == 2 * simulated
+    assert [row["simulated"] for row in json.loads(said("runs", *lab, "--json"))] == 2 * [simulated]
+    assert said("trend", "gain", "--serial", "SN-7", *lab).count("(SIMULATED)") == 2 * simulated
+    assert said("compare", old, new).count("(SIMULATED)") == 2 * simulated
+    told = json.loads(said("compare", old, new, "--json"))
     assert told["simulated"] == 2 * [simulated]
-    values = said(capsys, monkeypatch, "results", old, "--csv", "-")
+    values = said("results", old, "--csv", "-")
     assert values.splitlines()[1].endswith(f",{simulated}")
 
 
@@ -116,7 +113,7 @@ def test_real_units_are_no_population_of_a_simulated_one(
     run_of(tmp_path / "lab", "REAL", name="real")
     run_of(tmp_path / "lab", "TWIN", simulated=True, name="twin")
     unit = run_of(tmp_path / "lab", "A", simulated=True, name="a")
-    told = said(capsys, monkeypatch, "compare", "--population", unit, "--archive", tmp_path / "lab", "--json")
+    told = said("compare", "--population", unit, "--archive", tmp_path / "lab", "--json")
     assert json.loads(told)["others"] == ["TWIN"]
 
 
@@ -135,14 +132,14 @@ def test_models_beside_a_simulated_run_say_it(
 ) -> None:
     model, page = tmp_path / "model.json", tmp_path / "page.html"
     hil.save_model(hil.typical_model("brevini-hpv41"), model)
-    assert f"{run} (SIMULATED)\n" in said(capsys, monkeypatch, "compare", "--model", model, run)
+    assert f"{run} (SIMULATED)\n" in said("compare", "--model", model, run)
     found = hil.identify(run, "brevini-hpv41", page=page)
     assert found.as_dict()["simulated"] is True
     assert 'data-across="SIMULATED"' in page.read_text(encoding="utf-8")
     assert found.text.splitlines()[0] == "brevini-hpv41 (SIMULATED)" and "(SIMULATED)" in found.model._repr_html_()
     hil.save_model(found.model, model)
-    assert "(SIMULATED)" in said(capsys, monkeypatch, "export", model, "--to", "matlab").splitlines()[0]
-    assert said(capsys, monkeypatch, "export", model, "--to", "csv").splitlines()[1].endswith(",True")
+    assert "(SIMULATED)" in said("export", model, "--to", "matlab").splitlines()[0]
+    assert said("export", model, "--to", "csv").splitlines()[1].endswith(",True")
 
 
 def test_every_table_of_results_says_it_in_each_row(run: Path, tmp_path: Path) -> None:
@@ -155,11 +152,11 @@ def test_a_diagnosis_and_a_difference_say_it_in_the_line_of_the_verdict(
 ) -> None:
     model = tmp_path / "model.json"
     hil.save_model(hil.typical_model("brevini-hpv41"), model)
-    words = said(capsys, monkeypatch, "diagnose", "--model", model, run, "--out", tmp_path / "d", "--budget", "0.01")
+    words = said("diagnose", "--model", model, run, "--out", tmp_path / "d", "--budget", "0.01")
     told = json.loads((tmp_path / "d" / "diagnosis.json").read_text(encoding="utf-8"))
     assert told["simulated"] is True
     assert f"{told['verdict']} (SIMULATED): " in words
-    words = said(capsys, monkeypatch, "diff", run, run, "--model", model, "--budget", "0.01")
+    words = said("diff", run, run, "--model", model, "--budget", "0.01")
     assert any(line.endswith("changed (SIMULATED)") or line == "unexplained (SIMULATED)" for line in words.splitlines())
 
 
@@ -171,13 +168,13 @@ def test_a_passport_and_its_check_say_it(
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     run = run_of(tmp_path, simulated=simulated)
     passport = tmp_path / "p.pdf"
-    assert ("(SIMULATED)" in said(capsys, monkeypatch, "passport", run, "--out", passport, "--no-model")) is simulated
+    assert ("(SIMULATED)" in said("passport", run, "--out", passport, "--no-model")) is simulated
     with pikepdf.open(passport) as pdf:
         assert json.loads(pdf.attachments["passport.json"].get_file().read_bytes())["simulated"] is simulated
         certificate = pdf.attachments["certificate.xml"].get_file().read_bytes().decode()
     assert ("SIMULATED: HPV41" in certificate) is simulated
-    assert ("SIMULATED" in said(capsys, monkeypatch, "verify", passport)) is simulated
-    assert json.loads(said(capsys, monkeypatch, "verify", passport, "--json"))["simulated"] is simulated
+    assert ("SIMULATED" in said("verify", passport)) is simulated
+    assert json.loads(said("verify", passport, "--json"))["simulated"] is simulated
 
 
 @pytest.mark.usefixtures("stranger")
@@ -217,14 +214,11 @@ def test_an_oil_of_another_viscosity_class_is_noticed(
     assert bool(oil_contradiction({"fluid": fluid, "viscosity_class": grade}, notes)) is contradicts
 
 
-def test_check_and_the_report_name_the_contradiction(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_check_and_the_report_name_the_contradiction(tmp_path: Path, command_line) -> None:
     bench = tmp_path / "bench.toml"
     bench.write_text('based_on = "brevini-hpv41"\n[conditions]\nfluid = "HLP 46"\n', encoding="utf-8")
     words = "The oil is stated as HLP 46, its viscosity class as ISO VG 32; one of them is wrong."
-    monkeypatch.setattr("sys.argv", ["hil", "check", str(bench)])
-    assert main() == 0
-    assert words in " ".join("".join(capsys.readouterr()).split())
+    status, out, err = command_line("check", bench)
+    assert status == 0 and words in " ".join((out + err).split())
     hil.run("step_response", bench, tmp_path / "run", levels=(0, 80))
     assert words in read_page(tmp_path / "run" / "report.html").text

@@ -13,13 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from hil.bench.find import benches
 from hil.bench.hand.inputs import inputs_of
 from hil.bench.hand.reading import Followed
 from hil.bench.read import read_bench
-from hil.cli.app import _assembled
 from hil.errors import LinkError, SettingError
 from sim_devices._quirks import Quirks
 from tests.described import bench, input_, output, written
@@ -183,16 +181,15 @@ def test_what_cannot_be_looked_at() -> None:
         pass
 
 
-def test_command_line(tmp_path: Path) -> None:
-    runner, app = CliRunner(), _assembled()
+def test_command_line(tmp_path: Path, command_line) -> None:
     out = tmp_path / "rows.csv"
-    found = runner.invoke(app, ["watch", "brevini-hpv41", "--seconds", "1", "--json", "--csv", str(out)])
-    told = json.loads(found.stdout)
-    assert found.exit_code == 0 and told["schema"] == "hil.watch/1"
+    found = command_line("watch", "brevini-hpv41", "--seconds", "1", "--json", "--csv", out)
+    told = json.loads(found.out)
+    assert found.status == 0 and told["schema"] == "hil.watch/1"
     assert {c["name"]: c["state"] for c in told["channels"]}["flow"] == "ok"
     rows = list(csv.reader(out.read_text(encoding="utf-8").splitlines()))
     assert rows[0][:2] == ["time [s]", "flow [l/min]"] and len(rows) == 3
     nobody = tmp_path / "nobody.toml"
     nobody.write_text(re.sub(r"127\.0\.0\.1:\d+", "127.0.0.1:1", bench_text("hpv41-modbus-tcp")), encoding="utf-8")
-    found = runner.invoke(app, ["watch", str(nobody), "--seconds", "0.5"])
-    assert isinstance(found.exception, LinkError) and "no measurement: io: 127.0.0.1:1" in found.stdout
+    found = command_line("watch", nobody, "--seconds", "0.5")
+    assert found.status == LinkError.exit_status and "no measurement: io: 127.0.0.1:1" in found.out
