@@ -16,7 +16,6 @@ from unittest.mock import patch
 import numpy as np
 
 from hil.bench.ending import accounted
-from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.daq.contract import Block, Daq, ReadBack, Waveform
@@ -36,6 +35,7 @@ from hil.record.samples import RowsWriter
 from hil.rig import Rig
 from hil.safety.interrupt import terminable
 from hil.safety.outputs import Outputs
+from tests.bench_files import bench_file
 from tests.faults import Case, Seen
 
 LINK = "simulated DAQ"
@@ -230,10 +230,7 @@ CASES = [
 
 def bench(folder: Path) -> BenchFile:
     """The simulated HPV41 with a short reaction time."""
-    text = benches()["brevini-hpv41"].read_text(encoding="utf-8").replace("block_s = 1.0", f"block_s = {BLOCK_S}")
-    path = folder / "bench.toml"
-    path.write_text(text, encoding="utf-8")
-    return read_bench(path)
+    return read_bench(bench_file(folder / "bench.toml", "brevini-hpv41", protection={"block_s": BLOCK_S}))
 
 
 def measure(case: Case, folder: Path) -> Seen:

@@ -12,28 +12,18 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from hil.bench.find import benches
 from hil.errors import FileError
 from hil.record.read import read_recording
+from tests.bench_files import bench_file
 
-HPV41 = benches()["brevini-hpv41"].read_text(encoding="utf-8")
-REAL_TIME = {'simulated = "in_process"': 'simulated = "in_process"\ntime = "real"', "block_s = 1.0": "block_s = 0.05"}
+REAL_TIME = {"devices": {"daq": {"time": "real"}}, "protection": {"block_s": 0.05}}
 STRANGER = Path(__file__).parents[1] / "stranger"
 Told = Callable[..., tuple[int, str, str]]  # exit status, stdout, stderr
-
-
-def bench(tmp_path: Path, changes: dict[str, str]) -> Path:
-    text = HPV41
-    for old, new in changes.items():
-        assert old in text
-        text = text.replace(old, new, 1)
-    path = tmp_path / "bench.toml"
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 def start(
@@ -75,17 +65,17 @@ def test_a_run_that_passes(tmp_path: Path) -> None:
         ({}, ["levels=5"], 1, ""),
         ({}, ["levels=500"], 2, "500 % is outside -100 … 100 %"),
         ({}, ["level=5"], 2, "no setting 'level'; the nearest is 'levels'; there are: levels"),
-        ({"high = 140.0": "high = 90.0"}, [], 3, "interlock 'over-pressure'"),
-        ({"seed = 1": "seed = 1\nplant = 3"}, [], 2, "simulation.plant: input should be a valid string"),
-        ({"noise_v = 0.3e-3": 'fault = { kind = "lost", after = 3000 }'}, [], 3, "use the emergency stop"),
-        ({"noise_v = 0.3e-3": 'fault = { kind = "overrun", after = 3000 }'}, [], 3, "overwritten before it was read"),
+        ({"interlocks": {"over-pressure": {"high": 90.0}}}, [], 3, "interlock 'over-pressure'"),
+        ({"simulation": {"plant": 3}}, [], 2, "simulation.plant: input should be a valid string"),
+        ({"devices": {"daq": {"fault": {"kind": "lost", "after": 3000}}}}, [], 3, "use the emergency stop"),
+        ({"devices": {"daq": {"fault": {"kind": "overrun", "after": 3000}}}}, [], 3, "overwritten before it was read"),
     ],
 )
 def test_each_end_has_its_exit_status_and_one_line(
-    told: Told, tmp_path: Path, changes: dict[str, str], settings: list[str], status: int, says: str
+    told: Told, tmp_path: Path, changes: dict[str, Any], settings: list[str], status: int, says: str
 ) -> None:
     options = [option for setting in settings for option in ("--set", setting)]
-    file = bench(tmp_path, changes)
+    file = bench_file(tmp_path / "bench.toml", "brevini-hpv41", **changes)
     found, _, err = told("run", "tiny_step", "--bench", file, "--out", tmp_path / "run", *options)
     assert found == status
     lines = [line for line in err.splitlines() if line.startswith("hil: ")]
@@ -95,7 +85,7 @@ def test_each_end_has_its_exit_status_and_one_line(
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_stopped_by_a_signal_while_driving(tmp_path: Path, number: signal.Signals, status: int) -> None:
     folder = tmp_path / "run"
-    file = bench(tmp_path, REAL_TIME)
+    file = bench_file(tmp_path / "bench.toml", "brevini-hpv41", **REAL_TIME)
     with start("run", "tiny_step", "--bench", file, "--out", folder, "--set", "hold_s=60") as process:
         try:
             _wait_for(folder, "command", 40.0)
@@ -129,7 +119,8 @@ def test_full_disk_ends_safe_and_keeps_what_was_written(tmp_path: Path) -> None:
 
 
 def test_check_lists_every_fault(told: Told, tmp_path: Path) -> None:
-    file = bench(tmp_path, {"skew_s = 14e-6": "skw = 1", '"ai0"': '"ai99"'})
+    file = bench_file(tmp_path / "bench.toml", "brevini-hpv41", devices={"daq": {"skw": 1}},
+                      channels={"flow": {"terminal": "ai99"}})  # fmt: skip
     status, out, err = told("check", file)
     assert status == 2
     assert [line.split(": ")[1] for line in out.splitlines()] == ["devices.daq.skw", "channels.flow.terminal"]

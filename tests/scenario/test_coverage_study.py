@@ -16,6 +16,7 @@ from hil.record.measurement import Measured
 from hil.record.recording import Recording
 from hil.session.procedure import Procedure, load_procedure
 from sim_devices._simulation import Simulation, model_of
+from tests.bench_files import bench_file
 from tests.coverage_study.cases import BY_HAND, CASES, MADE_OF, SAME_AS, WITHOUT_TRUTH, Case
 from tests.coverage_study.recordings import driven, driven_on, noisy
 from tests.coverage_study.score import Tally
@@ -127,7 +128,7 @@ def test_every_shipped_bench_is_in_the_study_or_like_one_that_is() -> None:
 def test_a_recording_made_from_one_without_noise_is_that_of_the_bench(tmp_path: Path) -> None:
     procedure = load_procedure("step_response")
     made = noisy(driven_once(procedure, HPV41, {}, AS_INSTALLED, tmp_path / "quiet"), HPV41, AS_INSTALLED, 17)
-    text = benches()[HPV41].read_text(encoding="utf-8").replace("seed = 1", "seed = 17")
+    text = bench_file(tmp_path / "bench.toml", HPV41, simulation={"seed": 17}).read_text(encoding="utf-8")
     real = driven_on(procedure, text, {}, tmp_path / "loud")
     apart = made.values("flow") - real.values("flow")
     assert np.abs(apart).max() <= 1.01 * 10.0 * 20.0 / 2**16  # a code of the converter

@@ -19,6 +19,7 @@ from hil.record.read import read_recording
 from hil.rig import RoleChannel
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings
+from tests.bench_files import bench_file
 
 BENCH, OPEN_BENCH = "hydraforce-sp08-47c", "hydraforce-open-loop"
 TRUTH = plant(BENCH).typical
@@ -244,11 +245,7 @@ def test_a_closed_valve_holds_the_cylinder(measure):
 
 def open_bench_with(folder, parameters):
     """The open bench with another valve behind it."""
-    changed = ", ".join(f"{name} = {value}" for name, value in parameters.items())
-    text = benches()[OPEN_BENCH].read_text(encoding="utf-8")
-    path = folder / "bench.toml"
-    path.write_text(text.replace("seed = 1", f"seed = 1\nparameters = {{ {changed} }}"), encoding="utf-8")
-    return path
+    return bench_file(folder / "bench.toml", OPEN_BENCH, simulation={"parameters": parameters})
 
 
 def test_a_valve_larger_than_stated_is_stopped_at_the_end_of_the_stroke(tmp_path):

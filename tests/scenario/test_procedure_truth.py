@@ -19,6 +19,7 @@ from hil.physics.simulate import Drive, simulate
 from hil.record.folder import read
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings
+from tests.bench_files import bench_file
 
 BENCH = "brevini-hpv41"
 VALVE = plant(BENCH)
@@ -164,10 +165,8 @@ def test_the_flow_curve_has_the_dead_band_the_rated_flow_and_no_hysteresis(measu
 
 
 def test_a_valve_with_play_shows_its_hysteresis_and_its_lag_apart(measure, tmp_path):
-    text = benches()[BENCH].read_text(encoding="utf-8")
-    effect = 'effects = [{ name = "backlash", hook = "opening", parameters = { half_width = 2.0 } }]'
-    worn = tmp_path / "worn.toml"
-    worn.write_text(text.replace("[simulation]\n", f"[simulation]\n{effect}\n"), encoding="utf-8")
+    effect = {"name": "backlash", "hook": "opening", "parameters": {"half_width": 2.0}}
+    worn = bench_file(tmp_path / "worn.toml", BENCH, simulation={"effects": [effect]})
     measured = by_name(measure("flow_curve", worn, cycle_s=40))
     assert measured["hysteresis"].value == pytest.approx(2.0, abs=0.15)  # 4 % of 200 %
     assert measured["lag"].value == pytest.approx(202.0, abs=8.0)

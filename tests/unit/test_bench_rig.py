@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
 from hil.bench.recorder import Recorder
@@ -23,20 +23,15 @@ from hil.record.folder import RunWriter
 from hil.record.read import read_recording
 from hil.record.recording import Recording
 from hil.rig import Rig
+from tests.bench_files import bench_file
 
-GOOD_PLANT = 'plant = "brevini-hpv41"'
-HPV41 = benches()["brevini-hpv41"].read_text(encoding="utf-8")
+QUICK = {"protection": {"block_s": 0.1}}
 
 
 @contextmanager
-def rig_of(tmp_path: Path, *changes: tuple[str, str], name: str = "run") -> Iterator[BenchRig]:
-    text = HPV41
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    path = tmp_path / f"{name}.toml"
-    path.write_text(text, encoding="utf-8")
-    with open_rig(read_bench(path), tmp_path / name, {"procedure": "test"}, lambda _done, _text: None) as rig:
+def rig_of(tmp_path: Path, run: str = "run", **tables: Any) -> Iterator[BenchRig]:
+    path = bench_file(tmp_path / f"{run}.toml", "brevini-hpv41", **tables)
+    with open_rig(read_bench(path), tmp_path / run, {"procedure": "test"}, lambda _done, _text: None) as rig:
         yield rig
 
 
@@ -128,10 +123,9 @@ def test_stream_brings_a_recording_for_each_array_in_one_part(tmp_path: Path) ->
 
 
 def test_long_pieces_of_a_stream_are_judged_as_often_as_all_others(tmp_path: Path) -> None:
-    quick = ("block_s = 1.0", "block_s = 0.1")
-    low = ("high = 140.0\nfor_s = 0.02", 'high = 140.0\nfor_s = 0.5\nminus = "command"')
+    low = {"over-pressure": {"for_s": 0.5, "minus": "command"}}
     seen: list[Recording] = []
-    with pytest.raises(TrippedError, match="over-pressure"), rig_of(tmp_path, quick, low) as rig:
+    with pytest.raises(TrippedError, match="over-pressure"), rig_of(tmp_path, **QUICK, interlocks=low) as rig:
         seen.extend(rig.stream(np.full(3000, -50.0 * i) for i in (0, 1, 2)))
     assert [len(piece) for piece in seen] == [3000]
     run = read_recording(tmp_path / "run")
@@ -150,45 +144,24 @@ def test_roles_have_the_limits_in_force(tmp_path: Path) -> None:
 
 
 def test_valve_tightens_the_limits_of_the_bench(tmp_path: Path) -> None:
-    valve = ("settling_s = 2.0", "settling_s = 2.0\nlimits = { low = -60.0, high = 150.0, slew_per_s = 400.0 }")
-    with rig_of(tmp_path, valve) as rig:
+    limits = {"low": -60.0, "high": 150.0, "slew_per_s": 400.0}
+    with rig_of(tmp_path, valve={"limits": limits}) as rig:
         assert (rig.command.low, rig.command.high, rig.command.slew_per_s) == (-60.0, 100.0, 400.0)
         with pytest.raises(RangeError, match="is 40000 %/s; allowed 400 %/s"):
             rig.check(np.full(10, 40.0))
 
 
-ENABLE = (
-    "[interlocks.over-pressure]",
-    """[channels.enable]
-device = "daq"
-terminal = "do0"
-unit = "1"
-safe = 0
-on = 1
-
-[channels.door]
-device = "daq"
-terminal = "di0"
-unit = "1"
-
-[interlocks.door-open]
-channel = "door"
-low = 0.5
-action = "trip"
-
-[interlocks.over-pressure]""",
-)
-
-
-def door(closed: float) -> tuple[str, str]:
-    return (
-        "[simulation.instruments]",
-        f'[simulation.instruments]\nenable = {{ signal = "" }}\ndoor = {{ value = {closed} }}',
-    )
+def door(closed: float) -> dict[str, Any]:
+    """An enable line, and a door that reads so."""
+    line = {"device": "daq", "unit": "1"}
+    channels = {"enable": {**line, "terminal": "do0", "safe": 0, "on": 1}, "door": {**line, "terminal": "di0"}}
+    instruments = {"enable": {"signal": ""}, "door": {"value": closed}}
+    locks = {"door-open": {"channel": "door", "low": 0.5, "action": "trip"}}
+    return {"channels": channels, "interlocks": locks, "simulation": {"instruments": instruments}}
 
 
 def test_enable_line_is_on_while_the_bench_is_open(tmp_path: Path) -> None:
-    with rig_of(tmp_path, ENABLE, door(1.0)) as rig:
+    with rig_of(tmp_path, **door(1.0)) as rig:
         played = rig.play(np.full(100, 30.0))
     assert (played.values("enable") == 1.0).all() and (played.values("door") == 1.0).all()
     run = read_recording(tmp_path / "run")
@@ -197,7 +170,7 @@ def test_enable_line_is_on_while_the_bench_is_open(tmp_path: Path) -> None:
 
 
 def test_enable_line_stays_off_while_a_door_is_open(tmp_path: Path) -> None:
-    with pytest.raises(TrippedError, match="door-open"), rig_of(tmp_path, ENABLE, door(0.0)):
+    with pytest.raises(TrippedError, match="door-open"), rig_of(tmp_path, **door(0.0)):
         pytest.fail("the bench was opened")
     assert (read_recording(tmp_path / "run").values("enable") == 0.0).all()
 
@@ -208,9 +181,9 @@ def test_identified_transfer_function_stands_in_for_the_valve(tmp_path: Path) ->
     values = {**model.parameters, "gain": Value(0.001, "[m^3/s]/[%]"), "lag_time": Value(0.1, "s")}
     path = tmp_path / "valve.json"
     save_model(replace(model, parameters=values, input="command [%]", output="flow [m^3/s]"), path)
-    plain = [(GOOD_PLANT, 'plant = "valve.json"'), ('"spool position" = {', '"spool position" = { value = 0.0,'),
-             ('"supply pressure" = {', '"supply pressure" = { value = 100.0,')]  # fmt: skip
-    with rig_of(tmp_path, *plain, ("slope = 10.0, uncertainty = 1.0", "slope = 1e5, uncertainty = 1.0")) as rig:
+    plain = {"instruments": {"spool position": {"value": 0.0}, "supply pressure": {"value": 100.0}}}
+    flow = {"calibration": {"slope": 1e5}}
+    with rig_of(tmp_path, valve={"plant": "valve.json"}, simulation=plain, channels={"flow": flow}) as rig:
         rig.ramp_to(10.0)
         assert rig.hold(1.0).values("flow", "m^3/s").mean() == pytest.approx(0.01, rel=0.01)  # 16 bits of a wide range
 
@@ -242,10 +215,10 @@ def test_rate_that_the_device_makes_differently_is_noted_once(tmp_path: Path) ->
 
 
 def test_over_pressure_trips(tmp_path: Path) -> None:
-    pressure = ("seed = 1", "seed = 1\nparameters = { supply_pressure = 150.0 }")
+    pressure = {"parameters": {"supply_pressure": 150.0}}
     with (
         pytest.raises(TrippedError, match=r"over-pressure': 1.* supply pressure ≤ 140"),
-        rig_of(tmp_path, pressure) as rig,
+        rig_of(tmp_path, simulation=pressure) as rig,
     ):
         rig.play(np.full(100, 50.0))
     run = read_recording(tmp_path / "run")
@@ -255,9 +228,8 @@ def test_over_pressure_trips(tmp_path: Path) -> None:
 
 def test_trip_while_driving_is_over_within_a_block(tmp_path: Path) -> None:
     """The flow meter is stuck from the start, and the command is not at rest: only then it is noticed."""
-    flow = ("flow = { noise = 0.3 }", "flow = { value = 30.0, noise = 0.3 }")
-    block = ("block_s = 1.0", "block_s = 0.1")
-    with pytest.raises(TrippedError, match="flow-without-command"), rig_of(tmp_path, flow, block) as rig:
+    stuck = {"instruments": {"flow": {"value": 30.0}}}
+    with pytest.raises(TrippedError, match="flow-without-command"), rig_of(tmp_path, **QUICK, simulation=stuck) as rig:
         rig.play(np.concatenate((np.full(1000, 50.0), np.zeros(5000))))
     run = read_recording(tmp_path / "run")
     assert run.duration_s < 0.1 + 1.0 + 2.0 + 0.2
@@ -265,15 +237,16 @@ def test_trip_while_driving_is_over_within_a_block(tmp_path: Path) -> None:
 
 
 def test_dead_sensor_stops(tmp_path: Path) -> None:
-    quiet = [("flow = { noise = 0.3 }", "flow = { value = 0.0 }"), ("noise_v = 0.3e-3", "noise_v = 0.0")]
-    with pytest.raises(StoppedError, match="dead-flow-meter"), rig_of(tmp_path, *quiet) as rig:
+    dead = {"instruments": {"flow": {"value": 0.0, "noise": None}}}
+    quiet = {"daq": {"noise_v": 0.0}}
+    with pytest.raises(StoppedError, match="dead-flow-meter"), rig_of(tmp_path, devices=quiet, simulation=dead) as rig:
         rig.play(np.full(3000, 30.0))
 
 
 @pytest.mark.parametrize("kind", ["lost", "underflow", "overrun"])
 def test_fault_of_the_device_keeps_what_was_read(tmp_path: Path, kind: str) -> None:
-    fault = ("noise_v = 0.3e-3", f'fault = {{ kind = "{kind}", after = 3333 }}')
-    with pytest.raises(HardwareError), rig_of(tmp_path, fault) as rig:
+    faulty = {"daq": {"noise_v": None, "fault": {"kind": kind, "after": 3333}}}
+    with pytest.raises(HardwareError), rig_of(tmp_path, devices=faulty) as rig:
         rig.play(np.full(9000, 40.0), part={"kind": "level"})
     run = read_recording(tmp_path / "run")
     assert run.meta["parts"][0]["unfinished"]
@@ -282,8 +255,7 @@ def test_fault_of_the_device_keeps_what_was_read(tmp_path: Path, kind: str) -> N
 
 
 def test_reading_at_the_end_of_its_range_is_noted(tmp_path: Path) -> None:
-    narrow = ('terminal = "ai1"', 'terminal = "ai1"\nrange = [-2.0, 2.0]')
-    with rig_of(tmp_path, narrow) as rig:
+    with rig_of(tmp_path, channels={"spool position": {"range": [-2.0, 2.0]}}) as rig:
         rig.ramp_to(50.0)
     events = read_recording(tmp_path / "run").meta["events"]
     assert events[0]["event"] == "reading at the end of its range"
@@ -310,8 +282,8 @@ def test_run_that_lacks_a_channel_is_not_resumed(tmp_path: Path) -> None:
 
 def test_samples_do_not_depend_on_how_often_the_bench_is_judged(tmp_path: Path) -> None:
     flows = []
-    for name, block_s in (("one", "block_s = 1.0"), ("two", "block_s = 0.13")):
-        with rig_of(tmp_path, ("block_s = 1.0", block_s), name=name) as rig:
+    for name, block_s in (("one", 1.0), ("two", 0.13)):
+        with rig_of(tmp_path, name, protection={"block_s": block_s}) as rig:
             flows.append(np.concatenate([rig.ramp_to(40.0).values("flow"), rig.hold(1.0).values("flow")]))
     assert np.array_equal(*flows)
 

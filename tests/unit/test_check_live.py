@@ -14,7 +14,8 @@ from hil.errors import LinkError
 from hil.session.possible import hindrance
 from hil.session.procedure import load_procedure
 from sim_devices._quirks import Quirks
-from tests.links import PATIENT, bench_text, served
+from tests.bench_files import bench_file
+from tests.links import PATIENT, served
 from tests.recorded_line import RecordedLine
 
 
@@ -43,9 +44,8 @@ def test_a_polled_link_is_measured_and_nothing_is_written(tmp_path: Path) -> Non
 
 
 def test_what_is_not_plausible_is_told(tmp_path: Path) -> None:
-    path = tmp_path / "bench.toml"
-    dead = ('"supply pressure" = { noise = 0.2 }', '"supply pressure" = { value = 0.0, noise = 0.2 }')
-    path.write_text(bench_text("brevini-hpv41", dead), encoding="utf-8")
+    dead = {"instruments": {"supply pressure": {"value": 0.0}}}
+    path = bench_file(tmp_path / "bench.toml", "brevini-hpv41", simulation=dead)
     (remark,) = look_at(read_bench(path), 0.5).remarks
     assert remark.startswith("'supply pressure':") and "of interlock 'pressure-lost'" in remark
 
@@ -62,8 +62,7 @@ def test_command_line(tmp_path: Path, command_line) -> None:
     told = json.loads(found.out)
     assert found.status == 0 and told["schema"] == "hil.live/1"
     assert {p["name"]: p["can_run"] for p in told["procedures"]}["step_response"]
-    nobody = tmp_path / "nobody.toml"
-    nobody.write_text(bench_text("hpv41-modbus-tcp", ("127.0.0.1:15502", "127.0.0.1:1")), encoding="utf-8")
+    nobody = bench_file(tmp_path / "nobody.toml", "hpv41-modbus-tcp", devices={"io": {"address": "127.0.0.1:1"}})
     found = command_line("check", nobody, "--live")
     assert found.status == LinkError.exit_status and "io: 127.0.0.1:1: cannot be reached" in found.err
 

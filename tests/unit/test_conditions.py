@@ -11,6 +11,7 @@ import pytest
 from hil.record.conditions import condition_departures, measured_conditions
 from hil.record.recording import Channel, Recording
 from hil.report.provenance import conditions_of
+from tests.bench_files import bench_file
 
 TIME_S = np.arange(0.0, 10.0, 0.01)
 DROP = np.where(TIME_S < 8.0, 1450.0, 1400.0)  # psi: 99.97 and 96.53 bar
@@ -64,16 +65,12 @@ def test_a_condition_outside_its_declared_range_is_a_deviation() -> None:
 
 
 def test_a_run_on_a_bench_with_a_range_carries_the_deviation(tmp_path: Path) -> None:
-    from hil.bench.find import find_bench
     from hil.bench.read import read_bench
     from hil.session.procedure import load_procedure
     from hil.session.run import run_procedure
 
-    text = find_bench("brevini-hpv41").read_text(encoding="utf-8")
-    path = tmp_path / "bench.toml"
-    path.write_text(
-        text.replace("[conditions]", "[conditions]\nranges = { supply_pressure_bar = [150, 160] }"), "utf-8"
-    )
+    conditions = {"ranges": {"supply_pressure_bar": [150, 160]}}
+    path = bench_file(tmp_path / "bench.toml", "brevini-hpv41", conditions=conditions)
     outcome = run_procedure(load_procedure("step_response"), read_bench(path), {"levels": "0,40"}, tmp_path / "run")
     (said,) = [d for d in outcome.findings.deviations if d.startswith("Supply pressure was")]
     assert said.endswith("bar; 150 to 160 bar is declared.")

@@ -35,7 +35,7 @@ def test_a_good_valve_passes_the_whole_sequence(tmp_path: Path) -> None:
 
 
 def test_a_worn_valve_that_leaks_fails_with_its_class(tmp_path: Path) -> None:
-    worn = valve("rotor_frequency = 25.0, rotor_damping = 1.05, leakage = 140", friction(0.004))
+    worn = valve(friction(0.004), rotor_frequency=25.0, rotor_damping=1.05, leakage=140)
     made = outcome(tmp_path, "efc_acceptance", worn, **SHORT)
     assert made.exit_status == 1
     assert failed(made.findings) >= {"probability_good", "usual_among_good", "rise_over_good", "leakage"}
@@ -47,7 +47,7 @@ def test_a_worn_valve_that_leaks_fails_with_its_class(tmp_path: Path) -> None:
 
 
 def test_a_valve_unlike_every_class_is_called_so_and_not_accepted(tmp_path: Path) -> None:
-    sticks = valve("rotor_damping = 1.3", friction(0.06))  # a fast rotor that sticks
+    sticks = valve(friction(0.06), rotor_damping=1.3)  # a fast rotor that sticks
     made = outcome(tmp_path, "efc_acceptance", sticks, **SHORT)
     assert made.exit_status == 1
     assert any(note.startswith("Condition: unlike every class") for note in made.findings.notes)

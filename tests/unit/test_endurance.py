@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.errors import SettingError, StoppedError
 from hil.record.folder import read
@@ -18,6 +18,7 @@ from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
 from hil.session.setting import parse_settings
 from procedures.endurance import FIGURES, Block, along, figures_of, of_newest
+from tests.bench_files import bench_file
 
 RATE_HZ = 100.0
 SETTINGS = {"cycles": "60", "keep_every": "5", "rate_hz": f"{RATE_HZ:g}", "amplitude": "80"}
@@ -25,14 +26,8 @@ SAMPLES = 100  # of a cycle of 1 s
 CREEP_L_MIN_S = 0.1
 
 
-def bench_of(folder: Path, *changes: tuple[str, str]) -> BenchFile:
-    text = benches()["brevini-hpv41"].read_text(encoding="utf-8")
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "bench.toml").write_text(text, encoding="utf-8")
-    return read_bench(folder / "bench.toml")
+def bench_of(folder: Path, **tables: Any) -> BenchFile:
+    return read_bench(bench_file(folder / "bench.toml", "brevini-hpv41", **tables))
 
 
 def driven(file: BenchFile, out: Path, say: Callable[[float, str], None] = lambda *_: None, **more: str) -> Outcome:
@@ -114,12 +109,12 @@ def test_a_run_that_was_broken_off_thrice_finds_what_an_unbroken_one_finds(tmp_p
 
 
 def test_intervals_of_driven_runs_hold_what_a_run_without_noise_finds(tmp_path):
-    noises = ("noise_v = 0.3e-3", "noise_v = 1e-6"), ("flow = { noise = 0.3 }", "flow = { noise = 0.002 }")
-    clean = driven(bench_of(tmp_path / "clean", *noises), tmp_path / "clean" / "run")
+    quiet = {"devices": {"daq": {"noise_v": 1e-6}}, "simulation": {"instruments": {"flow": {"noise": 0.002}}}}
+    clean = driven(bench_of(tmp_path / "clean", **quiet), tmp_path / "clean" / "run")
     truth = {one.name: one.value for one in clean.findings.measured}
     held = dict.fromkeys(("gain", "phase", "offset", "gain_drift", "phase_drift", "offset_drift"), 0)
     for seed in range(20):
-        file = bench_of(tmp_path / str(seed), ("seed = 1", f"seed = {100 + seed}"))
+        file = bench_of(tmp_path / str(seed), simulation={"seed": 100 + seed})
         for one in driven(file, tmp_path / str(seed) / "run").findings.measured:
             if one.name in held:
                 held[one.name] += abs(one.value - truth[one.name]) <= 2.2 * one.repeatability  # Student's t, 95 %
@@ -142,9 +137,9 @@ def test_of_each_block_the_first_cycle_stays_at_the_full_rate(tmp_path):
 
 
 def test_an_instrument_that_creeps_stops_the_run_where_it_has_crept_too_far(tmp_path):
-    creep = f'effects = [{{ name = "sensor_drift", parameters = {{ rate = {CREEP_L_MIN_S:g}, settling = 0.0 }} }}]'
-    no_witness = 'witness = "flow"\n', ""  # it would say, rightly, that flow is not back at rest
-    file = bench_of(tmp_path, ("[simulation]\nseed = 1", f"[simulation]\nseed = 1\n{creep}"), no_witness)
+    creep = {"name": "sensor_drift", "parameters": {"rate": CREEP_L_MIN_S, "settling": 0.0}}
+    no_witness = {"command": {"witness": None}}  # it would say, rightly, that flow is not back at rest
+    file = bench_of(tmp_path, simulation={"effects": [creep]}, channels=no_witness)
     found = driven(file, tmp_path / "run", stop_at="10", cycles="2000")
     measured = {one.name: one for one in found.findings.measured}
     amplitude = 2.0 * 0.1 * 80.0 * measured["gain"].value / 0.2  # of the response: gain times that of the command

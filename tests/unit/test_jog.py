@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,23 +17,13 @@ from hil.record.folder import read
 from hil.session.by_hand import output_of, to_be_ended
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
-from tests.links import bench_text
+from tests.bench_files import bench_file
 
 pytestmark = pytest.mark.usefixtures("unprinted")
-ENABLE = """[channels.enable]
-device = "daq"
-terminal = "do0"
-unit = "1"
-safe = 0
-on = 1
-
-[channels.flow]"""
 
 
-def _bench(folder: Path, *changes: tuple[str, str]) -> BenchFile:
-    path = folder / "bench.toml"
-    path.write_text(bench_text("brevini-hpv41", *changes), encoding="utf-8")
-    return read_bench(path)
+def _bench(folder: Path, **tables: Any) -> BenchFile:
+    return read_bench(bench_file(folder / "bench.toml", "brevini-hpv41", **tables))
 
 
 @pytest.mark.parametrize(
@@ -86,8 +77,8 @@ def test_it_ends_at_once_too(tmp_path: Path) -> None:
 
 
 def test_any_output_of_a_bench_and_the_command_stands(tmp_path: Path) -> None:
-    there = ("[simulation.instruments]", '[simulation.instruments]\nenable = { signal = "" }')
-    bench = _bench(tmp_path, ("[channels.flow]", ENABLE), there)
+    line = {"device": "daq", "terminal": "do0", "unit": "1", "safe": 0, "on": 1}
+    bench = _bench(tmp_path, channels={"enable": line}, simulation={"instruments": {"enable": {"signal": ""}}})
     outcome = run_procedure(
         load_procedure("jog"), bench, {"value": 0.0, "for_s": 0.5}, tmp_path / "run", commanding="enable"
     )

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.daq.channel import InputChannel
 from hil.daq.contract import Block
@@ -25,6 +24,7 @@ from hil.safety.protection import Protection
 from hil.session.procedure import load_procedure
 from hil.session.resting import measured_findings
 from hil.session.run import evaluate_run, run_procedure
+from tests.bench_files import bench_file
 from tests.concealed import bound, nominal, records
 from tests.wire import Wire
 
@@ -207,12 +207,9 @@ def test_only_what_rests_on_no_measurement_is_not_given() -> None:
 
 def test_a_step_beyond_the_range_of_the_flow_meter_has_no_figure(tmp_path: Path) -> None:
     """The meter ends at 42 l/min, the valve gives 50: no change of 42 may be told."""
-    text = benches()["brevini-hpv41"].read_text(encoding="utf-8")
-    narrow = text.replace('terminal = "ai0"', 'terminal = "ai0"\nrange = [-4.0, 4.0]', 1)
-    assert narrow != text
-    narrow = narrow.replace("stale_s = 0.5", "stale_s = 60.0")  # at its end the meter stands still
-    path = tmp_path / "narrow.toml"
-    path.write_text(narrow, encoding="utf-8")
+    stands_still = {"dead-flow-meter": {"stale_s": 60.0}}  # as the meter does at its end
+    path = bench_file(tmp_path / "narrow.toml", "brevini-hpv41", channels={"flow": {"range": [-4.0, 4.0]}},
+                      interlocks=stands_still)  # fmt: skip
     procedure = load_procedure("step_response")
     outcome = run_procedure(procedure, read_bench(path), {"levels": "0,80,0,50"}, tmp_path / "run")
     values = {m.name: m.value for m in outcome.findings.measured}

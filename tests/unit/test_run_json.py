@@ -10,12 +10,11 @@ from typing import Any
 import pytest
 
 from hil.record.header import read_end
-from tests.links import bench_text
+from tests.bench_files import bench_file
 
 pytestmark = pytest.mark.usefixtures("unprinted")
 
-TRIPS = ('low = -10.0\nhigh = 10.0\nonly_while = { channel = "command", low = -5.0, high = 5.0 }\nfor_s = 2.0',
-         "high = 3.0\nfor_s = 0.05")  # fmt: skip
+TRIPS = {"flow-without-command": {"low": None, "high": 3.0, "only_while": None, "for_s": 0.05}}
 
 
 Printed = Callable[..., tuple[int, dict[str, Any], str]]
@@ -25,9 +24,8 @@ Printed = Callable[..., tuple[int, dict[str, Any], str]]
 def printed(command_line, tmp_path: Path) -> Printed:
     """Exit status of a run, the document on stdout, and what was said on stderr."""
 
-    def run(level: float, *changes: tuple[str, str]) -> tuple[int, dict[str, Any], str]:
-        bench = tmp_path / "bench.toml"
-        bench.write_text(bench_text("brevini-hpv41", *changes), encoding="utf-8")
+    def run(level: float, **tables: Any) -> tuple[int, dict[str, Any], str]:
+        bench = bench_file(tmp_path / "bench.toml", "brevini-hpv41", **tables)
         words = ("--json", "--set", f"value={level:g}", "--set", "for_s=0.5", "--out", tmp_path / "run")
         status, out, err = command_line("run", "jog", "--bench", bench, "--archive", tmp_path, *words)
         return status, json.loads(out), err
@@ -44,7 +42,7 @@ def test_json_of_a_run_says_what_is_known_of_its_outputs(printed: Printed, tmp_p
 
 
 def test_json_of_a_run_that_failed(printed: Printed, tmp_path: Path) -> None:
-    status, document, err = printed(30.0, TRIPS)
+    status, document, err = printed(30.0, interlocks=TRIPS)
     end = read_end(tmp_path / "run")
     assert end is not None and document["outputs"] == end.outputs
     assert (status, document["exit_status"], document["schema"]) == (3, 3, "hil.results/1")

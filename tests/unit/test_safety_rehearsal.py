@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import tomlkit
 
 from hil.archive.archive import Search, find_runs
 from hil.archive.place import archive_place
@@ -16,6 +19,9 @@ from hil.bench.rehearsal import twin_of
 from hil.errors import HilError, RehearsalError, SettingError
 from hil.session.procedure import Procedure, load_procedure
 from hil.session.run import rehearse_procedure
+from tests.bench_files import bench_file
+
+LOW_FLOW = {"dead-flow-meter": {"stale_s": None, "high": 10.0}}
 
 
 @pytest.fixture
@@ -24,14 +30,8 @@ def tiny(stranger: Path) -> Procedure:
     return load_procedure("tiny_step")
 
 
-def bench(tmp_path: Path, name: str, *changes: tuple[str, str]) -> BenchFile:
-    text = benches()[name].read_text(encoding="utf-8")
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    path = tmp_path / f"{name}.toml"
-    path.write_text(text, encoding="utf-8")
-    return read_bench(path)
+def bench(tmp_path: Path, name: str, **tables: Any) -> BenchFile:
+    return read_bench(bench_file(tmp_path / f"{name}.toml", name, **tables))
 
 
 @pytest.mark.parametrize("name", sorted(benches()))
@@ -60,19 +60,23 @@ def test_nothing_is_asked_of_the_devices_themselves(tiny: Procedure, tmp_path: P
 
 
 @pytest.mark.parametrize(
-    ("changes", "settings", "says"),
+    ("locks", "settings", "says"),
     [
-        ([("high = 140.0", "high = 90.0")], {}, r"interlock 'over-pressure': .* allowed: supply pressure ≤ 90 at"),
-        ([], {"levels": "120"}, r"output 'command', sample 0: 120 % is outside -100 … 100 %"),
-        ([("stale_s = 0.5", "high = 10.0")], {"levels": "80"}, r"interlock 'dead-flow-meter': .* flow ≤ 10 at"),
-        ([], {"limit": "20", "levels": "30"}, r"output 'command', sample 0: 30 % is outside -20 … 20 %"),
+        ({"over-pressure": {"high": 90.0}}, {}, r"interlock 'over-pressure': .* allowed: supply pressure ≤ 90 at"),
+        ({}, {"levels": "120"}, r"output 'command', sample 0: 120 % is outside -100 … 100 %"),
+        (
+            {"dead-flow-meter": {"stale_s": None, "high": 10.0}},
+            {"levels": "80"},
+            r"interlock 'dead-flow-meter': .* flow ≤ 10 at",
+        ),
+        ({}, {"limit": "20", "levels": "30"}, r"output 'command', sample 0: 30 % is outside -20 … 20 %"),
     ],
 )
 @pytest.mark.parametrize("name", ["brevini-hpv41", "hpv41-modbus-tcp"])
 def test_refused_with_the_reason(
-    tiny: Procedure, tmp_path: Path, name: str, changes: list[tuple[str, str]], settings: dict[str, str], says: str
+    tiny: Procedure, tmp_path: Path, name: str, locks: dict[str, Any], settings: dict[str, str], says: str
 ) -> None:
-    file = bench(tmp_path, name, *changes)
+    file = bench(tmp_path, name, interlocks=locks)
     with pytest.raises(RehearsalError, match=rf"refused: in the rehearsal on the simulated .*, {says}") as refused:
         rehearse_procedure(tiny, file, settings)
     assert str(refused.value).endswith("nothing was driven")
@@ -81,7 +85,7 @@ def test_refused_with_the_reason(
 
 
 def test_a_refused_rehearsal_is_no_run(tmp_path: Path, command_line) -> None:
-    file = bench(tmp_path, "brevini-hpv41", ("high = 140.0", "high = 90.0"))
+    file = bench(tmp_path, "brevini-hpv41", interlocks={"over-pressure": {"high": 90.0}})
     out, archive = tmp_path / "kept", tmp_path / "runs"
     asked = ["--bench", file.path, "--rehearse-only", "--out", out, "--archive", archive]
     assert command_line("run", "step_response", *asked).status == 2
@@ -90,16 +94,20 @@ def test_a_refused_rehearsal_is_no_run(tmp_path: Path, command_line) -> None:
 
 
 def test_an_indication_is_told(tiny: Procedure, tmp_path: Path) -> None:
-    file = bench(tmp_path, "brevini-hpv41", ('stale_s = 0.5\naction = "stop"', 'high = 10.0\naction = "indicate"'))
+    told = {"dead-flow-meter": {**LOW_FLOW["dead-flow-meter"], "action": "indicate"}}
+    file = bench(tmp_path, "brevini-hpv41", interlocks=told)
     (text,) = rehearse_procedure(tiny, file, {"levels": "80"}).indications
     assert text.startswith("interlock 'dead-flow-meter'")
 
 
 def test_a_channel_that_the_plant_does_not_have_is_named(tmp_path: Path) -> None:
-    renamed = [(f'{start}"spool position"', f'{start}"oil temperature"') for start in ("[channels.", "\n")]
-    file = bench(tmp_path, "hpv41-modbus-tcp", *renamed)
+    file = bench(tmp_path, "hpv41-modbus-tcp")
+    content = tomllib.loads(file.text)
+    for table in (content["channels"], content["simulation"]["instruments"]):
+        table["oil temperature"] = table.pop("spool position")
+    file.path.write_text(tomlkit.dumps(content), encoding="utf-8")
     with pytest.raises(SettingError, match=r"there is no twin of this bench: .*no signal 'oil temperature'"):
-        twin_of(file)
+        twin_of(read_bench(file.path))
 
 
 def test_the_seed_can_be_chosen(tiny: Procedure) -> None:
@@ -121,4 +129,4 @@ def test_other_faults_stay_what_they_are(tiny: Procedure) -> None:
 
 def test_a_watchdog_process_needs_three_blocks(tmp_path: Path) -> None:
     with pytest.raises(BenchError, match=r"watchdog_s 0\.2: at least three times block_s = 0\.1, or 0"):
-        bench(tmp_path, "hpv41-modbus-tcp", ("block_s = 0.1", "block_s = 0.1\nwatchdog_s = 0.2"))
+        bench(tmp_path, "hpv41-modbus-tcp", protection={"watchdog_s": 0.2})

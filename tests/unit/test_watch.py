@@ -5,11 +5,11 @@ from __future__ import annotations
 import csv
 import json
 import math
-import re
 import struct
 from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,15 +20,15 @@ from hil.bench.hand.reading import Followed
 from hil.bench.read import read_bench
 from hil.errors import LinkError, SettingError
 from sim_devices._quirks import Quirks
+from tests.bench_files import bench_file
 from tests.described import bench, input_, output, written
 from tests.foreign_line import ForeignLine, ended, tcp_frame
-from tests.links import PATIENT, bench_text, served
+from tests.links import PATIENT, served
 from tests.recorded_line import RecordedLine
 
 
-def _state(raw: Iterable[float], folder: Path, *changes: tuple[str, str], channel: str = "flow") -> str:
-    path = folder / "bench.toml"
-    path.write_text(bench_text("brevini-hpv41", *changes), encoding="utf-8")
+def _state(raw: Iterable[float], folder: Path, channel: str = "flow", **more: Any) -> str:
+    path = bench_file(folder / "bench.toml", "brevini-hpv41", channels={channel: more})
     followed = Followed(channel, read_bench(path))
     values = np.array(list(raw))
     followed.take(np.arange(len(values)) * 0.1, values)
@@ -44,12 +44,10 @@ def test_readings_in_words(tmp_path: Path) -> None:
 
 
 def test_a_live_zero_tells_a_broken_wire(tmp_path: Path) -> None:
-    text = bench_text("brevini-hpv41")
-    (old,) = re.findall(r'\[channels\."supply pressure"\][^\[]*', text)
-    live = re.sub(r"calibration = \{[^}]*\}", "calibration = { slope = 31.25, offset = -62.5 }", old)
-    assert live != old
-    assert _state([1.7, 1.71], tmp_path, (old, live), channel="supply pressure").startswith("open wire: below 1.8 V")
-    assert _state([1.9, 1.91], tmp_path, (old, live), channel="supply pressure") == "ok"
+    live = {"slope": 31.25, "offset": -62.5}
+    broken = _state([1.7, 1.71], tmp_path, "supply pressure", calibration=live)
+    assert broken.startswith("open wire: below 1.8 V")
+    assert _state([1.9, 1.91], tmp_path, "supply pressure", calibration=live) == "ok"
 
 
 def test_a_bench_is_looked_at_and_nothing_is_written(tmp_path: Path) -> None:
@@ -189,7 +187,6 @@ def test_command_line(tmp_path: Path, command_line) -> None:
     assert {c["name"]: c["state"] for c in told["channels"]}["flow"] == "ok"
     rows = list(csv.reader(out.read_text(encoding="utf-8").splitlines()))
     assert rows[0][:2] == ["time [s]", "flow [l/min]"] and len(rows) == 3
-    nobody = tmp_path / "nobody.toml"
-    nobody.write_text(re.sub(r"127\.0\.0\.1:\d+", "127.0.0.1:1", bench_text("hpv41-modbus-tcp")), encoding="utf-8")
+    nobody = bench_file(tmp_path / "nobody.toml", "hpv41-modbus-tcp", devices={"io": {"address": "127.0.0.1:1"}})
     found = command_line("watch", nobody, "--seconds", "0.5")
     assert found.status == LinkError.exit_status and "no measurement: io: 127.0.0.1:1" in found.out
