@@ -21,6 +21,8 @@ from hil.session.run import run_procedure
 from tests.concealed import nominal
 from tests.proof.small_sines import BUDGET_S, SMALL_SINES
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 WEAK_SIDE = ActiveEffect("asymmetry", "opening", {"ratio": 1.2, "gain": 1.0})
 
 

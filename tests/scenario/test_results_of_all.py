@@ -8,6 +8,8 @@ from handed_on import check_handed_on
 import hil
 from hil.catalog import entries
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 SHORT = {
     "bench_reference": ("brevini-hpv41", {"cycle_s": 10, "rate_hz": 200}),
     "coil_by_hand": (

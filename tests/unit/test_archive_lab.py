@@ -23,6 +23,8 @@ from hil.safety.latch import state_path
 from tests.postgres import new_database
 from tests.unit.test_archive import made_run
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 SECRET = "gehe1m"
 
 

@@ -16,6 +16,8 @@ from hil.safety.interrupt import Halted, Terminated
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 SIMULATED, LINKED = "brevini-hpv41", "hpv41-modbus-tcp"
 
 

@@ -27,6 +27,8 @@ from hil.safety.outputs import Outputs
 from hil.session.procedure import Procedure
 from hil.session.run import run_procedure
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 TRIPS = '\n[interlocks.too-much]\nchannel = "flow"\nhigh = 40.0\naction = "trip"\n'
 SWALLOWED: tuple[type[BaseException], ...] = (BaseException,)
 Act = Callable[[Rig], object]

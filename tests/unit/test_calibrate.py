@@ -16,6 +16,8 @@ from hil.session.calibration import input_points
 from tests.conftest import Told
 from tests.links import PATIENT, bench_text, served
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 
 def _bench(folder: Path) -> Path:
     path = folder / "bench.toml"

@@ -12,6 +12,8 @@ import pytest
 
 from tests.bench_files import bench_file
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 
 @pytest.fixture
 def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

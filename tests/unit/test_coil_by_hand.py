@@ -9,6 +9,8 @@ import pytest
 import hil
 from hil.errors import SettingError
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 GIVEN = {"cold": 7.2, "hot": 9.1, "resistance_uncertainty": 0.5, "instrument": "meter 7"}
 
 

@@ -17,7 +17,8 @@ from hil.session import fleet
 from hil.session.identification import read_for
 from tests.passports import run_of
 
-pytestmark = pytest.mark.xdist_group("command is api")  # on one worker: its model is identified once
+# on one worker: its model is identified once
+pytestmark = [pytest.mark.xdist_group("command is api"), pytest.mark.usefixtures("unprinted")]
 
 
 @pytest.fixture(scope="module")

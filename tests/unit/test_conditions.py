@@ -13,6 +13,8 @@ from hil.record.recording import Channel, Recording
 from hil.report.provenance import conditions_of
 from tests.bench_files import bench_file
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 TIME_S = np.arange(0.0, 10.0, 0.01)
 DROP = np.where(TIME_S < 8.0, 1450.0, 1400.0)  # psi: 99.97 and 96.53 bar
 

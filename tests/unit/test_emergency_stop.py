@@ -30,6 +30,8 @@ from hil.safety.interlock import Band, Interlock, Watch
 from hil.safety.protection import Protection
 from tests.links import served
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 DOCS = Path(__file__).parents[2] / "docs"
 CONTACT = '[channels."emergency stop"]\ndevice = "{device}"\nterminal = "{terminal}"\nrole = "emergency stop"\n{more}\n'
 PRESSED = '[simulation.instruments."emergency stop"]\nvalue = 8.0\npressed_s = {at}\n'

@@ -20,6 +20,8 @@ from hil.session.setting import parse_settings
 from procedures.endurance import FIGURES, Block, along, figures_of, of_newest
 from tests.bench_files import bench_file
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 RATE_HZ = 100.0
 SETTINGS = {"cycles": "60", "keep_every": "5", "rate_hz": f"{RATE_HZ:g}", "amplitude": "80"}
 SAMPLES = 100  # of a cycle of 1 s

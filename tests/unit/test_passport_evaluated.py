@@ -26,6 +26,8 @@ from hil.record.seal import check_seal, read_seal, seal_folder
 from hil.session.results import report_again, results_of_run
 from tests.passports import run_of
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 WITHOUT_MODEL = Wanted(identify=False)
 OLDER = "valve-hil 0.0.9"
 SAMPLES = Path(__file__).parent.parent / "samples"
@@ -104,7 +106,7 @@ def test_results_that_were_edited_are_shown_nowhere(tmp_path: Path) -> None:
         results_of_run(run)
 
 
-def test_limits_of_a_report_belong_to_the_run(tmp_path: Path, unprinted: None) -> None:
+def test_limits_of_a_report_belong_to_the_run(tmp_path: Path) -> None:
     run = run_of(tmp_path)
     assert report_again(run, {"gain": Limit(None, 45.0)}).findings.verdict == "fail"
     assert read_seal(run).limits == {"gain": Limit(None, 45.0)}

@@ -10,6 +10,8 @@ from hil.record.header import read_header
 from hil.session.preset import preset_names, preset_settings
 from hil.session.procedure import load_procedure
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 STEP = load_procedure("step_response")
 
 

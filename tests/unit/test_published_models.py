@@ -18,6 +18,8 @@ from hil.physics.published.models import FOLDER, TABLES, published_models, publi
 from hil.physics.transfer_function import from_parameters
 from hil.record.read import read_any
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 
 def test_model_files_are_what_the_papers_numbers_make(tmp_path):
     made = published_models()

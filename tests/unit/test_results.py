@@ -17,6 +17,8 @@ from hil.record.folder import read, write
 from hil.record.measurement import RESULTS_FILE, Findings, Measurement
 from hil.record.recording import Channel, Recording
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 GAIN = Measurement("gain", "l/min per %", "amplitude ratio", low=0.8)
 RESPONSE = {
     "label": "+50 ± 5 %", "command_unit": "%", "response_unit": "l/min", "gain_unit": "l/min per %",

@@ -19,7 +19,8 @@ from hil.session.procedure import Procedure, argument_lines, load_procedure
 from hil.session.run import evaluate_run, run_procedure
 from hil.session.setting import parse_settings, split_assignments
 
-pytestmark = pytest.mark.xdist_group("session")  # on one worker: its run is made once
+# on one worker: its run is made once
+pytestmark = [pytest.mark.xdist_group("session"), pytest.mark.usefixtures("unprinted")]
 
 
 @pytest.fixture

@@ -26,7 +26,8 @@ from hil.session.results import results_of_run
 from tests.page import read_page
 from tests.passports import run_of
 
-pytestmark = pytest.mark.xdist_group("simulated")  # on one worker: its runs are made once
+# on one worker: its runs are made once
+pytestmark = [pytest.mark.xdist_group("simulated"), pytest.mark.usefixtures("unprinted")]
 
 OLD = '[devices.daq]\nsimulated = "in_process"\n'
 REAL = '[devices.daq]\ndriver = "ni"\n'
@@ -66,9 +67,7 @@ def test_a_header_says_it_of_every_simulated_bench_and_of_twins() -> None:
     assert conditions_of(read_bench(benches()["brevini-hpv41"]).bench)["simulated"] is True
 
 
-def test_report_and_verdict_line_and_results_say_it(
-    run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_report_and_verdict_line_and_results_say_it(run: Path, said: Callable[..., str]) -> None:
     assert read_header(run).meta["simulated"] is True
     assert "SIMULATED Recorded on a simulated device" in read_page(run / "report.html").text
     assert 'data-across="SIMULATED"' in (run / "report.html").read_text(encoding="utf-8")
@@ -87,9 +86,7 @@ def test_results_of_a_version_without_it_go_by_the_header(run: Path, tmp_path: P
 
 @pytest.mark.usefixtures("stranger")
 @pytest.mark.parametrize("simulated", [True, False])
-def test_lists_trends_and_comparisons_say_it(
-    simulated: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_lists_trends_and_comparisons_say_it(simulated: bool, tmp_path: Path, said: Callable[..., str]) -> None:
     old, new = (run_of(tmp_path / "lab", simulated=simulated, name=name, hour=hour) for name, hour in RUNS)
     said("archive", "rebuild", "--archive", tmp_path / "lab")
     lab = ("--archive", tmp_path / "lab")
@@ -107,9 +104,7 @@ RUNS = (("old", 8), ("new", 9))
 
 
 @pytest.mark.usefixtures("stranger")
-def test_real_units_are_no_population_of_a_simulated_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_real_units_are_no_population_of_a_simulated_one(tmp_path: Path, said: Callable[..., str]) -> None:
     run_of(tmp_path / "lab", "REAL", name="real")
     run_of(tmp_path / "lab", "TWIN", simulated=True, name="twin")
     unit = run_of(tmp_path / "lab", "A", simulated=True, name="a")
@@ -127,9 +122,7 @@ def test_an_index_of_a_version_without_it_is_filled_from_the_headers(tmp_path: P
     assert [entry.simulated for entry in hil.find_runs(archive=lab)] == [True]
 
 
-def test_models_beside_a_simulated_run_say_it(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_models_beside_a_simulated_run_say_it(run: Path, tmp_path: Path, said: Callable[..., str]) -> None:
     model, page = tmp_path / "model.json", tmp_path / "page.html"
     hil.save_model(hil.typical_model("brevini-hpv41"), model)
     assert f"{run} (SIMULATED)\n" in said("compare", "--model", model, run)
@@ -148,7 +141,7 @@ def test_every_table_of_results_says_it_in_each_row(run: Path, tmp_path: Path) -
 
 
 def test_a_diagnosis_and_a_difference_say_it_in_the_line_of_the_verdict(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    run: Path, tmp_path: Path, said: Callable[..., str]
 ) -> None:
     model = tmp_path / "model.json"
     hil.save_model(hil.typical_model("brevini-hpv41"), model)
@@ -163,7 +156,7 @@ def test_a_diagnosis_and_a_difference_say_it_in_the_line_of_the_verdict(
 @pytest.mark.usefixtures("stranger")
 @pytest.mark.parametrize("simulated", [True, False])
 def test_a_passport_and_its_check_say_it(
-    simulated: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    simulated: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: Callable[..., str]
 ) -> None:
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     run = run_of(tmp_path, simulated=simulated)

@@ -27,6 +27,8 @@ from hil.untrusted import (
 )
 from tests.passports import run_of
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 
 def begins(text: str) -> str:
     """The name of a case whose text is long."""
@@ -185,9 +187,7 @@ def test_read_json_waits_for_no_pipe(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("partly", [False, True], ids=["in its place", "while it is written"])
-def test_report_again_writes_through_no_link_and_into_no_pipe(
-    tmp_path: Path, partly: bool, stranger: Path, unprinted: None
-) -> None:
+def test_report_again_writes_through_no_link_and_into_no_pipe(tmp_path: Path, partly: bool, stranger: Path) -> None:
     """A run folder of somebody else: its names lead to files of who evaluates it, or nowhere."""
     own = tmp_path / "own file"
     own.write_text("mine")
