@@ -130,14 +130,12 @@ def test_meta_of_another_kind_is_named(key: str, folder: Path, command_line) -> 
     ("key", "value"),
     [("outputs", ["x"]), ("outputs", {"command": 1}), ("instruments", "x"), ("deviations", {}), ("notes", 1)],
 )
-def test_end_of_another_kind_is_named(
-    key: str, value: object, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_end_of_another_kind_is_named(key: str, value: object, folder: Path, command_line) -> None:
     path = folder / "run/end.json"
     content = json.loads(path.read_text())
     content["meta"][key] = value
     path.write_text(json.dumps(content))
-    status, _, err = told(capsys, monkeypatch, "convert run x.csv")
+    status, _, err = command_line("convert", "run", "x.csv")
     assert status == 2 and f"end.json: field 'meta.{key}' must be a " in err
 
 
