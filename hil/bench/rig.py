@@ -16,6 +16,7 @@ from hil.bench.file import CONDITIONS, Bench
 from hil.bench.progress_report import ProgressReporter
 from hil.bench.recorder import Recorder
 from hil.daq.contract import Block, Promises, Waveform, joined
+from hil.record.conditions import ADJUSTED
 from hil.record.header import Column
 from hil.record.invalid_samples import supposed
 from hil.record.recording import Array, Channel, Recording
@@ -188,7 +189,7 @@ class BenchRig:
             outputs[name][:moved] = path
         waveform = Waveform(rate_hz, outputs)
         self._guard.check(waveform)  # what is refused while it plays makes all outputs safe
-        return self._played(waveform, {"kind": "adjusted"} | {str(role): value for role, value in values.items()})
+        return self._played(waveform, {"kind": ADJUSTED} | {str(role): value for role, value in values.items()})
 
     def way_to(self, value: float, rate_hz: float | None = None) -> Array:
         """The samples that bring the command to a value at the allowed slew; drives nothing."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from hil.errors import UnitError
 from hil.language.note import Note
-from hil.record.recording import Array, Channel, Recording
+from hil.record.recording import Array, Channel, Mask, Recording
 from hil.units import scale_and_offset
 
 CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
@@ -28,6 +28,9 @@ _GRADES = frozenset((2, 3, 5, 7, 10, 15, 22, 32, 46, 68, 100, 150, 220, 320, 460
 _FAMILIES = "VG|HLPD?|HLP-D|HVLPD?|HL|HM|HV|HG|HEES|HETG|HEPG|HEPR|HFC|HFD[RU]?"
 """Marks of DIN 51524, ISO 6743-4 and ISO 15380 that stand before the grade; the number of a brand need not be one."""
 _OILS = frozenset(("oil", "fluid", "hydraulic oil", "hydraulic fluid", "öl"))
+
+ADJUSTED = "adjusted"
+"""Kind of the part in which a procedure brings conditions to other values."""
 
 _STEADY_S = 1.0  # means over so long are looked at, not single samples
 
@@ -114,13 +117,23 @@ def _measured(recording: Recording, names: tuple[str, ...], unit: str) -> Condit
     values = None if channel is None else _in_unit(channel, unit)
     if channel is None or values is None or not np.isfinite(values).any():
         return None
-    kept = np.isfinite(values)
+    kept = np.isfinite(values) & _within_parts(recording)
+    kept = kept if kept.any() else np.isfinite(values)
     values, time_s = values[kept], recording.time_s[kept]
     means = _means(time_s, values)
     return Condition(
         channel.name, _SHOWN.get(unit, unit), float(means[0]), float(values.mean()), float(means[-1]),
         float(means.min()), float(means.max()), float(values.std()),
     )  # fmt: skip
+
+
+def _within_parts(recording: Recording) -> Mask:
+    """Samples of a procedure's parts: conditions come about before them, are adjusted between, and fall after them."""
+    parts = [part for part in recording.meta.get("parts") or () if part.get("kind") != ADJUSTED]
+    within = np.full(len(recording.time_s), not parts)
+    for part in parts:
+        within[int(part["first"]) : int(part["first"]) + int(part["count"])] = True
+    return within
 
 
 def _in_unit(channel: Channel, unit: str) -> Array | None:

@@ -38,7 +38,7 @@ def stated_or_measured(recording: Recording) -> list[tuple[str, str]]:
     measured = measured_conditions(recording)
     rows = {name: fact for name, v in stated.items() for fact in facts_of({name: v})}
     for name, condition in measured.items():
-        label, was = rows.get(name, (fact_of(name, "")[0], ""))
+        label, was = rows.get(name, (fact_of(name, condition.mean)[0], ""))
         rows[name] = (label, _measured_text(condition, was))
     return list(rows.values())
 

@@ -51,6 +51,20 @@ def test_samples_not_measured_are_no_condition() -> None:
     assert measured_conditions(a_run({}, **{"supply pressure [mm]": 1.0 * TIME_S})) == {}
 
 
+def test_conditions_are_those_of_the_parts_and_not_of_the_way_there_or_between() -> None:
+    rising = np.where(TIME_S < 3.0, 30.0 * TIME_S, np.where(TIME_S < 7.0, 90.0, 60.0))
+    run = a_run(
+        {"supply_pressure_bar": [85.0, 95.0]}, **{"supply pressure [bar]": rising, "return pressure [bar]": rising}
+    )
+    parts = [{"kind": "sweep", "first": 300, "count": 400}, {"kind": "adjusted", "first": 700, "count": 200}]
+    of_parts = replace(run, meta={**run.meta, "parts": parts})
+    found = measured_conditions(of_parts)["supply_pressure_bar"]
+    assert (found.first, found.mean, found.last) == pytest.approx((90.0, 90.0, 90.0))
+    assert condition_departures(of_parts) == ()
+    assert len(condition_departures(run)) == 1
+    assert dict(conditions_of(of_parts))["Return pressure"].startswith("measured: first 90")
+
+
 def test_a_condition_outside_its_declared_range_is_a_deviation() -> None:
     ranges = {
         "supply_pressure_bar": [98.0, 102.0],
