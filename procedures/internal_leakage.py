@@ -83,9 +83,12 @@ def evaluate(recording: Recording) -> Findings:
     whole, measured = found[0], []
     if len(found) > 1:
         near = found[1].estimate
-        coded = mean_rounding_std(0.0, reading_step(recording, flow))
+        noise_std = float(np.median(near.std * np.sqrt(near.points.count)))
+        coded = mean_rounding_std(noise_std, reading_step(recording, flow))
         peak, peak_std = over_all(near, lambda response, _slope: float(response.max()))
-        at, at_std = over_all(near, lambda response, _slope: _middle(near.command, response))
+        at, at_std = over_all(near, lambda response, _slope: 0.5 * sum(_flanks(near.command, response)))
+        steep = np.interp(_flanks(near.command, near.response), near.command, near.slope)
+        at_std = math.hypot(at_std, *(0.5 * coded / steep))
         neutral, is_there = float(parts[0]["neutral"]), math.isfinite(at_std)
         measured += [
             PEAK.at(unit=flow.unit).of(peak, math.hypot(peak_std, coded), calibration=level),
@@ -106,8 +109,8 @@ def evaluate(recording: Recording) -> Findings:
     return Findings(tuple(measured), {"internal_leakage": curves}, deviations=departures(recording))
 
 
-def _middle(command: Array, leakage: Array) -> float:
-    """Middle of the commands between which the curve is above halfway from its larger end to its peak; NaN at an end.
+def _flanks(command: Array, leakage: Array) -> tuple[float, float]:
+    """Between which commands the curve is above halfway from its larger end to its peak; NaN where an end is.
 
     Two edges that overlap make two peaks with a dip between them: where the largest value is, noise decides.
     """
@@ -115,5 +118,5 @@ def _middle(command: Array, leakage: Array) -> float:
     above = np.flatnonzero(leakage >= half)
     first, last = int(above[0]), int(above[-1])
     if first == 0 or last == len(command) - 1:
-        return math.nan
-    return 0.5 * (crossing(command, leakage, half, first - 1, first) + crossing(command, leakage, half, last, last + 1))
+        return math.nan, math.nan
+    return crossing(command, leakage, half, first - 1, first), crossing(command, leakage, half, last, last + 1)
