@@ -19,6 +19,9 @@ from hil.safety.interrupt import ignore_signals, status_of, terminable
 # busy: with other work on both cores one fit took 18 s instead of 1. Read when numpy is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# The first model that pydantic builds looks for its plugins in every installed package. No command has one.
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+
 # What a command loads, modules and compiled models, stays to its end. Python's usual thresholds look through all of it
 # for garbage again and again: a fifth of a short command's time, and pauses while a valve stands open.
 gc.set_threshold(20_000, 10, 10)

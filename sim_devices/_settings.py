@@ -16,7 +16,7 @@ from sim_devices._simulation import Place, Simulation
 class Fault(BaseModel):
     """A fault on demand, `after` so many samples since the device was opened."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     kind: Literal["lost", "underflow", "overrun"]
     after: int = Field(ge=0)
@@ -37,7 +37,7 @@ class Settings(BaseModel):
         fault: one that is to happen.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     simulation: Simulation
     bits: PositiveInt = Field(16, le=24)

@@ -26,7 +26,7 @@ _FAULT_OHM, _FAULT_H = {"open": 1e5, "short": 0.02}, {"open": 0.09, "short": 1e-
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 class SimulatedEffect(_Strict):

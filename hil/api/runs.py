@@ -99,7 +99,7 @@ def open_bench(bench: str | Path, out: str | Path, *, progress: Progress = quiet
 @options_of("python")
 def results(run: str | Path) -> Results:
     """Every value, curve and transfer function of a run (`hil results`)."""
-    from hil.session.results import results_of_run
+    from hil.session.kept_results import results_of_run
 
     return results_of_run(Path(run))
 

@@ -19,7 +19,7 @@ EMERGENCY_STOP: Role = "emergency stop"
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 class DwellLimit(_Strict):
@@ -74,7 +74,7 @@ class Device(BaseModel):
     when it is read back later than that. 1 s, and 5 s behind a serial server, gateway or CAN hub, if not given.
     """
 
-    model_config = ConfigDict(extra="allow", frozen=True)
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
     driver: str = ""
     simulated: str = ""

@@ -23,7 +23,7 @@ SCHEMA: Literal["hil.results/1"] = "hil.results/1"
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, defer_build=True)
 
 
 class ColumnOf(_Strict):

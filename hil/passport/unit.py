@@ -17,8 +17,9 @@ from hil.record.measurement import RESULTS_FILE, Findings, Verdict, ended_as_pla
 from hil.record.recording import Recording
 from hil.record.seal import Seal, check_seal
 from hil.record.simulated import is_simulated
+from hil.session.kept_results import results_of_run
 from hil.session.limit import limits_of
-from hil.session.results import evaluated_anew, results_of_run
+from hil.session.results import evaluated_anew
 from hil.version import PROGRAM
 
 _SHOWN = 5  # of what was found otherwise: a message, not a report

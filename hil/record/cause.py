@@ -17,7 +17,7 @@ class Found:
     the whole change, None where it is not known; `alike` what these data do not tell from it.
     """
 
-    __pydantic_config__: ClassVar = {"extra": "forbid"}
+    __pydantic_config__: ClassVar = {"extra": "forbid", "defer_build": True}
     name: str
     of: str = ""
     before: float | None = None
@@ -39,7 +39,7 @@ class Cause:
     largest share first; `untold` was not looked at for want of time. It took `seconds` of `budget_s`.
     """
 
-    __pydantic_config__: ClassVar = {"extra": "forbid"}
+    __pydantic_config__: ClassVar = {"extra": "forbid", "defer_build": True}
     command: str
     since: str = ""
     verdict: str = ""

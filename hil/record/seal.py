@@ -31,7 +31,7 @@ _NEVER = (SEAL_FILE, "control.json", "progress.json", "watchdog-so-far.json")
 class Seal(BaseModel):
     """How a folder was sealed: `limits` by which the run was judged, the `program` that judged it, `sha256` by name."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     format: Literal["hil-run-seal"] = "hil-run-seal"
     version: Literal[1] = 1

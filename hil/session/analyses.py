@@ -399,7 +399,7 @@ def flow_curve_of(path: Path) -> FlowCurve:
         FileError: no flow curve in it.
     """
     if path.is_dir():
-        from hil.session.results import results_of_run
+        from hil.session.kept_results import results_of_run
 
         curves = [one for one in results_of_run(path).curves if one.name == "flow_curve"]
         if not curves:

@@ -12,7 +12,7 @@ from hil.findings.results import FittedFunction, Results
 from hil.fmu.build import own_platform, write_c, write_fmu
 from hil.fmu.variables import Variables, variables_of
 from hil.physics.model import Model, load_model
-from hil.session.results import results_of_run
+from hil.session.kept_results import results_of_run
 
 TEXTS = ("python", "matlab", "json", "csv")
 FORMS = (*TEXTS, "c", "fmu")

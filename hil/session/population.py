@@ -17,7 +17,7 @@ from hil.findings.results import Results
 from hil.record.header import read_header
 from hil.record.instruments import instruments_mark
 from hil.record.measurement import Verdict
-from hil.session.results import results_of_run
+from hil.session.kept_results import results_of_run
 
 
 @dataclass(frozen=True, slots=True)

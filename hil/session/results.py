@@ -11,16 +11,15 @@ from types import MappingProxyType
 from hil.bench.audit import evaluated_on_the_trail
 from hil.errors import FileError, HilError, InputError
 from hil.findings.collect import findings_of, results_of
-from hil.findings.results import Results, read_results, write_results
+from hil.findings.results import read_results, write_results
 from hil.language.choice import in_page_language
 from hil.language.note import Note, revived
 from hil.record.cause import Cause
 from hil.record.conditions import condition_departures
 from hil.record.folder import read
-from hil.record.header import HEADER_FILE, read_header
 from hil.record.measurement import FINDINGS_FILE, RESULTS_FILE, Findings, Limit, ended_as_planned
 from hil.record.recording import Recording
-from hil.record.seal import check_seal, read_seal, seal_folder
+from hil.record.seal import read_seal, seal_folder
 from hil.record.simulated import is_simulated
 from hil.report.run_page import write_run_report
 from hil.safety.outputs import ending_words
@@ -31,22 +30,6 @@ from hil.session.responses import write_responses
 from hil.session.resting import measured_findings
 from hil.session.setting import Setting, value_text
 from hil.session.since import with_earlier
-
-
-def results_of_run(folder: Path) -> Results:
-    """What was found when the run was evaluated; an evaluation now, where nothing was kept.
-
-    Raises:
-        FileError: not a run folder, or its results cannot be read or were changed since.
-        InputError: it was never evaluated, and cannot be now.
-    """
-    kept = folder / RESULTS_FILE
-    if kept.is_file():
-        check_seal(folder, RESULTS_FILE)
-        found = read_results(kept)
-        return found if found.simulated is not None else _with_origin(found, folder)
-    recording = read(folder)
-    return results_of(recording, evaluated_anew(recording, folder))
 
 
 def evaluated_anew(recording: Recording, folder: Path) -> Findings:
@@ -64,13 +47,6 @@ def judged_by(recording: Recording, folder: Path) -> dict[str, Limit]:
     """The limits of a run: those with which it was run, then those by which it was last judged."""
     seal = read_seal(folder)
     return {**limits_of(recording.meta), **({} if seal is None else seal.limits)}
-
-
-def _with_origin(found: Results, folder: Path) -> Results:
-    """Results of a version that did not say whether they are of a real valve, with what the header of the run says."""
-    if not (folder / HEADER_FILE).is_file():
-        return found
-    return found.model_copy(update={"simulated": is_simulated(read_header(folder).meta)})
 
 
 def report_again(

@@ -10,7 +10,7 @@ from hil.findings.difference import Difference, differences
 from hil.findings.results import Results
 from hil.record.header import Header, read_header
 from hil.record.instruments import instruments_mark
-from hil.session.results import results_of_run
+from hil.session.kept_results import results_of_run
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,6 +47,13 @@ def test_a_check_needs_no_compiler() -> None:
     assert set(done.stderr.splitlines()[-1].split()).isdisjoint({*HEAVY, "hil.identification"} - {"numpy"})
 
 
+def test_kept_results_need_no_bench_and_no_page() -> None:
+    program = "import sys, hil.session.run_comparison, hil.session.kept_results; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=True)
+    others = {"hil.bench", "hil.daq", "hil.identification", "hil.report", "hil.safety"}
+    assert set(done.stdout.split()).isdisjoint({*HEAVY, *others} - {"numpy"})
+
+
 def test_a_model_beside_recordings_needs_no_page_and_no_bench() -> None:
     program = "import sys, hil.session.comparison; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=True)

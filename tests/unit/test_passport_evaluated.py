@@ -23,7 +23,8 @@ from hil.record.folder import read
 from hil.record.header import read_end, sha256_of
 from hil.record.measurement import Limit
 from hil.record.seal import check_seal, read_seal, seal_folder
-from hil.session.results import report_again, results_of_run
+from hil.session.kept_results import results_of_run
+from hil.session.results import report_again
 from tests.passports import run_of
 
 pytestmark = pytest.mark.usefixtures("unprinted")

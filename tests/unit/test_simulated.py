@@ -22,7 +22,7 @@ from hil.findings.tables import write_csv
 from hil.record.conditions import oil_contradiction
 from hil.record.header import read_header
 from hil.record.simulated import is_simulated
-from hil.session.results import results_of_run
+from hil.session.kept_results import results_of_run
 from tests.page import read_page
 from tests.passports import run_of
 

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import softmax
 
 from hil.record.recording import Array
 
@@ -33,6 +32,8 @@ def bic_of_known_noise(chi2: float, count: float, unknowns: float) -> float:
 
 def odds(criteria: Sequence[float]) -> Array:
     """How probable each of several models is, of which one is right, by twice its negative log evidence; shape (n,)."""
+    from scipy.special import softmax  # a tenth of a second, and most comparisons weigh nothing
+
     return softmax(-0.5 * np.array(criteria))
 
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import solve_toeplitz
 
 from hil.physics.model import Noise
 from hil.record.recording import Array
@@ -133,6 +132,8 @@ def _predictor(correlation: Array) -> tuple[float, ...]:
     best: tuple[float, ...] = ()
     left = known[0]
     for order in range(1, _LONGEST_MEMORY + 1):
+        from scipy.linalg import solve_toeplitz
+
         weights = solve_toeplitz(known[:order], known[1 : order + 1])
         unexplained = known[0] - float(weights @ known[1 : order + 1])
         if unexplained < (1.0 - _TELLING_SHARE) * left:
