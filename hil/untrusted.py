@@ -27,7 +27,7 @@ MOST_BYTES = 1 << 25
 ANY_SIZE = 1 << 62
 """Of samples, which are read in pieces."""
 
-MOST_TOML_BYTES = 1 << 22
+MOST_TOML_BYTES = 1 << 20
 MOST_LEVELS = 64
 
 _PATH_FLAGS = os.O_PATH | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC

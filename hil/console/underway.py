@@ -9,6 +9,7 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import urlsplit
@@ -16,7 +17,7 @@ from urllib.parse import urlsplit
 from hil.bench.stop.consoles import LOOPBACK, consoles
 from hil.errors import FileError
 from hil.record.alive import lives
-from hil.record.header import END_FILE, HEADER_FILE, read_end, read_header
+from hil.record.header import END_FILE, HEADER_FILE, Header, read_end, read_header
 from hil.record.samples import JOURNAL_FILE
 from hil.record.simulated import SIMULATED, is_simulated
 from hil.untrusted import is_regular, read_untrusted_json
@@ -24,6 +25,7 @@ from hil.untrusted import is_regular, read_untrusted_json
 State = Literal["running", "lost", "ended"]
 
 CONTROL_FILE = "control.json"
+_MOST_BYTES = 65_536
 _FRESH_S = 0.1  # what was seen so lately is told again
 _ENDED_S = 3.0  # so long a run that has ended is still told
 _SILENT_S = 15.0  # a run whose process nobody knows and that has written nothing for so long has been lost
@@ -75,7 +77,7 @@ def run_of(folder: Path, pid: int | None = None) -> Run:
     Raises:
         FileError: not a run folder.
     """
-    header, end, control = read_header(folder), read_end(folder), control_of(folder)
+    header, end, control = _header(folder, _written(folder)), read_end(folder), control_of(folder)
     if end is not None:
         outputs = end.meta.get("outputs") or {}
         safe = bool(outputs) and all(one.get("state") == "safe" for one in outputs.values())
@@ -87,10 +89,24 @@ def run_of(folder: Path, pid: int | None = None) -> Run:
     return Run(folder, "running" if alive else "lost", "", header.meta, control)
 
 
+@lru_cache(maxsize=64)
+def _header(folder: Path, _written: tuple[int, ...]) -> Header:
+    """It is written once, and every page asks for it."""
+    return read_header(folder)
+
+
+def _written(folder: Path) -> tuple[int, ...]:
+    """Another one for another header of a folder."""
+    with suppress(OSError):
+        found = (folder / HEADER_FILE).lstat()
+        return found.st_ino, found.st_mtime_ns, found.st_size
+    return ()
+
+
 def control_of(folder: Path) -> Mapping[str, Any]:
     """What the run says of how it is stopped, on this computer; empty where it says nothing that can be read."""
     try:
-        content = read_untrusted_json(folder, CONTROL_FILE)
+        content = read_untrusted_json(folder, CONTROL_FILE, _MOST_BYTES)
     except (OSError, FileError):
         return {}
     if not isinstance(content, dict) or content.get("schema") != "hil.control/1":

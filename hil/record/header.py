@@ -20,7 +20,7 @@ from hil.version import PROGRAM, is_newer, made_by
 
 HEADER_FILE, END_FILE = "run.json", "end.json"
 _FORMAT, _END_FORMAT, _VERSION = "hil-run", "hil-run-end", 1
-_KEPT_BYTES = 16384
+_KEPT_BYTES, _MOST_BYTES = 16384, 1 << 22  # of one file: every page and every list reads them
 _SAMPLES = ("samples.f8", "samples.log")
 _FIGURES, _WORDS = ("slope", "offset", "uncertainty", "lag_s"), ("date", "due", "source", "unit", "raw_unit")
 _OF_META = {
@@ -215,7 +215,7 @@ def read_stated(path: Path, model: type[_Model], name: str) -> _Model:
     if path.parent.is_file():
         raise FileError(f"{path.parent}: a file, where a run folder is needed; `hil run` makes one")
     try:
-        content = read_untrusted_json(path.parent, path.name)
+        content = read_untrusted_json(path.parent, path.name, _MOST_BYTES)
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror}; a run folder needs it") from None
     if not isinstance(content, dict) or content.get("format") != name:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 from hil.errors import FileError
@@ -24,8 +25,14 @@ def is_simulated(meta: Mapping[str, Any]) -> bool:
     """
     if isinstance(stated := meta.get(SIMULATED), bool):
         return stated
+    return _names_simulated(str(meta.get("bench_file") or ""))
+
+
+@lru_cache(maxsize=64)
+def _names_simulated(bench_file: str) -> bool:
+    """Whether a device of a bench file is simulated; False where that is none."""
     try:
-        devices = parse_toml(str(meta.get("bench_file") or ""), "bench_file").get("devices")
+        devices = parse_toml(bench_file, "bench_file").get("devices")
     except FileError:
         return False
     named = devices.values() if isinstance(devices, Mapping) else ()

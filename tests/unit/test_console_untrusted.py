@@ -24,14 +24,16 @@ from hil.archive.place import archive_place
 from hil.bench.audit import Audit
 from hil.bench.stop.consoles import consoles
 from hil.bench.stop.press import StopSwitch
+from hil.console import underway
 from hil.console.access_accounts import Accounts
 from hil.console.access_where import Where
 from hil.console.app import application
 from hil.console.site import Site
 from hil.console.stops import ask_listener, promptly
-from hil.console.underway import control_of
+from hil.console.underway import control_of, run_of
 from hil.errors import FileError, LinkError
 from hil.record.folder import RunWriter
+from hil.record.header import read_header
 from tests.unit.test_console_access import Browser
 
 DEEP = "[" * 100_000
@@ -259,6 +261,21 @@ def test_stop_that_many_press_at_once_is_refused_to_none(tmp_path: Path) -> None
     assert accounts == [str(number) for number in range(200)]
     assert switch.pressed is not None and switch.pressed.account in accounts
     assert [path.name for path in tmp_path.iterdir()] == ["stop-pressed.json"]
+
+
+def test_large_files_about_a_run_are_not_read_for_every_page(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run, read = lab / "runs" / "one", []
+    monkeypatch.setattr(underway, "read_header", lambda folder: read.append(folder) or read_header(folder))
+    header = json.loads((run / "run.json").read_text(encoding="utf-8"))
+    for size in (1, 2):
+        (run / "run.json").write_text(json.dumps({**header, "meta": {"notes": {"n": "x" * size}}}), encoding="utf-8")
+        assert [run_of(run).meta["notes"]["n"] for _ in range(3)] == ["x" * size] * 3
+    assert len(read) == 2
+    (run / "control.json").write_text(json.dumps({**CONTROL, "stop_url": "http://127.0.0.1:1", "x": "x" * 70_000}))
+    assert control_of(run) == {}
+    (run / "run.json").write_text(json.dumps({**header, "meta": {"notes": {"n": "x" * (1 << 22)}}}), encoding="utf-8")
+    with pytest.raises(FileError, match=r"run.json: has 4.\d+ MB; at most 4.194 MB are read"):
+        run_of(run)
 
 
 @pytest.mark.parametrize("path", ["/devices/serve", "/run/check", "/seat"])
