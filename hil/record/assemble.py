@@ -15,6 +15,7 @@ import numpy as np
 from hil.errors import FileError, UnitError, option
 from hil.language.note import Note
 from hil.record.columns import Column, Table
+from hil.record.heading import plain_name
 from hil.record.missing_values import is_even, missing_values
 from hil.record.named import even_note, named
 from hil.record.reading import AS_IT_IS, Reading
@@ -57,6 +58,7 @@ def assemble(
     Raises:
         FileError: no time, no signal, or samples that are no recording (see `recording.check`).
     """
+    _refuse_frames(name, tables)
     by_channel, taken_apart = unstacked(tables)
     read, place = _oldest_first(named(name, by_channel, reading), reading, None if taken_apart else place)
     if are_responses(read) and not reading.time and not reading.interval_s:
@@ -98,6 +100,17 @@ def assemble(
     found = Recording(name, time_s, channels, file_meta, own)
     check(found, place=place if place and len(time_s) == len(timed[0].time_s) else _sample)
     return found
+
+
+def _refuse_frames(name: str, tables: Sequence[Table]) -> None:
+    """Raise `FileError` for a list of the frames of a bus: their bytes are no signals."""
+    for table in tables:
+        words = {plain_name(column.heading) for column in table.columns}
+        if any(word.split("(")[0].strip() in ("id", "can id") for word in words) and words & {"dlc", "len"}:
+            raise FileError(
+                f"{name}: holds frames of a CAN bus, not signals; save the log as ASC, BLF, TRC or candump, and put "
+                "its DBC beside it"
+            )
 
 
 def _oldest_first(

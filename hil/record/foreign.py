@@ -11,7 +11,7 @@ from hil.errors import FileError, reason
 from hil.record.exchange.comtrade import CHANNELS
 from hil.record.gathered import whole
 
-_LONGEST = 64
+_LONGEST = 128
 _TEXT = "export CSV"
 _BEGINNINGS = {
     b"%PDF": ("a PDF", "it shows samples and holds none; ask for the file that it was printed from"),
@@ -26,6 +26,14 @@ _BEGINNINGS = {
     b"Rar!": ("a RAR archive", "unpack it"),
     b"7z\xbc\xaf\x27\x1c": ("a 7-Zip archive", "unpack it"),
     b"SIMPLE  =": ("a FITS file", _TEXT),
+    b"***BUSMASTER": ("a CAN log of BUSMASTER", "convert it to ASC there, and put its DBC beside"),
+    b"@ TEXT @": ("a trace of CarBus Analyzer", "save the log as ASC or candump, and put its DBC beside"),
+    b"PathFileType": ("a table of marker positions", f"{_TEXT} with one row of headings"),
+    b"Origin Time ": ("an accelerogram of K-NET, several samples on a line", f"{_TEXT}, one sample on a line"),
+    b"@relation": ("a table of Weka (ARFF)", f"{_TEXT} there"),
+    b"@RELATION": ("a table of Weka (ARFF)", f"{_TEXT} there"),
+    b"$date": ("a dump of logic signals (VCD)", f"{_TEXT}, one row for each stamp"),
+    b"$GP": ("a log of a satellite receiver (NMEA 0183)", f"{_TEXT} of its positions"),
     b"<?xml": ("an XML file", "export CSV, TDMS or MDF4"),
     b"{": ("a JSON file", _TEXT),
 }
@@ -33,11 +41,17 @@ _ENDINGS = {
     (".dxd", ".dxz", ".d7d", ".d7z"): ("a recording of Dewesoft", f"{_TEXT}, MAT or MDF4 from DewesoftX"),
     (".wfm", ".isf", ".trc"): ("a scope's own waveform file", "save as CSV, at the scope or in its maker's program"),
     (".tdm", ".tdx"): ("a recording of DIAdem", "save it as TDMS"),
-    (".raw",): ("a raw file of FAMOS or LTspice", f"{_TEXT} there"),
+    (".raw",): ("a raw file of FAMOS or of a circuit simulator", f"{_TEXT} there"),
     (".bin",): ("a program's own binary file", f"{_TEXT}, MAT, TDMS or MDF4 from that program"),
     (".svd", ".svdx", ".tcscope"): ("a recording of TwinCAT Scope", f"{_TEXT} from its export wizard"),
     (".trace", ".scope"): ("a drive's own trace", _TEXT),
     (".sie", ".rsp", ".rpc", ".tim", ".drv"): ("a fatigue rig's recording", f"{_TEXT} or MAT from its program"),
+    (".s1p", ".s2p", ".s3p", ".s4p", ".cti"): (
+        "a table of scattering parameters",
+        f"{_TEXT} of one over another: frequency, and real and imaginary part",
+    ),
+    (".tsf",): ("a set of series", f"{_TEXT} of one, with its stamps"),
+    (".influx", ".lp"): ("InfluxDB's line protocol", f"{_TEXT}, one row for each stamp"),
     (".pdf", ".docx", ".doc", ".pptx"): ("a document", "ask for the file that its figures were drawn from"),
     (".mldatx", ".slx"): ("a file of Simulink", "save the signals as a MAT file"),
     (".jpg", ".jpeg", ".gif", ".bmp", ".svg"): ("a picture", "ask for the file that it was drawn from"),
@@ -55,6 +69,8 @@ def check_read(path: Path, file: BinaryIO, *, by_ending: bool) -> None:
         by_ending: whether its ending counts as well, since no reader has it.
     """
     start = os.pread(file.fileno(), _LONGEST, 0)
+    if b", SLIST, " in start:
+        raise FileError(f"{path}: is a list of samples without stamps, several on a line; export TSPAIR, or CSV")
     if b"WAVEDESC" in start:
         raise FileError(f"{path}: is a waveform of LeCroy, which is not read; save it as ASCII at the scope")
     described = path.with_suffix(".cfg")

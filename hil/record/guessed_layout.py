@@ -8,12 +8,15 @@ from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
+import numpy as np
+
 from hil.errors import FileError, option
 from hil.record import heading as headings
 from hil.record.header_metadata import units_above
 from hil.record.layout import WHITESPACE, Kind, Layout, is_row_of_units, is_time_format, split, stands_for_unit
 from hil.record.text_file import encoding_of, open_text
 from hil.record.tokens import (
+    as_numbers,
     decimal_and_thousands,
     decimal_between_commas,
     is_blank,
@@ -51,7 +54,7 @@ def layout(path: Path, named: bool = False) -> Layout:
 
 def _as_contract(encoding: str, lines: Sequence[str]) -> Layout | None:
     """The layout of a file whose first line is `name [unit]` in every column: nothing is guessed about it."""
-    hinted = bool(lines) and lines[0].lower().startswith("sep=")
+    hinted = bool(lines) and lines[0].lower().lstrip('"').startswith("sep=")
     at = 1 if hinted else 0
     if len(lines) <= at:
         return None
@@ -75,6 +78,7 @@ def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named:
     rows = [split(line, separator) for line in judged]
     if count > 1 and not any(row[count - 1] for line in filled if len(row := split(line, separator)) == count):
         count -= 1  # a mark at the end of each line
+    rows = [row for row in rows if 2 * sum(map(_is_known, row)) >= len(row)] or rows  # prose with a number is no row
     whole = [row for row in (split(line, separator) for line in filled) if len(row) >= count]
     kinds = tuple(_kind([row[i] for row in rows if len(row) >= count], [row[i] for row in whole]) for i in range(count))
     first = _first_row(lines, separator, count, kinds)
@@ -87,7 +91,9 @@ def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named:
     above = list(_above(lines[:first], separator, count))
     at, cells, units = (0, ("",) * count, ("",) * count) if named else _headings(above, count)
     if not at and not named:
-        raise FileError(f"{path}: {_unnamed(lines[:first], separator, count - _days_apart(rows[0], kinds))}")
+        raise FileError(
+            f"{path}: {_unnamed(lines[:first], separator, count - _days_apart(rows[0], kinds), _rise(rows))}"
+        )
     if at and not any(units):
         units = _units_above(lines[: at - 1], separator, cells)
     inside = [_unit_in_cells([row[i] for row in rows if len(row) > i and not is_blank(row[i])]) for i in range(count)]
@@ -104,17 +110,30 @@ def _days_apart(cells: Sequence[str], kinds: Sequence[Kind]) -> int:
 
 
 def _separator(lines: Sequence[str]) -> tuple[str, int]:
-    """The mark that leaves the most fields numbers or stamps, and the number of fields then."""
+    """The mark that leaves the most fields numbers or stamps, and the number of fields of lines that hold the most."""
     best, score = (",", 1), -1.0
     for mark in _SEPARATORS:
         rows = [split(line, mark) for line in lines]
-        count = Counter(len(row) for row in rows).most_common(1)[0][0] if rows else 0
-        cells = [cell for row in rows if len(row) == count for cell in row]
-        known = sum(is_blank(cell) or is_quantity(cell) or is_stamp(cell) for cell in cells)
-        share = known / len(cells) * sum(len(row) == count for row in rows) / len(rows) if cells else 0.0
+        weights: Counter[int] = Counter()
+        for row in rows:
+            texts = sum(not _is_known(cell) for cell in row)
+            weights[len(row)] += 1 + len(rows) * max(0, sum(map(_says, row)) - texts)
+        count = weights.most_common(1)[0][0] if rows else 0
+        first = next((i for i, row in enumerate(rows) if len(row) == count and any(map(_says, row))), 0)
+        whole = [row for row in rows[first:] if len(row) == count]
+        known = sum(_is_known(cell) for row in whole for cell in row)
+        share = known / (count * (len(rows) - first)) if whole else 0.0
         if count > 1 and share > score + 1e-9 and share >= _LEAST_NUMERIC:
             best, score = (mark, count), share
     return best
+
+
+def _says(cell: str) -> bool:
+    return is_quantity(cell) or is_stamp(cell)
+
+
+def _is_known(cell: str) -> bool:
+    return is_blank(cell) or _says(cell)
 
 
 def _kind(cells: Sequence[str], others: Sequence[str] = ()) -> Kind:
@@ -205,7 +224,8 @@ def _headings(above: list[tuple[int, list[str]]], count: int) -> tuple[int, tupl
     texts = [(number, cells) for number, cells in texts if not all(c.casefold() in _TYPES or not c for c in cells)]
     if not texts:
         return 0, ("",) * count, ("",) * count
-    chosen = next((i for i, (_, cells) in enumerate(texts) if _is_heading(cells)), None)
+    called = [i for i, (_, cells) in enumerate(texts) if _is_heading(cells)]
+    chosen = next((i for i in reversed(called) if not is_row_of_units(texts[i][1])), called[0] if called else None)
     if chosen is None:
         plain = [i for i, (_, cells) in enumerate(texts) if i == 0 or not is_row_of_units(cells)]
         chosen = plain[-1]
@@ -233,10 +253,17 @@ def _no_rows(filled: Sequence[str], more: bool) -> str:
     )
 
 
-def _unnamed(above: Sequence[str], separator: str, count: int) -> str:
-    named = ["time", "command", "flow"] if count > 2 else ["command", "flow"]
+def _rise(rows: Sequence[Sequence[str]]) -> bool:
+    """Whether the first column rises from row to row, as a time does."""
+    values = as_numbers([row[0] for row in rows if row])
+    return len(values) > 2 and bool(np.all(np.diff(values) > 0.0))
+
+
+def _unnamed(above: Sequence[str], separator: str, count: int, rises: bool) -> str:
+    timed = count > 2 or (count == 2 and rises)
+    named = ["time", "command", "flow"] if count > 2 else ["time", "flow"] if timed else ["command", "flow"]
     example = ",".join([*named[:count], *["-"] * (count - 3)])
-    even = "" if count > 2 else f", and {option('interval', 'S')} for the seconds between samples"
+    even = "" if timed else f", and {option('interval', 'S')} for the seconds between samples"
     asked = f"name the {count} columns with {option('columns')}, as in {option('columns', f'{example}')}{even}"
     filled = [(i, line) for i, line in enumerate(above, 1) if line.strip()]
     if not filled:

@@ -20,6 +20,7 @@ _SLASHED = re.compile(r"^\s*(?P<name>.*[^/\s])\s*/\s*\((?P<unit>[^()]+)\)\s*$")
 _CURLY = re.compile(r"^\s*(?P<name>.*\S)\s*[{<](?P<unit>[^{}<>]+)[}>]\s*$")
 _AFTER = re.compile(r"^\s*(?P<name>.*\S)(\s+/\s+|\s*[,;]\s+|\s+in\s+)(?P<unit>\S+)\s*$")
 _UNIT_ALONE = re.compile(r"^\s*in\s+(?P<unit>\S+)\s*$")
+_LETTERS = ("a", "b")  # of the parts of a complex number, `Z'(a)`, rather than years and barns
 # Forms that many a name has too: believed where every heading of a table has them, that of the time among them.
 _LOOSE = (
     re.compile(r"^\s*(?P<name>[^/]*[^/\s])/(?P<unit>\S+)\s*$"),
@@ -32,7 +33,7 @@ _CONTROLS = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u061c\u200e\u200f\u202a
 _TIMES = frozenset({
     "time", "t", "timestamp", "timestamps", "zeit", "x value", "relative time", "elapsed time", "elapsed", "time stamp",
     "datetime", "date time", "absolute time", "clock", "zeitstempel", "uhrzeit", "temps", "tiempo", "tempo", "rel time",
-    "abs time", "run time", "test time", "timer", "times", "seconds", "sec", "master time", "time axis",
+    "abs time", "run time", "test time", "timer", "times", "seconds", "secs", "sec", "master time", "time axis",
 })  # fmt: skip
 _DATES = frozenset({"date", "datum", "day", "fecha"})
 _TIME_WORDS = frozenset({"time", "zeit", "t", "timestamp", "temps", "tiempo"})
@@ -54,7 +55,7 @@ _YEAR_2000_DAYS, _YEAR_2100_DAYS = 36_526.0, 73_050.0  # of a spreadsheet
 _MATLAB_DAYS = 693_960.0  # what its day numbers are ahead of a spreadsheet's
 _FINE = 2e-5  # days, 1.7 s; seconds that fine, without a unit, count from the start of a recording
 _YEAR_2000_S, _YEAR_2100_S = 946_684_800.0, 4_102_444_800.0  # after the beginning of 1970
-_NO_UNIT = frozenset({"-", "--", "none", "n/a", "no unit", "unitless", "dimensionless"})
+_NO_UNIT = frozenset({"-", "--", "none", "n/a", "no unit", "no_units", "unitless", "dimensionless"})
 
 
 def on_one_line(text: str) -> str:
@@ -72,7 +73,7 @@ def split(heading: str) -> tuple[str, str]:
         return match["name"], unit_text(match["unit"])
     for pattern in (_SLASHED, _ROUND, _CURLY, _AFTER):
         match = pattern.match(heading)
-        if match and is_unit(match["unit"]):
+        if match and is_unit(match["unit"]) and not (pattern is _ROUND and match["unit"] in _LETTERS):
             return match["name"], unit_text(match["unit"])
     alone = _UNIT_ALONE.match(heading)  # `in s`, beside `CH1 in V`
     return ("time", alone["unit"]) if alone and is_time_unit(alone["unit"]) else (heading.strip(), "")

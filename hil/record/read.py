@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import pkgutil
+import re
 import zlib
 from functools import cache
 from pathlib import Path
@@ -22,7 +23,10 @@ from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
 from hil.untrusted import most_bytes, open_small
 
-_LONGEST_BEGINNING = 32
+_LONGEST_BEGINNING, _LONGEST_TEXT = 32, 4096
+_NO_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
+ANY_TEXT = ".txt"
+"""The ending whose reader takes texts under endings that nobody knows."""
 _DAMAGED = (ArithmeticError, EOFError, LookupError, MemoryError, RecursionError, TypeError, ValueError, zlib.error)
 
 
@@ -59,6 +63,12 @@ def format_of(path: Path) -> ModuleType:
         if path.name.lower().endswith(ending):
             return formats()[ending]
     raise FileError(f"{path}: unknown kind of recording; known endings: {', '.join(sorted(endings))}")
+
+
+def _is_unknown_text(path: Path, file: BinaryIO) -> bool:
+    """Whether a file has an ending that says nothing, and begins as a text."""
+    start = os.pread(file.fileno(), _LONGEST_TEXT, 0)
+    return bool(start) and not path.name.lower().endswith(tuple(formats())) and not _NO_TEXT.search(start)
 
 
 def read_recording(path: str | Path, reading: Reading | None = None) -> Recording:
@@ -106,7 +116,7 @@ def _read_any(path: Path, reading: Reading) -> Recording | ResponseTable:
         known = _by_content(file)
         if known is None:
             check_read(path, file, by_ending=not path.name.lower().endswith(tuple(formats())))
-        form = known or format_of(path)
+        form = known or (formats()[ANY_TEXT] if _is_unknown_text(path, file) else format_of(path))
         if not os.fstat(file.fileno()).st_size:
             raise FileError(f"{path}: the file is empty")
         if hasattr(form, "contents"):

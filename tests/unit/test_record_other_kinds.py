@@ -261,3 +261,112 @@ def test_an_archive_is_named_with_what_it_holds(tmp_path: Path) -> None:
             archive.writestr(name, "time [s]\n")
     with pytest.raises(FileError, match=r"is a ZIP archive of a\.csv, b\.csv, c\.csv and 1 more; unpack it"):
         read_recording(tmp_path / "x.zip")
+
+
+FRF = """    -1
+    58
+{name}
+NONE
+23-Mar-17 19:02:23
+NONE
+NONE
+    4         0    0         0 NONE               0   0 NONE               0   0
+         5         2         1 1.00000e+00  1.00000e+00  0.00000e+00
+        18    0    0    0 NONE                 Hz
+         1    0    0    0 NONE                 {above}
+         0    0    0    0 NONE                 {below}
+         0    0    0    0 NONE                 NONE
+ 4.00000e-01  0.00000e+00 -5.00000e-02 -5.00000e-02
+    -1
+"""
+
+
+@pytest.mark.parametrize(
+    ("above", "below", "said"),
+    [("m/s²", "NONE", ["m/s²"]), ("m/s²", "N", ["m/s² / N"]), ("NONE", "NONE", [])],
+)
+def test_the_unit_of_a_response_in_a_universal_file_is_said(
+    tmp_path: Path, above: str, below: str, said: list[str]
+) -> None:
+    pytest.importorskip("pyuff")
+    lines = FRF.format(name="H1", above=above, below=below).splitlines()
+    (tmp_path / "x.uff").write_bytes("".join(f"{line:80}\n" for line in lines).encode())
+    notes = [str(note) for note in read_any(tmp_path / "x.uff").meta.get("assumed", ())]
+    assert notes == [f"the file states the gain in {one}; taken as 1, --unit re=… says otherwise" for one in said]
+    stated = read_any(tmp_path / "x.uff", Reading(units={"re": "m/s^2", "im": "m/s^2"}))
+    assert isinstance(stated, ResponseTable) and stated.unit == "m/s^2"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("x.log", "***BUSMASTER Ver 2.4.0***\n", "is a CAN log of BUSMASTER, which is not read; convert it to ASC"),
+        ("x.trc", "@ TEXT @ 2 @ 64 @", "is a trace of CarBus Analyzer, which is not read; save the log as ASC"),
+        ("x.trc", "PathFileType\t4\t(X/Y/Z)\n", "is a table of marker positions, which is not read"),
+        ("x.EW", "Origin Time       2018/01/24\n", "is an accelerogram of K-NET, several samples on a line"),
+        ("x.ascii", "TIMESERIES XX, 12 samples, 40 sps, 2008, SLIST, FLOAT\n1 2 3\n", "is a list of samples without"),
+        ("x.csv", "Time Stamp,ID,Extended,Bus,LEN,D1\n1,0,0,0,8,10\n2,0,0,0,8,10\n", "holds frames of a CAN bus"),
+        ("x.s2p", "# GHZ S MA R 50\n1 0 0 0 0\n", "is a table of scattering parameters, which is not read"),
+        ("x.vcd", "$date\n$end\n", "is a dump of logic signals (VCD), which is not read"),
+    ],
+)
+def test_texts_that_are_no_table_of_samples_say_what_they_are(
+    tmp_path: Path, name: str, content: str, said: str
+) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(FileError, match=re.escape(f"{name}: {said}")):
+        read_recording(tmp_path / name)
+
+
+def test_a_log_of_a_german_can_program_is_one(tmp_path: Path) -> None:
+    pytest.importorskip("can")
+    frames = "".join(f"   {k}.000000 1  180             Tx   d 8 0{k} 00 00 00 00 00 00 00\n" for k in (1, 2, 3))
+    (tmp_path / "x.asc").write_text(
+        "date Sam Sep 30 15:06:13.191 2017\nbase hex  timestamps absolute\n"
+        f"Begin Triggerblock\n{frames}End TriggerBlock\n"
+    )
+    (tmp_path / "x.dbc").write_text(
+        'VERSION ""\nBU_: X\nBO_ 384 M: 8 X\n SG_ Pressure : 0|8@1+ (0.5,0) [0|0] "bar" X\n'
+    )
+    assert read_recording(tmp_path / "x.asc").values("Pressure", "bar").tolist() == [0.5, 1.0, 1.5]
+
+
+class TestTexts:
+    """Text tables as programs write them, under any ending."""
+
+    def test_an_ending_that_says_nothing_is_read_by_what_is_inside(self, tmp_path: Path) -> None:
+        (tmp_path / "x.vo2").write_text("secs, rf\n2.5, 26.7\n5.0, 23.0\n8.2, 21.1\n")
+        assert read_recording(tmp_path / "x.vo2").values("rf", "1").tolist() == [26.7, 23.0, 21.1]
+
+    def test_more_lines_above_than_rows(self, tmp_path: Path) -> None:
+        above = "".join(f"Field {k}:,{k}\n" for k in range(30))
+        rows = "".join(f"{k},Idle,{2 * k},{3 * k},{4 * k}\n" for k in range(5))
+        (tmp_path / "x.csv").write_text(f"{above}time [s],step,a [V],b [A],c [W]\n{rows}")
+        assert read_recording(tmp_path / "x.csv").values("c", "W").tolist() == [0.0, 4.0, 8.0, 12.0, 16.0]
+
+    def test_settings_that_name_a_time_are_no_headings(self, tmp_path: Path) -> None:
+        rows = "".join(f"{k}\t{0.5 * k}\t{2.0 * k}\n" for k in range(6))
+        (tmp_path / "x.DTA").write_text(f"EXPLAIN\nDELAY\tTime(s)\tStab\n\nPt\tT\tVf\n#\ts\tV\n{rows}")
+        found = read_recording(tmp_path / "x.DTA")
+        assert found.time_s.tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 2.5] and found.channel("Vf").unit == "V"
+
+    def test_a_quoted_hint_of_the_separator_and_no_units(self, tmp_path: Path) -> None:
+        rows = "".join(f"{1.5e12 + 2 * k}\t{k}\t\n" for k in range(4))
+        (tmp_path / "x.csv").write_text(f'"sep=\t"\nUnix_CAL\tPPG\t\nms\tno_units\t\n{rows}')
+        assert read_recording(tmp_path / "x.csv").time_s[1:].tolist() == [1.5e9 + 0.002 * k for k in (1, 2, 3)]
+
+    def test_letters_of_a_complex_number_are_no_units(self, tmp_path: Path) -> None:
+        (tmp_path / "x.z").write_text("Time(Sec)\tZ'(a)\tZ''(b)\n1.0\t5\t6\n2.0\t7\t8\n")
+        assert read_recording(tmp_path / "x.z").channel("Z'(a)").unit == "1"
+
+    def test_a_table_over_a_frequency_asks_which_parts_it_holds(self, tmp_path: Path) -> None:
+        (tmp_path / "x.txt").write_text("Frequency\tZre\tZimg\n0.1\t4.0\t-1.0\n0.2\t3.0\t-2.0\n0.4\t2.0\t-2.5\n")
+        with pytest.raises(FileError, match="a table over a frequency, with Zre, Zimg; say which of them are real"):
+            read_any(tmp_path / "x.txt")
+        reading = Reading(renamed={"Zre": "re", "Zimg": "im"}, units={"Frequency": "Hz"})
+        assert read_any(tmp_path / "x.txt", reading).response[0] == 4.0 - 1.0j
+
+    def test_two_columns_without_headings_of_which_the_first_rises(self, tmp_path: Path) -> None:
+        (tmp_path / "x.csv").write_text("9.16,0.24\n9.18,0.21\n9.20,0.19\n")
+        with pytest.raises(FileError, match=r"as in (--columns|columns=).*time,flow"):
+            read_recording(tmp_path / "x.csv")

@@ -18,7 +18,7 @@ from hil.record.extra import library
 from hil.record.gathered import gathered, parts_of, text_of, whole
 
 SUFFIXES = (".blf", ".trc")
-BEGINNING = re.compile(rb"LOGG|;\$FILEVERSION=|date (Mon|Tue|Wed|Thu|Fri|Sat|Sun) |\(\d+\.\d+\) \w+ [0-9A-F]")
+BEGINNING = re.compile(rb"LOGG|;\$FILEVERSION=|date \w+\.? \w+\.? \d+ \d|\(\d+\.\d+\) \w+ [0-9A-F]")
 KIND = "a CAN log"
 _READERS = {b"LO": "BLFReader", b";": "TRCReader", b"da": "ASCReader", b"(": "CanutilsLogReader"}
 _NAMED = 3
@@ -74,7 +74,7 @@ def _reader(path: Path, log: bytes) -> str:
     for start, reader in _READERS.items():
         if log.startswith(start):
             return reader
-    raise FileError(f"{path}: cannot be read as a CAN log: it begins like none")
+    raise FileError(f"{path}: cannot be read as a CAN log: it begins like none of Vector, PEAK or candump")
 
 
 def _tables(samples: _Samples, start_s: float, note: Note) -> Iterator[Table]:

@@ -11,6 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from hil.errors import FileError
+from hil.language.note import Note
 from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
 
@@ -50,7 +51,19 @@ def contents(path: Path, file: BinaryIO) -> Contents:
         raise FileError(f"{path}: holds {len(over)} functions of frequency; export one frequency response")
     values = np.asarray(over[0]["data"], dtype=np.complex128)
     parts = [Column("re", values.real, "1"), Column("im", values.imag, "1")]
-    return [Table(path.stem, [Column("frequency", np.asarray(over[0]["x"], dtype=np.float64), "Hz"), *parts])], {}
+    frequency = Column("frequency", np.asarray(over[0]["x"], dtype=np.float64), "Hz")
+    return [Table(path.stem, [frequency, *parts], assumed=_unit_note(over[0]))], {}
+
+
+def _unit_note(one: Mapping[str, Any]) -> str:
+    """What is said of the unit that the file states for a response; empty where it states none."""
+    above, below = (str(one[f"{axis}_axis_units_lab"]).strip() for axis in ("ordinate", "orddenom"))
+    stated = "" if above.upper() in _NAMELESS else above if below.upper() in _NAMELESS else f"{above} / {below}"
+    return (
+        Note("the file states the gain in {unit}; taken as 1, --unit re=… says otherwise", unit=stated)
+        if stated
+        else ""
+    )
 
 
 def _signals(found: Sequence[Mapping[str, Any]]) -> list[Table]:
