@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 
 import numpy as np
@@ -32,7 +32,7 @@ from hil.safety.operator import Operator, patience_over
 from hil.safety.outputs import AGAIN_S, Outputs
 from hil.safety.protection import Protection
 from hil.safety.ramp import way_to
-from hil.safety.witness import Witnesses
+from hil.safety.witness import AGREES, Witnesses
 
 _AHEAD_SAMPLES = 1 << 16  # are played at once at most where time is virtual
 
@@ -458,7 +458,7 @@ class Guard:
         if self._operator.stop_asked or self._clock.slept_s or are_there:
             return  # after a sleep nobody knows where a ramp would have to begin
         path = way_to(safe, self.levels, ramps, rate_hz, order)
-        if path is None:
+        if path is None or (isinstance(sys.exception(), HardwareError) and not self._stand_as_left((*ramps, *order))):
             return
         self.known.driving(path)
         with closing_blocks(self._daq.play(path, self._protection.block_samples(rate_hz))) as blocks:
@@ -472,6 +472,19 @@ class Guard:
                     if violation.interlock.action == "trip":
                         self.latch.trip(violation.interlock.name, violation.text)
                         return
+
+    def _stand_as_left(self, names: Collection[str]) -> bool:
+        """Whether every device that can be asked answers, and these outputs stand where they were left.
+
+        After an error a device may have restarted: a ramp from where it does not stand would drive it away.
+        """
+        for name, answer in self._daq.read_back().items():
+            channel = self.outputs[name]
+            if answer.can and (answer.at is None or (
+                name in names and abs(answer.at - self.levels[name]) > AGREES * (channel.high - channel.low)
+            )):  # fmt: skip
+                return False
+        return True
 
     @property
     def _ramp_rate_hz(self) -> float:
