@@ -29,6 +29,7 @@ from tests.worlds.kernel_of_terminals import (
 )
 from tests.worlds.processes import ParentEnd
 from tests.worlds.schedule import PROCEDURES, THIRDS, Schedule, drawn
+from tests.worlds.shrink import shrunk
 from tests.worlds.system import WorldSystem
 from tests.worlds.world import Ran, one
 
@@ -66,6 +67,11 @@ def test_outputs_of_a_dead_run_are_made_safe_when_who_took_the_bench_could_not()
 def test_after_a_sample_that_failed_no_sign_of_life_drives_again_what_stood_before() -> None:
     """A module that fell silent held up the first step of a ramp, and meanwhile all outputs went up again."""
     assert not of("181748677043,0.2,leaves early,wrm|deaf:driving:2.8788:5:third").broken
+
+
+def test_a_ramp_after_a_lost_answer_begins_with_the_question_where_the_output_stands() -> None:
+    """Its first command would drive one that has restarted away from its safe value."""
+    assert not of("46,0.01,plain,r|hold:driving:4:0.05:io").broken
 
 
 @pytest.mark.parametrize("part", range(2))
@@ -130,6 +136,14 @@ MENDS: dict[str, tuple[Patches, str]] = {
         [(Outputs, "settled", property(lambda _known: True))], "7,0.05,plain,-|deaf:driving:1.3:5:io",
     ),
 }  # fmt: skip
+
+
+def test_a_schedule_is_shrunk_to_what_breaks_the_law() -> None:
+    big = Schedule.of(
+        "7,0.2,steps,wras|slow:opening:0.1:1:aux|wd term:driving:1.3456:0:|kill:driving:2.1:0:|low:closing:0:5:io"
+    )
+    small = shrunk(big, lambda other: "wd term" in [fault.kind for fault in other.faults])
+    assert small == Schedule.of("7,0.01,plain,-|wd term:driving:1:0:")
 
 
 @pytest.mark.parametrize("name", MENDS)

@@ -12,6 +12,7 @@ import time
 
 from tests.worlds.judge import judge
 from tests.worlds.schedule import KINDS, PHASES, Schedule, drawn
+from tests.worlds.shrink import shrunk
 from tests.worlds.world import Ran, one
 
 _BATCH = 100  # worlds of one process: what a killed run holds is never let go of
@@ -82,9 +83,10 @@ def _batch(seeds: range) -> None:
     for seed in seeds:
         ran = one(drawn(seed), judge)
         if ran.broken:
-            print(
-                f"broken\t{ran.schedule.code}\n" + "\n".join(f"broken\t    {text}" for text in ran.broken), flush=True
-            )
+            small = shrunk(ran.schedule, lambda other, laws=ran.laws: bool(laws & one(other, judge).laws))  # type: ignore[misc]
+            texts = [f"python -m tests.worlds '{small.code}'", *(f"    {text}" for text in one(small, judge).broken),
+                     f"    shrunk from '{ran.schedule.code}'"]  # fmt: skip
+            print("\n".join(f"broken\t{text}" for text in texts), flush=True)
         for (fault, phase), (other, _) in itertools.combinations(ran.took, 2):
             print(f"took\t{'+'.join(sorted((fault.kind, other.kind)))}\t{phase}")
 

@@ -110,16 +110,22 @@ def drawn(seed: int) -> Schedule:
         kind = draw.choice(kinds)
         near = draw.choice(faults) if faults and draw.random() < 0.5 else None
         phase = near.phase if near else draw.choices(PHASES, (2, 5, 4, 2))[0]
-        spread_s = {"opening": 2.0, "driving": 4.0, "making safe": 0.5, "closing": 0.1}[phase]
-        after_s = (
-            max(0.0, near.after_s + draw.choice((-1, 1)) * draw.expovariate(5.0)) if near else draw.uniform(0, spread_s)
-        )
+        after_s = _after_s(draw, phase)
+        if near:
+            after_s = max(0.0, near.after_s + draw.choice((-1, 1)) * min(after_s, draw.expovariate(5.0)))
         faults.append(
             Fault(kind, phase, round(after_s, 4), 0.0 if kind in _AT_ONCE else draw.choice(_TIMES_S),
                   draw.choice(_devices(kind, third)) if kind in _WITH_DEVICE else "")
         )  # fmt: skip
     marks = [draw.random() < 0.3 for _ in range(3)]
     return Schedule(seed, draw.choice((0.01, 0.05, 0.2)), draw.choice(PROCEDURES), *marks, third, tuple(faults))
+
+
+def _after_s(draw: random.Random, phase: str) -> float:
+    """So long after a phase began; the short ones are over within milliseconds, or last for seconds."""
+    if phase in ("opening", "driving"):
+        return draw.uniform(0.0, {"opening": 2.0, "driving": 4.0}[phase])
+    return 10.0 ** draw.uniform(-4.0, -0.3)
 
 
 def kinds_with(third: str) -> list[str]:
