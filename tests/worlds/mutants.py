@@ -2,8 +2,14 @@
 
     python -m tests.worlds.mutants --seed 1 -n 200 --seconds 60
 
-Each is drawn by one of five operators over all lines of the rooms below. One that fails the world without any fault
-does not count. It is found when an invariant is broken in a drawn world, within its processor time.
+Each is drawn by one of five operators over all lines of `planted.ROOMS`. How it is counted:
+
+- One that changes nothing (the same byte code, an order that no value or call can tell, words of a message, a
+  docstring, a type) is not drawn.
+- One that fails the world without any fault does not count: a test of the happy path finds it.
+- One whose lines none of `--reach` drawn worlds reaches is *never reached*: its share is told, and it does not count.
+- All others count. One is *found* when an invariant is broken in a drawn world within its processor time. Worlds
+  that reach its lines come first; which those are was found once, in the code without a fault.
 """
 
 from __future__ import annotations
@@ -11,9 +17,6 @@ from __future__ import annotations
 import argparse
 import ast
 import collections
-import importlib.abc
-import importlib.machinery
-import importlib.util
 import random
 import re
 import subprocess
@@ -22,45 +25,58 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import CodeType, ModuleType
-from typing import Any
+from types import CodeType
+from typing import Any, NamedTuple
 
-ROOT = Path(__file__).parents[2]
-ROOMS = (
-    "hil/safety/guard.py", "hil/safety/outputs.py", "hil/safety/latch.py", "hil/safety/interrupt.py",
-    "hil/safety/operator.py", "hil/safety/witness.py", "hil/bench/watchdog.py", "hil/bench/rescue.py",
-    "hil/bench/heartbeat.py", "hil/bench/ending.py", "hil/bench/open.py", "hil/bench/lease.py",
-    "hil/bench/stop/stop_service.py", "hil/bench/recorder.py", "hil/record/run_writer.py", "hil/system/tcp.py",
-    "hil/daq/device_link.py", "hil/daq/link.py", "hil/daq/polled.py", "hil/daq/polling.py", "drivers/_meeting.py",
-    "drivers/_modbus_line.py", "drivers/_modbus_link.py", "drivers/_modbus_ready.py", "drivers/_ports.py",
-)  # fmt: skip
+from tests.worlds.planted import ROOMS, ROOT, Planted, blocks, module_of, reach, reached_in
+
 OPERATORS = ("line left out", "condition turned", "order changed", "stale value", "mend taken back")
 _SIMPLE = (ast.Expr, ast.Assign, ast.AugAssign, ast.AnnAssign, ast.Raise, ast.Delete)
+_WORDS = {"debug", "info", "warning", "add_note", "format", "_"}  # calls whose arguments are words for people
 _MENDS = 60  # commits of a file that are looked at
-DOES_NOT_COUNT, FOUND, MISSED = 10, 11, 12
+_FRESH = 10_000_000  # seeds from here on: worlds that nobody has chosen
+DOES_NOT_COUNT, FOUND, MISSED, NO_PLACE, NEVER_REACHED = 10, 11, 12, 13, 14
+
+
+class Mutant(NamedTuple):
+    """One of them: its code, the lines that it changes, and what it is."""
+
+    code: CodeType
+    lines: set[int]
+    what: str
 
 
 def main() -> int:
     """Draw them, try them, and count."""
     options = _options()
     if options.one:
-        return _try(*options.one, options.seconds, options.seed)
+        return _try(*options.one, options)
+    options.reached = options.reached or str(reach(options.reach, options.jobs))
+    print(f"{len(reached_in(Path(options.reached)))} lines are reached by {options.reach} worlds", flush=True)
     draw = random.Random(options.seed)
     counts: collections.Counter[str] = collections.Counter()
+    by_operator: dict[str, collections.Counter[str]] = collections.defaultdict(collections.Counter)
     with ThreadPoolExecutor(options.jobs) as pool:
-        tried = 0
-        while tried < options.n:
-            drawn = [_drawn(draw) for _ in range(min(2 * options.jobs, options.n - tried))]
+        while counts["found"] + counts["missed"] < options.n:
+            left = options.n - counts["found"] - counts["missed"]
+            drawn = [_drawn(draw) for _ in range(min(4 * options.jobs, 2 * left))]
             for mutant, (status, line) in zip(drawn, pool.map(lambda one: _status(one, options), drawn), strict=True):
-                if status == DOES_NOT_COUNT:
-                    counts["does not count"] += 1
-                    continue
-                tried += 1
-                how = "found" if status == FOUND else "missed"
+                how = _HOW[status]
                 counts[how] += 1
-                print(f"{how:7} {mutant[0]} {mutant[1]} {mutant[2]}: {line}", flush=True)
-    print(dict(counts))
+                if status in (FOUND, MISSED):
+                    by_operator[mutant[1]][how] += 1
+                if status not in (DOES_NOT_COUNT, NO_PLACE):
+                    print(f"{how:7} {' '.join(mutant)}: {line}", flush=True)
+    tried = counts["found"] + counts["missed"]
+    print(f"found {counts['found']} of {tried} ({100.0 * counts['found'] / tried:.0f} %); seed {options.seed}")
+    for operator in OPERATORS:
+        print(f"  {operator}: {by_operator[operator]['found']} of {sum(by_operator[operator].values())}")
+    print(f"never reached: {counts['never reached']}; fail without a fault: {counts['does not count']}")
     return 0
+
+
+_HOW = {DOES_NOT_COUNT: "does not count", FOUND: "found", MISSED: "missed", NO_PLACE: "no place",
+        NEVER_REACHED: "never reached"}  # fmt: skip
 
 
 def _options() -> argparse.Namespace:
@@ -68,6 +84,8 @@ def _options() -> argparse.Namespace:
     parser.add_argument("-n", type=int, default=200, help="so many that count (200)")
     parser.add_argument("--seed", type=int, default=1, help="of the draw")
     parser.add_argument("--seconds", type=float, default=60.0, help="processor time of each (60)")
+    parser.add_argument("--reach", type=int, default=2000, help="worlds whose lines are looked at (2000)")
+    parser.add_argument("--reached", help="the file that an earlier run has kept of them")
     parser.add_argument("--jobs", type=int, default=2, help="at a time (2)")
     parser.add_argument("--one", nargs=3, metavar=("FILE", "OPERATOR", "NUMBER"), help="one of them")
     return parser.parse_args()
@@ -75,31 +93,37 @@ def _options() -> argparse.Namespace:
 
 def _drawn(draw: random.Random) -> tuple[str, str, str]:
     """A file by its number of lines, an operator, and a number that chooses the place."""
-    files = [(ROOT / room, room) for room in ROOMS]
-    room = draw.choices([name for _, name in files], [len(path.read_text().splitlines()) for path, _ in files])[0]
-    return room, draw.choice(OPERATORS), str(draw.randrange(1 << 30))
+    sizes = [len((ROOT / room).read_text(encoding="utf-8").splitlines()) for room in ROOMS]
+    return draw.choices(ROOMS, sizes)[0], draw.choice(OPERATORS), str(draw.randrange(1 << 30))
 
 
 def _status(mutant: tuple[str, str, str], options: argparse.Namespace) -> tuple[int, str]:
     words = [sys.executable, "-m", "tests.worlds.mutants", "--one", *mutant, "--seconds", str(options.seconds),
-             "--seed", str(options.seed)]  # fmt: skip
-    done = subprocess.run(
-        words, cwd=ROOT, capture_output=True, text=True, check=False, timeout=20.0 * options.seconds + 120
-    )
+             "--seed", str(options.seed), "--reached", options.reached]  # fmt: skip
+    try:
+        done = subprocess.run(
+            words, cwd=ROOT, capture_output=True, text=True, check=False, timeout=30.0 * options.seconds + 300
+        )
+    except subprocess.TimeoutExpired:  # it goes round and round, and no seam stops it
+        return DOES_NOT_COUNT, "does not end"
     lines = done.stdout.splitlines() or [""]
-    if done.returncode not in (DOES_NOT_COUNT, FOUND, MISSED):  # what does not even begin is no mutant
+    if done.returncode not in _HOW:  # what does not even begin is no mutant
         return DOES_NOT_COUNT, (done.stderr.splitlines() or [""])[-1]
     return done.returncode, lines[-1]
 
 
-def _try(room: str, operator: str, number: str, seconds: float, seed: int) -> int:
+def _try(room: str, operator: str, number: str, options: argparse.Namespace) -> int:
     """In a process of its own: plant it, and let worlds go by."""
     source = (ROOT / room).read_text(encoding="utf-8")
     planted = mutated(source, operator, int(number), room)
     if planted is None:
-        return DOES_NOT_COUNT
-    code, what = planted
-    sys.meta_path.insert(0, _Planted(room.removesuffix(".py").replace("/", "."), code))
+        return NO_PLACE
+    reached = reached_in(Path(options.reached))
+    chosen = _in_turn([reached.get((room, line), []) for line in sorted(planted.lines)])
+    if not chosen:
+        print(planted.what)
+        return NEVER_REACHED
+    Planted({module_of(room): planted.code}, {"_kept": kept})
     from tests.worlds.judge import judge
     from tests.worlds.schedule import Schedule, drawn
     from tests.worlds.world import one
@@ -108,35 +132,43 @@ def _try(room: str, operator: str, number: str, seconds: float, seed: int) -> in
         sound = one(Schedule(0, procedure=procedure), judge)
         if sound.broken or sound.status != 0:
             return DOES_NOT_COUNT
-    begun_s, at = time.process_time(), random.Random(seed).randrange(1 << 40)
-    while time.process_time() - begun_s < seconds:
-        ran = one(drawn(at), judge)
+    begun_s, tried = time.process_time(), 0
+    while time.process_time() - begun_s < options.seconds:
+        seed = chosen[tried] if tried < len(chosen) else _FRESH + 1_000_000 * options.seed + tried
+        ran = one(drawn(seed), judge)
+        tried += 1
         if ran.broken:
-            print(f"{what}; {ran.broken[0]} ({ran.schedule.code})")
+            print(f"{planted.what}; world {tried}: {ran.broken[0]} ({ran.schedule.code})")
             return FOUND
-        at += 1
-    print(what)
+    print(f"{planted.what}; {tried} worlds")
     return MISSED
 
 
-class _Planted(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Gives one module its other code."""
-
-    def __init__(self, name: str, code: CodeType) -> None:
-        self._name, self._code = name, code
-
-    def find_spec(self, name: str, path: Any = None, _target: ModuleType | None = None) -> Any:
-        if name != self._name:
-            return None
-        found = importlib.machinery.PathFinder.find_spec(name, path)
-        return importlib.util.spec_from_loader(name, self, origin=found.origin if found else None)
-
-    def exec_module(self, module: ModuleType) -> None:
-        exec(self._code, module.__dict__)
+def _in_turn(lists: list[list[int]]) -> list[int]:
+    """Each seed once; of several lines by turns."""
+    longest = max(map(len, lists), default=0)
+    return list(dict.fromkeys(seeds[at] for at in range(longest) for seeds in lists if at < len(seeds)))
 
 
-def mutated(source: str, operator: str, number: int, room: str) -> tuple[CodeType, str] | None:
-    """The code of a file with one fault in it, and what that is; None where the operator finds no place."""
+class _Kept(dict[str, Any]):
+    """Values of a process, by where they were made."""
+
+
+def kept(place: str, value: Any) -> Any:
+    """The value that was made there before, in this process."""
+    from hil.system import system
+
+    try:
+        mine = system.of_process(_Kept)
+    except AttributeError:  # nobody's task
+        return value
+    before = mine.get(place, value)
+    mine[place] = value
+    return before
+
+
+def mutated(source: str, operator: str, number: int, room: str) -> Mutant | None:
+    """The code of a file with one fault in it; None where the operator finds no place, or it changes nothing."""
     if operator == "mend taken back":
         return _taken_back(source, number, room)
     tree = ast.parse(source)
@@ -146,31 +178,55 @@ def mutated(source: str, operator: str, number: int, room: str) -> tuple[CodeTyp
     plant, line = places[number % len(places)]
     plant()
     text = source.splitlines()[line - 1].strip()
-    return compile(ast.fix_missing_locations(tree), room, "exec"), f"{operator} at {room}:{line} `{text}`"
+    code = compile(ast.fix_missing_locations(tree), room, "exec")
+    what = f"{operator} at {room}:{line} `{text}`"
+    return None if _same(code, compile(source, room, "exec")) else Mutant(code, {line}, what)
 
 
-Place = tuple[Callable[[], None], int]
+def _same(one: CodeType, other: CodeType) -> bool:
+    """Whether two codes do the same, whatever lines they stand on."""
+    if one.co_code != other.co_code or one.co_names != other.co_names or len(one.co_consts) != len(other.co_consts):
+        return False
+    pairs = zip(one.co_consts, other.co_consts, strict=True)
+    return all(_same(a, b) if isinstance(a, CodeType) and isinstance(b, CodeType) else a == b for a, b in pairs)
 
 
-def _bodies(tree: ast.Module) -> Iterator[list[ast.stmt]]:
-    """The statements of functions, block by block."""
-    for function in ast.walk(tree):
-        if isinstance(function, ast.FunctionDef):
-            for node in ast.walk(function):
-                for name in ("body", "orelse", "finalbody"):
-                    if isinstance(body := getattr(node, name, None), list) and body and node is not tree:
-                        yield body
+Planting = tuple[Callable[[], None], int]
 
 
-def _unique(bodies: Iterator[list[ast.stmt]]) -> list[list[ast.stmt]]:
-    return list({id(body): body for body in bodies}.values())
+def _words(tree: ast.Module) -> set[int]:
+    """Nodes that make words for people: messages of errors, logs, sentences; whole functions that return a sentence."""
+    found: set[int] = set()
+    for node in ast.walk(tree):
+        is_call = isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in _WORDS
+        if isinstance(node, ast.JoinedStr) or is_call:
+            found |= {id(one) for one in ast.walk(node)}
+        if isinstance(node, ast.Raise):
+            found |= {id(one) for one in ast.walk(node)} - {id(node)}
+        if isinstance(node, ast.FunctionDef) and getattr(node.returns, "id", "") == "str" and _is_prose(node):
+            found |= {id(one) for one in ast.walk(node)}
+    return found
 
 
-def _left_out(tree: ast.Module) -> Iterator[Place]:
-    for body in _unique(_bodies(tree)):
+def _is_prose(function: ast.FunctionDef) -> bool:
+    return any(isinstance(node, ast.Return) and isinstance(node.value, ast.JoinedStr) for node in ast.walk(function))
+
+
+def _simple(tree: ast.Module, statement: ast.stmt, words: set[int]) -> bool:
+    """Whether it can be left out or moved, and is more than words."""
+    if not isinstance(statement, _SIMPLE) or id(statement) in words:
+        return False
+    if isinstance(statement, ast.AnnAssign) and statement.value is None:
+        return False
+    value = getattr(statement, "value", None)
+    return not isinstance(value, ast.Constant | ast.JoinedStr) and id(value) not in words
+
+
+def _left_out(tree: ast.Module) -> Iterator[Planting]:
+    words = _words(tree)
+    for _, body in blocks(tree):
         for at, statement in enumerate(body):
-            is_text = isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
-            if isinstance(statement, _SIMPLE) and not is_text:
+            if _simple(tree, statement, words):
 
                 def plant(body: list[ast.stmt] = body, at: int = at) -> None:
                     body[at] = ast.copy_location(ast.Pass(), body[at])
@@ -178,21 +234,37 @@ def _left_out(tree: ast.Module) -> Iterator[Place]:
                 yield plant, statement.lineno
 
 
-def _turned(tree: ast.Module) -> Iterator[Place]:
-    for node in ast.walk(tree):
-        if isinstance(node, ast.If | ast.While | ast.IfExp) and not isinstance(node.test, ast.Constant):
+def _turned(tree: ast.Module) -> Iterator[Planting]:
+    words = _words(tree)
+    for _, body in blocks(tree):
+        for statement in body:
+            for node in _of_statement(statement):
+                if isinstance(node, ast.If | ast.While | ast.IfExp) and id(node) not in words:
+                    if isinstance(node.test, ast.Constant):
+                        continue
 
-            def plant(node: ast.If | ast.While | ast.IfExp = node) -> None:
-                node.test = ast.copy_location(ast.UnaryOp(ast.Not(), node.test), node.test)
+                    def plant(node: ast.If | ast.While | ast.IfExp = node) -> None:
+                        node.test = ast.copy_location(ast.UnaryOp(ast.Not(), node.test), node.test)
 
-            yield plant, node.lineno
+                    yield plant, statement.lineno
 
 
-def _swapped(tree: ast.Module) -> Iterator[Place]:
-    for body in _unique(_bodies(tree)):
+def _of_statement(statement: ast.stmt) -> Iterator[ast.AST]:
+    """It, and the expressions in it, without the statements in it."""
+    yield statement
+    todo: list[ast.AST] = [one for one in ast.iter_child_nodes(statement) if not isinstance(one, ast.stmt)]
+    while todo:
+        node = todo.pop()
+        yield node
+        todo += ast.iter_child_nodes(node)
+
+
+def _swapped(tree: ast.Module) -> Iterator[Planting]:
+    words = _words(tree)
+    for function, body in blocks(tree):
         for at in range(len(body) - 1):
             pair = body[at : at + 2]
-            if all(isinstance(one, _SIMPLE) and not _is_text(one) for one in pair):
+            if function.name != "__init__" and all(_simple(tree, one, words) for one in pair) and _depend(*pair):
 
                 def plant(body: list[ast.stmt] = body, at: int = at) -> None:
                     body[at], body[at + 1] = body[at + 1], body[at]
@@ -200,37 +272,52 @@ def _swapped(tree: ast.Module) -> Iterator[Place]:
                 yield plant, pair[0].lineno
 
 
-def _is_text(statement: ast.stmt) -> bool:
-    return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
+def _depend(one: ast.stmt, other: ast.stmt) -> bool:
+    """Whether the order of two statements can be told: one sets what the other uses, both call, or one leaves."""
+    (sets, uses), (sets_too, uses_too) = _names(one), _names(other)
+    call = [isinstance(node, ast.Expr) and isinstance(node.value, ast.Call) for node in (one, other)]
+    leaves = isinstance(one, ast.Raise) or isinstance(other, ast.Raise)
+    return bool(sets & uses_too or sets_too & uses or sets & sets_too) or all(call) or leaves
 
 
-def _stale(tree: ast.Module) -> Iterator[Place]:
-    """A value is that of the call before."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Return | ast.Assign) and isinstance(node.value, ast.Call | ast.BinOp | ast.Attribute):
-
-            def plant(node: ast.Return | ast.Assign = node) -> None:
-                kept = f"_kept_{node.lineno}_{node.col_offset}"
-                tree.body.insert(1, ast.parse(f"{kept} = []").body[0])
-                value = ast.parse(f"({kept}.append(0), {kept}[max(-2, -len({kept}))])[1]", mode="eval").body
-                assert isinstance(value, ast.Subscript) and isinstance(value.value, ast.Tuple)
-                append = value.value.elts[0]
-                assert isinstance(append, ast.Call)
-                append.args = [node.value]  # type: ignore[list-item]
-                node.value = value
-
-            yield plant, node.lineno
+def _names(statement: ast.stmt) -> tuple[set[str], set[str]]:
+    """What a statement sets, and what it uses: names, and attributes with what they are of."""
+    sets, uses = set[str](), set[str]()
+    for node in ast.walk(statement):
+        if isinstance(node, ast.Name | ast.Attribute):
+            (sets if isinstance(node.ctx, ast.Store) else uses).add(ast.unparse(node))
+    return sets, uses
 
 
-_PLACES: dict[str, Callable[[ast.Module], Iterator[Place]]] = {
+def _stale(tree: ast.Module) -> Iterator[Planting]:
+    """A value is that of the call before, in the same process."""
+    words = _words(tree)
+    for function, body in blocks(tree):
+        for statement in body:
+            if function.name == "__init__" or not isinstance(statement, ast.Return | ast.Assign):
+                continue
+            value = statement.value
+            if isinstance(value, ast.Call | ast.BinOp | ast.Compare) and id(value) not in words:
+
+                def plant(statement: ast.Return | ast.Assign = statement) -> None:
+                    place = f"{statement.lineno}.{statement.col_offset}"
+                    call = ast.parse(f"_kept({place!r}, 0)", mode="eval").body
+                    assert isinstance(call, ast.Call) and statement.value is not None
+                    call.args[1] = statement.value
+                    statement.value = call
+
+                yield plant, statement.lineno
+
+
+_PLACES: dict[str, Callable[[ast.Module], Iterator[Planting]]] = {
     "line left out": _left_out, "condition turned": _turned, "order changed": _swapped, "stale value": _stale,
 }  # fmt: skip
 
 
-def _taken_back(source: str, number: int, room: str) -> tuple[CodeType, str] | None:
+def _taken_back(source: str, number: int, room: str) -> Mutant | None:
     """A piece of an earlier commit, where what it made still stands as it made it."""
     log = _git("log", f"-{_MENDS}", "--format=%h", "--", room).split()
-    found: list[tuple[str, str]] = []
+    found: list[tuple[str, str, set[int]]] = []
     for commit in log:
         shown = _git("show", "--format=", "-U1", commit, "--", room)
         for hunk in re.split(r"^@@.*@@.*$", shown, flags=re.MULTILINE)[1:]:
@@ -240,15 +327,33 @@ def _taken_back(source: str, number: int, room: str) -> tuple[CodeType, str] | N
             if made != before and not is_moved and source.count(made) == 1 and len(made.strip()) > 40:
                 other = source.replace(made, before)
                 try:
-                    compile(other, room, "exec")
+                    differs = _meaning(other) != _meaning(source)
                 except SyntaxError:
                     continue
-                if ast.dump(ast.parse(other)) != ast.dump(ast.parse(source)):
-                    found.append((commit, other))
+                if differs:
+                    first = source[: source.index(made)].count("\n") + 1
+                    found.append((commit, other, set(range(first, first + made.count("\n") + 1))))
     if not found:
         return None
-    commit, other = found[number % len(found)]
-    return compile(other, room, "exec"), f"a piece of {commit} taken back in {room}"
+    commit, other, changed = found[number % len(found)]
+    what = f"a piece of {commit} taken back in {room}:{min(changed)}"
+    return Mutant(compile(other, room, "exec"), changed, what)
+
+
+def _meaning(source: str) -> str:
+    """What a source does, without types, texts and docstrings."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            node.returns = None
+            for argument in (*node.args.args, *node.args.kwonlyargs):
+                argument.annotation = None
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            body[:] = [one for one in body if not (isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant))]
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
+            node.value = ""
+    return ast.dump(tree)
 
 
 def _git(*words: str) -> str:

@@ -1,0 +1,142 @@
+"""The code of rooms changed as they are imported: probes that tell which lines a world reaches, or one fault."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.abc
+import importlib.machinery
+import importlib.util
+import json
+import subprocess
+import sys
+import tempfile
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from types import CodeType, ModuleType
+from typing import Any
+
+from tests.worlds.schedule import drawn
+
+ROOT = Path(__file__).parents[2]
+ROOMS = (
+    "hil/safety/guard.py", "hil/safety/outputs.py", "hil/safety/latch.py", "hil/safety/interrupt.py",
+    "hil/safety/operator.py", "hil/safety/witness.py", "hil/bench/watchdog.py", "hil/bench/rescue.py",
+    "hil/bench/heartbeat.py", "hil/bench/ending.py", "hil/bench/open.py", "hil/bench/lease.py",
+    "hil/bench/stop/stop_service.py", "hil/bench/recorder.py", "hil/record/run_writer.py", "hil/system/tcp.py",
+    "hil/daq/device_link.py", "hil/daq/link.py", "hil/daq/polled.py", "hil/daq/polling.py", "drivers/_meeting.py",
+    "drivers/_modbus_line.py", "drivers/_modbus_link.py", "drivers/_modbus_ready.py", "drivers/_ports.py",
+    "drivers/_shared_port.py", "drivers/_line.py", "drivers/_text_link.py", "drivers/ascii_module.py",
+    "drivers/scpi.py", "drivers/_can_frames.py", "drivers/j1939_valve.py",
+)  # fmt: skip
+_BATCH, _KEPT = 100, 120
+Place = tuple[str, int]
+
+
+class Planted(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Gives modules their other code.
+
+    Args:
+        codes: by the name of the module.
+        more: what this code finds among its globals.
+    """
+
+    def __init__(self, codes: Mapping[str, CodeType], more: Mapping[str, Any]) -> None:
+        self._codes, self._more = codes, more
+        sys.meta_path.insert(0, self)
+
+    def find_spec(self, name: str, path: Any = None, _target: ModuleType | None = None) -> Any:
+        if name not in self._codes:
+            return None
+        found = importlib.machinery.PathFinder.find_spec(name, path)
+        return importlib.util.spec_from_loader(name, self, origin=found.origin if found else None)
+
+    def exec_module(self, module: ModuleType) -> None:
+        module.__dict__.update(self._more)
+        exec(self._codes[module.__name__], module.__dict__)
+
+
+def module_of(room: str) -> str:
+    """By which name it is imported."""
+    return room.removesuffix(".py").replace("/", ".")
+
+
+def blocks(tree: ast.Module) -> Iterator[tuple[ast.FunctionDef, list[ast.stmt]]]:
+    """The statements of functions, block by block, each with its innermost function."""
+    for function in ast.walk(tree):
+        if isinstance(function, ast.FunctionDef):
+            inner = {id(one) for f in ast.walk(function) if isinstance(f, ast.FunctionDef) and f is not function
+                     for one in ast.walk(f)}  # fmt: skip
+            for node in ast.walk(function):
+                for name in ("body", "orelse", "finalbody"):
+                    body = getattr(node, name, None)
+                    if isinstance(body, list) and body and id(node) not in inner:
+                        yield function, body
+
+
+def _probed(room: str) -> CodeType:
+    tree = ast.parse((ROOT / room).read_text(encoding="utf-8"))
+    for _, body in [*blocks(tree)]:
+        for statement in [*body]:
+            probe = ast.parse(f"_reached.add(({room!r}, {statement.lineno}))").body[0]
+            body.insert(body.index(statement), ast.copy_location(probe, statement))
+    return compile(ast.fix_missing_locations(tree), room, "exec")
+
+
+def reach(worlds: int, jobs: int) -> Path:
+    """A file that says for each line that any of so many worlds reaches: seeds of such worlds (see `reached_in`).
+
+    Found once for these sources, and kept.
+    """
+    sources = [*(ROOT / room for room in ROOMS), *sorted(Path(__file__).parent.glob("*.py"))]
+    key = hashlib.sha256(b"".join(path.read_bytes() for path in sources) + bytes(str(worlds), "ascii")).hexdigest()
+    kept = Path(tempfile.gettempdir(), f"worlds-reach-{key[:16]}.json")
+    if not kept.exists():
+        found: dict[str, list[int]] = defaultdict(list)
+        with ThreadPoolExecutor(jobs) as pool:
+            for lines in pool.map(_batch_of, range(0, worlds, _BATCH)):
+                for line in lines:
+                    seed, *places = line.split("\t")
+                    for place in places:
+                        found[place].append(int(seed))
+        alone = {seed for seed in range(worlds) if len(drawn(seed).faults) == 1}
+        kept.write_text(json.dumps({place: _mixed(seeds, alone) for place, seeds in found.items()}), encoding="utf-8")
+    return kept
+
+
+def reached_in(kept: Path) -> dict[Place, list[int]]:
+    """What stands in such a file. Worlds with one fault come every other time: of them more is known."""
+    content = json.loads(kept.read_text(encoding="utf-8"))
+    return {(place.partition(":")[0], int(place.partition(":")[2])): seeds for place, seeds in content.items()}
+
+
+def _mixed(seeds: list[int], those_with_one: set[int]) -> list[int]:
+    alone = [seed for seed in seeds if seed in those_with_one]
+    others = [seed for seed in seeds if seed not in those_with_one]
+    both = [seed for pair in zip(alone, others, strict=False) for seed in pair]
+    return [*both, *alone[len(others) :], *others[len(alone) :]][:_KEPT]
+
+
+def _batch_of(first: int) -> list[str]:
+    words = [sys.executable, "-m", "tests.worlds.planted", str(first), str(first + _BATCH)]
+    return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+
+
+def main(first: str, end: str) -> int:
+    """Print the lines that each of these worlds reaches."""
+    reached: set[Place] = set()
+    Planted({module_of(room): _probed(room) for room in ROOMS}, {"_reached": reached})
+    from tests.worlds.judge import judge
+    from tests.worlds.world import one
+
+    for seed in range(int(first), int(end)):
+        reached.clear()
+        one(drawn(seed), judge)
+        print("\t".join((str(seed), *(f"{room}:{line}" for room, line in sorted(reached)))), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
