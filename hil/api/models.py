@@ -36,7 +36,11 @@ def model_of(given: Model | str | Path) -> Model:
 
 
 def save_model(model: Model, path: str | Path) -> None:
-    """Write a model file; a standard uncertainty without end (the data do not tell the parameter) is null."""
+    """Write a model file; a standard uncertainty without end (the data do not tell the parameter) is null.
+
+    Raises:
+        StorageError: it cannot be written.
+    """
     from hil.physics.model import save_model as saved
 
     saved(model, Path(path))

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.catalog import entries, models
-from hil.errors import FileError
+from hil.errors import FileError, StorageError
 from hil.physics.compose import effects as installed_effects
 from hil.physics.compose import kernel, plant
 from hil.physics.plant import Plant
@@ -179,8 +179,15 @@ def typical_model(name: str) -> Model:
 
 
 def save_model(model: Model, path: Path) -> None:
-    """Write a model file; a standard uncertainty without end (the data do not tell the parameter) is null."""
-    path.write_text(json.dumps(model.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    """Write a model file; a standard uncertainty without end (the data do not tell the parameter) is null.
+
+    Raises:
+        StorageError: it cannot be written.
+    """
+    try:
+        path.write_text(json.dumps(model.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise StorageError(f"{path}: the model cannot be written: {error.strerror}") from error
 
 
 def load_model(path: Path) -> Model:

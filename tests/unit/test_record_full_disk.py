@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from hil.errors import StorageError
+from hil.physics.model import save_model, typical_model
 from hil.record.folder import RunWriter, read
 from hil.record.read import write_recording
 from hil.record.recording import recording
@@ -84,3 +85,11 @@ def test_an_export_that_does_not_fit_leaves_nothing_behind(tmp_path: Path) -> No
         write_recording(made, tmp_path / "old.csv")
     assert [path.name for path in tmp_path.iterdir()] == ["old.csv"]
     assert (tmp_path / "old.csv").read_text() == "old"
+
+
+def test_a_model_that_does_not_fit_is_named(tmp_path: Path) -> None:
+    with (
+        largest_file(100),
+        pytest.raises(StorageError, match=r"unit\.json: the model cannot be written: File too large"),
+    ):
+        save_model(typical_model("brevini-hpv41"), tmp_path / "unit.json")
