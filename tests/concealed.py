@@ -15,6 +15,7 @@ from hil.physics.compose import plant
 from hil.physics.model import Model, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Array, Recording, recording
+from tests.once import once
 
 PLANT = "brevini-hpv41"
 RATE_HZ, DURATION_S, NOISE = 250.0, 16.0, 0.3
@@ -89,5 +90,9 @@ def bound(model: Model, made: Sequence[Recording]) -> list[Experiment]:
 @cache
 def nominal(memory: float = 0.0) -> Model:
     """The model, as identified on a healthy unit."""
-    start = typical_model(PLANT)
-    return fit_plant(start, bound(start, records(seed=100, memory=memory))).model
+
+    def identified() -> Model:
+        start = typical_model(PLANT)
+        return fit_plant(start, bound(start, records(seed=100, memory=memory))).model
+
+    return once(f"nominal-{memory}", identified)

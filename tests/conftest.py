@@ -15,6 +15,7 @@ import pytest
 from hypothesis import settings
 
 from hil.catalog import entries
+from tests.once import SHARED
 
 if TYPE_CHECKING:
     from hil.archive.place import Place
@@ -88,6 +89,8 @@ def state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HIL_STATE_DIR", str(tmp_path_factory.mktemp("state")))
         patch.setenv("HIL_ARCHIVE", str(tmp_path_factory.mktemp("archive")))
+        if "PYTEST_XDIST_WORKER" in os.environ:
+            patch.setenv(SHARED, str(tmp_path_factory.getbasetemp().parent))
         # Programs that tests start in a home of their own need not compile every plant anew.
         patch.setenv("HIL_CACHE_DIR", os.environ.get("HIL_CACHE_DIR") or platformdirs.user_cache_dir("valve-hil"))
         yield

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 
+from tests.once import once
 from tests.proof.cases.draw import draw
 from tests.proof.cases.label import Label
 from tests.proof.cases.truth import Truth
@@ -15,4 +16,4 @@ LEAK = Label("leakage", "cummins-efc", "full", 0)
 @cache
 def drawn(label: Label) -> Truth:
     """The truth of a case of this seed."""
-    return draw(SEED, label)
+    return once(f"case-{label}", partial(draw, SEED, label))

@@ -34,7 +34,11 @@ SHORT = {
 }
 
 
-@pytest.fixture(scope="module", params=[(name, bench) for name in SHORT for bench in BENCHES], ids="-".join)
+# All that is asked of a run is asked by one worker: it is driven once.
+@pytest.fixture(scope="module", params=[
+    pytest.param((name, bench), id=f"{name}-{bench}", marks=pytest.mark.xdist_group(f"{name} on {bench}"))
+    for name in SHORT for bench in BENCHES
+])  # fmt: skip
 def done(request, tmp_path_factory):
     """A short run of a procedure on a bench in virtual time, evaluated: (procedure, recording, findings)."""
     name, bench = request.param

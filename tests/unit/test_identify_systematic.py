@@ -15,6 +15,8 @@ from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Recording, recording
 from tests.concealed import bound
 
+pytestmark = pytest.mark.xdist_group("fits with and without friction")  # on one worker: it is fitted once
+
 TYPICAL = typical_model("brevini-hpv41")
 FRICTION = ActiveEffect("friction", "force", {"coulomb": 1.5, "stiction": 1.2, "stribeck": 10.0, "presliding": 0.2})
 LEVELS = (0.0, 80.0, -60.0, 40.0, -90.0, 55.0, 0.0)

@@ -17,6 +17,8 @@ from hil.passport.contents import lay_out
 from hil.passport.unit import UnitRun, read_unit_runs
 from hil.physics.model import Model, typical_model
 
+pytestmark = pytest.mark.xdist_group("power of a passport")  # on one worker: it is fitted once
+
 CHANGE, OVERSHOOT = "change, 0 → 50 %", "overshoot, 0 → 50 %"
 TRIED = ("full_flow", "load_force at spool", "sensor_lag")
 

@@ -28,6 +28,8 @@ from hil.physics.model import Model, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import recording
 
+pytestmark = pytest.mark.xdist_group("a model that lacks something")  # on one worker: it is fitted once
+
 FLAP = plant("throttle-flap")
 TIME_S = np.arange(0.0, 20.0, 0.02)
 FIRST, WORN = 3.0, 8.0
