@@ -164,7 +164,7 @@ class Experiment:
         0 where they are lost.
         """
         return [
-            np.where(self.valid_in(signal.name), (row - self.observed[signal.name]) / noise[signal.name], 0.0)
+            self.telling((row - self.observed[signal.name]) / noise[signal.name], signal.name)
             for signal, row in zip(plant.observed, rows[1:], strict=True)
             if signal.name in noise
         ]
@@ -190,9 +190,9 @@ class Experiment:
         seen = np.any([self.valid_in(name) for name in (OUTPUT, *self.observed)], axis=0)
         return int(np.count_nonzero(~seen))
 
-    def telling(self, errors: Array) -> Array:
-        """Errors of the output, 0 where it says nothing, shape (n,)."""
-        return np.where(self.valid, errors, 0.0)
+    def telling(self, errors: Array, name: str = OUTPUT) -> Array:
+        """Errors of the output or of an inner signal, 0 where it says nothing, shape (n,)."""
+        return np.where(self.invalid[name], 0.0, errors) if name in self.invalid else errors
 
     def valid_in(self, name: str) -> Mask:
         """Which samples of an inner signal, or of `OUTPUT`, say something, shape (n,)."""
@@ -203,6 +203,8 @@ class Experiment:
 
         For filters with a memory: what was recorded there is no measurement, and would be felt after it.
         """
+        if OUTPUT not in self.invalid:
+            return errors
         telling = np.flatnonzero(self.valid)
         return np.interp(np.arange(len(errors)), telling, errors[telling]) if telling.size else errors
 
