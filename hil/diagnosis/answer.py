@@ -21,14 +21,13 @@ from hil.diagnosis.diagnosis import (
     Finding,
     Fit,
     Left,
-    NextTest,
     Quantity,
     Strip,
 )
 from hil.diagnosis.events.event import Events
-from hil.diagnosis.evidence import Judged, judge, training_half
+from hil.diagnosis.evidence import Judged, held_out_fit, judge, training_half
 from hil.diagnosis.false_alarms import FalseAlarms, false_alarms
-from hil.diagnosis.kept_back import fit_kept_back, kept_back, predicted
+from hil.diagnosis.kept_back import kept_back, predicted
 from hil.diagnosis.locate import StageShare, Where, locate, stages
 from hil.diagnosis.named import refitted
 from hil.diagnosis.never_worse import why_not_better
@@ -82,11 +81,6 @@ class Answer:
         self.kept = kept_back(self.problem, self.choice.chosen)
         self.used, self.held_out, self.why_nominal = self._used()
 
-    @property
-    def has_drifted(self) -> bool:
-        """Whether the verdict is `consistent` because base parameters may wander."""
-        return has_drifted(self.problem, self.choice)
-
     def _used(self) -> tuple[Fitted, Fit, Note | None]:
         """What the corrected model holds, with the fits on data kept back, and why it is the nominal model, if it is.
 
@@ -94,14 +88,14 @@ class Answer:
         stays, and that is said beside it.
         """
         nominal = self.choice.nominal
-        before = fit_kept_back(self.problem, nominal.residuals, self.kept)
-        most = fit_kept_back(self.problem, np.ones(len(nominal.residuals)), self.kept)
-        proposed = self.named if self.named.terms or self.has_drifted else nominal
+        before = held_out_fit(self.problem, nominal.residuals, self.kept.scored)
+        most = held_out_fit(self.problem, np.ones(len(nominal.residuals)), self.kept.scored)
+        proposed = self.named if self.named.terms or has_drifted(self.problem, self.choice) else nominal
         if self.verdict == "unexplained" or proposed is nominal:
             return nominal, _rounded(before, before, most), Note("nothing is named that it would have to hold")
         refit = None if self.changed is None else partial(refitted, self.changed, proposed)
         residuals = predicted(self.problem, proposed, self.kept, refit)
-        after = fit_kept_back(self.problem, residuals, self.kept)
+        after = held_out_fit(self.problem, residuals, self.kept.scored)
         why = why_not_better(self.problem, nominal.residuals, residuals, self.kept)
         if not why and (after < before or self._misses(proposed) > self._misses(nominal)):
             why = Note("it predicts worse what no fit has seen, or fits the recordings themselves worse")
@@ -159,7 +153,9 @@ class Answer:
             effects=found,
             changed_parameters=changed,
             not_separable=rivals,
-            next_test=self._next_test(rivals, [limit.effect for limit in unseen if not limit.visible]),
+            next_test=next_test(
+                problem, self.verdict, self.choice, rivals, [x.effect for x in unseen if not x.visible], self.span
+            ),
             candidates=self._candidates(),
             held_out=self.held_out,
             kept_back=self.kept.basis,
@@ -372,9 +368,6 @@ class Answer:
 
     # -- what else ---------------------------------------------------------------------------------------
 
-    def _next_test(self, rivals: Sequence[Sequence[str]], unseen: Sequence[str]) -> NextTest | None:
-        return next_test(self.problem, self.verdict, self.choice, rivals, unseen, self.span)
-
     def _all_warnings(self, changed: Sequence[ChangedParameter]) -> tuple[Note, ...]:
         f = self.choice.chosen
         notes = [
@@ -384,7 +377,7 @@ class Answer:
             closest = min(self.judged, key=lambda j: j.chi2_held_out).fitted
             names = tuple(sorted(_labels(closest)))
             notes.append(Note("the closest description ({names}) is not named as the cause", names=names))
-        if self.has_drifted and not self.events and self.used is self.choice.baseline:
+        if has_drifted(self.problem, self.choice) and not self.events and self.used is self.choice.baseline:
             notes.append(self._drifted())
         notes += [
             confounded(c, others, self.problem.prior.was(c.name, f.parameters))

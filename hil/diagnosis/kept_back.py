@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.diagnosis.criteria import CRITERIA
-from hil.diagnosis.evidence import held_out_fit
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import fit
@@ -77,11 +76,6 @@ def predicted(problem: Problem, f: Fitted, kept: KeptBack, refit: Callable[[Mask
     refit = refit or (lambda keep: fit(problem, f, keep=keep, steps=EFFORT.rough))
     parts = spread(lambda k: np.where(kept.fold == k, refit(kept.fold != k).residuals, 0.0), folds)
     return np.sum(parts, axis=0)
-
-
-def fit_kept_back(problem: Problem, residuals: Array, kept: KeptBack) -> float:
-    """Fit % of the output over what is judged."""
-    return held_out_fit(problem, residuals, kept.scored)
 
 
 def _by_recording(problem: Problem) -> Folds:
