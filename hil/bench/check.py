@@ -119,6 +119,8 @@ def _roles(draft: Draft) -> Iterator[Fault]:
         for name in having[1:]:
             yield Fault(("channels", name, "role"), f"'{having[0]}' is the {role} already; exactly one is")
         for name in having:
-            if draft.channels[name].is_output != wants_output:
+            channel = draft.channels[name]
+            if channel.is_output != wants_output and channel.by_hand is None:
                 text = "an output, with a safe value" if wants_output else "an input, without a safe value"
+                text += ", or an input with by_hand" if role in CONDITIONS else ""
                 yield Fault(("channels", name, "role"), f"the {role} is {text}")

@@ -22,6 +22,9 @@ def channel_faults(
     yield from _dates(name, channel)
     yield from _limits(name, channel)
     yield from _witness(name, channel, draft)
+    if channel.by_hand is not None and (channel.is_output or channel.role not in CONDITIONS):
+        text = f"only an input has this, one with a role that is adjusted: {', '.join(CONDITIONS)}"
+        yield Fault(("channels", name, "by_hand"), text)
     yield from _connection(name, channel, draft, devices)
 
 

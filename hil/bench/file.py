@@ -126,13 +126,32 @@ class PwmDrive(_Strict):
         return Pwm(self.carrier_hz, self.dither_hz, self.dither_amplitude)
 
 
+class ByHand(_Strict):
+    """A condition that somebody sets by hand: from `low` to `high`, unless asked for at `usual`.
+
+    What is confirmed must be read within ± `tolerance`, all in the channel's unit.
+    """
+
+    low: FiniteFloat
+    high: FiniteFloat
+    usual: FiniteFloat
+    tolerance: PositiveFloat
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not self.low <= self.usual <= self.high or self.low == self.high:
+            raise ValueError(f"low {self.low:g}, usual {self.usual:g}, high {self.high:g} must rise")
+        return self
+
+
 class ChannelEntry(_Strict):
     """A signal of the bench. An output is what has a `safe` value.
 
     Attributes:
         device, terminal: where it is connected.
         role: `command` is what procedures drive, `response` what they look at; one of each. `supply pressure`, `load
-            orifice`, `tank pressure`, `oil temperature` are outputs that procedures adjust. `emergency stop` is the
+            orifice`, `tank pressure`, `oil temperature` are outputs that procedures adjust, or inputs that read what
+            somebody sets `by_hand`. `emergency stop` is the
             feedback contact of the hardware's own stop, closed while nobody has pressed it.
         pressed_below: of an emergency stop: below it the contact is open. A digital line needs none.
         unit: of everything said about it. Other than the terminal's own it needs a `calibration`.
@@ -144,6 +163,7 @@ class ChannelEntry(_Strict):
         settles_s: of an input that is a witness: so long after the safe value it is back; 1 s if not given. Of an
             output that procedures adjust: so long after a change it has come about; the valve's if not given.
         source: the instrument, in words.
+        by_hand: of an input with such a role.
         calibration_history: what `calibration` said before, the oldest first.
     """
 
@@ -162,6 +182,7 @@ class ChannelEntry(_Strict):
     witness: str | None = None
     settles_s: PositiveFloat | None = None
     pressed_below: FiniteFloat | None = None
+    by_hand: ByHand | None = None
     calibration_history: tuple[CalibrationLine, ...] = ()
 
     @property

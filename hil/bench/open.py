@@ -158,7 +158,8 @@ def _opened_rig(
     begins()
     with ending.task():
         _switch_on(bench, guard, rate_hz)
-    return BenchRig(bench, guard, recorder, columns, reporter, finished, commanding, ending)
+    return BenchRig(bench, guard, recorder, columns, reporter, finished, commanding, ending,
+                    asks=operator is not None)  # fmt: skip
 
 
 @contextmanager

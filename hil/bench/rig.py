@@ -16,6 +16,7 @@ from hil.bench.file import CONDITIONS, Bench
 from hil.bench.progress_report import ProgressReporter
 from hil.bench.recorder import Recorder
 from hil.daq.contract import Block, Promises, Waveform, joined
+from hil.errors import RangeError, StoppedError
 from hil.record.conditions import ADJUSTED
 from hil.record.header import Column
 from hil.record.invalid_samples import supposed
@@ -42,6 +43,7 @@ class BenchRig:
         finished: parts that a run which this one resumes has finished.
         commanding: the output that is driven as the command, where it is not the bench's own.
         ending: of the run: what has ended it is raised by every call.
+        asks: whether there is somebody who sets conditions by hand; else they are taken as set.
     """
 
     def __init__(
@@ -54,10 +56,12 @@ class BenchRig:
         finished: Sequence[Mapping[str, Any]] = (),
         commanding: str = "",
         ending: Ending | None = None,
+        *,
+        asks: bool = False,
     ) -> None:
         self.finished = finished
         self._ending = ending or Ending()
-        self._bench = bench
+        self._bench, self._asks = bench, asks
         self._guard = guard
         self._recorder = recorder
         self._columns = {column.name: column for column in columns}
@@ -84,15 +88,16 @@ class BenchRig:
     @property
     def adjustable(self) -> Mapping[ConditionRole, RoleChannel]:
         """What sets a condition of the test, by role, with the limits in force."""
-        entries = self._bench.channels
-        return {
-            role: replace(
-                self._output(name, entries[name].safe if entries[name].on is None else entries[name].on),
-                settles_s=entries[name].settles_s or self.settling_s,
-            )
-            for role in CONDITIONS
-            if (name := self._roles.get(role))
-        }
+        found: dict[ConditionRole, RoleChannel] = {}
+        for role in CONDITIONS:
+            if name := self._roles.get(role):
+                entry = self._bench.channels[name]
+                if (hand := entry.by_hand) is not None:
+                    made = RoleChannel(name, entry.unit, hand.low, hand.high, hand.usual, None, hand.usual)
+                else:
+                    made = self._output(name, entry.safe if entry.on is None else entry.on)
+                found[role] = replace(made, settles_s=entry.settles_s or self.settling_s)
+        return found
 
     @property
     def rate_hz(self) -> float:
@@ -181,6 +186,10 @@ class BenchRig:
         self._ending.check()
         rate_hz, adjusted = self._rate(rate_hz), self.adjustable
         targets = {adjusted[role].name: value for role, value in values.items()}
+        for name in [name for name in targets if self._bench.channels[name].by_hand is not None]:
+            self._set_by_hand(name, targets.pop(name), rate_hz)
+        if not targets:
+            return self.hold(1.0 / rate_hz, rate_hz, part=_adjusted(values))
         way = way_to(targets, self._guard.levels, {name: self._slew_per_s(name) for name in targets}, rate_hz)
         moved = 0 if way is None else len(way)
         still = max(1, round(max(adjusted[role].settles_s for role in values) * rate_hz))
@@ -189,7 +198,28 @@ class BenchRig:
             outputs[name][:moved] = path
         waveform = Waveform(rate_hz, outputs)
         self._guard.check(waveform)  # what is refused while it plays makes all outputs safe
-        return self._played(waveform, {"kind": ADJUSTED} | {str(role): value for role, value in values.items()})
+        return self._played(waveform, _adjusted(values))
+
+    def _set_by_hand(self, name: str, value: float, rate_hz: float) -> None:
+        """Have somebody set a condition, and hold what it reads against what was confirmed."""
+        entry = self._bench.channels[name]
+        hand, wanted = entry.by_hand, f"{entry.role} {value:.4g} {entry.unit}"
+        if hand is None or not hand.low <= value <= hand.high:
+            raise RangeError(f"'{name}': {wanted} cannot be set by hand")
+        self.note("set by hand", channel=name, value=value, asked=self._asks)
+        if not self._asks:
+            return
+        self._reporter.say(0.0, f"HOLDS: set {wanted} by hand, then go on")
+        with self._ending.task():
+            self._guard.wait_for_operator()
+        read = self.hold(entry.settles_s or self.settling_s, rate_hz).values(name)
+        reads = float(read[len(read) // 2 :].mean())
+        if not abs(reads - value) <= hand.tolerance:
+            with self._ending.task():
+                raise StoppedError(
+                    f"'{name}' reads {reads:.4g} {entry.unit}; {wanted} was confirmed, ± {hand.tolerance:g} is "
+                    "allowed; the run was stopped"
+                )
 
     def way_to(self, value: float, rate_hz: float | None = None) -> Array:
         """The samples that bring the command to a value at the allowed slew; drives nothing."""
@@ -262,6 +292,10 @@ class BenchRig:
             for name, column in self._columns.items()
         }
         return supposed(Recording(self._recorder.name, time_s, channels, meta), "near")
+
+
+def _adjusted(values: Mapping[ConditionRole, float]) -> dict[str, Any]:
+    return {"kind": ADJUSTED} | {str(role): value for role, value in values.items()}
 
 
 def whole(blocks: Iterable[Block], asked: deque[int]) -> Iterator[Block]:

@@ -178,6 +178,16 @@ class Guard:
                 self.known.witnesses.rested(self._stand(self._protection.look_s))
             self._wait_for_holds()
 
+    def wait_for_operator(self) -> None:
+        """Stand, as in any hold, until the operator says to go on.
+
+        Raises:
+            StoppedError: patience is over.
+            BaseException: what has ended the run.
+        """
+        self._operator.ask("hold")
+        self.ready()
+
     def play(self, waveform: Waveform, block_samples: int | None = None) -> Iterator[Block]:
         """Finite acquisition, checked whole before the first sample; blocks as long as the protection says.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +13,10 @@ from hil.bench.fault import BenchError
 from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
-from hil.errors import RangeError, RehearsalError, SettingError
+from hil.errors import RangeError, RehearsalError, SettingError, StoppedError
 from hil.record.read import read_recording
 from hil.rig import Rig
+from hil.safety.operator import Operator
 from hil.session.procedure import load_procedure
 from hil.session.run import rehearse_procedure, run_procedure
 from procedures._conditions import adjusted
@@ -115,3 +117,56 @@ def test_the_rehearsal_judges_adjusted_conditions_too(tmp_path: Path) -> None:
     procedure = replace(load_procedure("jog"), run=run, settings={})
     with pytest.raises(RehearsalError, match="supply pressure"):
         rehearse_procedure(procedure, file, {})
+
+
+HAND = """role = "supply pressure"
+by_hand = { low = 0.0, high = 210.0, usual = 100.0, tolerance = 2.0 }
+"""
+
+
+def by_hand(tmp_path: Path, change: tuple[str, str] | None = None):
+    """The HPV41's bench, whose supply pressure somebody sets; it reads 100 bar all the time."""
+    text = benches()["brevini-hpv41"].read_text(encoding="utf-8")
+    text = text.replace('[channels."supply pressure"]\n', f'[channels."supply pressure"]\n{HAND}', 1)
+    path = tmp_path / "bench.toml"
+    path.write_text(text.replace(*change, 1) if change else text, encoding="utf-8")
+    return read_bench(path)
+
+
+@pytest.mark.parametrize(("asked", "message"), [(100.5, ""), (110.0, "supply pressure 110 bar was confirmed, ± 2 is")])
+def test_somebody_sets_a_condition_by_hand_and_the_reading_is_held_against_it(
+    tmp_path: Path, asked: float, message: str
+) -> None:
+    operator, heard = Operator(), []
+
+    def told(_done: float, text: str) -> None:
+        heard.append(text)
+
+    with (
+        pytest.raises(StoppedError, match=message) if message else nullcontext(),
+        open_rig(by_hand(tmp_path), tmp_path / "run", {}, told, operator=operator) as rig,
+    ):
+        operator.holding = lambda holds: operator.ask("resume") if holds else None  # who goes on at once
+        assert rig.adjustable["supply pressure"].operating_point == 100.0
+        rig.adjust({"supply pressure": asked})
+        rig.ramp_to(10.0)
+    run = read_recording(tmp_path / "run")
+    events = [event["event"] for event in run.meta["events"]]
+    assert events.index("set by hand") < events.index("hold") < events.index("resume")
+    assert any(text.startswith(f"HOLDS: set supply pressure {asked:.4g} bar by hand") for text in heard)
+    assert (run.values("command").max() > 0.0) == (not message)  # what contradicts moves no valve
+
+
+def test_nobody_is_asked_where_nobody_is_and_a_value_beyond_the_range_is_refused(tmp_path: Path) -> None:
+    with opened(by_hand(tmp_path), tmp_path / "run") as rig:
+        rig.adjust({"supply pressure": 150.0})
+        with pytest.raises(RangeError, match="cannot be set by hand"):
+            rig.adjust({"supply pressure": 250.0})
+    assert "hold" not in [event["event"] for event in read_recording(tmp_path / "run").meta["events"]]
+
+
+def test_only_what_reads_a_condition_is_set_by_hand(tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match="by_hand: only an input has this"):
+        by_hand(tmp_path, ('role = "supply pressure"\n', ""))
+    with pytest.raises(BenchError, match="or an input with by_hand"):
+        by_hand(tmp_path, ("usual = 100.0", "usual = 300.0"))  # beyond what can be set
