@@ -175,6 +175,7 @@ _ENDINGS: dict[str, tuple[int, float, str]] = {
 }  # fmt: skip
 _LEAST_S = {"wd pause": 2.0, "pause": 2.0, "sleep": 0.5, "over": 0.2, "pressed": 0.2, "out": 0.5, "deaf": 0.5,
             "mute": 0.5, "disk full": 0.2}  # fmt: skip
+_NEVER_MATTERS = {"wd term", "fork", "second"}
 _CHANGE_NOTHING = {"wd term", "fork", "second", "disk slow", "double", "hold run", "low"}
 _WAITS = {"sleep", "restart", "out", "deaf"}  # what cannot be reached for so long cannot be made safe
 
@@ -182,15 +183,18 @@ _WAITS = {"sleep", "restart", "out", "deaf"}  # what cannot be reached for so lo
 def _as_expected(world: World, ran: Ran) -> Iterator[str]:
     """One fault alone, while outputs are driven: how it must end, and how soon outputs are safe."""
     own = _OWN.get(ran.schedule.procedure, 0)
-    if not ran.schedule.faults:
+    if not ran.took:
         if ran.status != own:
             yield f"nothing happened, and the exit status is {ran.status}"
         return
-    if len(ran.schedule.faults) > 1 or [phase for _, phase in ran.took] != ["driving"]:
+    both = [*zip(ran.took, ran.took_s, strict=True)]
+    if len(both) > 1:  # what never matters to a run does not matter beside another fault either
+        both = [one for one in both if one[0][0].kind not in _NEVER_MATTERS] or both[:1]
+    if len(both) > 1 or both[0][0][1] != "driving":
         return
-    ((fault, _),), begun_s = ran.took, ran.took_s[0]
+    (((fault, _), begun_s),) = both
     said = " ".join(text for _, _, text in ran.said)
-    if fault.kind in _CHANGE_NOTHING and ran.status != own:
+    if fault.kind in _CHANGE_NOTHING and fault.device != "third" and ran.status != own:
         yield f"{fault.kind} alone changes nothing, and the exit status is {ran.status}: {said:.200}"
     if fault.kind == "second" and any(one.name == "second" and one.status == 0 for one in world.system.processes):
         yield "a second program had the bench while it was driven"

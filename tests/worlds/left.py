@@ -239,7 +239,37 @@ def events_tell(world: World, ran: Ran) -> Iterator[str]:
         yield f"stop was pressed, and no event says so: {sorted(names)}"
 
 
+def opens(world: World, ran: Ran) -> Iterator[str]:
+    """A bench on which nothing has happened yet is opened and driven."""
+    early = any(phase == "opening" for _, phase in ran.took)
+    if not early and "driving" not in world.begun_s:
+        yield f"nothing had happened, and it was not driven: {' '.join(text for _, _, text in ran.said)}"
+
+
+def rescue_is_told(world: World, ran: Ran) -> Iterator[str]:
+    """A watchdog that has made a dead run's outputs safe says so, and writes down why."""
+    watchdog = world.watchdog
+    if world.run.status != -9 or watchdog is None or watchdog.status != 0 or "driving" not in world.begun_s:
+        return
+    said = " ".join(text for _, by, text in ran.said if by == watchdog.name)
+    if not any(
+        word in said for word in ("outputs made safe in", "outputs told to be safe in", "NOT SAFE", "in use by")
+    ):
+        yield f"the run is dead, and its watchdog says: {said}"
+    if kinds(ran) & {"disk full", "second"}:
+        return
+    try:
+        report = json.loads((world.folder / "run" / "watchdog.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        yield f"the run is dead, and its watchdog wrote down nothing: {error}"
+        return
+    if report["why"] not in said or set(report["outputs"]) != set(world.outputs):
+        yield f"the watchdog says '{said}', and wrote down {report}"
+    if "safe_after_s" in report and report["safe_after_s"] > watchdog.ended_s - world.run.ended_s + 0.1:
+        yield f"safe after {report['safe_after_s']:g} s, and the watchdog was gone sooner"
+
+
 LAWS = (
     end_is_true, told, nothing_is_left, in_time, doubts_end, watchdog_keeps_off, reads_first, samples_are_those,
-    ramps_down, stays_safe, events_tell,
+    ramps_down, stays_safe, events_tell, opens, rescue_is_told,
 )  # fmt: skip

@@ -7,7 +7,8 @@ Each is drawn by one of five operators over all lines of `planted.ROOMS`. How it
 - One that changes nothing (the same byte code, an order that no value or call can tell, words of a message, a
   docstring, a type) is not drawn.
 - One that fails the world without any fault does not count: a test of the happy path finds it.
-- One whose lines none of `--reach` drawn worlds reaches is *never reached*: its share is told, and it does not count.
+- One whose lines none of `--reach` drawn worlds reaches is *never reached*, and so is a stale value that never was
+  another one in the worlds of its budget: their share is told, and they do not count.
 - All others count. One is *found* when an invariant is broken in a drawn world within its processor time. Worlds
   that reach its lines come first; which those are was found once, in the code without a fault.
 """
@@ -141,7 +142,7 @@ def _try(room: str, operator: str, number: str, options: argparse.Namespace) -> 
             print(f"{planted.what}; world {tried}: {ran.broken[0]} ({ran.schedule.code})")
             return FOUND
     print(f"{planted.what}; {tried} worlds")
-    return MISSED
+    return NEVER_REACHED if operator == "stale value" and not _Kept.has_differed else MISSED
 
 
 def _in_turn(lists: list[list[int]]) -> list[int]:
@@ -151,7 +152,9 @@ def _in_turn(lists: list[list[int]]) -> list[int]:
 
 
 class _Kept(dict[str, Any]):
-    """Values of a process, by where they were made."""
+    """Values of a process, by where they were made; whether any was ever another one than the one before."""
+
+    has_differed = False
 
 
 def kept(place: str, value: Any) -> Any:
@@ -164,6 +167,7 @@ def kept(place: str, value: Any) -> Any:
         return value
     before = mine.get(place, value)
     mine[place] = value
+    _Kept.has_differed = _Kept.has_differed or (before is not value and repr(before) != repr(value))
     return before
 
 

@@ -119,7 +119,7 @@ on = {on}
 limits = {{ low = 0.0, high = {high} }}
 [devices.third]
 address = "{address}"
-timeout_s = 0.1
+timeout_s = {timeout_s}
 longest_reply_s = 0.25
 """
 PORT, BUS = "/dev/null", "can0"  # a port must be there, and nothing of this one is touched
@@ -233,7 +233,8 @@ def _bench(schedule: Schedule) -> BenchFile:
 def _third(schedule: Schedule) -> str:
     about, how = THIRD[schedule.third]
     has_own = schedule.armed and schedule.third in ("module", "amplifier")
-    channels = THIRD_BENCH.format(**about) + ("watchdog_s = 1.0\n" if has_own else "") + how
+    timeout_s = 0.25 if schedule.third == "valve" else 0.1
+    channels = THIRD_BENCH.format(**about, timeout_s=timeout_s) + ("watchdog_s = 1.0\n" if has_own else "") + how
     if schedule.third in THIRD_READS:
         terminal, unit = THIRD_READS[schedule.third]
         channels += f'\n[channels."pilot reads"]\ndevice = "third"\nterminal = "{terminal}"\nunit = "{unit}"\n'
