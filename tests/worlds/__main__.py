@@ -11,7 +11,7 @@ import sys
 import time
 
 from tests.worlds.judge import judge
-from tests.worlds.schedule import KINDS, PHASES, Schedule, drawn
+from tests.worlds.schedule import KINDS, PHASES, THIRDS, Schedule, drawn, kinds_with
 from tests.worlds.shrink import shrunk
 from tests.worlds.world import Ran, one
 
@@ -40,7 +40,7 @@ def main() -> int:
     print(
         f"{options.n} worlds, {broken} broken; {options.n / spent_s * 3600.0:,.0f} a processor-hour; seeds from {first}"
     )
-    _coverage(took)
+    _coverage(took, options.missing)
     return bool(broken)
 
 
@@ -50,6 +50,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("-n", type=int, default=200, help="so many worlds (200)")
     parser.add_argument("--seed", type=int, help="of the first; from the commit's hash if not given")
     parser.add_argument("--jobs", type=int, default=2, help="processes at a time (2)")
+    parser.add_argument("--missing", action="store_true", help="list pairs of kinds that never happened in a phase")
     parser.add_argument("--batch", nargs=2, type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.batch:
@@ -91,16 +92,21 @@ def _batch(seeds: range) -> None:
             print(f"took\t{'+'.join(sorted((fault.kind, other.kind)))}\t{phase}")
 
 
-def _coverage(took: collections.Counter[str]) -> None:
+def _coverage(took: collections.Counter[str], missing: bool) -> None:
     """How many of all pairs of kinds happened in each phase of a run, and which classes of pairs never did."""
     classes: collections.Counter[str] = collections.Counter()
     for line, count in took.items():
         pair, phase = line.split("\t")
         classes["+".join(sorted(KINDS[kind] for kind in pair.split("+"))) + " " + phase] += count
-    every = [*itertools.combinations_with_replacement(sorted(KINDS), 2)]
+    every = {pair for third in ("", *THIRDS.values())
+             for pair in itertools.combinations_with_replacement(sorted(kinds_with(third)), 2)}  # fmt: skip
+    left = sorted(f"{'+'.join(pair)}, {phase}" for pair in every for phase in PHASES
+                  if f"{'+'.join(pair)}\t{phase}" not in took)  # fmt: skip
     for phase in PHASES:
         reached = sum(line.endswith("\t" + phase) for line in took)
-        print(f"{phase}: {reached} of {len(every)} pairs of kinds")
+        print(f"{phase}: {reached} of {len(every)} pairs of kinds that can meet")
+    if missing:
+        print("\n".join(f"never: {text}" for text in left))
     pairs = {"+".join(sorted((KINDS[one], KINDS[other]))) for one, other in every}
     reached = len({line for line in classes if classes[line]})
     print(f"{reached} of {len(pairs) * len(PHASES)} pairs of classes, a class and a phase each")
