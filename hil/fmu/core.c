@@ -41,8 +41,8 @@ static void model_settle(Model *m)
     m->unsettled = 0;
 }
 
-/* Go on to a time with the inputs held; 0 when an output is no number any more. What is left of a step of the own grid
-   is made up later. */
+/* Go on to a time with the inputs held: 0, or 1 when an output is no number any more. What is left of a step of the own
+   grid is made up later. */
 static int model_step(Model *m, double until_s)
 {
     int64_t until = (int64_t)floor((until_s - m->start_s) / STEP_S + 1e-6);
@@ -50,17 +50,17 @@ static int model_step(Model *m, double until_s)
     if (until > m->done) model_advance(m, until - m->done, 0);
     m->time_s = until_s;
     for (int k = 0; k < NY; k++)
-        if (!isfinite(m->y[k])) return 0;
-    return 1;
+        if (!isfinite(m->y[k])) return 1;
+    return 0;
 }
 
-/* Set a parameter by its place; 0 when it is out of bounds or no number. */
+/* Set a parameter by its place: 0, or 1 when it is out of bounds or no number. */
 static int model_set(Model *m, int place, double value)
 {
-    if (place < 0 || place >= NP) return 0;
-    if (!(value >= P_LOW[place] && value <= P_HIGH[place]) && !isnan(P_START[place])) return 0;
+    if (place < 0 || place >= NP) return 1;
+    if (!(value >= P_LOW[place] && value <= P_HIGH[place]) && !isnan(P_START[place])) return 1;
     m->p[place] = value;
     m->stale = 1;
     if (m->mode != RUNNING) m->unsettled = 1;
-    return 1;
+    return 0;
 }

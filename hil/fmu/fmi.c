@@ -58,7 +58,7 @@ static int set_numbers(Model *m, const uint32_t *vr, size_t n, const double *val
             m->u[r - VR_U] = value[i];
             if (m->mode != RUNNING) m->unsettled = 1;
         }
-        else if (r < VR_P || !model_set(m, (int)(r - VR_P), value[i])) return 0;
+        else if (r < VR_P || model_set(m, (int)(r - VR_P), value[i])) return 0;
     }
     return 1;
 }
@@ -120,7 +120,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component instance, const fmi2Byte b[], s
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component instance, const fmi2ValueReference a[], size_t n, const fmi2ValueReference b[], size_t m, const fmi2Real d[], fmi2Real e[]) { return fmi2Error; }
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component instance, const fmi2ValueReference vr[], size_t n, const fmi2Integer o[], const fmi2Real v[]) { return fmi2Error; }
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component instance, const fmi2ValueReference vr[], size_t n, const fmi2Integer o[], fmi2Real v[]) { return fmi2Error; }
-fmi2Status fmi2DoStep(fmi2Component instance, fmi2Real t, fmi2Real h, fmi2Boolean keep) { SELF; return DONE2(model_step(&c->model, t + h)); }
+fmi2Status fmi2DoStep(fmi2Component instance, fmi2Real t, fmi2Real h, fmi2Boolean keep) { SELF; return DONE2(!model_step(&c->model, t + h)); }
 fmi2Status fmi2CancelStep(fmi2Component instance) { return fmi2Error; }
 fmi2Status fmi2GetStatus(fmi2Component instance, const fmi2StatusKind k, fmi2Status *v) { return fmi2Discard; }
 fmi2Status fmi2GetRealStatus(fmi2Component instance, const fmi2StatusKind k, fmi2Real *v)
@@ -167,7 +167,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h, fmi3B
 {
     SELF;
     *event = *ended = *early = fmi3False;
-    int ok = model_step(&c->model, t + h);
+    int ok = !model_step(&c->model, t + h);
     *last = c->model.time_s;
     return DONE3(ok);
 }

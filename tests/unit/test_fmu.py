@@ -208,9 +208,10 @@ def test_plain_c_steps_as_the_simulation_does(tmp_path):
     variables = variables_of(typical_model(VALVE))
     write_c(variables, tmp_path / "valve.c")
     with (tmp_path / "valve.c").open("a", encoding="utf-8") as file:
-        file.write("void play(const double *u, int n, double *y) { static Model m; model_start(&m); m.u[0] = u[0];\n")
+        file.write("int play(const double *u, int n, double *y) { static Model m; model_start(&m); m.u[0] = u[0];\n")
         file.write(
-            "for (int i = 0; i < n; i++) { m.u[0] = u[i]; model_step(&m, (i + 1) * 10 * STEP_S); y[i] = m.y[0]; } }\n"
+            "int bad = 0; for (int i = 0; i < n; i++) { m.u[0] = u[i]; bad += model_step(&m, (i + 1) * 10 * STEP_S);"
+            " y[i] = m.y[0]; } return bad + 10 * model_set(&m, 0, P_START[0]) + 100 * !model_set(&m, NP, 1.0); }\n"
         )
     compiler = shutil.which("cc")
     command = [
@@ -230,9 +231,8 @@ def test_plain_c_steps_as_the_simulation_does(tmp_path):
     inputs = excitation(variables)[:, :300].copy()
     found = np.empty(300)
     as_pointer = ctypes.POINTER(ctypes.c_double)
-    ctypes.CDLL(str(tmp_path / "valve.so")).play(
-        inputs.ctypes.data_as(as_pointer), 300, found.ctypes.data_as(as_pointer)
-    )
+    play = ctypes.CDLL(str(tmp_path / "valve.so")).play
+    assert play(inputs.ctypes.data_as(as_pointer), 300, found.ctypes.data_as(as_pointer)) == 0
     np.testing.assert_allclose(found, simulated(variables, inputs)[0], rtol=0, atol=70.0 * ALLOWED)
 
 
