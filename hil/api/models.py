@@ -65,18 +65,20 @@ def export(
     step_s: float | None = None,
     effects: Sequence[str] = (),
     platforms: Sequence[str] | None = None,
+    points: int = 0,
 ) -> Exported:
-    """A model, or the transfer functions of a run, for another tool (`hil export`).
+    """A model, or the transfer functions or the flow curve of a run, for another tool (`hil export`).
 
     Args:
         source: a model, the results of a run, or the path of either.
-        to: `python`, `matlab`, `json`, `csv`, `c` or `fmu`.
+        to: `python`, `matlab`, `json`, `csv`, `c` or `fmu`; of a flow curve `table`: which command gives which flow.
         out: file to write; texts need none.
         part: of a run, transfer functions with this in the name.
         fmi: version of FMI, `2` or `3`.
         step_s: internal step of C and FMU; the plant's own when not given.
         effects: `NAME@HOOK`, brought along switched off, for fault injection.
         platforms: of an FMU's binaries; this machine's when not given, none at all when empty.
+        points: rows of a table.
 
     Returns:
         `text`, where it is one; the `path` that was written; of an FMU also its `platforms`, the `difference` from
@@ -87,4 +89,5 @@ def export(
     """
     from hil.session.export import Simulation, exported
 
-    return exported(source, to, None if out is None else Path(out), part, Simulation(fmi, step_s, effects, platforms))
+    how = Simulation(fmi, step_s, effects, platforms)
+    return exported(source, to, None if out is None else Path(out), part, how, points)

@@ -10,11 +10,13 @@ import typer
 if TYPE_CHECKING:
     from hil.session.export import Exported
 
-_FORMS = ("python", "matlab", "json", "csv", "c", "fmu")
+_FORMS = ("python", "matlab", "json", "csv", "table", "c", "fmu")
 
 
 def command(
-    source: Path = typer.Argument(..., metavar="MODEL.json|RUN", help="Model file, or run folder."),
+    source: Path = typer.Argument(
+        ..., metavar="MODEL.json|RUN", help="Model file, or run folder; of a table also a curve as CSV."
+    ),
     to: str = typer.Option(..., "--to", metavar="|".join(_FORMS), help="For which tool."),
     out: str = typer.Option("-", "--out", metavar="FILE", help="File to write; `-` is stdout."),
     part: str = typer.Option("", "--part", metavar="NAME", help="Of a run: transfer functions with this in the name."),
@@ -28,9 +30,10 @@ def command(
     platforms: str = typer.Option(
         "", "--platform", metavar="NAME,...", help="Binaries for these; default: this machine."
     ),
+    points: int = typer.Option(0, "--points", metavar="N", help="Rows of a table: which command gives which flow."),
     sources_only: bool = typer.Option(False, "--sources-only", help="An FMU without binaries."),
 ) -> None:
-    """Hand a model or the transfer functions of a run on to another tool.
+    """Hand a model, or the transfer functions or the flow curve of a run, on to another tool.
 
     `c` is one C99 file, `fmu` a co-simulation FMU that needs no Python; it is run and compared with `hil simulate`.
     """
@@ -43,7 +46,7 @@ def command(
     asked = [name.strip() for name in platforms.split(",") if name.strip()] or None
     found = api.export(
         source, to, target, part=part, fmi=fmi, step_s=step_s, effects=effects,
-        platforms=[] if sources_only else asked,
+        platforms=[] if sources_only else asked, points=points,
     )  # fmt: skip
     if found.text and target is None:
         typer.echo(found.text, nl=False)

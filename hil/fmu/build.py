@@ -42,7 +42,8 @@ _C_HEAD = """\
        if (model_step(&m, 0.001)) an output is no number any more;
        m.y[0] is the first output at that time, in s
 
-   u: {inputs}. y: {outputs}. Own step {step_s:g} s; model_set(&m, place, value) changes a parameter. Both return 0 when done.
+   u: {inputs}. y: {outputs}. Own step {step_s:g} s.
+   model_set(&m, place, value) changes a parameter. Both return 0 when done.
    Parameters in their order: {names}. */
 #if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunknown-pragmas"

@@ -15,7 +15,8 @@ from hil.physics.model import Model, load_model
 from hil.session.kept_results import results_of_run
 
 TEXTS = ("python", "matlab", "json", "csv")
-FORMS = (*TEXTS, "c", "fmu")
+TABLE = "table"
+FORMS = (*TEXTS, TABLE, "c", "fmu")
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +63,14 @@ class Exported:
 
 
 def exported(
-    source: Model | Results | str | Path, to: str, out: Path | None, part: str = "", how: Simulation = AS_THE_PLANT
+    source: Model | Results | str | Path,
+    to: str,
+    out: Path | None,
+    part: str = "",
+    how: Simulation = AS_THE_PLANT,
+    points: int = 0,
 ) -> Exported:
-    """Export a model, or the transfer functions of a run whose names hold `part`.
+    """Export a model, the transfer functions of a run whose names hold `part`, or a run's flow curve in `points` rows.
 
     Raises:
         SettingError: a form that there is not, or one that the source does not have.
@@ -72,14 +78,29 @@ def exported(
     """
     if to not in FORMS:
         raise SettingError(f"to {to}: no such form; there are: {', '.join(FORMS)}")
-    if to not in TEXTS:
+    if points and to != TABLE:
+        raise SettingError(f"points {points}: only of a table (to {TABLE})")
+    if to not in (*TEXTS, TABLE):
         if out is None:
             raise SettingError(f"to {to}: name a file (out), as FILE.{to}")
         return _simulated(source, to, out, how)
-    text = _text(source, to, part)
+    text = _table(source, points) if to == TABLE else _text(source, to, part)
     if out is not None:
         _write(out, text)
     return Exported(text, out)
+
+
+def _table(source: Model | Results | str | Path, points: int) -> str:
+    from hil.exports.compensation import compensation, compensation_text
+    from hil.session.analyses import flow_curve_of
+
+    if isinstance(source, Model | Results):
+        raise SettingError(f"to {TABLE}: of a run of flow_curve, or of a curve as CSV, by its path")
+    path = Path(source)
+    curve = flow_curve_of(path)
+    rows = compensation(curve.command, curve.flow, points)
+    simulated = results_of_run(path).simulated if path.is_dir() else None
+    return compensation_text(rows, curve.input, curve.output, simulated=simulated)
 
 
 def _text(source: Model | Results | str | Path, to: str, part: str) -> str:

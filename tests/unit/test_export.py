@@ -7,13 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.errors import InputError
+from hil.errors import InputError, SettingError
+from hil.exports.compensation import compensation
 from hil.exports.function import function_of
 from hil.exports.texts import functions_text, model_text
 from hil.findings.results import FittedFunction
 from hil.identification.papers.linearise import linearised
+from hil.identification.steady.flow_curve import monotone
 from hil.physics.model import Covariance, Value, typical_model
 from hil.physics.transfer_function import transfer_function
+from hil.session.export import exported
 
 NUMERATOR, DENOMINATOR = (-69.8, 6114.5), (1.0, 40.02, 1253.2, 7145.8)
 FITTED = FittedFunction(
@@ -102,3 +105,32 @@ def test_a_line_reads_with_its_intervals_before_its_formula():
     assert formula == FITTED.formula
     plain = FITTED.model_copy(update={"coefficients": (), "covariance": (), "denominator": (*DENOMINATOR, 0.0)})
     assert plain.line == f"transfer function: +50 ± 20 %: {plain.formula}"
+
+
+COMMAND, FLOW = np.array([-100.0, -60.0, -20.0, 20.0, 60.0, 100.0]), np.array([-50.0, -25.0, 0.0, 0.0, 30.0, 60.0])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_compensation_table_makes_the_curve_straight(sign):
+    table = compensation(COMMAND, sign * FLOW, 23)
+    given = monotone(COMMAND, sign * FLOW)(table[:, 1])
+    np.testing.assert_allclose(given, table[:, 0], atol=0.06)
+    np.testing.assert_allclose(np.diff(table[:, 0]), 110.0 / 22)
+    assert np.all(sign * np.diff(table[:, 1]) > 0.0)
+    at_rest = np.argmin(np.abs(table[:, 0]))
+    assert table[at_rest, 1] == pytest.approx(0.0, abs=0.1)  # the middle of the dead band
+
+
+def test_a_compensation_table_is_written_from_a_run_or_a_csv(tmp_path):
+    (tmp_path / "curve.csv").write_text(
+        "command [%],flow [l/min]\n" + "".join(f"{u},{y}\n" for u, y in zip(COMMAND, FLOW, strict=True))
+    )
+    rows = exported(tmp_path / "curve.csv", "table", None, points=12).text.splitlines()
+    assert rows[0] == "flow [l/min],command [%],simulated" and len(rows) == 13
+    assert rows[1] == "-50.0,-100.0," and rows[-1] == "60.0,100.0,"
+    with pytest.raises(InputError, match="a table has at least 2"):
+        exported(tmp_path / "curve.csv", "table", None)
+    with pytest.raises(SettingError, match="only of a table"):
+        exported(tmp_path / "curve.csv", "json", None, points=3)
+    with pytest.raises(InputError, match="does not change"):
+        compensation(COMMAND, np.zeros(6), 5)
