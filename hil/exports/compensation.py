@@ -38,9 +38,9 @@ def compensation(command: Array, response: Array, points: int) -> Array:
         raise InputError("the curve does not change with the command: there is nothing to make straight")
     wanted = np.linspace(curve[0], curve[-1], points)
     near = (curve[-1] - curve[0]) / _FINE
-    ends = [np.clip(np.searchsorted(curve, wanted + shift, side), 0, _FINE - 1)
-            for shift, side in ((-near, "left"), (near, "right"))]  # fmt: skip
-    middle = (levels[ends[0]] + levels[ends[1]]) / 2.0
+    first = np.clip(np.searchsorted(curve, wanted - near, "left"), 0, _FINE - 1)
+    last = np.clip(np.searchsorted(curve, wanted + near, "right"), 0, _FINE - 1)
+    middle = (levels[first] + levels[last]) / 2.0
     middle[0], middle[-1] = levels[0], levels[-1]
     return np.column_stack((wanted, middle))
 
