@@ -197,6 +197,10 @@ def test_what_is_not_there_is_not_found_and_called_what_it_is(page: str, says: s
     assert (status, says in text) == (404, True), text
 
 
+def test_runs_that_no_index_holds_yet_can_be_diagnosed(lab: Path) -> None:
+    assert 'value="one"' in browser(lab).ask("/diagnose")[1]
+
+
 def test_report_is_served_as_it_lies_there(lab: Path) -> None:
     (lab / "runs" / "one" / "report.html").write_text("<p>the report", encoding="utf-8")
     status, text, headers = browser(lab).ask("/results/one/report")

@@ -16,6 +16,7 @@ from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
 from hil.archive.archive import Search, find_runs
+from hil.archive.pending import catch_up
 from hil.catalog import base_plant, models
 from hil.console import uploads
 from hil.console.console import Console
@@ -136,6 +137,7 @@ def _models(console: Console) -> dict[str, Path]:
 def _runs(console: Console) -> list[str]:
     """The newest runs of this console's folder."""
     try:
+        catch_up(console.site.place)
         found = find_runs(console.site.place, Search())
     except ArchiveError:
         return []
