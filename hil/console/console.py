@@ -14,7 +14,7 @@ from typing import Any
 
 from starlette.requests import Request
 
-from hil.bench.stop.press import StopSwitch
+from hil.bench.stop.press import Press, StopSwitch
 from hil.console.board import RunReader
 from hil.console.follow import Following
 from hil.console.leaving import Leaving
@@ -49,6 +49,7 @@ class Console:
         watching: reads inputs while no run drives.
         started: processes that were started here, by the name by which pages speak of them.
         starting: runs among them that nobody could stop yet at a listener of their own, by name.
+        stopped: those of these that a press of stop has ended, and that press.
         audit: told of each act that moves an output, resets a trip or overrides a limit: (request, act, details, and
             the operator's name as typed).
         readers: of the board, by run.
@@ -62,6 +63,7 @@ class Console:
     watching: Watching = field(default_factory=Watching)
     started: dict[str, Started] = field(default_factory=dict)
     starting: dict[str, Starting] = field(default_factory=dict)
+    stopped: dict[str, Press] = field(default_factory=dict)
     audit: Callable[..., None] = lambda *_args, **_named: None
     readers: dict[str, RunReader] = field(default_factory=dict)
     products: dict[str, str] = field(default_factory=dict)
@@ -84,6 +86,7 @@ class Console:
         ended = [key for key, one in self.started.items() if one.exit_status is not None]
         for key in ended[: max(0, len(self.started) - _MOST_STARTED)]:
             del self.started[key]
+            self.stopped.pop(key, None)
         return made
 
     def log(self, name: str) -> Path:
@@ -107,9 +110,14 @@ class Console:
 
     def begin_run(self, arguments: list[str], name: str, account: str) -> None:
         """Start a run: it is under way from here on. A stop that was pressed just before ends it."""
-        made = self.starting[name] = Starting(self.start(arguments, name, account))
-        if self.switch.pressed is not None:
-            made.process.end()
+        self.starting[name] = Starting(self.start(arguments, name, account))
+        if (press := self.switch.pressed) is not None:
+            self.end_starting(name, press)
+
+    def end_starting(self, name: str, press: Press) -> None:
+        """End a run before it drives, by a press of stop."""
+        self.stopped[name] = press
+        self.starting[name].process.end()
 
     def runs(self, anew: bool = False) -> list[dict[str, Any]]:
         """Every run under way as pages are told of it, from the click that starts it; `anew`: as of now."""

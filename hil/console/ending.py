@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from hil.bench.stop.press import Press
 from hil.language.words import _
 from hil.record.header import End, Header, read_end, read_header
 from hil.record.measurement import AS_PLANNED
@@ -29,6 +30,15 @@ def ending_of(folder: Path) -> dict[str, Any]:
     if not text.startswith(_PRESSED):
         return {"word": "", "sentence": text, "stands": stands}
     return {"word": _("Stopped"), "sentence": _sentence(read_header(folder), end, text), "stands": stands}
+
+
+def ending_before(press: Press) -> dict[str, Any]:
+    """The same of a run that a press of stop ended while it was starting."""
+    who = press.account or _("an operator")
+    text = _("Stopped by {who} at {time}, before it drove.").format(
+        who=who, time=f"{press.at_utc.astimezone():%H:%M:%S}"
+    )
+    return {"word": _("Stopped"), "sentence": text, "stands": {}}
 
 
 def _sentence(header: Header, end: End, ended: str) -> str:

@@ -6,6 +6,7 @@ import asyncio
 import json
 from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
 from functools import partial
 from http.client import HTTPConnection, HTTPException
 from pathlib import Path
@@ -14,6 +15,7 @@ from urllib.parse import urlencode, urlsplit
 
 from hil.bench.stop.consoles import LOOPBACK
 from hil.bench.stop.control import asking
+from hil.bench.stop.press import Press
 from hil.console.console import Console
 from hil.errors import HilError, LinkError
 
@@ -82,8 +84,9 @@ def press_stop(console: Console, account: str, asked: Collection[str] = ()) -> d
         StorageError: the switch cannot be pressed; what could be stopped was stopped all the same.
     """
     before, fault = console.switch.pressed, None
+    pressed = Press(at_utc=datetime.now(UTC), account=account)
     try:
-        console.switch.press(account)
+        pressed = console.switch.press(account)
     except HilError as error:
         fault = error
     runs = console.runs(anew=True)
@@ -91,7 +94,7 @@ def press_stop(console: Console, account: str, asked: Collection[str] = ()) -> d
         run["run"] for run in runs if run["run"] in console.starting and run["state"] in ("starting", "running")
     ]
     for name in starting:
-        console.starting[name].process.end()
+        console.end_starting(name, pressed)
     answers = _answers(console, account)
     if fault is not None:
         raise fault

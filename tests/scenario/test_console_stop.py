@@ -63,6 +63,8 @@ def test_press_while_a_run_is_starting_ends_it_before_it_drives(lab: Lab) -> Non
     assert answer["starting"] == [run] and answer["pressed"]["runs"] == [run]
     until(lambda: asked(lab, f"/live/{run}/state")[1]["exit_status"] is not None)
     assert driven(lab.runs / run) == 0.0
+    ending = asked(lab, f"/live/{run}/state")[1]["ending"]
+    assert ending["word"] == "Stopped" and ending["sentence"].endswith(", before it drove."), ending
     until(lambda: asked(lab, "/controls")[1]["pressed"] is None)  # it ended what it was pressed for
 
     _, begun = asked(lab, "/run/start", FORM)

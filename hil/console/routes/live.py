@@ -11,13 +11,14 @@ from starlette.routing import Route
 
 from hil.console.after import next_unit, reasons_of
 from hil.console.console import Console
-from hil.console.ending import ending_of
+from hil.console.ending import ending_before, ending_of
 from hil.console.page import page
 from hil.console.stops import ask_listener, promptly
 from hil.console.underway import control_of, run_of
 from hil.console.uploads import form_of
 from hil.errors import FileError, HilError
 from hil.findings.results import read_results
+from hil.language.words import _
 from hil.record.alive import lives
 from hil.record.measurement import RESULTS_FILE
 from hil.record.progress import WrittenProgress, progress_of
@@ -83,7 +84,9 @@ def _state(console: Console, name: str) -> dict[str, Any]:
         if status is None:
             return {**state, "state": "starting"}
         if status < 0 or status >= _SIGNALS:
-            return {**state, "state": "ended", "outcome": "stopped; nothing was driven"}
+            press = console.stopped.get(name)
+            ending = {"ending": ending_before(press)} if press else {}
+            return {**state, **ending, "state": "ended", "outcome": _("stopped; nothing was driven")}
         return {**state, "state": "refused", "outcome": message}
     done = progress_of(folder)
     evaluating = run.state == "ended" and done is not None and lives(done.pid)

@@ -89,7 +89,7 @@ window.hilStop = (() => {
   }
 
   function blocked() {
-    const at = new Date(pressed.at_utc).toLocaleTimeString(document.documentElement.lang);
+    const at = new Date(pressed.at_utc).toLocaleTimeString(document.documentElement.lang, {hourCycle: "h23"});  // as everywhere else on the page
     const by = [at, pressed.account].filter(Boolean).join(", ");
     if (pressed.runs.length) return make("li", "asked", say("Stop is pressed ({by}): {run} ends before it drives.", {by, run: pressed.runs.join(", ")}));
     const button = make("button", "mute", say("Release"));
