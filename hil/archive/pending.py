@@ -6,6 +6,7 @@ wait until the others are read.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -81,20 +82,29 @@ def catch_up(place: Place) -> list[str]:
 
 def waiting_for(place: Place) -> list[Path]:
     """Folders of the runs that wait to be entered."""
-    with suppress(OSError, FileError, TypeError):
-        return [Path(folder) for folder in read_json(_path(place))]
-    return []
+    found: list[Path] = []
+    for path in _paths(place):
+        with suppress(OSError, FileError, TypeError):
+            found += map(Path, read_json(path))
+    return list(dict.fromkeys(found))
 
 
 def _keep(place: Place, folders: Sequence[Path]) -> None:
-    path = _path(place)
+    path, before = _paths(place)
     with suppress(OSError):
-        if not folders:
+        if folders:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, json.dumps(list(dict.fromkeys(map(str, folders)))))
+        else:
             path.unlink(missing_ok=True)
-            return
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, json.dumps(list(dict.fromkeys(map(str, folders)))))
+        before.unlink(missing_ok=True)
 
 
-def _path(place: Place) -> Path:
-    return state_path("archive", str(place), ".json")
+def _paths(place: Place) -> tuple[Path, Path]:
+    """Where the runs that wait for an archive are listed, and where versions before listed them.
+
+    Its own name says less than its hash: `runs/a` and `runs-a` were one there, and a long one could not be kept.
+    """
+    name = str(place)
+    digest = hashlib.sha256(name.encode()).hexdigest()[:32]
+    return state_path("archive", digest, ".json"), state_path("archive", name, ".json")

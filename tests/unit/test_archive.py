@@ -27,6 +27,7 @@ from hil.findings.results import write_results
 from hil.record.folder import write
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Channel, Recording
+from hil.safety.latch import state_path
 from tests.postgres import new_database
 from tests.waits import until
 
@@ -92,6 +93,24 @@ def test_two_benches_write_at_once(place, tmp_path):
     for thread in threads:
         thread.join()
     assert len(find_runs(place, Search())) == 16
+
+
+@pytest.mark.parametrize("names", [("runs/a", "runs-a", "Runs a"), ("deep/" * 60 + "runs",)], ids=["alike", "long"])
+def test_runs_wait_for_their_own_archive_whatever_its_name(tmp_path, names):
+    places = [archive_place(str(tmp_path / name)) for name in names]
+    for number, place in enumerate(places):
+        place.folder.mkdir(parents=True)
+        (place.folder / INDEX_FILE).mkdir()
+        assert "entered later" in enter_or_keep(place, made_run(tmp_path / f"run{number}"))
+    assert [[path.name for path in waiting_for(place)] for place in places] == [[f"run{n}"] for n in range(len(names))]
+    before = state_path("archive", str(places[0]), ".json")
+    if len(names) > 1:  # an earlier version kept a list under the name
+        before.write_text(json.dumps([str(made_run(tmp_path / "earlier"))]))
+    (places[0].folder / INDEX_FILE).rmdir()
+    catch_up(places[0])
+    found = {run.folder.name for run in find_runs(places[0], Search())}
+    assert found == ({"run0", "earlier"} if len(names) > 1 else {"run0"})
+    assert waiting_for(places[0]) == []
 
 
 def test_locked_index_keeps_the_run_and_enters_it_later(tmp_path):
