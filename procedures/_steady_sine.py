@@ -146,12 +146,12 @@ class _Ear:
         self._steady = True
 
     def pieces(self) -> Iterator[Array]:
-        """The lead, then turns, each in a short piece and the rest, until enough was heard.
+        """The lead and the fewest turns, then further ones, each in a short piece and the rest, until enough was heard.
 
         While the short one plays, the turns before are judged; those that are measured anyhow then come in one.
         """
-        yield self._next(max(1, round(self._patience.lead_s * self._rate_hz)))
-        turn = 0
+        turn = _LEAST_TURNS
+        yield self._next(self._lead + self._edge(turn))
         while not self._done:
             first = self._first_piece(turn)
             yield self._next(first)
@@ -165,13 +165,13 @@ class _Ear:
 
     def take(self, piece: Recording) -> int:
         """Take what a piece brought; the number of samples to be marked when the measurement is whole, else 0."""
-        if self._start_s is None:
-            self._start_s = float(piece.time_s[0])
-            return 0
         if self._done:
             return 0
-        self._time_s = np.concatenate((self._time_s, piece.stamps(self._response)))
-        self._values = np.concatenate((self._values, piece.values(self._response)))
+        first = self._lead if self._start_s is None else 0
+        if self._start_s is None:
+            self._start_s = float(piece.time_s[0])
+        self._time_s = np.concatenate((self._time_s, piece.stamps(self._response)[first:]))
+        self._values = np.concatenate((self._values, piece.values(self._response)[first:]))
         while not self._done and (length := self._whole_turns()):
             self._judge(self._judged_s(self._time_s[:length]), self._values[:length])
             self._time_s, self._values = self._time_s[length:], self._values[length:]
@@ -185,6 +185,10 @@ class _Ear:
         waited_s = self._patience.lead_s + self._edge(first) / self._rate_hz
         ended_rad = math.fmod(self._phase_rad + omega * self._sent / self._rate_hz, 2.0 * math.pi)
         return Heard(complex(answer / given), self._steady, waited_s, ended_rad)
+
+    @property
+    def _lead(self) -> int:
+        return max(1, round(self._patience.lead_s * self._rate_hz))
 
     @property
     def _done(self) -> bool:

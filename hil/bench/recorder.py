@@ -11,7 +11,7 @@ import numpy as np
 from hil.daq.channel import InputChannel
 from hil.daq.contract import Block
 from hil.record.folder import RunWriter
-from hil.record.invalid_samples import AGAIN, AT_END, NONE
+from hil.record.invalid_samples import AGAIN, AT_END, NONE, is_measured
 
 _PAUSE_S = 1.0  # between the samples of a run and those of the one that it resumes; how long it really was, nobody asks
 
@@ -67,11 +67,11 @@ class Recorder:
 
     def _follow(self, channel: InputChannel, values: Any, time_s: Any, why: str) -> None:
         """Write when an input stops being measured, and the first block in which it is measured throughout again."""
-        lacking = ~np.isfinite(values)
-        if not lacking.any():
+        if is_measured(values):
             if samples := self._lacking.pop(channel.name, 0):
                 self.note(AGAIN, channel=channel.name, samples_lost=samples)
             return
+        lacking = ~np.isfinite(values)
         if channel.name not in self._lacking:
             at = int(np.argmax(lacking))
             event = NONE if np.isnan(values[at]) else AT_END

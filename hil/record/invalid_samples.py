@@ -7,6 +7,7 @@ events `reading at the end of its range` and `no measurement` say when it began 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Literal
@@ -31,10 +32,18 @@ def notes_of_reading(meta: Mapping[str, Any]) -> list[str]:
     return [*meta.get("assumed", ()), *meta.get(INVALID_SAMPLES, ()), *units]
 
 
+def is_measured(values: Array) -> bool:
+    """Whether each of these is a number: by their power, several times as quick as one by one."""
+    return math.isfinite(values @ values) or bool(np.isfinite(values).all())
+
+
 def invalid_samples(recording: Recording) -> dict[str, Mask]:
     """By channel, the samples that are no measurements; channels without such are left out."""
-    found = {name: ~np.isfinite(channel.values) for name, channel in recording.channels.items()}
-    return {name: lacking for name, lacking in found.items() if lacking.any()}
+    return {
+        name: ~np.isfinite(channel.values)
+        for name, channel in recording.channels.items()
+        if not is_measured(channel.values)
+    }
 
 
 def invalid_note(recording: Recording, name: str, lacking: Mask) -> Note:

@@ -23,6 +23,7 @@ from hil.errors import (
     TrippedError,
     reason,
 )
+from hil.record.invalid_samples import is_measured
 from hil.safety.envelope import Envelope
 from hil.safety.interlock import Interlock, Violation, Watch, Watches
 from hil.safety.interrupt import Halted, cut_by_halt, uninterrupted
@@ -405,7 +406,7 @@ class Guard:
 
     def _passes(self, block: Block) -> bool:
         """Whether nothing at all is to be said of several blocks in one."""
-        return all(np.isfinite(values).all() for values in block.inputs.values()) and self._watches.pass_over(block)
+        return all(map(is_measured, block.inputs.values())) and self._watches.pass_over(block)
 
     def _act(self, violation: Violation) -> None:
         lock = violation.interlock
@@ -519,9 +520,8 @@ def is_end(error: BaseException) -> bool:
 def _refuse_no_number(block: Block, watched: frozenset[str]) -> None:
     """A channel without any measurement ends the run, unless an interlock watches it and decides how long it may."""
     for name, values in block.inputs.items():
-        wrong = np.isnan(values)
-        if name not in watched and wrong.any():
-            at_s = float(block.time_s[int(np.argmax(wrong))])
+        if name not in watched and not is_measured(values) and np.isnan(values).any():
+            at_s = float(block.time_s[int(np.argmax(np.isnan(values)))])
             raise LinkError(
                 f"'{name}' has no measurement at {at_s:.3f} s: {block.unmeasured.get(name, 'dead sensor or device')}"
             )
