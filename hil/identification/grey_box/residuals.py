@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -77,8 +78,11 @@ class Residuals:
             e = self.experiments[i]
             given = inject(i) if inject else None
             rows = e.respond(self.plant, parameters, effects, factor=factor, inject=given)
-            output = with_free_start(e.telling((rows[0] - e.output) * self.weights[i]), self._starts[i])
-            errors = [output, *e.observed_errors(self.plant, rows, self._inner[i])]
+            output = rows[0]  # made for this alone: of a long recording every copy takes megabytes
+            output -= e.output
+            output *= self.weights[i]
+            inner = e.observed_errors(self.plant, rows, self._inner[i])
+            errors = chain((with_free_start(e.telling(output), self._starts[i]),), inner)
             pairs = zip(self._dithers[i], errors, strict=True)
             return [means(_without(dither, error), e.averaged) for dither, error in pairs]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -158,16 +158,16 @@ class Experiment:
                 row[:] = np.interp(self.time_s + late_s, self.time_s, row)
         return rows
 
-    def observed_errors(self, plant: Plant, rows: Array, noise: Mapping[str, float]) -> list[Array]:
+    def observed_errors(self, plant: Plant, rows: Array, noise: Mapping[str, float]) -> Iterator[Array]:
         """Simulated minus recorded inner signals, in units of the noise of those that have one; `rows` of `respond`.
 
-        0 where they are lost.
+        0 where they are lost. One after another: of a long recording each takes megabytes.
         """
-        return [
-            self.telling((row - self.observed[signal.name]) / noise[signal.name], signal.name)
-            for signal, row in zip(plant.observed, rows[1:], strict=True)
-            if signal.name in noise
-        ]
+        for signal, row in zip(plant.observed, rows[1:], strict=True):
+            if signal.name in noise:
+                error = row - self.observed[signal.name]
+                error /= noise[signal.name]
+                yield self.telling(error, signal.name)
 
     @property
     def valid(self) -> Mask:
