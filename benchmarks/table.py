@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import resource
+import subprocess
 import time
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
@@ -29,6 +31,14 @@ def milliseconds(
         function()
         taken.append(1e3 * (clock() - start))
     return min(taken)
+
+
+def child_s(command: list[str]) -> float:
+    """Processor time of a program from its start to its end, in s."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, capture_output=True, check=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def show(title: str, rows: Iterable[Row]) -> None:
