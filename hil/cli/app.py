@@ -35,7 +35,8 @@ def _options(
         raise typer.Exit
 
 
-def _assembled() -> typer.Typer:
+def assembled() -> typer.Typer:
+    """The program with all its commands."""
     app = typer.Typer(
         no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, rich_markup_mode=None,
         help="Test, identify and diagnose electrically modulated hydraulic valves.",
@@ -63,7 +64,7 @@ def _run() -> int:
     silent = len(sys.argv) == 1  # without a word the help is shown, and nothing was done
     error_message.ended = error_message.debug = False  # of an earlier command in this process
     try:
-        app = _assembled()
+        app = assembled()
         with options_of("prompt"):
             status = app(["--help"] if silent else None, prog_name="hil", standalone_mode=False)
         signalled = None if error_message.ended or status != _CTRL_C else raised()

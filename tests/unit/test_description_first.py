@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from hil.bench.fault import BenchError
 from hil.bench.read import read_bench
-from hil.cli.app import _assembled
+from hil.cli.app import assembled
 from hil.description.find import descriptions
 from hil.description.first import GAP, first_description, gaps
 from hil.description.read import checked, read_description
@@ -35,7 +35,7 @@ FROM_ONE = "addr;parameter;format;range\n0x0001;Pressure;u16;0-400\n0x0002;Press
 
 
 def hil(*words: str) -> str:
-    result = RUN.invoke(_assembled(), list(words))
+    result = RUN.invoke(assembled(), list(words))
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
     return result.output
@@ -161,7 +161,7 @@ def test_faults_are_listed_before_the_end(tmp_path: Path) -> None:
     path = written(
         tmp_path, "x.toml", EVERYTHING.replace("address = 40101", "address = 1").replace("gap = 2", "gap = -2")
     )
-    result = RUN.invoke(_assembled(), ["describe", str(path)])
+    result = RUN.invoke(assembled(), ["describe", str(path)])
     assert f"{path}:9: modbus.gap: " in result.output and isinstance(result.exception, FileError)
 
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import drivers
 import sim_devices
 from hil.catalog import entries
-from hil.cli.app import _assembled
+from hil.cli.app import assembled
 from hil.errors import FileError, SettingError, UnknownNameError
 
 RUN = CliRunner()
@@ -38,7 +38,7 @@ def folder(tmp_path: Path) -> Iterator[Path]:
 
 
 def hil(*words: str) -> str:
-    result = RUN.invoke(_assembled(), list(words))
+    result = RUN.invoke(assembled(), list(words))
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
     return result.output

@@ -32,7 +32,7 @@ def commands(command, names=()):
 
 
 def test_every_command_that_prints_a_result_takes_json():
-    every = dict(commands(typer.main.get_command(app._assembled())))
+    every = dict(commands(typer.main.get_command(app.assembled())))
     lacking = {name for name, one in every.items() if not any("--json" in option.opts for option in one.params)}
     assert lacking <= WITHOUT
 
@@ -46,7 +46,7 @@ def test_every_schema_that_the_code_writes_is_in_the_reference():
 
 
 def test_every_command_that_states_how_a_recording_is_read_takes_all_reading_options():
-    every = dict(commands(typer.main.get_command(app._assembled())))
+    every = dict(commands(typer.main.get_command(app.assembled())))
     taken = {name: {option for one in command.params for option in one.opts} for name, command in every.items()}
     readers = {name for name, options in taken.items() if "--rename" in options}
     assert {"convert", "identify", "compare", "simulate", "diagnose", "average", "analyse recursive"} <= readers
