@@ -32,7 +32,7 @@ from hil.api.calculations import (
     simulate,
     step_models,
 )
-from hil.api.models import export, load_model, save_model, typical_model
+from hil.api.models import export, load_model, save_model, typical_model, verify_fmu
 from hil.api.recordings import average, read, write
 from hil.api.runs import find_runs, open_bench, results, run
 from hil.api.units import diagnose_fleet, diff, issue_passport
@@ -46,7 +46,8 @@ __all__ = [
     "Model", "Recording", "Results", "average", "calibrate", "compare", "compose", "demo", "diagnose", "diagnose_fleet",
     "diff", "export", "find_runs", "flow_curve", "frequency_response", "identify", "issue_passport", "jog",
     "learn_classes", "linearise", "load_model", "open_bench", "read",
-    "results", "run", "save_model", "simulate", "step_models", "typical_model", "watch", "write",
+    "results", "run", "save_model", "simulate", "step_models", "typical_model", "verify_fmu", "watch",
+    "write",
 ]  # fmt: skip
 
 _TYPES = {"Model": "hil.physics.model", "Recording": "hil.record.recording", "Results": "hil.findings.results"}

@@ -10,6 +10,7 @@ from hil.errors import options_of
 
 if TYPE_CHECKING:
     from hil.findings.results import Results
+    from hil.fmu.validation import ValidatedFmu
     from hil.physics.model import Model
     from hil.session.export import Exported
 
@@ -91,3 +92,18 @@ def export(
 
     how = Simulation(fmi, step_s, effects, platforms)
     return exported(source, to, None if out is None else Path(out), part, how, points)
+
+
+@options_of("python")
+def verify_fmu(path: str | Path) -> ValidatedFmu:
+    """Run an FMU on the trajectories that it carries (`hil verify FILE.fmu`); it is executed, as by every simulator.
+
+    Returns:
+        The `difference` from them as a share of full scale, `faults`, and the `model` with uncertainties and fits.
+
+    Raises:
+        FileError: no FMU, or one without trajectories. InputError: it does not run on this machine.
+    """
+    from hil.fmu.validation import validate
+
+    return validate(Path(path))

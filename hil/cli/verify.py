@@ -1,4 +1,4 @@
-"""`hil verify`: whether a passport is as it was signed, and by whom."""
+"""`hil verify`: whether a passport is as it was signed, and by whom; whether an FMU does what it was exported for."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def command(
-    file: Path = typer.Argument(..., metavar="FILE", help="Passport."),
+    file: Path = typer.Argument(..., metavar="FILE", help="Passport, or an FMU (which is executed)."),
     trust: list[Path] = typer.Option(
         [], "--trust", metavar="CERT", help="Certificate of a signer who is known, or of who vouches for him."
     ),
@@ -38,8 +38,11 @@ def command(
 ) -> None:
     """Exit 0: unchanged, by a known signer; 1: changed, or by an unknown signer; 2: no passport.
 
+    FILE.fmu is run on the trajectories that it carries: 0: it reproduces them; 1: not; 2: it has none, or does not run.
     With --evaluate also 1 where the samples inside do not give what the passport says, or nobody can tell here.
     """
+    if file.suffix.lower() == ".fmu":
+        raise typer.Exit(_verify_fmu(file, as_json))
     from hil.passport.key import own_certificates, read_certificates
     from hil.passport.revoked import read_revocations
     from hil.passport.verify import Trust, verify_file
@@ -65,6 +68,17 @@ def command(
     if evaluated is not None:
         typer.echo("\n".join(_lines(evaluated)))
     raise typer.Exit(status)
+
+
+def _verify_fmu(file: Path, as_json: bool) -> int:
+    from hil import api
+
+    found = api.verify_fmu(file)
+    if as_json:
+        typer.echo(json.dumps({"schema": "hil.verified-fmu/1", "file": str(file), **found.as_dict()}, indent=1))
+    else:
+        typer.echo(f"{file}: {found.as_text()}")
+    return 1 if found.faults else 0
 
 
 def _received(text: str) -> datetime | None:

@@ -18,6 +18,7 @@ from hil.child import finished, python
 from hil.errors import InputError, StorageError
 from hil.fmu.description import FmiVersion, description, identifier
 from hil.fmu.source import Source, source_of
+from hil.fmu.validation import resources
 from hil.fmu.variables import Variables
 
 _FLAGS = (
@@ -224,6 +225,8 @@ def _pack(
             archive.write(path, f"sources/{path.name}")
         if version == "3":
             archive.writestr("sources/buildDescription.xml", _build_description(identifier(variables)))
+        for name, text in resources(variables).items():
+            archive.writestr(name, text)
         for name, library in libraries.items():
             archive.write(library, f"binaries/{PLATFORMS[name].folder(version)}/{library.name}")
 

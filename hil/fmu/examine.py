@@ -14,7 +14,7 @@ from hil.record.recording import Array
 
 ALLOWED = 1e-9  # of full scale
 _SAMPLES = 2000
-_INTERVALS = 10  # internal steps to a sample
+INTERVALS = 10  # internal steps to a sample
 _TONES = (1, 3, 7, 13, 29, 61)
 
 
@@ -46,7 +46,7 @@ def excitation(variables: Variables) -> Array:
 
 def simulated(variables: Variables, inputs: Array) -> Array:
     """What this program simulates, shape (outputs, n)."""
-    model, interval_s = variables.model, _INTERVALS * variables.step_s
+    model, interval_s = variables.model, INTERVALS * variables.step_s
     drive = Drive(inputs, math.nan, interval_s, read_at=1.0)
     factor = interval_s / variables.step_s / max(1, math.ceil(interval_s / variables.plant.sub_step_s - 1e-9))
     return simulate(variables.plant, model.values, drive, model.active_effects, factor=factor)
@@ -65,7 +65,7 @@ def played(path: Path, variables: Variables, inputs: Array) -> Array:
     fmu = instantiate_fmu(folder, described, fmi_type="CoSimulation")
     third = described.fmiVersion.startswith("3")
     read, write = (fmu.getFloat64, fmu.setFloat64) if third else (fmu.getReal, fmu.setReal)
-    interval_s = _INTERVALS * variables.step_s
+    interval_s = INTERVALS * variables.step_s
     if not third:
         fmu.setupExperiment(startTime=0.0)
     write(ins, inputs[:, 0].tolist())

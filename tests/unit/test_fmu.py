@@ -6,18 +6,20 @@ import math
 import shutil
 import subprocess
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from hil.catalog import entries
-from hil.errors import InputError, UnknownNameError
+from hil.errors import FileError, InputError, UnknownNameError
 from hil.fmu.build import PLATFORMS, own_platform, write_c, write_fmu
 from hil.fmu.c_types import UntranslatableError
 from hil.fmu.examine import ALLOWED, examine, excitation, played, simulated
 from hil.fmu.source import source_of
 from hil.fmu.symbolic import Symbol, symbolic, written
 from hil.fmu.translate import Unit
+from hil.fmu.validation import MODEL, TRAJECTORIES, validate
 from hil.fmu.variables import variable_name, variables_of
 from hil.physics.compose import effect, kernel
 from hil.physics.model import ModelEffect, Value, save_model, typical_model
@@ -293,3 +295,28 @@ def test_played_is_what_examine_compares(everything):
     path, variables = everything
     inputs = excitation(variables)[:, :20]
     np.testing.assert_allclose(played(path, variables, inputs), simulated(variables, inputs), atol=70.0 * ALLOWED)
+
+
+def test_an_fmu_reproduces_its_own_trajectories(tmp_path, command_line):
+    fits = {"baseline.csv": 98.7}
+    model = replace(typical_model(VALVE), origin={"fit_percent": fits, "paths": ["/home/me/baseline.csv"]})
+    model = replace(model, parameters={**model.parameters, "pilot_rate": Value(7.0, "rad/s", 0.2)})
+    write_fmu(variables_of(model), tmp_path / "valve.fmu", "3")
+    found = validate(tmp_path / "valve.fmu")
+    assert found.faults == () and found.difference <= ALLOWED and found.samples == 2000
+    assert found.fit_percent == fits and found.model.parameters["pilot_rate"].std == 0.2
+    with zipfile.ZipFile(tmp_path / "valve.fmu") as archive:
+        assert "/home/me" not in archive.read(MODEL).decode()
+        rest = {name: archive.read(name) for name in archive.namelist() if name != TRAJECTORIES}
+        lines = archive.read(TRAJECTORIES).decode().splitlines()
+    assert lines[0].startswith("time [s],command [%],flow [l/min]")
+    lines[900] = ",".join([*lines[900].split(",")[:-1], "99.0"])
+    for name, trajectories in (("changed.fmu", "\n".join(lines)), ("none.fmu", "")):
+        with zipfile.ZipFile(tmp_path / name, "w") as archive:
+            for inside, content in {**rest, **({TRAJECTORIES: trajectories} if trajectories else {})}.items():
+                archive.writestr(inside, content)
+    assert validate(tmp_path / "changed.fmu").faults[0].startswith("the FMU differs from the trajectories by ")
+    with pytest.raises(FileError, match="carries no trajectories of its own"):
+        validate(tmp_path / "none.fmu")
+    assert command_line("verify", str(tmp_path / "valve.fmu")).status == 0
+    assert command_line("verify", str(tmp_path / "changed.fmu"), "--json").status == 1
