@@ -345,19 +345,25 @@ def _taken_back(source: str, number: int, room: str) -> Mutant | None:
 
 
 def _meaning(source: str) -> str:
-    """What a source does, without types, texts and docstrings."""
+    """What a source does, without types, words and docstrings."""
     tree = ast.parse(source)
+    words = _words(tree)
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef):
             node.returns = None
             for argument in (*node.args.args, *node.args.kwonlyargs):
                 argument.annotation = None
-        body = getattr(node, "body", None)
-        if isinstance(body, list):
-            body[:] = [one for one in body if not (isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant))]
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
-            node.value = ""
+        for name, value in ast.iter_fields(node):
+            if isinstance(value, list):
+                kept = [one for one in value if not (isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant))]
+                setattr(node, name, [ast.Constant("") if _is_words(one, words) else one for one in kept])
+            elif _is_words(value, words):
+                setattr(node, name, ast.Constant(""))
     return ast.dump(tree)
+
+
+def _is_words(node: Any, words: set[int]) -> bool:
+    return isinstance(node, ast.expr) and id(node) in words
 
 
 def _git(*words: str) -> str:
