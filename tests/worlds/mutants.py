@@ -286,11 +286,13 @@ def _depend(one: ast.stmt, other: ast.stmt) -> bool:
 
 def _names(statement: ast.stmt) -> tuple[set[str], set[str]]:
     """What a statement sets, and what it uses: names, and attributes with what they are of."""
-    sets, uses = set[str](), set[str]()
+    sets, uses, own = set[str](), set[str](), set[str]()
     for node in ast.walk(statement):
         if isinstance(node, ast.Name | ast.Attribute):
             (sets if isinstance(node.ctx, ast.Store) else uses).add(ast.unparse(node))
-    return sets, uses
+        if isinstance(node, ast.comprehension):  # its names are its own
+            own |= {one.id for one in ast.walk(node.target) if isinstance(one, ast.Name)}
+    return sets - own, uses - own
 
 
 def _stale(tree: ast.Module) -> Iterator[Planting]:
