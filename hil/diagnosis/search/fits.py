@@ -126,7 +126,7 @@ def finished(problem: Problem, f: Fitted) -> Fitted:
     for factor in (1.0, FAR):
         if problem.factor < factor:
             finer = replace(problem, factor=factor)
-            change = residuals_of(finer, f) - residuals_of(problem, f)
+            change = residuals_of(finer, f) - f.residuals
             if (is_multimodal and factor == 1.0) or change @ change > 1.0:
                 again = fit(finer, f, from_here=True)
                 if not (is_multimodal and factor > 1.0 and again.chi2 > f.chi2):
