@@ -31,10 +31,10 @@ class Effort:
     beam: int = 3
     causes: int = 3
     events: int = 2
-    alone: int = 24
+    alone: int = 12
     tried: int = 8
     finished: int = 3
-    starts: int = 3
+    starts: int = 2
     far: float = 4.0
     again: float = 0.9
     stronger: float = 3.0
