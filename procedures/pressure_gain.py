@@ -41,7 +41,7 @@ _NEEDING = "a pressure gain"
 def run(
     rig: Rig,
     *,
-    reach: PositivePercent = 5.0,
+    reach: PositivePercent = 10.0,
     cycle_s: Positive = 40.0,
     warm_up_s: NotNegative = 0.0,
     full_command: Positive | None = None,
@@ -87,10 +87,10 @@ def evaluate(recording: Recording) -> Findings:
     estimate = swept(recording, parts, share_read).estimate
     percent, neutral = 100.0 / float(parts[0]["full"]), float(parts[0]["neutral"])
     gain, gain_std = _gain(command.values, share_read.values, parts, estimate)
-    null, null_std = over_all(estimate, lambda response, _slope: level_at(estimate.command, response, 0.0))
-    # overlapped edges make a kink at the null, which the smooth curve rounds off
-    again = [level_at(estimate.command, estimate.whole_branch(side), 0.0) for side in (1, -1)]
-    null_std = math.hypot(null_std, float(np.mean(again)) - null)
+    smooth, null_std = over_all(estimate, lambda response, _slope: level_at(estimate.command, response, 0.0))
+    # overlapped edges make a kink at the null, which the smooth curve rounds off: what the two differ by is granted
+    null = float(np.mean([level_at(estimate.command, estimate.whole_branch(side), 0.0) for side in (1, -1)]))
+    null_std = math.hypot(null_std, null - smooth)
     gain_std = math.hypot(gain_std, gain * supply_std / supply_bar)
     share = math.hypot(*(calibration_share(one) for one in (load, supply, command)))
     notes = []
@@ -98,7 +98,10 @@ def evaluate(recording: Recording) -> Findings:
         gain_found = GAIN.of(gain / percent, gain_std / percent, calibration=share * abs(gain) / percent)
     else:
         gain_found = GAIN.of(None)
-        notes.append(Note("The load pressure does not pass ± {within:g} % of the supply pressure.", within=_WITHIN))
+        notes.append(Note(
+            "The load pressure does not pass ± {within:g} % of the supply pressure. A larger reach may show it.",
+            within=_WITHIN,
+        ))  # fmt: skip
     if math.isfinite(null_std) and math.isfinite(gain_std):
         level = math.hypot(100.0 * instrument_std(load) / supply_bar / abs(gain), calibration_std(command))
         null_found = NULL.of(percent * (null - neutral), percent * null_std, calibration=percent * level)

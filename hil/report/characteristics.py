@@ -18,6 +18,7 @@ LEVELS_NEEDED = ("command", "measured")
 DROPS_NEEDED = ("drop", "measured")
 CONDITIONS_NEEDED = ("condition", "measured", "std", "fitted")
 _MOST = 6
+_ROOM = 0.05  # beside the outer points
 
 
 def pressure_gain_section(curves: Sequence[Curve]) -> Section:
@@ -60,6 +61,7 @@ def flow_over_pressure_drop_section(curves: Sequence[Curve]) -> Section:
         if fitted is not None:
             axes.plot(drop, fitted, color=RED, lw=1.0, label=_("power law"))
         titled(axes, label_of(curve))
+        axes.margins(x=_ROOM)
 
     units = [unit_of(curves[0], key) for key in ("drop_unit", "response_unit")]
     labels = _("valve pressure drop") + units[0], _("flow") + units[1]
@@ -75,7 +77,8 @@ def null_shift_section(curves: Sequence[Curve]) -> Section:
         condition, null, std, fitted = (needed(curve, key) for key in CONDITIONS_NEEDED)
         axes.errorbar(condition, null, 2.0 * std, color=BLUE, ls="", marker="o", capsize=2.0, label=_("null ± U"))
         axes.plot(condition, fitted, color=RED, lw=1.0, label=_("least-squares line"))
-        titled(axes, label_of(curve) + unit_of(curve, "condition_unit"))
+        titled(axes, label_of(curve) + unit_of(curve, "condition_unit").replace("degC", "°C"))
+        axes.margins(x=_ROOM)
 
     labels = _("condition"), _("null") + unit_of(curves[0], "response_unit")
     caption = _("Each null is that of a whole sweep. U is without the calibration, which moves all nulls alike.")

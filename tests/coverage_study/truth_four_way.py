@@ -15,7 +15,7 @@ from tests.coverage_study.situations import Situation
 from tests.coverage_study.truth_static import Truths
 from tests.four_way_simulator import curve
 
-_NEAR = tuple(np.linspace(-5.0, 5.0, 1001))
+_NEAR = tuple(np.linspace(-6.0, 6.0, 1201))
 _WHOLE = tuple(np.concatenate((np.linspace(-100.0, -6.0, 48), np.linspace(-5.0, 5.0, 41), np.linspace(6.0, 100.0, 48))))
 _POINTS = 40_001
 _SUPPLY_BAR, _TANK_BAR, _OIL_C = 70.0, 2.0, 40.0

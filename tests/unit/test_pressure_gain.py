@@ -44,4 +44,4 @@ def test_the_slope_within_40_percent_of_supply_holds_the_truth_and_no_lag(gain, 
 def test_a_load_pressure_that_stays_below_40_percent_has_no_gain():
     findings, one = found(gain=6.0)
     assert one["pressure_gain"].value is None
-    assert [str(note) for note in findings.notes] == ["The load pressure does not pass ± 40 % of the supply pressure."]
+    assert str(findings.notes[0]).startswith("The load pressure does not pass ± 40 % of the supply pressure.")
