@@ -26,6 +26,7 @@ from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
 from procedures._recorded import roles_of
 from procedures._response import evaluated
+from tests.bench_files import bench_file
 from tests.fault_page import write_section
 from tests.links import PATIENT, devices_of, moved
 
@@ -92,13 +93,8 @@ class Seen:
 
 def direct(response: str, folder: Path, settings: Mapping[str, Any] = MappingProxyType(WHOLE)) -> dict[str, Figure]:
     """The figures of the simulated DAQ in virtual time, with a channel as the response."""
-    text = benches()["brevini-hpv41"].read_text(encoding="utf-8")
-    if response == "spool position":
-        text = text.replace('role = "response"\n', "").replace(
-            '[channels."spool position"]\n', '[channels."spool position"]\nrole = "response"\n'
-        )
-    path = folder / "direct.toml"
-    path.write_text(text, encoding="utf-8")
+    roles = {"flow": {"role": None}, response: {"role": "response"}}
+    path = bench_file(folder / "direct.toml", "brevini-hpv41", channels=roles)
     procedure = load_procedure("frequency_response")
     run_procedure(procedure, read_bench(path), {**settings, "rate_hz": RATE_HZ}, folder / "direct")
     return figures(read_recording(folder / "direct"))

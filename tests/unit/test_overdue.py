@@ -6,6 +6,7 @@ import datetime as dt
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,6 +17,7 @@ from hil.bench.nets import calibration
 from hil.bench.read import read_bench
 from hil.record.folder import read
 from hil.session.results import report_again
+from tests.bench_files import bench_file
 from tests.conftest import Told
 
 pytestmark = pytest.mark.usefixtures("unprinted")
@@ -32,13 +34,12 @@ def here(stranger: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setenv("HIL_ARCHIVE", str(tmp_path / "archive"))
 
 
-def bench(due: dt.date, more: str = "") -> Path:
-    text = benches()["brevini-hpv41"].read_text(encoding="utf-8")
-    meter = f'[[instruments]]\nname = "flow meter"\nserial = "4711"\nchannel = "flow"\ndue = {due}\n\n'
-    text = text.replace("[[instruments]]\n", f"{meter}[[instruments]]\n", 1)
-    path = Path("bench.toml")
-    path.write_text(text.replace("[protection]\n", f"[protection]\n{more}", 1), encoding="utf-8")
-    return path
+REFUSE = {"protection": {"overdue": "refuse"}}
+
+
+def bench(due: dt.date, **tables: Any) -> Path:
+    meter = {"name": "flow meter", "serial": "4711", "channel": "flow", "due": due}
+    return bench_file(Path("bench.toml"), "brevini-hpv41", instruments=[meter], **tables)
 
 
 Run = Callable[[Path], Told]
@@ -71,10 +72,8 @@ def test_overdue_instrument_is_a_deviation_in_header_findings_and_page(run: Run)
 
 def test_overdue_channel_is_one_too(run: Run) -> None:
     yesterday = day(-1)
-    path = bench(day(1))
-    text = path.read_text("utf-8").replace("date = 2026-03-02", f"date = 2020-03-02, due = {yesterday}", 1)
-    path.write_text(text, encoding="utf-8")
-    assert run(path).status == 0
+    line = {"calibration": {"date": dt.date(2020, 3, 2), "due": yesterday}}
+    assert run(bench(day(1), channels={"command": line})).status == 0
     (deviation,) = read(Path("run")).meta["deviations"]
     assert overdue_in_archive() == [(Path("run").resolve(), yesterday)]
     assert deviation.startswith(f"Channel 'command': its calibration was due on {yesterday};")
@@ -82,14 +81,14 @@ def test_overdue_channel_is_one_too(run: Run) -> None:
 
 @pytest.mark.parametrize("ahead", [0, 1])
 def test_what_is_due_today_or_later_is_none(ahead: int, run: Run) -> None:
-    assert run(bench(day(ahead), 'overdue = "refuse"\n')).status == 0
+    assert run(bench(day(ahead), **REFUSE)).status == 0
     assert read(Path("run")).meta["deviations"] == []
     assert overdue_in_archive() == []
 
 
 def test_overdue_run_is_refused_where_the_bench_file_says_so(run: Run) -> None:
     yesterday = day(-1)
-    status, _, err = run(bench(yesterday, 'overdue = "refuse"\n'))
+    status, _, err = run(bench(yesterday, **REFUSE))
     assert status == 2 and f"'flow meter' (serial 4711): its calibration was due on {yesterday}" in err
     assert not Path("run").exists()
 
