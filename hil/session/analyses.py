@@ -45,6 +45,7 @@ from hil.record.read import read_recording
 from hil.record.recording import Array, Recording, split_heading
 from hil.record.response_table import ResponseTable
 from hil.signals.interval import COVERED
+from hil.untrusted import read_text
 
 _LINEAR = "transfer-function"
 _MEMBERSHIPS = (
@@ -411,8 +412,7 @@ def flow_curve_of(path: Path) -> FlowCurve:
         unit_in, unit_out = (split_heading(text)[1] for text in (found.input, found.output))
         return replace(found, input=f"{roles['command']} [{unit_in}]", output=f"{roles['response']} [{unit_out}]")
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            heads, *lines = list(csv.reader(file))
+        heads, *lines = list(csv.reader(read_text(path).splitlines()))
         return _between(path, heads, np.array(lines, dtype=np.float64))
     except (OSError, ValueError, UnitError) as error:
         raise FileError(f"{path}: not a flow curve as CSV, `command [%],flow [l/min]` and rows: {error}") from error

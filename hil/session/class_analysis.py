@@ -25,6 +25,7 @@ from hil.identification.papers.classification import (
 from hil.record.plain import plain
 from hil.record.recording import Array, Recording
 from hil.signals.interval import exact_limits
+from hil.untrusted import read_text
 
 FEWEST = 5  # valves of a class
 _EVEN = 1e-3  # of the interval, by which those of one test may differ
@@ -182,8 +183,7 @@ def classes_of_table(path: Path) -> ClassAnalysis:
 
 def _rows_of(path: Path) -> tuple[list[str], list[list[str]]]:
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            head, *rows = [row for row in csv.reader(file) if row]
+        head, *rows = [row for row in csv.reader(read_text(path).removeprefix("\ufeff").splitlines()) if row]
     except (OSError, ValueError) as error:
         raise FileError(f"{path}: no table of valves: {getattr(error, 'strerror', None) or error}") from error
     if short := next((i for i, row in enumerate(rows, 2) if len(row) != len(head)), None):

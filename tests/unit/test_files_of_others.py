@@ -56,6 +56,13 @@ def test_what_is_nested_too_deep_is_one_line(command: str, kind: str, folder: Pa
     assert TOLD[kind][1] in err, err
 
 
+@pytest.mark.parametrize("command", ["analyse classes pipe", "analyse compose pipe pipe --out m.json"])
+def test_tables_are_not_waited_for(command: str, folder: Path, command_line) -> None:
+    os.mkfifo(folder / "pipe")
+    status, _, err = command_line(*command.split())
+    assert status == 2 and "pipe: is a pipe; only regular files are read here" in err
+
+
 @pytest.mark.parametrize("name", SMALL)
 @pytest.mark.parametrize("kind", ["link", "pipe", "socket", "sparse", "folder"])
 def test_a_run_folder_holds_regular_files_alone(kind: str, name: str, folder: Path, command_line) -> None:
