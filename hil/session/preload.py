@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from hil.kernel import compile_kernels
+from hil.record.header import End
 from hil.units import units_ready
 
 _LATER_ANYHOW = ("numpy.fft", "numpy.polynomial", "numpy.random")  # numpy imports them when they are asked for
@@ -47,6 +48,7 @@ def preload(run: Callable[..., Any]) -> None:
     for name in _LATER_ANYHOW:
         _imported(name)
     units_ready()
+    End.model_rebuild()  # its schema is built when it is first used: that was where a run is closed
     compile_kernels()
 
 
