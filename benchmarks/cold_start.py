@@ -52,7 +52,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         run = str(Path(folder) / "run")
         subprocess.run(
-            [str(HIL), "run", "step_response", "--bench", BENCH, "--out", run], capture_output=True, check=True
+            [str(HIL), "run", "step_response", "--bench", BENCH, "--out", run, "--archive", folder],
+            capture_output=True,
+            check=True,
         )
         show("cold start, by processor time", rows(run))
 

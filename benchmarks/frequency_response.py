@@ -39,7 +39,7 @@ def rows() -> Iterator[Row]:
         recording = read(Path(folder) / "run")
         hil = str(Path(sys.executable).with_name("hil"))
         command_s = child_s(
-            [hil, "run", procedure.name, "--bench", "brevini-hpv41", "--out", str(Path(folder) / "command")]
+            [hil, "run", procedure.name, "--bench", "brevini-hpv41", "--out", f"{folder}/command", "--archive", folder]
         )
     evaluated_s = min(timed(lambda: procedure.evaluate(recording)) for _ in range(REPEATS))
     bench_s = recording.duration_s

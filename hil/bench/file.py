@@ -340,8 +340,8 @@ class Bench(_Strict):
     devices: dict[str, Device]
     channels: dict[str, ChannelEntry]
     interlocks: dict[str, InterlockEntry] = {}
-    protection: ProtectionEntry = ProtectionEntry()
-    conditions: Conditions = Conditions()
+    protection: ProtectionEntry = Field(default_factory=ProtectionEntry)
+    conditions: Conditions = Field(default_factory=Conditions)
     instruments: tuple[InstrumentEntry, ...] = ()
     acceptance: dict[str, dict[str, AcceptanceLimit]] = {}
     presets: dict[str, dict[str, dict[str, Any]]] = {}
