@@ -128,9 +128,13 @@ def _measured(recording: Recording, names: tuple[str, ...], unit: str) -> Condit
 
 
 def _within_parts(recording: Recording) -> Mask:
-    """Samples of a procedure's parts: conditions come about before them, are adjusted between, and fall after them."""
-    parts = [part for part in recording.meta.get("parts") or () if part.get("kind") != ADJUSTED]
-    within = np.full(len(recording.time_s), not parts)
+    """Samples of a procedure's parts: conditions come about before them, are adjusted between, and fall after them.
+
+    Where nothing adjusted them all samples count, as page one of earlier passports has it.
+    """
+    every = recording.meta.get("parts") or ()
+    parts = [part for part in every if part.get("kind") != ADJUSTED]
+    within = np.full(len(recording.time_s), not parts or len(parts) == len(every))
     for part in parts:
         within[int(part["first"]) : int(part["first"]) + int(part["count"])] = True
     return within
