@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hil.errors import InputError
 from hil.identification.grey_box.estimate import Estimate, Unknown, estimate, side_by_side
 from hil.identification.grey_box.linear_starts import poles_rad_s
 from hil.identification.preparation.experiment import Experiment
@@ -226,9 +227,16 @@ class _Search:
         *, rough: bool = False,
     ) -> Estimate:  # fmt: skip
         """Of a structure from a start, to all samples or to those that are used."""
+        known: list[int] = []  # how many residuals there are, once a point has been simulated
 
         def residuals(values: Array) -> Array:
-            errors = self._errors(self._values(structure, values))
+            try:
+                errors = self._errors(self._values(structure, values))
+            except InputError:  # a step to a pole at zero, which has no state of rest: no number, so it is not taken
+                if not known:
+                    raise
+                return np.full(known[0], np.nan)
+            known[:] = [len(errors)]
             return errors if used is None else errors * used
 
         unknowns = [self._unknown(self.plant.parameter(name), start[name]) for name in structure.free]
