@@ -14,9 +14,9 @@ def test_short_work_prints_no_line_and_longer_work_what_it_does(capsys: pytest.C
     with shown(5.0) as progress:
         progress(0.5, "reading")
     assert capsys.readouterr().err == ""
-    with shown(0.02) as progress:
+    with shown(0.5) as progress:  # long enough that the first text is in time on any machine
         progress(0.0, "reading a.csv")
-        time.sleep(0.1)
+        time.sleep(0.8)
         progress(0.5, "a.csv: the model beside 3 samples")
     assert capsys.readouterr().err == "  0%  reading a.csv\n 50%  a.csv: the model beside 3 samples\n"
 
