@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 pytest_plugins = ["pytester"]
-HOOKS = (Path(__file__).parents[1] / "conftest.py").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[2]
+HOOKS = (ROOT / "tests" / "conftest.py").read_text(encoding="utf-8")
 TESTS = """
 import pytest
 
@@ -30,6 +31,7 @@ def test_is_known_to_fail():
 def test_skipped_tests_fail_where_all_are_asked_for(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
     pytester.makeconftest(HOOKS)
     pytester.makepyfile(TESTS, test_module="import pytest\n\npytest.importorskip('no_such_module')\n")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))  # the hooks import from the tests
     monkeypatch.delenv("HIL_TEST_ALL", raising=False)
     pytester.runpytest_subprocess().assert_outcomes(passed=1, skipped=3, xfailed=1)
     monkeypatch.setenv("HIL_TEST_ALL", "1")
