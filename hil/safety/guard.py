@@ -33,7 +33,7 @@ from hil.safety.operator import Operator, patience_over
 from hil.safety.outputs import AGAIN_S, Outputs
 from hil.safety.protection import Protection
 from hil.safety.ramp import way_to
-from hil.safety.witness import AGREES, Witnesses
+from hil.safety.witness import Witnesses, stands_at
 
 _AHEAD_SAMPLES = 1 << 16  # are played at once at most where time is virtual
 
@@ -490,10 +490,11 @@ class Guard:
         After an error a device may have restarted: a ramp from where it does not stand would drive it away.
         """
         for name, answer in self._daq.read_back().items():
-            channel = self.outputs[name]
-            if answer.can and (answer.at is None or (
-                name in names and abs(answer.at - self.levels[name]) > AGREES * (channel.high - channel.low)
-            )):  # fmt: skip
+            if not answer.can:
+                continue
+            if answer.at is None:
+                return False
+            if name in names and not stands_at(self.levels[name], answer.at, self.outputs[name]):
                 return False
         return True
 

@@ -21,7 +21,7 @@ from hil.daq.contract import CANNOT_BE_ASKED, Daq, ReadBack, Waveform
 from hil.errors import HilError, NotSafeError, UnansweredError, marked, reason
 from hil.language.words import ENGLISH, _, speaking
 from hil.safety.interrupt import status_of
-from hil.safety.witness import AGREES, Look, Testimony, Witnesses
+from hil.safety.witness import Look, Testimony, Witnesses, stands_at
 from hil.system import system
 
 _PATIENCE_S = 0.5  # for a device that obeys, and says so a little later
@@ -388,7 +388,7 @@ class Outputs:
             witness=None, at_utc=_now_utc(),
         )  # fmt: skip
         if answer.at is not None:
-            if abs(answer.at - channel.safe) > AGREES * (channel.high - channel.low):
+            if not stands_at(channel.safe, answer.at, channel):
                 return replace(known, state=State.DRIVEN, at=answer.at, why=failure)
             state = State.UNCONFIRMED if answer.late_s or witness else State.SAFE
             return replace(

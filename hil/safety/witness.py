@@ -10,15 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from hil.daq.channel import InputChannel
+from hil.daq.channel import InputChannel, OutputChannel
 from hil.daq.contract import Block
 from hil.errors import HilError
 
 Look = Callable[[str], Block]
 """Reads an input by its name, now; raises `HardwareError`."""
-AGREES = 0.0025  # of the range: what a converter or a protocol may round
+_AGREES = 0.0025  # of the range: what a converter or a protocol may round
 SETTLES_S = 1.0
 _SIGMAS = 5.0
+
+
+def stands_at(level: float, at: float, channel: OutputChannel) -> bool:
+    """Whether an output that reads back `at` stands at a level, but for what a converter or a protocol may round."""
+    return abs(at - level) <= _AGREES * (channel.high - channel.low)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +94,7 @@ class Witnesses:
             still = values[np.isfinite(values)]
             sigma = float(np.std(still)) if still.size else 0.0
             span = channel.high - channel.low
-            rounds = AGREES * span if math.isfinite(span) else channel.step
+            rounds = _AGREES * span if math.isfinite(span) else channel.step
             self._rest[witness.channel] = float(np.median(values)), max(_SIGMAS * sigma, witness.uncertainty, rounds)
 
     def driven(self, output: str) -> None:
