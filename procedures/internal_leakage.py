@@ -16,9 +16,10 @@ from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.crossing import crossing
 from hil.signals.rounding import mean_rounding_std
+from procedures._blocked import BlockedSweep, drive_blocked
 from procedures._characteristic import swept
-from procedures._conditions import LOAD, adjusted, adjusting, adjusting_s
-from procedures._course import Course, check_cycle, joined, sweep, sweep_part
+from procedures._conditions import LOAD, adjusting
+from procedures._course import check_cycle
 from procedures._definitions import LEAKAGES, defined
 from procedures._efc import check_channels
 from procedures._recorded import calibration_std, departures, parts_of, reading_step, roles_of
@@ -55,22 +56,15 @@ def run(
         rate_hz: sample rate; that of the bench when not given.
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
-    blocked = {LOAD: adjusting(rig, LOAD, _NEEDING).low}
+    adjusting(rig, LOAD, _NEEDING)
     check_channels(rig, (RETURN_FLOW,), _NEEDING)
     check_cycle(rig, cycle_s, rate_hz)
     scale = scale_of(rig, full_command)
     near = scale.level("reach", -reach), scale.level("reach", reach)
     ranges = ((rig.command.low, rig.command.high), near)
-    sweeps = [sweep(rig, bottom, top, cycle_s, rate_hz) for bottom, top in ranges]
-    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, sweeps), {"near": list(near)},
-                    adjusting_s(rig, [blocked]))  # fmt: skip
-    with adjusted(rig, blocked, rate_hz):
-        course.warm_up(float(sweeps[0][0]), warm_up_s)
-        for path, (bottom, top) in zip(sweeps, ranges, strict=True):
-            course.go_to(bottom)
-            part = {"kind": KIND, **sweep_part(rig, scale, bottom, top, cycle_s)}
-            course.play(path, f"ports blocked, {bottom:.4g} … {top:.4g} {rig.command.unit}", part)
-        course.finish()
+    sweeps = [BlockedSweep(bottom, top, cycle_s, f"{bottom:.4g} … {top:.4g} {rig.command.unit}")
+              for bottom, top in ranges]  # fmt: skip
+    drive_blocked(rig, scale, sweeps, KIND, {"near": list(near)}, warm_up_s, rate_hz)
 
 
 def evaluate(recording: Recording) -> Findings:

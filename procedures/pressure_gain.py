@@ -19,9 +19,10 @@ from hil.language.note import Note
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
+from procedures._blocked import BlockedSweep, drive_blocked
 from procedures._characteristic import steady, swept
-from procedures._conditions import LOAD, adjusted, adjusting, adjusting_s
-from procedures._course import Course, check_cycle, joined, sweep, sweep_part
+from procedures._conditions import LOAD, adjusting
+from procedures._course import check_cycle
 from procedures._definitions import PRESSURE_GAINS, defined
 from procedures._efc import SUPPLY_PRESSURE, channel_in, check_channels, instrument_std
 from procedures._pressure_drop import LOAD_PRESSURE
@@ -58,22 +59,13 @@ def run(
         rate_hz: sample rate; that of the bench when not given.
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
-    blocked = {LOAD: adjusting(rig, LOAD, _NEEDING).low}
+    adjusting(rig, LOAD, _NEEDING)
     check_channels(rig, (LOAD_PRESSURE, SUPPLY_PRESSURE), _NEEDING)
     check_cycle(rig, cycle_s, rate_hz)
     scale = scale_of(rig, full_command)
     bottom, top = (scale.level("reach", sign * reach) for sign in (-1.0, 1.0))
-    durations_s = (cycle_s, 2.0 * cycle_s)
-    sweeps = [sweep(rig, bottom, top, duration_s, rate_hz) for duration_s in durations_s]
-    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, sweeps), {"from": bottom, "to": top},
-                    adjusting_s(rig, [blocked]))  # fmt: skip
-    with adjusted(rig, blocked, rate_hz):
-        course.warm_up(bottom, warm_up_s)
-        for path, duration_s in zip(sweeps, durations_s, strict=True):
-            course.go_to(bottom)
-            part = {"kind": KIND, **sweep_part(rig, scale, bottom, top, duration_s)}
-            course.play(path, f"ports blocked, sweep of {duration_s:g} s", part)
-        course.finish()
+    sweeps = [BlockedSweep(bottom, top, time_s, f"sweep of {time_s:g} s") for time_s in (cycle_s, 2.0 * cycle_s)]
+    drive_blocked(rig, scale, sweeps, KIND, {"from": bottom, "to": top}, warm_up_s, rate_hz)
 
 
 def evaluate(recording: Recording) -> Findings:
