@@ -425,8 +425,6 @@ class World:
     def _to_coupler(self, fault: Fault, cable: Cable, device: Coupler) -> None:
         for_a_while = partial(self._for_a_while, fault)
         match fault.kind:
-            case "out":
-                for_a_while(cable, "is_out", True, False)
             case "hold":
                 cable.holds_s = 0.9 * LATE_S
                 for_a_while(cable, "holds_chance", 0.2, 0.0)
@@ -436,15 +434,6 @@ class World:
                 for_a_while(cable, "delay_s", (0.01, 0.15), (1e-4, 1e-3))
             case "reset":
                 device.hang_up()
-            case "deaf" | "mute" | "lies":
-                for_a_while(device, fault.kind, True, False)
-            case "slow":
-                for_a_while(device, "slow_s", 0.08, 0.0)
-            case "restart":
-                device.restart(fault.lasts_s)
-            case "poke":
-                self.ran.pokes[fault.device].append(self.hub.now_s)
-                device.put(28.0)
             case "over":
                 for_a_while(self.couplers["aux"], "pressure", round(0.6 * 0x7FFF), round(0.4 * 0x7FFF))
             case "low":
@@ -458,6 +447,8 @@ class World:
                     end.gone(None)
                 stranger.host = device.host
                 device.host.is_on, device.host.taken = True, stranger.taken
+            case _:
+                self._to_any(fault, cable, device)
 
     def _to_third(self, fault: Fault) -> None:
         for_a_while, device = partial(self._for_a_while, fault), self.third
@@ -465,8 +456,6 @@ class World:
         line = device.line
         usual_s = line.delay_s
         match fault.kind:
-            case "out":
-                for_a_while(line, "is_out", True, False)
             case "hold" if isinstance(line, CanBus):
                 for_a_while(line, "delay_s", (0.0, 0.2), usual_s)
             case "hold":
@@ -484,20 +473,28 @@ class World:
                 for_a_while(line, "is_off", True, False)
             case "reset":
                 line.pull(fault.lasts_s)
-            case "deaf" | "mute" | "lies":
-                for_a_while(device, fault.kind, True, False)
-            case "slow":
-                for_a_while(device, "slow_s", 0.08, 0.0)
-            case "restart":
-                device.restart(fault.lasts_s)
-            case "poke":
-                self.ran.pokes["third"].append(self.hub.now_s)
-                device.put(28.0)
             case "fails" if isinstance(device, Amplifier | Valve):
                 device.fail(True)
                 self.hub.after(fault.lasts_s, partial(device.fail, False))
             case "claims" if isinstance(device, Valve):
                 device.take_address()
+            case _:
+                self._to_any(fault, line, device)
+
+    def _to_any(self, fault: Fault, line: object, device: Coupler | Module | Source | Amplifier | Valve) -> None:
+        """What happens alike to every device and to every way to it."""
+        match fault.kind:
+            case "out":
+                self._for_a_while(fault, line, "is_out", True, False)
+            case "deaf" | "mute" | "lies":
+                self._for_a_while(fault, device, fault.kind, True, False)
+            case "slow":
+                self._for_a_while(fault, device, "slow_s", 0.08, 0.0)
+            case "restart":
+                device.restart(fault.lasts_s)
+            case "poke":
+                self.ran.pokes[fault.device].append(self.hub.now_s)
+                device.put(28.0)
 
     @property
     def watchdog(self) -> Process | None:
