@@ -117,9 +117,9 @@ def _separator(lines: Sequence[str]) -> tuple[str, int]:
         weights: Counter[int] = Counter()
         for row in rows:
             texts = sum(not _is_known(cell) for cell in row)
-            weights[len(row)] += 1 + len(rows) * max(0, sum(map(_says, row)) - texts)
+            weights[len(row)] += 1 + len(rows) * max(0, sum(map(_is_quantity_or_stamp, row)) - texts)
         count = weights.most_common(1)[0][0] if rows else 0
-        first = next((i for i, row in enumerate(rows) if len(row) == count and any(map(_says, row))), 0)
+        first = next((i for i, row in enumerate(rows) if len(row) == count and any(map(_is_quantity_or_stamp, row))), 0)
         whole = [row for row in rows[first:] if len(row) == count]
         known = sum(_is_known(cell) for row in whole for cell in row)
         share = known / (count * (len(rows) - first)) if whole else 0.0
@@ -128,12 +128,12 @@ def _separator(lines: Sequence[str]) -> tuple[str, int]:
     return best
 
 
-def _says(cell: str) -> bool:
+def _is_quantity_or_stamp(cell: str) -> bool:
     return is_quantity(cell) or is_stamp(cell)
 
 
 def _is_known(cell: str) -> bool:
-    return is_blank(cell) or _says(cell)
+    return is_blank(cell) or _is_quantity_or_stamp(cell)
 
 
 def _kind(cells: Sequence[str], others: Sequence[str] = ()) -> Kind:
