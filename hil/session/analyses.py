@@ -385,12 +385,16 @@ def composed(curve: Path, dynamics: Model) -> Model:
 
 @dataclass(frozen=True, slots=True)
 class FlowCurve:
-    """A steady curve: levels of the command and the response between its branches, shape (n,), and their headings."""
+    """A steady curve: levels of the command and the response between its branches, shape (n,), and their headings.
+
+    `simulated`: whether it is of a simulated valve; None where nobody knows.
+    """
 
     command: Array
     flow: Array
     input: str
     output: str
+    simulated: bool | None = None
 
 
 def flow_curve_of(path: Path) -> FlowCurve:
@@ -402,7 +406,8 @@ def flow_curve_of(path: Path) -> FlowCurve:
     if path.is_dir():
         from hil.session.kept_results import results_of_run
 
-        curves = [one for one in results_of_run(path).curves if one.name == "flow_curve"]
+        results = results_of_run(path)
+        curves = [one for one in results.curves if one.name == "flow_curve"]
         if not curves:
             raise FileError(f"{path}: the run measured no flow curve; `hil run flow_curve` does")
         roles = read_recording(path).meta["roles"]
@@ -410,7 +415,8 @@ def flow_curve_of(path: Path) -> FlowCurve:
         rows = np.array(curves[0].rows, dtype=np.float64)
         found = _between(path, heads, rows)
         unit_in, unit_out = (split_heading(text)[1] for text in (found.input, found.output))
-        return replace(found, input=f"{roles['command']} [{unit_in}]", output=f"{roles['response']} [{unit_out}]")
+        heads = [f"{roles[role]} [{unit}]" for role, unit in (("command", unit_in), ("response", unit_out))]
+        return replace(found, input=heads[0], output=heads[1], simulated=results.simulated)
     try:
         heads, *lines = list(csv.reader(read_text(path).splitlines()))
         return _between(path, heads, np.array(lines, dtype=np.float64))

@@ -96,11 +96,9 @@ def _table(source: Model | Results | str | Path, points: int) -> str:
 
     if isinstance(source, Model | Results):
         raise SettingError(f"to {TABLE}: of a run of flow_curve, or of a curve as CSV, by its path")
-    path = Path(source)
-    curve = flow_curve_of(path)
+    curve = flow_curve_of(Path(source))
     rows = compensation(curve.command, curve.flow, points)
-    simulated = results_of_run(path).simulated if path.is_dir() else None
-    return compensation_text(rows, curve.input, curve.output, simulated=simulated)
+    return compensation_text(rows, curve.input, curve.output, simulated=curve.simulated)
 
 
 def _text(source: Model | Results | str | Path, to: str, part: str) -> str:
