@@ -43,13 +43,15 @@ _LONGEST_REASON = 4096
 class Watch(NamedTuple):
     """Gives a sign of life, told whether outputs are driven (else they are safe); and where the run is stopped.
 
-    `hand_over` leaves the outputs to the watchdog; what is to be said of that.
+    `hand_over` leaves the outputs to the watchdog; what is to be said of that. `say_identities` tells it which devices
+    were opened.
     """
 
     beat: Callable[[bool], None]
     control: Control | None
     note: str = ""
     hand_over: Callable[[], str] = lambda: ""
+    say_identities: Callable[[], None] = lambda: None
 
 
 @contextmanager
@@ -74,7 +76,7 @@ def watched(file: BenchFile, run: Path, known: Outputs, operator: Operator | Non
     operator.tell, operator.holding, operator.confirming = client.say_outputs, client.say_holding, client.say_confirming
     try:
         client.wait_until_ready()
-        yield Watch(client.beat, client.control, client.no_listener, client.hand_over)
+        yield Watch(client.beat, client.control, client.no_listener, client.hand_over, client.say_identities)
     except BaseException as error:
         if not known.are_commanded:
             error.add_note(client.hand_over())
@@ -128,7 +130,7 @@ class HeartbeatClient:
     """
 
     def __init__(self, file: BenchFile, run: Path, operator: Operator | None = None) -> None:
-        self._operator = operator or Operator()
+        self._operator, self._devices = operator or Operator(), file.devices
         self.control: Control | None = None
         self.no_listener = ""
         self._limit_s = file.bench.protection.watchdog_s
@@ -199,6 +201,10 @@ class HeartbeatClient:
         """Tell what is known of the outputs. Never raises."""
         if known.known:
             self._say_line({"outputs": known.record()})
+
+    def say_identities(self) -> None:
+        """Tell what the devices said that they are: the watchdog may have heard nothing when it opened them."""
+        self._say_line({"identities": {name: device.pin.identity for name, device in self._devices.items()}})
 
     def say_holding(self, holds: bool) -> None:
         """Tell whether the run stands, as the operator asked."""

@@ -119,6 +119,7 @@ def _opened_rig(
     watch = ending.enter(watched(file, out, known, operator))
     ending.enter(accounted(known))
     daq = ending.enter(_opened(file, known))
+    watch.say_identities()
     bench = file.bench
     latch = _latch(file, resets)
     columns = [_column(name, file) for name in (*daq.outputs, *daq.inputs)]

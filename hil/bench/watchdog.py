@@ -30,6 +30,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from hil.bench.device import DeviceInUse
 from hil.bench.heartbeat import (
     ANSWER,
     AT_REST,
@@ -99,7 +100,7 @@ def _watch(path: Path, pid: int, run: Path, parent: Parent[Asked]) -> int:
     service = StopService(units_of(file), "watchdog", parent.request)
     with _listening(service) as control:
         parent.say(READY + json.dumps(control).encode() + b"\n")
-        end = _watched(parent, file.bench.protection.watchdog_s, pid, service)
+        end = _watched(parent, file.bench.protection.watchdog_s, pid, service, file.devices)
         if end is not None:
             _act(file, pid, run, end, service)
             withdraw(run)
@@ -130,8 +131,8 @@ class _Program:
         hands_over: it ends, and its outputs are not settled.
     """
 
-    def __init__(self, service: StopService) -> None:
-        self._service = service
+    def __init__(self, service: StopService, devices: Mapping[str, DeviceInUse]) -> None:
+        self._service, self._devices = service, devices
         self._rest = b""
         self.driven = self.confirms = self.has_left = self.hands_over = False
 
@@ -164,6 +165,9 @@ class _Program:
                 self._service.holds(bool(message["holding"]))
             if "outputs" in message:
                 self._service.tell(outputs_in(message["outputs"]), "run")
+            for name, identity in message.get("identities", {}).items():
+                pin = self._devices[name].pin  # what the run drives is what has to be made safe
+                pin.identity = identity or pin.identity
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,9 +178,11 @@ class _End:
     killed: bool = False
 
 
-def _watched(parent: Parent[Asked], limit_s: float, pid: int, service: StopService) -> _End | None:
+def _watched(
+    parent: Parent[Asked], limit_s: float, pid: int, service: StopService, devices: Mapping[str, DeviceInUse]
+) -> _End | None:
     """Listen until there is something to do; None when the program said farewell."""
-    program = _Program(service)
+    program = _Program(service, devices)
     silent_at_s = confirms_by_s = math.inf
     while True:
         until_s = silent_at_s if program.confirms else min(silent_at_s, confirms_by_s)
