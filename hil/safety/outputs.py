@@ -20,7 +20,7 @@ from hil.daq.channel import OutputChannel
 from hil.daq.contract import CANNOT_BE_ASKED, Daq, ReadBack, Waveform
 from hil.errors import HilError, NotSafeError, UnansweredError, marked, reason
 from hil.language.words import ENGLISH, _, speaking
-from hil.safety.interrupt import status_of
+from hil.safety.interrupt import status_of, uninterrupted
 from hil.safety.witness import Look, Testimony, Witnesses, stands_at
 from hil.system import system
 
@@ -361,6 +361,7 @@ class Outputs:
         if not self.settled:
             raise NotSafeError("outputs could not be made safe, or did not say so")
 
+    @uninterrupted()  # a signal would be taken for a failure of the device, and be forgotten
     def _asked(self, daq: Daq, alive: Callable[[], None], late_s: float) -> None:
         """Tell them once, and ask once."""
         failure, was_commanded = "", True
