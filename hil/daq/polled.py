@@ -329,7 +329,9 @@ class PolledDaq:
                 if now_s - due_s > BEHIND_S:
                     due_s = now_s
                 with self._lock:
+                    self._stand = False  # also after a sample that failed
                     self._sample({**self.levels, **dict(zip(names, row, strict=True))}, taken, task)
+                    self._stand = True
                 self._blind_s = took_s if (took_s := self._samples_s[-1]) > _BEHIND * interval_s else 0.0
                 task.pace.check()
                 due_s += interval_s
@@ -344,10 +346,10 @@ class PolledDaq:
         refuse_after_sleep(self._clock)
         self._refuse_after_silence()
         self._sent_s = begun_s = self._clock.now_s
-        self._stand = False
         for member in self._members:
+            refuse_after_sleep(self._clock)  # as it may have while the one before was driven
             member.drive(levels)
-        self.levels, self._stand = levels, True
+        self.levels = levels
         updated_s = 0.5 * (begun_s + self._clock.now_s)
         readings: dict[str, float] = {}
         delays_s: dict[str, float] = {}
@@ -403,6 +405,7 @@ class PolledDaq:
                     self._refuse_after_silence()
                     self._sent_s = self._clock.now_s
                     for member in self._members:
+                        refuse_after_sleep(self._clock)
                         if member.link.keep_alive_s is not None:
                             member.drive(self.levels)
                 except HardwareError as error:
