@@ -6,6 +6,7 @@ import gc
 import io
 import os
 import signal
+import threading
 from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
@@ -57,6 +58,17 @@ def signals() -> Iterator[None]:
     yield
     for number, handler in before.items():
         signal.signal(number, handler)
+
+
+@pytest.fixture(autouse=True)
+def devices_are_closed() -> Iterator[None]:
+    """What keeps a device alive ends with it: one left open would go on driving beside the tests that follow."""
+    before = set(threading.enumerate())
+    yield
+    for thread in set(threading.enumerate()) - before:
+        if thread.name == "hil-keep-alive":
+            thread.join(5.0)
+            assert not thread.is_alive(), "a device that this test opened is still kept alive: close it"
 
 
 @pytest.hookimpl(wrapper=True)

@@ -293,7 +293,7 @@ def driver(device: Device, fault: str) -> Any:
     def open_daq(settings: Any, wiring: Wiring) -> Any:
         device.there = settings.there
         daq: Any = PolledDaq({"x": Link(device, fault)}, {"x": wiring})
-        return Spoiled(daq, fault) if fault in DAQ_FAULTS else daq
+        return Spoiled(daq, device, fault) if fault in DAQ_FAULTS else daq
 
     def open_link(settings: Any, _wiring: Wiring) -> Link:
         device.there = settings.there
@@ -311,8 +311,8 @@ def driver(device: Device, fault: str) -> Any:
 class Spoiled:
     """A DAQ that breaks what the loop over links would keep by itself."""
 
-    def __init__(self, daq: Any, fault: str) -> None:
-        self._daq, self._fault = daq, fault
+    def __init__(self, daq: Any, device: Device, fault: str) -> None:
+        self._daq, self._device, self._fault = daq, device, fault
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._daq, name)
@@ -336,8 +336,10 @@ class Spoiled:
         return (replace(b, time_s=0.0 * b.time_s) for b in blocks) if self._fault == "time stands still" else blocks
 
     def close(self) -> None:
-        if self._fault != "leaves outputs on":
-            self._daq.close()
+        stood_at = self._device.value
+        self._daq.close()
+        if self._fault == "leaves outputs on":
+            self._device.value = stood_at
 
 
 DAQ_FAULTS = {

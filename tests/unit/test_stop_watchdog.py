@@ -51,7 +51,7 @@ class Watched:
 
     def begin(self, limit_s: float = PATIENCE_S) -> threading.Thread:
         def watch() -> None:
-            end = watchdog._watched(self.reader, limit_s, self.program.pid, self.service)
+            end = watchdog._watched(self.reader, limit_s, self.program.pid, self.service, {})
             self.ended.append((end, time.monotonic()))
 
         thread = threading.Thread(target=watch, daemon=True)
@@ -192,7 +192,7 @@ from hil.system.parent import Parent
 from hil.bench.stop.stop_service import StopService
 reader = Parent(int(sys.argv[1]))
 print("ready", file=sys.stderr, flush=True)
-end = watchdog._watched(reader, 2.0, int(sys.argv[1]), StopService({}, "watchdog", reader.request))
+end = watchdog._watched(reader, 2.0, int(sys.argv[1]), StopService({}, "watchdog", reader.request), {})
 print(end, file=sys.stderr)
 """
 
@@ -239,7 +239,7 @@ def test_program_is_understood_in_whatever_pieces_it_comes() -> None:
     for size in (1, 2, 3, 7, 1000):
         service = StopService({"valve": "V"}, "watchdog", lambda _wish: None)
         service.ask_to_hold(True)
-        program = watchdog._Program(service)
+        program = watchdog._Program(service, {})
         signs = sum(program.received(told[at : at + size]) for at in range(0, len(told), size))
         assert (signs, program.driven, program.has_left, service.status.is_confirmed) == (5, True, True, True)
         assert service.hold == "holding"
@@ -250,7 +250,7 @@ def test_program_is_understood_in_whatever_pieces_it_comes() -> None:
 )
 def test_program_that_talks_nonsense_is_watched_on(line: bytes) -> None:
     service = StopService({"valve": "V"}, "watchdog", lambda _wish: None)
-    program = watchdog._Program(service)
+    program = watchdog._Program(service, {})
     assert program.received(b"d" + line + b"\nd") == 2 and program.driven and not service.status.is_final
     assert program.received(b"{" + b"x" * (3 << 20)) == 0 and len(program._rest) <= (1 << 20) + 1
 
