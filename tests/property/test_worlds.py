@@ -74,6 +74,26 @@ def test_a_ramp_after_a_lost_answer_begins_with_the_question_where_the_output_st
     assert not of("46,0.01,plain,r|hold:driving:4:0.05:io").broken
 
 
+def test_a_computer_that_sleeps_while_one_device_is_driven_drives_no_other_afterwards() -> None:
+    """Its own watchdog had made that one safe meanwhile."""
+    assert not of("212367646046,0.01,plain,w|sleep:driving:2.9357:1:").broken
+
+
+def test_a_sample_that_lost_its_reading_is_driven_again_by_no_sign_of_life() -> None:
+    """It would begin a new connection with a command away from the safe value."""
+    assert not of("5990665,0.2,leaves early,wv|hold:driving:0.6651:0.2:aux").broken
+
+
+def test_a_signal_while_outputs_are_made_safe_at_the_opening_ends_the_run() -> None:
+    """It was taken for a failure of the device, and the next one was not heard either."""
+    assert of("5991776,0.01,plain,p|hup:opening:1.23:0:|int:opening:2:0:").status == 129
+
+
+def test_watchdog_that_did_not_hear_what_a_device_is_learns_it_from_the_run() -> None:
+    """Else it calls another device, which has come to that address, safe."""
+    assert not of("77992380,0.01,plain,-|deaf:opening:0.5:0.5:io|swap:driving:3:0:io").broken
+
+
 @pytest.mark.parametrize("part", range(2))
 def test_drawn_worlds_hold(part: int) -> None:
     """Others with each commit; one that does not hold is printed as `python -m tests.worlds CODE` takes it."""
@@ -115,7 +135,7 @@ MENDS: dict[str, tuple[Patches, str]] = {
     ),
     "a late command is not waited for": (
         [(Late, "left_s", lambda _late, _now_s: 0.0)],
-        "30295,0.2,plain,w|hold:driving:1.6272:1:io|hup:driving:2.0031:0:",
+        "31005,0.2,plain,-|hold:driving:2.3545:2:io|hup:driving:2.8849:0:",
     ),
     "another device is believed": (
         [(Wiring, "refuse_another", lambda _wiring, _identity: None), (Pin, "doubt", lambda _pin, _identity: "")],

@@ -113,8 +113,10 @@ def nothing_is_left(world: World, ran: Ran) -> Iterator[str]:
     for process in world.system.processes:
         if process.status is None or not process.has_returned or process is world.watchdog:
             continue  # a try of the watchdog that became needless ends with it
-        if process.left:
-            yield f"{process.name} ended with {', '.join(process.left)}"
+        # a signal may end the program between a connection and who would close it: the kernel does
+        left = [what for what in process.left if what != "a connection" or not kinds(ran) & SIGNALLED]
+        if left:
+            yield f"{process.name} ended with {', '.join(left)}"
     held = {path for path, holder in world.system.locks.items() if holder.has_returned}
     if held:
         yield f"nobody holds the bench, and its lease was not let go of: {', '.join(sorted(held))}"
@@ -217,7 +219,10 @@ def stays_safe(world: World, ran: Ran) -> Iterator[str]:
     begun_s = world.begun_s.get("making safe")
     if begun_s is None or kinds(ran) & {"hold", "double", "slow line", "swap"}:  # what was on its way may come later
         return
+    late = {fault.device for fault, _ in ran.took if fault.kind in ("slow", "deaf")}  # it obeys, but later
     for output, device in world.outputs.items():
+        if device in late:
+            continue
         for (_, before), (at_s, after) in pairwise(ran.changes[output]):
             if begun_s < at_s < world.run.ended_s and abs(after) > abs(before) + NEAR and at_s not in ran.pokes[device]:
                 yield f"made safe from {begun_s:.3f} s on, and {output} goes to {after:.1f} % at {at_s:.3f} s"

@@ -27,7 +27,7 @@ _OF_THIRD = {
 }  # fmt: skip
 _OF_COUPLERS = {"swap", "over", "low", "pressed"}
 _WITH_DEVICE = {kind for kind, of in KINDS.items() if of in ("network", "device")}
-_AT_ONCE = {"poke", "claims", "reset", "swap", "int", "term", "hup", "kill", "wd term", "wd kill", "stop"}
+_AT_ONCE = {"poke", "claims", "swap", "int", "term", "hup", "kill", "wd term", "wd kill", "stop"}
 _TIMES_S = (0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 
 
