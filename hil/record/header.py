@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from typing_extensions import TypedDict
 
 from hil.errors import FileError
 from hil.record.durable import sync_file, sync_folder, write_at
@@ -23,10 +24,6 @@ _FORMAT, _END_FORMAT, _VERSION = "hil-run", "hil-run-end", 1
 _KEPT_BYTES, _MOST_BYTES = 16384, 1 << 22  # of one file: every page and every list reads them
 _SAMPLES = ("samples.f8", "samples.log")
 _FIGURES, _WORDS = ("slope", "offset", "uncertainty", "lag_s"), ("date", "due", "source", "unit", "raw_unit")
-_OF_META = {
-    **dict.fromkeys(("valve", "conditions", "limits", "settings", "roles", "sampling", "notes", "outputs"), "table"),
-    **dict.fromkeys(("instruments", "deviations"), "list"),
-}
 _NO_BRACKET = r"^[^\[\]\r\n]+$"
 
 
@@ -63,11 +60,80 @@ class Table(_Strict):
     columns: tuple[Column, ...] = Field(min_length=2)
 
 
+class StatedValve(TypedDict, total=False):
+    """The valve that was tested, as its bench file says it."""
+
+    __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
+
+    name: str
+    plant: str
+    serial: str
+    settling_s: float
+    limits: dict[str, float | None] | None
+    operating_point: float | None
+    integrates: bool
+    amplifier: str
+
+
+class StatedConditions(TypedDict, total=False):
+    """Conditions of the test, as the bench file says them."""
+
+    __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
+
+    fluid: str
+    viscosity_class: str
+    cleanliness: str
+    fluid_temperature_c: float | None
+    ambient_temperature_c: float | None
+    supply_pressure_bar: float | None
+    return_pressure_bar: float | None
+    pressure_drop_bar: float | None
+    notes: str
+    ranges: dict[str, tuple[float, float]]
+
+
+class Sampling(TypedDict, total=False):
+    """How the inputs were read (see `hil.daq.contract.Promises.sampling`)."""
+
+    __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
+
+    timing: str
+    rate_hz: float
+    delay_s: dict[str, float]
+    delay_channels: dict[str, str] | None
+
+
+class Meta(TypedDict, total=False):
+    """What the bench and the procedure say of a run; who reads one relies on these, and anything more may be said."""
+
+    __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
+
+    procedure: str
+    settings: dict[str, Any]
+    limits: dict[str, Any]
+    bench: str
+    bench_path: str
+    bench_file: str
+    simulated: bool
+    operator: str
+    plant: str
+    roles: dict[str, str]
+    valve: StatedValve
+    conditions: StatedConditions
+    instruments: list[dict[str, str | None]]
+    deviations: list[Any]
+    codes: dict[str, Any]
+    sampling: Sampling
+    driven: dict[str, dict[str, Any]]
+    read: dict[str, dict[str, Any]]
+    notes: dict[str, Any]
+    outputs: dict[str, dict[str, Any]]
+
+
 class Header(_Strict):
     """What is known when a run starts. Written once, never touched again.
 
-    `meta` holds what the bench and the procedure say (JSON values): procedure, settings, conditions,
-    `sampling` (the promises of the device), instruments.
+    `meta` holds what the bench and the procedure say, as JSON values.
     """
 
     format: Literal["hil-run"] = "hil-run"
@@ -75,7 +141,7 @@ class Header(_Strict):
     program: str = PROGRAM
     started_utc: Moment = Field(default_factory=lambda: datetime.now(UTC))
     samples: Table
-    meta: dict[str, Any] = {}
+    meta: Meta = {}
 
 
 class End(_Strict):
@@ -94,7 +160,7 @@ class End(_Strict):
     crc32: str = Field(pattern="^[0-9a-f]{8}$")
     sha256: dict[str, str]
     outputs: dict[str, dict[str, Any]] = {}
-    meta: dict[str, Any] = {}
+    meta: Meta = {}
 
 
 def new_header(channels: Sequence[tuple[str, str] | Column], meta: Mapping[str, Any]) -> Header:
@@ -137,29 +203,13 @@ def read_header(folder: Path) -> Header:
     Raises:
         FileError: there is none, or it is not what this program writes; names the field.
     """
-    header = read_stated(folder / HEADER_FILE, Header, _FORMAT)
-    _check_meta(header.meta, folder / HEADER_FILE)
-    return header
+    return read_stated(folder / HEADER_FILE, Header, _FORMAT)
 
 
 def read_end(folder: Path) -> End | None:
     """How the run ended; None while it is being written, and when its program was killed."""
     path = folder / END_FILE
-    if not path.exists():
-        return None
-    end = read_stated(path, End, _END_FORMAT)
-    _check_meta(end.meta, path)
-    return end
-
-
-def _check_meta(meta: Mapping[str, Any], path: Path) -> None:
-    """Raise `FileError` where what is read as a table or a list is none: who reads a run relies on that."""
-    for key, kind in _OF_META.items():
-        if not isinstance(found := meta.get(key), dict | None if kind == "table" else list | None):
-            raise FileError(f"{path}: field 'meta.{key}' must be a {kind}, found {found!r:.40}")
-    outputs: dict[str, Any] = meta.get("outputs") or {}
-    if not all(isinstance(one, dict) for one in outputs.values()):
-        raise FileError(f"{path}: field 'meta.outputs' must be a table of tables, found {outputs!r:.40}")
+    return read_stated(path, End, _END_FORMAT) if path.exists() else None
 
 
 def meta_of(folder: Path) -> dict[str, Any]:

@@ -57,7 +57,8 @@ def recordings(draw: st.DrawFn) -> Recording:
     }
     meta = draw(st.dictionaries(st.sampled_from(["procedure", "settings", "sampling"]), json_values, max_size=3))
     meta = {
-        name: value if name == "procedure" or isinstance(value, dict) else {"is": value} for name, value in meta.items()
+        name: str(value) if name == "procedure" else value if isinstance(value, dict) else {"is": value}
+        for name, value in meta.items()
     }
     return Recording("made", time_s, channels, meta)
 

@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import socket
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -123,14 +124,22 @@ def test_archive_rebuild_leaves_bad_folders_out(folder: Path, command_line) -> N
     assert '/good"' in out and "deep" not in out and status in (0, 2)
 
 
-@pytest.mark.parametrize("key", ["valve", "conditions", "limits", "settings", "roles", "sampling"])
-def test_meta_of_another_kind_is_named(key: str, folder: Path, command_line) -> None:
+@pytest.mark.parametrize(
+    ("key", "found"),
+    [
+        *[((key,), ["x"]) for key in ("valve", "conditions", "limits", "settings", "roles", "sampling")],
+        (("valve",), None), (("instruments",), None), (("instruments",), [1]), (("roles", "command"), [1]),
+        (("sampling", "delay_channels"), True), (("conditions", "fluid_temperature_c"), {"a": None}),
+    ],
+)  # fmt: skip
+def test_meta_of_another_kind_is_named(key: tuple[str, ...], found: object, folder: Path, command_line) -> None:
     path = folder / "run/run.json"
     content = json.loads(path.read_text())
-    content["meta"][key] = ["x"]
+    *tables, last = key
+    reduce(lambda table, name: table.setdefault(name, {}), tables, content["meta"])[last] = found
     path.write_text(json.dumps(content))
     status, _, err = command_line("convert", "run", "x.csv")
-    assert status == 2 and f"run.json: field 'meta.{key}' must be a table, found ['x']" in err
+    assert status == 2 and f"run.json: field 'meta.{'.'.join(key)}" in err and "found" in err
 
 
 @pytest.mark.parametrize(
@@ -143,7 +152,7 @@ def test_end_of_another_kind_is_named(key: str, value: object, folder: Path, com
     content["meta"][key] = value
     path.write_text(json.dumps(content))
     status, _, err = command_line("convert", "run", "x.csv")
-    assert status == 2 and f"end.json: field 'meta.{key}' must be a " in err
+    assert status == 2 and f"end.json: field 'meta.{key}" in err and "Input should be a valid" in err
 
 
 @pytest.mark.parametrize(
