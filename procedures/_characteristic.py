@@ -143,7 +143,9 @@ def characteristic(
 
 def steady(recording: Recording, part: Mapping[str, Any], channel: Channel) -> tuple[float, float]:
     """Mean of a channel over the second half of a part that stands still, and its standard uncertainty from noise."""
-    values = recording.rows(part["first"], part["count"]).values(channel.name)
+    values = channel.values[
+        part["first"] : part["first"] + part["count"]
+    ]  # in the channel's unit, not the recorded one
     value, std = settled(values)
     return value, math.hypot(std, mean_rounding_std(float(np.std(values)), reading_step(recording, channel)))
 

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from swept_recording import swept_recording
 
+from hil.units import convert
 from procedures.pressure_gain import KIND, evaluate
 
 SUPPLY_BAR = 70.0
 
 
-def found(gain=50.0, null=0.3, late=0.0, seed=0, top=95.0):
+def found(gain=50.0, null=0.3, late=0.0, seed=0, top=95.0, unit="bar"):
     """A load pressure that is straight within ± 60 % of supply and bends to its end beyond."""
 
     def load(command, _k):
@@ -23,7 +24,7 @@ def found(gain=50.0, null=0.3, late=0.0, seed=0, top=95.0):
 
     channels = {
         "load pressure": ("bar", load, 0.2),
-        "supply pressure": ("bar", lambda command, _k: np.full(len(command), SUPPLY_BAR), 0.2),
+        "supply pressure": (unit, lambda command, _k: np.full(len(command), convert(SUPPLY_BAR, "bar", unit)), 0.2),
     }
     findings = evaluate(swept_recording(KIND, [(-5.0, 5.0, 40.0), (-5.0, 5.0, 80.0)], channels, seed=seed))
     return findings, {one.name: one for one in findings.measured}
@@ -39,6 +40,12 @@ def test_the_slope_within_40_percent_of_supply_holds_the_truth_and_no_lag(gain, 
         assert one["pressure_null"].value == pytest.approx(0.3, abs=3.0 * one["pressure_null"].std)
         assert one["pressure_null"].std < 0.01
         assert one["supply_pressure"].value == pytest.approx(SUPPLY_BAR, abs=0.01)
+
+
+def test_a_supply_pressure_that_is_read_in_psi_counts_in_bar():
+    _, one = found(unit="psi")
+    assert one["supply_pressure"].value == pytest.approx(SUPPLY_BAR, abs=0.01)
+    assert one["pressure_gain"].value == pytest.approx(50.0, rel=0.01)
 
 
 def test_a_load_pressure_that_stays_below_40_percent_has_no_gain():
