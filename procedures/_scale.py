@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from hil.errors import SettingError
@@ -51,6 +51,20 @@ class Scale:
         """A level, counted from neutral, in the unit of the command. Raises `SettingError` when out of range."""
         value = self.neutral + percent / 100.0 * self.full
         return self.within(setting, f"{percent:g} %", value, value)
+
+    def levels(self, setting: str, percents: Sequence[float] | None, share: float = 1.0) -> list[float]:
+        """Levels off neutral, in the unit of the command; so far towards the ends of its range when none are given.
+
+        Raises:
+            SettingError: none, one at neutral, or one out of range.
+        """
+        if percents is None:
+            ends = (self.command.high, self.command.low)
+            return [self.neutral + share * (end - self.neutral) for end in ends if end != self.neutral]
+        found = [self.level(setting, percent) for percent in percents]
+        if not found or self.neutral in found:
+            raise SettingError(f"setting {setting}: each must differ from 0 %, and at least one is needed")
+        return found
 
     def middle(self, setting: str, percent: float) -> float:
         """A level to swing about. Raises `SettingError` where the response would run away from there."""

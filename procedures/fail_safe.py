@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Unit
 
-from hil.errors import InputError, SettingError
+from hil.errors import InputError
 from hil.identification.steady.characteristic import Read
 from hil.identification.steady.threshold_estimate import Stop, drift_of
 from hil.identification.step.step_estimate import measured_steps
@@ -27,7 +27,7 @@ from procedures._characteristic import steady
 from procedures._course import Course, joined
 from procedures._definitions import FAIL_SAFES, defined
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
-from procedures._scale import Scale, check_stands, scale_of
+from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, Percent, Positive, Twice
 
 CLOSING = Measurement("closing_time", "ms", "from the loss of the command until the response stays at its final value")
@@ -63,7 +63,7 @@ def run(
     scale = scale_of(rig, full_command)
     check_stands(scale, "a fail-safe test")
     held = max(2, round((hold_s or _HOLD_SETTLINGS * rig.settling_s) * rate_hz))
-    asked = _levels(scale, levels)
+    asked = scale.levels("levels", levels)
     pieces = [np.repeat([level, scale.neutral], held) for level in asked]
     course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, pieces * repeats), {"levels": asked})
     course.play(np.full(held, scale.neutral), "neutral", {"kind": "neutral"})
@@ -74,15 +74,6 @@ def run(
             part = {"kind": "fail-safe", "level": level, "held": held, "label": f"{level:.4g} {rig.command.unit}"}
             course.play(piece, f"command lost at {level:.4g} {rig.command.unit}", part)
     course.finish()
-
-
-def _levels(scale: Scale, asked: Sequence[float] | None) -> list[float]:
-    if asked is None:
-        return [end for end in (scale.command.high, scale.command.low) if end != scale.neutral]
-    levels = [scale.level("levels", percent) for percent in asked]
-    if not levels or scale.neutral in levels:
-        raise SettingError("setting levels: each must differ from 0 %, and at least one is needed")
-    return levels
 
 
 def evaluate(recording: Recording) -> Findings:

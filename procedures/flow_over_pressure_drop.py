@@ -13,29 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import SettingError
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
-from procedures._characteristic import steady
-from procedures._conditions import SUPPLY, adjusted, adjusting, adjusting_s, check_within, usual
-from procedures._course import Course, ramped
 from procedures._definitions import PRESSURE_DROPS, defined
-from procedures._efc import SUPPLY_PRESSURE, channel_in, check_channels, instrument_std
-from procedures._pressure_drop import LOAD_PRESSURE, RETURN_PRESSURE
-from procedures._recorded import calibration_std, departures, parts_of, roles_of
-from procedures._scale import check_stands, scale_of
+from procedures._recorded import departures, parts_of, roles_of
+from procedures._scale import scale_of
 from procedures._settings import NotNegative, Percent, Positive, PositivePercent
+from procedures._supplies import KIND, Points, by_command, drive_supplies
 
 FLOW = Measurement("flow", "", "steady response at a command and a supply pressure")
 DROP = Measurement("pressure_drop", "bar", "valve pressure drop of that flow")
 EXPONENT = Measurement("flow_exponent", "", "power of the pressure drop that the flow follows")
 RATED = Measurement("rated_flow", "", "flow at the rated valve pressure drop")
 MEASUREMENTS = defined(PRESSURE_DROPS, EXPONENT, RATED, FLOW, DROP)
-KIND = "flow at a supply pressure"
-_NEEDING = "a flow over pressure drop"
-_LEAST = 3  # points of a power law that say whether it is one
 
 
 def run(
@@ -62,51 +54,19 @@ def run(
         rate_hz: sample rate; that of the bench when not given.
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
-    supply = adjusting(rig, SUPPLY, _NEEDING)
-    check_channels(rig, (SUPPLY_PRESSURE, RETURN_PRESSURE), _NEEDING)
     scale = scale_of(rig, full_command)
-    check_stands(scale, _NEEDING)
-    if commands is None:
-        levels = [end for end in (scale.command.high, scale.command.low) if end != scale.neutral]
-    else:
-        levels = [scale.level("commands", percent) for percent in commands]
-    if not levels or scale.neutral in levels or len(supplies) < _LEAST:
-        raise SettingError(
-            f"settings commands and supplies: at least one command other than 0 %, and {_LEAST} supply pressures"
-        )
-    pressures = [usual(supply) * percent / 100.0 for percent in supplies]
-    check_within(supply, "supplies", pressures)
-    held = max(2, round(hold_s * rate_hz))
-    there = [np.concatenate((ramped(rig, scale.neutral, level, rate_hz), np.full(held, level))) for level in levels]
-    once = [piece for path, level in zip(there, levels, strict=True)
-            for piece in (path, ramped(rig, level, scale.neutral, rate_hz))]  # fmt: skip
-    warm = [np.full(round(warm_up_s * rate_hz), levels[0])]
-    ways = [{SUPPLY: pressure} for pressure in pressures]
-    course = Course(rig, rate_hz, np.concatenate([*warm, *once * len(ways)]), {"supplies_bar": pressures},
-                    adjusting_s(rig, ways))  # fmt: skip
-    if warm_up_s:
-        course.warm_up(levels[0], warm_up_s)
-        course.finish()
-    for way, pressure in zip(ways, pressures, strict=True):
-        with adjusted(rig, way, rate_hz):
-            for level in levels:
-                course.go_to(level)
-                label = f"{100.0 * (level - scale.neutral) / scale.full:+.3g} %"
-                part = {"kind": KIND, "label": label, "supply": f"supply {pressure:.4g} {supply.unit}"}
-                course.play(np.full(held, level), f"{label} at {part['supply']}", part)
-            course.finish()
+    levels = scale.levels("commands", commands)
+    drive_supplies(rig, scale, levels, supplies, "a flow over pressure drop", hold_s, warm_up_s, rate_hz)
 
 
 def evaluate(recording: Recording) -> Findings:
     """Flow and pressure drop of every point, and the power law through those of one command."""
-    parts = parts_of(recording, KIND)
-    labels = dict.fromkeys(part["label"] for part in parts)
     laws: list[Measured] = []
     points: list[Measured] = []
     notes: list[Note] = []
     curves = []
-    for label in labels:
-        law, found, curve, mine = _at(recording, str(label), [part for part in parts if part["label"] == label])
+    for label, parts in by_command(parts_of(recording, KIND)).items():
+        law, found, curve, mine = _at(recording, label, parts)
         laws, points, notes = [*laws, *law], [*points, *found], [*notes, *mine]
         curves.append(curve)
     return Findings((*laws, *points), {"flow_over_pressure_drop": curves}, tuple(notes), departures(recording))
@@ -117,24 +77,23 @@ def _at(
 ) -> tuple[list[Measured], list[Measured], dict[str, Any], list[Note]]:
     """(the law, its points, the curve, notes) of one command."""
     _, response = roles_of(recording)
-    flow = np.array([steady(recording, part, response) for part in parts])
-    drop, instruments = _drops(recording, parts)
-    level = calibration_std(response)
+    read = Points.of(recording, parts, response)
+    flow, drop = read.flow, read.drop
     points = []
     for part, flow_read, drop_read in zip(parts, flow, drop, strict=True):
         place = f"{label}, {part['supply']}"
-        points.append(FLOW.at(place, response.unit).of(*flow_read, calibration=level))
-        points.append(DROP.at(place).of(*drop_read, calibration=instruments))
+        points.append(FLOW.at(place, response.unit).of(*flow_read, calibration=read.meter))
+        points.append(DROP.at(place).of(*drop_read, calibration=read.gauges))
     exponent, at_rated = EXPONENT.at(label), RATED.at(label, response.unit)
     curve = {
         "label": label, "drop_unit": "bar", "response_unit": response.unit, "drop": drop[:, 0],
         "measured": flow[:, 0], "fitted": None,
     }  # fmt: skip
-    if len(parts) < _LEAST or np.any(drop[:, 0] <= 0.0) or np.ptp(np.sign(flow[:, 0])):
+    if not read.have_a_law:
         return [exponent.of(None), at_rated.of(None)], points, curve, []
     rated_bar = float(recording.meta["settings"]["rated_drop"])
     law = _law(flow, drop, rated_bar)
-    offsets = np.array([[level, 0.0], [instruments, 0.0]])
+    offsets = np.array([[read.meter, 0.0], [read.gauges, 0.0]])
     moved = [_law(flow + offsets[0], drop, rated_bar), _law(flow, drop + offsets[1], rated_bar)]
     by_meters = [math.hypot(*(other.values[k] - law.values[k] for other in moved)) for k in (0, 1)]
     laws = [
@@ -147,15 +106,6 @@ def _at(
         label=label, rated=rated_bar, least=least, most=most,
     )  # fmt: skip
     return laws, points, curve, [] if least <= rated_bar <= most else [beyond]
-
-
-def _drops(recording: Recording, parts: Sequence[Mapping[str, Any]]) -> tuple[Array, float]:
-    """(mean and standard uncertainty of each part, shape (n, 2); what the instruments add): supply − return − load."""
-    names = [SUPPLY_PRESSURE, RETURN_PRESSURE, *({LOAD_PRESSURE} & recording.channels.keys())]
-    channels = [channel_in(recording, name, "bar") for name in names]
-    found = np.array([[steady(recording, part, channel) for channel in channels] for part in parts])
-    drop = found[:, 0, 0] - np.abs(found[:, 1:, 0]).sum(axis=1)
-    return np.column_stack((drop, np.hypot.reduce(found[:, :, 1], axis=1))), math.hypot(*map(instrument_std, channels))
 
 
 @dataclass(frozen=True, slots=True)

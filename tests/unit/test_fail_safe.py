@@ -11,7 +11,7 @@ from hil.errors import SettingError
 from hil.record.recording import Channel, Recording
 from hil.rig import RoleChannel
 from procedures._scale import Scale
-from procedures.fail_safe import _levels, evaluate
+from procedures.fail_safe import evaluate
 
 RATE_HZ, HELD, LAG_S, NOISE, BAND = 200.0, 400, 0.1, 0.3, 5.0
 
@@ -65,6 +65,7 @@ def test_the_curve_begins_at_the_loss_of_the_command():
 
 def test_levels_are_the_ends_of_the_range_and_none_is_neutral():
     scale = Scale(RoleChannel("command", "%", -100.0, 80.0), 100.0)
-    assert _levels(scale, None) == [80.0, -100.0]
+    assert scale.levels("levels", None) == [80.0, -100.0]
+    assert scale.levels("levels", None, 0.5) == [40.0, -50.0]
     with pytest.raises(SettingError, match="levels"):
-        _levels(scale, (50.0, 0.0))
+        scale.levels("levels", (50.0, 0.0))

@@ -2,42 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
+from supply_recording import supply_recording
 
-from hil.record.recording import Channel, Recording
-from procedures.flow_over_pressure_drop import KIND, evaluate
+from procedures.flow_over_pressure_drop import evaluate
 
 SUPPLIES = (35.0, 52.5, 70.0, 105.0, 140.0)
 
 
-def found(exponent=0.5, seed=0, rated=70.0, supplies=SUPPLIES, uncertainty=0.0, off=0.0):
-    """Flows of ± 28 l/min at 70 bar; 2 bar in the tank line, 3 bar across the load."""
-    rng, count = np.random.default_rng(seed), 800
-    rows = [(sign, supply) for supply in supplies for sign in (1.0, -1.0)]
-    parts = [
-        {
-            "kind": KIND, "label": f"{100 * sign:+.0f} %", "supply": f"supply {supply:g} bar", "first": k * count,
-            "count": count, "start_s": k * count / 200.0, "stop_s": ((k + 1) * count - 1) / 200.0,
-        }
-        for k, (sign, supply) in enumerate(rows)
-    ]  # fmt: skip
-
-    def read(name, unit, values, noise, known=0.0):
-        samples = np.repeat(values, count) + noise * rng.normal(size=count * len(values))
-        return Channel(name, unit, samples, calibration={"uncertainty": known} if known else {})
-
-    flows = [sign * 28.0 * ((supply - 5.0) / 70.0) ** exponent for sign, supply in rows]
-    channels = {
-        "command": read("command", "%", [100.0 * sign for sign, _ in rows], 0.0),
-        "flow": read("flow", "l/min", flows, 0.05),
-        "supply pressure": read("supply pressure", "bar", [supply + off for _, supply in rows], 0.2, uncertainty),
-        "return pressure": read("return pressure", "bar", [2.0] * len(rows), 0.02),
-        "load pressure": read("load pressure", "bar", [3.0 * sign for sign, _ in rows], 0.2),
-    }
-    meta = {"roles": {"command": "command", "response": "flow"}, "parts": parts, "conditions": {},
-            "settings": {"rated_drop": rated}}  # fmt: skip
-    findings = evaluate(Recording("run", np.arange(count * len(rows)) / 200.0, channels, meta))
+def found(exponent=0.5, seed=0, supplies=SUPPLIES, **more):
+    findings = evaluate(supply_recording(lambda drop: 28.0 * (drop / 70.0) ** exponent, supplies, seed, **more))
     return findings, {one.name: one for one in findings.measured}
 
 
