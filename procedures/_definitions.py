@@ -139,6 +139,17 @@ PRESSURE_DROPS: Mapping[str, str] = {
     "flow_exponent": "Slope of the least-squares line through log flow over log pressure drop; 0.5 for sharp edges.",
     "rated_flow": "Of that line at the rated valve pressure drop, `rated_drop`.",
 }
+LIMITING_POWERS: Mapping[str, str] = {
+    "limiting_power": (
+        "Size of the mean flow times the valve pressure drop, at the supply pressure where this is largest. Both as in "
+        "`flow_over_pressure_drop`."
+    ),
+    "limiting_drop": "The valve pressure drop there.",
+    "saturation_drop": (
+        "From where the slope of log flow over log pressure drop stays below 0.25, half that of a sharp edge; straight "
+        "between the slopes of neighbouring points. `>` the largest drop where the flow still rises there."
+    ),
+}
 NULL_SHIFTS: Mapping[str, str] = {
     "null": "`null_bias` of `flow_curve`, under the condition that is named.",
     "null_shift_supply": (

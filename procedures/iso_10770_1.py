@@ -1,6 +1,7 @@
 """ISO 10770-1 in one run: flow curve, steps, frequency response, threshold and fail-safe of a valve; a certificate.
 
-Where the bench adjusts what they need, also pressure gain, internal leakage, flow over pressure drop and null shift.
+Where the bench adjusts what they need, also pressure gain, internal leakage, flow over pressure drop, limiting power
+and null shift.
 
 One rehearsal, one time, one page. A run that was broken off goes on with the test that it had not completed. All six
 frequency responses are measured by multisines, in a fifth of the time of stepped sines; `frequency_response` measures
@@ -23,6 +24,7 @@ from procedures import (
     flow_curve,
     flow_over_pressure_drop,
     internal_leakage,
+    limiting_power,
     multisine_response,
     null_shift,
     pressure_gain,
@@ -43,12 +45,14 @@ _TESTS: Mapping[str, tuple[ModuleType, Note, tuple[str, ...]]] = {
     "pressure_gain": (pressure_gain, Note("pressure gain"), ()),
     "internal_leakage": (internal_leakage, Note("internal leakage"), ()),
     "flow_over_pressure_drop": (flow_over_pressure_drop, Note("flow over pressure drop"), ()),
+    "limiting_power": (limiting_power, Note("limiting power"), ()),
     "null_shift": (null_shift, Note("null shift"), ()),
 }
 _ADJUSTING: Mapping[str, frozenset[ConditionRole]] = {
     "pressure_gain": frozenset({LOAD}),
     "internal_leakage": frozenset({LOAD}),
     "flow_over_pressure_drop": frozenset({SUPPLY}),
+    "limiting_power": frozenset({SUPPLY}),
     "null_shift": frozenset({SUPPLY, TANK, OIL}),
 }
 MEASUREMENTS = tuple(one for test, _, _ in _TESTS.values() for one in test.MEASUREMENTS)
@@ -64,6 +68,7 @@ _Name = Literal[
     "pressure_gain",
     "internal_leakage",
     "flow_over_pressure_drop",
+    "limiting_power",
     "null_shift",
 ]
 

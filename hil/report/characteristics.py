@@ -3,21 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from hil.language.words import _
 from hil.report.field import Curve, array, label_of, needed, unit_of
-from hil.report.figure import BLUE, GRID, RED, small_multiples, titled
+from hil.report.figure import (
+    BLUE,
+    GRID,
+    MARKERS,
+    RED,
+    SERIES,
+    SOFT,
+    drawn,
+    legend_on_top,
+    small_multiples,
+    titled,
+)
 from hil.report.section import Section
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 BRANCHES_NEEDED = ("command", "rising", "falling")
 LEVELS_NEEDED = ("command", "measured")
 DROPS_NEEDED = ("drop", "measured")
 CONDITIONS_NEEDED = ("condition", "measured", "std", "fitted")
 _MOST = 6
+_BAR_L_MIN_PER_KW = 600.0
 _ROOM = 0.05  # beside the outer points
 
 
@@ -68,6 +84,43 @@ def flow_over_pressure_drop_section(curves: Sequence[Curve]) -> Section:
     caption = _("Each point is the steady flow at one supply pressure.")
     picture = small_multiples("flow-pressure-drop", curves[:_MOST], 2, draw, labels, caption)
     return Section(_("Flow over pressure drop"), figures=(picture,))
+
+
+def limiting_power_section(curves: Sequence[Curve]) -> Section:
+    """Flow of every command over the valve pressure drop, before lines of equal hydraulic power."""
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        drops, flows = ([needed(curve, key) for curve in curves] for key in DROPS_NEEDED)
+        end = (1.0 + _ROOM) * max(float(drop.max()) for drop in drops)
+        for curve, drop, flow, color, marker in zip(curves, drops, flows, cycle(SERIES), cycle(MARKERS), strict=False):
+            axes.plot(drop, flow, color=color, marker=marker, label=label_of(curve))
+        low, high = min(0.0, *map(np.min, flows)), max(0.0, *map(np.max, flows))
+        axes.set(xlim=(0.0, end), ylim=((1.0 + _ROOM) * low, (1.0 + _ROOM) * high))
+        _equal_powers(axes, end, (1.0 + _ROOM) * low, (1.0 + _ROOM) * high)
+        axes.set_xlabel(_("valve pressure drop") + unit_of(curves[0], "drop_unit"))
+        axes.set_ylabel(_("flow") + unit_of(curves[0], "response_unit"))
+        legend_on_top(axes)
+
+    caption = _("Each point is the steady flow at one supply pressure. Dotted: equal hydraulic power of the valve.")
+    return Section(_("Limiting power"), figures=(drawn("limiting-power", 3.9, draw, caption),))
+
+
+def _equal_powers(axes: Axes, end_bar: float, low_l_min: float, high_l_min: float) -> None:
+    """Hyperbolas of flow times pressure drop, in kW, with the power at their right end."""
+    from matplotlib.ticker import MaxNLocator
+
+    drop = np.linspace(0.01, 1.0, 200) * end_bar
+    for size, sign in ((high_l_min, 1.0), (-low_l_min, -1.0)):
+        for power_kw in MaxNLocator(4).tick_values(0.0, size * end_bar / _BAR_L_MIN_PER_KW)[1:]:
+            flow = power_kw * _BAR_L_MIN_PER_KW / drop
+            if flow[-1] > size:
+                continue
+            axes.plot(drop[flow <= size], sign * flow[flow <= size], color=SOFT, lw=0.8, ls=":")
+            axes.annotate(
+                f"{power_kw:g} kW", (end_bar, sign * flow[-1]), (3.0, 0.0), textcoords="offset points", color=SOFT,
+                va="center", fontsize=8,
+            )  # fmt: skip
 
 
 def null_shift_section(curves: Sequence[Curve]) -> Section:

@@ -46,6 +46,7 @@ KINDS: Mapping[str, Kind] = {
     "pressure_gain": Kind(characteristics.BRANCHES_NEEDED, characteristics.pressure_gain_section),
     "internal_leakage": Kind(characteristics.LEVELS_NEEDED, characteristics.internal_leakage_section),
     "flow_over_pressure_drop": Kind(characteristics.DROPS_NEEDED, characteristics.flow_over_pressure_drop_section),
+    "limiting_power": Kind(characteristics.DROPS_NEEDED, characteristics.limiting_power_section),
     "null_shift": Kind(characteristics.CONDITIONS_NEEDED, characteristics.null_shift_section),
     "drift": Kind(motions.DRIFT_NEEDED, motions.drift_section),
 }

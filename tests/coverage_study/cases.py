@@ -44,7 +44,7 @@ MADE_OF = {
     "bench_reference": ("flow_curve", "step_response"),
     "iso_10770_1": (
         "flow_curve", "step_response", "multisine_response", "threshold", "fail_safe", "pressure_gain",
-        "internal_leakage", "flow_over_pressure_drop", "null_shift",
+        "internal_leakage", "flow_over_pressure_drop", "limiting_power", "null_shift",
     ),
 }  # fmt: skip
 """Procedures whose figures are those of others."""
@@ -120,6 +120,7 @@ CASES = (
     Case("pressure_gain", FOUR_WAY, {}, truth_four_way.of_pressure_gain),
     Case("internal_leakage", FOUR_WAY, {}, truth_four_way.of_internal_leakage),
     Case("flow_over_pressure_drop", FOUR_WAY, {}, truth_four_way.of_flow_over_pressure_drop),
+    Case("limiting_power", FOUR_WAY, {}, truth_four_way.of_limiting_power),
     Case("null_shift", FOUR_WAY, {}, truth_four_way.of_null_shift),
 )  # fmt: skip
 

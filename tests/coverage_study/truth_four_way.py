@@ -57,18 +57,35 @@ def of_flow_over_pressure_drop(clean: Recording, bench: str, _situation: Situati
     """Flow and drop at each supply pressure, and the straight line through their logarithms."""
     rated_bar = float(clean.meta["settings"]["rated_drop"])
     found: Truths = {}
+    supplies = (35.0, 52.5, 70.0, 105.0, 140.0)
     for label, command in (("+100 %", 100.0), ("-100 %", -100.0)):
-        flows, drops = [], []
-        for supply in (35.0, 52.5, 70.0, 105.0, 140.0):
-            flow, load = (float(_read(bench, name, (command,), supply=supply)[0]) for name in ("flow", "load_pressure"))
-            flows.append(flow)
-            drops.append(supply - _TANK_BAR - abs(load))
+        flows, drops = _points(bench, command, supplies)
+        for supply, flow, drop in zip(supplies, flows, drops, strict=True):
             found[f"flow, {label}, supply {supply:.4g} bar"] = flow
-            found[f"pressure_drop, {label}, supply {supply:.4g} bar"] = drops[-1]
-        exponent, level = np.polyfit(np.log(np.array(drops) / rated_bar), np.log(np.abs(flows)), 1)
+            found[f"pressure_drop, {label}, supply {supply:.4g} bar"] = drop
+        exponent, level = np.polyfit(np.log(drops / rated_bar), np.log(np.abs(flows)), 1)
         found[f"flow_exponent, {label}"] = float(exponent)
         found[f"rated_flow, {label}"] = float(np.sign(command) * np.exp(level))
     return found
+
+
+def of_limiting_power(_clean: Recording, bench: str, _situation: Situation) -> Truths:
+    """The largest of flow times drop; the flow of these edges rises as far as the supply does."""
+    found: Truths = {}
+    for command in (100.0, 50.0, -50.0, -100.0):
+        flows, drops = _points(bench, command, tuple(np.linspace(17.5, 140.0, 8)))
+        label, powers = f"{command:+.0f} %", np.abs(flows) * drops / 600.0
+        found[f"limiting_power, {label}"] = float(powers.max())
+        found[f"limiting_drop, {label}"] = float(drops[powers.argmax()])
+        found[f"saturation_drop, {label}"] = float(drops[-1])
+    return found
+
+
+def _points(bench: str, command: float, supplies: tuple[float, ...]) -> tuple[Array, Array]:
+    """Flow and valve pressure drop at each supply pressure."""
+    names = ("flow", "load_pressure")
+    read = np.array([[_read(bench, name, (command,), supply=supply)[0] for name in names] for supply in supplies])
+    return read[:, 0], np.array(supplies) - _TANK_BAR - np.abs(read[:, 1])
 
 
 def of_null_shift(_clean: Recording, bench: str, _situation: Situation) -> Truths:

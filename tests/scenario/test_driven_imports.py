@@ -28,6 +28,7 @@ ALL = [
     "pressure_gain four-way-lab",
     "internal_leakage four-way-lab",
     "flow_over_pressure_drop four-way-lab",
+    "limiting_power four-way-lab",
     "null_shift four-way-lab",
     "efc_acceptance cummins-efc-acceptance",
     "efc_frequency_response cummins-efc",
