@@ -25,12 +25,10 @@ from hil.diagnosis.diagnosis import (
     Strip,
 )
 from hil.diagnosis.events.event import Events
-from hil.diagnosis.evidence import Judged, held_out_fit, judge, training_half
 from hil.diagnosis.false_alarms import FalseAlarms, false_alarms
-from hil.diagnosis.kept_back import kept_back, predicted
+from hil.diagnosis.kept_back import Judged, held_out_fit, judge, kept_back, predicted, training_half, why_not_better
 from hil.diagnosis.locate import StageShare, Where, locate, stages
 from hil.diagnosis.named import refitted
-from hil.diagnosis.never_worse import why_not_better
 from hil.diagnosis.next_test import Span, next_test
 from hil.diagnosis.pictures import spectra, strips
 from hil.diagnosis.problem import Problem

@@ -1,4 +1,4 @@
-"""Data that an explanation was not fitted to: other recordings, or stretches beyond the memory of the plant."""
+"""Data that an explanation was not fitted to: other recordings or stretches, and what they say of it."""
 
 from __future__ import annotations
 
@@ -18,6 +18,54 @@ from hil.diagnosis.thresholds import FEW
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.language.note import Note
 from hil.record.recording import Array, Mask
+
+# Every other stretch of this length is kept back. Long against the memory of a valve, or of a plant that is sampled as
+# slowly as it moves, so that the stretches are news; short against a recording, so that both halves see every kind of
+# excitation.
+_BLOCK_S, _BLOCK_SAMPLES = 4.0, 100
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """An explanation refitted on one half of the data and judged on the other.
+
+    Attributes:
+        fitted: the explanation, with values from all data.
+        fit_held_out: in %, of the output, over all recordings.
+        chi2_held_out: of the whitened residuals kept back.
+    """
+
+    fitted: Fitted
+    fit_held_out: float
+    chi2_held_out: float
+
+
+def training_half(problem: Problem) -> Mask:
+    """Which residuals are fitted; the others are for judging. Shape (n,), True and False."""
+    blocks = problem.block_labels(max(_BLOCK_S, _BLOCK_SAMPLES * max(problem.intervals_s)))
+    return blocks % 2 == 0
+
+
+def judge(problem: Problem, fitted: Fitted) -> Judged:
+    """Refit on the training half, starting from the values that all data gave, and judge on the other half."""
+    train = training_half(problem)
+    refitted = fit(problem, fitted, keep=train, steps=EFFORT.rough) if fitted.terms else fitted
+    r, held_out = refitted.residuals, ~train
+    return Judged(fitted, held_out_fit(problem, r, held_out), float(r[held_out] @ r[held_out]))
+
+
+def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:
+    """Fit % of the output over the samples kept back, every recording's mean taken off by itself."""
+    errors, spreads = 0.0, 0.0
+    for i, (e, part) in enumerate(zip(problem.experiments, problem.output_slices(), strict=True)):
+        kept = held_out[part] & e.valid
+        if not kept.any():
+            continue
+        errors += float(np.sum(problem.errors(i, residuals[part])[kept] ** 2))
+        measured = e.output[kept]
+        spreads += float(np.sum((measured - measured.mean()) ** 2))
+    return 100.0 * (1.0 - float(np.sqrt(errors / spreads))) if spreads else float("nan")
+
 
 # After so many time constants a plant has forgotten nineteen twentieths of where it was.
 FORGOTTEN = 3.0
@@ -96,3 +144,50 @@ def _tiled(problem: Problem, values: Sequence[Mask]) -> Mask:
     return np.concatenate(
         [np.tile(own, len(parts)) for own, parts in zip(values, problem.channel_slices(), strict=True)]
     )
+
+
+# So few blocks say nothing; and the risk of being wrong.
+_FEWEST, _RISK = 6, 0.05
+# Blocks of a recording whose plant does not settle, and at most as many as are worth telling apart.
+_MOST = 40
+# Sign changes that are tried where there are too many to try all.
+_ALL, _DRAWN = 12, 4095
+
+
+def why_not_better(problem: Problem, nominal: Array, predicted: Array, kept: KeptBack) -> Note | None:
+    """Why a prediction is not held for better than the nominal model, in words; None where it is better.
+
+    Args:
+        problem: the question.
+        nominal: whitened residuals of the nominal model, shape (n,).
+        predicted: those of the corrected model, each by a fit without it, shape (n,).
+        kept: which of them no fit has seen.
+    """
+    if kept.basis == NOTHING:
+        return Note("there is no part of the recordings that no fit has seen")
+    # by how much the squared error falls in each block that has something to judge
+    settles_s = max(time_constant_s(problem.model, e) for e in problem.experiments)
+    lasting_s = sum(e.duration_s for e in problem.experiments)
+    blocks = problem.block_labels(max(FORGOTTEN * settles_s, lasting_s / _MOST))[kept.scored]
+    gain = nominal[kept.scored] ** 2 - predicted[kept.scored] ** 2
+    gains = np.bincount(blocks, gain).astype(np.float64)[np.bincount(blocks) > 0]
+    if len(gains) < _FEWEST:
+        return Note(
+            "the parts that no fit has seen make {count} blocks longer than the plant settles in; {least} are needed",
+            count=len(gains), least=_FEWEST,
+        )  # fmt: skip
+    risk = by_sign_changes(gains)
+    if risk > _RISK:
+        return Note("on parts that no fit has seen it is not better beyond chance (p = {risk:.2g})", risk=risk)
+    return None
+
+
+def by_sign_changes(gains: Array) -> float:
+    """How probable gains as large in all are, were each as likely to be a loss (one-sided)."""
+    count = len(gains)
+    if count <= _ALL:
+        signs = 1.0 - 2.0 * ((np.arange(2**count)[:, None] >> np.arange(count)) & 1)
+    else:
+        drawn = np.random.default_rng(count).integers(0, 2, (_DRAWN, count))
+        signs = np.vstack([np.ones(count), 1.0 - 2.0 * drawn])
+    return float(np.mean(signs @ gains >= gains.sum() * (1.0 - 1e-12)))
