@@ -14,10 +14,11 @@ from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.events.coarse import cuts_off
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.events.least_trimmed_squares import least_trimmed_squares
-from hil.diagnosis.events.recognise import recognised
-from hil.diagnosis.measures import is_another
+from hil.diagnosis.events.lost_commands import comes_every_time, held_commands
+from hil.diagnosis.events.repeats import held_outputs
+from hil.diagnosis.events.tone import tone
 from hil.diagnosis.problem import Problem, pose
-from hil.diagnosis.refuted import refuted
+from hil.diagnosis.refuted import is_another, refuted
 from hil.diagnosis.score import Hypothesis, Noise, Row, Table, score, table
 from hil.diagnosis.search.beam import Search
 from hil.diagnosis.search.effort import EFFORT
@@ -32,6 +33,7 @@ from hil.language.words import marked
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 from hil.signals.interval import COVERED
+
 
 # Of events is estimated how often they come and how long they last.
 _OF_EVENTS = 2
@@ -317,6 +319,14 @@ class Explanation:
             residuals=option.residuals if is_beside else None, table=printed,
             twins=tuple(o.fitted for o in near if o.problem is option.problem),
         )  # fmt: skip
+
+
+def recognised(problem: Problem, models: Sequence[Fitted]) -> list[tuple[Fitted, Events]]:
+    """Events of each kind beside each model; what comes with every jump beside the nominal one is no lost command."""
+    lost = not comes_every_time(problem, nothing(problem))
+    kinds = (tone, held_outputs, held_commands) if lost else (tone, held_outputs)
+    looked = [(model, look(problem, model)) for model in models for look in kinds]
+    return [(model, found) for model, found in looked if found is not None]
 
 
 def explained(problem: Problem, known: Sequence[str] = ()) -> tuple[Problem, Choice]:

@@ -1,17 +1,35 @@
-"""Names that the recordings themselves refute, however well they fit."""
+"""Names that an explanation cannot have: by its own shape, or by the recordings, however well it fits."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of
+from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import MOST
+from hil.identification.grey_box.estimate import Unknown
 from hil.identification.grey_box.lines import is_commanded
 from hil.record.recording import Array
 from hil.signals.runs import runs
+
+
+def is_another(term: Term, values: Sequence[float]) -> bool:
+    """Whether a shape that tells an effect from others has ended where the effect would be another one."""
+    telling = dict(term.telling)
+    return any(
+        u.at_bound(value) and _room(u, value, telling[u.name]) < 0.5 * (u.high - u.low)
+        for u, value in zip(term.unknowns, values, strict=True)
+        if u.name in telling
+    )
+
+
+def _room(u: Unknown, value: float, telling: str) -> float:
+    """How far a shape is from where it would be that of another effect."""
+    return u.high - value if telling == "upper end" else min(value - u.low, u.high - value)
+
 
 # A part that is pushed against its stop stays there: most of the time at it passes in stretches of so many samples. A
 # model that has drifted there is held for a sample or two, whenever its noisy inputs would take it further.

@@ -10,8 +10,8 @@ import pytest
 from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.diagnosis.events.bursts import all_bursts, is_sparse
-from hil.diagnosis.events.recognise import recognised
 from hil.diagnosis.events.tone import tone
+from hil.diagnosis.explain import recognised
 from hil.diagnosis.problem import pose
 from hil.diagnosis.search.around import around
 from hil.diagnosis.search.fitted import nothing

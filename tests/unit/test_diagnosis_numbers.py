@@ -45,8 +45,8 @@ def _telling(node: ast.AST) -> Iterator[ast.AST]:
 
 @pytest.mark.parametrize(
     "module",
-    ["changed", "choice", "explain", "measures", "named", "question", "score", "within_prior",
-     "search/beam", "search/fits", "search/fitted", "search/probes", "events/event", "events/recognise"],
+    ["changed", "choice", "explain", "named", "question", "score", "within_prior",
+     "search/beam", "search/fits", "search/fitted", "search/probes", "events/event"],
 )  # fmt: skip
 def test_what_reads_the_verdict_has_no_numbers_of_its_own(module: str) -> None:
     assert literals(ROOM / f"{module}.py") == []
