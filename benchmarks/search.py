@@ -20,8 +20,7 @@ from table import Row, milliseconds, show
 
 from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.explain import explained
-from hil.diagnosis.problem import pose
-from hil.diagnosis.solver import settled
+from hil.diagnosis.problem import pose, settled
 from tests.proof.cases.label import parse
 
 

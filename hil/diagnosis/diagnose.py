@@ -20,9 +20,8 @@ from hil.diagnosis.events.repeats import stale_outputs, without_stale
 from hil.diagnosis.explain import explained, posed_again
 from hil.diagnosis.named import named, unchanged
 from hil.diagnosis.next_test import Span
-from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.problem import Problem, pose, settled
 from hil.diagnosis.question import Question, question_of
-from hil.diagnosis.solver import settled
 from hil.diagnosis.within_prior import as_in_this_unit
 from hil.diagnosis.wording import quantity_text
 from hil.diagnosis.work import Work

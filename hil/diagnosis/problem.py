@@ -10,13 +10,15 @@ from functools import cached_property, partial
 import numpy as np
 
 from hil.diagnosis.prior import Prior
-from hil.diagnosis.thresholds import PLAINLY, TINY
+from hil.diagnosis.thresholds import FAR, NEXT_TO_NOTHING, PLAINLY, TINY
 from hil.diagnosis.work import Work
 from hil.identification.grey_box.estimate import jacobian, side_by_side
 from hil.identification.grey_box.lines import line_at
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.initial_condition import start_slope, with_free_start
+from hil.identification.uncertainty.evidence import VERY_STRONG
 from hil.identification.uncertainty.noise import channel_floors, noise_in, whiten
+from hil.language.note import Note
 from hil.physics.compose import kernel
 from hil.physics.model import Model, Noise
 from hil.physics.plant import Parameter, Plant
@@ -267,3 +269,36 @@ def _without_hum(model: Model, e: Experiment) -> Experiment:
     tone, amplitude = line_at(e.time_s, error, known.hum_hz)
     share = min(1.0, PLAINLY * known.hum / max(amplitude, TINY))
     return replace(e, output=e.output - share * tone)
+
+
+# A finer step may change the simulation by this share of the noise before the step counts as too coarse.
+_HARMLESS = 0.1
+_FINER = (FAR, FAR * FAR)
+
+
+def settled(problem: Problem) -> tuple[Problem, tuple[Note, ...]]:
+    """The problem with sub-steps no finer than needed, so that finer ones change nothing; what had to be done about it.
+
+    Equations of second order, which most plants have, are so exact at the plant's own sub-steps that a search can do
+    with half of them: where these change the simulation by next to nothing of the noise, and χ² by less than what would
+    be very strong evidence.
+    """
+    if not problem.is_short:
+        coarser = replace(problem, factor=COARSER)
+        change = coarser.nominal_residuals - problem.nominal_residuals
+        if float(change @ change) <= min(VERY_STRONG, NEXT_TO_NOTHING**2 * len(change)):
+            return coarser, ()
+    coarse = problem.nominal_residuals
+    for finer in _FINER:
+        change = problem.residuals(problem.model.values, problem.model.active_effects, factor=finer) - coarse
+        error = float(np.sqrt(np.mean(change**2)))
+        if error <= _HARMLESS:
+            return problem, ()
+        problem = replace(problem, factor=finer)
+        coarse = problem.nominal_residuals
+    sizeable = Note(
+        "with steps {finer:g} times finer the simulation still changes by {error:.2g} times the noise; small effects "
+        "cannot be told from the integrator",
+        finer=_FINER[-1], error=error,
+    )  # fmt: skip
+    return problem, (sizeable,)

@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.problem import Problem, pose, settled
 from hil.diagnosis.search.fits import finished, fit
 from hil.diagnosis.search.fitted import Fitted, nothing, residuals_of
 from hil.diagnosis.search.terms import all_terms
-from hil.diagnosis.solver import settled
 from hil.physics.model import Value
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
