@@ -34,7 +34,6 @@ from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 from hil.signals.interval import COVERED
 
-
 # Of events is estimated how often they come and how long they last.
 _OF_EVENTS = 2
 

@@ -1,4 +1,4 @@
-"""Recordings beside the nominal simulation, as means over short stretches of time: the rows of a regression."""
+"""The regression of a misfit: recordings as means over short stretches, and what the library can change in them."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.cores import spread
-from hil.diagnosis.problem import COARSER
-from hil.diagnosis.skeleton.columns import Column
+from hil.diagnosis.problem import COARSER, Problem
+from hil.diagnosis.search.terms import Term, all_terms
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.physics.model import Model
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
+# A small step of a base parameter beside the starts of its term, as a share of its size: its slope.
+_SLOPE = 0.02
 # Rows in the time that a simulation remembers, and rows in a block: a stretch that its memory does not reach across.
 _IN_MEMORY, IN_BLOCK = 15.0, 50
 # Rows of one recording where the plant does not settle, and of all recordings together at most.
@@ -26,6 +28,46 @@ _IN_RECORDING, _MOST = 2000, 8000
 _LAGS = (2, 8, 32)
 # A plant that adds up its errors, and has no observer, is compared by what they grow in so many rows.
 _GROWTH = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One change of the model: an effect of the library at a hook, or a base parameter at another value.
+
+    Attributes:
+        name: of the effect or the parameter. `hook`: where the effect acts; empty for a parameter.
+        values: of the effect's parameters, or of the parameter.
+    """
+
+    name: str
+    hook: str
+    values: Mapping[str, float]
+
+    def apply(self, parameters: dict[str, float], effects: list[ActiveEffect]) -> None:
+        """Put the change into a simulation's arguments."""
+        if self.hook:
+            effects.append(ActiveEffect(self.name, self.hook, dict(self.values)))
+        else:
+            parameters.update(self.values)
+
+
+def columns_of(problem: Problem) -> tuple[Column, ...]:
+    """Every library term at each of its starts, and every base parameter at some steps; none that runs by the clock."""
+    terms = all_terms(problem, problem.nominal_residuals)
+    return tuple(
+        Column(term.name, term.hook, {**dict(term.held), **term.named(start)})
+        for term in terms
+        if not term.by_clock
+        for start in _starts(term)
+    )
+
+
+def _starts(term: Term) -> Sequence[tuple[float, ...]]:
+    if term.kind == "effect":
+        return term.starts
+    u = term.unknowns[0]
+    step = _SLOPE * max(abs(term.nominal), u.scale)
+    return (*term.starts, (term.nominal + (step if term.nominal + step <= u.high else -step),))
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from hil.diagnosis.problem import pose
-from hil.diagnosis.skeleton.columns import Column, columns_of
 from hil.diagnosis.skeleton.gate import Before, before_of
 from hil.diagnosis.skeleton.misfit import Misfit, Remainder
-from hil.diagnosis.skeleton.rows import Rows, row_s, rows_of
+from hil.diagnosis.skeleton.rows import Column, Rows, columns_of, row_s, rows_of
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.gaps import bridged
 from hil.identification.preparation.start_in_motion import begun_in_motion
