@@ -54,7 +54,7 @@ def limits(place: Around, terms: Sequence[Term], twins: Sequence[Fitted] = ()) -
     """
     found: dict[str, Limit] = {}
     asked = [term for term in terms if term.kind == "effect"]
-    without = adapted_residuals(place, None)
+    without = place.residuals_without
     for term, limit in zip(asked, spread(lambda term: _limit(place, term, without), asked), strict=True):
         known = found.get(term.reported_name)
         if known is None or (limit.visible, -limit.upper) > (known.visible, -known.upper):
@@ -84,14 +84,14 @@ def _limit(place: Around, term: Term, without: Array) -> Limit:
     """From one small step in the effect's strength, all else adapting."""
     first, hidden = term.unknowns[0], _left(place.problem, without)
     if not np.isfinite(term.null):
-        change = adapted_residuals(place, (term, [u.start for u in term.unknowns]), coarse=True) - without
+        change = adapted_residuals(place, term, [u.start for u in term.unknowns]) - without
         seen = bool(np.linalg.norm(change) > max(CERTAIN, hidden))
         upper = first.start if seen else float("inf")
         return Limit(term.reported_name, term.stage, first.name, first.unit, upper, first.start, seen)
     start = min(term.starts, key=lambda s: abs(s[0] - term.null))
     about = term.null if term.held else 0.0
     size, typical = abs(start[0] - term.null), abs(about or first.start - term.null)
-    step = adapted_residuals(place, (term, start), coarse=True) - without
+    step = adapted_residuals(place, term, start) - without
     power = float(step @ step)
     if power < 1e-12 or size == 0.0:
         return Limit(term.reported_name, term.stage, first.name, first.unit, float("inf"), typical, False, about)

@@ -53,7 +53,7 @@ class Around:
     @cached_property
     def residuals_without(self) -> Array:
         """With no term more, after all that may adapt has adapted linearly."""
-        return adapted_residuals(self, None)
+        return adapt(self, self.accepted.residuals, None)[0]
 
     @cached_property
     def coarse_residuals(self) -> Array:
@@ -79,21 +79,17 @@ def _term_slopes(problem: Problem, accepted: Fitted, k: int) -> Array:
     return jacobian(moved, accepted.terms[k].unknowns, np.array(accepted.values[k]), accepted.residuals).T
 
 
-def with_term(place: Around, term: Term, values: Sequence[float], coarse: bool = False) -> Array:
-    """Residuals with one more term beside what is accepted."""
+def with_term(place: Around, term: Term, values: Sequence[float]) -> Array:
+    """Residuals with one more term beside what is accepted; its change is simulated in coarse sub-steps."""
     accepted, problem = place.accepted, place.problem
     terms, own = (*accepted.terms, term), (*accepted.values, values)
-    if not coarse:
-        return simulated(problem, accepted.parameters, terms, own)
     change = simulated(problem, accepted.parameters, terms, own, problem.coarse_factor) - place.coarse_residuals
     return accepted.residuals + change
 
 
-def adapted_residuals(place: Around, added: tuple[Term, Sequence[float]] | None, *, coarse: bool = False) -> Array:
-    """Residuals with one more term, or without, after all else has adapted linearly, shape (n + base,)."""
-    if added is None:
-        return adapt(place, place.accepted.residuals, None)[0]
-    return adapt(place, with_term(place, *added, coarse), added[0])[0]
+def adapted_residuals(place: Around, term: Term, values: Sequence[float]) -> Array:
+    """Residuals with one more term after all else has adapted linearly, shape (n + base,)."""
+    return adapt(place, with_term(place, term, values), term)[0]
 
 
 def adapt(place: Around, r: Array, term: Term | None) -> tuple[Array, Array]:

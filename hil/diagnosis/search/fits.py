@@ -25,7 +25,7 @@ def fit_given(place: Around, term: Term, start: tuple[float, ...]) -> Fitted:
 
     def residuals(values: Array) -> Array:
         own = tuple(values.tolist())
-        adapted, moves_at[own] = adapt(place, with_term(place, term, own, coarse=True), term)
+        adapted, moves_at[own] = adapt(place, with_term(place, term, own), term)
         return adapted
 
     steps = EFFORT.linear

@@ -49,7 +49,7 @@ def simulated_probes(place: Around, jobs: Sequence[tuple[Term, Start]]) -> list[
     r = place.residuals_without
 
     def probe(job: tuple[Term, Start]) -> Probe | None:
-        change = adapted_residuals(place, job, coarse=True) - r
+        change = adapted_residuals(place, *job) - r
         return _on_line(*job, sketch(change), change, r) if np.isfinite(change).all() else None
 
     return _best_first([found for found in spread(probe, jobs) if found is not None])
