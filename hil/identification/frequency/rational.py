@@ -10,12 +10,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hil.kernel import kernel
 from hil.record.recording import Array, Complex
 
 _FAR_IN = 1e-9  # of the middle of the band
@@ -119,77 +117,36 @@ def solve(form: Form, given: Data, start: Array | None = None) -> Solution:
 
 def evaluate(form: Form, parameters: Array, s: Complex) -> tuple[Complex, Complex]:
     """Model values (n,) and their derivatives (n, p) with respect to the parameters."""
-    return _model(np.ascontiguousarray(s, np.complex128), parameters, _layout(form))
+    values, slopes = _model(form, parameters, s)
+    return values, slopes.T
 
 
-_Layout = tuple[NDArray[np.int64], bool, float, bool, float]
-
-
-def _layout(form: Form) -> _Layout:
-    """A form as the compiled model takes it: orders of the factors, those of leads negative, and what is not free."""
-    orders = np.array([*form.lags, *(-order for order in form.leads)], np.int64)
-    return orders, form.dc_gain is None, float(form.dc_gain or 0.0), form.dead_time, form.dead_time_s
-
-
-_OF_FORM = "Tuple((i8[::1], b1, f8, b1, f8))"
-
-
-@kernel(f"Tuple((c16[::1], c16[:,::1]))(c16[::1], f8[::1], {_OF_FORM})", error_model="numpy")
-def _model(
-    s: Complex,
-    parameters: Array,
-    layout: _Layout,
-) -> tuple[Complex, Complex]:
-    orders, free_gain, known_gain, free_dead_time, known_dead_time = layout
-    values = np.empty(len(s), np.complex128)
-    slopes = np.empty((len(s), len(parameters)), np.complex128)
-    first = 1 if free_gain else 0
-    gain = parameters[0] if free_gain else known_gain
-    dead_time = parameters[-1] if free_dead_time else known_dead_time
-    for i in range(len(s)):
-        shape, at = np.exp(-s[i] * dead_time), first
-        for k in range(len(orders)):
-            sign, order = (-1.0, orders[k]) if orders[k] > 0 else (1.0, -orders[k])
-            power, factor = s[i], 1.0 + 0.0j
-            for j in range(order):
-                factor += parameters[at + j] * power
-                power *= s[i]
-            power = s[i]
-            for j in range(order):
-                slopes[i, at + j] = sign * power / factor
-                power *= s[i]
-            shape = shape * factor if sign > 0.0 else shape / factor
-            at += order
-        values[i] = gain * shape
-        for k in range(first, at):
-            slopes[i, k] *= values[i]
-        if free_gain:
-            slopes[i, 0] = shape
-        if free_dead_time:
-            slopes[i, at] = -s[i] * values[i]
+def _model(form: Form, parameters: Array, s: Complex) -> tuple[Complex, Complex]:
+    """Model values (n,) and their derivatives, shape (p, n); no number where a factor is zero."""
+    at = first = int(form.dc_gain is None)
+    dead_time = parameters[-1] if form.dead_time else form.dead_time_s
+    powers, slopes = np.stack((s, s * s)), np.empty((len(parameters), len(s)), np.complex128)
+    with np.errstate(all="ignore"):
+        shape: Complex = np.exp(-s * dead_time)
+        for order in (*form.lags, *(-order for order in form.leads)):
+            those = slice(at, at := at + abs(order))
+            terms = powers[: abs(order)]
+            factor = 1.0 + parameters[those] @ terms
+            slopes[those] = (terms if order < 0 else -terms) / factor
+            shape = shape * factor if order < 0 else shape / factor
+        values = shape * (parameters[0] if form.dc_gain is None else form.dc_gain)
+        slopes[first:at] *= values
+        slopes[:first] = shape
+        slopes[at:] = -s * values
     return values, slopes
 
 
-@kernel(f"Tuple((f8[::1], f8[:,::1]))(c16[::1], c16[::1], f8[:,:,::1], f8[::1], {_OF_FORM})", error_model="numpy")
-def _whitened(
-    s: Complex,
-    response: Complex,
-    whitening: Array,
-    parameters: Array,
-    layout: _Layout,
-) -> tuple[Array, Array]:
+def _whitened(form: Form, given: Data, parameters: Array) -> tuple[Array, Array]:
     """Whitened errors of the model, shape (2n,), and their derivatives, shape (2n, p)."""
-    values, slopes = _model(s, parameters, layout)
-    errors = np.empty(2 * len(s))
-    changes = np.empty((2 * len(s), len(parameters)))
-    for i in range(len(s)):
-        missed = values[i] - response[i]
-        for row in range(2):
-            real, imag = whitening[i, row, 0], whitening[i, row, 1]
-            errors[2 * i + row] = real * missed.real + imag * missed.imag
-            for k in range(len(parameters)):
-                changes[2 * i + row, k] = real * slopes[i, k].real + imag * slopes[i, k].imag
-    return errors, changes
+    values, slopes = _model(form, parameters, given.s)
+    with np.errstate(all="ignore"):
+        white = given.white(np.vstack((values - given.response, slopes)).T)
+    return white[:, 0], white[:, 1:]
 
 
 def bounds(form: Form) -> tuple[Array, Array]:
@@ -206,12 +163,17 @@ def _refine(form: Form, given: Data, start: Array) -> Solution:
     from scipy.optimize import least_squares
 
     low, high = bounds(form)
-    layout = _layout(form)
 
-    def part(which: int, parameters: Array) -> Array:
-        return _whitened(given.s, given.response, given.whitening, parameters, layout)[which]
+    @lru_cache(maxsize=1)  # the optimiser asks for the errors of a point, then for their slopes
+    def at(point: bytes) -> tuple[Array, Array]:
+        return _whitened(form, given, np.frombuffer(point))
 
-    residuals, slopes = partial(part, 0), partial(part, 1)
+    def residuals(parameters: Array) -> Array:
+        return at(parameters.tobytes())[0]
+
+    def slopes(parameters: Array) -> Array:
+        return at(parameters.tobytes())[1]
+
     found = least_squares(residuals, start, slopes, method="lm", x_scale="jac", xtol=1e-12, ftol=1e-12)
     if np.any(found.x < low) or not np.all(np.isfinite(found.fun)):
         inside = np.maximum(np.where(np.isfinite(found.x), found.x, start), np.where(low > 0.0, 2.0 * low, low))
@@ -226,7 +188,7 @@ def _starts(form: Form, given: Data) -> list[Array]:
     lag = max(-float(np.unwrap(np.angle(given.response))[-1]), 1.0)
 
     def chi2(start: Array) -> float:
-        error, _ = _whitened(given.s, given.response, given.whitening, start, _layout(form))
+        error, _ = _whitened(form, given, start)
         return float(error @ error)
 
     tried = [_linear_start(form, given, dead_time) for dead_time in np.linspace(0.0, lag / top, _DELAY_STARTS).tolist()]
