@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hil.language.note import Note
 from hil.record.recording import Array, Recording
 from hil.signals.rounding import rounding_step
-from hil.signals.runs import runs
+from hil.signals.runs import longest_runs, runs
 from hil.units import behind_a_number
 
 _BY_CHANCE = 1e-3  # so often a run of equal readings may come by chance in a whole recording
@@ -42,7 +42,7 @@ def _frozen(values: Array, at_rest: NDArray[np.bool_]) -> list[tuple[int, int]]:
     finite = np.isfinite(values)
     steps, code = np.diff(np.where(finite, values, np.nan)), rounding_step(values[finite])
     found = []
-    for first, last in sorted(runs(steps == 0.0), key=lambda run: run[0] - run[1])[:_MOST]:
+    for first, last in longest_runs(steps == 0.0, _MOST):
         is_within = last < len(steps) and at_rest[first : last + 1].all()  # the reading behind it counts too
         if (is_within or _is_across(values, at_rest, first, last)) and _is_frozen(steps, code, at_rest, first, last):
             found.append((first, last + 1))

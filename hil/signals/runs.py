@@ -8,5 +8,17 @@ from numpy.typing import NDArray
 
 def runs(held: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """(first, one past the last) index of every stretch of True, in order."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(np.int8), [0]))))
-    return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+    return [(start, stop) for start, stop in _edges(held).tolist()]
+
+
+def longest_runs(held: NDArray[np.bool_], most: int) -> list[tuple[int, int]]:
+    """The longest stretches of True, at most so many, the longest first; of equally long ones the first."""
+    edges = _edges(held)
+    return [
+        (start, stop) for start, stop in edges[np.argsort(edges[:, 0] - edges[:, 1], kind="stable")[:most]].tolist()
+    ]
+
+
+def _edges(held: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Shape (number of stretches, 2)."""
+    return np.flatnonzero(np.diff(held.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
