@@ -69,7 +69,7 @@ class StatedValve(TypedDict, total=False):
     plant: str
     serial: str
     settling_s: float
-    limits: dict[str, float | None] | None
+    limits: dict[str, Any] | None
     operating_point: float | None
     integrates: bool
     amplifier: str
