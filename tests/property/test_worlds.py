@@ -72,6 +72,7 @@ def test_after_a_sample_that_failed_no_sign_of_life_drives_again_what_stood_befo
 def test_a_ramp_after_a_lost_answer_begins_with_the_question_where_the_output_stands() -> None:
     """Its first command would drive one that has restarted away from its safe value."""
     assert not of("46,0.01,plain,r|hold:driving:4:0.05:io").broken
+    assert not of("31991298,0.01,plain,r|out:driving:1.2:0.05:io|term:driving:1.3:0:").broken  # which covered it
 
 
 def test_a_computer_that_sleeps_while_one_device_is_driven_drives_no_other_afterwards() -> None:
@@ -135,7 +136,7 @@ MENDS: dict[str, tuple[Patches, str]] = {
     ),
     "a late command is not waited for": (
         [(Late, "left_s", lambda _late, _now_s: 0.0)],
-        "31005,0.2,plain,-|hold:driving:2.3545:2:io|hup:driving:2.8849:0:",
+        "31025,0.05,plain,w|hold:driving:1.0351:1:io|hup:driving:2.2729:0:",
     ),
     "another device is believed": (
         [(Wiring, "refuse_another", lambda _wiring, _identity: None), (Pin, "doubt", lambda _pin, _identity: "")],

@@ -206,8 +206,9 @@ def ramps_down(world: World, ran: Ran) -> Iterator[str]:
         world.begun_s.get("making safe"),
         {"int", "term", "hup", "fork", "second", "double", "low", "wd term"},
     )
-    if not ran.schedule.ramped or begun_s is None or kinds(ran) - calm or ran.schedule.procedure == "blocks":
-        return
+    doubled = any(fault.kind == "double" and fault.device == "third" for fault, _ in ran.took)  # on a serial line
+    if not ran.schedule.ramped or begun_s is None or kinds(ran) - calm or doubled or ran.schedule.procedure == "blocks":
+        return  # a device whose answers are not understood may have restarted
     late = [at for at_s, at in ran.changes["command"] if at_s >= begun_s - 0.1]
     steps = [abs(after - before) for before, after in pairwise(late)]
     if steps and max(steps) > 2.0 * RAMP_PER_S * 0.05:
@@ -219,7 +220,7 @@ def stays_safe(world: World, ran: Ran) -> Iterator[str]:
     begun_s = world.begun_s.get("making safe")
     if begun_s is None or kinds(ran) & {"hold", "double", "slow line", "swap"}:  # what was on its way may come later
         return
-    late = {fault.device for fault, _ in ran.took if fault.kind in ("slow", "deaf")}  # it obeys, but later
+    late = {fault.device for fault, _ in ran.took if fault.kind in ("slow", "deaf", "fails")}  # it obeys, but later
     for output, device in world.outputs.items():
         if device in late:
             continue
