@@ -257,6 +257,8 @@ def rescue_is_told(world: World, ran: Ran) -> Iterator[str]:
     watchdog = world.watchdog
     if world.run.status != -9 or watchdog is None or watchdog.status != 0 or "driving" not in world.begun_s:
         return
+    if any(fault.kind == "kill" and phase == "closing" for fault, phase in ran.took):
+        return  # it may have let its watchdog go home already
     said = " ".join(text for _, by, text in ran.said if by == watchdog.name)
     if not any(
         word in said for word in ("outputs made safe in", "outputs told to be safe in", "NOT SAFE", "in use by")
