@@ -159,6 +159,19 @@ NULL_SHIFTS: Mapping[str, str] = {
     "null_shift_tank": "The same over the measured tank pressure, times 10 % of the supply pressure.",
     "null_shift_temperature": "The same over the oil temperature as it was adjusted, times 40 K.",
 }
+LOAD_STEPS: Mapping[str, str] = {
+    "load_step": "Mean of the second half of the time held after the step, less that before; mean of the repeats.",
+    "load_deviation": (
+        "Largest size of the response less its mean before the step, of a smooth curve through the mean of the "
+        "repeats. `<` where noise alone could make it."
+    ),
+    "load_settling": (
+        "From the step of the load until that curve stays within the band (in % of the largest departure) about its "
+        f"final value, the mean of the last 15 % of the time, for good. {_READING}"
+    ),
+    "spool_deviation": "As `load_deviation`, of the channel `spool position`.",
+    "spool_settling": "As `load_settling`, of the channel `spool position`.",
+}
 COILS: Mapping[str, str] = {
     "coil_resistance_cold": "ISO 10770-2:2012, 7.2: after at least 2 h without current, at ambient temperature. Typed.",
     "coil_resistance_hot": "ISO 10770-2:2012, 7.2: temperature settled, within 1 s of switching off. Typed.",

@@ -1,7 +1,7 @@
 """ISO 10770-1 in one run: flow curve, steps, frequency response, threshold and fail-safe of a valve; a certificate.
 
-Where the bench adjusts what they need, also pressure gain, internal leakage, flow over pressure drop, limiting power
-and null shift.
+Where the bench adjusts what they need, also pressure gain, internal leakage, flow over pressure drop, limiting power,
+null shift and load step.
 
 One rehearsal, one time, one page. A run that was broken off goes on with the test that it had not completed. All six
 frequency responses are measured by multisines, in a fifth of the time of stepped sines; `frequency_response` measures
@@ -25,6 +25,7 @@ from procedures import (
     flow_over_pressure_drop,
     internal_leakage,
     limiting_power,
+    load_step,
     multisine_response,
     null_shift,
     pressure_gain,
@@ -47,6 +48,7 @@ _TESTS: Mapping[str, tuple[ModuleType, Note, tuple[str, ...]]] = {
     "flow_over_pressure_drop": (flow_over_pressure_drop, Note("flow over pressure drop"), ()),
     "limiting_power": (limiting_power, Note("limiting power"), ()),
     "null_shift": (null_shift, Note("null shift"), ()),
+    "load_step": (load_step, Note("load step"), ()),
 }
 _ADJUSTING: Mapping[str, frozenset[ConditionRole]] = {
     "pressure_gain": frozenset({LOAD}),
@@ -54,6 +56,7 @@ _ADJUSTING: Mapping[str, frozenset[ConditionRole]] = {
     "flow_over_pressure_drop": frozenset({SUPPLY}),
     "limiting_power": frozenset({SUPPLY}),
     "null_shift": frozenset({SUPPLY, TANK, OIL}),
+    "load_step": frozenset({LOAD}),
 }
 MEASUREMENTS = tuple(one for test, _, _ in _TESTS.values() for one in test.MEASUREMENTS)
 
@@ -70,6 +73,7 @@ _Name = Literal[
     "flow_over_pressure_drop",
     "limiting_power",
     "null_shift",
+    "load_step",
 ]
 
 

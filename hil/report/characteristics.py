@@ -12,14 +12,17 @@ from hil.language.words import _
 from hil.report.field import Curve, array, label_of, needed, unit_of
 from hil.report.figure import (
     BLUE,
+    GREEN,
     GRID,
     MARKERS,
     RED,
     SERIES,
+    SKY,
     SOFT,
     drawn,
     legend_on_top,
     small_multiples,
+    thinned,
     titled,
 )
 from hil.report.section import Section
@@ -32,6 +35,7 @@ BRANCHES_NEEDED = ("command", "rising", "falling")
 LEVELS_NEEDED = ("command", "measured")
 DROPS_NEEDED = ("drop", "measured")
 CONDITIONS_NEEDED = ("condition", "measured", "std", "fitted")
+ANSWERS_NEEDED = ("time_s", "measured", "fitted", "before", "final")
 _MOST = 6
 _BAR_L_MIN_PER_KW = 600.0
 _ROOM = 0.05  # beside the outer points
@@ -121,6 +125,24 @@ def _equal_powers(axes: Axes, end_bar: float, low_l_min: float, high_l_min: floa
                 f"{power_kw:g} kW", (end_bar, sign * flow[-1]), (3.0, 0.0), textcoords="offset points", color=SOFT,
                 va="center", fontsize=8,
             )  # fmt: skip
+
+
+def load_step_section(curves: Sequence[Curve]) -> Section:
+    """What the response does after each step of the load."""
+
+    def draw(axes: Axes, curve: Curve) -> None:
+        time_ms = 1e3 * needed(curve, "time_s")
+        axes.plot(*thinned(time_ms, needed(curve, "measured")), color=SKY, lw=2.6, label=_("measured"))
+        axes.plot(*thinned(time_ms, needed(curve, "fitted")), color=RED, lw=1.0, label=_("smooth curve"))
+        for place, dash in ((float(curve["before"]), ":"), (float(curve["final"]), "--")):
+            axes.axhline(place, color=SOFT, lw=0.8, ls=dash)
+        if curve.get("settled_s") is not None:
+            axes.axvline(1e3 * float(curve["settled_s"]), color=GREEN, lw=1.0, ls="--", label=_("settling time"))
+        titled(axes, label_of(curve))
+
+    labels = _("time after the step [ms]"), _("response") + unit_of(curves[0], "response_unit")
+    caption = _("Mean of the repeats. Dotted: before the step; dashed: the final value.")
+    return Section(_("Load step"), figures=(small_multiples("load-step", curves[:_MOST], 2, draw, labels, caption),))
 
 
 def null_shift_section(curves: Sequence[Curve]) -> Section:

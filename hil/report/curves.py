@@ -47,6 +47,7 @@ KINDS: Mapping[str, Kind] = {
     "internal_leakage": Kind(characteristics.LEVELS_NEEDED, characteristics.internal_leakage_section),
     "flow_over_pressure_drop": Kind(characteristics.DROPS_NEEDED, characteristics.flow_over_pressure_drop_section),
     "limiting_power": Kind(characteristics.DROPS_NEEDED, characteristics.limiting_power_section),
+    "load_step": Kind(characteristics.ANSWERS_NEEDED, characteristics.load_step_section),
     "null_shift": Kind(characteristics.CONDITIONS_NEEDED, characteristics.null_shift_section),
     "drift": Kind(motions.DRIFT_NEEDED, motions.drift_section),
 }

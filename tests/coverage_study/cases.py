@@ -34,6 +34,7 @@ WITHOUT_TRUTH = {
     "pressure_drop_high": "of `flow_curve` on a bench that reads a return pressure: held in "
     "tests/unit/test_flow_curve_null.py",
     "pressure_drop_low": "the same",
+    "spool_settling": "no load moves the spool of the simulated valve; held in tests/unit/test_load_step.py",
     "counted_change": "three standard uncertainties of a mean: it says how well this recording can be read",
     "reading": "what an input showed while an output was moved by hand",
 }
@@ -44,7 +45,7 @@ MADE_OF = {
     "bench_reference": ("flow_curve", "step_response"),
     "iso_10770_1": (
         "flow_curve", "step_response", "multisine_response", "threshold", "fail_safe", "pressure_gain",
-        "internal_leakage", "flow_over_pressure_drop", "limiting_power", "null_shift",
+        "internal_leakage", "flow_over_pressure_drop", "limiting_power", "null_shift", "load_step",
     ),
 }  # fmt: skip
 """Procedures whose figures are those of others."""
@@ -122,6 +123,7 @@ CASES = (
     Case("flow_over_pressure_drop", FOUR_WAY, {}, truth_four_way.of_flow_over_pressure_drop),
     Case("limiting_power", FOUR_WAY, {}, truth_four_way.of_limiting_power),
     Case("null_shift", FOUR_WAY, {}, truth_four_way.of_null_shift),
+    Case("load_step", FOUR_WAY, {}, truth_four_way.of_load_step),
 )  # fmt: skip
 
 

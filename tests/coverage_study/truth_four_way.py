@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+from scipy.signal import lfilter
 
 from hil.bench.find import benches
+from hil.physics.compose import plant
 from hil.record.recording import Array, Recording
 from tests.coverage_study.situations import Situation
 from tests.coverage_study.truth_static import Truths
@@ -104,6 +106,31 @@ def of_null_shift(_clean: Recording, bench: str, _situation: Situation) -> Truth
             nulls.append(_null(bench, **{condition: level}))
             found[f"null, {label.format(level)}"] = nulls[-1]
         found[figure] = float(np.polyfit([usual[condition], *levels], nulls, 1)[0]) * change
+    return found
+
+
+def of_load_step(clean: Recording, bench: str, _situation: Situation) -> Truths:
+    """Flows at rest of the throttle as it closes and opens with its time constant, read by a meter of first order."""
+    band, typical = float(clean.meta["settings"]["band"]) / 100.0, plant("four-way-valve").typical
+    line_s, meter_s = typical["line_lag"], typical["sensor_lag"]
+    loads = np.concatenate(([0.0], np.geomspace(0.01, 100.0, 60)))
+    time_s = np.arange(0.0, 0.6, 2e-5)
+    found: Truths = {}
+    for command in (50.0, -50.0):
+        flows, drops = (
+            np.array([_read(bench, name, (command,), load=float(load))[0] for load in loads])
+            for name in ("flow", "load_pressure")
+        )
+        for ends, throttle in (((100, 0), np.exp(-time_s / line_s)), ((0, 100), -np.expm1(-time_s / line_s))):
+            flow = PchipInterpolator(np.sqrt(loads), flows)(np.sqrt(100.0 * throttle))
+            keep = np.exp(-2e-5 / meter_s)
+            read = lfilter([1.0 - keep], [1.0, -keep], flow - flow[0])
+            label = f"{command:+.0f} %, load {ends[0]} → {ends[1]} %"
+            outside = np.flatnonzero(np.abs(read - read[-1]) > band * np.abs(read).max())
+            found[f"load_step, {label}"] = float(np.diff(drops[[0, -1]])[0] * np.sign(ends[1] - ends[0]))
+            found[f"load_deviation, {label}"] = float(np.abs(read).max())
+            found[f"load_settling, {label}"] = 1e3 * float(time_s[outside[-1] + 1])
+            found[f"spool_deviation, {label}"] = 0.0
     return found
 
 

@@ -30,6 +30,7 @@ ALL = [
     "flow_over_pressure_drop four-way-lab",
     "limiting_power four-way-lab",
     "null_shift four-way-lab",
+    "load_step four-way-lab",
     "efc_acceptance cummins-efc-acceptance",
     "efc_frequency_response cummins-efc",
     "efc_step_response cummins-efc",

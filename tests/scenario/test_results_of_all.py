@@ -37,6 +37,7 @@ SHORT = {
     "large_sine": ("brevini-hpv41", {"frequencies": (0.5,), "cycles": 1}),
     "leakage_check": ("cummins-efc-acceptance", {}),
     "limiting_power": ("four-way-lab", {"rate_hz": 200}),
+    "load_step": ("four-way-lab", {"rate_hz": 500}),
     "multisine_response": (
         "brevini-hpv41",
         {"low_hz": 0.5, "high_hz": 4.5, "base_hz": 0.5, "amplitudes": (4,), "periods": 3, "biases": (60,)},

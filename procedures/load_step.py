@@ -1,0 +1,237 @@
+"""Load step: the load orifice steps while the command stands; how far flow and spool go, and when they stay.
+
+Needs an output with the role `load orifice`. The step of a channel `load pressure` is measured, and the answer of a
+channel `spool position`, where the bench reads them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Unit
+
+from hil.errors import SettingError
+from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
+from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.recording import Array, Channel, Recording
+from hil.rig import Rig
+from hil.session.allowed import Allowed
+from hil.signals.crossing import crossing
+from hil.signals.interval import CERTAIN
+from hil.signals.products import one_blas_thread
+from hil.signals.smooth_curve import Smoother, coloured, whitener_of
+from procedures._characteristic import steady
+from procedures._conditions import LOAD, adjusting, adjusting_s, check_within, usual
+from procedures._course import Course, joined
+from procedures._definitions import LOAD_STEPS, defined
+from procedures._extreme import extreme
+from procedures._pressure_drop import LOAD_PRESSURE
+from procedures._recorded import calibration_share, departures, parts_of, roles_of
+from procedures._scale import check_stands, scale_of
+from procedures._settings import NotNegative, Percent, Positive, Twice
+from procedures._supplies import by_command
+
+STEP = Measurement("load_step", "", "change of the load pressure by the step")
+DEVIATION = Measurement("load_deviation", "", "largest departure of the response from its value before the step")
+SETTLING = Measurement("load_settling", "ms", "after which the response stays within the band about its final value")
+SPOOL = Measurement("spool_deviation", "", "largest departure of the spool from its position before the step")
+SPOOL_SETTLING = Measurement("spool_settling", "ms", "after which the spool stays within the band")
+MEASUREMENTS = defined(LOAD_STEPS, STEP, DEVIATION, SETTLING, SPOOL, SPOOL_SETTLING)
+SPOOL_POSITION = "spool position"
+KIND = "load step"
+_NEEDING = "a load step"
+_HOLD_SETTLINGS = 2.0
+_TAIL = 0.15  # of the time after the step: its end gives the final value
+# As of a step of the command: smooth over the logarithm of time; what a looser curve reads differently is granted.
+_COEFFICIENTS, _SHARP, _LOOSER = 80, 0.005, 100.0
+
+
+def run(
+    rig: Rig,
+    *,
+    commands: tuple[Percent, ...] | None = None,
+    load: NotNegative | None = None,
+    band: Annotated[float, Allowed(above=0.0, below=50.0), Unit("%")] = 5.0,  # noqa: ARG001 — for the evaluation
+    hold_s: Positive | None = None,
+    repeats: Twice = 5,
+    warm_up_s: NotNegative = 0.0,
+    full_command: Positive | None = None,
+    rate_hz: Positive | None = None,
+) -> None:
+    """Step the load there and back at each command.
+
+    Args:
+        rig: the bench.
+        commands: in % of full command from neutral; halfway to the ends of its range when not given.
+        load: where the load orifice steps to, in its unit; the lower end of its range, ports A and B blocked, when not
+            given.
+        band: about the final response within which it counts as settled, in % of the largest departure.
+        hold_s: time before and after each step, in s; twice the settling time of the valve when not given.
+        repeats: how often the load steps at each command.
+        warm_up_s: time at the first command before anything is measured, in s.
+        full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
+        rate_hz: sample rate; that of the bench when not given.
+    """
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    orifice = adjusting(rig, LOAD, _NEEDING)
+    if orifice.name in rig.promises["delay_s"]:
+        raise SettingError(f"{_NEEDING} needs an output that steps the load; '{orifice.name}' is set by hand")
+    scale = scale_of(rig, full_command)
+    check_stands(scale, _NEEDING)
+    there, back = orifice.low if load is None else load, usual(orifice)
+    check_within(orifice, "load", [there])
+    if there == back:
+        raise SettingError(f"setting load: {there:g} {orifice.unit} is where '{orifice.name}' stands already")
+    levels = scale.levels("commands", commands, 0.5)
+    held = max(2, round((hold_s or _HOLD_SETTLINGS * rig.settling_s) * rate_hz))
+    pieces = [np.full((2 * repeats + 1) * held, level) for level in levels]
+    steps = [{LOAD: there}] * (repeats * len(levels))
+    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, pieces), {"commands": levels, "load": there},
+                    adjusting_s(rig, steps))  # fmt: skip
+    course.warm_up(levels[0], warm_up_s)
+    for level in levels:
+        course.go_to(level)
+        rig.hold(held / rate_hz, rate_hz)
+        for start, end in ((back, there), (there, back)) * repeats:
+            label = (
+                f"{100.0 * (level - scale.neutral) / scale.full:+.3g} %, load {start:.4g} → {end:.4g} {orifice.unit}"
+            )
+            course.say(label)
+            stepped = rig.adjust({LOAD: end}, rate_hz)
+            after = rig.hold(held / rate_hz, rate_hz)
+            rig.mark(held + len(stepped) + len(after), {"kind": KIND, "label": label, "held": held})
+    course.finish()
+
+
+def evaluate(recording: Recording) -> Findings:
+    """Largest departure and settling time of the response and the spool at each step, from the mean of the repeats."""
+    _, response = roles_of(recording)
+    band = float(recording.meta["settings"]["band"]) / 100.0
+    measured: list[Measured] = []
+    curves: list[dict[str, Any]] = []
+    for label, parts in by_command(parts_of(recording, KIND)).items():
+        if LOAD_PRESSURE in recording.channels:
+            measured.append(_step(recording, label, parts))
+        found = _answer(recording, parts, response, band)
+        departure, settled = found.figures(label, DEVIATION, SETTLING, response)
+        measured += [departure, settled]
+        curves.append({
+            "label": label, "response_unit": response.unit, "time_s": found.time_s,
+            "measured": found.start + found.mean, "fitted": found.start + found.curve,
+            "before": found.start, "final": found.start + float(_final(found.curve)),
+            "settled_s": None if settled.value is None else 1e-3 * settled.value,
+        })  # fmt: skip
+        if SPOOL_POSITION in recording.channels and response.name != SPOOL_POSITION:
+            spool = recording.channel(SPOOL_POSITION)
+            measured += _answer(recording, parts, spool, band).figures(label, SPOOL, SPOOL_SETTLING, spool)
+    return Findings(tuple(measured), {"load_step": curves}, deviations=departures(recording))
+
+
+def _step(recording: Recording, label: str, parts: Sequence[Mapping[str, Any]]) -> Measured:
+    """Of the load pressure: what it is at the end, less what it was before."""
+    pressure = recording.channel(LOAD_PRESSURE)
+    before, after = (_levels(recording, parts, pressure, end) for end in (False, True))
+    change = after[0] - before[0]
+    return STEP.at(label, pressure.unit).of(
+        change, math.hypot(before[1], after[1]), calibration=calibration_share(pressure) * abs(change)
+    )
+
+
+def _levels(
+    recording: Recording, parts: Sequence[Mapping[str, Any]], channel: Channel, after: bool
+) -> tuple[float, float]:
+    """Mean over the repeats of what stands before the step or at its end, and its standard uncertainty."""
+    read = []
+    for part in parts:
+        count = int(part["held"])
+        first = part["first"] + (part["count"] - count if after else 0)
+        read.append(steady(recording, {"first": first, "count": count}, channel))
+    values, stds = np.array(read).T
+    return float(values.mean()), float(np.hypot.reduce(stds)) / len(values)
+
+
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    """What a channel does after the step, less what it stood at before.
+
+    Attributes:
+        time_s: since the step, shape (n,). `start`: the value before. `mean`: over the repeats, shape (n,).
+        curve: smooth through it, shape (n,); `loose`: one less stiff, which rounds no corner.
+        again: curves of recordings drawn again, shape (m, n); `made`: of noise alone.
+        band: share of the largest departure within which it counts as settled.
+    """
+
+    time_s: Array
+    start: float
+    mean: Array
+    curve: Array
+    loose: Array
+    again: Array
+    made: Array
+    band: float
+
+    def figures(
+        self, label: str, deviation: Measurement, settling: Measurement, channel: Channel
+    ) -> tuple[Measured, Measured]:
+        """Largest departure, and the settling time where there is a departure for sure."""
+        by_noise = float(np.sqrt(np.mean(np.abs(self.made).max(axis=1) ** 2)))
+        size, std = self._largest(by_noise)
+        largest = extreme(
+            deviation.at(label, channel.unit), size, std, calibration=calibration_share(channel) * size,
+            made_by_noise=by_noise,
+        )  # fmt: skip
+        time_s, loose_s = self._settled_s(self.curve), self._settled_s(self.loose)
+        std_s = math.hypot(about(np.array([self._settled_s(curve) for curve in self.again]), time_s), loose_s - time_s)
+        what = settling.at(label)
+        known = largest.relation == "=" and math.isfinite(std_s)
+        return largest, what.of(1e3 * time_s, 1e3 * std_s) if known else what.of(None)
+
+    def _largest(self, by_noise: float) -> tuple[float, float]:
+        """Largest size; the final one, and the rest granted, where noise alone could make the curve pass that."""
+        size, sizes = float(np.abs(self.curve).max()), np.abs(self.again).max(axis=1)
+        end, ends = abs(float(_final(self.curve))), np.abs(_final(self.again))
+        if size - end > CERTAIN * by_noise or end < CERTAIN * by_noise:
+            return size, about(sizes, size)
+        return end, math.hypot(about(ends, end), (size - end) / math.sqrt(3.0))
+
+    def _settled_s(self, curve: Array) -> float:
+        """Since when it stays within the band; infinite where it does not."""
+        away = np.abs(curve - _final(curve))
+        limit = self.band * float(np.abs(curve).max())
+        outside = np.flatnonzero(away > limit)
+        if len(outside) == 0:
+            return float(self.time_s[0])
+        last = int(outside[-1])
+        return math.inf if last + 1 == len(away) else crossing(self.time_s, away, limit, last, last + 1)
+
+
+def _final(curves: Array) -> Array:
+    """Mean of the end of each curve, shape (…, n)."""
+    return np.asarray(curves[..., -max(1, round(_TAIL * curves.shape[-1])) :].mean(axis=-1))
+
+
+def _answer(recording: Recording, parts: Sequence[Mapping[str, Any]], channel: Channel, band: float) -> _Answer:
+    start, start_std = _levels(recording, parts, channel, after=False)
+    stamps_s = recording.stamps(channel.name)
+    before, after = [], []
+    for part in parts:
+        first, stop = part["first"] + part["held"], part["first"] + part["count"]
+        before.append(channel.values[part["first"] : first])
+        after.append((stamps_s[first:stop] - recording.time_s[first], channel.values[first:stop]))
+    time_s = after[0][0]
+    mean = np.mean([np.interp(time_s, *one) for one in after], axis=0) - start  # a host may pause between blocks
+    whitener = whitener_of(np.mean(before, axis=0))
+    places = np.log1p(np.maximum(time_s, 0.0) / (_SHARP * float(time_s[-1])))
+    with one_blas_thread():
+        smoother = Smoother.on(places, min(_COEFFICIENTS, max(8, len(places) // 2)), whitener, twice=True)
+        found, looser = smoother.curves_each(mean, (1.0, _LOOSER))
+        (curve,), (loose,) = smoother.at(found), smoother.at(looser)
+        rng = draws_of(mean)
+        noise = coloured(float(found.noise_std[0]) * rng.normal(size=(DRAWS, len(mean) + 200)), whitener)[:, 200:]
+        noise += start_std * rng.normal(size=(DRAWS, 1))
+        again, made = (smoother.at(smoother.curves(base + noise)) for base in (curve, np.zeros(len(curve))))
+    return _Answer(time_s, start, mean, curve, loose, again, made, band)
