@@ -178,7 +178,7 @@ class Explanation:
         Samples that were not measured are worth what noise is.
         """
         lost = self.problem.expected - search.problem.expected
-        sets = (nothing(search.problem), *search.pool.fits.values())
+        sets = (nothing(search.problem), *search.fits.values())
         self.options += [Option(search.problem, f, events, f.residuals, f.chi2 + lost) for f in sets]
 
     @cached_property
@@ -198,15 +198,13 @@ class Explanation:
         right. Led back, both show where they are.
         """
         problem = self.problem
-        least = search.pool.least
-        best = min(search.pool.fits.values(), key=lambda f: self.worth.of(f, least))
+        best = search.first
         if problem.plant.observer is None or self.worth.is_enough(best, 1 + len(best.terms)):
             return
         if not problem.work.leaves_out(marked("a led-back search")):
             led = Search(replace(problem, following=True), self.worth)
-            pool = led.run()
-            ranked = sorted((f for f in pool.fits.values() if f.terms), key=lambda f: self.worth.of(f, pool.least))
-            search.also(ranked[: 2 * EFFORT.beam])
+            led.run()
+            search.also([f for f in led.ranked() if f.terms][: 2 * EFFORT.beam])
 
     def _events(self, problem: Problem, before: tuple[Events, ...]) -> None:
         """Events beside the unit and the best laws; and laws without them, where they may tell more than laws alone."""

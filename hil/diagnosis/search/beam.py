@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -33,25 +33,6 @@ class Worth(Protocol):
         """Whether what it leaves may be noise alone."""
 
 
-@dataclass(slots=True)
-class Pool:
-    """Every set that was fitted to its end, the lowest of each."""
-
-    fits: dict[Keys, Fitted] = field(default_factory=dict)
-
-    def add(self, f: Fitted) -> Fitted:
-        """Keep a fit where it is the lowest of its set; the lowest."""
-        known = self.fits.get(keys(f))
-        if known is None or f.chi2 < known.chi2:
-            self.fits[keys(f)] = f
-        return self.fits[keys(f)]
-
-    @property
-    def least(self) -> float:
-        """The least χ²."""
-        return min(f.chi2 for f in self.fits.values())
-
-
 def labels(f: Fitted) -> Keys:
     """What a set is told as: effects by name, those that a parameter has grown into apart, parameters as parameters."""
     return frozenset((t.kind, t.effect_name(v) or t.name) for t, v in f.pairs)
@@ -66,11 +47,14 @@ def _distinct(sets: Iterable[Fitted], told: Callable[[Fitted], Keys]) -> list[Fi
 
 
 class Search:
-    """One search, by batches; it knows no other number of worth than the one that it is given."""
+    """One search, by batches; it knows no other number of worth than the one that it is given.
+
+    `fits`: every set that was fitted to its end, the lowest of each.
+    """
 
     def __init__(self, problem: Problem, worth: Worth) -> None:
         self.problem, self.worth = problem, worth
-        self.pool = Pool()
+        self.fits: dict[Keys, Fitted] = {}
         self.probes: list[Probe] = []
         self._ended: set[Keys] = set()
         self.terms = all_terms(problem, problem.nominal_residuals)
@@ -79,16 +63,23 @@ class Search:
         """Sets from elsewhere, fitted; where a term of one ended at nothing, the others alone from there too."""
         found = spread(lambda f: fit(self.problem, f, steps=EFFORT.fine), sets)
         for f in found:
-            self.pool.add(f)
+            self.add(f)
             there = [k for k, (t, v) in enumerate(f.pairs) if not t.is_nothing(v)]
             if len(there) < len(f.terms):
-                self.pool.add(fit(self.problem, f.only(there), steps=EFFORT.fine))
+                self.add(fit(self.problem, f.only(there), steps=EFFORT.fine))
 
-    def run(self) -> Pool:
+    def add(self, f: Fitted) -> Fitted:
+        """Keep a fit where it is the lowest of its set; the lowest."""
+        known = self.fits.setdefault(keys(f), f)
+        if f.chi2 < known.chi2:
+            self.fits[keys(f)] = f
+        return self.fits[keys(f)]
+
+    def run(self) -> None:
         """Search from nothing on."""
-        unit = self.pool.add(fit(self.problem, nothing(self.problem), steps=EFFORT.fine))
+        unit = self.add(fit(self.problem, nothing(self.problem), steps=EFFORT.fine))
         if self.worth.is_enough(unit, 1):
-            return self.pool
+            return
         place = around(self.problem, nothing(self.problem))
         self.probes = simulated_probes(place, [(t, start) for t in self.terms for start in t.starts])
         self._grow(place, self.probes, EFFORT.alone, 2 * EFFORT.finished)
@@ -96,28 +87,37 @@ class Search:
         for size in range(1, EFFORT.causes):
             if self._is_done(size):
                 break
-            first = self._first
+            first = self.first
             # One law that leaves what may be noise imitates no other two: only a small cause more may hide beside it.
             is_alone = size == 1 and self.worth.leaves_noise(first)
             if size == 1 and not is_alone:
                 self._couples(place)
             for parent in self._best(size)[: 1 if is_alone else EFFORT.beam - size + 1]:
                 self._extend(parent)
-            if is_alone and self._first is first:
+            if is_alone and self.first is first:
                 break
             self._unions(size + 1)
             self._drop_and_swap(size + 1)
         if (
             self.problem.is_short
             and not self.problem.following
-            and not self._is_enough(1 + max(len(self._first.terms), 1))
+            and not self._is_enough(1 + max(len(self.first.terms), 1))
         ):
             self._from_other_units()
-        return self.pool
 
     @property
-    def _first(self) -> Fitted:
-        return min(self.pool.fits.values(), key=self._score)
+    def first(self) -> Fitted:
+        """The best set."""
+        return self.ranked()[0]
+
+    def ranked(self) -> list[Fitted]:
+        """All sets, the best first."""
+        least = self._least
+        return sorted(self.fits.values(), key=lambda f: self.worth.of(f, least))
+
+    @property
+    def _least(self) -> float:
+        return min(f.chi2 for f in self.fits.values())
 
     def _from_other_units(self) -> None:
         """Sets that grow with nothing linearised, from the nominal unit and from one as they usually are.
@@ -152,36 +152,35 @@ class Search:
             for x in promising[: EFFORT.tried if parent.terms else EFFORT.alone]
         ]
         found = spread(lambda f: fit(self.problem, f, from_here=True), grown)
-        return [self.pool.add(f) for f in found]
+        return [self.add(f) for f in found]
 
     def _is_done(self, size: int) -> bool:
         """Whether larger sets than of this size are not looked for: the best is enough, or smaller already."""
-        smaller = size > 1 and len(self._first.terms) < size
+        smaller = size > 1 and len(self.first.terms) < size
         return smaller or self._is_enough(size + 1) or self.problem.work.leaves_out(marked("sets of more causes"))
 
     def _is_enough(self, size: int) -> bool:
         """Whether no set of so many causes could be worth more than the best, as exact as it can be told."""
-        best = self._first
+        best = self.first
         if self.worth.is_enough(best, size):
             return True
         if keys(best) in self._ended or self.problem.step > 0.0:
             return False
         self._ended.add(keys(best))
-        return self.worth.is_enough(self.pool.add(finished(self.problem, best)), size)
+        return self.worth.is_enough(self.add(finished(self.problem, best)), size)
 
     def _score(self, f: Fitted) -> float:
-        return self.worth.of(f, self.pool.least)
+        return self.worth.of(f, self._least)
 
     def _best(self, size: int) -> list[Fitted]:
         """The best sets of a size that are told differently."""
-        own = (f for f in self.pool.fits.values() if len(f.terms) == size)
-        return _distinct(sorted(own, key=self._score), labels)
+        return _distinct((f for f in self.ranked() if len(f.terms) == size), labels)
 
     def _parameters(self, unit: Fitted) -> None:
         """Base parameters that moved farther than they may wander: freed, and put back one by one, dearest last."""
         free = fit(self.problem, unit, base_free=True, steps=EFFORT.fine)
         names = self.problem.prior.moved(free.parameters)
-        effects = [f.chi2 for f in self.pool.fits.values() if f.terms]
+        effects = [f.chi2 for f in self.fits.values() if f.terms]
         at = free
         if free.chi2 > min(effects, default=np.inf):
             return
@@ -189,7 +188,7 @@ class Search:
             terms = tuple(t for t in self.terms if t.kind == "parameter" and t.name in names)
             values = tuple((at.parameters[t.name],) for t in terms)
             at = fit(self.problem, Fitted(terms, values, at.parameters, at.chi2, at.residuals), steps=EFFORT.fine)
-            self.pool.add(at)
+            self.add(at)
             away = {t.name: _away(at, t, v[0]) for t, v in at.pairs}
             names = [n for n in names if n != min(away, key=lambda name: away[name])]
 
@@ -216,7 +215,7 @@ class Search:
 
     def _to_the_end(self, grown: Iterable[Fitted], most: int) -> None:
         """The best of different names, fitted to their end where they may turn out best."""
-        new = (f for f in sorted(grown, key=self._score) if keys(f) not in self.pool.fits)
+        new = (f for f in sorted(grown, key=self._score) if keys(f) not in self.fits)
         hopeful = _distinct(new, labels)[:most]
         self.also(hopeful[:1])
         self.also([f for f in hopeful[1:] if self._may_win(f)])
@@ -225,8 +224,8 @@ class Search:
         """Whether a set may turn out best when its fit goes on; noise may then turn out to be less, too."""
         noise = self.problem.expected
         further = replace(f, chi2=min(f.chi2, noise + max(f.chi2 - noise, 0.0) / EFFORT.far))
-        least = min(self.pool.least, further.chi2)
-        return self.worth.of(further, least) < min(self.worth.of(g, least) for g in self.pool.fits.values())
+        least = min(self._least, further.chi2)
+        return self.worth.of(further, least) < min(self.worth.of(g, least) for g in self.fits.values())
 
     def _couples(self, place: Around) -> None:
         """Pairs by the sum of what each changes alone: a third that is not there may imitate two that are."""
@@ -235,7 +234,7 @@ class Search:
             Fitted((a, b), (at, there), place.accepted.parameters, np.inf, place.accepted.residuals)
             for (a, at), (b, there) in found
         ]
-        new = [f for f in sets if keys(f) not in self.pool.fits]
+        new = [f for f in sets if keys(f) not in self.fits]
         self._to_the_end(spread(lambda f: fit(self.problem, f, steps=EFFORT.rough), new), EFFORT.finished)
 
     def _unions(self, size: int) -> None:
@@ -248,9 +247,9 @@ class Search:
                 if len(new) == 1 and size < EFFORT.causes:
                     terms, values = (*a.terms, b.terms[new[0]]), (*a.values, b.values[new[0]])
                     found.append(Fitted(terms, values, a.parameters, np.inf, a.residuals))
-        new_sets = [f for f in _distinct(found, keys) if keys(f) not in self.pool.fits]
+        new_sets = [f for f in _distinct(found, keys) if keys(f) not in self.fits]
         for f in spread(lambda f: fit(self.problem, f, steps=EFFORT.fine), new_sets):
-            self.pool.add(f)
+            self.add(f)
 
     def _drop_and_swap(self, size: int) -> None:
         """From the best sets of a size all but each term; of the best one also what then comes in its place."""
@@ -262,10 +261,10 @@ class Search:
                     continue
                 tried.add(keys(rest))
                 smaller = fit(self.problem, rest, steps=EFFORT.rough)
-                before = self.pool.fits.get(keys(smaller))
+                before = self.fits.get(keys(smaller))
                 if before is not None and before.chi2 <= smaller.chi2:
                     continue
-                found = self.pool.add(fit(self.problem, smaller, steps=EFFORT.fine))
+                found = self.add(fit(self.problem, smaller, steps=EFFORT.fine))
                 if f is best[0] and (before is None or found.chi2 < EFFORT.again * before.chi2):
                     self._extend(found)
 
