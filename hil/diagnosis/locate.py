@@ -130,9 +130,10 @@ def _region_shares(problem: Problem, difference: Sequence[Array]) -> dict[str, f
     energy: dict[str, float] = {}
     time: dict[str, float] = {}
     total_energy, total_time = 0.0, 0.0
-    largest = max(float(np.abs(e.output - _middle(problem)).max()) for e in problem.experiments)
+    middle = _middle(problem)
+    largest = max(float(np.abs(e.output - middle).max()) for e in problem.experiments)
     for e, d in zip(problem.experiments, difference, strict=True):
-        masks = _regions(e, e.output - _middle(problem), largest)
+        masks = _regions(e, e.output - middle, largest)
         total_energy += float(d @ d)
         total_time += len(d)
         for name, mask in masks.items():
@@ -233,7 +234,9 @@ def _stage(at: _Point, k: int, traces: Sequence[Array]) -> StageShare:
     def fill(i: int) -> None:
         rising, j = i < len(knots), i % len(knots)
         shapes = [_hat(trace, knots, j, rising) * size for trace in traces]
-        columns[i] = (_injected(at, hook.name, shapes) - at.base) / size
+        factor = at.problem.coarse_factor
+        moved = at.problem.residuals(at.parameters, at.effects, factor=factor, inject=(hook.name, shapes))
+        columns[i] = (moved - at.base) / size
 
     spread(fill, range(len(columns)))
     used = np.array([np.linalg.norm(column) > 1e-9 for column in columns])
@@ -252,8 +255,3 @@ def _hat(values: Array, knots: Array, j: int, rising: bool) -> Array:
     height[j] = 1.0
     up = np.diff(values, prepend=values[0]) >= 0.0
     return np.interp(values, knots, height) * np.where(up if rising else ~up, 1.0, 0.0)
-
-
-def _injected(at: _Point, hook: str, shapes: Sequence[Array]) -> Array:
-    """Whitened residuals with a disturbance added at a hook."""
-    return at.problem.residuals(at.parameters, at.effects, factor=at.problem.coarse_factor, inject=(hook, shapes))

@@ -39,10 +39,6 @@ class Probe:
         """The largest share of the change that is thought of."""
         return EFFORT.stronger if self.term.scales else 1.0
 
-    def scaled(self, share: float) -> Start:
-        """The start with this share of its strength."""
-        return self.term.scaled(self.start, share) if self.term.scales else self.start
-
 
 def simulated_probes(place: Around, jobs: Sequence[tuple[Term, Start]]) -> list[Probe]:
     """Terms at starts beside what is accepted, all else adapting linearly; best first."""
@@ -109,7 +105,10 @@ def pairs(probes: Sequence[Probe], r: NDArray[np.float32], most: int) -> list[tu
             break
         if len(names) == 2 and names not in found and share_i[i, j] > 0.0 and share_j[i, j] > 0.0:
             a, b = probes[i], probes[j]
-            found[names] = (a.term, a.scaled(share_i[i, j])), (b.term, b.scaled(share_j[i, j]))
+            found[names] = (
+                (a.term, a.term.scaled(a.start, share_i[i, j])),
+                (b.term, b.term.scaled(b.start, share_j[i, j])),
+            )
     return list(found.values())
 
 
@@ -138,13 +137,11 @@ def _on_line(
 ) -> Probe:
     """A probe at the strength at which the straight line from nothing to it is lowest."""
     length = float(change @ change)
-    if length <= 1.0:
-        return Probe(term, start, kept, start, np.inf)
-    share = float(np.clip(-(r @ change) / length, 0.0, EFFORT.stronger)) if term.scales else 1.0
-    if share <= 0.0:
+    share = float(np.clip(-(r @ change) / max(length, 1.0), 0.0, EFFORT.stronger)) if term.scales else 1.0
+    if length <= 1.0 or share <= 0.0:
         return Probe(term, start, kept, start, np.inf)
     there = r + share * change
-    return Probe(term, start, kept, term.scaled(start, share) if term.scales else start, float(there @ there))
+    return Probe(term, start, kept, term.scaled(start, share), float(there @ there))
 
 
 def _best_first(probes: Sequence[Probe]) -> list[Probe]:

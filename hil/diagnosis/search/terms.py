@@ -83,7 +83,7 @@ class Term:
         return bool(self.sizes)
 
     def scaled(self, values: Sequence[float], share: float) -> tuple[float, ...]:
-        """The values with this share of every strength, as far as it may go."""
+        """The values with this share of every strength, as far as it may go; as they are where it has none."""
         sized = list(values)
         for k in self.sizes:
             u, null = self.unknowns[k], self.nulls[k]

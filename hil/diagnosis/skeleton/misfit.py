@@ -42,13 +42,12 @@ class Misfit:
     coefficients: Array
     directions: Array
 
-    def scaled(self, rows: Rows) -> Array:
-        """The columns over their rms, shape (n, columns)."""
-        return scaled(rows, self.rms)
+    def leaves(self, rows: Rows, columns: Array | None = None) -> tuple[Array, Array]:
+        """What is left of the misfit, 0 where invalid, and the leverage of each row; shape (n,) each.
 
-    def leaves(self, rows: Rows, scaled: Array | None = None) -> tuple[Array, Array]:
-        """What is left of the misfit, 0 where invalid, and the leverage of each row; shape (n,) each."""
-        d = self.scaled(rows) if scaled is None else scaled
+        `columns`: as `scaled` gives them, where they are at hand.
+        """
+        d = scaled(rows, self.rms) if columns is None else columns
         left = np.where(rows.valid, rows.misfit - d @ self.coefficients, 0.0)
         seen = d @ self.directions.T
         leverage = np.einsum("ij,ij->i", d, d) / _RIDGE - np.einsum("ij,ij->i", seen, seen)
