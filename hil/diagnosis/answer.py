@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.diagnosis.changed import Changed
+from hil.diagnosis.changed import Changed, refitted
 from hil.diagnosis.choice import OPEN, Choice, has_drifted
 from hil.diagnosis.corrected import beyond_noise, corrected, standard_uncertainties
 from hil.diagnosis.coverage import Limit, limits
@@ -28,7 +28,6 @@ from hil.diagnosis.events.event import Events
 from hil.diagnosis.false_alarms import FalseAlarms, false_alarms
 from hil.diagnosis.kept_back import Judged, held_out_fit, judge, kept_back, predicted, training_half, why_not_better
 from hil.diagnosis.locate import StageShare, Where, locate, stages
-from hil.diagnosis.named import refitted
 from hil.diagnosis.next_test import Span, next_test
 from hil.diagnosis.pictures import spectra, strips
 from hil.diagnosis.problem import Problem

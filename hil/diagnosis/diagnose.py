@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from hil.diagnosis.answer import Answer
-from hil.diagnosis.changed import Changed
+from hil.diagnosis.changed import Changed, named, unchanged
 from hil.diagnosis.check import Checked, check
 from hil.diagnosis.choice import OPEN, Choice
 from hil.diagnosis.criteria import CRITERIA
@@ -18,7 +18,6 @@ from hil.diagnosis.events.coarse import coarse, coarse_step
 from hil.diagnosis.events.event import Events, Interval
 from hil.diagnosis.events.repeats import stale_outputs, without_stale
 from hil.diagnosis.explain import explained, posed_again
-from hil.diagnosis.named import named, unchanged
 from hil.diagnosis.next_test import Span
 from hil.diagnosis.problem import Problem, pose, settled
 from hil.diagnosis.question import Question, question_of
