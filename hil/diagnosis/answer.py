@@ -126,7 +126,7 @@ class Answer:
 
     def diagnosis(self, seconds: float) -> Diagnosis:
         """Everything that is said."""
-        problem, plant = self.problem, self.problem.plant
+        problem, plant, table = self.problem, self.problem.plant, self.choice.table
         mismatch = self.verdict != "consistent"
         nominal = self.choice.nominal
         found = self._findings()
@@ -141,7 +141,16 @@ class Answer:
         rivals = self._not_separable()
         return Diagnosis(
             verdict=self.verdict,
-            headline=self._headline(found, changed, left, self._hidden(unseen, fits)),
+            headline=headline(
+                self.verdict,
+                found,
+                changed,
+                left,
+                self._hidden(unseen, fits),
+                self.alike,
+                is_cut=bool(problem.work.left_out),
+                is_change=self.changed is not None,
+            ),
             plant=plant.name,
             plant_title=plant.title,
             input=problem.experiments[0].input,
@@ -169,23 +178,12 @@ class Answer:
             question=self.asked.asked,
             why_asked=self.asked.why,
             gate=self._gate(),
-            table=self._table(),
+            table=None if table is None else {**table.as_dict(LISTED), "effort": asdict(EFFORT)},
             left_out=self._left_out(fits),
             corrected_is="nominal" if self.used is nominal else "named",
             work=problem.work.as_dict(),
             why_corrected=self.why_nominal or Note("it is better than the nominal model on parts that no fit has seen"),
         )
-
-    def _table(self) -> dict[str, Any] | None:
-        table = self.choice.table
-        return None if table is None else {**table.as_dict(LISTED), "effort": asdict(EFFORT)}
-
-    def _headline(
-        self, found: Sequence[Finding], changed: Sequence[ChangedParameter], left: Left, hidden: Note | None
-    ) -> Note:
-        is_cut = bool(self.problem.work.left_out)
-        is_change = self.changed is not None
-        return headline(self.verdict, found, changed, left, hidden, self.alike, is_cut=is_cut, is_change=is_change)
 
     # -- findings ----------------------------------------------------------------------------------------
 
