@@ -11,8 +11,8 @@ from hil.record.recording import Array
 _FOLDS = 5
 
 
-def held_out(response: FrequencyResponse, fit: TransferFunctionFit, folds: int = _FOLDS) -> Array:
-    """Squared whitened error per line, each predicted by a fit without it and every `folds`-th other line.
+def held_out(response: FrequencyResponse, fit: TransferFunctionFit) -> Array:
+    """Squared whitened error per line, each predicted by a fit without it and every fifth other line.
 
     The first and last line always take part in the fit: beyond the ends a model extrapolates. Shape
     (inner lines,); empty when too few lines would remain.
@@ -20,14 +20,13 @@ def held_out(response: FrequencyResponse, fit: TransferFunctionFit, folds: int =
     Args:
         response: all lines.
         fit: of all of them; the fits with lines left out begin at it.
-        folds: into how many parts the inner lines are dealt.
     """
     form, weights = fit.form, fit.weights
     inner = np.arange(1, len(response) - 1)
     errors = np.full(len(inner), np.nan)
     white = whitening(response, weights)
-    for fold in range(min(folds, len(inner))):
-        out = inner[fold::folds]
+    for fold in range(min(_FOLDS, len(inner))):
+        out = inner[fold::_FOLDS]
         kept = response.select(np.setdiff1d(np.arange(len(response)), out))
         if 2 * len(kept) <= form.unknowns:
             return np.empty(0)

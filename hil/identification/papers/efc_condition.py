@@ -202,15 +202,13 @@ def _sources() -> tuple[Path, ...]:
 def simulated_tests(
     count: int,
     seed: int,
-    instruments: Instruments | None = None,
     frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ,
     normally_open: bool = False,
 ) -> tuple[tuple[ValveTest, ...], Labels]:
     """A population, every valve tested with noise; simulations run side by side."""
     valves, labels = population(count, seed, normally_open)
     seeds = np.random.SeedSequence(seed).spawn(count)
-    given = instruments or Instruments()
-    reference = reference_steps()
+    given, reference = Instruments(), reference_steps()
     pairs = zip(valves, seeds, strict=True)
 
     def one(pair: tuple[Model, np.random.SeedSequence]) -> ValveTest:

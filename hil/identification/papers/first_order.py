@@ -18,6 +18,8 @@ from hil.identification.uncertainty.fit import fit_percent
 from hil.record.recording import Array, Recording
 from hil.signals.recursion import filtered
 
+_LEAST = 50  # samples that are judged
+
 
 @dataclass(frozen=True, slots=True)
 class FirstOrderFit:
@@ -35,7 +37,7 @@ class FirstOrderFit:
 
 
 def first_order(
-    recording: Recording, input_name: str, output_name: str, *, integrates: bool, skip_s: float = 0.0, least: int = 50
+    recording: Recording, input_name: str, output_name: str, *, integrates: bool, skip_s: float = 0.0
 ) -> FirstOrderFit:
     """Fit gain, time constant and level, and the drift of a plant that integrates.
 
@@ -45,7 +47,6 @@ def first_order(
         output_name: channel of the response.
         integrates: whether the response goes on while the command stands.
         skip_s: at the beginning, simulated but not judged: what the state before the record has left.
-        least: samples that are needed after it.
 
     Raises:
         InputError: too few samples, or a command or a response that stands still.
@@ -55,10 +56,10 @@ def first_order(
     output = np.interp(recording.time_s, recording.stamps(output_name), recording.values(output_name))
     elapsed_s = recording.time_s - recording.time_s[0]
     judged = elapsed_s >= skip_s
-    if np.count_nonzero(judged) < least:
+    if np.count_nonzero(judged) < _LEAST:
         raise InputError(
             f"{recording.name}: {np.count_nonzero(judged)} samples after {skip_s:g} s; a first-order model needs at "
-            f"least {least}"
+            f"least {_LEAST}"
         )
     for name, values in ((input_name, command), (output_name, output)):
         if np.ptp(values[judged]) == 0.0:

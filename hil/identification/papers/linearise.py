@@ -24,6 +24,7 @@ from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Array, Complex, split_heading
 
 _INTERVAL_S = 1e-3
+_SETTLE_S = 0.5  # under the command before it steps
 _LINES = 40
 _LEAST_PERIODS, _LEAST_SAMPLES = 1.0, 25  # within the window, and in a period
 _STANDS = 0.02  # of the whole change, within which an answer has settled
@@ -55,7 +56,6 @@ def linearised(
     *,
     step: float | None = None,
     window_s: float = 1.0,
-    settle_s: float = 0.5,
     poles: int | None = None,
     zeros: int | None = None,
     load_pressure_bar: float = 0.0,
@@ -67,7 +67,6 @@ def linearised(
         at: the command, in the plant's unit.
         step: of the command; 1 % of its full scale when not given.
         window_s: of the answer that is looked at; it must have settled (or its rate: the plant integrates then).
-        settle_s: under the command before it.
         poles: of the transfer function, without the integrator; by evidence when None.
         zeros: likewise.
         load_pressure_bar: P_L, at which K_q and K_c are taken.
@@ -77,8 +76,8 @@ def linearised(
     """
     plant = model.definition
     size = step or 0.01 * plant.inputs[0].full_scale
-    up, down = (_answer(model, at, sign * size, window_s, settle_s) for sign in (1.0, -1.0))
-    stood = _answer(model, at, 0.0, window_s, settle_s)
+    up, down = (_answer(model, at, sign * size, window_s) for sign in (1.0, -1.0))
+    stood = _answer(model, at, 0.0, window_s)
     moved = (up - down) / (2.0 * size)
     rate = np.diff(moved) / _INTERVAL_S
     integrates = not _settled(moved)
@@ -112,7 +111,7 @@ def _settled(answer: Array) -> bool:
     return bool(np.ptp(tail) <= _STANDS * np.ptp(answer))
 
 
-def _answer(model: Model, at: float, size: float, window_s: float, settle_s: float, row: int = 0) -> Array:
+def _answer(model: Model, at: float, size: float, window_s: float, settle_s: float = _SETTLE_S, row: int = 0) -> Array:
     """Output from the step on, shape (n,)."""
     before, after = round(settle_s / _INTERVAL_S), round(window_s / _INTERVAL_S)
     command = np.concatenate((np.full(before, at), np.full(after, at + size)))

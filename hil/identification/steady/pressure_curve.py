@@ -13,10 +13,12 @@ import numpy as np
 
 from hil.errors import InputError
 from hil.identification.steady.characteristic import Loop, loop
-from hil.identification.steady.sweep_estimate import Standing, Sweep, SweepEstimate, sweep_estimate
+from hil.identification.steady.sweep_estimate import Sweep, SweepEstimate, sweep_estimate
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about
 from hil.record.recording import Array
 from hil.signals.crossing import crossing
+
+_CERTAIN = 4.0  # standard uncertainties from which the width of the loop is no noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,20 +88,12 @@ class PressureCurve:
         return crossing(self.current, monotone, wanted, i - 1, i)
 
 
-def pressure_curve(
-    name: str,
-    sweeps: Sequence[Sweep],
-    standing: Sequence[Standing] = (),
-    certain: float = 4.0,
-    draws: int = DRAWS,
-) -> PressureCurve:
+def pressure_curve(name: str, sweeps: Sequence[Sweep], draws: int = DRAWS) -> PressureCurve:
     """The curve of the sweeps; their speeds tell lag from hysteresis.
 
     Args:
         name: of the recording, for messages.
         sweeps: at two speeds.
-        standing: where the current waited until the pressure was steady.
-        certain: standard uncertainties from which the width of the loop is no noise.
         draws: how often it is resampled for its uncertainty.
 
     Raises:
@@ -108,5 +102,7 @@ def pressure_curve(
     speeds = tuple(sweep.speed_per_s for sweep in sweeps)
     if len(sweeps) < 2 or np.ptp(speeds) == 0.0:
         raise InputError(f"{name}: a pressure curve needs sweeps at two speeds")
-    estimate = sweep_estimate(name, sweeps, standing, draws=draws)
-    return PressureCurve(estimate, loop(estimate, certain, speeds), estimate.whole_branch(1), estimate.whole_branch(-1))
+    estimate = sweep_estimate(name, sweeps, draws=draws)
+    return PressureCurve(
+        estimate, loop(estimate, _CERTAIN, speeds), estimate.whole_branch(1), estimate.whole_branch(-1)
+    )
