@@ -18,10 +18,10 @@ import numpy as np
 from scipy.stats import binomtest
 from table import Row, show
 
-from hil.identification.papers.classification import Labels, by_thresholds, leave_one_out, ordered_thresholds
+from hil.identification.papers.classification import by_thresholds, leave_one_out, ordered_thresholds
 from hil.identification.papers.efc_condition import reference_steps, simulated_tests
 from hil.physics.published.tugsal import CLASSES, CLASSIFIED_CURRENT_A
-from hil.record.recording import Array, Mask
+from hil.record.recording import Array, Integers, Mask
 
 
 def share(right: Mask) -> str:
@@ -31,7 +31,7 @@ def share(right: Mask) -> str:
     return f"{found.k} of {found.n}, {100.0 * found.statistic:.1f} % ({low:.1f} … {high:.1f} %)"
 
 
-def by_others(values: Array, labels: Labels) -> Labels:
+def by_others(values: Array, labels: Integers) -> Integers:
     """Class of each value by the thresholds that all others ask for."""
     keep = ~np.eye(len(values), dtype=bool)
     pairs = zip(keep, values, strict=True)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.diagnosis.choice import Choice
@@ -23,8 +22,9 @@ from hil.diagnosis.skeleton.table import Table
 from hil.diagnosis.thresholds import PLAINLY, TINY
 from hil.identification.grey_box.estimate import estimate
 from hil.language.note import Note
+from hil.physics.plant import Parameters
 from hil.physics.simulate import ActiveEffect
-from hil.record.recording import Array
+from hil.record.recording import Array, Integers, Mask
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Changed:
         """What `residuals` are of the unit as it was, which nothing need be simulated for; shape (n,)."""
         return self._weight * self.later.left
 
-    def residuals(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect]) -> Array:
+    def residuals(self, parameters: Parameters, effects: Sequence[ActiveEffect]) -> Array:
         """What a changed model leaves of the rows, without the skeleton misfit; shape (n,).
 
         Over the scale of the left-out remainder and the root of how many rows tell as much as one, so that an unchanged
@@ -93,7 +93,7 @@ class Changed:
     def _nominal(self) -> Array:
         return self._answers(self.problem.model.values, self.problem.model.active_effects)
 
-    def _answers(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect]) -> Array:
+    def _answers(self, parameters: Parameters, effects: Sequence[ActiveEffect]) -> Array:
         model, table, experiments = self.problem.model, self.table, self.problem.experiments
         self.problem.work.simulated(len(experiments), sum(e.drive.inputs.shape[1] for e in experiments))
         parts = spread(
@@ -101,7 +101,7 @@ class Changed:
         )
         return np.concatenate([rows for channels in parts for rows in channels.values()])
 
-    def folds(self, of_residuals: NDArray[np.int64]) -> NDArray[np.int64]:
+    def folds(self, of_residuals: Integers) -> Integers:
         """The fold of every row, shape (n,), from those of the residuals of the question."""
         found = np.zeros(len(self.rows.recording), dtype=np.int64)
         for k, (e, part) in enumerate(zip(self.problem.experiments, self.problem.output_slices(), strict=True)):
@@ -154,7 +154,7 @@ def named(changed: Changed) -> Choice:
     )  # fmt: skip
 
 
-def refitted(changed: Changed, f: Fitted, keep: NDArray[np.bool_]) -> Fitted:
+def refitted(changed: Changed, f: Fitted, keep: Mask) -> Fitted:
     """A cause fitted to some of the residuals, with what it leaves of all."""
     rows = changed.folds(keep.astype(np.int64)) > 0
     return evaluated(changed.problem, _fit(changed, f.terms[0], f.values[0], EFFORT.rough, rows))
@@ -223,9 +223,7 @@ def _residuals(changed: Changed, term: Term, values: Sequence[float]) -> Array:
     return changed.residuals(parameters, effects)
 
 
-def _fit(
-    changed: Changed, term: Term, start: Sequence[float], steps: Steps, keep: NDArray[np.bool_] | None = None
-) -> Fitted:
+def _fit(changed: Changed, term: Term, start: Sequence[float], steps: Steps, keep: Mask | None = None) -> Fitted:
     def residuals(values: Array) -> Array:
         r = _residuals(changed, term, values.tolist())
         return r if keep is None else np.where(keep, r, 0.0)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.diagnosis.criteria import CRITERIA
@@ -17,7 +16,7 @@ from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.thresholds import FEW
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.language.note import Note
-from hil.record.recording import Array, Mask
+from hil.record.recording import Array, Integers, Mask
 
 # Every other stretch of this length is kept back. Long against the memory of a valve, or of a plant that is sampled as
 # slowly as it moves, so that the stretches are news; short against a recording, so that both halves see every kind of
@@ -69,7 +68,6 @@ def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:
 
 # After so many time constants a plant has forgotten nineteen twentieths of where it was.
 FORGOTTEN = 3.0
-Folds = NDArray[np.int64]
 OTHER_RECORDINGS = Note("other recordings than those fitted")
 OTHER_HALVES = Note("the half of each recording that was not fitted, but for what the plant remembers of the other")
 SECOND_HALF = Note("the second half, fitted on the first")
@@ -86,7 +84,7 @@ class KeptBack:
         basis: what they are.
     """
 
-    fold: Folds
+    fold: Integers
     scored: Mask
     basis: Note
 
@@ -126,13 +124,13 @@ def predicted(problem: Problem, f: Fitted, kept: KeptBack, refit: Callable[[Mask
     return np.sum(parts, axis=0)
 
 
-def _by_recording(problem: Problem) -> Folds:
+def _by_recording(problem: Problem) -> Integers:
     """Every other recording together; in a few folds where recordings are short, and fits affordable."""
     sizes = [sum(part.stop - part.start for part in parts) for parts in problem.channel_slices()]
     return np.repeat(np.arange(len(sizes)) % (FEW if problem.is_short else 2), sizes)
 
 
-def _shows_in_one(problem: Problem, f: Fitted, fold: Folds) -> bool:
+def _shows_in_one(problem: Problem, f: Fitted, fold: Integers) -> bool:
     """Whether an explanation changes nothing of consequence in the recordings that are left without some fold."""
     change = (f.residuals - problem.nominal_residuals) ** 2
     expected = problem.size / len(change)

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.diagnosis.thresholds import SELDOM_BY_CHANCE
 from hil.physics.model import Model
-from hil.physics.plant import Parameter
-from hil.record.recording import Array
+from hil.physics.plant import Parameter, Parameters
+from hil.record.recording import Array, Mask
 
 # A unit that was identified once drifts a little without anything being wrong with it: this share of each
 # parameter's size, or what its plant says, beside its standard uncertainty, is not news.
@@ -95,7 +94,7 @@ class Prior:
         return np.sqrt(variances[far])[:, None] * directions[:, far].T * self._sizes
 
     @cached_property
-    def _has_part(self) -> NDArray[np.bool_]:
+    def _has_part(self) -> Mask:
         """Which parameters have a part in each direction that is untold, shape (m, k)."""
         parts = np.abs(self._unidentifiable) / self._sizes
         return np.asarray(parts > _HAS_A_PART * parts.max(axis=1, keepdims=True, initial=0.0))
@@ -105,7 +104,7 @@ class Prior:
         shared = np.any(self._has_part[self._has_part[:, self._names.index(name)]], axis=0)
         return [other for other, is_shared in zip(self._names, shared, strict=True) if is_shared and other != name]
 
-    def was(self, name: str, parameters: Mapping[str, float]) -> float:
+    def was(self, name: str, parameters: Parameters) -> float:
         """What a parameter was in the unit that the model was identified from, if those that were told only together
         with it were what they are now.
         """
@@ -130,7 +129,7 @@ class Prior:
         """R with Rᵀ·R the precision of these parameters, the others given; shape (free, free)."""
         return np.linalg.inv(np.linalg.cholesky(self.of(free)))
 
-    def moved(self, parameters: Mapping[str, float]) -> list[str]:
+    def moved(self, parameters: Parameters) -> list[str]:
         """The parameters that are further from their nominal values than they may wander.
 
         Of those that were told only together all that have moved, if they have done so together.
@@ -144,5 +143,5 @@ class Prior:
             far |= np.any(self._has_part, axis=0) & (np.abs(away) > SELDOM_BY_CHANCE * stds)
         return [name for name, moved in zip(self._names, far, strict=True) if moved]
 
-    def _away(self, parameters: Mapping[str, float]) -> Array:
+    def _away(self, parameters: Parameters) -> Array:
         return np.array([parameters[name] - self.model.values[name] for name in self._names])

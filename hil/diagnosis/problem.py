@@ -21,7 +21,7 @@ from hil.identification.uncertainty.noise import channel_floors, noise_in, white
 from hil.language.note import Note
 from hil.physics.compose import kernel
 from hil.physics.model import Model, Noise
-from hil.physics.plant import Parameter, Plant
+from hil.physics.plant import Parameter, Parameters, Plant
 from hil.physics.simulate import ActiveEffect, simulate, sub_steps
 from hil.record.recording import Array
 
@@ -139,7 +139,7 @@ class Problem:
 
     def residuals(
         self,
-        parameters: Mapping[str, float],
+        parameters: Parameters,
         effects: Sequence[ActiveEffect],
         *,
         factor: float | None = None,
@@ -180,7 +180,7 @@ class Problem:
         """
         return residuals * self.noises[i].std
 
-    def traces(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect]) -> list[Array]:
+    def traces(self, parameters: Parameters, effects: Sequence[ActiveEffect]) -> list[Array]:
         """What passes every hook in each experiment, on the grid of its drive, shape (hooks, n)."""
         found = []
         for e in self.experiments:
@@ -207,7 +207,7 @@ class Problem:
         """What of the residuals is each experiment's output; views of them."""
         return [residuals[part] for part in self.output_slices()]
 
-    def base_jacobian(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect], base: Array) -> Array:
+    def base_jacobian(self, parameters: Parameters, effects: Sequence[ActiveEffect], base: Array) -> Array:
         """Slopes of the residuals in the base parameters, shape (n, k)."""
         names = [p.name for p in self.base]
         values = np.array([parameters[name] for name in names])

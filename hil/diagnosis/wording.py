@@ -10,7 +10,7 @@ from hil.diagnosis.diagnosis import ChangedParameter, DiagnosisVerdict, Finding,
 from hil.diagnosis.search.terms import Term
 from hil.language.note import Note
 from hil.physics.effect import Effect
-from hil.physics.plant import Parameter
+from hil.physics.plant import Parameter, Parameters
 from hil.signals.interval import COVERED
 
 # Differences of the laws that stay below this share of the noise do not show in a recording.
@@ -204,7 +204,7 @@ def confounded(changed: ChangedParameter, others: Sequence[str], was: float) -> 
     )  # fmt: skip
 
 
-def drifted(moved: Sequence[Parameter], before: Mapping[str, float], after: Mapping[str, float]) -> Note:
+def drifted(moved: Sequence[Parameter], before: Parameters, after: Parameters) -> Note:
     """What has moved where the model fits only with it, no farther than it may wander."""
     moves = [
         Note("{name} is {now:.5g}{unit} instead of {was:.5g}", name=p.name, now=after[p.name], was=before[p.name],

@@ -18,6 +18,7 @@ from hil.units import check_unit, convert
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
+Integers = NDArray[np.int64]
 
 # A picture shows no more points of a channel.
 _MOST_POINTS = 20_000

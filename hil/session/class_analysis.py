@@ -15,15 +15,9 @@ from typing import Any
 import numpy as np
 
 from hil.errors import FileError, InputError
-from hil.identification.papers.classification import (
-    Labels,
-    by_thresholds,
-    learn,
-    leave_one_out,
-    ordered_thresholds,
-)
+from hil.identification.papers.classification import by_thresholds, learn, leave_one_out, ordered_thresholds
 from hil.record.plain import plain
-from hil.record.recording import Array, Recording
+from hil.record.recording import Array, Integers, Recording
 from hil.signals.interval import exact_limits
 from hil.untrusted import read_text
 
@@ -220,7 +214,7 @@ def _aligned(recordings: Sequence[Recording], output: str) -> tuple[Array, str]:
     return np.array([one.values(output, unit)[:shared] for one in recordings]), unit
 
 
-def _by_the_others(rows: Array, labels: Labels, left: int) -> int:
+def _by_the_others(rows: Array, labels: Integers, left: int) -> int:
     """Class of one valve by the threshold and the mean that all others give."""
     kept = np.arange(len(rows)) != left
     others, of = rows[kept], labels[kept]
@@ -238,7 +232,7 @@ def _differences(known: Array, rows: Array, good: int) -> Array:
 
 
 def _judged(
-    names: Iterable[str], classes: tuple[str, str], own: Labels, found: Labels, values: Array | None = None
+    names: Iterable[str], classes: tuple[str, str], own: Integers, found: Integers, values: Array | None = None
 ) -> tuple[Judged, ...]:
     numbers = [None] * len(own) if values is None else values.tolist()
     return tuple(

@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.diagnosis.events.bursts import block_power, block_size
@@ -16,7 +15,7 @@ from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.thresholds import A_GOOD_PART, FEW
-from hil.record.recording import Array
+from hil.record.recording import Array, Mask
 
 # The best law is fitted again to what it leaves undisturbed, so often.
 _ROUNDS = 3
@@ -50,7 +49,7 @@ def _misfit_when_quiet(problem: Problem, f: Fitted) -> float:
     return float(np.mean(f.residuals[quiet(problem, f.residuals)] ** 2))
 
 
-def quiet(problem: Problem, residuals: Array) -> NDArray[np.bool_]:
+def quiet(problem: Problem, residuals: Array) -> Mask:
     """Which residuals lie in the quieter blocks of their recording, shape (n,): events take no good part of time."""
     keep = np.zeros(len(residuals), dtype=np.bool_)
     for e, channels in zip(problem.experiments, problem.channel_slices(), strict=True):

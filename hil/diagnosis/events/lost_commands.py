@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.diagnosis.events.bursts import BLOCK_S, Burst, all_bursts, is_sparse
@@ -17,7 +16,7 @@ from hil.diagnosis.thresholds import A_GOOD_PART, TINY
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.repeated import LEAST_INTERVALS
 from hil.language.note import Note
-from hil.record.recording import Array
+from hil.record.recording import Array, Integers
 
 # A jump is this share of the command's range; what comes with so many of them, and hardly without, has a law.
 _JUMP, _NEARLY_ALL = 0.1, 0.75
@@ -82,7 +81,7 @@ def comes_every_time(problem: Problem, around: Fitted) -> bool:
     return float(hit[size >= np.median(size[hit])].mean()) > _NEARLY_ALL
 
 
-def _jumps(e: Experiment) -> tuple[NDArray[np.int64], Array]:
+def _jumps(e: Experiment) -> tuple[Integers, Array]:
     """Where the command jumps, by a good share of its range between two samples, and by how much."""
     steps = np.abs(np.diff(e.drive.inputs[0]))
     at = np.flatnonzero(steps > _JUMP * max(float(np.ptp(e.drive.inputs[0])), TINY))

@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.around import Around, adapt, with_term
@@ -16,7 +15,7 @@ from hil.diagnosis.search.fitted import Fitted, evaluated, residuals_of, simulat
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import FAR, SELDOM_BY_CHANCE
 from hil.identification.grey_box.estimate import Unknown, estimate
-from hil.record.recording import Array
+from hil.record.recording import Array, Mask
 
 
 def fit_given(place: Around, term: Term, start: tuple[float, ...]) -> Fitted:
@@ -55,7 +54,7 @@ def fit(
     fitted: Fitted,
     *,
     base_free: bool = False,
-    keep: NDArray[np.bool_] | None = None,
+    keep: Mask | None = None,
     steps: Steps = EFFORT.end,
     from_here: bool = False,
 ) -> Fitted:

@@ -6,14 +6,13 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri, stdtr, stdtrit
 
 from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.skeleton.misfit import Misfit, Remainder, learned, leaves, remainder
 from hil.diagnosis.skeleton.rows import Rows
 from hil.diagnosis.thresholds import TINY
-from hil.record.recording import Array, Mask
+from hil.record.recording import Array, Integers, Mask
 
 # A column counts where its information is at least this share of the median column's.
 _ENOUGH = 1e-3
@@ -93,7 +92,7 @@ def before_of(rows: Rows) -> Before:
     return replace(found, reach=tuple(reach))
 
 
-def _folds(rows: Rows) -> NDArray[np.int64]:
+def _folds(rows: Rows) -> Integers:
     """The recording of each row; parts of them where there are few."""
     count = int(rows.recording.max()) + 1
     if count >= _FEWEST:
@@ -106,7 +105,7 @@ def _folds(rows: Rows) -> NDArray[np.int64]:
     return fold
 
 
-def _learned(rows: Rows, fold: NDArray[np.int64]) -> Before:
+def _learned(rows: Rows, fold: Integers) -> Before:
     known = rows.valid & (fold >= 0)
     left, leverage = np.zeros(len(fold)), np.zeros(len(fold))
     misfits = []
@@ -147,7 +146,7 @@ def later_of(before: Before, rows: Rows) -> Later:
     return Later(float(sure[column]), column, float(np.mean(leverage[rows.valid])), alone, left, std)
 
 
-def _owners(rows: Rows) -> NDArray[np.int64]:
+def _owners(rows: Rows) -> Integers:
     """Of each block the recording that it is of, or which half of the only one."""
     first = _firsts(rows.block)
     owner = rows.recording[first]
@@ -178,5 +177,5 @@ def _blocks(rows: Rows, left: Array, std: Array, use: Mask) -> tuple[Array, Arra
     return np.add.reduceat(-x * (left * weight), first, axis=1), np.add.reduceat(x * x, first, axis=1)
 
 
-def _firsts(block: NDArray[np.int64]) -> NDArray[np.int64]:
+def _firsts(block: Integers) -> Integers:
     return np.flatnonzero(np.diff(block, prepend=-1)).astype(np.int64)

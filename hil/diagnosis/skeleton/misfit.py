@@ -6,11 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from hil.diagnosis.skeleton.rows import Rows
-from hil.record.recording import Array, Mask
+from hil.record.recording import Array, Integers, Mask
 
 # Ridge over columns whose rms is one on the recordings of before.
 _RIDGE = 55.0
@@ -63,7 +62,7 @@ def leaves(misfits: Iterable[Misfit], rows: Rows) -> tuple[Array, Array]:
     return left, leverage
 
 
-def learned(rows: Rows, fold: NDArray[np.int64]) -> tuple[Misfit, Array, Array]:
+def learned(rows: Rows, fold: Integers) -> tuple[Misfit, Array, Array]:
     """The misfit of one channel; what is left of each fold by a fit of the others, and their leverage.
 
     Args:

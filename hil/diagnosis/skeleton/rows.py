@@ -15,8 +15,9 @@ from hil.diagnosis.search.terms import Term, all_terms
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.physics.model import Model
+from hil.physics.plant import Parameters
 from hil.physics.simulate import ActiveEffect
-from hil.record.recording import Array
+from hil.record.recording import Array, Integers, Mask
 
 # A small step of a base parameter beside the starts of its term, as a share of its size: its slope.
 _SLOPE = 0.02
@@ -87,13 +88,13 @@ class Rows:
     misfit: Array
     changes: NDArray[np.float32]
     state: Array
-    recording: NDArray[np.int64]
-    channel: NDArray[np.int64]
-    block: NDArray[np.int64]
-    valid: NDArray[np.bool_]
+    recording: Integers
+    channel: Integers
+    block: Integers
+    valid: Mask
     samples: int
 
-    def some(self, own: NDArray[np.bool_]) -> Rows:
+    def some(self, own: Mask) -> Rows:
         """Some of them."""
         return Rows(
             self.misfit[own], self.changes[:, own], self.state[own], self.recording[own], self.channel[own],
@@ -153,13 +154,13 @@ class _Channel:
     misfit: Array
     changes: NDArray[np.float32]
     state: Array
-    valid: NDArray[np.bool_]
+    valid: Mask
     place: int
 
 
 def answers(
     model: Model, e: Experiment, floors: Mapping[str, float], length_s: float,
-    parameters: Mapping[str, float], effects: Sequence[ActiveEffect], factor: float = 1.0,
+    parameters: Parameters, effects: Sequence[ActiveEffect], factor: float = 1.0,
 ) -> Mapping[str, Array]:  # fmt: skip
     """The rows of a recording as simulated, by channel, in units of the noise floor.
 
@@ -180,7 +181,7 @@ def answers(
 
 
 def _simulated(
-    model: Model, e: Experiment, parameters: Mapping[str, float], effects: Sequence[ActiveEffect], factor: float
+    model: Model, e: Experiment, parameters: Parameters, effects: Sequence[ActiveEffect], factor: float
 ) -> Array:
     plant = model.definition
     with np.errstate(all="ignore"):

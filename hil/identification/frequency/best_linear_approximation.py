@@ -14,17 +14,15 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, draws_of
 from hil.language.note import Note
 from hil.language.words import marked
-from hil.record.recording import Array, Complex, Recording
+from hil.record.recording import Array, Complex, Integers, Recording
 from hil.signals.rounding import mean_rounding_std, rounding_step
 
-Lines = NDArray[np.int64]
 Distortion = Literal["noise", "even nonlinearity", "odd nonlinearity"]
 _DISTORTIONS: tuple[Distortion, ...] = (marked("noise"), marked("even nonlinearity"), marked("odd nonlinearity"))
 
@@ -193,7 +191,7 @@ def _rounded(outputs: Array, grid: float) -> float:
 
 
 def _distortion(
-    given: Complex, answer: Complex, silent: Lines, excited: Lines, response: Complex, rounded: float
+    given: Complex, answer: Complex, silent: Integers, excited: Integers, response: Complex, rounded: float
 ) -> tuple[Array, Array]:
     """Power on silent lines beyond noise, rounding and the input's own leakage, averaged around each excited line.
 
@@ -215,7 +213,7 @@ def _distortion(
     return power, np.sqrt(np.maximum((drawn - seen - rounded) @ near, 0.0))
 
 
-def _near(silent: Lines, excited: Lines) -> Array:
+def _near(silent: Integers, excited: Integers) -> Array:
     """Weights that average the silent lines nearest to each excited one, shape (silent, excited)."""
     count = min(_NEIGHBOURS, max(2, len(silent) // _SHARE))
     weights = np.zeros((len(silent), len(excited)))

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.record.measurement import COVERAGE_FACTOR
-from hil.record.recording import Array, Complex, Mask
+from hil.record.recording import Array, Complex, Integers, Mask
 from hil.signals.sine_fit import SineFit
 
 DISTORTION_FLAG = 0.05  # customary limit of THD above which a response counts as distorted (5…10 %)
@@ -148,7 +147,7 @@ class FrequencyResponse:
         """The response times a number."""
         return replace(self, response=factor * self.response, covariance=factor**2 * self.covariance)
 
-    def select(self, keep: Mask | NDArray[np.int64]) -> FrequencyResponse:
+    def select(self, keep: Mask | Integers) -> FrequencyResponse:
         """Some of the frequencies."""
         return replace(self, **{name: getattr(self, name)[keep] for name in _BY_LINE})
 

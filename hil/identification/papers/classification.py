@@ -14,13 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtrc, softmax
 
 from hil.errors import InputError
-from hil.record.recording import Array, Mask
-
-Labels = NDArray[np.int64]
+from hil.record.recording import Array, Integers, Mask
 
 _UNLIKE = 1e-3  # share of the units of a class that lie farther from its mean than one that is unlike it
 
@@ -39,7 +36,7 @@ class GaussianClasses:
     names: tuple[str, ...]
     means: Array
     covariances: Array
-    counts: Labels
+    counts: Integers
     priors: Array
 
     def distances(self, features: Array, measured: Array | None = None) -> Array:
@@ -73,7 +70,7 @@ class GaussianClasses:
         return self.covariances if measured is None else self.covariances + measured
 
 
-def learn(features: Array, labels: Labels, names: Sequence[str], priors: Array | None = None) -> GaussianClasses:
+def learn(features: Array, labels: Integers, names: Sequence[str], priors: Array | None = None) -> GaussianClasses:
     """Mean and covariance of each class.
 
     Args:
@@ -99,7 +96,7 @@ def learn(features: Array, labels: Labels, names: Sequence[str], priors: Array |
     )
 
 
-def leave_one_out(features: Array, labels: Labels, names: Sequence[str]) -> Array:
+def leave_one_out(features: Array, labels: Integers, names: Sequence[str]) -> Array:
     """Probabilities of each row's classes, learnt from all other rows; shape (n, k)."""
     keep = ~np.eye(len(features), dtype=bool)
     return np.concatenate(
@@ -107,7 +104,7 @@ def leave_one_out(features: Array, labels: Labels, names: Sequence[str]) -> Arra
     )
 
 
-def ordered_thresholds(values: Array, labels: Labels, classes: int) -> Array:
+def ordered_thresholds(values: Array, labels: Integers, classes: int) -> Array:
     """The thresholds on one number that get most rows right, classes rising with it; shape (classes − 1,).
 
     Each lies in the middle between two neighbours.
@@ -134,7 +131,7 @@ def ordered_thresholds(values: Array, labels: Labels, classes: int) -> Array:
     return np.array([_between(padded[cut], padded[cut + 1]) for cut in reversed(cuts)])
 
 
-def by_thresholds(values: Array, thresholds: Array) -> Labels:
+def by_thresholds(values: Array, thresholds: Array) -> Integers:
     """Class of each value: how many thresholds it reaches."""
     return np.searchsorted(thresholds, values, side="right").astype(np.int64)
 

@@ -26,11 +26,7 @@ from hil.errors import InputError
 from hil.identification.frequency.bandwidth import Crossing, magnitude_crossing
 from hil.identification.frequency.frequency_response import from_table
 from hil.identification.frequency.sine_test import SineTest, sine_test
-from hil.identification.papers.classification import (
-    GaussianClasses,
-    Labels,
-    learn,
-)
+from hil.identification.papers.classification import GaussianClasses, learn
 from hil.identification.steady.pressure_curve import PressureCurve, pressure_curve
 from hil.identification.steady.sweep_estimate import Sweep
 from hil.identification.step.step_response import step_figures
@@ -40,7 +36,7 @@ from hil.physics.model import Model
 from hil.physics.published.efc_population import population, valve
 from hil.physics.published.tugsal import CLASSES, CLASSIFIED_CURRENT_A, SWEEPS_PSI, rms_error
 from hil.physics.simulate import Drive, simulate
-from hil.record.recording import Array
+from hil.record.recording import Array, Integers
 from hil.signals.products import one_blas_thread
 from hil.signals.ramps import triangle
 
@@ -204,7 +200,7 @@ def simulated_tests(
     seed: int,
     frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ,
     normally_open: bool = False,
-) -> tuple[tuple[ValveTest, ...], Labels]:
+) -> tuple[tuple[ValveTest, ...], Integers]:
     """A population, every valve tested with noise; simulations run side by side."""
     valves, labels = population(count, seed, normally_open)
     seeds = np.random.SeedSequence(seed).spawn(count)

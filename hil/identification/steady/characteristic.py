@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.identification.steady.sweep_estimate import BINS, LEVELS, SweepEstimate
 from hil.identification.uncertainty.parametric_bootstrap import about, draws_of
-from hil.record.recording import Array
+from hil.record.recording import Array, Integers
 from hil.signals.crossing import crossing
 from hil.signals.rounding import rounding_of_means
 
@@ -183,7 +182,7 @@ def reaches_both_sides(low: float, high: float, neutral: float) -> bool:
     return low < neutral - reach and high > neutral + reach
 
 
-def polyline(count: int = 121) -> NDArray[np.int64]:
+def polyline(count: int = 121) -> Integers:
     """Indices of so many levels of an estimate, evenly spread: a curve for the page."""
     return np.linspace(0, LEVELS - 1, count).round().astype(np.int64)
 
