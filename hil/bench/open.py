@@ -160,7 +160,7 @@ def _opened_rig(
     with ending.task():
         _switch_on(bench, guard, rate_hz)
     return BenchRig(bench, guard, recorder, columns, reporter, finished, commanding, ending,
-                    asks=operator is not None)  # fmt: skip
+                    asks=operator.goes_on_by if operator else "")  # fmt: skip
 
 
 @contextmanager

@@ -43,7 +43,8 @@ class BenchRig:
         finished: parts that a run which this one resumes has finished.
         commanding: the output that is driven as the command, where it is not the bench's own.
         ending: of the run: what has ended it is raised by every call.
-        asks: whether there is somebody who sets conditions by hand; else they are taken as set.
+        asks: what somebody who sets conditions by hand does then, in words; empty where nobody is there: they are taken
+            as set.
     """
 
     def __init__(
@@ -57,7 +58,7 @@ class BenchRig:
         commanding: str = "",
         ending: Ending | None = None,
         *,
-        asks: bool = False,
+        asks: str = "",
     ) -> None:
         self.finished = finished
         self._ending = ending or Ending()
@@ -206,10 +207,10 @@ class BenchRig:
         hand, wanted = entry.by_hand, f"{entry.role} {value:.4g} {entry.unit}"
         if hand is None or not hand.low <= value <= hand.high:
             raise RangeError(f"'{name}': {wanted} cannot be set by hand")
-        self.note("set by hand", channel=name, value=value, asked=self._asks)
+        self.note("set by hand", channel=name, value=value, asked=bool(self._asks))
         if not self._asks:
             return
-        self._reporter.say(0.0, f"HOLDS: set {wanted} by hand, then go on")
+        self._reporter.say(0.0, f"HOLDS: set {wanted} by hand, then {self._asks}")
         with self._ending.task():
             self._guard.wait_for_operator()
         read = self.hold(entry.settles_s or self.settling_s, rate_hz).values(name)

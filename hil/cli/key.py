@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import select
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+
+from hil.session.terminal import is_ours
 
 
 @contextmanager
@@ -15,7 +16,7 @@ def any_key() -> Iterator[Callable[[], bool]]:
 
     A terminal that is gone counts as a key. Ctrl-C stays the signal that it is.
     """
-    if not _is_ours():
+    if not is_ours():
         yield lambda: False
         return
     import termios
@@ -30,14 +31,6 @@ def any_key() -> Iterator[Callable[[], bool]]:
         with suppress(termios.error):
             termios.tcflush(place, termios.TCIFLUSH)
             termios.tcsetattr(place, termios.TCSANOW, before)
-
-
-def _is_ours() -> bool:
-    """Whether somebody types to this program: in the background, setting the terminal would stop it."""
-    try:
-        return sys.stdin.isatty() and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
-    except (AttributeError, OSError, ValueError):  # closed, no terminal of ours, or a system without
-        return False
 
 
 def _came(place: int) -> bool:

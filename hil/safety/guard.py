@@ -186,7 +186,7 @@ class Guard:
             StoppedError: patience is over.
             BaseException: what has ended the run.
         """
-        self._operator.ask("hold")
+        self._operator.ask_to_confirm()
         self.ready()
 
     def play(self, waveform: Waveform, block_samples: int | None = None) -> Iterator[Block]:

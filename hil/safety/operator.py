@@ -26,6 +26,8 @@ class Operator:
         tell: takes what is known of the outputs after a stop, each time they were told to be safe and read back, and
             when the run is over.
         holding: told when the run begins and ends to hold.
+        asked: told when a condition is to be set by hand; what it returns is asked until somebody has confirmed it.
+        goes_on_by: what whoever confirms it does, in words; empty where it is taken as set.
         confirming: told again and again while outputs are told to be safe and read back.
         stopped_by: the account that asked for the stop first; empty where nobody is known.
     """
@@ -34,6 +36,9 @@ class Operator:
         self.tell: Callable[[Outputs], None] = lambda _outputs: None
         self.holding: Callable[[bool], None] = lambda _holds: None
         self.confirming: Callable[[], None] = lambda: None
+        self.asked: Callable[[], Callable[[], bool]] = lambda: _never
+        self.goes_on_by = "go on"
+        self._confirmed = _never
         self._in_main_thread = system.is_main_thread()
         self._stop, self._hold = system.event(), system.event()
         self._is_answered = False
@@ -46,7 +51,9 @@ class Operator:
 
     @property
     def hold_asked(self) -> bool:
-        """Whether somebody wants the run to hold."""
+        """Whether somebody wants the run to hold, or nobody has confirmed yet what was to be set by hand."""
+        if self._hold.is_set() and self._confirmed():
+            self.ask("resume")
         return self._hold.is_set()
 
     @property
@@ -59,6 +66,7 @@ class Operator:
         if what == "hold":
             self._hold.set()
         elif what == "resume":
+            self._confirmed = _never
             self._hold.clear()
         else:
             if first := not self._stop.is_set():
@@ -66,6 +74,11 @@ class Operator:
             self._stop.set()
             if first and self._in_main_thread:
                 halt_main_thread()
+
+    def ask_to_confirm(self) -> None:
+        """Hold until somebody has confirmed what was to be set by hand: as `asked` says, or by a wish to go on."""
+        self._confirmed = self.asked()
+        self._hold.set()
 
     def check(self) -> None:
         """Raise `Halted` when somebody pressed stop."""
@@ -100,6 +113,10 @@ class Operator:
                 raise patience_over(patience_s)
             self._stop.wait(_LOOK_S)
         self.check()
+
+
+def _never() -> bool:
+    return False
 
 
 def patience_over(patience_s: float) -> StoppedError:

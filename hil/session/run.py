@@ -23,7 +23,6 @@ from hil.record.recording import Recording
 from hil.record.samples import ROWS_FILE
 from hil.rig import Rig
 from hil.safety.interrupt import terminable
-from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
 from hil.session.cause import with_cause
 from hil.session.labels import NO_LABELS, Labels, labelled
@@ -36,6 +35,7 @@ from hil.session.results import evaluated, write_outcome
 from hil.session.resume import broken_off, settings_of
 from hil.session.setting import parse_settings
 from hil.session.since import with_earlier
+from hil.session.terminal import operator_here
 
 
 def run_procedure(
@@ -99,7 +99,7 @@ def run_procedure(
                 accounted(known),  # also of a signal that came so late that only `terminable` raises it
                 terminable(),
                 open_rig(
-                    bench, out, about, telling, resets, earlier, known, commanding, Operator(),
+                    bench, out, about, telling, resets, earlier, known, commanding, operator_here(bench.is_simulated),
                     on_the_trail(bench, out, labels_and_limits, resets), word_of_this_process(),
                 ) as rig,
             ):  # fmt: skip

@@ -14,6 +14,7 @@ from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
 from hil.errors import RangeError, RehearsalError, SettingError, StoppedError
+from hil.record.measurement import Findings
 from hil.record.read import read_recording
 from hil.rig import Rig
 from hil.safety.operator import Operator
@@ -166,6 +167,18 @@ def test_nobody_is_asked_where_nobody_is_and_a_value_beyond_the_range_is_refused
         with pytest.raises(RangeError, match="cannot be set by hand"):
             rig.adjust({"supply pressure": 250.0})
     assert "hold" not in [event["event"] for event in read_recording(tmp_path / "run").meta["events"]]
+
+
+def test_nobody_is_asked_on_a_simulated_bench_without_a_terminal(tmp_path: Path) -> None:
+    def run(rig: Rig) -> None:
+        rig.adjust({"supply pressure": 101.0})
+        rig.hold(0.1)
+
+    procedure = replace(load_procedure("jog"), run=run, settings={}, evaluate=lambda _recording: Findings(()))
+    run_procedure(procedure, by_hand(tmp_path), {}, tmp_path / "run")
+    events = {event["event"]: event["details"] for event in read_recording(tmp_path / "run").meta["events"]}
+    assert events["set by hand"] == {"channel": "supply pressure", "value": 101.0, "asked": False}
+    assert "hold" not in events
 
 
 def test_only_what_reads_a_condition_is_set_by_hand(tmp_path: Path) -> None:
