@@ -26,6 +26,7 @@ from hil.rig import Rig
 from hil.safety.outputs import Outputs
 from hil.session.procedure import Procedure
 from hil.session.run import run_procedure
+from tests.once import once
 
 pytestmark = pytest.mark.usefixtures("unprinted")
 
@@ -222,7 +223,8 @@ def test_forked_child_drives_nothing_and_the_run_goes_on(tmp_path: Path) -> None
 
 
 COMMAND = """
-import os, signal, sys, threading, time
+import os, signal, sys, time
+import alembic.command, hil.archive.archive
 import numpy as np
 from pathlib import Path
 from hil.bench import ending
@@ -235,35 +237,43 @@ from hil.session.run import run_procedure
 import typer
 
 ending.LEAVES_S = 0.3
-stubborn = sys.argv[1]
+file, folder = read_bench(benches()["brevini-hpv41"]), Path(sys.argv[1])
 
-def run(rig):
-    swallowed = 0
-    if stubborn == "leaves":
-        rig.play(np.full(100, 20.0))
-        os._exit(0)
-    while True:
-        try:
+def run_as(stubborn):
+    def run(rig):
+        swallowed = 0
+        if stubborn == "leaves":
             rig.play(np.full(100, 20.0))
-            if not swallowed:
-                signal.raise_signal(signal.SIGTERM)
-        except BaseException:
-            swallowed += 1
-            if stubborn == "sleeps":
-                while True:
-                    try: time.sleep(60.0)
-                    except BaseException: pass
-            if stubborn == "returns": return
-            if stubborn == "raises": raise ValueError("mine")
-            if stubborn == "exits": sys.exit(0)
-            if stubborn == "forks" and os.fork() == 0: return
+            os._exit(0)
+        while True:
+            try:
+                rig.play(np.full(100, 20.0))
+                if not swallowed:
+                    signal.raise_signal(signal.SIGTERM)
+            except BaseException:
+                swallowed += 1
+                if stubborn == "sleeps":
+                    while True:
+                        try: time.sleep(60.0)
+                        except BaseException: pass
+                if stubborn == "returns": return
+                if stubborn == "raises": raise ValueError("mine")
+                if stubborn == "exits": sys.exit(0)
+                if stubborn == "forks" and os.fork() == 0: return
+    procedure, out = Procedure("stubborn", "", run, lambda _recording: Findings(()), {}, ()), folder / stubborn / "run"
+    try:
+        ended(lambda known: run_procedure(procedure, file, {}, out, known=known), out, str(out.parent))
+    except typer.Exit as left:
+        sys.exit(left.exit_code)
 
-procedure = Procedure("stubborn", "", run, lambda _recording: Findings(()), {}, ())
-file, out = read_bench(benches()["brevini-hpv41"]), Path(sys.argv[2])
-try:
-    ended(lambda known: run_procedure(procedure, file, {}, out, known=known), out, str(out.parent))
-except typer.Exit as left:
-    sys.exit(left.exit_code)
+plain = Procedure("plain", "", lambda rig: rig.play(np.full(10, 20.0)), lambda _recording: Findings(()), {}, ())
+run_procedure(plain, file, {}, folder / "plain")  # what it compiles and imports, its forks have
+for stubborn in sys.argv[2:]:
+    if (child := os.fork()) == 0:
+        os.dup2(os.open(folder / (stubborn + ".err"), os.O_WRONLY | os.O_CREAT), 2)
+        run_as(stubborn)
+        sys.exit(0)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 """
 
 
@@ -287,22 +297,38 @@ def test_bench_that_is_never_left_is_closed_when_the_program_ends(tmp_path: Path
     assert end["meta"]["outputs"]["command"]["state"] == "safe"
 
 
-def command(stubborn: str, tmp_path: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-P", "-c", COMMAND, stubborn, str(tmp_path / "run")], capture_output=True, text=True,
-        timeout=1800.0, check=False, env={**os.environ, "HIL_STATE_DIR": str(tmp_path / "state")},
-    )  # fmt: skip
+STUBBORN = ("leaves", "sleeps", "again", "returns", "raises", "exits", "forks")
+Endings = dict[str, tuple[int, str, Path]]
 
 
-def test_procedure_that_leaves_by_itself_has_not_done_its_work(tmp_path: Path) -> None:
-    assert command("leaves", tmp_path).returncode == 3
+@pytest.fixture(scope="module")
+def endings(tmp_path_factory: pytest.TempPathFactory) -> Endings:
+    """How a program ended with each procedure, what it said and its folder: forks of one that has imported all."""
+
+    def ended_each() -> Endings:
+        folder = tmp_path_factory.mktemp("stubborn")
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", COMMAND, str(folder), *STUBBORN], stdout=subprocess.PIPE, text=True,
+            timeout=1800.0, check=True, env={**os.environ, "HIL_STATE_DIR": str(folder / "state")},
+        )  # fmt: skip
+        statuses = map(int, done.stdout.split())
+        return {
+            one: (status, (folder / f"{one}.err").read_text(), folder / one)
+            for one, status in zip(STUBBORN, statuses, strict=True)
+        }
+
+    return once("stubborn", ended_each)
 
 
-@pytest.mark.parametrize("stubborn", ["sleeps", "again", "returns", "raises", "exits", "forks"])
-def test_command_leaves_with_the_status_of_the_end(stubborn: str, tmp_path: Path) -> None:
-    left = command(stubborn, tmp_path)
-    assert left.returncode == 128 + signal.SIGTERM, left.stderr
-    said = [line for line in left.stderr.splitlines() if line.startswith("hil: ")]
-    kept = f"what was recorded is kept in {tmp_path / 'run'}"
-    assert said == [f"hil: stopped; outputs are safe (read back); {kept}"], left.stderr
-    assert json.loads((tmp_path / "run" / "end.json").read_text())["outcome"].startswith("Terminated: SIGTERM")
+def test_procedure_that_leaves_by_itself_has_not_done_its_work(endings: Endings) -> None:
+    assert endings["leaves"][0] == 3
+
+
+@pytest.mark.parametrize("stubborn", STUBBORN[1:])
+def test_command_leaves_with_the_status_of_the_end(stubborn: str, endings: Endings) -> None:
+    status, text, folder = endings[stubborn]
+    assert status == 128 + signal.SIGTERM, text
+    said = [line for line in text.splitlines() if line.startswith("hil: ")]
+    kept = f"what was recorded is kept in {folder / 'run'}"
+    assert said == [f"hil: stopped; outputs are safe (read back); {kept}"], text
+    assert json.loads((folder / "run" / "end.json").read_text())["outcome"].startswith("Terminated: SIGTERM")
