@@ -201,6 +201,7 @@ class OnALine(DeviceLink):
             self._line.meet()
             self._line.meeting.refuse_a_stranger()
             self._make_ready()
+            self.drive(self._safe)  # after a gap the first command is the safe one
 
     @property
     def _is_clean(self) -> bool:
