@@ -30,54 +30,44 @@ class GaussianClasses:
         names: of the classes, in order.
         means: shape (k, f). `covariances`: of each class, shape (k, f, f).
         counts: units that each class was learnt from, shape (k,).
-        priors: share of each class that is expected, shape (k,).
     """
 
     names: tuple[str, ...]
     means: Array
     covariances: Array
     counts: Integers
-    priors: Array
 
-    def distances(self, features: Array, measured: Array | None = None) -> Array:
-        """Squared Mahalanobis distances of features, shape (n, f), to each class, shape (n, k).
-
-        `measured`: covariance of the features by measurement, shape (f, f), beyond that of those learnt from.
-        """
+    def distances(self, features: Array) -> Array:
+        """Squared Mahalanobis distances of features, shape (n, f), to each class, shape (n, k)."""
         away = np.atleast_2d(features)[:, None, :] - self.means
-        return np.einsum("nkf,kfg,nkg->nk", away, np.linalg.inv(self._covariances(measured)), away)
+        return np.einsum("nkf,kfg,nkg->nk", away, np.linalg.inv(self.covariances), away)
 
-    def probabilities(self, features: Array, measured: Array | None = None) -> Array:
-        """Probability of each class if the unit is of one of them, shape (n, k)."""
-        size = np.linalg.slogdet(self._covariances(measured))[1]
-        score = np.log(self.priors) - 0.5 * (self.distances(features, measured) + size)
-        return softmax(score, axis=1)
+    def probabilities(self, features: Array) -> Array:
+        """Probability of each class if the unit is of one of them, all as likely before, shape (n, k)."""
+        size = np.linalg.slogdet(self.covariances)[1]
+        return softmax(-0.5 * (self.distances(features) + size), axis=1)
 
-    def usual(self, features: Array, measured: Array | None = None) -> Array:
+    def usual(self, features: Array) -> Array:
         """Share of each class's units that lie farther from its middle than these features, shape (n, k).
 
         By Hotelling's T² of a new unit: means and covariances are known from `counts` units only.
         """
         n, features_known = self.counts, self.means.shape[1]
         scale = n * (n - features_known) / ((n**2 - 1.0) * features_known)
-        return fdtrc(features_known, n - features_known, scale * self.distances(features, measured))
+        return fdtrc(features_known, n - features_known, scale * self.distances(features))
 
-    def is_unlike(self, features: Array, measured: Array | None = None) -> Mask:
+    def is_unlike(self, features: Array) -> Mask:
         """Whether features lie farther from every class than all but one in a thousand of its units."""
-        return np.asarray(self.usual(features, measured).max(axis=1) < _UNLIKE, dtype=np.bool_)
-
-    def _covariances(self, measured: Array | None) -> Array:
-        return self.covariances if measured is None else self.covariances + measured
+        return np.asarray(self.usual(features).max(axis=1) < _UNLIKE, dtype=np.bool_)
 
 
-def learn(features: Array, labels: Integers, names: Sequence[str], priors: Array | None = None) -> GaussianClasses:
+def learn(features: Array, labels: Integers, names: Sequence[str]) -> GaussianClasses:
     """Mean and covariance of each class.
 
     Args:
         features: shape (n, f).
         labels: place in `names` of each row's class, shape (n,).
         names: of the classes, in order.
-        priors: share of each class that is expected; alike when None, whatever the rows' shares are.
 
     Raises:
         InputError: a class with no more rows than features and one.
@@ -92,7 +82,6 @@ def learn(features: Array, labels: Integers, names: Sequence[str], priors: Array
         np.array([row.mean(axis=0) for row in rows]),
         np.array([np.atleast_2d(np.cov(row, rowvar=False)) for row in rows]),
         count,
-        np.full(len(names), 1.0 / len(names)) if priors is None else priors,
     )
 
 
