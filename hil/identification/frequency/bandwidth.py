@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 _GRID = 2000
+# Where the 0 dB reference may lie: up to 5 Hz, or this share of the −90° frequency if that is lower.
+# GOST 28971 cl. 9.1 (ISO 6404).
+_HIGHEST_HZ, _SHARE_OF_PHASE_90 = 5.0, 0.05
 _HEARD = {"dB": 3.0, "°": 20.0}  # standard uncertainty up to which a line is heard: a third of it is noise
 
 
@@ -48,17 +51,6 @@ class Crossing:
 
 
 @dataclass(frozen=True, slots=True)
-class ReferenceRule:
-    """Where the 0 dB reference lies: `highest_hz`, or a share of the −90° frequency if that is lower.
-
-    The defaults are those of GOST 28971 cl. 9.1 (ISO 6404). The HPV41 paper takes its lowest frequency.
-    """
-
-    highest_hz: float = 5.0
-    share_of_phase_90: float = 0.05
-
-
-@dataclass(frozen=True, slots=True)
 class Bandwidth:
     """Bandwidths of one frequency response.
 
@@ -75,35 +67,35 @@ class Bandwidth:
     notes: tuple[Note, ...] = ()
 
 
-def bandwidth(response: FrequencyResponse, rule: ReferenceRule | None = None) -> Bandwidth:
+def bandwidth(response: FrequencyResponse) -> Bandwidth:
     """−3 dB and −90° frequencies of a measured response.
 
-    Magnitude counts from the lowest frequency (eq. 1 of the HPV41 paper); a rule is held against that choice
-    and a departure noted.
+    Magnitude counts from the lowest frequency (eq. 1 of the HPV41 paper); where the rule of ISO 6404 would have
+    another reference, that is noted.
     """
     phase = phase_crossing(response, -90.0)
     reference_db = float(response.magnitude_db[0])
-    notes = reference_notes(response, phase, rule or ReferenceRule())
+    notes = reference_notes(response, phase)
     return Bandwidth(float(response.frequency_hz[0]), reference_db, magnitude_crossing(response, -3.0), phase, notes)
 
 
-def reference_notes(response: FrequencyResponse, phase_90: Crossing, rule: ReferenceRule) -> tuple[Note, ...]:
+def reference_notes(response: FrequencyResponse, phase_90: Crossing) -> tuple[Note, ...]:
     """What departs from the rule when the lowest frequency is the reference."""
     used = float(response.frequency_hz[0])
-    if used > rule.highest_hz:
+    if used > _HIGHEST_HZ:
         return (
             Note("reference at {used_hz:g} Hz, the rule asks for {asked_hz:g} Hz or less",
-                 used_hz=used, asked_hz=rule.highest_hz),
+                 used_hz=used, asked_hz=_HIGHEST_HZ),
         )  # fmt: skip
     if phase_90.frequency_hz is None:
         return ()
-    allowed = rule.share_of_phase_90 * phase_90.frequency_hz
+    allowed = _SHARE_OF_PHASE_90 * phase_90.frequency_hz
     if used <= allowed * (1.0 + 1e-9):
         return ()
     note = Note(
         "reference at {used_hz:g} Hz is {share:.1f} % of the −90° frequency; the rule asks for {asked:g} % or less, "
         "{allowed_hz:.3f} Hz",
-        used_hz=used, share=100.0 * used / phase_90.frequency_hz, asked=100 * rule.share_of_phase_90,
+        used_hz=used, share=100.0 * used / phase_90.frequency_hz, asked=100 * _SHARE_OF_PHASE_90,
         allowed_hz=allowed,
     )  # fmt: skip
     return (note,)
