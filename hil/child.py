@@ -10,15 +10,20 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future, ProcessPoolExecutor
 
 Process = subprocess.Popen
 PIPE, TimeoutExpired = subprocess.PIPE, subprocess.TimeoutExpired
 
 _PATH, _SAFE_PATH = "PYTHONPATH", "PYTHONSAFEPATH"
+_AHEAD = 2  # items for each process: one that it is at, one that waits for it
 _starting = threading.Lock()
 
 _Item = TypeVar("_Item")
@@ -54,16 +59,75 @@ def finished(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
     )
 
 
-def over_processes(function: Callable[[_Item], _Found], items: Sequence[_Item], workers: int) -> Iterator[_Found]:
-    """`map(function, items)`, each in one of some processes; in order, as they are finished."""
-    import multiprocessing
-    from concurrent.futures import ProcessPoolExecutor
+def over_processes(
+    function: Callable[[_Item], _Found],
+    items: Iterable[_Item],
+    workers: int,
+    lost: Callable[[_Item], _Found],
+    tell: Callable[[str], None] = lambda _text: None,
+    prepare: Callable[[], None] | None = None,
+) -> Iterator[_Found]:
+    """What a function gives of each item, in one of some processes; as they are finished, in any order.
 
-    with _safe_path():  # processes start when the pool is made and while it takes the work
-        pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"))
-        answers = pool.map(function, items)
-    with pool:
-        yield from answers
+    Items are taken as processes come free, so that there may be any number of them. Those that were at work when a
+    process was lost (killed, or out of memory) are done once more, one by one.
+
+    Args:
+        function: what is done, with what it needs within it.
+        items: what to do it with.
+        workers: how many processes.
+        lost: what stands for an item whose process was lost that time too.
+        tell: told in a sentence that a process was lost.
+        prepare: what each process does first.
+    """
+    from concurrent.futures import FIRST_COMPLETED, wait
+    from concurrent.futures.process import BrokenProcessPool
+
+    def alone(item: _Item) -> _Found:
+        with _pool(1, prepare) as pool:
+            try:
+                return _begun(pool, function, item).result()
+            except BrokenProcessPool:
+                return lost(item)
+
+    at_work: dict[Future[_Found], _Item] = {}
+    suspects: list[_Item] = []
+    todo = iter(items)
+    pool = _pool(workers, prepare)
+    try:
+        while True:
+            with suppress(BrokenProcessPool):  # what was at work says so too
+                for item in islice(todo, 0 if suspects else _AHEAD * workers - len(at_work)):
+                    suspects.append(item)
+                    at_work[_begun(pool, function, item)] = suspects.pop()
+            for future in wait(at_work, return_when=FIRST_COMPLETED).done:
+                item = at_work.pop(future)
+                if isinstance(future.exception(), BrokenProcessPool):
+                    suspects.append(item)
+                else:
+                    yield future.result()
+            if suspects and not at_work:
+                tell(f"a process was lost while {len(suspects)} were at work or waited; each is done again by itself")
+                pool.shutdown()
+                yield from map(alone, suspects)
+                suspects, pool = [], _pool(workers, prepare)
+            elif not at_work:
+                return
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _pool(workers: int, prepare: Callable[[], None] | None) -> ProcessPoolExecutor:
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    with _safe_path():  # it starts one of its own, too
+        return ProcessPoolExecutor(workers, get_context("spawn"), prepare)
+
+
+def _begun(pool: ProcessPoolExecutor, function: Callable[[_Item], _Found], item: _Item) -> Future[_Found]:
+    with _safe_path():  # a process starts when it is given something to do
+        return pool.submit(function, item)
 
 
 def _environment() -> dict[str, str]:

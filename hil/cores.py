@@ -46,6 +46,14 @@ _Item = TypeVar("_Item")
 _Found = TypeVar("_Found")
 
 
+def keep_to(most: int) -> None:
+    """From now on use no more than so many cores: other processes of the same work have the rest."""
+    global _CORES
+    while max(most, 1) < _CORES:
+        _idle.acquire()
+        _CORES -= 1
+
+
 def spread(function: Callable[[_Item], _Found], items: Iterable[_Item]) -> list[_Found]:
     """`[function(item) for item in items]`, each by the caller or by a core that is idle when its turn comes.
 

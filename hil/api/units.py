@@ -42,7 +42,8 @@ def diagnose_fleet(
         model: nominal model of the others, or the path of its file.
         inputs: names of the input channels, where they are not the model's own.
         output: name of the output channel, likewise.
-        out: folder in which each unit gets one of its own; nothing is written when not given.
+        out: folder in which each unit gets one of its own once it is diagnosed; one that was before, from the same
+            files in the same way, is not again. Nothing is written when not given.
         scheduler: address of a Dask scheduler, `tcp://host:port`.
         budget_s: of each unit: after so many times 10 million simulated samples no further search is begun.
         reading: how files are read.
@@ -50,10 +51,12 @@ def diagnose_fleet(
         progress: told how many are done.
 
     Returns:
-        An answer for each folder, in their order: the `diagnosed`, or in `error` why there is none.
+        An answer for each folder, in their order: the `diagnosed`, or the `folder` where it was written, or in `error`
+        why there is none.
 
     Raises:
         FileError: a folder without recordings or model, or two folders of one name.
+        StorageError: `out` cannot be written.
     """
     from hil.session.fleet import diagnosed_fleet
 

@@ -129,7 +129,7 @@ def _diagnose_fleet(
             folders, model=model, inputs=channels[0], output=channels[1], out=out, scheduler=scheduler,
             budget_s=budget_s, reading=reading, notes=teller(aside=as_json), progress=progress,
         )  # fmt: skip
-    words = "\n".join(one.as_text() for one in answers)
-    printed({"schema": SCHEMA, "units": [one.as_dict() for one in answers]}, words, as_json)
-    if any(one.diagnosed is None for one in answers):
+    units = [one.as_dict() for one in answers] if as_json else []
+    printed({"schema": SCHEMA, "units": units}, "\n".join(one.as_text() for one in answers), as_json)
+    if any(one.error for one in answers):
         raise typer.Exit(2)

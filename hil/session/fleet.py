@@ -1,36 +1,48 @@
 """Many units in one call: each diagnosed by itself, spread over the cores of this machine or over a Dask cluster.
 
-Workers are handed models and recordings, never paths, so that they need no common file system; results do not depend
-on where a unit was diagnosed.
+Workers read a unit's folder themselves where they see it, with what is in it; else they are handed its recordings.
+Results do not depend on where a unit was diagnosed. Of any number of units a few are under way at a time; what is
+written down of one is not kept in memory, and not done again by a call that goes on where another was broken off.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from hil.child import over_processes
-from hil.cores import cores
+from hil.cores import cores, keep_to
 from hil.diagnosis.diagnose import Diagnosed, diagnose
-from hil.errors import FileError, HilError, InputError, option
+from hil.errors import FileError, HilError, InputError, StorageError, option
+from hil.language.choice import choose, page_language
+from hil.language.note import Note
 from hil.physics.model import Model, load_model
+from hil.record.plain import plain
 from hil.record.progress import Progress, quiet
 from hil.record.read import read_recording
 from hil.record.reading import Reading
 from hil.record.recording import Recording
 from hil.record.simulated import is_simulated, marked
-from hil.session.diagnosis import bound_to, write_diagnosis
+from hil.session.diagnosis import DIAGNOSIS_FILE, bound_to, write_diagnosis
 from hil.session.sources import notes_on
+from hil.version import PROGRAM
 
-NOMINAL_FILE = "nominal.json"
+NOMINAL_FILE, DONE_FILE = "nominal.json", "fleet.jsonl"
 _PATIENCE_S = 5
+_PATTERN = "*.csv*"
+_AHEAD = 2  # units for each thread of a cluster: one that it is at, one that waits for it
 
-Notes = Callable[[str], None]
+Notes = Callable[[str | Note], None]
 SCHEMA = "hil.fleet/1"
 
 
@@ -47,29 +59,85 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class UnitAnswer:
-    """What came out for a unit: what was `diagnosed`, or in `error` why its recordings are no good."""
+    """What came out for a unit.
+
+    Attributes:
+        unit: its name.
+        diagnosed: the diagnosis; None where there is none, or where it was written.
+        error: why there is none.
+        notes: on its recordings.
+        folder: where the diagnosis was written. `line`: that diagnosis in a line.
+    """
 
     unit: str
     diagnosed: Diagnosed | None
     error: str = ""
-    notes: tuple[str, ...] = ()
+    notes: tuple[str | Note, ...] = ()
+    folder: Path | None = None
+    line: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON values."""
-        if self.diagnosed is None:
-            return {"unit": self.unit, "diagnosis": None, "error": self.error}
-        return {"unit": self.unit, "diagnosis": self.diagnosed.diagnosis.as_dict(), "error": None}
+        """As JSON values; a diagnosis that was written is read again."""
+        found = None if self.diagnosed is None else self.diagnosed.diagnosis.as_dict()
+        if self.folder is not None:
+            found = json.loads((self.folder / DIAGNOSIS_FILE).read_text(encoding="utf-8"))
+        return {"unit": self.unit, "diagnosis": found, "error": self.error or None}
 
     def as_text(self) -> str:
         """In a line."""
         if self.diagnosed is None:
-            return f"{self.unit}: not diagnosed: {self.error}"
+            return self.line or f"{self.unit}: not diagnosed: {self.error}"
         found = self.diagnosed.diagnosis
         names = ", ".join(effect.name for effect in found.effects)
         return f"{self.unit}: {marked(found.verdict, simulated=found.simulated)}{': ' if names else ''}{names}"
 
 
-_Diagnose = Callable[[Unit], UnitAnswer]
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """A unit as a worker gets it.
+
+    Attributes:
+        folder: its recordings; `files` is a hash of them. `unit`: the recordings themselves, for who sees no folder.
+        model: of the type. `how`: the other arguments of `read_unit`. `budget_s`: see `diagnose_units`.
+        language: of the pages that are made; none are where it is empty.
+    """
+
+    name: str
+    folder: Path
+    model: Model | None = None
+    how: dict[str, Any] = field(default_factory=dict)
+    budget_s: float = math.inf
+    language: str = ""
+    files: str = ""
+    unit: Unit | None = None
+
+    @property
+    def stamp(self) -> str:
+        """A hash of all that the answer depends on."""
+        asked = {**self.how, "reading": asdict(self.how["reading"] or Reading()), "budget_s": self.budget_s}
+        model = None if self.model is None else self.model.as_dict()
+        return _hash(json.dumps(plain([PROGRAM, self.name, self.files, model, asked, self.language])).encode())
+
+    def read(self) -> Unit:
+        """The unit.
+
+        Raises:
+            FileError: a file cannot be read.
+        """
+        return self.unit or read_unit(self.folder, self.model, **self.how)
+
+
+@dataclass(frozen=True, slots=True)
+class _Made:
+    """What a worker gives back: an answer, and the files to be written, by name.
+
+    `is_repeatable`: whether the same task would have it again: not where the worker was lost.
+    """
+
+    task: _Task
+    answer: UnitAnswer
+    files: dict[str, bytes] = field(default_factory=dict)
+    is_repeatable: bool = True
 
 
 def diagnosed_fleet(
@@ -86,29 +154,54 @@ def diagnosed_fleet(
 ) -> list[UnitAnswer]:
     """Diagnose the units of these folders; each answer is written into a folder of its own in `out`, once it is there.
 
+    A unit that was answered there before, from the same files in the same way, is not diagnosed again.
+
     Raises:
         FileError: a folder without recordings or model, or two of one name.
+        StorageError: `out` cannot be written.
     """
     names = Counter(folder.resolve().name for folder in folders)
     if twice := [name for name, count in names.items() if count > 1]:
         raise FileError(f"two folders of a fleet are called '{twice[0]}'; each unit needs a name of its own")
-    units = [read_unit(folder, model, reading=reading, inputs=inputs, output=output) for folder in folders]
-    for note in notes_on([one for unit in units for one in unit.recordings]):
-        notes(note)
-    answers = []
-    for answer in diagnose_units(units, scheduler, progress, budget_s):
-        for text in answer.notes:
-            notes(f"{answer.unit}: {text}")
-        if out is not None and answer.diagnosed is not None:
-            write_diagnosis(answer.diagnosed, out / answer.unit)
-        answers.append(answer)
-    return answers
+    for folder in folders:
+        _check(folder, model)
+    answered: dict[str, UnitAnswer] = {}
+    done = {} if out is None else _done_before(out)
+    how, language = {"reading": reading, "inputs": inputs, "output": output}, page_language() if out else ""
+
+    def todo() -> Iterator[_Task]:
+        for folder in folders:
+            task = _Task(folder.resolve().name, folder, model, how, budget_s, language, _files(folder))
+            if before := done and done.get(task.stamp):
+                answered[task.name] = before
+            else:
+                yield task
+
+    for made in _over_workers(todo(), scheduler, min(cores(), len(folders)), notes):
+        name = made.task.name
+        for text in made.answer.notes:
+            notes(f"{name}: {text}")
+        answered[name] = made.answer if out is None else _written(made, out)
+        progress(len(answered) / len(names), name)
+    return [answered[name] for name in names]
+
+
+def _check(folder: Path, model: Model | None) -> list[Path]:
+    """The recordings of a unit.
+
+    Raises:
+        FileError: there are none, or no model.
+    """
+    if not (paths := sorted(folder.glob(_PATTERN))):
+        raise FileError(f"{folder}: no recordings ({_PATTERN}) of a unit")
+    if model is None and not (folder / NOMINAL_FILE).is_file():
+        raise FileError(f"{folder}: no {NOMINAL_FILE}, and no {option('model')} given")
+    return paths
 
 
 def read_unit(
     folder: Path,
     model: Model | None,
-    pattern: str = "*.csv*",
     reading: Reading | None = None,
     inputs: Sequence[str] = (),
     output: str = "",
@@ -118,12 +211,7 @@ def read_unit(
     Raises:
         FileError: no recordings there, or no model.
     """
-    paths = sorted(folder.glob(pattern))
-    if not paths:
-        raise FileError(f"{folder}: no recordings ({pattern}) of a unit")
-    own = folder / NOMINAL_FILE
-    if not own.is_file() and model is None:
-        raise FileError(f"{folder}: no {NOMINAL_FILE}, and no {option('model')} given")
+    paths, own = _check(folder, model), folder / NOMINAL_FILE
     known = load_model(own) if own.is_file() or model is None else model
     read = tuple(read_recording(path, reading) for path in paths)
     return Unit(folder.resolve().name, known, read, tuple(inputs), output)
@@ -135,7 +223,7 @@ def diagnose_units(
     progress: Progress = quiet,
     budget_s: float = math.inf,
 ) -> Iterator[UnitAnswer]:
-    """Diagnose every unit; yields the answers in order.
+    """Diagnose units that have been read; yields each answer when it is there.
 
     Args:
         units: what to diagnose.
@@ -146,31 +234,58 @@ def diagnose_units(
     Raises:
         InputError: no scheduler answers there.
     """
-    diagnosed = partial(diagnose_unit, budget_s=budget_s)
-    answers = _on_cluster(units, scheduler, diagnosed) if scheduler else _on_cores(units, diagnosed)
-    for done, answer in enumerate(answers, 1):
-        progress(done / len(units), answer.unit)
-        yield answer
+    tasks = (_Task(unit.name, Path(), budget_s=budget_s, unit=unit) for unit in units)
+    for done, made in enumerate(_over_workers(tasks, scheduler, min(cores(), len(units))), 1):
+        progress(done / len(units), made.answer.unit)
+        yield made.answer
 
 
 def diagnose_unit(unit: Unit, budget_s: float = math.inf) -> UnitAnswer:
     """Diagnose one unit; what is wrong with its recordings is an answer too, so that the others go on."""
+    notes: tuple[str | Note, ...] = tuple(notes_on(unit.recordings))
     try:
         experiments, left_out = bound_to(unit.model, unit.recordings, unit.inputs, unit.output, budget_s)
-        notes = (*left_out, *notes_on([], experiments))
+        notes = (*notes, *left_out, *notes_on([], experiments))
         found = diagnose(unit.model, experiments, budget_s=budget_s)
         simulated = any(is_simulated(one.meta) for one in unit.recordings)
         found = replace(found, diagnosis=replace(found.diagnosis, simulated=simulated))
         return UnitAnswer(unit.name, found, notes=notes)
     except HilError as error:
-        return UnitAnswer(unit.name, None, str(error))
+        return UnitAnswer(unit.name, None, str(error), notes)
 
 
-def _on_cores(units: Sequence[Unit], diagnosed: _Diagnose) -> Iterator[UnitAnswer]:
-    yield from over_processes(diagnosed, units, min(cores(), len(units)))
+def _worked(task: _Task) -> _Made:
+    """What a worker does with a task."""
+    try:
+        answer = diagnose_unit(task.read(), task.budget_s)
+    except HilError as error:
+        answer = UnitAnswer(task.name, None, str(error))
+    if answer.diagnosed is None or not task.language:
+        return _Made(replace(task, unit=None), answer)
+    choose(task.language)
+    with TemporaryDirectory(prefix="hil-fleet-") as place:
+        write_diagnosis(answer.diagnosed, Path(place))
+        files = {path.name: path.read_bytes() for path in Path(place).iterdir()}
+    return _Made(replace(task, unit=None), replace(answer, diagnosed=None, line=answer.as_text()), files)
 
 
-def _on_cluster(units: Sequence[Unit], scheduler: str, diagnosed: _Diagnose) -> Iterator[UnitAnswer]:
+def _over_workers(
+    tasks: Iterable[_Task], scheduler: str, most: int, tell: Notes = lambda _note: None
+) -> Iterator[_Made]:
+    """Every task worked on, as they are finished."""
+    if scheduler:
+        yield from _on_cluster(tasks, scheduler)
+    elif most:
+        yield from over_processes(_worked, tasks, most, _lost, tell, partial(keep_to, cores() // most))
+
+
+def _lost(task: _Task) -> _Made:
+    text = "the process that diagnosed it was lost, and the next one too: killed, or out of memory"
+    return _Made(task, UnitAnswer(task.name, None, text), is_repeatable=False)
+
+
+def _on_cluster(tasks: Iterable[_Task], scheduler: str) -> Iterator[_Made]:
+    """As on cores; Dask itself gives the task of a lost worker to others."""
     try:
         import distributed
     except ModuleNotFoundError:
@@ -179,6 +294,80 @@ def _on_cluster(units: Sequence[Unit], scheduler: str, diagnosed: _Diagnose) -> 
         client = distributed.Client(scheduler, timeout=_PATIENCE_S)  # type: ignore[no-untyped-call]
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(f"scheduler {scheduler}: no Dask scheduler answers there: {error}") from None
+    at_work: dict[Any, _Task] = {}
+    todo = iter(tasks)
+
+    def begun(task: _Task) -> Any:
+        future = client.submit(_on_a_thread, task, pure=False)
+        at_work[future.key] = task
+        return future
+
+    def more() -> list[Any]:
+        most = _AHEAD * max(1, sum(client.nthreads().values()))  # type: ignore[no-untyped-call]
+        return [begun(task) for task in islice(todo, max(0, most - len(at_work)))]
+
     with client:
-        for future in client.map(diagnosed, units, pure=False):
-            yield future.result()
+        coming = distributed.as_completed(more())  # type: ignore[no-untyped-call]
+        for future in coming:
+            task = at_work.pop(future.key)
+            try:
+                made = future.result()
+                again = [begun(replace(task, unit=task.read()))] if made is None else []
+            except distributed.KilledWorker:
+                made, again = _lost(task), []
+            except HilError as error:
+                made, again = _Made(task, UnitAnswer(task.name, None, str(error))), []
+            if made is not None:
+                yield made
+            coming.update([*again, *more()])  # type: ignore[no-untyped-call]
+
+
+def _on_a_thread(task: _Task) -> _Made | None:
+    """What a thread of a cluster does, which spreads nothing over further cores; None where it sees no such folder."""
+    keep_to(1)
+    return _worked(task) if task.unit is not None or _files(task.folder) == task.files else None
+
+
+def _files(folder: Path) -> str:
+    """A hash of the recordings of a unit and its model; of what is not there too."""
+    paths = [*sorted(folder.glob(_PATTERN)), folder / NOMINAL_FILE]
+    return _hash(b"".join(_hash(path.name.encode() + path.read_bytes()).encode() for path in paths if path.is_file()))
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+def _written(made: _Made, out: Path) -> UnitAnswer:
+    """The answer with its files written, and then a line that it is done; what was lost is tried another time.
+
+    Raises:
+        StorageError: they cannot be written.
+    """
+    answer, place = made.answer, out / made.answer.unit
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for name, content in made.files.items():
+            place.mkdir(exist_ok=True)
+            (place / name).write_bytes(content)
+        if made.is_repeatable:
+            line = {"stamp": made.task.stamp, "unit": answer.unit, "error": answer.error, "line": answer.line}
+            with (out / DONE_FILE).open("a", encoding="utf-8") as file:
+                file.write(json.dumps(line) + "\n")
+    except OSError as error:
+        raise StorageError(f"{place}: the diagnosis cannot be written: {error.strerror}") from error
+    return replace(answer, folder=place if made.files else None)
+
+
+def _done_before(out: Path) -> dict[str, UnitAnswer]:
+    """What units were answered in this folder before, by their stamps."""
+    if not (out / DONE_FILE).is_file():
+        return {}
+    found = {}
+    for text in (out / DONE_FILE).read_text(encoding="utf-8").splitlines():
+        with suppress(ValueError, TypeError, KeyError):  # broken off while it was written
+            line = json.loads(text)
+            folder = None if line["error"] else out / line["unit"]
+            if folder is None or (folder / DIAGNOSIS_FILE).is_file():
+                found[line["stamp"]] = UnitAnswer(line["unit"], None, line["error"], (), folder, line["line"])
+    return found

@@ -24,7 +24,8 @@ from distributed import LocalCluster
 if __name__ == "__main__":
     one = {"n_workers": 1, "threads_per_worker": 1, "processes": False}  # this process is the worker
     with LocalCluster(**one, protocol="tcp://", dashboard_address=None, host="127.0.0.1") as cluster:
-        done = subprocess.run([sys.executable, "-m", "hil", *sys.argv[1:], "--scheduler", cluster.scheduler_address])
+        command = [sys.executable, "-m", "hil", *sys.argv[2:], "--scheduler", cluster.scheduler_address]
+        done = subprocess.run(command, cwd=sys.argv[1])
     sys.exit(done.returncode)
 """
 
@@ -53,16 +54,21 @@ def answer(of: UnitAnswer) -> tuple[dict[str, Any], dict[str, Any]]:
     return json.loads(json.dumps(diagnosis)), json.loads(json.dumps(corrected))
 
 
-def test_a_cluster_another_process_and_this_one_agree_bit_for_bit(units: list[Path], tmp_path: Path) -> None:
+def test_a_cluster_another_process_and_this_one_agree_bit_for_bit(
+    units: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     out, script = tmp_path / "out", tmp_path / "cluster.py"
     script.write_text(CLUSTER)
-    chosen = [argument for unit in units for argument in ("--fleet", str(unit))]
-    subprocess.run([sys.executable, str(script), "diagnose", *chosen, "--out", str(out)], check=True)
+    seen, unseen = units[0], Path(units[1].name)  # which for the worker, in another place, is not there
+    chosen = [argument for unit in (seen, unseen) for argument in ("--fleet", str(unit))]
+    command = [sys.executable, str(script), str(units[1].parent), "diagnose", *chosen, "--out", str(out)]
+    subprocess.run(command, check=True, cwd=tmp_path)
     cluster = []
     for unit in units:
         diagnosis, corrected = (json.loads((out / unit.name / f"{n}.json").read_text()) for n in FILES)
         cluster.append(({**diagnosis, "seconds": 0}, corrected))
-    good, worn = (read_unit(unit, None) for unit in units)
+    monkeypatch.chdir(units[1].parent)
+    good, worn = (read_unit(unit, None) for unit in (seen, unseen))
     assert [diagnosis["verdict"] for diagnosis, _ in cluster] == ["consistent", "explained"]
     (elsewhere,) = diagnose_units([good])
     assert [answer(elsewhere), answer(diagnose_unit(worn))] == cluster

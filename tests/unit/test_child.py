@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -47,9 +48,30 @@ def test_a_run_from_a_page_executes_nothing_of_the_working_folder(folder: Path) 
 
 def test_workers_execute_nothing_of_the_working_folder(folder: Path) -> None:
     before = dict(os.environ)
-    assert list(over_processes(abs, [-1, -2, -3], 2)) == [1, 2, 3]
+    assert sorted(over_processes(abs, [-1, -2, -3], 2, lost=abs)) == [1, 2, 3]
     assert not _executed(folder)
     assert dict(os.environ) == before
+
+
+def test_a_lost_process_costs_one_item_and_a_sentence() -> None:
+    told: list[str] = []
+    found = list(over_processes(_but_two, range(6), 2, lost=lambda item: -item, tell=told.append))
+    assert sorted(found) == [-2, 0, 1, 3, 4, 5]
+    assert len(told) == 1 and "a process was lost" in told[0]
+
+
+def test_items_are_taken_as_processes_come_free() -> None:
+    taken: list[int] = []
+    answers = over_processes(abs, (taken.append(k) or k for k in range(50)), 1, lost=abs)
+    assert next(answers) == 0
+    assert len(taken) < 10
+    answers.close()
+
+
+def _but_two(item: int) -> int:
+    if item == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return item
 
 
 def test_python_m_hil_executes_nothing_of_the_working_folder(folder: Path) -> None:

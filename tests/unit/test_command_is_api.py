@@ -171,7 +171,10 @@ def test_diagnose(said, through, short, tmp_path):
 
 
 def test_diagnose_a_fleet(said, through, short, tmp_path, monkeypatch):
-    monkeypatch.setattr(fleet, "_on_cores", lambda units, diagnosed: map(diagnosed, units))
+    worked = []
+    monkeypatch.setattr(
+        fleet, "over_processes", lambda work, tasks, *_: (worked.append(task.name) or work(task) for task in tasks)
+    )
     returned, model, chosen = through("diagnose_fleet"), tmp_path / "model.json", []
     hil.save_model(hil.typical_model("brevini-hpv41"), model)
     read = hil.read(short)
@@ -187,6 +190,12 @@ def test_diagnose_a_fleet(said, through, short, tmp_path, monkeypatch):
     assert good.diagnosed.diagnosis.verdict == told["units"][0]["diagnosis"]["verdict"] == "consistent"
     assert "stands at 1 all the time" in dead.error == told["units"][1]["error"]
     assert (tmp_path / "d" / "good" / "report.html").is_file() and not (tmp_path / "d" / "dead").exists()
+    del worked[:]
+    again = json.loads(said("diagnose", *arguments, "--model", model, "--out", tmp_path / "d", "--json", status=2))
+    assert again == told and worked == []
+    hil.write(read, tmp_path / "dead" / "short.csv")
+    assert [one.error for one in hil.diagnose_fleet(chosen, model=model, out=tmp_path / "d")] == ["", ""]
+    assert worked == ["dead"]
 
 
 def test_two_units_of_a_fleet_with_one_name_are_refused(tmp_path):
