@@ -9,8 +9,9 @@ ones are judged so too, whatever the criterion says.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -23,19 +24,22 @@ from hil.identification.uncertainty.evidence import VERY_STRONG, bic, odds, simp
 from hil.language.note import Note
 from hil.physics.plant import Parameter, Parameters, Plant, Structure
 from hil.physics.transfer_function import from_parameters, pole_parameters
-from hil.record.recording import Array, Mask
+from hil.record.recording import Array, Complex, Mask
 from hil.signals.colour import colour_factor
 from hil.signals.interval import COVERED
 
 _BLOCKS = 5
 _FORETOLD = (3, 4, 1, 0)  # blocks: the last two from those before them, the first two from those after them
-_TRIAL_TIMES = 6
+_TRIAL_TIMES, _MOST_STARTS = 6, 3  # of these and what a form lists, so many are fitted
 _MOST_JUDGED = 6
 MISFIT = 1.5  # mean square of residuals, in units of the noise's, from which a form leaves more than noise
 _PLAIN = 4  # unknowns of a gain, an offset and a pair of poles, beside a bend
 _SEARCH_EVALUATIONS = 25
 _REFINED_EVALUATIONS = 60
+_GAINS = ("gain", "integrator_gain")
+_SHARES = ("pair1_zero", "pair1_zero_square", "pair2_zero", "pair2_zero_square", "bend", "neutral")
 _POLES = {"lag_time": 1, "pair1_time": 2, "pair2_time": 2}
+_BY_CHANCE = 1.0  # by so much noise alone lowers the sum of squares, in its own variance, with every unknown
 _EXCLUDED = 2.0 * math.log(20.0)  # difference of BIC beyond which a form is excluded, as 95 % exclude a value
 
 
@@ -119,30 +123,52 @@ def choose_structure(plant: Plant, experiments: Sequence[Experiment], weights: S
         experiments: bound to the plant.
         weights: per experiment, one over the noise's standard deviation.
     """
-    choice = _chosen(_Search(plant, experiments, weights, plant.typical))
+    search = _Search(plant, experiments, weights, plant.typical, cache(partial(poles_rad_s, experiments)))
+    choice: StructureChoice | None = None
     for switch in plant.switches:
-        judged = [choice.chosen]
-        if switch in choice.chosen.structure.fixed:  # as in an integrator: plain forms tell what others make of it
-            judged = [t for t in choice.tried if switch not in t.structure.fixed and len(t.structure.free) <= _PLAIN]
-        turned = plant.typical | {switch: 1.0 - judged[0].values[switch]}
-        search = _Search(plant, experiments, weights, turned)
-        if any(map(search.improves, judged)):
-            choice = _chosen(search)
-    return choice
+        turned = replace(search, off=search.off | {switch: 1.0 - search.off[switch]})
+        plain = max((s for s in plant.structures if _is_plain(s) and switch not in s.fixed), key=_poles)
+        judged, turns = [(plain, search.values(plain, search.best(plain, search.off)))], None
+        for _ in range(2):  # by a plain form before others are fitted, and again by the form that is chosen then
+            improves = any(turned.improves(search, *form) for form in judged)
+            if choice is None or improves != turns:
+                choice, turns = _chosen(turned if improves else search), improves
+                judged = [(t.structure, t.values) for t in _telling(choice, switch)]
+    return choice or _chosen(search)
+
+
+def _telling(choice: StructureChoice, switch: str) -> list[Tried]:
+    """Forms that tell how a switch stands: the chosen one, or plain ones where that, an integrator, has it fixed."""
+    if switch not in choice.chosen.structure.fixed:
+        return [choice.chosen]
+    return [t for t in choice.tried if switch not in t.structure.fixed and _is_plain(t.structure)]
+
+
+def _is_plain(structure: Structure) -> bool:
+    return len({*structure.free} - {"bend"}) <= _PLAIN
+
+
+def _poles(structure: Structure) -> int:
+    return sum(_POLES.get(name, 0) for name in structure.free)
 
 
 def _chosen(search: _Search) -> StructureChoice:
-    fitted: dict[str, tuple[Parameters, Estimate]] = {}
-    for structure in search.plant.structures:
-        before = fitted[structure.after][0] if structure.after else search.off
-        fitted[structure.name] = search.best(structure, before)
-    least = min((found.residuals for _, found in fitted.values()), key=lambda r: float(r @ r))
-    count = independent(least)
+    forms = {s.name: s for s in search.plant.structures}
+    fits: dict[str, Estimate] = {}
+    for name, s in forms.items():
+        fits[name] = search.best(s, search.values(forms[s.after], fits[s.after]) if s.after else search.off)
+    least = min(fits.values(), key=lambda found: found.chi2)
+    count = independent(least.residuals)
+    near = min(_bic(found, count) for found in fits.values()) + 2.0 * VERY_STRONG
+    is_misfit = least.chi2 > MISFIT * len(least.residuals)
+    for name, found in fits.items():
+        if found is least or _bic(found, count) <= near or (is_misfit and _is_plain(forms[name])):
+            fits[name] = search.fitted(forms[name], search.values(forms[name], found))
+    count = independent(min(fits.values(), key=lambda found: found.chi2).residuals)
     tried = [
-        Tried(s, values, _bic(found, count), found.chi2 / len(found.residuals), float("nan"))
-        for s, (values, found) in zip(search.plant.structures, fitted.values(), strict=True)
+        Tried(s, search.values(s, found), _bic(found, count), found.chi2 / len(found.residuals), float("nan"))
+        for s, found in zip(forms.values(), fits.values(), strict=True)
     ]
-    fits = {name: found for name, (_, found) in fitted.items()}
     return _judged(search, sorted(tried, key=lambda t: t.bic), fits)
 
 
@@ -158,7 +184,7 @@ def _bic(found: Estimate, count: float) -> float:
 def _judged(search: _Search, tried: list[Tried], fits: Mapping[str, Estimate]) -> StructureChoice:
     near = [t for t in tried if t.bic <= tried[0].bic + VERY_STRONG][:_MOST_JUDGED]
     if tried[0].mean_square > MISFIT:  # no form is right, and evidence between wrong ones favours the most pliant
-        near += [t for t in tried if len({*t.structure.free} - {"bend"}) <= _PLAIN and t not in near]
+        near += [t for t in tried if _is_plain(t.structure) and t not in near]
     rest = [t for t in tried if t not in near]
     if len(near) == 1:
         return StructureChoice(tried[0], tuple(tried))
@@ -180,25 +206,33 @@ class _Search:
     experiments: Sequence[Experiment]
     weights: Sequence[float]
     off: Parameters
+    poles: Callable[[int], Complex | None]
 
-    def improves(self, other: Tried) -> bool:
-        """Whether what is off here, but was on there, or the reverse, makes a structure simulate very much better.
+    def values(self, structure: Structure, found: Estimate) -> dict[str, float]:
+        """Every parameter of the plant at a fit of a structure."""
+        return self._at(structure, found.values)
+
+    def improves(self, other: _Search, structure: Structure, start: Parameters) -> bool:
+        """Whether what is off here, but is on there, or the reverse, makes a structure simulate very much better.
 
         From the start as it was read: where that is free, a wrong one costs nothing.
         """
-        fitted, wanted = self._fit(other.structure, other.values), self._wanted()
-        before, now = (
-            self._answers(values) - wanted for values in (other.values, self._values(other.structure, fitted.values))
-        )
-        gain = float(np.log(before @ before) - np.log(max(float(now @ now), 1e-300)))
+        before, now = other.left(structure, start), self.left(structure, start)
+        gain = math.log(float(before @ before)) - math.log(max(float(now @ now), 1e-300))
         return gain * independent(now) > VERY_STRONG
 
-    def best(self, structure: Structure, before: Parameters) -> tuple[Parameters, Estimate]:
-        """The best fit of a structure over its starts."""
-        starts = (*self._starts(structure, before), *self._of_samples(structure))
-        good = min((self._fit(structure, start, rough=True) for start in starts), key=lambda fit: fit.chi2)
-        refined = self._fit(structure, self._values(structure, good.values))
-        return self._values(structure, refined.values), refined
+    def left(self, structure: Structure, start: Parameters) -> Array:
+        """What a structure that is fitted from a start leaves from the first output as it was read."""
+        return self._answers(self.values(structure, self.fitted(structure, start))) - self._wanted()
+
+    def best(self, structure: Structure, before: Parameters) -> Estimate:
+        """The best coarse fit of a structure over its starts, the most promising first, until two come to the same."""
+        fits: list[Estimate] = []
+        for start in self._promising(structure, before)[:_MOST_STARTS]:
+            fits = sorted([*fits, self.fitted(structure, start, rough=True)], key=lambda found: found.chi2)
+            if len(fits) > 1 and len(fits[0].residuals) * math.log(fits[1].chi2 / fits[0].chi2) < _BY_CHANCE:
+                break
+        return fits[0]
 
     def shows_gain(self, found: Estimate) -> bool:
         """Whether the gain at rest is known to within the whole response; of a bent curve it is that of any level."""
@@ -218,11 +252,11 @@ class _Search:
         made = []
         for block in _FORETOLD:
             used = owner < block if block > _BLOCKS // 2 else owner > block
-            found = self._fit(tried.structure, tried.values, used, rough=True)
-            made.append(float(np.mean(self._errors(self._values(tried.structure, found.values))[owner == block] ** 2)))
+            found = self.fitted(tried.structure, tried.values, used, rough=True)
+            made.append(float(np.mean(self._errors(self.values(tried.structure, found))[owner == block] ** 2)))
         return np.array(made)
 
-    def _fit(
+    def fitted(
         self, structure: Structure, start: Parameters, used: Mask | None = None,
         *, rough: bool = False,
     ) -> Estimate:  # fmt: skip
@@ -231,7 +265,7 @@ class _Search:
 
         def residuals(values: Array) -> Array:
             try:
-                errors = self._errors(self._values(structure, values))
+                errors = self._errors(self._at(structure, values))
             except InputError:  # a step to a pole at zero, which has no state of rest: no number, so it is not taken
                 if not known:
                     raise
@@ -255,7 +289,7 @@ class _Search:
 
         return side_by_side(errors_of, len(self.experiments))
 
-    def _values(self, structure: Structure, values: Array) -> dict[str, float]:
+    def _at(self, structure: Structure, values: Array) -> dict[str, float]:
         return {**self.off, **structure.fixed, **dict(zip(structure.free, values.tolist(), strict=True))}
 
     def _starts(self, structure: Structure, before: Parameters) -> Iterator[dict[str, float]]:
@@ -265,22 +299,38 @@ class _Search:
                 yield {name: scaled.get(name, before[name]) for name in structure.free}
 
     def _of_samples(self, structure: Structure) -> Iterator[dict[str, float]]:
-        """The start whose poles the samples themselves show; gain, offset and zeros follow by linear least squares."""
-        count = sum(_POLES.get(name, 0) for name in structure.free)
-        if not count or structure.fixed or "dead_time" in structure.free:
+        """The start whose poles the samples themselves show."""
+        if not _poles(structure) or structure.fixed or "dead_time" in structure.free:
             return
-        found = poles_rad_s(self.experiments, count)
-        if found is None:
-            return
-        at = {**self.plant.typical, **pole_parameters(found), "gain": 1.0}
-        zeros = [name for name in structure.free if name.endswith(("_zero", "_zero_square"))]
+        if (found := self.poles(_poles(structure))) is not None:
+            at = {**self.plant.typical, **pole_parameters(found)}
+            yield {name: at[name] for name in structure.free}
+
+    def _promising(self, structure: Structure, before: Parameters) -> list[dict[str, float]]:
+        """Different starts, those first that leave least once what acts in proportion is fitted."""
+        starts = (*self._starts(structure, before), *self._of_samples(structure))
+        scaled = {tuple(start.values()): (left, start) for left, start in (self._scaled(structure, s) for s in starts)}
+        return [start for _, start in sorted(scaled.values(), key=lambda each: each[0])]
+
+    def _scaled(self, structure: Structure, start: Mapping[str, float]) -> tuple[float, dict[str, float]]:
+        """A start with gain, offset, zeros and bend by linear least squares, and the sum of squares that is left."""
+        gains = [name for name in _GAINS if name in structure.free]
+        if not gains:
+            errors = self._errors({**self.off, **structure.fixed, **start})
+            return float(errors @ errors), dict(start)
+        shares = [name for name in structure.free if name in _SHARES]
+        at = {**self.plant.typical, **structure.fixed, **start, **dict.fromkeys(shares, 0.0), gains[0]: 1.0}
+        at["offset"] = 0.0
         plain = self._answers(at)
-        columns = [plain, *(self._answers(at | {name: 1.0}) - plain for name in zeros)]
         one = self._weighted([np.ones(len(e.output)) for e in self.experiments])
-        gain, *above, offset = np.linalg.lstsq(np.array([*columns, one]).T, self._wanted(), rcond=None)[0].tolist()
-        if gain:
-            ratios = {name: value / gain for name, value in zip(zeros, above, strict=True)}
-            yield {name: (at | {"gain": gain, "offset": offset, **ratios})[name] for name in structure.free}
+        columns = np.array([plain, *(self._answers(at | {name: 1.0}) - plain for name in shares), one]).T
+        gain, *above, offset = np.linalg.lstsq(columns, self._wanted(), rcond=None)[0].tolist()
+        left = self._wanted() - columns @ np.array([gain, *above, offset])
+        if not gain:
+            return float(left @ left), dict(start)
+        ratios = {name: value / gain for name, value in zip(shares, above, strict=True)}
+        found = {**start, gains[0]: gain, "offset": offset, **ratios}
+        return float(left @ left), {name: found[name] for name in structure.free}
 
     def _wanted(self) -> Array:
         return self._weighted([e.output for e in self.experiments])
