@@ -126,6 +126,8 @@ def _carried(path: Path, folder: Path) -> tuple[Model, Array]:
         with (folder / "validation.csv").open(encoding="utf-8", newline="") as file:
             _, *lines = csv.reader(file)
         return load_model(folder / "model.json"), np.array(lines, dtype=np.float64)
+    except FileNotFoundError:
+        raise FileError(f"{path}: no such file") from None
     except KeyError:
         raise FileError(f"{path}: carries no trajectories of its own; FMUs that `hil export` writes now do") from None
     except (OSError, zipfile.BadZipFile, ValueError) as error:

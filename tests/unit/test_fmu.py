@@ -318,5 +318,7 @@ def test_an_fmu_reproduces_its_own_trajectories(tmp_path, command_line):
     assert validate(tmp_path / "changed.fmu").faults[0].startswith("the FMU differs from the trajectories by ")
     with pytest.raises(FileError, match="carries no trajectories of its own"):
         validate(tmp_path / "none.fmu")
+    with pytest.raises(FileError, match=r"nothing\.fmu: no such file$"):
+        validate(tmp_path / "nothing.fmu")
     assert command_line("verify", str(tmp_path / "valve.fmu")).status == 0
     assert command_line("verify", str(tmp_path / "changed.fmu"), "--json").status == 1
