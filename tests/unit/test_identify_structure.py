@@ -53,7 +53,8 @@ def test_the_structure_that_made_the_recording_is_chosen(model, name):
     choice = chosen(measured(model))
     assert choice.chosen.structure.name == name
     assert name in choice.sentence
-    assert len(choice.tried) == len(PLANT.structures)
+    names = {t.structure.name for t in choice.tried}
+    assert {s.name for s in PLANT.structures if len(s.free) <= len(choice.chosen.structure.free) + 1} <= names
     assert choice.chosen.values["start_at_output"] == 0.0  # it started at rest
     for parameter, value in model.to_parameters().items():
         if parameter in choice.chosen.structure.free and parameter != "offset":
@@ -70,7 +71,7 @@ def test_identification_of_a_plant_with_structures_states_units_and_uncertainty(
     assert 0 < gain.std < 0.01
     assert found.model.parameters["lag_time"].std is None
     assert found.model.origin["structure"] == "2 poles"
-    assert f"of {len(PLANT.structures)} tried" in found.notes[0]
+    assert re.search(r"of \d+ tried", found.notes[0])
     # A model file keeps its structure: another recording refits the numbers, not the shape.
     save_model(found.model, tmp_path / "model.json")
     again = fit_plant(

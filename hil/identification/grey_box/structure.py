@@ -1,9 +1,10 @@
 """Choose a plant's structure from recordings in time, by evidence that more freedom must pay for.
 
-Structures are fitted from the simplest on, each from the estimate of the one that it grows from. The Bayesian
-criterion counts samples as the residual's colour leaves them independent; what it does not rule out is judged
-by parts of the recordings, foretold from those before or after them. Where every form leaves more than noise, plain
-ones are judged so too, whatever the criterion says.
+Structures are fitted from the simplest on, each from the estimate of the one that it grows from, coarsely at first.
+The Bayesian criterion counts samples as the residual's colour leaves them independent. It rules out forms whose
+unknowns would not pay even if they left as little as the most pliant one; what comes near is fitted to the end, and
+judged by parts of the recordings, foretold from those before or after them. Where every form leaves more than noise,
+plain ones are judged so too, whatever the criterion says.
 """
 
 from __future__ import annotations
@@ -39,7 +40,9 @@ _REFINED_EVALUATIONS = 60
 _GAINS = ("gain", "integrator_gain")
 _SHARES = ("pair1_zero", "pair1_zero_square", "pair2_zero", "pair2_zero_square", "bend", "neutral")
 _POLES = {"lag_time": 1, "pair1_time": 2, "pair2_time": 2}
-_BY_CHANCE = 1.0  # by so much noise alone lowers the sum of squares, in its own variance, with every unknown
+# By so much noise alone lowers the sum of squares, in its own variance, with every unknown; fits end where a step
+# brings less than these parts of it.
+_BY_CHANCE, _COARSE, _FINE = 1.0, 0.5, 0.01
 _EXCLUDED = 2.0 * math.log(20.0)  # difference of BIC beyond which a form is excluded, as 95 % exclude a value
 
 
@@ -126,14 +129,14 @@ def choose_structure(plant: Plant, experiments: Sequence[Experiment], weights: S
     search = _Search(plant, experiments, weights, plant.typical, cache(partial(poles_rad_s, experiments)))
     choice: StructureChoice | None = None
     for switch in plant.switches:
-        turned = replace(search, off=search.off | {switch: 1.0 - search.off[switch]})
+        turned, turns = replace(search, off={**search.off, switch: 1.0 - search.off[switch]}), False
         plain = max((s for s in plant.structures if _is_plain(s) and switch not in s.fixed), key=_poles)
-        judged, turns = [(plain, search.values(plain, search.best(plain, search.off)))], None
+        judged = [(plain, search.values(plain, search.best(plain, search.off)))]
         for _ in range(2):  # by a plain form before others are fitted, and again by the form that is chosen then
             improves = any(turned.improves(search, *form) for form in judged)
             if choice is None or improves != turns:
                 choice, turns = _chosen(turned if improves else search), improves
-                judged = [(t.structure, t.values) for t in _telling(choice, switch)]
+            judged = [(t.structure, dict(t.values)) for t in _telling(choice, switch)]
     return choice or _chosen(search)
 
 
@@ -154,8 +157,10 @@ def _poles(structure: Structure) -> int:
 
 def _chosen(search: _Search) -> StructureChoice:
     forms = {s.name: s for s in search.plant.structures}
-    fits: dict[str, Estimate] = {}
+    rich, fits = search.most_pliant(), dict[str, Estimate]()
     for name, s in forms.items():
+        if rich and fits and (s.after not in {"", *fits} or _cannot_pay(s, rich, list(fits.values()))):
+            continue
         fits[name] = search.best(s, search.values(forms[s.after], fits[s.after]) if s.after else search.off)
     least = min(fits.values(), key=lambda found: found.chi2)
     count = independent(least.residuals)
@@ -167,9 +172,26 @@ def _chosen(search: _Search) -> StructureChoice:
     count = independent(min(fits.values(), key=lambda found: found.chi2).residuals)
     tried = [
         Tried(s, search.values(s, found), _bic(found, count), found.chi2 / len(found.residuals), float("nan"))
-        for s, found in zip(forms.values(), fits.values(), strict=True)
+        for s, found in ((forms[name], found) for name, found in fits.items())
     ]
     return _judged(search, sorted(tried, key=lambda t: t.bic), fits)
+
+
+def _cannot_pay(form: Structure, rich: Estimate, fits: Sequence[Estimate]) -> bool:
+    """Whether a form has too many unknowns to come near in evidence, though it left as little as the most pliant one.
+
+    That says nothing where a plainer form leaves less: then it was not fitted from a good start.
+    """
+    least, count = min(found.chi2 for found in fits), independent(rich.residuals)
+    if _fall(rich.chi2, least) * len(rich.residuals) > _BY_CHANCE * len(rich.values):
+        return False
+    bound = bic(min(rich.chi2, least) / len(rich.residuals), count, len(form.free))
+    return bound > min(_bic(found, count) for found in fits) + 2.0 * VERY_STRONG
+
+
+def _fall(before: float, now: float) -> float:
+    """By how much the logarithm of a sum of squares falls."""
+    return math.log(max(before, 1e-300) / max(now, 1e-300))
 
 
 def independent(residuals: Array) -> float:
@@ -218,19 +240,28 @@ class _Search:
         From the start as it was read: where that is free, a wrong one costs nothing.
         """
         before, now = other.left(structure, start), self.left(structure, start)
-        gain = math.log(float(before @ before)) - math.log(max(float(now @ now), 1e-300))
-        return gain * independent(now) > VERY_STRONG
+        return _fall(float(before @ before), float(now @ now)) * independent(now) > VERY_STRONG
 
     def left(self, structure: Structure, start: Parameters) -> Array:
         """What a structure that is fitted from a start leaves from the first output as it was read."""
-        return self._answers(self.values(structure, self.fitted(structure, start))) - self._wanted()
+        fitted = self.fitted(structure, start, rough=True)
+        return self._answers(self.values(structure, fitted)) - self._wanted()
+
+    def most_pliant(self) -> Estimate | None:
+        """A coarse fit of the form that leaves least where samples show its poles, of those with many unknowns."""
+        many = [s for s in self.plant.structures if len(s.free) >= 2 * _PLAIN]
+        starts = [(*self._scaled(s, start), s) for s in many for start in self._of_samples(s)]
+        if not starts:
+            return None
+        _, start, form = min(starts, key=lambda each: each[0])
+        return self.fitted(form, start, rough=True)
 
     def best(self, structure: Structure, before: Parameters) -> Estimate:
         """The best coarse fit of a structure over its starts, the most promising first, until two come to the same."""
         fits: list[Estimate] = []
         for start in self._promising(structure, before)[:_MOST_STARTS]:
             fits = sorted([*fits, self.fitted(structure, start, rough=True)], key=lambda found: found.chi2)
-            if len(fits) > 1 and len(fits[0].residuals) * math.log(fits[1].chi2 / fits[0].chi2) < _BY_CHANCE:
+            if len(fits) > 1 and _fall(fits[1].chi2, fits[0].chi2) * len(fits[0].residuals) < _BY_CHANCE:
                 break
         return fits[0]
 
@@ -274,9 +305,13 @@ class _Search:
             return errors if used is None else errors * used
 
         unknowns = [self._unknown(self.plant.parameter(name), start[name]) for name in structure.free]
-        if rough:
-            return estimate(residuals, unknowns, max_evaluations=_SEARCH_EVALUATIONS, tolerance=1e-4)
-        return estimate(residuals, unknowns, max_evaluations=_REFINED_EVALUATIONS)
+        by_chance = _BY_CHANCE / sum(len(e.output) for e in self.experiments)
+        most, least = (
+            (_SEARCH_EVALUATIONS, min(_COARSE * by_chance, 1e-4))
+            if rough
+            else (_REFINED_EVALUATIONS, _FINE * by_chance)
+        )
+        return estimate(residuals, unknowns, max_evaluations=most, tolerance=least)
 
     def _errors(self, parameters: Parameters) -> Array:
         """Weighted simulated minus measured, all experiments one after another."""
