@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -186,5 +185,5 @@ def _held(problem: Problem, holds: Holds) -> tuple[Experiment, ...]:
         for start, stop in own:
             if start < stop:  # one that would begin after its burst holds nothing
                 inputs[0, start:stop] = inputs[0, start - 1]
-        experiments.append(replace(e, drive=replace(e.drive, inputs=inputs)))
+        experiments.append(e.driven(inputs))
     return tuple(experiments)

@@ -101,7 +101,7 @@ class Residuals:
 
     def driven_by(self, factor: float) -> Residuals:
         """The same with commands so many times as large."""
-        driven = [replace(e, drive=replace(e.drive, inputs=factor * e.drive.inputs)) for e in self.experiments]
+        driven = [e.driven(factor * e.drive.inputs) for e in self.experiments]
         return replace(self, experiments=driven)
 
     def readings(self, names: Sequence[str | None]) -> Array:

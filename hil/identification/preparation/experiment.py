@@ -253,6 +253,10 @@ class Experiment:
         """The same with more samples of every channel left out, shape (n,)."""
         return replace(self, invalid={name: ~self.valid_in(name) | samples for name in (OUTPUT, *self.observed)})
 
+    def driven(self, inputs: Array) -> Experiment:
+        """The same with other inputs on its grid, shape (inputs, n)."""
+        return replace(self, drive=replace(self.drive, inputs=inputs))
+
     def reading_at(self, read_at: float) -> Experiment:
         """The same with another reading instant, unless the instants are known one by one."""
         return self if self.read_s is not None else replace(self, drive=replace(self.drive, read_at=read_at))

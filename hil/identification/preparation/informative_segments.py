@@ -133,7 +133,7 @@ def _from_level(model: Model, e: Experiment, rows: Array, reach: tuple[float, fl
 def _resting_at(e: Experiment, level: float) -> Experiment:
     inputs = e.drive.inputs.copy()
     inputs[0, 0] = level
-    return replace(e, drive=replace(e.drive, inputs=inputs))
+    return e.driven(inputs)
 
 
 def _apart(model: Model, e: Experiment, rows: Array) -> dict[str, Array]:

@@ -140,7 +140,7 @@ def _in_another_unit(e: Experiment, channel: int, factor: float) -> Experiment:
     if channel < len(e.drive.inputs):
         inputs = e.drive.inputs.copy()
         inputs[channel] *= factor
-        return replace(e, drive=replace(e.drive, inputs=inputs))
+        return e.driven(inputs)
     # a loop that starts at its first reading starts somewhere else
     begins = replace(e.drive, first_output=e.drive.first_output / factor)
     return replace(e, drive=begins, output=e.output / factor)
