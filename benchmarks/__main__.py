@@ -20,6 +20,7 @@ NAMES = (
     "identification",
     "plant",
     "population",
+    "fleet",
     "links",
     "pacing",
     "recording",
