@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from hil.identification.preparation.experiment import Experiment, power_of
 from hil.record.recording import Array
@@ -78,6 +77,8 @@ def prominence(power: Array) -> Array:
 
     A spectrum that falls steeply, as what a plant that integrates has added up, has no line at its steep end.
     """
+    from scipy.ndimage import median_filter  # a quarter of a second, which whoever only imports this does without
+
     around = median_filter(power, _NEIGHBOURHOOD, mode="reflect")
     below = median_filter(power, _BESIDE, mode="nearest", origin=_BESIDE // 2)
     shifted = np.concatenate([np.full(_LINE_BINS, np.inf), below[:-_LINE_BINS]])
