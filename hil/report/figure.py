@@ -46,8 +46,10 @@ _STYLE = {
     "xtick.minor.width": 0.5, "ytick.minor.width": 0.5, "xtick.major.size": 3, "ytick.major.size": 3,
     "lines.linewidth": 1.3, "lines.markersize": 3.6, "lines.solid_joinstyle": "round",
     "legend.frameon": False, "legend.fontsize": 8, "legend.handlelength": 2.4, "legend.borderaxespad": 0.2,
-    "figure.constrained_layout.h_pad": 0.06, "path.simplify": True, "savefig.format": "svg",
+    "path.simplify": True, "savefig.format": "svg",
 }  # fmt: skip
+_ABOUT = {"left": 0.05, "right": 0.99, "bottom": 0.08, "top": 0.94, "wspace": 0.08, "hspace": 0.2}
+_SIDE_PT, _EDGE_PT, _BETWEEN = 3.0, 4.32, 0.02  # beside and above every drawing; share of the page between columns
 _FONT = "'Helvetica Neue',Helvetica,Arial,'Liberation Sans',sans-serif"
 
 
@@ -93,7 +95,7 @@ def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: 
     with drawn_alike(style), warnings.catch_warnings():
         # A letter that the measuring font lacks is drawn by the reader's font; a crowded drawing is still a drawing.
         warnings.simplefilter("ignore", UserWarning)
-        figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
+        figure = Figure(figsize=(WIDTH_IN, height_in), dpi=72.0)  # as the page has it
         draw(figure)
         with_decimal_sign(figure)
         lay_out(figure)
@@ -102,10 +104,37 @@ def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: 
 
 
 def lay_out(figure: Figure) -> None:
-    """Find room for every text, once: while it is saved, the library would do so twice, on a drawing of its own."""
-    if engine := figure.get_layout_engine():
-        engine.execute(figure)
-        figure.set_layout_engine(None)
+    """Room for every text, found once, with the paddings of matplotlib's constrained layout.
+
+    That one looks at every tick, spine and line of every drawing some thirty times. Here the texts around the axes are
+    measured, and the widest gap between two columns or rows stands for all of them.
+    """
+    from matplotlib.backends.backend_svg import RendererSVG
+
+    figure.subplots_adjust(**_ABOUT)  # how many ticks there are, and what is wider than its axes, depends on it
+    width, height = (72.0 * inches for inches in figure.get_size_inches().tolist())
+    renderer = RendererSVG(width, height, io.StringIO())  # type: ignore[no-untyped-call]
+    shown = [(axes, at) for axes in figure.axes if axes.get_visible() and (at := axes.get_subplotspec())]
+    if not shown:
+        return
+    rows, columns, *_ = shown[0][1].get_geometry()
+    across, down = np.zeros((rows, columns + 1)), np.zeros((rows + 1, columns))
+    for axes, at in shown:
+        inner, texts = axes.get_window_extent(renderer), [*axes.texts, *filter(None, [axes.get_legend()])]
+        outer = axes.get_tightbbox(renderer, bbox_extra_artists=texts, for_layout_only=True) or inner
+        row, column = at.rowspan.start, at.colspan.start
+        across[row, column : column + 2] += inner.x0 - outer.x0, outer.x1 - inner.x1
+        down[row : row + 2, column] += outer.y1 - inner.y1, inner.y0 - outer.y0
+    legends = sum(legend.get_window_extent(renderer).height + 2.0 * _EDGE_PT for legend in figure.legends)
+    left, right = across[:, 0].max() + _SIDE_PT, across[:, -1].max() + _SIDE_PT
+    top, bottom = down[0].max() + _EDGE_PT + legends, down[-1].max() + _EDGE_PT
+    beside = across[:, 1:-1].max(initial=0.0) + 2.0 * max(_SIDE_PT, _BETWEEN * width / columns)
+    below = down[1:-1].max(initial=0.0) + 2.0 * _EDGE_PT
+    figure.subplots_adjust(
+        left=left / width, right=1.0 - right / width, bottom=bottom / height, top=1.0 - top / height,
+        wspace=beside * columns / (width - left - right - beside * (columns - 1)),
+        hspace=below * rows / (height - top - bottom - below * (rows - 1)),
+    )  # fmt: skip
 
 
 def small_multiples(
