@@ -55,13 +55,12 @@ class Bandwidth:
     """Bandwidths of one frequency response.
 
     Attributes:
-        reference_hz, reference_db: the magnitude that −3 dB is counted from.
+        reference_hz: where the magnitude lies that −3 dB is counted from.
         amplitude: the −3 dB crossing. `phase`: the −90° crossing.
         notes: what departs from the reference rule.
     """
 
     reference_hz: float
-    reference_db: float
     amplitude: Crossing
     phase: Crossing
     notes: tuple[Note, ...] = ()
@@ -74,9 +73,8 @@ def bandwidth(response: FrequencyResponse) -> Bandwidth:
     another reference, that is noted.
     """
     phase = phase_crossing(response, -90.0)
-    reference_db = float(response.magnitude_db[0])
     notes = reference_notes(response, phase)
-    return Bandwidth(float(response.frequency_hz[0]), reference_db, magnitude_crossing(response, -3.0), phase, notes)
+    return Bandwidth(float(response.frequency_hz[0]), magnitude_crossing(response, -3.0), phase, notes)
 
 
 def reference_notes(response: FrequencyResponse, phase_90: Crossing) -> tuple[Note, ...]:
