@@ -49,3 +49,15 @@ def even_frequencies(first_hz: float, last_hz: float, step_hz: float) -> tuple[f
     """Frequencies in equal steps, both ends included: 0.1…4.9 Hz by 0.2 Hz is the HPV41 paper's list of 25."""
     count = round((last_hz - first_hz) / step_hz) + 1
     return tuple(round(first_hz + i * step_hz, 12) for i in range(count))
+
+
+def reference_and_band(
+    top_hz: float, lowest_hz: float = 0.1, lines: int = 6, octaves: float = 2.75
+) -> tuple[float, ...]:
+    """A reference far below, and a few frequencies in equal ratios up to the top one, where bandwidths lie.
+
+    The reference is at half the lowest of the others at most.
+    """
+    ratios = 2.0 ** (-octaves * np.arange(lines - 1, 0, -1) / (lines - 1))
+    band = [float(f"{top_hz * ratio:.3g}") for ratio in ratios]
+    return (min(lowest_hz, band[0] / 2.0), *band, top_hz)

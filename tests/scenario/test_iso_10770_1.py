@@ -18,6 +18,7 @@ from hil.record.read import read_recording
 from hil.session.labels import Labels
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
+from hil.signals.stepped_sine import reference_and_band
 from procedures._sequence import SequencedTest, drive
 
 # On one worker: the whole run is made once.
@@ -28,7 +29,14 @@ SETTINGS: dict[str, Any] = {
 ALONE: dict[str, dict[str, Any]] = {
     "flow_curve": {"cycle_s": 10.0, "rate_hz": 200.0},
     "step_response": {"levels": (0.0, 25.0, 0.0, -25.0, 0.0, 50.0, 0.0, -50.0, 0.0), "rate_hz": 200.0},
-    "multisine_response": {"amplitudes": (10.0,), "biases": (50.0,), "rate_hz": 200.0},
+    "frequency_response": {
+        "amplitudes": (10.0,),
+        "biases": (50.0,),
+        "rate_hz": 200.0,
+        "frequencies": reference_and_band(4.9),
+        "measure_periods": 2,
+        "measure_s": 2.0,
+    },
     "threshold": {"biases": (50.0,), "rate_hz": 200.0},
     "fail_safe": {"rate_hz": 200.0},
 }
@@ -84,7 +92,7 @@ def test_a_run_that_was_broken_off_goes_on_with_the_test_that_was_not_completed(
     with pytest.raises(StoppedError):
         ran(file, tmp_path / "broken", progress=stop)
     ended = {p["test"] for p in read_recording(tmp_path / "broken").meta["parts"] if p["kind"] == "test completed"}
-    assert ended == {"flow_curve", "step_response", "multisine_response"}
+    assert ended == {"flow_curve", "step_response", "frequency_response"}
     heard: list[str] = []
     resumed = ran(file, tmp_path / "resumed", settings={}, resume=tmp_path / "broken",
                   progress=lambda _done, text: heard.append(text))  # fmt: skip
@@ -147,6 +155,15 @@ def test_nobody_has_to_name_the_tests_of_a_bench(file: BenchFile, tmp_path: Path
         named[name] = [str(note) for note in notes]
     more = ("pressure gain", "internal leakage", "flow over pressure drop", "limiting power", "null shift", "load step")
     assert named["lab"] == named["hpv41"] + [f"Not done: {name}." for name in more]
+
+
+def test_multisines_of_a_run_in_which_nobody_named_them_count(file: BenchFile, tmp_path: Path) -> None:
+    ran(file, tmp_path / "run", settings={**SETTINGS, "tests": ("multisine_response",)})
+    recording = read_recording(tmp_path / "run")
+    recording.meta["settings"]["tests"] = None  # as runs of earlier versions have it
+    found = load_procedure("iso_10770_1").evaluate(recording)
+    assert {"bandwidth_3db", "odd_distortion"} <= {one.quantity for one in found.measured}
+    assert "Not done: frequency response." not in list(map(str, found.notes))
 
 
 def procedure(run: Any) -> ModuleType:

@@ -7,7 +7,7 @@ from hil.signals.multisine import odd_multisine
 from hil.signals.ramps import ramp, triangle
 from hil.signals.sine_fit import sine_fit
 from hil.signals.steady import steadiness
-from hil.signals.stepped_sine import check_frequencies, sine
+from hil.signals.stepped_sine import check_frequencies, reference_and_band, sine
 from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
 
 
@@ -126,3 +126,9 @@ def test_what_noise_hides_is_called_steady():
     verdicts = [steadiness(_periods(transient=0.0, noise=3.0, seed=s)[:2]).steady for s in range(50)]
     assert sum(verdicts) >= 47
     assert not steadiness(_periods(transient=30.0, noise=3.0)[:2]).steady
+
+
+def test_a_reference_and_a_band_of_few_sines_end_at_the_top_frequency():
+    assert reference_and_band(4.9) == (0.1, 0.728, 1.07, 1.56, 2.29, 3.35, 4.9)
+    assert reference_and_band(0.5)[0] == pytest.approx(0.0743 / 2.0)
+    check_frequencies(reference_and_band(10.0), 200.0)
