@@ -356,14 +356,13 @@ class _Search:
         shares = [name for name in structure.free if name in _SHARES]
         at = {**self.plant.typical, **structure.fixed, **start, **dict.fromkeys(shares, 0.0), gains[0]: 1.0}
         at["offset"] = 0.0
-        plain = self._answers(at)
+        plain, wanted = self._answers(at), self._wanted()
         one = self._weighted([np.ones(len(e.output)) for e in self.experiments])
-        columns = np.array([plain, *(self._answers(at | {name: 1.0}) - plain for name in shares), one]).T
-        gain, *above, offset = np.linalg.lstsq(columns, self._wanted(), rcond=None)[0].tolist()
-        left = self._wanted() - columns @ np.array([gain, *above, offset])
-        if not gain:
-            return float(left @ left), dict(start)
-        ratios = {name: value / gain for name, value in zip(shares, above, strict=True)}
+        rows = np.array([plain, *(self._answers(at | {name: 1.0}) - plain for name in shares), one])
+        sizes = np.linalg.lstsq(rows.T, wanted, rcond=None)[0]
+        left = wanted - sizes @ rows
+        gain, *above, offset = sizes.tolist()
+        ratios = {name: value / (gain or 1.0) for name, value in zip(shares, above, strict=True)}
         found = {**start, gains[0]: gain, "offset": offset, **ratios}
         return float(left @ left), {name: found[name] for name in structure.free}
 
