@@ -100,6 +100,10 @@ def test_a_device_that_hung_up_at_rest_is_told_its_safe_value_before_it_is_drive
     assert not of("202000088,0.01,plain,s|reset:opening:0.6979:0:aux").broken
 
 
+def test_a_command_that_is_on_its_way_may_arrive_after_the_safe_value_is_asked_for() -> None:
+    assert not of("46100073,0.01,plain,-|over:driving:0.9237:0.05:aux|slow:driving:0.3:1:aux").broken
+
+
 @pytest.mark.parametrize("part", range(2))
 def test_drawn_worlds_hold(part: int) -> None:
     """Others with each commit; one that does not hold is printed as `python -m tests.worlds CODE` takes it."""

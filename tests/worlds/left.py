@@ -21,6 +21,7 @@ from tests.worlds.world import NEAR, RAMP_PER_S, Ran, World
 
 _SAFE_S = 5.0  # so soon outputs are safe once whoever makes them safe reaches every device
 _LEAVES_S = 12.0  # so soon a watchdog is gone that has nothing to do
+_ON_ITS_WAY_S = 0.005  # so soon a command arrives that another thread has just sent
 _TRIES_S = 80.0  # so long one tries at most
 _LASTING = {"claims", "swap"}  # what is never over
 SIGNALLED = {"int", "term", "hup", "stop"}
@@ -225,7 +226,7 @@ def stays_safe(world: World, ran: Ran) -> Iterator[str]:
         if device in late:
             continue
         for (_, before), (at_s, after) in pairwise(ran.changes[output]):
-            if begun_s < at_s < world.run.ended_s and abs(after) > abs(before) + NEAR and at_s not in ran.pokes[device]:
+            if begun_s + _ON_ITS_WAY_S < at_s < world.run.ended_s and abs(after) > abs(before) + NEAR and at_s not in ran.pokes[device]:
                 yield f"made safe from {begun_s:.3f} s on, and {output} goes to {after:.1f} % at {at_s:.3f} s"
                 break
 
