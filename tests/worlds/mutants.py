@@ -7,8 +7,10 @@ Each is drawn by one of five operators over all lines of `planted.ROOMS`. How it
 - One that changes nothing (the same byte code, an order that no value or call can tell, words of a message, a
   docstring, a type) is not drawn.
 - One that fails a world without any fault, with any device, does not count: a test of the happy path finds it.
-- One whose lines none of `--reach` drawn worlds reaches is *never reached*, and so is a stale value that never was
-  another one in the worlds of its budget: their share is told, and they do not count.
+- One whose lines none of `--reach` drawn worlds reaches is *never reached*: their share is told, and it does not count.
+- One that *changes nothing* does not count either, and their share is told: every world of its budget takes the same
+  course as without it (`planted.course`), to the last digit and millisecond. It changes words for people, or a value
+  that nobody uses, or only what no drawn world brings about; no law could notice it.
 - All others count. One is *found* when an invariant is broken in a drawn world within its processor time. Worlds
   that reach its lines come first; which those are was found once, in the code without a fault.
 """
@@ -27,16 +29,19 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import CodeType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tests.worlds.planted import ROOMS, ROOT, Planted, blocks, module_of, reach, reached_in
+from tests.worlds.planted import ROOMS, ROOT, Planted, blocks, course, module_of, reach, reached_in
+
+if TYPE_CHECKING:
+    from tests.worlds.world import Ran, World
 
 OPERATORS = ("line left out", "condition turned", "order changed", "stale value", "mend taken back")
 _SIMPLE = (ast.Expr, ast.Assign, ast.AugAssign, ast.AnnAssign, ast.Raise, ast.Delete)
 _WORDS = {"debug", "info", "warning", "add_note", "format", "_"}  # calls whose arguments are words for people
 _MENDS = 60  # commits of a file that are looked at
 _FRESH = 10_000_000  # seeds from here on: worlds that nobody has chosen
-DOES_NOT_COUNT, FOUND, MISSED, NO_PLACE, NEVER_REACHED = 10, 11, 12, 13, 14
+DOES_NOT_COUNT, FOUND, MISSED, NO_PLACE, NEVER_REACHED, CHANGES_NOTHING = range(10, 16)
 
 
 class Mutant(NamedTuple):
@@ -53,7 +58,7 @@ def main() -> int:
     if options.one:
         return _try(*options.one, options)
     options.reached = options.reached or str(reach(options.reach, options.jobs))
-    print(f"{len(reached_in(Path(options.reached)))} lines are reached by {options.reach} worlds", flush=True)
+    print(f"{len(reached_in(Path(options.reached)).seeds)} lines are reached by {options.reach} worlds", flush=True)
     draw = random.Random(options.seed)
     counts: collections.Counter[str] = collections.Counter()
     by_operator: dict[str, collections.Counter[str]] = collections.defaultdict(collections.Counter)
@@ -72,12 +77,13 @@ def main() -> int:
     print(f"found {counts['found']} of {tried} ({100.0 * counts['found'] / tried:.0f} %); seed {options.seed}")
     for operator in OPERATORS:
         print(f"  {operator}: {by_operator[operator]['found']} of {sum(by_operator[operator].values())}")
-    print(f"never reached: {counts['never reached']}; fail without a fault: {counts['does not count']}")
+    others = ("never reached", "changes nothing", "does not count")
+    print("; ".join(f"{how}: {counts[how]}" for how in others) + " (fail without a fault)")
     return 0
 
 
 _HOW = {DOES_NOT_COUNT: "does not count", FOUND: "found", MISSED: "missed", NO_PLACE: "no place",
-        NEVER_REACHED: "never reached"}  # fmt: skip
+        NEVER_REACHED: "never reached", CHANGES_NOTHING: "changes nothing"}  # fmt: skip
 
 
 def _options() -> argparse.Namespace:
@@ -119,7 +125,7 @@ def _try(room: str, operator: str, number: str, options: argparse.Namespace) -> 
     planted = mutated(source, operator, int(number), room)
     if planted is None:
         return NO_PLACE
-    reached = reached_in(Path(options.reached))
+    reached, courses = reached_in(Path(options.reached))
     chosen = _in_turn([reached.get((room, line), []) for line in sorted(planted.lines)])
     if not chosen:
         print(planted.what)
@@ -133,16 +139,23 @@ def _try(room: str, operator: str, number: str, options: argparse.Namespace) -> 
         sound = one(Schedule(0, procedure=procedure, third=third), judge)
         if sound.broken or sound.status != 0:
             return DOES_NOT_COUNT
-    begun_s, tried = time.process_time(), 0
+    begun_s, tried, is_another = time.process_time(), 0, False
+
+    def judged(world: World, ran: Ran) -> None:
+        nonlocal is_another
+        judge(world, ran)
+        seed = ran.schedule.seed
+        is_another = is_another or (seed in courses and course(world, ran) != courses[seed])
+
     while time.process_time() - begun_s < options.seconds:
         seed = chosen[tried] if tried < len(chosen) else _FRESH + 1_000_000 * options.seed + tried
-        ran = one(drawn(seed), judge)
+        ran = one(drawn(seed), judged)
         tried += 1
         if ran.broken:
             print(f"{planted.what}; world {tried}: {ran.broken[0]} ({ran.schedule.code})")
             return FOUND
     print(f"{planted.what}; {tried} worlds")
-    return NEVER_REACHED if operator == "stale value" and not _Kept.has_differed else MISSED
+    return MISSED if is_another else CHANGES_NOTHING
 
 
 def _in_turn(lists: list[list[int]]) -> list[int]:
@@ -152,9 +165,7 @@ def _in_turn(lists: list[list[int]]) -> list[int]:
 
 
 class _Kept(dict[str, Any]):
-    """Values of a process, by where they were made; whether any was ever another one than the one before."""
-
-    has_differed = False
+    """Values of a process, by where they were made."""
 
 
 def kept(place: str, value: Any) -> Any:
@@ -165,9 +176,7 @@ def kept(place: str, value: Any) -> Any:
         mine = system.of_process(_Kept)
     except AttributeError:  # nobody's task
         return value
-    before = mine.get(place, value)
-    mine[place] = value
-    _Kept.has_differed = _Kept.has_differed or (before is not value and repr(before) != repr(value))
+    before, mine[place] = mine.get(place, value), value
     return before
 
 

@@ -16,9 +16,12 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tests.worlds.schedule import drawn
+
+if TYPE_CHECKING:
+    from tests.worlds.world import Ran, World
 
 ROOT = Path(__file__).parents[2]
 ROOMS = (
@@ -33,6 +36,13 @@ ROOMS = (
 )  # fmt: skip
 _BATCH, _KEPT = 100, 120
 Place = tuple[str, int]
+
+
+class Reached(NamedTuple):
+    """Seeds of worlds that reach each line, and the course of every world (see `course`)."""
+
+    seeds: dict[Place, list[int]]
+    courses: dict[int, str]
 
 
 class Planted(importlib.abc.MetaPathFinder, importlib.abc.Loader):
@@ -85,8 +95,25 @@ def _probed(room: str) -> CodeType:
     return compile(ast.fix_missing_locations(tree), room, "exec")
 
 
+def course(world: World, ran: Ran) -> str:
+    """What devices, files and other processes have of a world: a digest of all but words for people.
+
+    Where outputs stood and when, how and when each process ended, what was said of each output, and what was recorded.
+    """
+    from tests.worlds.left import end_of, recording_of
+
+    recording, end = recording_of(world), end_of(world)
+    words = [(word.by, word.at_s, word.safe, word.states) for word in ran.words]
+    ends = [(process.name, process.status, process.ended_s) for process in world.system.processes]
+    found: list[object] = [ran.changes, ends, words, ran.blocks, end.get("rows"), end.get("outputs")]
+    if recording is not None:
+        found += [(name, channel.unit, channel.values.tobytes()) for name, channel in recording.channels.items()]
+        found += [recording.time_s.tobytes(), [event["event"] for event in recording.meta["events"]]]
+    return hashlib.sha256(repr(found).encode()).hexdigest()[:16]
+
+
 def reach(worlds: int, jobs: int) -> Path:
-    """A file that says for each line that any of so many worlds reaches: seeds of such worlds (see `reached_in`).
+    """A file that says which of so many worlds reach each line, and what course they take (see `reached_in`).
 
     Found once for these sources, and kept.
     """
@@ -94,22 +121,26 @@ def reach(worlds: int, jobs: int) -> Path:
     key = hashlib.sha256(b"".join(path.read_bytes() for path in sources) + bytes(str(worlds), "ascii")).hexdigest()
     kept = Path(tempfile.gettempdir(), f"worlds-reach-{key[:16]}.json")
     if not kept.exists():
-        found: dict[str, list[int]] = defaultdict(list)
+        found, courses = defaultdict[str, list[int]](list), dict[int, str]()
         with ThreadPoolExecutor(jobs) as pool:
             for lines in pool.map(_batch_of, range(0, worlds, _BATCH)):
                 for line in lines:
-                    seed, *places = line.split("\t")
+                    seed, courses[int(seed)], *places = line.split("\t")
                     for place in places:
                         found[place].append(int(seed))
         alone = {seed for seed in range(worlds) if len(drawn(seed).faults) == 1}
-        kept.write_text(json.dumps({place: _mixed(seeds, alone) for place, seeds in found.items()}), encoding="utf-8")
+        seeds = {place: _mixed(seeds, alone) for place, seeds in found.items()}
+        kept.write_text(json.dumps({"seeds": seeds, "courses": courses}), encoding="utf-8")
     return kept
 
 
-def reached_in(kept: Path) -> dict[Place, list[int]]:
+def reached_in(kept: Path) -> Reached:
     """What stands in such a file. Worlds with one fault come every other time: of them more is known."""
     content = json.loads(kept.read_text(encoding="utf-8"))
-    return {(place.partition(":")[0], int(place.partition(":")[2])): seeds for place, seeds in content.items()}
+    seeds = {
+        (place.partition(":")[0], int(place.partition(":")[2])): seeds for place, seeds in content["seeds"].items()
+    }
+    return Reached(seeds, {int(seed): digest for seed, digest in content["courses"].items()})
 
 
 def _mixed(seeds: list[int], those_with_one: set[int]) -> list[int]:
@@ -125,7 +156,7 @@ def _batch_of(first: int) -> list[str]:
 
 
 def main(first: str, end: str) -> int:
-    """Print the lines that each of these worlds reaches."""
+    """Print the course of each of these worlds, and the lines that it reaches."""
     reached: set[Place] = set()
     Planted({module_of(room): _probed(room) for room in ROOMS}, {"_reached": reached})
     from tests.worlds.judge import judge
@@ -133,8 +164,9 @@ def main(first: str, end: str) -> int:
 
     for seed in range(int(first), int(end)):
         reached.clear()
-        one(drawn(seed), judge)
-        print("\t".join((str(seed), *(f"{room}:{line}" for room, line in sorted(reached)))), flush=True)
+        took = list[str]()
+        one(drawn(seed), lambda world, ran, took=took: (judge(world, ran), took.append(course(world, ran))))
+        print("\t".join((str(seed), *took, *(f"{room}:{line}" for room, line in sorted(reached)))), flush=True)
     return 0
 
 
