@@ -5,17 +5,28 @@ from __future__ import annotations
 import subprocess
 import sys
 from contextlib import nullcontext
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from hil.bench import heartbeat, watchdog
+from drivers._modbus_line import ModbusLine
+from hil.bench import heartbeat, rescue, watchdog
 from hil.bench.ending import Ending
 from hil.daq.channel import Wiring
+from hil.daq.contract import Waveform
+from hil.daq.device_link import DeviceLink
 from hil.daq.link import Late
 from hil.daq.pin import Pin
+from hil.daq.polling import Taken
+from hil.record.run_writer import RunWriter
+from hil.safety import outputs
 from hil.safety.guard import Guard
+from hil.safety.interlock import Watches
+from hil.safety.latch import Latch
+from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
+from hil.safety.witness import Witnesses
 from hil.system import tcp
 from tests.worlds.judge import judge
 from tests.worlds.kernel import in_world, on_linux, parent_in_world, parent_on_linux, parent_script, script
@@ -166,6 +177,62 @@ MENDS: dict[str, tuple[Patches, str]] = {
         [(Outputs, "settled", property(lambda _known: True))], "7,0.05,plain,-|deaf:driving:1.3:5:io",
     ),
 }  # fmt: skip
+
+
+def _undefined(*_: object, **__: object) -> None:
+    raise NameError("name 'part' is not defined")
+
+
+def _halves(slices: Any) -> Any:
+    return lambda waveform, samples: (
+        replace(piece, outputs={name: 0.5 * values for name, values in piece.outputs.items()})
+        for piece in slices(waveform, samples)
+    )
+
+
+def _shifts(add: Any) -> Any:
+    def shifted(taken: Taken, begun_s: float, time_s: float, *rows: Any) -> None:
+        add(taken, begun_s, time_s + 0.012 * (time_s > 0.5) * (len(taken.time_s) % 2), *rows)
+
+    return shifted
+
+
+def _off(append: Any) -> Any:
+    return lambda writer, time_s, values: append(writer, time_s, {**values, "flow": 1.001 * values["flow"]})
+
+
+FAULTS: dict[str, tuple[Patches, str]] = {
+    "begins_safe": ([(outputs, "stands_at", lambda *_: True)], "7,0.05,plain,a|lies:opening:0:10:io"),
+    "errors_are_not_ours": ([(Latch, "trip", _undefined)], "7,0.05,plain,-|over:driving:1.3:5:aux"),
+    "connections_are_given_up": (
+        [(ModbusLine, "drop", lambda _line: None)], "7,0.05,plain,-|mute:driving:1.3:5:io",
+    ),
+    "drives_what_is_asked": ([(Waveform, "slices", _halves(Waveform.slices))], "7,0.05,plain,-"),
+    "hands_back_what_is_recorded": ([(RunWriter, "append", _off(RunWriter.append))], "7,0.05,plain,-"),
+    "samples_are_in_time": ([(Taken, "add", _shifts(Taken.add))], "7,0.05,plain,-"),
+    "own_watchdogs_rest": (
+        [(DeviceLink, "keep_alive_s", property(lambda _link: None, lambda _link, _value: None))], "7,0.05,blocks,w",
+    ),
+    "causes_happened": ([(Operator, "stop_asked", property(lambda _operator: True))], "7,0.05,plain,-"),
+    "is_heard": ([(Watches, "judge", lambda *_: [])], "7,0.05,plain,-|over:driving:1.3:5:aux"),
+    "holds_are_events": ([(RunWriter, "event", lambda *_, **__: None)], "7,0.05,plain,-|low:driving:1.3:1:aux"),
+    "witness_is_heard": ([(Witnesses, "driven", lambda *_: None)], "7,0.05,plain,-|sticks:driving:2.3:30:io"),
+    "rescue_is_told": ([(rescue, "replace", lambda output, **_: output)], "7,0.05,plain,-|kill:driving:1.3:0:"),
+    "rescue_is_told, at its time": (
+        [(watchdog, "GIVE_UP_S", 0.0)],
+        "702308,0.2,blocks,-|out:making safe:0.0526:10:aux|second:making safe:0:0.05:",
+    ),
+    "errors_are_not_ours, nor told": ([(rescue, "replace", _undefined)], "7,0.05,plain,-|kill:driving:1.3:0:"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("law", FAULTS)
+def test_a_law_notices_the_fault_that_it_is_for(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    patches, code = FAULTS[law]
+    assert not of(code).broken
+    for thing, attribute, instead in patches:
+        monkeypatch.setattr(thing, attribute, instead, raising=False)  # an attribute of instances
+    assert law.partition(",")[0] in of(code).laws
 
 
 def test_a_schedule_is_shrunk_to_what_breaks_the_law() -> None:

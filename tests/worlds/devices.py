@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from weakref import WeakSet
+from weakref import WeakKeyDictionary, WeakSet
 
 from tests.foreign_line import Tables, tcp_frame
 from tests.worlds.network import Cable, End, Host
@@ -12,6 +12,7 @@ from tests.worlds.tasks import Hub
 
 FULL, READ_BACK = 0x7FFF, 0x0200
 _TRIGGER, _TENTHS = 0x100A, 0x1000
+PATIENCE_S = 0.1  # so soon an answer comes to whoever sends on
 
 
 class Device:
@@ -24,6 +25,7 @@ class Device:
         slow_s: so much longer it takes to answer.
         is_on: whether it has power.
         watchers: called when the output moves.
+        expired_s: when its own watchdog found the output away from its safe value.
     """
 
     def __init__(self, hub: Hub) -> None:
@@ -32,6 +34,7 @@ class Device:
         self.deaf = self.mute = self.lies = self.fails = False
         self.is_on, self.slow_s = True, 0.0
         self.watchers: list[Callable[[], None]] = []
+        self.expired_s: list[float] = []
         self._free_s, self._heard_s = 0.0, 0.0
 
     @property
@@ -59,6 +62,7 @@ class Device:
 
     def _expired(self, watchdog_s: float) -> None:
         if self.is_on and self._hub.now_s - self._heard_s >= watchdog_s - 1e-9:
+            self.expired_s += [self._hub.now_s] if self.percent else []
             self.expire()
 
     def expire(self) -> None:
@@ -71,7 +75,9 @@ class Coupler(Device, Tables):
     Attributes:
         pressure: second input, in counts.
         contact: third input, of an emergency stop: about zero when somebody has pressed.
+        stuck: where the valve stands that sticks, in counts: the output obeys, and the flow does not.
         measured: each answer about inputs: (s, count that the output was told last, count of the first input).
+        reused: when a connection was used again on which no answer had come in time.
         unasked: when a new connection began with a command other than the safe one.
     """
 
@@ -82,8 +88,11 @@ class Coupler(Device, Tables):
         self.pressure = pressure
         self.host = Host(hub, cable, self.taken)
         self.contact = FULL // 2  # of an emergency stop: closed
+        self.stuck: int | None = None
         self.measured: list[tuple[float, int, int]] = []
         self.unasked: list[float] = []
+        self.reused: list[float] = []
+        self._silent_s: WeakKeyDictionary[End, float] = WeakKeyDictionary()  # since when no answer comes
         self._told = 0
         self._asked: WeakSet[End] = WeakSet()  # connections on which it was read back, or made safe
 
@@ -128,6 +137,10 @@ class Coupler(Device, Tables):
         if self.deaf or not self.host.is_on:
             return
         self._look_at(end, request[7:])
+        if self._hub.now_s > self._silent_s.get(end, float("inf")) + PATIENCE_S:
+            self.reused.append(self._hub.now_s)
+        if self.mute:
+            self._silent_s.setdefault(end, self._hub.now_s)
         answer = self.on_tcp(request)
         if not self.mute and not end.is_gone and not end.is_over:
             end.send(answer)
@@ -158,7 +171,8 @@ class Coupler(Device, Tables):
 
     def _measured(self) -> dict[int, int]:
         noise = self._hub.draw.randrange(-3, 4)
-        counts = [_signed(self.holding[0]) + noise, self.pressure + noise, self.contact + noise, *[noise] * 5]
+        spool = self.holding[0] if self.stuck is None else self.stuck
+        counts = [_signed(spool) + noise, self.pressure + noise, self.contact + noise, *[noise] * 5]
         return {i: max(-FULL, min(FULL, count)) & 0xFFFF for i, count in enumerate(counts)}
 
     def expire(self) -> None:

@@ -14,7 +14,8 @@ import numpy as np
 from hil.errors import FileError
 from hil.record.folder import read
 from tests.worlds.devices import FULL
-from tests.worlds.left import LAWS
+from tests.worlds.driven import LAWS as DRIVEN
+from tests.worlds.left import LAWS as LEFT
 from tests.worlds.left import kinds as _kinds
 from tests.worlds.system import BEGAN
 from tests.worlds.world import NEAR, Ran, Word, World
@@ -31,7 +32,7 @@ def judge(world: World, ran: Ran) -> None:
         if any(all_of_them in text for all_of_them in _SAYS_ALL):
             ran.words.append(Word(by, at_s, dict.fromkeys(world.outputs, at_s), text))
     own = (_words, _agree, _status, _ends, _killed, _rescued, _latched, _recorded, _strangers, _as_expected)
-    for law in (*own, *LAWS):
+    for law in (*own, *LEFT, *DRIVEN):
         broken = [*law(world, ran)]
         ran.broken += broken
         ran.laws |= {law.__name__} if broken else set()

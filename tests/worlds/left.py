@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from hil.bench.heartbeat import GIVE_UP_S
 from hil.bench.stop.control import CONTROL_FILE
 from hil.errors import FileError
 from hil.record.folder import read
@@ -226,7 +227,11 @@ def stays_safe(world: World, ran: Ran) -> Iterator[str]:
         if device in late:
             continue
         for (_, before), (at_s, after) in pairwise(ran.changes[output]):
-            if begun_s + _ON_ITS_WAY_S < at_s < world.run.ended_s and abs(after) > abs(before) + NEAR and at_s not in ran.pokes[device]:
+            if (
+                begun_s + _ON_ITS_WAY_S < at_s < world.run.ended_s
+                and abs(after) > abs(before) + NEAR
+                and at_s not in ran.pokes[device]
+            ):
                 yield f"made safe from {begun_s:.3f} s on, and {output} goes to {after:.1f} % at {at_s:.3f} s"
                 break
 
@@ -265,15 +270,22 @@ def rescue_is_told(world: World, ran: Ran) -> Iterator[str]:
         word in said for word in ("outputs made safe in", "outputs told to be safe in", "NOT SAFE", "in use by")
     ):
         yield f"the run is dead, and its watchdog says: {said}"
-    if kinds(ran) & {"disk full", "second"}:
-        return
     try:
         report = json.loads((world.folder / "run" / "watchdog.json").read_text(encoding="utf-8"))
+        if "left_alone" in report and watchdog.ended_s < world.run.ended_s + GIVE_UP_S:
+            yield f"the watchdog gave up at {watchdog.ended_s:.3f} s: {report['left_alone']}"
     except (OSError, ValueError) as error:
+        if kinds(ran) & {"disk full", "second"}:
+            return
         yield f"the run is dead, and its watchdog wrote down nothing: {error}"
+        return
+    if kinds(ran) & {"disk full", "second"}:
         return
     if report["why"] not in said or set(report["outputs"]) != set(world.outputs):
         yield f"the watchdog says '{said}', and wrote down {report}"
+    units = {name: output["unit"] for name, output in report["outputs"].items()}
+    if units != world.units:
+        yield f"the watchdog wrote down outputs in {units}"
     if "safe_after_s" in report and report["safe_after_s"] > watchdog.ended_s - world.run.ended_s + 0.1:
         yield f"safe after {report['safe_after_s']:g} s, and the watchdog was gone sooner"
 

@@ -16,6 +16,7 @@ KINDS = {
     "lose": "network", "garble": "network", "echo": "network", "fails": "device", "claims": "device",
     "deaf": "device", "mute": "device", "slow": "device", "lies": "device", "restart": "device", "poke": "device",
     "over": "device", "low": "device", "pressed": "device", "swap": "device",
+    "sticks": "device",
     "int": "signal", "term": "signal", "hup": "signal", "kill": "process", "pause": "process",
     "wd term": "process", "wd kill": "process", "wd pause": "process", "fork": "process",
     "stop": "person", "hold run": "person", "second": "person",
@@ -25,7 +26,7 @@ _OF_THIRD = {
     "module": {"lose", "garble", "echo"}, "source": {"lose", "garble", "echo"},
     "amplifier": {"lose", "garble", "echo", "fails"}, "valve": {"lose", "fails", "claims"}, "": set[str](),
 }  # fmt: skip
-_OF_COUPLERS = {"swap", "over", "low", "pressed"}
+_OF_COUPLERS = {"swap", "over", "low", "pressed", "sticks"}
 _WITH_DEVICE = {kind for kind, of in KINDS.items() if of in ("network", "device")}
 _AT_ONCE = {"poke", "claims", "swap", "int", "term", "hup", "kill", "wd term", "wd kill", "stop"}
 _TIMES_S = (0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)

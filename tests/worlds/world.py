@@ -25,6 +25,7 @@ from hil.bench.ending import LastWord, accounted
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.errors import exit_status_of, with_notes
+from hil.record.recording import Array, Recording
 from hil.safety.interrupt import ended_by, terminable
 from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
@@ -44,11 +45,11 @@ LATE_S = 1.0  # nothing that has left this computer arrives later (see `hil.daq.
 LONGEST_S = 400.0  # no world goes on for longer
 WATCHED_S = 30.0  # so long outputs are looked at once everybody has gone
 WATCHDOG_S = 1.5  # longer than a run is silent while one device gives no answer
-RAMP_PER_S = 140.0
+RAMP_PER_S, RATE_HZ = 140.0, 20.0
 IDENTITIES = {"io": "WAGO 750-352 A1", "aux": "WAGO 750-352 B2"}
 BENCH = """\
 name = "world"
-sample_rate_hz = 20
+sample_rate_hz = {rate}
 [valve]
 name = "none"
 plant = "brevini-hpv41"
@@ -194,6 +195,8 @@ class Ran:
         took: the faults that took effect, each with the phase that the run was in; took_s: when.
         broken: every invariant that does not hold.
         blocks: how many were driven.
+        asked: commands that the procedure asked for, in order; handed: what it was handed back of command and flow.
+        errors: that ended the run, or another program that wanted its bench: kinds and texts.
     """
 
     schedule: Schedule
@@ -206,6 +209,9 @@ class Ran:
     broken: list[str] = field(default_factory=list)
     laws: set[str] = field(default_factory=set)
     blocks: int = 0
+    asked: list[Array] = field(default_factory=list)
+    errors: list[tuple[type[BaseException], str]] = field(default_factory=list)
+    handed: list[tuple[Array, Array]] = field(default_factory=list)
     calls: int = 0
     ended_s: float = 0.0
     pokes: dict[str, list[float]] = field(default_factory=dict)
@@ -217,7 +223,7 @@ _files: dict[str, BenchFile] = {}
 def _bench(schedule: Schedule) -> BenchFile:
     """The bench as a process reads it: its devices are not known yet."""
     text = BENCH.format(
-        armed="\nwatchdog_s = 1.0" if schedule.armed else "", watchdog=WATCHDOG_S,
+        armed="\nwatchdog_s = 1.0" if schedule.armed else "", watchdog=WATCHDOG_S, rate=RATE_HZ,
         ramp=f"\nramp_to_safe_per_s = {RAMP_PER_S}" if schedule.ramped else "",
     )  # fmt: skip
     text += _third(schedule) if schedule.third else ""
@@ -313,6 +319,7 @@ class World:
 
         def said(error: BaseException) -> int:
             known.mark(error)
+            self.ran.errors.append((type(error), str(error)))
             self.say("run", with_notes(error))
             self._word("run", known)
             return exit_status_of(error)
@@ -336,26 +343,34 @@ class World:
         kind = self.schedule.procedure
         up = np.linspace(0.0, 70.0, 20)
 
+        def play(command: Array) -> None:
+            self.ran.asked.append(command)
+            self._handed(rig.play(command))
+
+        def stream(commands: list[Array]) -> Iterator[None]:
+            self.ran.asked += commands
+            yield from map(self._handed, rig.stream(commands))
+
         def stand() -> None:
             for _ in range(10):
-                rig.play(np.full(10, 70.0))
+                play(np.full(10, 70.0))
                 self.ran.blocks += 5
 
         if kind == "swallows":
             for _ in range(4):
                 with suppress(BaseException):
-                    rig.play(up)
+                    play(up)
                     stand()
             return
-        rig.play(up)
+        play(up)
         if kind == "steps":
             for level in (20.0, -40.0, 70.0, 0.0, 70.0):
-                rig.play(np.full(20, level))
+                play(np.full(20, level))
                 self.ran.blocks += 10
         elif kind == "leaves early":
-            for _ in rig.stream([np.full(10, 70.0)] * 20):
+            for _ in stream([np.full(10, 70.0)] * 20):
                 self.ran.blocks += 5
-            for _ in rig.stream([np.full(10, 50.0)] * 20):
+            for _ in stream([np.full(10, 50.0)] * 20):
                 break
         else:
             stand()
@@ -365,6 +380,9 @@ class World:
             sys.exit(5)
         if kind == "blocks":
             system.sleep(3.0)
+
+    def _handed(self, recording: Recording) -> None:
+        self.ran.handed.append((recording.channels["command"].values, recording.channels["flow"].values))
 
     def say(self, by: str, text: str) -> None:
         self.ran.said.append((self.hub.now_s, by, text))
@@ -440,6 +458,8 @@ class World:
                 for_a_while(self.couplers["aux"], "pressure", round(0.1 * 0x7FFF), round(0.4 * 0x7FFF))
             case "pressed":
                 for_a_while(self.couplers["aux"], "contact", 0, 0x7FFF // 2)
+            case "sticks":
+                for_a_while(self.couplers["io"], "stuck", self.couplers["io"].holding[0], None)
             case "swap":
                 stranger = self.strangers[fault.device] = Coupler(self.hub, cable, "WAGO 750-352 C3")
                 device.host.is_on = False
@@ -545,6 +565,7 @@ class World:
                 ):
                     rig.play(np.zeros(5))
             except BaseException as error:
+                self.ran.errors.append((type(error), str(error)))
                 return exit_status_of(error)
             return 0
 
