@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hil.report import responses
-from hil.report.figure import Picture
+from hil.report.figure import Picture, lay_out, legend_on_top
 
 
 def curve(bias: float, amplitude: float, thd: float, top_hz: float, level_db: float) -> dict[str, object]:
@@ -50,3 +51,19 @@ def test_every_point_of_a_bode_diagram_and_of_distortions_is_seen(monkeypatch: p
                 assert np.all((y >= low) & (y <= high)), f"{axes.get_ylabel()}: {y.min():g} … {y.max():g}"
                 if len(x) > 2:
                     assert np.all((x >= left) & (x <= right)), axes.get_xlabel()
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (3, 1), (2, 3)])
+def test_every_text_has_room_of_its_own(rows: int, columns: int) -> None:
+    figure = Figure(figsize=(8.4, 1.0 + 1.5 * rows), dpi=72.0)
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in grid:
+        axes.plot([0.0, 1e4], [-0.001, 12345.6], label="measured")
+        axes.set(xlabel="time [s]", ylabel="flow\n[l/min]", title="+50 ± 20 %")
+    legend_on_top(grid[0])
+    lay_out(figure)
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    boxes = [one.get_tightbbox(renderer) for one in (*grid, *figure.legends)]
+    for k, box in enumerate(boxes):
+        assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1 and box.y0 >= 0.0 and box.y1 <= figure.bbox.y1 + 1.0
+        assert not any(box.overlaps(other) for other in boxes[:k])
