@@ -100,6 +100,11 @@ class PolledDaq:
         self._keep_alive()
 
     @property
+    def answers(self) -> bool:
+        """Whether every device did what it was asked last, also where nobody waited for that any more."""
+        return all(member.answers for member in self._members)
+
+    @property
     def identities(self) -> Mapping[str, str]:
         """What each device says that it is; empty where it says nothing."""
         return {member.name: member.identity for member in self._members}
@@ -349,7 +354,7 @@ class PolledDaq:
         for member in self._members:
             refuse_after_sleep(self._clock)  # as it may have while the one before was driven
             member.drive(levels)
-        self.levels = levels
+            self.levels = {**self.levels, **{name: levels[name] for name in member.wiring.outputs}}
         updated_s = 0.5 * (begun_s + self._clock.now_s)
         readings: dict[str, float] = {}
         delays_s: dict[str, float] = {}

@@ -469,7 +469,8 @@ class Guard:
         if self._operator.stop_asked or self._clock.slept_s or are_there:
             return  # after a sleep nobody knows where a ramp would have to begin
         path = way_to(safe, self.levels, ramps, rate_hz, order)
-        if path is None or not self._stand_as_left((*ramps, *order)):
+        lost = isinstance(sys.exception(), HardwareError) or not getattr(self._daq, "answers", True)
+        if path is None or (lost and not self._stand_as_left((*ramps, *order))):
             return
         self.known.driving(path)
         with closing_blocks(self._daq.play(path, self._protection.block_samples(rate_hz))) as blocks:

@@ -106,6 +106,11 @@ def test_watchdog_that_did_not_hear_what_a_device_is_learns_it_from_the_run() ->
     assert not of("77992380,0.01,plain,-|deaf:opening:0.5:0.5:io|swap:driving:3:0:io").broken
 
 
+def test_a_ramp_is_gone_down_beside_a_device_that_tells_no_level() -> None:
+    """It says that it is not at its safe value: no lost answer."""
+    assert not of("616000517,0.01,plain,rv|int:driving:1:0:").broken
+
+
 def test_a_device_that_hung_up_at_rest_is_told_its_safe_value_before_it_is_driven() -> None:
     """It may have restarted, and stand elsewhere."""
     assert not of("202000088,0.01,plain,s|reset:opening:0.6979:0:aux").broken

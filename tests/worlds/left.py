@@ -210,7 +210,7 @@ def ramps_down(world: World, ran: Ran) -> Iterator[str]:
     )
     doubled = any(fault.kind == "double" and fault.device == "third" for fault, _ in ran.took)  # on a serial line
     if not ran.schedule.ramped or begun_s is None or kinds(ran) - calm or doubled or ran.schedule.procedure == "blocks":
-        return  # a device whose answers are not understood may have restarted
+        return
     late = [at for at_s, at in ran.changes["command"] if at_s >= begun_s - 0.1]
     steps = [abs(after - before) for before, after in pairwise(late)]
     if steps and max(steps) > 2.0 * RAMP_PER_S * 0.05:
