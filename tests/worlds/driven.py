@@ -68,6 +68,8 @@ def drives_what_is_asked(world: World, ran: Ran) -> Iterator[str]:
 def begins_safe(world: World, ran: Ran) -> Iterator[str]:
     """A procedure begins when its command stands at the safe value."""
     begun_s, _ = _drives_s(world)
+    if "io" in world.strangers:
+        return  # another device is driven
     before = [(at_s, percent) for at_s, percent in ran.changes["command"] if at_s <= begun_s]
     if begun_s < float("inf") and abs(before[-1][1]) > NEAR and before[-1][0] not in ran.pokes["io"]:
         yield f"the procedure begins at {begun_s:.3f} s, and the command stands at {before[-1][1]:.1f} %"
