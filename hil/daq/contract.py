@@ -188,6 +188,7 @@ class ReadBack:
         why: why it did not say, where it can be asked.
         rescue: what makes the output safe when nobody reaches the device, such as its own watchdog; empty: nothing.
         late_s: so long an earlier command that was not answered may still arrive and move it.
+        is_away: it says that it is not at its safe value, and not where it stands.
     """
 
     at: float | None = None
@@ -195,6 +196,7 @@ class ReadBack:
     why: str = ""
     rescue: str = ""
     late_s: float = 0.0
+    is_away: bool = False
 
 
 CANNOT_BE_ASKED = ReadBack(can=False)

@@ -198,5 +198,6 @@ class Member:
 
 
 def _answer(at: float, rescue: str, doubt: str, late_s: float) -> ReadBack:
-    why = "the device says only that it is not at its safe value" if math.isnan(at) else doubt
-    return ReadBack(None if why else at, why=why, rescue=rescue, late_s=late_s)
+    is_away = math.isnan(at)
+    why = "the device says only that it is not at its safe value" if is_away else doubt
+    return ReadBack(None if why else at, why=why, rescue=rescue, late_s=late_s, is_away=is_away and not doubt)

@@ -492,7 +492,7 @@ class Guard:
         stand would drive it away.
         """
         for name, answer in self._daq.read_back().items():
-            if not answer.can:
+            if not answer.can or answer.is_away:
                 continue
             if answer.at is None:
                 return False

@@ -120,6 +120,10 @@ def test_a_command_that_is_on_its_way_may_arrive_after_the_safe_value_is_asked_f
     assert not of("46100073,0.01,plain,-|over:driving:0.9237:0.05:aux|slow:driving:0.3:1:aux").broken
 
 
+def test_beside_a_valve_that_says_only_that_it_is_open_a_command_goes_down_its_ramp() -> None:
+    assert not of("46200890,0.01,plain,rv|term:driving:1:0:").broken
+
+
 @pytest.mark.parametrize("part", range(2))
 def test_drawn_worlds_hold(part: int) -> None:
     """Others with each commit; one that does not hold is printed as `python -m tests.worlds CODE` takes it."""
