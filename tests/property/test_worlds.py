@@ -124,6 +124,11 @@ def test_beside_a_valve_that_says_only_that_it_is_open_a_command_goes_down_its_r
     assert not of("46200890,0.01,plain,rv|term:driving:1:0:").broken
 
 
+def test_a_witness_that_was_away_when_its_rest_was_read_is_doubted_and_no_fault() -> None:
+    ran = of("46500092,0.01,leaves early,a|sticks:opening:0:1:aux")
+    assert not ran.broken and ran.status == 3
+
+
 @pytest.mark.parametrize("part", range(2))
 def test_drawn_worlds_hold(part: int) -> None:
     """Others with each commit; one that does not hold is printed as `python -m tests.worlds CODE` takes it."""

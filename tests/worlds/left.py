@@ -164,6 +164,8 @@ def doubts_end(world: World, ran: Ran) -> Iterator[str]:
     word = next((one for one in ran.words if one.by == "run" and one.states), None)
     if word is None or kinds(ran) & _LASTING or not word.states:
         return
+    if any(fault.kind == "sticks" and phase == "opening" for fault, phase in ran.took):
+        return  # what its witness read then was taken for rest
     if faults_end_s(ran) + 2 * _SAFE_S < word.at_s and any(state != "safe" for state in word.states.values()):
         yield f"all is well from {faults_end_s(ran):.3f} s on, and at {word.at_s:.3f} s the run says: {word.text}"
 
