@@ -7,8 +7,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
-from hil.session.terminal import is_ours
-
 
 @contextmanager
 def any_key() -> Iterator[Callable[[], bool]]:
@@ -16,6 +14,8 @@ def any_key() -> Iterator[Callable[[], bool]]:
 
     A terminal that is gone counts as a key. Ctrl-C stays the signal that it is.
     """
+    from hil.session.terminal import is_ours
+
     if not is_ours():
         yield lambda: False
         return

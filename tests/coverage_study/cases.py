@@ -44,8 +44,8 @@ MADE_OF = {
     ),
     "bench_reference": ("flow_curve", "step_response"),
     "iso_10770_1": (
-        "flow_curve", "step_response", "multisine_response", "threshold", "fail_safe", "pressure_gain",
-        "internal_leakage", "flow_over_pressure_drop", "limiting_power", "null_shift", "load_step",
+        "flow_curve", "step_response", "frequency_response", "multisine_response", "threshold", "fail_safe",
+        "pressure_gain", "internal_leakage", "flow_over_pressure_drop", "limiting_power", "null_shift", "load_step",
     ),
 }  # fmt: skip
 """Procedures whose figures are those of others."""
