@@ -49,14 +49,14 @@ def drives_what_is_asked(world: World, ran: Ran) -> Iterator[str]:
     for name in OUTPUTS | ({PILOT: "third"} if world.third else {}):
         device = world.outputs[name]
         on = _ON_VALVE if ran.schedule.third == "valve" and name == PILOT else _ON.get(name)
-        for (_, before), (at_s, percent) in pairwise(ran.changes[name]):
+        for (before_s, before), (at_s, percent) in pairwise(ran.changes[name]):
             if not 0.0 < at_s < end_s or abs(percent) <= NEAR or at_s in ran.pokes[device]:
                 continue
             if on is not None:
                 if abs(percent - on) > NEAR:
                     yield f"{name} goes to {percent:.2f} % at {at_s:.3f} s, and is switched on at {on:g} %"
                 continue
-            if ran.schedule.ramped and abs(percent) < abs(before):
+            if ran.schedule.ramped and (abs(percent) < abs(before) or before_s in ran.pokes[device]):
                 continue  # on the way down its ramp (`left.ramps_down`)
             left = np.flatnonzero(np.abs(asked[at:] - percent) <= _STEP)
             if not left.size or at_s < begun_s:
@@ -187,6 +187,8 @@ def holds_are_events(world: World, ran: Ran) -> Iterator[str]:
     recording = recording_of(world)
     if recording is None or kinds(ran) - CALM or ran.schedule.procedure == "blocks":
         return
+    if kinds(ran) >= {"low", "hold run"}:
+        return  # one of them held it already
     events = [(event["event"], event["details"].get("interlock", event["details"].get("by", "")))
               for event in recording.meta["events"]]  # fmt: skip
     for (fault, phase), at_s in zip(ran.took, ran.took_s, strict=True):
