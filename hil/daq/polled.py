@@ -348,6 +348,7 @@ class PolledDaq:
 
     def _sample(self, levels: Mapping[str, float], taken: Taken, task: Task) -> None:
         """Drive and read once; nothing is read any more when the task is stopped meanwhile."""
+        self._refuse_if_failed()  # as the sign of life may have
         refuse_after_sleep(self._clock)
         self._refuse_after_silence()
         self._sent_s = begun_s = self._clock.now_s

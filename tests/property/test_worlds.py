@@ -111,6 +111,11 @@ def test_a_ramp_is_gone_down_beside_a_device_that_tells_no_level() -> None:
     assert not of("616000517,0.01,plain,rv|int:driving:1:0:").broken
 
 
+def test_a_silence_that_the_sign_of_life_met_first_ends_the_run() -> None:
+    """The next sample drove on, after the devices' own watchdogs had made them safe."""
+    assert not of("61610057127,0.01,steps,w|pause:driving:1.9185:1:").broken
+
+
 def test_a_device_that_hung_up_at_rest_is_told_its_safe_value_before_it_is_driven() -> None:
     """It may have restarted, and stand elsewhere."""
     assert not of("202000088,0.01,plain,s|reset:opening:0.6979:0:aux").broken
