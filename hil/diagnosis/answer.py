@@ -32,7 +32,7 @@ from hil.diagnosis.next_test import Span, next_test
 from hil.diagnosis.pictures import spectra, strips
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.question import Question
-from hil.diagnosis.search.around import around
+from hil.diagnosis.search.linearization import linearized
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fitted import Fitted, change_without, output_of
 from hil.diagnosis.search.terms import Term
@@ -136,7 +136,7 @@ class Answer:
         left = self._left(drawn)
         shares = self._stage_shares(nominal) if mismatch else ()
         named = {f.name for f in found}
-        everywhere = limits(around(problem, self.named), self.choice.terms, self.choice.twins if mismatch else ())
+        everywhere = limits(linearized(problem, self.named), self.choice.terms, self.choice.twins if mismatch else ())
         unseen = tuple(limit for limit in everywhere if limit.effect not in named)
         rivals = self._not_separable()
         return Diagnosis(

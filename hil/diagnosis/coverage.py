@@ -10,7 +10,7 @@ import numpy as np
 from hil.cores import spread
 from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.problem import Problem
-from hil.diagnosis.search.around import Around, adapted_residuals
+from hil.diagnosis.search.linearization import Linearization, adapted_residuals
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import CERTAIN
@@ -46,16 +46,16 @@ class Limit:
         return self.upper == self.typical
 
 
-def limits(place: Around, terms: Sequence[Term], twins: Sequence[Fitted] = ()) -> tuple[Limit, ...]:
-    """Upper limits for effects beside what is accepted; one for each effect, at its most visible place.
+def limits(linear: Linearization, terms: Sequence[Term], twins: Sequence[Fitted] = ()) -> tuple[Limit, ...]:
+    """Upper limits for effects beside what is accepted; one for each effect, at its most visible linear.
 
     `twins`: explanations that may be so instead: what is accepted gives way to them, and their effects may be as large
     as they are there.
     """
     found: dict[str, Limit] = {}
     asked = [term for term in terms if term.kind == "effect"]
-    without = place.residuals_without
-    for term, limit in zip(asked, spread(lambda term: _limit(place, term, without), asked), strict=True):
+    without = linear.residuals_without
+    for term, limit in zip(asked, spread(lambda term: _limit(linear, term, without), asked), strict=True):
         known = found.get(term.reported_name)
         if known is None or (limit.visible, -limit.upper) > (known.visible, -known.upper):
             found[term.reported_name] = limit
@@ -80,18 +80,18 @@ def _as_large_as(limit: Limit, term: Term, values: Sequence[float], std: float) 
     return replace(limit, upper=max(limit.upper, abs(values[0] - term.null) + _ONE_SIDED * std))
 
 
-def _limit(place: Around, term: Term, without: Array) -> Limit:
+def _limit(linear: Linearization, term: Term, without: Array) -> Limit:
     """From one small step in the effect's strength, all else adapting."""
-    first, hidden = term.unknowns[0], _left(place.problem, without)
+    first, hidden = term.unknowns[0], _left(linear.problem, without)
     if not np.isfinite(term.null):
-        change = adapted_residuals(place, term, [u.start for u in term.unknowns]) - without
+        change = adapted_residuals(linear, term, [u.start for u in term.unknowns]) - without
         seen = bool(np.linalg.norm(change) > max(CERTAIN, hidden))
         upper = first.start if seen else float("inf")
         return Limit(term.reported_name, term.stage, first.name, first.unit, upper, first.start, seen)
     start = min(term.starts, key=lambda s: abs(s[0] - term.null))
     about = term.null if term.held else 0.0
     size, typical = abs(start[0] - term.null), abs(about or first.start - term.null)
-    step = adapted_residuals(place, term, start) - without
+    step = adapted_residuals(linear, term, start) - without
     power = float(step @ step)
     if power < 1e-12 or size == 0.0:
         return Limit(term.reported_name, term.stage, first.name, first.unit, float("inf"), typical, False, about)

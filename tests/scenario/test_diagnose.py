@@ -13,7 +13,7 @@ from hil.diagnosis.events.bursts import all_bursts, is_sparse
 from hil.diagnosis.events.tone import tone
 from hil.diagnosis.explain import recognised
 from hil.diagnosis.problem import pose
-from hil.diagnosis.search.around import around
+from hil.diagnosis.search.linearization import linearized
 from hil.diagnosis.search.fitted import nothing
 from hil.diagnosis.search.probes import simulated_probes
 from hil.diagnosis.search.terms import all_terms
@@ -255,7 +255,7 @@ def test_the_screen_corrects_a_start_that_is_too_strong() -> None:
     problem = pose(nominal(), bound(nominal(), records((ringing,), seed=14)))
     start = nothing(problem)
     jobs = [(term, values) for term in all_terms(problem, start.residuals) for values in term.starts]
-    best = simulated_probes(around(problem, start), jobs)[0]
+    best = simulated_probes(linearized(problem, start), jobs)[0]
     assert best.term.name == "resonance"
     assert best.at[0] < 0.2
     assert best.chi2 < 0.5 * (start.chi2 + problem.size)

@@ -15,7 +15,7 @@ from hil.diagnosis.coverage import limits
 from hil.diagnosis.false_alarms import false_alarms
 from hil.diagnosis.kept_back import kept_back, predicted
 from hil.diagnosis.problem import Problem, pose
-from hil.diagnosis.search.around import around
+from hil.diagnosis.search.linearization import linearized
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
 from hil.diagnosis.search.terms import all_terms
@@ -110,7 +110,7 @@ def test_no_cause_is_excluded_that_would_do_as_well() -> None:
     terms = all_terms(asked, asked.nominal_residuals)
     term = next(t for t in terms if t.name == "friction")
     twin = evaluated(asked, Fitted((term,), ((7.0, 1.2, 5.0, 0.05),), asked.model.values, 0.0, asked.nominal_residuals))
-    place = around(asked, nothing(asked))
+    place = linearized(asked, nothing(asked))
     alone = {limit.effect: limit for limit in limits(place, [term])}
     beside = {limit.effect: limit for limit in limits(place, [term], [twin])}
     assert alone["friction"].upper < 7.0
@@ -127,7 +127,7 @@ def test_beside_what_nobody_explains_an_effect_may_be_all_that_is_left() -> None
     for concealed in ((), (offset,)):
         asked = problem("throttle-flap", (10.0,), *concealed)
         term = next(t for t in all_terms(asked, asked.nominal_residuals) if t.name == "sensor_offset")
-        (limit,) = limits(around(asked, nothing(asked)), [term])
+        (limit,) = limits(linearized(asked, nothing(asked)), [term])
         upper[len(concealed)] = limit.upper
     assert upper[0] < 0.05
     assert upper[1] == pytest.approx(0.5, rel=0.2)

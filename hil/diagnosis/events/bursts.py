@@ -21,9 +21,9 @@ Burst = tuple[int, int]
 """First sample, and the one behind the last."""
 
 
-def all_bursts(problem: Problem, around: Fitted) -> list[list[Burst]]:
+def all_bursts(problem: Problem, model: Fitted) -> list[list[Burst]]:
     """The bursts of every experiment."""
-    return [bursts_of(problem, around.residuals, k) for k in range(len(problem.experiments))]
+    return [bursts_of(problem, model.residuals, k) for k in range(len(problem.experiments))]
 
 
 def bursts_of(problem: Problem, residuals: Array, k: int) -> list[Burst]:

@@ -27,16 +27,16 @@ Holds = list[list[Burst]]
 Bursts = Sequence[Sequence[Burst]]
 
 
-def held_commands(problem: Problem, around: Fitted) -> Events | None:
+def held_commands(problem: Problem, model: Fitted) -> Events | None:
     """Stretches in which the command stood still on its way; None when the misfit does not come in bursts.
 
     Every burst gets its own start and length; one simulation tries one offset and length at all bursts at once.
     """
-    bursts = all_bursts(problem, around)
+    bursts = all_bursts(problem, model)
     count = sum(map(len, bursts))
-    if count < LEAST_INTERVALS or not is_sparse(problem, around.residuals, bursts):
+    if count < LEAST_INTERVALS or not is_sparse(problem, model.residuals, bursts):
         return None
-    holds = _best_holds(problem, around, bursts)
+    holds = _best_holds(problem, model, bursts)
     if holds is None:
         return None
     rest = _held(problem, holds)
@@ -53,18 +53,18 @@ def held_commands(problem: Problem, around: Fitted) -> Events | None:
     values = how_often(intervals)
     first = problem.plant.hooks[0]
     return Events(
-        "dropout", first.stage, first.name, intervals, values, residuals_of(problem, around, experiments=rest), rest,
+        "dropout", first.stage, first.name, intervals, values, residuals_of(problem, model, experiments=rest), rest,
         Note("The command did not always arrive: {times} times the valve stood on the last one, {lasting_s:.2g} s on "
              "average.", times=len(intervals), lasting_s=values["lasting"][0]),
         "u(t) = u(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
     )  # fmt: skip
 
 
-def comes_every_time(problem: Problem, around: Fitted) -> bool:
+def comes_every_time(problem: Problem, model: Fitted) -> bool:
     """Whether the misfit comes with nearly every jump of the command that is large enough to show it, and hardly ever
     without one: then it has a law. What gets lost at random moments misses most jumps.
     """
-    bursts = all_bursts(problem, around)
+    bursts = all_bursts(problem, model)
     sizes, shown, beside = [], [], 0
     for e, own in zip(problem.experiments, bursts, strict=True):
         at, size = _jumps(e)
@@ -87,7 +87,7 @@ def _jumps(e: Experiment) -> tuple[Integers, Array]:
     return at, steps[at]
 
 
-def _best_holds(problem: Problem, around: Fitted, bursts: Bursts) -> Holds | None:
+def _best_holds(problem: Problem, model: Fitted, bursts: Bursts) -> Holds | None:
     """For every burst the held stretch that explains most of it: a coarse look, then finer ones around the best.
 
     None where the first look, at every other burst, takes no good part of the misfit there.
@@ -100,7 +100,7 @@ def _best_holds(problem: Problem, around: Fitted, bursts: Bursts) -> Holds | Non
     ]
 
     def costs(holds: Holds) -> list[list[float]]:
-        return _costs(problem, residuals_of(problem, around, experiments=_held(problem, holds)), windows)
+        return _costs(problem, residuals_of(problem, model, experiments=_held(problem, holds)), windows)
 
     best = costs(chosen)
 

@@ -35,7 +35,7 @@ def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, 
     return tuple(kept), tuple(intervals)
 
 
-def held_outputs(problem: Problem, around: Fitted) -> Events | None:
+def held_outputs(problem: Problem, model: Fitted) -> Events | None:
     """Samples that repeat the one before where a coarse channel would not: in bursts of misfit more often than by
     chance, or while the model goes on and the output catches up with it in the end.
 
@@ -44,14 +44,14 @@ def held_outputs(problem: Problem, around: Fitted) -> Events | None:
     rest, intervals = [], []
     for k, e in enumerate(problem.experiments):
         stale = np.zeros(len(e.output), dtype=np.bool_)
-        in_bursts = _repeats_in_bursts(e.output, bursts_of(problem, around.residuals, k))
-        for start, stop in in_bursts or _caught_up(problem, around, e):
+        in_bursts = _repeats_in_bursts(e.output, bursts_of(problem, model.residuals, k))
+        for start, stop in in_bursts or _caught_up(problem, model, e):
             stale[start + 1 : stop] = True
             intervals.append(Interval(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
         rest.append(e.without(stale))
     if len(intervals) < LEAST_INTERVALS:
         return None
-    residuals = residuals_of(problem, around, experiments=rest)
+    residuals = residuals_of(problem, model, experiments=rest)
     for before, now, output in zip(problem.experiments, rest, problem.outputs_of(residuals), strict=True):
         output[before.valid & ~now.valid] = 1.0  # as noise would be; nothing was measured there
     return stale_outputs(intervals, problem, residuals, tuple(rest))
@@ -85,7 +85,7 @@ def _repeats_in_bursts(values: Array, bursts: Sequence[Burst]) -> list[tuple[int
     return [(start, stop + 1) for start, stop in runs((steps == 0.0) & inside) if stop + 1 - start >= least]
 
 
-def _caught_up(problem: Problem, around: Fitted, e: Experiment) -> list[tuple[int, int]]:
+def _caught_up(problem: Problem, model: Fitted, e: Experiment) -> list[tuple[int, int]]:
     """Runs of identical values after which the output catches up at once with most of the way, beyond doubt in steps or
     noise deviations, that the model went meanwhile: what sticks comes loose, but not within a sample.
     """
@@ -94,7 +94,7 @@ def _caught_up(problem: Problem, around: Fitted, e: Experiment) -> list[tuple[in
         return []
     least = CERTAIN * max(float(steps[steps > 0.0].min()), floor)
     shortest = longer_than_by_chance(steps, floor)
-    simulated = output_of(problem, around, e)
+    simulated = output_of(problem, model, e)
     found = []
     for start, last in runs(steps == 0.0):
         if last - start + 1 < shortest or last + 1 == len(values):

@@ -19,7 +19,7 @@ _LEAST_TONE_RATIO, _FEWEST_TONE_CYCLES = 60.0, 4
 _START_DIES_S = (0.1, 0.3, 1.0)
 
 
-def tone(problem: Problem, around: Fitted) -> Events | None:
+def tone(problem: Problem, model: Fitted) -> Events | None:
     """One frequency in all recordings, harmonics included, with a phase of its own in each; None if there is none.
 
     What the command itself drives, and its harmonics, is the unit's answer and no disturbance.
@@ -27,17 +27,17 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
     Its amplitude may grow with the output, as ripple does that enters before the orifice; where it is hardly there
     without an output it is no disturbance but a gain that swings.
     """
-    parts = problem.outputs_of(around.residuals)
+    parts = problem.outputs_of(model.residuals)
     frequency = common_line(problem.experiments, parts, _LEAST_TONE_RATIO, _FEWEST_TONE_CYCLES)
     if frequency is None:
         return None
-    frequency = _sharpened(problem, around.residuals, frequency)
+    frequency = _sharpened(problem, model.residuals, frequency)
     if is_commanded(problem.experiments, frequency):
         return None
     # slower still it takes more: a drift, no line
     if frequency * _shortest_s(problem) < _FEWEST_TONE_CYCLES - 0.5:
         return None
-    residuals, waves = _tone_fit(problem, around.residuals, frequency)
+    residuals, waves = _tone_fit(problem, model.residuals, frequency)
     amplitudes = [float(np.hypot(a[0], a[3]) * n.std) for a, n in zip(waves, problem.noises, strict=True)]
     growing = [
         float(np.hypot(a[6], a[7]) * n.std * np.sqrt(np.mean(_level(e) ** 2)))
@@ -55,7 +55,7 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
     return Events(
         "periodic_disturbance", last.stage, last.name, (),
         {"frequency": (frequency, std_hz, "Hz"), "amplitude": (size, spread, unit)},
-        residuals, without_tone(problem, around, frequency),
+        residuals, without_tone(problem, model, frequency),
         Note("A disturbance of {frequency_hz:.4g} Hz with amplitude {size:.3g} {unit} runs through everything, "
              "whatever the command does.", frequency_hz=frequency, size=size, unit=unit),
         "y = y₀ + a·sin(2πft + φ), φ by chance in each recording",

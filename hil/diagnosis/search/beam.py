@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.cores import spread
 from hil.diagnosis.problem import Problem
-from hil.diagnosis.search.around import Around, around
+from hil.diagnosis.search.linearization import Linearization, linearized
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import finished, fit, fit_given
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
@@ -80,9 +80,9 @@ class Search:
         unit = self.add(fit(self.problem, nothing(self.problem), steps=EFFORT.fine))
         if self.worth.is_enough(unit, 1):
             return
-        place = around(self.problem, nothing(self.problem))
-        self.probes = simulated_probes(place, [(t, start) for t in self.terms for start in t.starts])
-        self._grow(place, self.probes, EFFORT.alone, 2 * EFFORT.finished)
+        linear = linearized(self.problem, nothing(self.problem))
+        self.probes = simulated_probes(linear, [(t, start) for t in self.terms for start in t.starts])
+        self._grow(linear, self.probes, EFFORT.alone, 2 * EFFORT.finished)
         self._parameters(unit)
         for size in range(1, EFFORT.causes):
             if self._is_done(size):
@@ -91,7 +91,7 @@ class Search:
             # One law that leaves what may be noise imitates no other two: only a small cause more may hide beside it.
             is_alone = size == 1 and self.worth.leaves_noise(first)
             if size == 1 and not is_alone:
-                self._couples(place)
+                self._couples(linear)
             for parent in self._best(size)[: 1 if is_alone else EFFORT.beam - size + 1]:
                 self._extend(parent)
             if is_alone and self.first is first:
@@ -144,7 +144,7 @@ class Search:
         effects = [t for t in all_terms(self.problem, parent.residuals) if t.kind == "effect" and not t.by_clock]
         jobs = [(t, start) for t in effects if t.key not in keys(parent) for start in t.starts]
         best: dict[int, Probe] = {}
-        for probe in simulated_probes(around(self.problem, parent), jobs):
+        for probe in simulated_probes(linearized(self.problem, parent), jobs):
             best.setdefault(id(probe.term), probe)
         promising = [probe for probe in best.values() if np.isfinite(probe.chi2)]
         grown = [
@@ -194,14 +194,14 @@ class Search:
 
     def _extend(self, parent: Fitted) -> None:
         """One term more: predicted, simulated where promising, fitted given the rest, the best to its end."""
-        place = around(self.problem, parent)
-        predicted = predicted_probes(place, self.probes)[: 4 * EFFORT.tried]
+        linear = linearized(self.problem, parent)
+        predicted = predicted_probes(linear, self.probes)[: 4 * EFFORT.tried]
         lines = [t for t in all_terms(self.problem, parent.residuals) if t.by_clock]
         jobs = [(probe.term, probe.at) for probe in predicted]
         jobs += [(t, s) for t in lines if t.key not in keys(parent) for s in t.starts[: EFFORT.starts]]
-        self._grow(place, simulated_probes(place, jobs), EFFORT.tried, EFFORT.finished)
+        self._grow(linear, simulated_probes(linear, jobs), EFFORT.tried, EFFORT.finished)
 
-    def _grow(self, place: Around, probes: Sequence[Probe], tried: int, finished: int) -> None:
+    def _grow(self, linear: Linearization, probes: Sequence[Probe], tried: int, finished: int) -> None:
         starts: dict[tuple[str, str], list[Probe]] = {}
         for probe in probes:
             if np.isfinite(probe.chi2):
@@ -211,7 +211,7 @@ class Search:
             for rank, own in enumerate(list(starts.values())[:tried])
             for probe in own[: EFFORT.starts if rank < finished or own[0].term.multimodal else 1]
         ]
-        self._to_the_end(spread(lambda probe: fit_given(place, probe.term, probe.at), jobs), finished)
+        self._to_the_end(spread(lambda probe: fit_given(linear, probe.term, probe.at), jobs), finished)
 
     def _to_the_end(self, grown: Iterable[Fitted], most: int) -> None:
         """The best of different names, fitted to their end where they may turn out best."""
@@ -227,11 +227,11 @@ class Search:
         least = min(self._least, further.chi2)
         return self.worth.of(further, least) < min(self.worth.of(g, least) for g in self.fits.values())
 
-    def _couples(self, place: Around) -> None:
+    def _couples(self, linear: Linearization) -> None:
         """Pairs by the sum of what each changes alone: a third that is not there may imitate two that are."""
-        found = pairs(self.probes, sketch(place.residuals_without), 2 * EFFORT.finished)
+        found = pairs(self.probes, sketch(linear.residuals_without), 2 * EFFORT.finished)
         sets = [
-            Fitted((a, b), (at, there), place.accepted.parameters, np.inf, place.accepted.residuals)
+            Fitted((a, b), (at, there), linear.accepted.parameters, np.inf, linear.accepted.residuals)
             for (a, at), (b, there) in found
         ]
         new = [f for f in sets if keys(f) not in self.fits]
@@ -252,7 +252,7 @@ class Search:
             self.add(f)
 
     def _drop_and_swap(self, size: int) -> None:
-        """From the best sets of a size all but each term; of the best one also what then comes in its place."""
+        """From the best sets of a size all but each term; of the best one also what then comes in its linear."""
         best, tried = self._best(size)[: EFFORT.beam], set()
         for f in best:
             for k in range(size):

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from hil.diagnosis.problem import Problem
-from hil.diagnosis.search.around import Around, adapt, with_term
+from hil.diagnosis.search.linearization import Linearization, adapt, with_term
 from hil.diagnosis.search.effort import EFFORT, Steps
 from hil.diagnosis.search.fitted import Fitted, evaluated, residuals_of, simulated, starting
 from hil.diagnosis.search.terms import Term
@@ -18,13 +18,13 @@ from hil.identification.grey_box.estimate import Unknown, estimate
 from hil.record.recording import Array, Mask
 
 
-def fit_given(place: Around, term: Term, start: tuple[float, ...]) -> Fitted:
+def fit_given(linear: Linearization, term: Term, start: tuple[float, ...]) -> Fitted:
     """One term from a start, everything else adapting linearly, in coarse sub-steps."""
     moves_at: dict[tuple[float, ...], Array] = {}
 
     def residuals(values: Array) -> Array:
         own = tuple(values.tolist())
-        adapted, moves_at[own] = adapt(place, with_term(place, term, own), term)
+        adapted, moves_at[own] = adapt(linear, with_term(linear, term, own), term)
         return adapted
 
     steps = EFFORT.linear
@@ -32,12 +32,12 @@ def fit_given(place: Around, term: Term, start: tuple[float, ...]) -> Fitted:
     found = estimate(residuals, unknowns, max_evaluations=steps.evaluations, tolerance=steps.tolerance)
     values = tuple(found.values.tolist())
     moves = moves_at[values]
-    return _moved(place, (*place.accepted.terms, term), values, moves, found.chi2)
+    return _moved(linear, (*linear.accepted.terms, term), values, moves, found.chi2)
 
 
-def _moved(place: Around, terms: tuple[Term, ...], last: tuple[float, ...], moves: Array, chi2: float) -> Fitted:
+def _moved(linear: Linearization, terms: tuple[Term, ...], last: tuple[float, ...], moves: Array, chi2: float) -> Fitted:
     """The point that the linear moves lead to; its residuals are those before them."""
-    accepted, base = place.accepted, place.problem.base
+    accepted, base = linear.accepted, linear.problem.base
     parameters = dict(accepted.parameters)
     for p, move in zip(base, moves, strict=False):
         parameters[p.name] = float(np.clip(parameters[p.name] + move, p.low, p.high))

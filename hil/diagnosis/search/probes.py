@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.cores import spread
-from hil.diagnosis.search.around import Around, adapted_residuals
+from hil.diagnosis.search.linearization import Linearization, adapted_residuals
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.terms import Term
@@ -40,24 +40,24 @@ class Probe:
         return EFFORT.stronger if self.term.scales else 1.0
 
 
-def simulated_probes(place: Around, jobs: Sequence[tuple[Term, Start]]) -> list[Probe]:
+def simulated_probes(linear: Linearization, jobs: Sequence[tuple[Term, Start]]) -> list[Probe]:
     """Terms at starts beside what is accepted, all else adapting linearly; best first."""
-    r = place.residuals_without
+    r = linear.residuals_without
 
     def probe(job: tuple[Term, Start]) -> Probe | None:
-        change = adapted_residuals(place, *job) - r
+        change = adapted_residuals(linear, *job) - r
         return _on_line(*job, sketch(change), change, r) if np.isfinite(change).all() else None
 
     return _best_first([found for found in spread(probe, jobs) if found is not None])
 
 
-def predicted_probes(place: Around, probes: Sequence[Probe]) -> list[Probe]:
+def predicted_probes(linear: Linearization, probes: Sequence[Probe]) -> list[Probe]:
     """The same probes beside another set, from what they changed beside the unit as it was: nothing is simulated."""
-    rows = place.slopes.shape[0]
-    stride = 1 + (rows + len(place.problem.base)) // EFFORT.sketched
-    slopes = place.slopes[::stride].astype(np.float32)
+    rows = linear.slopes.shape[0]
+    stride = 1 + (rows + len(linear.problem.base)) // EFFORT.sketched
+    slopes = linear.slopes[::stride].astype(np.float32)
     basis = np.linalg.qr(slopes / np.maximum(np.linalg.norm(slopes, axis=0), TINY))[0]
-    r, taken, found = sketch(place.residuals_without), keys(place.accepted), []
+    r, taken, found = sketch(linear.residuals_without), keys(linear.accepted), []
     for probe in probes:
         if probe.term.key not in taken:
             change = probe.change.copy()

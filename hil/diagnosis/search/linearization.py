@@ -1,4 +1,4 @@
-"""Around a point of the search: how residuals move with everything that may adapt, and what one more term changes."""
+"""Linearization a point of the search: how residuals move with everything that may adapt, and what one more term changes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class _Adaptation:
 
 
 @dataclass(frozen=True)
-class Around:
+class Linearization:
     """A point of the search: what is accepted, and how residuals move with everything that may adapt."""
 
     problem: Problem
@@ -61,12 +61,12 @@ class Around:
         return residuals_of(self.problem, self.accepted, factor=self.problem.coarse_factor)
 
 
-def around(problem: Problem, accepted: Fitted) -> Around:
+def linearized(problem: Problem, accepted: Fitted) -> Linearization:
     """Linearise around what is accepted so far."""
     effects = [*problem.model.active_effects, *accepted.effects]
     base = problem.base_jacobian(accepted.parameters, effects, accepted.residuals)
     own = [_term_slopes(problem, accepted, k) for k in range(len(accepted.terms))]
-    return Around(problem, accepted, np.vstack([base.T, *own]).T)
+    return Linearization(problem, accepted, np.vstack([base.T, *own]).T)
 
 
 def _term_slopes(problem: Problem, accepted: Fitted, k: int) -> Array:
@@ -79,43 +79,43 @@ def _term_slopes(problem: Problem, accepted: Fitted, k: int) -> Array:
     return jacobian(moved, accepted.terms[k].unknowns, np.array(accepted.values[k]), accepted.residuals).T
 
 
-def with_term(place: Around, term: Term, values: Sequence[float]) -> Array:
+def with_term(linear: Linearization, term: Term, values: Sequence[float]) -> Array:
     """Residuals with one more term beside what is accepted; its change is simulated in coarse sub-steps."""
-    accepted, problem = place.accepted, place.problem
+    accepted, problem = linear.accepted, linear.problem
     terms, own = (*accepted.terms, term), (*accepted.values, values)
-    change = simulated(problem, accepted.parameters, terms, own, problem.coarse_factor) - place.coarse_residuals
+    change = simulated(problem, accepted.parameters, terms, own, problem.coarse_factor) - linear.coarse_residuals
     return accepted.residuals + change
 
 
-def adapted_residuals(place: Around, term: Term, values: Sequence[float]) -> Array:
+def adapted_residuals(linear: Linearization, term: Term, values: Sequence[float]) -> Array:
     """Residuals with one more term after all else has adapted linearly, shape (n + base,)."""
-    return adapt(place, with_term(place, term, values), term)[0]
+    return adapt(linear, with_term(linear, term, values), term)[0]
 
 
-def adapt(place: Around, r: Array, term: Term | None) -> tuple[Array, Array]:
+def adapt(linear: Linearization, r: Array, term: Term | None) -> tuple[Array, Array]:
     """Residuals after everything but `term` has adapted linearly, with the cost of it appended; the moves."""
-    named = {t.name for t in place.accepted.terms if t.kind == "parameter"} | ({term.name} if term else set())
-    taken = frozenset(named.intersection(p.name for p in place.problem.base))
-    known = place.adaptations.get(taken)
+    named = {t.name for t in linear.accepted.terms if t.kind == "parameter"} | ({term.name} if term else set())
+    taken = frozenset(named.intersection(p.name for p in linear.problem.base))
+    known = linear.adaptations.get(taken)
     if known is None:
-        known = place.adaptations[taken] = _adaptation(place, taken)
-    moves = known.moves @ (place.slopes.T @ r + known.prior.T @ known.cost)
-    return np.concatenate([r + place.slopes @ moves, known.cost + known.prior @ moves]), moves
+        known = linear.adaptations[taken] = _adaptation(linear, taken)
+    moves = known.moves @ (linear.slopes.T @ r + known.prior.T @ known.cost)
+    return np.concatenate([r + linear.slopes @ moves, known.cost + known.prior @ moves]), moves
 
 
-def _adaptation(place: Around, taken: Collection[str]) -> _Adaptation:
+def _adaptation(linear: Linearization, taken: Collection[str]) -> _Adaptation:
     """Base parameters that are terms do not adapt; an effect stands for the base parameter of its name."""
-    problem, accepted = place.problem, place.accepted
+    problem, accepted = linear.problem, linear.accepted
     free = [k for k, p in enumerate(problem.base) if p.name not in taken]
-    prior = np.zeros((len(problem.base), place.slopes.shape[1]))
+    prior = np.zeros((len(problem.base), linear.slopes.shape[1]))
     prior[np.ix_(free, free)] = problem.prior.root(free)
-    away = np.zeros(place.slopes.shape[1])
+    away = np.zeros(linear.slopes.shape[1])
     for k, p in enumerate(problem.base):
         if p.name in taken:
             prior[k, k] = _FROZEN / problem.prior.std[k]
         else:
             away[k] = accepted.parameters[p.name] - problem.model.values[p.name]
-    information = place.gram + prior.T @ prior
+    information = linear.gram + prior.T @ prior
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), TINY))
     scales = np.outer(scale, scale)
     return _Adaptation(prior, prior @ away, -scales * np.linalg.pinv(information * scales, rcond=1e-12, hermitian=True))
