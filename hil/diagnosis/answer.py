@@ -13,6 +13,15 @@ from hil.diagnosis.changed import Changed, refitted
 from hil.diagnosis.choice import OPEN, Choice, has_drifted
 from hil.diagnosis.corrected import beyond_noise, corrected, standard_uncertainties
 from hil.diagnosis.coverage import Limit, limits
+from hil.diagnosis.cross_validation import (
+    Judged,
+    folds_of,
+    held_out_fit,
+    judge,
+    predicted,
+    training_half,
+    why_not_better,
+)
 from hil.diagnosis.diagnosis import (
     Candidate,
     ChangedParameter,
@@ -26,15 +35,14 @@ from hil.diagnosis.diagnosis import (
 )
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.false_alarms import FalseAlarms, false_alarms
-from hil.diagnosis.kept_back import Judged, held_out_fit, judge, kept_back, predicted, training_half, why_not_better
 from hil.diagnosis.locate import StageShare, Where, locate, stages
 from hil.diagnosis.next_test import Span, next_test
 from hil.diagnosis.pictures import spectra, strips
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.question import Question
-from hil.diagnosis.search.linearization import linearized
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fitted import Fitted, change_without, output_of
+from hil.diagnosis.search.linearization import linearized
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import FEW, LISTED, MOST
 from hil.diagnosis.wording import (
@@ -75,7 +83,7 @@ class Answer:
         self.judged = self._judged()
         self.alike = choice.alike if self.verdict == "unexplained" else ()
         self.named = choice.chosen if self.verdict != "unexplained" else choice.baseline
-        self.kept = kept_back(self.problem, self.choice.chosen)
+        self.folds = folds_of(self.problem, self.choice.chosen)
         self.used, self.held_out, self.why_nominal = self._used()
 
     def _used(self) -> tuple[Fitted, Fit, Note | None]:
@@ -85,15 +93,15 @@ class Answer:
         stays, and that is said beside it.
         """
         nominal = self.choice.nominal
-        before = held_out_fit(self.problem, nominal.residuals, self.kept.scored)
-        most = held_out_fit(self.problem, np.ones(len(nominal.residuals)), self.kept.scored)
+        before = held_out_fit(self.problem, nominal.residuals, self.folds.scored)
+        most = held_out_fit(self.problem, np.ones(len(nominal.residuals)), self.folds.scored)
         proposed = self.named if self.named.terms or has_drifted(self.problem, self.choice) else nominal
         if self.verdict == "unexplained" or proposed is nominal:
             return nominal, _rounded(before, before, most), Note("nothing is named that it would have to hold")
         refit = None if self.changed is None else partial(refitted, self.changed, proposed)
-        residuals = predicted(self.problem, proposed, self.kept, refit)
-        after = held_out_fit(self.problem, residuals, self.kept.scored)
-        why = why_not_better(self.problem, nominal.residuals, residuals, self.kept)
+        residuals = predicted(self.problem, proposed, self.folds, refit)
+        after = held_out_fit(self.problem, residuals, self.folds.scored)
+        why = why_not_better(self.problem, nominal.residuals, residuals, self.folds)
         if not why and (after < before or self._misses(proposed) > self._misses(nominal)):
             why = Note("it predicts worse what no fit has seen, or fits the recordings themselves worse")
         if why:
@@ -164,7 +172,7 @@ class Answer:
             ),
             candidates=self._candidates(),
             held_out=self.held_out,
-            kept_back=self.kept.basis,
+            kept_back=self.folds.basis,
             recordings=fits,
             mismatch=locate(problem, problem.outputs_of(nominal.residuals)) if mismatch else None,
             stage_shares=shares,

@@ -10,8 +10,8 @@ import numpy as np
 from hil.cores import spread
 from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.problem import Problem
-from hil.diagnosis.search.linearization import Linearization, adapted_residuals
 from hil.diagnosis.search.fitted import Fitted
+from hil.diagnosis.search.linearization import Linearization, adapted_residuals
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import CERTAIN
 from hil.record.recording import Array

@@ -21,7 +21,7 @@ from hil.diagnosis.explain import explained, posed_again
 from hil.diagnosis.next_test import Span
 from hil.diagnosis.problem import Problem, pose, settled
 from hil.diagnosis.question import Question, question_of
-from hil.diagnosis.within_prior import as_in_this_unit
+from hil.diagnosis.within_prior import nominal_of_this_unit
 from hil.diagnosis.wording import quantity_text
 from hil.diagnosis.work import Work
 from hil.identification.preparation.experiment import Experiment
@@ -159,10 +159,10 @@ def _searched(
         if second.verdict not in OPEN:
             problem, posed, choice = set_right, again, second
             warnings += checked.clock_warnings
-    problem, no_news = as_in_this_unit(problem, choice)
-    if no_news:
+    problem, notes = nominal_of_this_unit(problem, choice)
+    if notes:
         posed, choice = explained(problem, known)
-        warnings += no_news
+        warnings += notes
     if stale:
         choice = _with_stale(posed, choice, stale)
     return posed, choice, warnings

@@ -18,7 +18,7 @@ from hil.diagnosis.events.lost_commands import comes_every_time, held_commands
 from hil.diagnosis.events.repeats import held_outputs
 from hil.diagnosis.events.tone import tone
 from hil.diagnosis.problem import Problem, pose
-from hil.diagnosis.refuted import is_another, refuted
+from hil.diagnosis.refuted import is_another_effect, refuted
 from hil.diagnosis.score import Hypothesis, Noise, Row, Table, score, table
 from hil.diagnosis.search.beam import Search
 from hil.diagnosis.search.effort import EFFORT
@@ -27,7 +27,7 @@ from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
 from hil.diagnosis.search.probes import keys
 from hil.diagnosis.search.terms import all_terms
 from hil.diagnosis.thresholds import TINY
-from hil.diagnosis.within_prior import is_no_news
+from hil.diagnosis.within_prior import is_within_prior
 from hil.identification.preparation.experiment import Experiment
 from hil.language.words import marked
 from hil.record.recording import Array
@@ -85,10 +85,10 @@ class Option:
     def own(self) -> Fitted:
         """Those of its terms that are what their names say; the others only describe."""
         f = self.fitted
-        return f.only([k for k, (t, v) in enumerate(f.pairs) if not is_another(t, v)])
+        return f.only([k for k, (t, v) in enumerate(f.pairs) if not is_another_effect(t, v)])
 
     @property
-    def is_less(self) -> bool:
+    def is_degenerate(self) -> bool:
         """Whether one of its terms has ended at nothing: then it is another option."""
         return any(t.is_nothing(v) for t, v in self.fitted.pairs)
 
@@ -103,7 +103,7 @@ def as_named(problem: Problem, f: Fitted) -> tuple[tuple[str, ...], tuple[str, .
     there = [
         (t, v)
         for t, v in f.pairs
-        if not (is_no_news(problem.model, t, v) or (t.name == "sensor_offset" and cuts_off(f, problem.step)))
+        if not (is_within_prior(problem.model, t, v) or (t.name == "sensor_offset" and cuts_off(f, problem.step)))
     ]
     names = [t.effect_name(v) for t, v in there]
     moved = () if any(t.kind == "effect" for t, _ in there) else tuple(moved_too_far(problem, f))
@@ -120,7 +120,7 @@ def moved_too_far(problem: Problem, f: Fitted) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Worth:
+class Scoring:
     """The one score, as a search takes it.
 
     Attributes:
@@ -141,7 +141,7 @@ class Worth:
         least = score(self.noise, 0.0, size, size)
         return self.of(f, 0.0) <= least or (size > 1 and self.events() <= least)
 
-    def leaves_noise(self, f: Fitted) -> bool:
+    def is_within_noise(self, f: Fitted) -> bool:
         """Whether what it leaves is within what noise may be."""
         return self.noise.left(f.chi2, f.chi2) <= 0.0
 
@@ -159,11 +159,11 @@ class Explanation:
         self.options: list[Option] = []
         self.terms = all_terms(problem, problem.nominal_residuals)
         names = {t.reported_name if t.kind == "effect" else t.name for t in self.terms}
-        self.worth = Worth(problem, self._noise(1.0, len(names)), self._best_alone)
+        self.scoring = Scoring(problem, self._noise(1.0, len(names)), self._best_alone)
 
     def choice(self) -> tuple[Problem, Choice]:
         """Search, look for events, and read the table: the first row, and the question that it answers."""
-        search = Search(self.problem, self.worth)
+        search = Search(self.problem, self.scoring)
         search.run()
         self._led_back(search)
         self._keep(search, ())
@@ -188,7 +188,7 @@ class Explanation:
 
     def _best_alone(self) -> float:
         """S of the best of them, were noise as small as it may be."""
-        noise, found = self.worth.noise, [e.chi2 for _, e in self._alone]
+        noise, found = self.scoring.noise, [e.chi2 for _, e in self._alone]
         return min((score(noise, noise.left(chi2, 0.0), 1, _OF_EVENTS) for chi2 in found), default=math.inf)
 
     def _led_back(self, search: Search) -> None:
@@ -199,17 +199,17 @@ class Explanation:
         """
         problem = self.problem
         best = search.first
-        if problem.plant.observer is None or self.worth.is_enough(best, 1 + len(best.terms)):
+        if problem.plant.observer is None or self.scoring.is_enough(best, 1 + len(best.terms)):
             return
         if not problem.work.leaves_out(marked("a led-back search")):
-            led = Search(replace(problem, following=True), self.worth)
+            led = Search(replace(problem, following=True), self.scoring)
             led.run()
             search.also([f for f in led.ranked() if f.terms][: 2 * EFFORT.beam])
 
     def _events(self, problem: Problem, before: tuple[Events, ...]) -> None:
         """Events beside the unit and the best laws; and laws without them, where they may tell more than laws alone."""
         laws = [o for o in self._ranked() if o.problem is problem and o.events == before]
-        if replace(self.worth, events=Worth.events).is_enough(laws[0].fitted, 1 + len(laws[0].fitted.terms)):
+        if replace(self.scoring, events=Scoring.events).is_enough(laws[0].fitted, 1 + len(laws[0].fitted.terms)):
             return
         unit = next(o.fitted for o in laws if not o.fitted.terms)
         models = [unit, *([laws[0].fitted] if laws[0].fitted.terms else [])]
@@ -227,15 +227,15 @@ class Explanation:
         if best is None or problem.work.leaves_out(marked("laws beside events")):
             return
         if is_open or self._score(best) < self._score(laws[0]):
-            search = Search(posed_again(problem, best.events[-1].rest), self.worth)
+            search = Search(posed_again(problem, best.events[-1].rest), self.scoring)
             search.run()
             self._keep(search, best.events)
             if len(best.events) < EFFORT.events:
                 self._events(search.problem, best.events)
             else:
-                self._the_other_way_round(best.events[-1])
+                self._events_first(best.events[-1])
 
-    def _the_other_way_round(self, last: Events) -> None:
+    def _events_first(self, last: Events) -> None:
         """What was found first had bent to commands that were lost: it is looked for again where these are known."""
         pairs = list(zip(self.problem.experiments, last.rest, strict=True))
         if all(np.array_equal(e.drive.inputs, rest.drive.inputs) for e, rest in pairs):
@@ -255,13 +255,13 @@ class Explanation:
 
     def table(self) -> Table:
         """All options, and something unknown beside each."""
-        by_chi2 = sorted((o for o in self.options if not o.is_less), key=lambda o: o.chi2)
-        noise = self._noise(colour_factor(by_chi2[0].residuals), self.worth.noise.names)
+        by_chi2 = sorted((o for o in self.options if not o.is_degenerate), key=lambda o: o.chi2)
+        noise = self._noise(colour_factor(by_chi2[0].residuals), self.scoring.noise.names)
         by_news = sorted(by_chi2, key=lambda o: len(o.events) + sum(t.is_new for t in o.fitted.terms))
         return table(noise, [o.hypothesis(self.known) for o in by_news])
 
     def _score(self, option: Option) -> float:
-        h, noise = option.hypothesis(self.known), self.worth.noise
+        h, noise = option.hypothesis(self.known), self.scoring.noise
         return score(noise, noise.left(h.chi2, min(o.chi2 for o in self.options)), h.causes, h.unknowns)
 
     def _ranked(self) -> list[Option]:
@@ -294,7 +294,7 @@ class Explanation:
         return min(alike, key=lambda o: o.chi2, default=option)
 
     def _of(self, row: Row) -> Option:
-        named = (o for o in self.options if not o.is_less)
+        named = (o for o in self.options if not o.is_degenerate)
         same = [o for o in named if o.hypothesis(self.known) == row.hypothesis]
         return min(same, key=lambda o: o.chi2)
 

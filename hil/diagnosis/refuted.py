@@ -16,7 +16,7 @@ from hil.record.recording import Array
 from hil.signals.runs import runs
 
 
-def is_another(term: Term, values: Sequence[float]) -> bool:
+def is_another_effect(term: Term, values: Sequence[float]) -> bool:
     """Whether a shape that tells an effect from others has ended where the effect would be another one."""
     telling = dict(term.telling)
     return any(

@@ -15,13 +15,13 @@ from hil.physics.compose import effect as installed_effect
 from hil.physics.model import Model, ModelEffect
 
 
-def as_in_this_unit(problem: Problem, choice: Choice) -> tuple[Problem, tuple[Note, ...]]:
+def nominal_of_this_unit(problem: Problem, choice: Choice) -> tuple[Problem, tuple[Note, ...]]:
     """The question with such sizes as they were found, no farther off than was known, and a word on each.
 
     The same question and no words where there are none.
     """
     found = choice.chosen.pairs if choice.verdict != "unexplained" else ()
-    near = [(term, values) for term, values in found if is_no_news(problem.model, term, values)]
+    near = [(term, values) for term, values in found if is_within_prior(problem.model, term, values)]
     if not near:
         return problem, ()
     moved = {term.key: (term, values) for term, values in near}
@@ -30,7 +30,7 @@ def as_in_this_unit(problem: Problem, choice: Choice) -> tuple[Problem, tuple[No
     return replace(problem, model=replace(problem.model, effects=effects)), notes
 
 
-def is_no_news(model: Model, term: Term, values: Sequence[float]) -> bool:
+def is_within_prior(model: Model, term: Term, values: Sequence[float]) -> bool:
     """Whether these sizes of an effect that the model has are no farther off than was known."""
     if not term.held:
         return False

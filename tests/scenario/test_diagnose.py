@@ -13,8 +13,8 @@ from hil.diagnosis.events.bursts import all_bursts, is_sparse
 from hil.diagnosis.events.tone import tone
 from hil.diagnosis.explain import recognised
 from hil.diagnosis.problem import pose
-from hil.diagnosis.search.linearization import linearized
 from hil.diagnosis.search.fitted import nothing
+from hil.diagnosis.search.linearization import linearized
 from hil.diagnosis.search.probes import simulated_probes
 from hil.diagnosis.search.terms import all_terms
 from hil.physics.simulate import ActiveEffect

@@ -9,8 +9,8 @@ import pytest
 
 from hil.diagnosis.answer import Answer
 from hil.diagnosis.choice import Choice
+from hil.diagnosis.cross_validation import by_sign_changes
 from hil.diagnosis.explain import explained
-from hil.diagnosis.kept_back import by_sign_changes
 from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.question import Question
 from hil.physics.simulate import ActiveEffect

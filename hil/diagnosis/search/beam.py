@@ -10,17 +10,17 @@ import numpy as np
 
 from hil.cores import spread
 from hil.diagnosis.problem import Problem
-from hil.diagnosis.search.linearization import Linearization, linearized
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import finished, fit, fit_given
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
+from hil.diagnosis.search.linearization import Linearization, linearized
 from hil.diagnosis.search.probes import Keys, Probe, keys, pairs, predicted_probes, simulated_probes, sketch
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.diagnosis.thresholds import TINY
 from hil.language.words import marked
 
 
-class Worth(Protocol):
+class Scoring(Protocol):
     """What sets are worth."""
 
     def of(self, f: Fitted, least: float) -> float:
@@ -29,7 +29,7 @@ class Worth(Protocol):
     def is_enough(self, f: Fitted, size: int) -> bool:
         """Whether no set of so many causes could be worth more."""
 
-    def leaves_noise(self, f: Fitted) -> bool:
+    def is_within_noise(self, f: Fitted) -> bool:
         """Whether what it leaves may be noise alone."""
 
 
@@ -47,13 +47,13 @@ def _distinct(sets: Iterable[Fitted], told: Callable[[Fitted], Keys]) -> list[Fi
 
 
 class Search:
-    """One search, by batches; it knows no other number of worth than the one that it is given.
+    """One search, by batches; it knows no other score than the one that it is given.
 
     `fits`: every set that was fitted to its end, the lowest of each.
     """
 
-    def __init__(self, problem: Problem, worth: Worth) -> None:
-        self.problem, self.worth = problem, worth
+    def __init__(self, problem: Problem, scoring: Scoring) -> None:
+        self.problem, self.scoring = problem, scoring
         self.fits: dict[Keys, Fitted] = {}
         self.probes: list[Probe] = []
         self._ended: set[Keys] = set()
@@ -78,7 +78,7 @@ class Search:
     def run(self) -> None:
         """Search from nothing on."""
         unit = self.add(fit(self.problem, nothing(self.problem), steps=EFFORT.fine))
-        if self.worth.is_enough(unit, 1):
+        if self.scoring.is_enough(unit, 1):
             return
         linear = linearized(self.problem, nothing(self.problem))
         self.probes = simulated_probes(linear, [(t, start) for t in self.terms for start in t.starts])
@@ -89,7 +89,7 @@ class Search:
                 break
             first = self.first
             # One law that leaves what may be noise imitates no other two: only a small cause more may hide beside it.
-            is_alone = size == 1 and self.worth.leaves_noise(first)
+            is_alone = size == 1 and self.scoring.is_within_noise(first)
             if size == 1 and not is_alone:
                 self._couples(linear)
             for parent in self._best(size)[: 1 if is_alone else EFFORT.beam - size + 1]:
@@ -113,7 +113,7 @@ class Search:
     def ranked(self) -> list[Fitted]:
         """All sets, the best first."""
         least = self._least
-        return sorted(self.fits.values(), key=lambda f: self.worth.of(f, least))
+        return sorted(self.fits.values(), key=lambda f: self.scoring.of(f, least))
 
     @property
     def _least(self) -> float:
@@ -162,15 +162,15 @@ class Search:
     def _is_enough(self, size: int) -> bool:
         """Whether no set of so many causes could be worth more than the best, as exact as it can be told."""
         best = self.first
-        if self.worth.is_enough(best, size):
+        if self.scoring.is_enough(best, size):
             return True
         if keys(best) in self._ended or self.problem.step > 0.0:
             return False
         self._ended.add(keys(best))
-        return self.worth.is_enough(self.add(finished(self.problem, best)), size)
+        return self.scoring.is_enough(self.add(finished(self.problem, best)), size)
 
     def _score(self, f: Fitted) -> float:
-        return self.worth.of(f, self._least)
+        return self.scoring.of(f, self._least)
 
     def _best(self, size: int) -> list[Fitted]:
         """The best sets of a size that are told differently."""
@@ -225,7 +225,7 @@ class Search:
         noise = self.problem.expected
         further = replace(f, chi2=min(f.chi2, noise + max(f.chi2 - noise, 0.0) / EFFORT.far))
         least = min(self._least, further.chi2)
-        return self.worth.of(further, least) < min(self.worth.of(g, least) for g in self.fits.values())
+        return self.scoring.of(further, least) < min(self.scoring.of(g, least) for g in self.fits.values())
 
     def _couples(self, linear: Linearization) -> None:
         """Pairs by the sum of what each changes alone: a third that is not there may imitate two that are."""

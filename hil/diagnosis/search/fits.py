@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 
 from hil.diagnosis.problem import Problem
-from hil.diagnosis.search.linearization import Linearization, adapt, with_term
 from hil.diagnosis.search.effort import EFFORT, Steps
 from hil.diagnosis.search.fitted import Fitted, evaluated, residuals_of, simulated, starting
+from hil.diagnosis.search.linearization import Linearization, adapt, with_term
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import FAR, SELDOM_BY_CHANCE
 from hil.identification.grey_box.estimate import Unknown, estimate
@@ -35,7 +35,9 @@ def fit_given(linear: Linearization, term: Term, start: tuple[float, ...]) -> Fi
     return _moved(linear, (*linear.accepted.terms, term), values, moves, found.chi2)
 
 
-def _moved(linear: Linearization, terms: tuple[Term, ...], last: tuple[float, ...], moves: Array, chi2: float) -> Fitted:
+def _moved(
+    linear: Linearization, terms: tuple[Term, ...], last: tuple[float, ...], moves: Array, chi2: float
+) -> Fitted:
     """The point that the linear moves lead to; its residuals are those before them."""
     accepted, base = linear.accepted, linear.problem.base
     parameters = dict(accepted.parameters)

@@ -1,4 +1,4 @@
-"""Linearization a point of the search: how residuals move with everything that may adapt, and what one more term changes."""
+"""A point of the search, linearised: how residuals move with all that may adapt, and what one more term changes."""
 
 from __future__ import annotations
 

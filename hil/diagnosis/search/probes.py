@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.cores import spread
-from hil.diagnosis.search.linearization import Linearization, adapted_residuals
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fitted import Fitted
+from hil.diagnosis.search.linearization import Linearization, adapted_residuals
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import TINY
 from hil.record.recording import Array

@@ -36,7 +36,7 @@ class Term:
         nulls: values at which an effect does nothing: of each unknown that is a size of it, infinity of a limit, NaN
             of a shape; empty for a base parameter.
         telling: unknowns without whose shape the effect would be another one, and at which end of their range.
-        rugged: whether a fit ends in one of many valleys.
+        multimodal: whether a fit ends in one of many valleys.
         by_clock: whether it runs by the clock, whatever the command does.
         held: what the nominal model has of the effect already, every parameter by name: then the unknowns are its
             sizes, their nulls what they are in the model, and the term stands in its place. Empty for new physics.

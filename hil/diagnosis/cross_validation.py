@@ -1,4 +1,4 @@
-"""Data that an explanation was not fitted to: other recordings or stretches, and what they say of it."""
+"""Cross-validation: data that an explanation was not fitted to, and what they say of it."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ NOTHING = Note("nothing: one recording, shorter than the plant's memory of itsel
 
 
 @dataclass(frozen=True, slots=True)
-class KeptBack:
+class Folds:
     """Which residuals are predicted by fits without them.
 
     Attributes:
@@ -89,38 +89,38 @@ class KeptBack:
     basis: Note
 
 
-def kept_back(problem: Problem, f: Fitted) -> KeptBack:
+def folds_of(problem: Problem, f: Fitted) -> Folds:
     """How the recordings are dealt: by recording where there are several, else in halves beyond the plant's memory.
 
     Halves too where an explanation changes the recordings of one fold alone: no fit of the others can foretell it.
     """
     recordings = problem.experiments
     everything = np.ones(len(problem.nominal_residuals), dtype=np.bool_)
-    by_recording = KeptBack(_by_recording(problem), everything, OTHER_RECORDINGS)
+    by_recording = Folds(_by_recording(problem), everything, OTHER_RECORDINGS)
     if len(recordings) > 1 and not (f.terms and _shows_in_one(problem, f, by_recording.fold)):
         return by_recording
     since = [e.time_s - e.time_s[0] for e in recordings]
     second = [t > 0.5 * e.duration_s for t, e in zip(since, recordings, strict=True)]
     fold = _tiled(problem, second).astype(np.int64)
     if not problem.plant.forgets(problem.model.values):
-        return KeptBack(fold, _tiled(problem, second), SECOND_HALF)
+        return Folds(fold, _tiled(problem, second), SECOND_HALF)
     forgotten = [t > 0.5 * e.duration_s + FORGOTTEN * time_constant_s(problem.model, e)
                  for t, e in zip(since, recordings, strict=True)]  # fmt: skip
     if any(map(np.any, forgotten)):
-        return KeptBack(fold, _tiled(problem, [~s | f for s, f in zip(second, forgotten, strict=True)]), OTHER_HALVES)
-    return KeptBack(fold, everything, NOTHING) if len(recordings) == 1 else by_recording
+        return Folds(fold, _tiled(problem, [~s | f for s, f in zip(second, forgotten, strict=True)]), OTHER_HALVES)
+    return Folds(fold, everything, NOTHING) if len(recordings) == 1 else by_recording
 
 
-def predicted(problem: Problem, f: Fitted, kept: KeptBack, refit: Callable[[Mask], Fitted] | None = None) -> Array:
+def predicted(problem: Problem, f: Fitted, folds: Folds, refit: Callable[[Mask], Fitted] | None = None) -> Array:
     """Residuals of an explanation, each by a refit without its fold; as they are where nothing is kept back.
 
     `refit`: the explanation fitted to some of the residuals, where not as the search does.
     """
-    if kept.basis == NOTHING or f.estimate is None:
+    if folds.basis == NOTHING or f.estimate is None:
         return f.residuals
-    folds = [k for k in np.unique(kept.fold) if np.any(kept.scored[kept.fold == k])]
+    dealt = [k for k in np.unique(folds.fold) if np.any(folds.scored[folds.fold == k])]
     refit = refit or (lambda keep: fit(problem, f, keep=keep, steps=EFFORT.rough))
-    parts = spread(lambda k: np.where(kept.fold == k, refit(kept.fold != k).residuals, 0.0), folds)
+    parts = spread(lambda k: np.where(folds.fold == k, refit(folds.fold != k).residuals, 0.0), dealt)
     return np.sum(parts, axis=0)
 
 
@@ -152,22 +152,22 @@ _MOST = 40
 _ALL, _DRAWN = 12, 4095
 
 
-def why_not_better(problem: Problem, nominal: Array, predicted: Array, kept: KeptBack) -> Note | None:
+def why_not_better(problem: Problem, nominal: Array, predicted: Array, folds: Folds) -> Note | None:
     """Why a prediction is not held for better than the nominal model, in words; None where it is better.
 
     Args:
         problem: the question.
         nominal: whitened residuals of the nominal model, shape (n,).
         predicted: those of the corrected model, each by a fit without it, shape (n,).
-        kept: which of them no fit has seen.
+        folds: which of them no fit has seen.
     """
-    if kept.basis == NOTHING:
+    if folds.basis == NOTHING:
         return Note("there is no part of the recordings that no fit has seen")
     # by how much the squared error falls in each block that has something to judge
     settles_s = max(time_constant_s(problem.model, e) for e in problem.experiments)
     lasting_s = sum(e.duration_s for e in problem.experiments)
-    blocks = problem.block_labels(max(FORGOTTEN * settles_s, lasting_s / _MOST))[kept.scored]
-    gain = nominal[kept.scored] ** 2 - predicted[kept.scored] ** 2
+    blocks = problem.block_labels(max(FORGOTTEN * settles_s, lasting_s / _MOST))[folds.scored]
+    gain = nominal[folds.scored] ** 2 - predicted[folds.scored] ** 2
     gains = np.bincount(blocks, gain).astype(np.float64)[np.bincount(blocks) > 0]
     if len(gains) < _FEWEST:
         return Note(

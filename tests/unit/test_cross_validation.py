@@ -10,14 +10,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hil.diagnosis import kept_back as rooms
+from hil.diagnosis import folds_of as rooms
 from hil.diagnosis.coverage import limits
+from hil.diagnosis.cross_validation import folds_of, predicted
 from hil.diagnosis.false_alarms import false_alarms
-from hil.diagnosis.kept_back import kept_back, predicted
 from hil.diagnosis.problem import Problem, pose
-from hil.diagnosis.search.linearization import linearized
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
+from hil.diagnosis.search.linearization import linearized
 from hil.diagnosis.search.terms import all_terms
 from hil.identification.preparation.experiment import Experiment, experiment
 from hil.physics.compose import plant
@@ -59,14 +59,14 @@ def test_recordings_are_short_by_what_they_hold_and_not_by_the_clock(monkeypatch
 )
 def test_what_is_kept_back(name: str, seconds: tuple[float, ...], interval_s: float, said: str) -> None:
     asked = problem(name, seconds, interval_s=interval_s)
-    kept = kept_back(asked, nothing(asked))
+    kept = folds_of(asked, nothing(asked))
     assert kept.basis == said
     assert len(kept.fold) == len(kept.scored) == len(asked.nominal_residuals)
 
 
 def test_what_the_plant_remembers_of_the_other_half_is_not_judged() -> None:
     asked = problem("throttle-flap", (8.0,))
-    kept = kept_back(asked, nothing(asked))
+    kept = folds_of(asked, nothing(asked))
     unjudged = np.flatnonzero(~kept.scored)
     middle = np.searchsorted(asked.experiments[0].time_s, 4.0)
     assert middle <= unjudged[0] <= middle + 1
@@ -81,7 +81,7 @@ def test_a_prediction_is_of_a_fit_without_what_it_predicts() -> None:
     term = next(t for t in all_terms(asked, nothing(asked).residuals) if t.name == "sensor_offset")
     start = Fitted((term,), (term.starts[0],), asked.model.values, 0.0, asked.nominal_residuals)
     fitted = fit(asked, start)
-    told = predicted(asked, fitted, kept_back(asked, fitted))
+    told = predicted(asked, fitted, folds_of(asked, fitted))
     assert told @ told > 1.5 * fitted.residuals @ fitted.residuals
 
 
@@ -97,7 +97,7 @@ def test_what_shows_in_one_recording_alone_is_judged_within_it(changed: tuple[in
     for k in changed:
         without[asked.output_slices()[k]] += 3.0
     f = Fitted((term,) if changed else (), (term.starts[0],) if changed else (), asked.model.values, 0.0, without)
-    kept = kept_back(asked, f)
+    kept = folds_of(asked, f)
     assert kept.basis == said
     by_recording = [np.unique(kept.fold[part]).tolist() for part in asked.output_slices()]
     assert by_recording == ([[0, 1], [0, 1]] if said == rooms.OTHER_HALVES else [[0], [1]])
