@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hil.diagnosis import folds_of as rooms
+from hil.diagnosis import cross_validation as rooms
 from hil.diagnosis.coverage import limits
 from hil.diagnosis.cross_validation import folds_of, predicted
 from hil.diagnosis.false_alarms import false_alarms
