@@ -109,6 +109,12 @@ def state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.fixture
+def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trips, leases, keys and the audit trail of this test alone, in `tmp_path`/state."""
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+
+
+@pytest.fixture
 def stranger(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A stranger's package of procedures, installed for one test; yields the folder that brings it along."""
     monkeypatch.syspath_prepend(str(STRANGER))

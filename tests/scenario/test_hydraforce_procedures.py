@@ -20,6 +20,7 @@ from hil.rig import RoleChannel
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings
 from tests.bench_files import bench_file
+from tests.still_rig import Still
 
 BENCH, OPEN_BENCH = "hydraforce-sp08-47c", "hydraforce-open-loop"
 TRUTH = plant(BENCH).typical
@@ -39,20 +40,6 @@ def measure(tmp_path):
         return procedure.evaluate(read(folder))
 
     return run
-
-
-class Still:
-    """A rig that says what it is, and fails the test when it is asked to do anything."""
-
-    def __init__(self, command: RoleChannel, response: RoleChannel) -> None:
-        self.command, self.response = command, response
-        self.rate_hz, self.settling_s = 500.0, 3.0
-
-    def actual_rate_hz(self, asked_hz: float) -> float:
-        return asked_hz
-
-    def __getattr__(self, name: str) -> None:
-        raise AssertionError(f"'{name}' was asked for")
 
 
 POSITION = RoleChannel("position", "mm", -130.0, 130.0)
@@ -213,11 +200,6 @@ def test_an_open_loop_at_constant_pressure_extends_faster_than_it_retracts(measu
     starts = [(curve["speed_per_s"] > 0.0, curve["measured"][0]) for curve in findings.curves["velocity_steps"]]
     for extending, start in starts:
         assert -125.0 < start < -95.0 if extending else 95.0 < start < 125.0
-
-
-def test_the_papers_sine_is_refused_by_the_open_bench(measure):
-    with pytest.raises(SettingError, match="goes 304 mm extending in each period"):
-        measure(SINE, OPEN_BENCH, frequency_rad_s="1")
 
 
 def test_the_sine_in_an_open_loop_has_a_gain_for_each_direction(measure):

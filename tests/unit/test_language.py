@@ -128,11 +128,8 @@ def test_a_page_in_german_by_option(tmp_path: Path, command_line) -> None:
 
 
 @pytest.mark.usefixtures("stranger")
-def test_the_certificate_in_german_and_its_files_in_english(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command_line
-) -> None:
+def test_the_certificate_in_german_and_its_files_in_english(tmp_path: Path, command_line) -> None:
     run = run_of(tmp_path)
-    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     assert command_line("passport", run, "--out", tmp_path / "p.pdf", "--language", "de").status == 0
     with pikepdf.open(tmp_path / "p.pdf") as pdf:
         assert pdf.Root.Lang == "de"

@@ -8,15 +8,11 @@ from scipy.signal import lfilter
 
 from hil.identification.grey_box.compare import compare
 from hil.identification.grey_box.identify import fit_plant
-from hil.identification.preparation.experiment import Experiment, experiment
+from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.noise import Measured, measured_noise, noise_of
-from hil.physics.compose import plant
 from hil.physics.model import typical_model
-from hil.physics.simulate import ActiveEffect, Drive, simulate
-from hil.record.recording import Array, recording
-
-FLAP = plant("throttle-flap")
-STEP_S, NOISE_V = 0.02, 0.003
+from hil.record.recording import Array
+from tests.flap import FLAP, NOISE_V, recorded
 
 
 def coloured(pole: float, count: int, seed: int) -> Array:
@@ -62,31 +58,23 @@ def test_coloured_noise_is_believed_at_rest_alone() -> None:
     assert misfit.discrepancy == pytest.approx(3.0 / np.sqrt(2.0), rel=0.1)
 
 
-def recorded(coulomb: float, seed: int) -> Experiment:
-    rng = np.random.default_rng(seed)
-    command = np.repeat(rng.uniform(-15.0, 15.0, 20), 50)
-    friction = ActiveEffect(
-        "friction", "force", {"coulomb": coulomb, "stiction": 1.2, "stribeck": 0.5, "presliding": 0.01}
-    )
-    angle = simulate(FLAP, FLAP.typical, Drive(command[None, :], 2.5, STEP_S), [friction])[0]
-    angle += NOISE_V * rng.standard_normal(len(angle))
-    time_s = STEP_S * np.arange(len(angle), dtype=np.float64)
-    return experiment(recording(f"flap-{seed}", time_s, {"motor command [V]": command, "flap angle [V]": angle}), FLAP)
+def flap(coulomb: float, seed: int) -> Experiment:
+    return recorded(f"flap-{seed}", coulomb, seed, levels=20)
 
 
 def test_identification_says_what_a_model_leaves_beyond_the_noise() -> None:
-    found = fit_plant(typical_model(FLAP.name), [recorded(3.0, 1), recorded(3.0, 2)])
+    found = fit_plant(typical_model(FLAP.name), [flap(3.0, 1), flap(3.0, 2)])
     assert found.model.noise is not None
     assert found.model.noise.std == pytest.approx(NOISE_V, rel=0.1)
     assert found.model.origin["discrepancy"]["rms"] > NOISE_V
     assert any(note.startswith("the model leaves ") and " times the noise" in note for note in found.notes)
-    right = fit_plant(typical_model(FLAP.name), [recorded(0.0, 1), recorded(0.0, 2)])
+    right = fit_plant(typical_model(FLAP.name), [flap(0.0, 1), flap(0.0, 2)])
     assert "discrepancy" not in right.model.origin
 
 
 def test_a_comparison_has_the_noise_of_the_model_and_a_ceiling_that_nothing_exceeds() -> None:
-    found = fit_plant(typical_model(FLAP.name), [recorded(0.0, 1), recorded(0.0, 2)]).model
-    one = compare(found, recorded(0.0, 3).reading_at(found.read_at))
+    found = fit_plant(typical_model(FLAP.name), [flap(0.0, 1), flap(0.0, 2)]).model
+    one = compare(found, flap(0.0, 3).reading_at(found.read_at))
     assert found.noise is not None
     assert one.noise_std == found.noise.std
     assert one.fit is not None

@@ -99,11 +99,8 @@ def test_hil_diagnose_warns_first_of_another_plant(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("stranger")
-def test_a_passport_refuses_the_model_of_another_plant(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command_line
-) -> None:
+def test_a_passport_refuses_the_model_of_another_plant(tmp_path: Path, command_line) -> None:
     run = run_of(tmp_path, plant="cummins-efc")
-    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     out = tmp_path / "p.pdf"
     refused = command_line("passport", run, "--out", out, "--model", "hpv41-identified")
     assert refused.status == 2 and f"--model: run {TOLD}brevini-hpv41" in refused.err

@@ -6,7 +6,6 @@ import io
 import json
 import subprocess
 import sys
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from xml.etree.ElementTree import fromstring
 
@@ -20,15 +19,13 @@ from hil.passport.key import read_certificates, read_key, signing_key, state_fol
 from hil.passport.unit import read_unit_runs
 from hil.passport.verify import Soundness, Trust, opened, verify
 from hil.record.folder import read
+from tests.certificates import holder
 from tests.passports import run_of
+
+pytestmark = pytest.mark.usefixtures("own_state", "stranger")
 
 WITHOUT_MODEL = Wanted(identify=False)
 SPACE = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
-
-
-@pytest.fixture(autouse=True)
-def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stranger: Path) -> None:
-    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
 
 
 @pytest.fixture
@@ -230,28 +227,14 @@ def test_a_file_without_a_key_is_refused_by_name(tmp_path: Path) -> None:
 
 def _lab(folder: Path) -> tuple[Path, Path]:
     """(certificate of an authority, PKCS #12 file of a lab whose certificate it signed)."""
-    from cryptography import x509
-    from cryptography.hazmat.primitives.asymmetric import ec, rsa
-    from cryptography.hazmat.primitives.hashes import SHA256
-    from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, pkcs12
-    from cryptography.x509.oid import NameOID
+    from cryptography.hazmat.primitives.asymmetric import rsa
+    from cryptography.hazmat.primitives.serialization import NoEncryption, pkcs12
 
-    top, lab = ec.generate_private_key(ec.SECP256R1()), rsa.generate_private_key(65537, 2048)
-    names = [x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)]) for name in ("Authority", "Lab 12")]
-    now = datetime.now(UTC)
-
-    def certificate(name, public, ca: bool, usage):
-        made = x509.CertificateBuilder().subject_name(name).issuer_name(names[0]).public_key(public)
-        made = made.serial_number(x509.random_serial_number()).not_valid_before(now - timedelta(days=1))
-        made = made.not_valid_after(now + timedelta(days=2)).add_extension(usage, critical=True)
-        return made.add_extension(x509.BasicConstraints(ca, None), critical=True).sign(top, SHA256())
-
-    signs = x509.KeyUsage(True, True, False, False, False, False, False, False, False)
-    vouches = x509.KeyUsage(False, False, False, False, False, True, True, False, False)
-    root = certificate(names[0], top.public_key(), True, vouches)
-    leaf = certificate(names[1], lab.public_key(), False, signs)
-    (folder / "authority.pem").write_bytes(root.public_bytes(Encoding.PEM))
-    (folder / "lab.p12").write_bytes(pkcs12.serialize_key_and_certificates(b"lab", lab, leaf, None, NoEncryption()))
+    root = holder("Authority", authority=True)
+    lab = holder("Lab 12", root, key=rsa.generate_private_key(65537, 2048))
+    (folder / "authority.pem").write_bytes(root.certificate_pem)
+    packed = pkcs12.serialize_key_and_certificates(b"lab", lab.key, lab.certificate, None, NoEncryption())
+    (folder / "lab.p12").write_bytes(packed)
     return folder / "authority.pem", folder / "lab.p12"
 
 

@@ -27,16 +27,11 @@ from hil.session.kept_results import results_of_run
 from hil.session.results import report_again
 from tests.passports import run_of
 
-pytestmark = pytest.mark.usefixtures("unprinted")
+pytestmark = pytest.mark.usefixtures("unprinted", "own_state", "stranger")
 
 WITHOUT_MODEL = Wanted(identify=False)
 OLDER = "valve-hil 0.0.9"
 SAMPLES = Path(__file__).parent.parent / "samples"
-
-
-@pytest.fixture(autouse=True)
-def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stranger: Path) -> None:
-    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
 
 
 def edited(path: Path, edit: Callable[[dict], object]) -> None:

@@ -4,17 +4,11 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pikepdf
 import pytest
-from cryptography import x509
-from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.hazmat.primitives.hashes import SHA256
-from cryptography.hazmat.primitives.serialization import Encoding
-from cryptography.x509.oid import NameOID
 
 from hil.errors import FileError, InputError, SettingError
 from hil.passport.issue import Wanted, issue
@@ -22,35 +16,14 @@ from hil.passport.key import SigningKey, fingerprint, signing_key
 from hil.passport.revoked import Revoked, read_revocations
 from hil.passport.sign import signed
 from hil.passport.verify import Soundness, Trust, verify
+from tests.certificates import DAY, NOW, Holder, holder
 from tests.passports import run_of
 
 pytestmark = pytest.mark.xdist_group("signers")  # on one worker: its passport is issued once
 
-NOW = datetime.now(UTC)
-DAY = timedelta(days=1)
-LONG = (NOW - 900 * DAY, NOW + 900 * DAY)
 
-
-@dataclass(frozen=True)
-class Holder:
-    key: ec.EllipticCurvePrivateKey
-    certificate: x509.Certificate
-
-    @property
-    def signs(self) -> SigningKey:
-        return SigningKey(self.key, self.certificate)
-
-
-def holder(name: str, by: Holder | None = None, *, authority: bool = False, valid=LONG, bare: bool = False) -> Holder:
-    """A key whose certificate somebody issued, or it itself; `bare`: without the extensions that say what it may."""
-    key, subject = ec.generate_private_key(ec.SECP256R1()), x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
-    made = x509.CertificateBuilder().subject_name(subject).public_key(key.public_key())
-    made = made.issuer_name(by.certificate.subject if by else subject).serial_number(x509.random_serial_number())
-    made = made.not_valid_before(valid[0]).not_valid_after(valid[1])
-    if not bare:
-        usage = x509.KeyUsage(not authority, not authority, False, False, False, authority, authority, False, False)
-        made = made.add_extension(x509.BasicConstraints(authority, None), True).add_extension(usage, True)
-    return Holder(key, made.sign(by.key if by else key, SHA256()))
+def key_of(who: Holder) -> SigningKey:
+    return SigningKey(who.key, who.certificate)
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +51,7 @@ def at(monkeypatch: pytest.MonkeyPatch):
     def sign(pdf: bytes, who: Holder, moment: datetime) -> bytes:
         with monkeypatch.context() as clock:
             clock.setattr("pyhanko.sign.signers.pdf_signer.datetime", _clock(moment))
-            return signed(pdf, who.signs)
+            return signed(pdf, key_of(who))
 
     return sign
 
@@ -104,8 +77,8 @@ def test_a_leaf_that_is_trusted_vouches_for_itself_alone(unsigned: bytes, bare: 
     leaf = holder("Lab 12", bare=bare)
     under = holder("Somebody", leaf)
     if not bare:
-        assert verify(signed(unsigned, leaf.signs), Trust([leaf.certificate])).outcome is Soundness.SOUND
-    found = verify(signed(unsigned, under.signs), Trust([leaf.certificate]))
+        assert verify(signed(unsigned, key_of(leaf)), Trust([leaf.certificate])).outcome is Soundness.SOUND
+    found = verify(signed(unsigned, key_of(under)), Trust([leaf.certificate]))
     assert found.outcome is Soundness.UNKNOWN_SIGNER and found.exit_status == 1
 
 
@@ -113,17 +86,17 @@ def test_an_authority_vouches_through_those_between_and_a_leaf_between_does_not(
     root = holder("Root", authority=True)
     between, leaf = holder("Between", root, authority=True), holder("Leaf", root)
     lab, under = holder("Lab 12", between), holder("Somebody", leaf)
-    assert verify(signed(unsigned, lab.signs), Trust([root.certificate])).outcome is Soundness.UNKNOWN_SIGNER
+    assert verify(signed(unsigned, key_of(lab)), Trust([root.certificate])).outcome is Soundness.UNKNOWN_SIGNER
     for trusted in ([root, between], [between], [lab]):
         trust = Trust([one.certificate for one in trusted])
-        assert verify(signed(unsigned, lab.signs), trust).outcome is Soundness.SOUND
+        assert verify(signed(unsigned, key_of(lab)), trust).outcome is Soundness.SOUND
     trust = Trust([root.certificate, leaf.certificate])
-    assert verify(signed(unsigned, under.signs), trust).outcome is Soundness.UNKNOWN_SIGNER
+    assert verify(signed(unsigned, key_of(under)), trust).outcome is Soundness.UNKNOWN_SIGNER
 
 
 def test_another_key_under_the_name_of_a_known_one_is_unknown(unsigned: bytes, caplog) -> None:
     known, other = holder("Lab 12"), holder("Lab 12")
-    assert verify(signed(unsigned, other.signs), Trust([known.certificate])).outcome is Soundness.UNKNOWN_SIGNER
+    assert verify(signed(unsigned, key_of(other)), Trust([known.certificate])).outcome is Soundness.UNKNOWN_SIGNER
     assert not caplog.records  # a record that nobody handles is a trace on the terminal
 
 
@@ -132,7 +105,7 @@ def test_another_key_under_the_name_of_a_known_one_is_unknown(unsigned: bytes, c
 
 def test_the_time_of_a_signature_is_told(unsigned: bytes) -> None:
     lab = holder("Lab 12")
-    found = verify(signed(unsigned, lab.signs), Trust([lab.certificate]))
+    found = verify(signed(unsigned, key_of(lab)), Trust([lab.certificate]))
     assert found.signed_utc is not None and abs(found.signed_utc - datetime.now(UTC)) < timedelta(minutes=5)
 
 
@@ -166,7 +139,7 @@ def test_an_expired_certificate_counts_for_the_time_in_which_it_held(
 def test_nobody_signs_with_a_certificate_that_has_expired(tmp_path: Path, stranger: Path) -> None:
     lab = holder("Lab 12", valid=(NOW - 20 * DAY, NOW - DAY))
     with pytest.raises(InputError, match=r"own check says: .* did not hold"):
-        issue([run_of(tmp_path)], tmp_path / "unit.pdf", lab.signs, Wanted(identify=False))
+        issue([run_of(tmp_path)], tmp_path / "unit.pdf", key_of(lab), Wanted(identify=False))
     assert not (tmp_path / "unit.pdf").exists()
 
 
@@ -202,12 +175,9 @@ def test_revoked_certificates_are_read_from_a_file_that_says_where_it_is_wrong(t
             read_revocations(None)
 
 
-def test_at_the_prompt_a_revoked_key_needs_a_date_of_ones_own(
-    tmp_path, unsigned, at, monkeypatch, command_line
-) -> None:
-    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+def test_at_the_prompt_a_revoked_key_needs_a_date_of_ones_own(tmp_path, unsigned, at, own_state, command_line) -> None:
     lab = holder("Lab 12")
-    (tmp_path / "lab.pem").write_bytes(lab.certificate.public_bytes(Encoding.PEM))
+    (tmp_path / "lab.pem").write_bytes(lab.certificate_pem)
     (tmp_path / "unit.pdf").write_bytes(at(unsigned, lab, NOW - 30 * DAY))
     (tmp_path / "revoked").write_text(f"{fingerprint(lab.certificate)} {NOW - 10 * DAY:%Y-%m-%d} stolen\n")
 
@@ -262,7 +232,7 @@ def signed_again(content: bytes) -> bytes:
     about = PdfSignatureMetadata(field_name="Second", md_algorithm="sha256")
     writer = IncrementalPdfFileWriter(io.BytesIO(content))
     try:
-        return sign_pdf(writer, about, _signer(holder("Somebody").signs)).getvalue()
+        return sign_pdf(writer, about, _signer(key_of(holder("Somebody")))).getvalue()
     except Exception:  # the first one allows no change, and pyHanko keeps to that: add the bytes of an update instead
         return content + b"\n1 0 obj\n<< >>\nendobj\n%%EOF\n"
 
@@ -270,7 +240,7 @@ def signed_again(content: bytes) -> bytes:
 @pytest.mark.parametrize("change", [swapped, rewritten, signed_again, lambda content: content + content])
 def test_a_file_that_was_changed_is_not_sound(unsigned: bytes, change) -> None:
     lab = holder("Lab 12")
-    content = signed(unsigned, lab.signs)
+    content = signed(unsigned, key_of(lab))
     other = change(content)
     assert other != content
     assert verify(other, Trust([lab.certificate])).outcome is Soundness.CHANGED
@@ -278,7 +248,7 @@ def test_a_file_that_was_changed_is_not_sound(unsigned: bytes, change) -> None:
 
 def test_the_signature_of_another_passport_does_not_fit(unsigned: bytes) -> None:
     lab = holder("Lab 12")
-    content, other = signed(unsigned, lab.signs), signed(unsigned.replace(b"%PDF-1.7", b"%PDF-1.7 "), lab.signs)
+    content, other = signed(unsigned, key_of(lab)), signed(unsigned.replace(b"%PDF-1.7", b"%PDF-1.7 "), key_of(lab))
     from hil.passport.seal import seal_of
 
     (begin, end), (first, last) = seal_of(content).field, seal_of(other).field

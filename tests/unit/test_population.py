@@ -7,13 +7,11 @@ import pytest
 
 from hil.archive.archive import enter
 from hil.archive.place import archive_place
-from hil.findings.collect import results_of
 from hil.findings.difference import ALPHA
 from hil.findings.population import standings
-from hil.findings.results import Results, write_results
-from hil.record.folder import write
-from hil.record.measurement import Findings, Measured, Measurement
-from hil.record.recording import Channel, Recording
+from hil.findings.results import Results
+from hil.record.measurement import Measured, Measurement
+from tests.kept_runs import kept_run
 
 RISE = Measurement("rise", "ms", "time")
 
@@ -99,12 +97,8 @@ def test_a_batch_is_found_where_no_unit_of_it_stands_out():
 
 
 def made(folder, serial, number, procedure="step", day=1, outcome="completed"):
-    meta = {"procedure": procedure, "bench": "one", "valve": {"serial": serial},
-            "started_utc": f"2026-01-{day:02}T00:00:00+00:00", "outcome": outcome}  # fmt: skip
-    recording = Recording(str(folder), np.arange(3.0), {"flow": Channel("flow", "l/min", np.zeros(3))}, meta)
-    write(recording, folder)
-    write_results(results_of(recording, Findings((RISE.of(number, 0.1),))), folder)
-    return folder
+    told = {"procedure": procedure, "bench": "one", "outcome": outcome}
+    return kept_run(folder, [RISE.of(number, 0.1)], serial, day, **told)
 
 
 @pytest.fixture

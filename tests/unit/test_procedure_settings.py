@@ -13,25 +13,12 @@ from hil.errors import SettingError
 from hil.rig import RoleChannel
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings
+from tests.still_rig import Refusing, Still
 
 BOTH_WAYS = RoleChannel("command", "%", -100.0, 100.0)
 ONE_WAY = RoleChannel("current", "A", 0.0, 2.2)
 FLOWING = RoleChannel("flow", "l/min", -100.0, 100.0)
 TRAVELLING = RoleChannel("position", "mm", -130.0, 130.0, integrates=True)
-
-
-class Still:
-    """A rig that says what it is, and fails the test when it is asked to do anything."""
-
-    def __init__(self, command: RoleChannel, response: RoleChannel = FLOWING) -> None:
-        self.command, self.response = command, response
-        self.rate_hz, self.settling_s = 1000.0, 2.0
-
-    def actual_rate_hz(self, asked_hz: float) -> float:
-        return asked_hz
-
-    def __getattr__(self, name: str) -> None:
-        raise AssertionError(f"'{name}' was asked for")
 
 
 SINES, MULTISINE, FLOW, STEP, LARGE = (
@@ -91,7 +78,7 @@ def asked(name, rig, settings):
 )
 def test_refused_before_anything_moves(name, settings, says):
     with pytest.raises(SettingError) as refused:
-        asked(name, Still(BOTH_WAYS), settings)
+        asked(name, Still(BOTH_WAYS, FLOWING), settings)
     assert says in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -110,7 +97,7 @@ def test_refused_before_anything_moves(name, settings, says):
 )
 def test_a_command_that_goes_one_way_is_asked_in_its_own_unit(name, settings, says):
     with pytest.raises(SettingError) as refused:
-        asked(name, Still(ONE_WAY), settings)
+        asked(name, Still(ONE_WAY, FLOWING), settings)
     assert says in str(refused.value)
 
 
@@ -139,17 +126,9 @@ def test_a_response_that_moves_on_is_tried_about_neutral(name):
     assert abs(rig.path.max() + rig.path.min()) < 1.0
 
 
-class Refusing(Still):
-    """A rig that goes no further than the check of the whole path."""
-
-    def check(self, command: np.ndarray, rate_hz: float) -> None:
-        self.path = command
-        raise SettingError("checked")
-
-
 def test_everything_that_is_checked_by_nothing_but_the_rig_is_checked_whole_and_first():
     for name in (SINES, MULTISINE, FLOW, STEP, LARGE):
-        rig = Refusing(BOTH_WAYS)
+        rig = Refusing(BOTH_WAYS, FLOWING)
         with pytest.raises(SettingError, match="checked"):
             load_procedure(name).run(rig)
         assert rig.path[-1] == 0.0

@@ -5,15 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from hil.findings.collect import results_of
 from hil.findings.difference import ALPHA, differences
-from hil.findings.results import Results, write_results
-from hil.record.folder import write
-from hil.record.measurement import Findings, Measured, Measurement
-from hil.record.recording import Channel, Recording
+from hil.findings.results import Results
+from hil.record.measurement import Measured, Measurement
 from hil.report.comparison_page import headline, run_heads
 from hil.report.local_time import local_text
 from hil.session.run_comparison import compare_runs
+from tests.kept_runs import kept_run
 from tests.page import read_page
 
 pytestmark = pytest.mark.xdist_group("compared runs")  # on one worker: its runs are made once
@@ -136,11 +134,7 @@ def adjusted(tmp_path):
     """A unit before and after somebody adjusted it; a limit is missed, then met."""
     rise = Measurement("rise", "ms", "", high=75.0)
     for day, (name, number) in enumerate([("before", 80.0), ("after", 70.0)], start=1):
-        meta = {"procedure": "step", "valve": {"serial": "A7"}, "started_utc": f"2026-01-0{day}T00:00:00+00:00"}
-        channel = Channel("flow", "l/min", np.zeros(3))
-        recording = Recording(name, np.arange(3.0), {"flow": channel}, {**meta, "outcome": "completed"})
-        write(recording, tmp_path / name)
-        write_results(results_of(recording, Findings((rise.of(number, 0.5),))), tmp_path / name)
+        kept_run(tmp_path / name, [rise.of(number, 0.5)], day=day)
     return tmp_path
 
 

@@ -19,6 +19,8 @@ from hil.bench.read import BenchFile, read_bench
 from hil.bench.stop.stop_service import StopService
 from hil.errors import InUseError
 
+pytestmark = pytest.mark.usefixtures("own_state")
+
 HOLD = """
 import sys, time
 from pathlib import Path
@@ -28,11 +30,6 @@ with leased(read_bench(Path(sys.argv[1]))):
     print("held", flush=True)
     time.sleep(120)
 """
-
-
-@pytest.fixture(autouse=True)
-def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
 
 
 @pytest.fixture

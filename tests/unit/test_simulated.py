@@ -155,10 +155,7 @@ def test_a_diagnosis_and_a_difference_say_it_in_the_line_of_the_verdict(
 
 @pytest.mark.usefixtures("stranger")
 @pytest.mark.parametrize("simulated", [True, False])
-def test_a_passport_and_its_check_say_it(
-    simulated: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: Callable[..., str]
-) -> None:
-    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+def test_a_passport_and_its_check_say_it(simulated: bool, tmp_path: Path, said: Callable[..., str]) -> None:
     run = run_of(tmp_path, simulated=simulated)
     passport = tmp_path / "p.pdf"
     assert ("(SIMULATED)" in said("passport", run, "--out", passport, "--no-model")) is simulated
@@ -175,7 +172,6 @@ def test_a_passport_and_its_check_say_it(
 def test_every_page_of_a_passport_has_it_across(
     simulated: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     pages = {}
     for language in ("en", "de"):
         monkeypatch.setenv("HIL_LANGUAGE", language)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from statistics import NormalDist
 
@@ -13,14 +12,14 @@ import pytest
 from hil.archive.archive import enter
 from hil.archive.place import archive_place
 from hil.findings.collect import findings_of, results_of
-from hil.findings.results import write_results
-from hil.record.folder import read, write
+from hil.record.folder import read
 from hil.record.measurement import Findings, Measurement
 from hil.record.population_comparison import PopulationComparison
-from hil.record.recording import Channel, Recording
+from hil.record.recording import Recording
 from hil.report.results import beside_good, reasons
 from hil.session.procedure import Procedure, load_procedure
 from hil.session.since import with_earlier
+from tests.kept_runs import kept_run
 
 RISE = Measurement("rise", "ms", "rise", high=100.0)
 GAIN = Measurement("gain", "psi per A", "gain")
@@ -37,14 +36,8 @@ def certifies() -> Procedure:
 
 
 def made(folder: Path, day: int, rise: float, serial: str = "A7") -> tuple[Recording, Findings]:
-    meta = {
-        "procedure": "step_response", "valve": {"serial": serial}, "outcome": "completed",
-        "started_utc": (datetime(2026, 1, 1, tzinfo=UTC) + timedelta(days=day)).isoformat(),
-    }  # fmt: skip
-    recording = Recording(str(folder), np.arange(3.0), {"flow": Channel("flow", "l/min", np.zeros(3))}, meta)
-    write(recording, folder)
     found = Findings((RISE.of(rise, 2.0), GAIN.of(8.0, 0.1)))
-    write_results(results_of(recording, found), folder)
+    kept_run(folder, found.measured, serial, day + 1, procedure="step_response")
     enter(archive_place(str(folder.parent)), [folder])
     return read(folder), found
 

@@ -6,6 +6,7 @@ import base64
 import json
 import zlib
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -27,11 +28,10 @@ from hil.physics.compose import plant
 from hil.physics.model import Model, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import recording
+from tests.flap import FLAP, TIME_S, recorded
 
 pytestmark = pytest.mark.xdist_group("a model that lacks something")  # on one worker: it is fitted once
 
-FLAP = plant("throttle-flap")
-TIME_S = np.arange(0.0, 20.0, 0.02)
 FIRST, WORN = 3.0, 8.0
 
 
@@ -45,25 +45,16 @@ def wandering(name: str, seed: int) -> Experiment:
     return experiment(recording(name, TIME_S, {"motor command [V]": command, "flap angle [V]": angle + noise}), FLAP)
 
 
-def recorded(name: str, coulomb: float, seed: int, rest: float = FLAP.typical["rest"]) -> Experiment:
-    rng = np.random.default_rng(seed)
-    command = np.repeat(rng.uniform(-15.0, 15.0, 40), len(TIME_S) // 40)
-    friction = ActiveEffect(
-        "friction", "force", {"coulomb": coulomb, "stiction": 1.2, "stribeck": 0.5, "presliding": 0.01}
-    )
-    angle = simulate(FLAP, {**FLAP.typical, "rest": rest}, Drive(command[None, :], 2.5, 0.02), [friction])[0]
-    angle = angle + 0.003 * rng.standard_normal(len(angle))
-    return experiment(recording(name, TIME_S, {"motor command [V]": command, "flap angle [V]": angle}), FLAP)
-
-
-FIRSTS = [recorded(f"first-{k}", FIRST, k) for k in (1, 2, 3)]
+@cache
+def firsts() -> list[Experiment]:
+    return [recorded(f"first-{k}", FIRST, k) for k in (1, 2, 3)]
 
 
 @pytest.fixture(scope="module")
 def lacking() -> Model:
     """Identified from a unit that sticks, by a plant that does not."""
-    model = fit_plant(typical_model(FLAP.name), FIRSTS).model
-    return replace(model, skeleton=table_of(model, FIRSTS).as_dict())
+    model = fit_plant(typical_model(FLAP.name), firsts()).model
+    return replace(model, skeleton=table_of(model, firsts()).as_dict())
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +73,7 @@ def test_an_unchanged_unit_stays_below_the_gate_and_a_worn_one_does_not(lacking:
 
 
 def test_a_model_file_holds_the_table(lacking: Model, table: Table) -> None:
-    made, later = table_of(lacking, FIRSTS), recorded("later", WORN, 9)
+    made, later = table_of(lacking, firsts()), recorded("later", WORN, 9)
     assert z_of(lacking, made, later) == pytest.approx(z_of(lacking, table, later), rel=1e-2)
     assert len(json.dumps(lacking.skeleton)) < 1_000_000
     assert table.beyond_noise > 1.0  # it left more than noise
@@ -210,8 +201,8 @@ def test_no_alarm_below_what_recordings_of_before_reach_themselves(table: Table)
 
 
 def test_the_question_follows_the_content_and_not_the_name(lacking: Model) -> None:
-    renamed = replace(FIRSTS[0], name="elsewhere.csv")
-    assert content_of(renamed) == content_of(FIRSTS[0])
+    renamed = replace(firsts()[0], name="elsewhere.csv")
+    assert content_of(renamed) == content_of(firsts()[0])
     assert question_of(lacking, [renamed]).asked == "left_out"
     same_name = recorded("first-1", FIRST, 77)
     assert not is_of_its_origin(lacking, same_name)
@@ -229,7 +220,7 @@ def test_without_a_table_only_what_is_left_out_can_be_asked(lacking: Model) -> N
     older = replace(lacking, skeleton={"version": 1, "library": "another"})
     assert question_of(older, [recorded("later", FIRST, 7)]).asked == "left_out"
     assert "another version" in question_of(older, [recorded("later", FIRST, 7)]).warnings[0]
-    given = question_of(bare, [recorded("later", WORN, 7)], before=FIRSTS)
+    given = question_of(bare, [recorded("later", WORN, 7)], before=firsts())
     assert given.asked == "changed"
     assert given.table is not None
 

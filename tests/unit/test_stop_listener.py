@@ -22,6 +22,7 @@ from hil.bench.stop.listener import Listener
 from hil.bench.stop.stop_service import StopService
 from hil.safety.operator import Asked
 from hil.safety.outputs import Output, State
+from tests.certificates import holder
 from tests.stops import SAFE, listening, posted, sent, stopped, tell_safe
 from tests.waits import PATIENCE_S, until
 
@@ -250,7 +251,9 @@ def test_desk_forgets_what_a_dead_run_said() -> None:
 def test_console_from_elsewhere_is_spoken_to_with_its_certificate(tmp_path: Path) -> None:
     import ssl
 
-    cert, key = certificate(tmp_path)
+    cert, key, made = tmp_path / "cert.pem", tmp_path / "key.pem", holder("x", bare=True, host="localhost")
+    cert.write_bytes(made.certificate_pem)
+    key.write_bytes(made.key_pem)
     away = Console(pid=os.getpid(), origins=("https://bench:8123",), host="0.0.0.0", cert=str(cert), key=str(key))
     with announced(away), listening(tell_safe) as (listener, _):
         here, there = listener.control.urls
@@ -270,30 +273,6 @@ def test_console_from_elsewhere_is_spoken_to_with_its_certificate(tmp_path: Path
         assert b'"confirmed"' in answer
         plain = sent(f"http://127.0.0.1:{port}", b"POST /stop HTTP/1.1\r\n\r\n")
         assert not plain.startswith(b"HTTP")
-
-
-def certificate(folder: Path) -> tuple[Path, Path]:
-    """A certificate for `localhost` and its key, in files."""
-    import datetime as dt
-
-    from cryptography import x509
-    from cryptography.hazmat.primitives import hashes, serialization
-    from cryptography.hazmat.primitives.asymmetric import ec
-    from cryptography.x509.oid import NameOID
-
-    key, name = ec.generate_private_key(ec.SECP256R1()), x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "x")])
-    now = dt.datetime.now(dt.UTC)
-    made = (
-        x509.CertificateBuilder().subject_name(name).issuer_name(name).public_key(key.public_key()).serial_number(1)
-        .not_valid_before(now - dt.timedelta(days=1)).not_valid_after(now + dt.timedelta(days=1))
-        .add_extension(x509.SubjectAlternativeName([x509.DNSName("localhost")]), critical=False)
-        .sign(key, hashes.SHA256())
-    )  # fmt: skip
-    files = folder / "cert.pem", folder / "key.pem"
-    files[0].write_bytes(made.public_bytes(serialization.Encoding.PEM))
-    files[1].write_bytes(key.private_bytes(
-        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()))  # fmt: skip
-    return files
 
 
 class Guest(asyncio.Protocol):
