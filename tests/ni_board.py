@@ -313,3 +313,13 @@ class Task:
         self.board.open -= 1
         if self.board.open == 0 and isinstance(self.board, BoardInFile):
             self.board.release()
+
+
+def plugged_in(monkeypatch: Any) -> Board:
+    """A board of which `nidaqmx` knows for the rest of a test."""
+    board = Board()
+    for kind in (Task, Device):
+        monkeypatch.setattr(kind, "board", board, raising=False)
+    monkeypatch.setattr("nidaqmx.Task", Task)
+    monkeypatch.setattr("nidaqmx.system.Device", Device)
+    return board

@@ -19,16 +19,29 @@ _ANSWER_S = 0.5
 
 
 class Line:
-    """A TCP connection to a device that can fall dead: it stays open, and nothing gets through any more."""
+    """A TCP connection to a device that can fall dead: it stays open, and nothing gets through any more.
+
+    Attributes:
+        asked: every piece that went to the device.
+        taken: connections so far.
+    """
 
     def __init__(self, device_port: int) -> None:
         self._device_port = device_port
-        self.dead = False
+        self.dead, self.taken = False, 0
+        self.asked: list[bytes] = []
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port = int(self._listener.getsockname()[1])
         self._open: list[socket.socket] = []
         self._ended = False
         threading.Thread(target=self._accept, daemon=True).start()
+
+    def hang_up(self) -> None:
+        """Close every connection that there is, in order, as a device does it."""
+        held, self._open = self._open, []
+        for end in held:
+            with suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
         """End it."""
@@ -54,6 +67,7 @@ class Line:
                     near.close()
                     continue
                 self._open.append(far)
+                self.taken += 1
                 if self._ended:
                     near.close()
                     far.close()
@@ -61,13 +75,14 @@ class Line:
                 for end in (near, far):
                     with suppress(OSError):  # one that has gone already is noticed by who carries
                         end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                for one, other in ((near, far), (far, near)):
-                    threading.Thread(target=self._carry, args=(one, other), daemon=True).start()
+                for one, other, kept in ((near, far, self.asked), (far, near, [])):
+                    threading.Thread(target=self._carry, args=(one, other, kept), daemon=True).start()
 
-    def _carry(self, one: socket.socket, other: socket.socket) -> None:
+    def _carry(self, one: socket.socket, other: socket.socket, kept: list[bytes]) -> None:
         with suppress(OSError):
             while data := one.recv(4096):
                 if not self.dead:
+                    kept.append(data)
                     other.sendall(data)
         for end in (one, other):
             with suppress(OSError):

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import nidaqmx
-import nidaqmx.system
 import pytest
 
 from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.daq.contract import Waveform
 from tests.links import PATIENT, served
-from tests.ni_board import Board, Device, Task
+from tests.ni_board import plugged_in
 from tests.recorded_line import RecordedLine
 
 
@@ -46,11 +44,7 @@ def _counted(device: object) -> list[object]:
 
 
 def test_ni_board_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    board = Board()
-    for kind in (Task, Device):
-        monkeypatch.setattr(kind, "board", board, raising=False)
-    monkeypatch.setattr(nidaqmx, "Task", Task)
-    monkeypatch.setattr(nidaqmx.system, "Device", Device)
+    board = plugged_in(monkeypatch)
     file = read_bench(benches()["hpv41-usb-6211"])
     board.levels["ao0"] = 3.0
     daq = file.devices["daq"].open(_inputs_of(file, "daq"))

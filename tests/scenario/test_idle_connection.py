@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import socket
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -16,54 +14,14 @@ from hil.bench.read import read_bench
 from hil.errors import HardwareError
 from hil.rig import Rig
 from tests.links import served
-
-
-class Relay:
-    """A way to a device that can be hung up on the side of the program, as the device does it."""
-
-    def __init__(self, to: tuple[str, int]) -> None:
-        self._to, self._held = to, list[socket.socket]()
-        self._listening = socket.create_server(("127.0.0.1", 0))
-        self.port = self._listening.getsockname()[1]
-        self.taken = 0
-        threading.Thread(target=self._accept, daemon=True).start()
-
-    def hang_up(self) -> None:
-        """Close every connection that there is, in order."""
-        held, self._held = self._held, []
-        for one in held:
-            with suppress(OSError):
-                one.shutdown(socket.SHUT_RDWR)
-
-    def close(self) -> None:
-        """End it."""
-        self._listening.close()
-        self.hang_up()
-
-    def _accept(self) -> None:
-        with suppress(OSError):
-            while True:
-                near, _ = self._listening.accept()
-                far = socket.create_connection(self._to)
-                self._held += [near, far]
-                self.taken += 1
-                for one, other in ((near, far), (far, near)):
-                    threading.Thread(target=_copy, args=(one, other), daemon=True).start()
-
-
-def _copy(one: socket.socket, other: socket.socket) -> None:
-    with suppress(OSError), one:
-        while said := one.recv(4096):
-            other.sendall(said)
-        other.shutdown(socket.SHUT_RDWR)
+from tests.observer import Line
 
 
 @contextmanager
-def behind_a_relay(tmp_path: Path) -> Iterator[tuple[Rig, Relay]]:
+def behind_a_relay(tmp_path: Path) -> Iterator[tuple[Rig, Line]]:
     with served("hpv41-modbus-tcp", tmp_path, ("watchdog_s = 1.0\n", "")) as (file, _):
         address = str(file.bench.devices["io"].settings["address"])
-        host, _, port = address.rpartition(":")
-        relay = Relay((host, int(port)))
+        relay = Line(int(address.rpartition(":")[2]))
         path = tmp_path / "relayed.toml"
         path.write_text(
             file.text.replace(address, f"127.0.0.1:{relay.port}").replace(
