@@ -64,7 +64,6 @@ def test_a_run_that_passes(tmp_path: Path) -> None:
     [
         ({}, ["levels=5"], 1, ""),
         ({}, ["levels=500"], 2, "500 % is outside -100 … 100 %"),
-        ({}, ["level=5"], 2, "no setting 'level'; the nearest is 'levels'; there are: levels"),
         ({"interlocks": {"over-pressure": {"high": 90.0}}}, [], 3, "interlock 'over-pressure'"),
         ({"simulation": {"plant": 3}}, [], 2, "simulation.plant: input should be a valid string"),
         ({"devices": {"daq": {"fault": {"kind": "lost", "after": 3000}}}}, [], 3, "use the emergency stop"),

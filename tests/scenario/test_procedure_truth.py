@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -12,10 +10,8 @@ from hil.bench.open import open_rig
 from hil.bench.read import read_bench
 from hil.identification.frequency.measuring_chain import MeasuringChain
 from hil.identification.frequency.sine_test import sine_test
-from hil.identification.step.step_response import step_figures
 from hil.physics.compose import plant
 from hil.physics.published import tordal
-from hil.physics.simulate import Drive, simulate
 from hil.record.folder import read
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings
@@ -107,16 +103,6 @@ def test_a_zero_in_the_right_half_plane_is_told_for_the_dead_time_that_it_is(mea
     assert found["fit_percent"] > curve["model"]["fit_percent"]
 
 
-def test_the_reference_of_the_standard_is_measured_below_the_lowest_frequency(measure):
-    findings = measure(
-        "frequency_response", frequencies="0.5,1,2,3", amplitudes="10", biases="50", reference="standard"
-    )
-    (curve,) = findings.curves["responses"]
-    quarter_hz = curve["bandwidth_90deg_hz"]
-    assert curve["reference_hz"] == pytest.approx(0.05 * quarter_hz, rel=0.1)  # judged while it runs, from a few lines
-    assert curve["frequency_hz"][0] == curve["reference_hz"]
-
-
 def test_what_did_not_become_steady_in_time_is_measured_all_the_same_and_told(measure):
     findings = measure("frequency_response", frequencies="0.4,1,2", amplitudes="40", longest_wait_s="0", measure_s="0")
     assert any(
@@ -172,38 +158,8 @@ def test_a_valve_with_play_shows_its_hysteresis_and_its_lag_apart(measure, tmp_p
     assert measured["lag"].value == pytest.approx(202.0, abs=8.0)
 
 
-def test_step_figures_are_those_of_the_plant_without_noise(measure):
-    findings = measure("step_response", levels="30,80,30")
-    held = round(RATE_HZ * 4.0)
-    command = np.repeat([30.0, 80.0, 30.0], held)
-    flow = simulate(VALVE, TRUTH, Drive(command[None, :], math.nan, 1.0 / RATE_HZ))[0]
-    time_s = np.arange(held) / RATE_HZ
-    for k, label in ((1, "30 → 80 %"), (2, "80 → 30 %")):
-        rows = slice(k * held, (k + 1) * held)
-        truth = step_figures(time_s, flow[rows], start=float(flow[rows.start - 1]))
-        measured = {m.quantity: m for m in findings.measured if m.name.endswith(label)}
-        for name, value_s in (("rise", truth.rise_s), ("response", truth.response_s), ("reaches", truth.reaches_s)):
-            near(measured[name], 1e3 * value_s)
-        near(measured["change"], truth.final - truth.start)
-        assert measured["overshoot"].relation == "<"
-    up = findings.curves["steps"][0]
-    assert np.std(up["measured"] - up["fitted"]) < 0.05 * (up["final"] - up["start"])
-
-
 def test_a_step_that_does_nothing_is_told_and_the_others_are_kept(measure):
     findings = measure("step_response", levels="0,10,80")
     assert [curve["label"] for curve in findings.curves["steps"]] == ["10 → 80 %"]
     assert "0 → 10 %: no figures: the response does not follow it beyond the noise." in findings.notes
     assert all(note.startswith("10 → 80 %") for note in findings.notes if not note.startswith("0 → 10 %"))
-
-
-def test_large_sines_give_amplitude_phase_and_distortion_of_the_whole_stroke(measure):
-    findings = measure("large_sine", frequencies="0.1,0.5", amplitude="100")
-    for frequency_hz, curve in zip((0.1, 0.5), findings.curves["large_sines"], strict=True):
-        truth = sine_test([frequency_hz], 100.0, 0.0).response(VALVE, TRUTH)[0]
-        truth *= MeasuringChain(hold_s=1.0 / RATE_HZ).at(np.array([frequency_hz]))[0]
-        measured = {m.quantity: m for m in findings.measured if m.name.endswith(curve["label"])}
-        near(measured["amplitude"], 100.0 * abs(truth))
-        near(measured["phase"], math.degrees(np.angle(truth)))
-        near(measured["offset"], 0.0)
-        assert measured["thd"].value > 15.0  # the dead band
