@@ -210,16 +210,17 @@ def test_segments_of_an_lvm_that_cannot_be_joined_are_said(tmp_path: Path) -> No
     assert found.meta["assumed"] == ["only the first of 2 recordings in the file is read"]
 
 
-def test_a_text_among_the_numbers_of_an_lvm_is_no_value(tmp_path: Path) -> None:
-    content = LVM + segment(0, 20, "10:00:00.0", 0.0).replace("\t7\t3.5\n", "\t7\tlost\n")
-    with pytest.raises(FileError, match=r"sample 7, channel 'flow': no value \(1 such of 20\); with --gaps"):
-        read(tmp_path, content, name="x.lvm")
-
-
-def test_a_text_behind_the_last_number_of_an_lvm_is_told_with_its_line(tmp_path: Path) -> None:
-    content = LVM + segment(0, 20, "10:00:00.0", 0.0).replace("\t19\t9.5\n", "\t19\tlost\n")
-    with pytest.raises(FileError, match=r"line \d+: 'lost' is no number"):
-        read(tmp_path, content, name="x.lvm")
+@pytest.mark.parametrize(
+    ("row", "says"),
+    [
+        ("\t7\t3.5\n", r"sample 7, channel 'flow': no value \(1 such of 20\); with --gaps"),
+        ("\t19\t9.5\n", r"line \d+: 'lost' is no number"),  # the last one
+    ],
+)
+def test_a_text_among_the_numbers_of_an_lvm_is_told(tmp_path: Path, row: str, says: str) -> None:
+    lost = f"{row.rpartition(chr(9))[0]}\tlost\n"
+    with pytest.raises(FileError, match=says):
+        read(tmp_path, LVM + segment(0, 20, "10:00:00.0", 0.0).replace(row, lost), name="x.lvm")
 
 
 CURRENT = "time (s),{},flow (l/min)\n"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tracemalloc
+from collections.abc import Callable
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -33,12 +34,6 @@ def make_run(path: Path, blocks: int = 5, **header: object) -> Path:
         for i in range(blocks):
             run.append(*block(100 * i))
     return path
-
-
-def rewrite(path: Path, change: object) -> None:
-    content = json.loads(path.read_text())
-    change(content)  # type: ignore[operator]
-    path.write_text(json.dumps(content))
 
 
 def test_a_run_comes_back_with_everything(tmp_path: Path) -> None:
@@ -224,61 +219,46 @@ def test_a_large_run_stays_on_the_disk(tmp_path: Path, monkeypatch: pytest.Monke
     assert np.array_equal(found.channels["flow"].values[-3:], np.cos(found.time_s[-3:]))
 
 
-@pytest.mark.parametrize(
-    ("name", "change", "message"),
-    [
-        ("run.json", lambda c: c.update(version=2), r"run.json: version 2; this program reads version 1"),
-        ("run.json", lambda c: c.update(format="x"), r"run.json: field 'format' must be 'hil-run'"),
-        ("run.json", lambda c: c.update(colour="red"), r"run.json: field 'colour': Extra inputs"),
-        (
-            "run.json",
-            lambda c: c["samples"]["columns"][1].pop("unit"),
-            r"field 'samples.columns.1.unit': Field required",
-        ),
-        (
-            "run.json",
-            lambda c: c["meta"].update(valve={"name": "other"}),
-            r"run.json: changed after the run was closed",
-        ),
-        ("end.json", lambda c: c.update(rows=400), r"samples.f8: changed after .* CRC-32 \w+, expected \w+ over 400"),
-        ("end.json", lambda c: c.update(rows=-1), r"end.json: field 'rows'"),
-    ],
-)
-def test_a_tampered_json_file_is_named(tmp_path: Path, name: str, change: object, message: str) -> None:
-    path = make_run(tmp_path / "run")
-    rewrite(path / name, change)
-    with pytest.raises(FileError, match=message):
-        read(path)
+def content(change: Callable[[dict[str, Any]], object]) -> Callable[[Path], object]:
+    """A file of JSON with one change."""
+
+    def changed(path: Path) -> None:
+        told = json.loads(path.read_text())
+        change(told)
+        path.write_text(json.dumps(told))
+
+    return changed
 
 
-@pytest.mark.parametrize("name", ["run.json", "samples.f8", "events.jsonl"])
-def test_a_missing_file_is_named(tmp_path: Path, name: str) -> None:
-    path = make_run(tmp_path / "run")
-    (path / name).unlink()
-    with pytest.raises(FileError, match=rf"{name}: cannot be read: No such file"):
-        read(path)
-
-
-def test_text_that_is_no_json_is_named(tmp_path: Path) -> None:
-    path = make_run(tmp_path / "run")
-    (path / "run.json").write_text("{")
-    with pytest.raises(FileError, match=r"run.json: JSON was expected"):
-        read(path)
-
-
-def test_a_changed_sample_is_found(tmp_path: Path) -> None:
-    path = make_run(tmp_path / "run")
-    with (path / "samples.f8").open("r+b") as file:
+def overwrite_a_sample(path: Path) -> None:
+    with path.open("r+b") as file:
         file.seek(250 * 24 + 9)
         file.write(b"\x01")
-    with pytest.raises(FileError, match=r"samples.f8: changed after the run was closed, from row 200 on"):
-        read(path)
 
 
-def test_changed_events_are_found(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "tamper", "says"),
+    [
+        ("run.json", content(lambda c: c.update(version=2)), "version 2; this program reads version 1"),
+        ("run.json", content(lambda c: c.update(format="x")), "field 'format' must be 'hil-run'"),
+        ("run.json", content(lambda c: c.update(colour="red")), "field 'colour': Extra inputs"),
+        ("run.json", content(lambda c: c["samples"]["columns"][1].pop("unit")), "columns.1.unit': Field required"),
+        ("run.json", content(lambda c: c["meta"].update(valve={"name": "other"})), "changed after the run was closed"),
+        ("run.json", lambda path: path.write_text("{"), "JSON was expected"),
+        ("end.json", content(lambda c: c.update(rows=400)), r"samples.f8: changed after .* \w+, expected \w+ over 400"),
+        ("end.json", content(lambda c: c.update(rows=-1)), "field 'rows'"),
+        ("samples.f8", overwrite_a_sample, "changed after the run was closed, from row 200 on"),
+        ("events.jsonl", lambda path: path.write_text('{"event": "forged", "row": 0, "details": {}}\n'),
+         "changed after the run was closed: SHA-256"),
+        *((name, Path.unlink, "cannot be read: No such file") for name in ("run.json", "samples.f8", "events.jsonl")),
+    ],
+)  # fmt: skip
+def test_a_file_that_was_tampered_with_is_named(
+    tmp_path: Path, name: str, tamper: Callable[[Path], object], says: str
+) -> None:
     path = make_run(tmp_path / "run")
-    (path / "events.jsonl").write_text('{"event": "forged", "row": 0, "details": {}}\n')
-    with pytest.raises(FileError, match=r"events.jsonl: changed after the run was closed: SHA-256"):
+    tamper(path / name)
+    with pytest.raises(FileError, match=says if "samples.f8" in says else f"{name}: .*{says}"):
         read(path)
 
 

@@ -52,18 +52,13 @@ def test_signal_inside_a_nested_section_waits_for_the_outer_one() -> None:
     assert reached == ["still inside"]
 
 
-def test_sigterm_is_an_exception_and_the_handler_comes_back() -> None:
-    before = signal.getsignal(signal.SIGTERM)
-    with pytest.raises(Terminated), terminable():
-        signal.raise_signal(signal.SIGTERM)
-    assert signal.getsignal(signal.SIGTERM) is before
-
-
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGQUIT, signal.SIGTERM])
 def test_every_request_to_end_is_an_exception_with_its_number(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
     with pytest.raises(Terminated, match=number.name) as raised, terminable():
         signal.raise_signal(number)
     assert raised.value.number == number and status_of(raised.value) == 128 + number
+    assert signal.getsignal(number) is before
 
 
 def fail_while_signals_come(reached: list[str]) -> None:
