@@ -39,12 +39,16 @@ def stays_where_it_is_put(definition: Plant) -> bool:
     return goes_on and bool(definition.initial(definition.typical, at_rest, math.nan))
 
 
-SITES = [(found, site) for found in PLANTS for site in kernel(found.name).sites]
 Place = tuple[Plant, Site]
 
 
+@cache
+def sites() -> list[Place]:
+    return [(found, site) for found in PLANTS for site in kernel(found.name).sites]
+
+
 def places(effect: Effect) -> list[Place]:
-    return [(found, site) for found, site in SITES if site.effect is effect]
+    return [(found, site) for found, site in sites() if site.effect is effect]
 
 
 def rests(place: Place) -> bool:
@@ -166,7 +170,7 @@ def test_at_every_bound_it_stays_finite(effect: Effect) -> None:
 
 @for_every_effect
 def test_some_plant_has_it(effect: Effect) -> None:
-    assert any(site.effect is effect for _, site in SITES)
+    assert any(site.effect is effect for _, site in sites())
     known = {hook.name for definition in PLANTS for hook in definition.hooks}
     assert set(effect.hooks) <= known
 
@@ -209,7 +213,7 @@ def test_its_fits_start_within_reach(effect: Effect) -> None:
 
 @for_every_effect
 def test_its_coefficients_are_what_the_transform_takes(effect: Effect) -> None:
-    hook = next(site.hook for _, site in SITES if site.effect is effect)
+    hook = next(site.hook for _, site in sites() if site.effect is effect)
     site = Site(effect, hook)
     given = {parameter.name: parameter.typical for parameter in effect.parameters_at(hook)}
     if effect.coefficients is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from tests.concealed import NOISE, PLANT, bound, noise, nominal, records, with_r
 OWN = {"pilot_rate": 5.0, "dead_band": 24.0, "full_flow": 55.0, "sensor_lag": 0.02}
 
 
+@cache
 def made_steps() -> Recording:
     return records(parameters=OWN, seed=41)[0]
 
@@ -50,18 +52,22 @@ def flow_of(one: Recording) -> Array:
     return one.values("flow")
 
 
-MISTAKES = {
-    "swapped": (with_values(made_steps(), command=flow_of, flow=command_of), "look swapped"),
-    "millilitres": (with_values(made_steps(), flow=lambda r: 1000.0 * flow_of(r)), "factor near 1000 .*wrong unit"),
-    "volts": (with_values(made_steps(), command=lambda r: 0.1 * command_of(r)), "multiplied by 10; .*wrong unit"),
-    "other sign": (with_values(made_steps(), flow=lambda r: -flow_of(r)), "runs the other way"),
-    "minutes": (replace(made_steps(), time_s=made_steps().time_s / 60.0), "multiplied by 60; .*unit of time"),
+MISTAKES: dict[str, tuple[Callable[[Recording], Recording], str]] = {
+    "swapped": (lambda one: with_values(one, command=flow_of, flow=command_of), "look swapped"),
+    "millilitres": (lambda one: with_values(one, flow=lambda r: 1000.0 * flow_of(r)), "factor near 1000 .*wrong unit"),
+    "volts": (lambda one: with_values(one, command=lambda r: 0.1 * command_of(r)), "multiplied by 10; .*wrong unit"),
+    "other sign": (lambda one: with_values(one, flow=lambda r: -flow_of(r)), "runs the other way"),
+    "minutes": (lambda one: replace(one, time_s=one.time_s / 60.0), "multiplied by 60; .*unit of time"),
 }
+
+
+def mistaken(mistake: str) -> Recording:
+    return MISTAKES[mistake][0](made_steps())
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_what_a_typical_unit_fits_only_otherwise_is_suspected(mistake: str) -> None:
-    one, sentence = MISTAKES[mistake]
+    one, sentence = mistaken(mistake), MISTAKES[mistake][1]
     (first, *_) = looked_at(one).suspicions
     assert first.fit > 50.0
     with pytest.raises(FileError, match=sentence):
@@ -70,7 +76,7 @@ def test_what_a_typical_unit_fits_only_otherwise_is_suspected(mistake: str) -> N
 
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_compare_and_simulate_say_what_a_recording_looks_like(mistake: str) -> None:
-    one, sentence = MISTAKES[mistake]
+    one, sentence = mistaken(mistake), MISTAKES[mistake][1]
     start, said = typical_model(PLANT), list[str]()
     (found,) = compare_all(start, bound(start, [one]))
     api.simulate(start, one, notes=said.append)
@@ -118,7 +124,7 @@ def test_a_fit_as_recorded_outweighs_a_suspicion_unless_it_halves_the_misfit() -
 def test_a_wrong_unit_is_refused_and_a_unit_of_another_size_is_told_of() -> None:
     start = typical_model(PLANT)
     with pytest.raises(FileError, match="wrong unit"):
-        fit_plant(start, bound(start, [MISTAKES["millilitres"][0]]))
+        fit_plant(start, bound(start, [mistaken("millilitres")]))
     small = with_values(made_steps(), flow=lambda r: 0.2 * r.values("flow"))
     found = fit_plant(start, bound(start, [small]))
     assert found.fits["steps"] > 90.0
@@ -167,7 +173,7 @@ def test_a_coarse_sweep_of_leakage_is_not_called_swapped() -> None:
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_what_identify_took_is_not_refused_afterwards(mistake: str) -> None:
     """Whatever a model was made of is what it says."""
-    one, _ = MISTAKES[mistake]
+    one = mistaken(mistake)
     (e,) = bound(nominal(), [one])
     model = replace(nominal(), origin={**nominal().origin, "content": {one.name: content_of(e)}})
     check(model, [e])
