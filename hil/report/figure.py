@@ -17,6 +17,7 @@ from hil.record.recording import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 # Okabe and Ito's colours, in an order in which neighbours also differ in grey; lines differ in their dashes too.
@@ -37,7 +38,7 @@ _COLUMNS = 900  # of a drawing of the page's width: more samples are drawn as th
 _STYLE = {
     "svg.fonttype": "none", "text.parse_math": False, "font.family": "DejaVu Sans", "font.size": 8.5,
     "axes.titlesize": 8.5, "axes.titleweight": "bold", "axes.titlelocation": "left", "axes.titlepad": 6.0,
-    "axes.labelsize": 8.5, "axes.labelcolor": INK, "axes.edgecolor": SOFT, "axes.linewidth": 0.7,
+    "axes.titley": 1.0, "axes.labelsize": 8.5, "axes.labelcolor": INK, "axes.edgecolor": SOFT, "axes.linewidth": 0.7,
     "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
     "axes.formatter.use_mathtext": False, "axes.formatter.useoffset": False, "axes.unicode_minus": True,
     "grid.color": GRID, "grid.linewidth": 0.6, "text.color": INK,
@@ -50,6 +51,7 @@ _STYLE = {
 }  # fmt: skip
 _ABOUT = {"left": 0.05, "right": 0.99, "bottom": 0.08, "top": 0.94, "wspace": 0.08, "hspace": 0.2}
 _SIDE_PT, _EDGE_PT, _BETWEEN = 3.0, 4.32, 0.02  # beside and above every drawing; share of the page between columns
+_EDGE = 1e-9  # of what is in view: so near its edge a tick is in it
 _FONT = "'Helvetica Neue',Helvetica,Arial,'Liberation Sans',sans-serif"
 
 
@@ -114,6 +116,9 @@ def lay_out(figure: Figure) -> None:
     figure.subplots_adjust(**_ABOUT)  # how many ticks there are, and what is wider than its axes, depends on it
     width, height = (72.0 * inches for inches in figure.get_size_inches().tolist())
     renderer = RendererSVG(width, height, io.StringIO())  # type: ignore[no-untyped-call]
+    for axes in figure.axes:
+        _keep_ticks(axes.xaxis)
+        _keep_ticks(axes.yaxis)
     shown = [(axes, at) for axes in figure.axes if axes.get_visible() and (at := axes.get_subplotspec())]
     if not shown:
         return
@@ -135,6 +140,18 @@ def lay_out(figure: Figure) -> None:
         wspace=beside * columns / (width - left - right - beside * (columns - 1)),
         hspace=below * rows / (height - top - bottom - below * (rows - 1)),
     )  # fmt: skip
+
+
+def _keep_ticks(axis: Axis) -> None:
+    """Find the ticks in view once: a locator is asked ten times, and a tick beyond the view is made, not drawn."""
+    from matplotlib.ticker import FixedLocator
+
+    low, high = np.sort(axis.get_view_interval())
+    edge = _EDGE * (high - low)
+    for found, keep in (
+        (axis.get_majorticklocs(), axis.set_major_locator), (axis.get_minorticklocs(), axis.set_minor_locator),
+    ):  # fmt: skip
+        keep(FixedLocator(found[(found >= low - edge) & (found <= high + edge)]))
 
 
 def small_multiples(
@@ -239,8 +256,8 @@ def _inline(svg: str, name: str, alt: str) -> str:
 
 
 def _shorter(path: re.Match[str]) -> str:
-    """Coordinates to a hundredth of a point."""
-    return re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), path[0])
+    """Coordinates down to a hundredth of a point."""
+    return re.sub(r"\.0(?:0\d*)?(?!\d)|(?<=\.\d)0\d*|(?<=\.\d\d)\d+", "", path[0])
 
 
 def _escaped(text: str) -> str:
