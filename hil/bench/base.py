@@ -13,13 +13,16 @@ from hil.untrusted import parse_toml, read_text
 
 BASED_ON = "based_on"
 _DEEPEST = 5  # files on files; more is a circle
+_HOW_REACHED = ("driver", "simulated")
+_OF_TERMINAL = ("device", "terminal", "calibration", "calibration_history", "range", "pwm")
 
 
 def whole_bench(path: Path, text: str) -> tuple[dict[str, Any], str]:
     """The content of a bench file with what it is based on, and that as one text.
 
-    Tables are merged key by key; everything else replaces what the other file says. The text of a file that stands
-    for itself is its own.
+    Tables are merged key by key; everything else replaces what the other file says. A device that says how it is
+    reached is another one, and what belongs to a channel's terminal goes with that. The text of a file that stands for
+    itself is its own.
 
     Raises:
         FileError: a file cannot be read, is not TOML, or is based on itself.
@@ -41,7 +44,7 @@ def _with_base(path: Path, content: Mapping[str, Any], depth: int) -> dict[str, 
         raise FileError(f"{path}: {BASED_ON}: more than {_DEEPEST} files one on the other, or one on itself")
     home = _base_path(path, content[BASED_ON])
     base = _with_base(home, _content(home, _text(home)), depth + 1)
-    return merged(_at_home(base, home.parent), own)
+    return merged(_without_replaced(_at_home(base, home.parent), own), own)
 
 
 def _base_path(path: Path, name: Any) -> Path:
@@ -51,6 +54,20 @@ def _base_path(path: Path, name: Any) -> Path:
         return find_bench(str(path.parent / name) if name.endswith(".toml") else name)
     except HilError as error:
         raise FileError(f"{path}: {BASED_ON}: {error}") from None
+
+
+def _without_replaced(base: dict[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """The base less its device of a name that is another one here, and less what a channel had of another terminal."""
+    kept = dict(base)
+    for section, telling, gone in (("devices", _HOW_REACHED, ()), ("channels", ("terminal",), _OF_TERMINAL)):
+        before, here = base.get(section), own.get(section)
+        if isinstance(before, Mapping) and isinstance(here, Mapping):
+            moved = {name for name, table in here.items() if isinstance(table, Mapping) and set(telling) & set(table)}
+            kept[section] = {
+                name: {k: v for k, v in table.items() if gone and k not in gone} if name in moved else table
+                for name, table in before.items()
+            }
+    return kept
 
 
 def merged(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:

@@ -57,6 +57,7 @@ BY_HAND = {
 SAME_AS = {
     "cummins-efc-modbus": "cummins-efc-acceptance", "efc-good": "cummins-efc-acceptance",
     "efc-prototype": "cummins-efc-acceptance", "efc-return": "cummins-efc-acceptance",
+    "four-way-lab-modbus": "four-way-lab", "four-way-lab-can": "four-way-lab",
     "hpv41-canopen": "brevini-hpv41", "hpv41-j1939": "brevini-hpv41", "hpv41-mixed": "brevini-hpv41",
     "hpv41-modbus-rtu": "brevini-hpv41", "hpv41-modbus-tcp": "brevini-hpv41", "hpv41-serial": "brevini-hpv41",
     "hpv41-usb-6211": "brevini-hpv41", "hpv41-identified": "brevini-hpv41", "hpv41-mean": "brevini-hpv41",

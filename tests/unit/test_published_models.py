@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 import hil
+from hil.bench.base import whole_bench
 from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.catalog import models
@@ -88,6 +89,20 @@ def test_fault_of_the_own_file_is_told_with_its_line(tmp_path):
     path = written(tmp_path / "mine.toml", 'based_on = "brevini-hpv41"\n[channels.command]\nsafe = 200.0\n')
     with pytest.raises(FileError, match=r"mine\.toml:3.*200"):
         read_bench(path)
+
+
+def test_another_device_and_another_terminal_keep_nothing_of_those_of_the_base(tmp_path):
+    text = (
+        'based_on = "four-way-lab"\n[devices.daq]\ndriver = "modbus"\nmodel = "wago-750"\naddress = "127.0.0.1:1502"\n'
+        '[devices.other]\nsimulated = "in_process"\n[channels."tank setting"]\ndevice = "other"\nterminal = "ao0"\n'
+        "calibration = { slope = 2.0 }\n"
+    )
+    mine, base = whole_bench(written(tmp_path / "mine.toml", text), text)[0], read_bench(benches()["four-way-lab"])
+    assert mine["devices"]["daq"] == {"driver": "modbus", "model": "wago-750", "address": "127.0.0.1:1502"}
+    tank = mine["channels"]["tank setting"]
+    assert (tank["device"], tank["terminal"], tank["calibration"]) == ("other", "ao0", {"slope": 2.0})
+    assert "pwm" not in tank and tank["limits"]["high"] == base.bench.channels["tank setting"].limits.high
+    assert mine["channels"]["oil temperature"]["pwm"] == {"carrier_hz": 1000.0}  # that one stays where it was
 
 
 @pytest.mark.parametrize(
