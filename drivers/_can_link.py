@@ -124,7 +124,7 @@ class CanLink(DeviceLink):
         while any(math.isinf(self._came_s(t)) for t in self._inputs.values()) and system.now_s() < until_s:
             self._frames.receive(max(0.0, until_s - system.now_s()))
         try:
-            self.unmeasured = {name: why for name, t in self._inputs.items()
+            self.invalid_reasons = {name: why for name, t in self._inputs.items()
                                if (why := self._received[t.message].why_none(t))}  # fmt: skip
             return {name: self._received_value(t, t) for name, t in self._inputs.items()}
         except LinkError as error:

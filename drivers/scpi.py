@@ -111,7 +111,7 @@ class ScpiLink(SpokenLink):
     def _measured(self) -> dict[str, float]:
         """In one message; an overload is infinite."""
         readings = self._asked(self._inputs)
-        self.unmeasured = {name: f"the instrument answers {self._answers[self._inputs[name].ask]}"
+        self.invalid_reasons = {name: f"the instrument answers {self._answers[self._inputs[name].ask]}"
                            for name, value in readings.items() if math.isnan(value)}  # fmt: skip
         return readings
 

@@ -49,7 +49,7 @@ class Recorder:
         time_s = self.time_of(block)
         self._writer.append(time_s, block.columns)
         for name, channel in self._inputs.items():
-            self._follow(channel, block.inputs[name], time_s, block.unmeasured.get(name, ""))
+            self._follow(channel, block.inputs[name], time_s, block.invalid_reasons.get(name, ""))
         if block.late:
             self.note("late samples", count=block.late)
 

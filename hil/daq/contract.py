@@ -137,7 +137,7 @@ class Block:
         late: samples that a polled backend missed.
         delays_s: for each name in `Promises.delay_channels`, how long after the stamp each sample was read, shape
             (n,); empty where the sample clock says when.
-        unmeasured: by input, why samples of it are no measurement, in the device's words; where it has any.
+        invalid_reasons: by input, why samples of it are no measurement, in the device's words; where it has any.
     """
 
     time_s: Array
@@ -145,7 +145,7 @@ class Block:
     outputs: Mapping[str, Array]
     late: int = 0
     delays_s: Mapping[str, Array] = field(default_factory=dict)
-    unmeasured: Mapping[str, str] = field(default_factory=dict)
+    invalid_reasons: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -170,7 +170,7 @@ def joined(blocks: Sequence[Block]) -> Block:
         _joined([block.outputs for block in blocks]),
         sum(block.late for block in blocks),
         _joined([block.delays_s for block in blocks]),
-        {name: why for block in blocks for name, why in block.unmeasured.items()},
+        {name: why for block in blocks for name, why in block.invalid_reasons.items()},
     )
 
 

@@ -107,7 +107,7 @@ class DeviceLink(ABC):
         SettingError: its watchdog would put an output elsewhere than at its safe value.
 
     Attributes:
-        unmeasured: why inputs had no measurement when they were read last, by terminal.
+        invalid_reasons: why inputs had no measurement when they were read last, by terminal.
     """
 
     _why_moved = "the device restarted, its watchdog expired, it does not obey, or another program drives it"
@@ -139,7 +139,7 @@ class DeviceLink(ABC):
         self._reports_each_s, self._longest_reply_s = told_each_s, longest_reply_s
         self._quiet_until_s = 0.0
         self._seen: set[str] = set()
-        self.unmeasured: dict[str, str] = {}
+        self.invalid_reasons: dict[str, str] = {}
         self._read_back_times, self._checked_s = ReadBackTimes(), system.now_s()
 
     @property
@@ -224,7 +224,7 @@ class DeviceLink(ABC):
             system.sleep(wait_s)
             self._forget()
         self._quiet_until_s = 0.0
-        begun_s, self.unmeasured = system.now_s(), {}
+        begun_s, self.invalid_reasons = system.now_s(), {}
         readings = self._measured()
         self._seen |= readings.keys()
         self._read_back_times.took(system.now_s() - begun_s)
@@ -257,7 +257,7 @@ class DeviceLink(ABC):
         """
         if name not in self._seen and not self._wiring.looked_at:
             raise LinkError(f"{name} reads no measurement from the first on: {why}")
-        self.unmeasured[name] = why
+        self.invalid_reasons[name] = why
         return math.nan
 
     def _failed(self, text: str) -> LinkError:

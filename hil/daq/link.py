@@ -32,8 +32,8 @@ class Link(Protocol):
     says what it is (a serial number) may keep that as `identity`, empty when it has not: who answers to its address
     with another one later is another device. It asks before it writes, and calls `Wiring.refuse_another`; on every new
     connection within its life it asks again. One that says why an input has no measurement may keep that after each
-    `read` as `unmeasured`, in words by terminal. One on a connection that the device may close while it idles may have
-    a `renew`, called before a task with outputs safe.
+    `read` as `invalid_reasons`, in words by terminal. One on a connection that the device may close while it idles may
+    have a `renew`, called before a task with outputs safe.
     """
 
     watchdog_s: float | None
@@ -150,9 +150,9 @@ class Member:
         self.read_for_s.append(self.clock.now_s - begun_s)
         return {name: float(values[channel.terminal]) for name, channel in self.wiring.inputs.items()}
 
-    def unmeasured(self) -> dict[str, str]:
+    def invalid_reasons(self) -> dict[str, str]:
         """Why inputs have no measurement, as far as the device says so."""
-        reasons: Mapping[str, str] = getattr(self.link, "unmeasured", {})
+        reasons: Mapping[str, str] = getattr(self.link, "invalid_reasons", {})
         return (
             {name: reasons[c.terminal] for name, c in self.wiring.inputs.items() if c.terminal in reasons}
             if reasons

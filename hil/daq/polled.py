@@ -177,7 +177,9 @@ class PolledDaq:
             if not member.answers:
                 raise LinkError(f"{member.name}: gave no answer")
             values = {name: np.array([member.read()[name]])}
-            return Block(np.array([self._clock.now_s - self._zero_s]), values, {}, unmeasured=member.unmeasured())
+            return Block(
+                np.array([self._clock.now_s - self._zero_s]), values, {}, invalid_reasons=member.invalid_reasons()
+            )
 
     def close(self) -> None:
         """Make safe, unless that was the last thing done, and let go of the devices."""
@@ -364,7 +366,7 @@ class PolledDaq:
                 return
             asked_s = self._clock.now_s
             readings |= member.read()
-            taken.unmeasured |= member.unmeasured()
+            taken.invalid_reasons |= member.invalid_reasons()
             delay_s = 0.5 * (asked_s + self._clock.now_s) - updated_s - member.reading_age_s
             member.read_after_s.append(delay_s)
             delays_s[member.delay_name] = delay_s

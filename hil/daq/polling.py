@@ -94,7 +94,7 @@ class Taken:
 
     def __init__(self, outputs: Iterable[str], inputs: Iterable[str], delays: Iterable[str]) -> None:
         self.late = 0
-        self.unmeasured: dict[str, str] = {}
+        self.invalid_reasons: dict[str, str] = {}
         self.begun_s: float | None = None
         self.time_s: list[float] = []
         self._columns: tuple[dict[str, list[float]], ...] = tuple(
@@ -115,4 +115,4 @@ class Taken:
         outputs, inputs, delays_s = (
             {name: np.array(values) for name, values in columns.items()} for columns in self._columns
         )
-        return Block(np.array(self.time_s), inputs, outputs, self.late, delays_s, self.unmeasured)
+        return Block(np.array(self.time_s), inputs, outputs, self.late, delays_s, self.invalid_reasons)

@@ -525,6 +525,5 @@ def _refuse_no_number(block: Block, watched: frozenset[str]) -> None:
     for name, values in block.inputs.items():
         if name not in watched and not is_measured(values) and np.isnan(values).any():
             at_s = float(block.time_s[int(np.argmax(np.isnan(values)))])
-            raise LinkError(
-                f"'{name}' has no measurement at {at_s:.3f} s: {block.unmeasured.get(name, 'dead sensor or device')}"
-            )
+            why = block.invalid_reasons.get(name, "dead sensor or device")
+            raise LinkError(f"'{name}' has no measurement at {at_s:.3f} s: {why}")

@@ -196,7 +196,7 @@ class Watch:
         name = self.interlock.allowed.channel
         value, time_s = float(block.values(name)[at]), float(block.time_s[at])
         if np.isnan(value):
-            why = block.unmeasured.get(name, "") or "no measurement"
+            why = block.invalid_reasons.get(name, "") or "no measurement"
             unread = f"its contact could not be read at {time_s:.3f} s ({why})"
             return f"emergency stop '{name}': {unread}: the link died, nobody is known to have pressed"
         return f"emergency stop '{name}': pressed at {time_s:.3f} s (its contact is open, {value:.6g})"
@@ -205,7 +205,7 @@ class Watch:
         lock = self.interlock
         lasted = f" for {lock.for_s:g} s" if lock.for_s else ""
         condition = f" while {lock.only_while}" if lock.only_while else ""
-        reasons = (block.unmeasured.get(name or "", "") for name in (lock.allowed.channel, lock.allowed.minus))
+        reasons = (block.invalid_reasons.get(name or "", "") for name in (lock.allowed.channel, lock.allowed.minus))
         reading = _reading(float(lock.allowed.values(block)[at]), next(filter(None, reasons), ""))
         return f"{reading}{lasted}{condition}; allowed: {lock.allowed}"
 
@@ -215,7 +215,7 @@ class Watch:
         stood = (
             f"has stood at {value:.6g}"
             if np.isfinite(value)
-            else f"has had {_reading(value, block.unmeasured.get(lock.allowed.channel, ''))}"
+            else f"has had {_reading(value, block.invalid_reasons.get(lock.allowed.channel, ''))}"
         )
         return f"{lock.allowed.channel} {stood} for {lock.stale_s:g} s: dead sensor, broken wire or hanging device"
 

@@ -119,7 +119,7 @@ def test_modbus_modules_against_registers_on_a_socket() -> None:
         assert link.read() == pytest.approx({"ai0": 10.0, "ai5": 0.0, "di0": 1.0, "di1": 0.0}, abs=1e-3)
         assert link.standing() == pytest.approx({"ao1": 2.5, "do0": 1.0}, abs=3e-3)
         adam.holding[25] = 4  # AI status of channel 5, 40026: over low
-        assert math.isnan(link.read()["ai5"]) and link.unmeasured == {"ai5": "over low"}
+        assert math.isnan(link.read()["ai5"]) and link.invalid_reasons == {"ai5": "over low"}
 
 
 def answering(answers: Callable[[str], str], end: str, answer_end: str) -> ForeignLine:

@@ -309,9 +309,9 @@ def test_counts_and_flags_that_are_no_measurement_are_told_in_words(outputs: boo
                 link._seen.add("ai1")
             read = link.read()["ai1"]
             assert math.isnan(read) is bool(why)
-            assert link.unmeasured == ({"ai1": why} if why else {})
+            assert link.invalid_reasons == ({"ai1": why} if why else {})
             node.objects[place] = before
-        assert link.read()["ai1"] == 0.0 and link.unmeasured == {}
+        assert link.read()["ai1"] == 0.0 and link.invalid_reasons == {}
 
 
 def test_a_float_that_is_none_is_told(tmp_path: Path) -> None:
@@ -321,7 +321,7 @@ def test_a_float_that_is_none_is_told(tmp_path: Path) -> None:
     with by_hand(tmp_path, objects, model="transmitter-404", wiring=wiring) as (link, node):
         assert link.read() == {"pressure": 123.5}
         node.objects[0x6130, 1] = struct.pack("<f", math.nan)
-        assert math.isnan(link.read()["pressure"]) and link.unmeasured == {"pressure": "not a number"}
+        assert math.isnan(link.read()["pressure"]) and link.invalid_reasons == {"pressure": "not a number"}
 
 
 @pytest.mark.parametrize(

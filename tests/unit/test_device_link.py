@@ -127,7 +127,7 @@ def test_an_input_without_a_measurement_is_told_and_refused_where_it_never_had_o
     cell = Cell()
     cell.read()
     cell.reads = math.nan
-    assert math.isnan(cell.read()["in"]) and cell.unmeasured == {"in": "its wire is off"}
+    assert math.isnan(cell.read()["in"]) and cell.invalid_reasons == {"in": "its wire is off"}
 
 
 def test_what_is_opened_is_the_device_that_is_meant_and_can_be_made_safe() -> None:

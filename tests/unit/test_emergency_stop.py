@@ -48,7 +48,7 @@ def bench(folder: Path, base: str, *, device: str = "daq", terminal: str = "ai6"
 def judged(*readings: float, why: str = "") -> str:
     lock = Interlock("stop", "trip", Band("stop", low=0.5), is_emergency_stop=True)
     values, time_s = np.array(readings), 0.1 * np.arange(len(readings))
-    block = Block(time_s, {"stop": values}, {}, unmeasured={"stop": why} if why else {})
+    block = Block(time_s, {"stop": values}, {}, invalid_reasons={"stop": why} if why else {})
     found = Watch(lock).judge(block)
     return "" if found is None else found.text
 

@@ -104,7 +104,7 @@ class Dead(Wire):
     def _run(self, waveform: object) -> Block:
         made = super()._run(waveform)  # type: ignore[arg-type]
         inputs = {**made.inputs, "b read": np.full(len(made), self.reading)}
-        return replace(made, inputs=inputs, unmeasured={"b read": "open wire"} if self.says_why else {})
+        return replace(made, inputs=inputs, invalid_reasons={"b read": "open wire"} if self.says_why else {})
 
 
 def guarded(reading: float, *locks: Interlock) -> Guard:
@@ -120,7 +120,7 @@ def test_why_there_is_none_is_said_in_the_devices_words() -> None:
     with pytest.raises(LinkError, match=r"'b read' has no measurement at .* s: open wire"):
         Guard(Dead(np.nan, says_why=True), Protection(rate_hz=100.0)).ready()
     watch = Watch(Interlock("p", "trip", Band("pressure", high=1.0)))
-    found = watch.judge(replace(block([0.0, np.nan]), unmeasured={"pressure": "sensor broken"}))
+    found = watch.judge(replace(block([0.0, np.nan]), invalid_reasons={"pressure": "sensor broken"}))
     assert found is not None and "no measurement (sensor broken); allowed" in found.text
 
 

@@ -179,5 +179,5 @@ class _Looked:
         if not len(block):
             raise DeviceLostError(f"{self._device.name}: no samples came")
         for name, followed in self._followed.items():
-            followed.take(block.time_s, block.inputs[name], block.unmeasured.get(name, ""))
+            followed.take(block.time_s, block.inputs[name], block.invalid_reasons.get(name, ""))
         self._came_s = system.now_s()
