@@ -51,7 +51,7 @@ class CanLink(DeviceLink):
             expires_to=description.watchdog.expires_to if description.watchdog else None,
             longest_reply_s=settings.longest_reply_s,
             close={n: (t.close or 0.0) + 1e-9 * max(map(abs, t.range)) for n, t in self._outputs.items()},
-            told_each_s=max((description.about(message).every_s or _EVERY_S for message in backs), default=0.0),
+            reports_each_s=max((description.about(message).every_s or _EVERY_S for message in backs), default=0.0),
         )  # fmt: skip
         self.keep_alive_s = min(every_s or _EVERY_S, (self.watchdog_s or math.inf) / 3.0)
         self._open()

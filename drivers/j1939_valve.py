@@ -121,7 +121,11 @@ class J1939ValveLink(DeviceLink):
         self._came_s = 0.0
         self._names_device = ""
         super().__init__(
-            wiring, settings.watchdog_s, device="valve", longest_reply_s=settings.longest_reply_s, told_each_s=_EVERY_S
+            wiring,
+            settings.watchdog_s,
+            device="valve",
+            longest_reply_s=settings.longest_reply_s,
+            reports_each_s=_EVERY_S,
         )
         self.keep_alive_s = min(_EVERY_S, settings.watchdog_s / 3.0)
         self._open()

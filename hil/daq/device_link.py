@@ -99,9 +99,8 @@ class DeviceLink(ABC):
         close: by terminal, how far an output may be held from where it was driven; exactly there if not said.
         device: what it is called in errors.
         longest_reply_s: after an answer that did not come nothing is believed for so long (`_failed`).
-        told_each_s: of a device that tells by itself where its outputs are held: how often; it then may say otherwise
-            for `longest_reply_s`, and what was driven within the time of three messages is no difference. 0: it is
-            asked.
+        reports_each_s: how often a device says by itself where its outputs are held; it then may say otherwise for
+            `longest_reply_s`, and what was driven within the time of three messages is no difference. 0: it is asked.
 
     Raises:
         SettingError: its watchdog would put an output elsewhere than at its safe value.
@@ -118,7 +117,7 @@ class DeviceLink(ABC):
     def __init__(
         self, wiring: Wiring, watchdog_s: float | None = None, *, expires_to: float | None = None,
         close: Mapping[str, float] | None = None, device: str = "device", longest_reply_s: float = 0.0,
-        told_each_s: float = 0.0,
+        reports_each_s: float = 0.0,
     ) -> None:  # fmt: skip
         for name, channel in wiring.outputs.items() if watchdog_s is not None and expires_to is not None else ():
             if abs((expires_to or 0.0) - channel.safe) > 1e-9:
@@ -136,7 +135,7 @@ class DeviceLink(ABC):
         self._commanded = dict(self._safe)
         self._driven: dict[str, list[tuple[float, float]]] = {}
         self._away_s: dict[str, tuple[float, float]] = {}
-        self._reports_each_s, self._longest_reply_s = told_each_s, longest_reply_s
+        self._reports_each_s, self._longest_reply_s = reports_each_s, longest_reply_s
         self._quiet_until_s = 0.0
         self._seen: set[str] = set()
         self.invalid_reasons: dict[str, str] = {}

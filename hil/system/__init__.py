@@ -109,11 +109,11 @@ class System:
         """End this process at once: nothing of it is done any more."""
         os._exit(status)
 
-    def child(self, module: str, arguments: Sequence[str], told: Mapping[str, str], **how: Any) -> Process[Any]:
+    def child(self, module: str, arguments: Sequence[str], environment: Mapping[str, str], **how: Any) -> Process[Any]:
         """A process of ours, as `hil.child.child` starts it."""
         from hil.child import child
 
-        return child(module, arguments, told, **how)
+        return child(module, arguments, environment, **how)
 
     def parent(self, pid: int) -> Parent[Any]:
         """The program that started this process, as it is heard and answered."""

@@ -64,31 +64,31 @@ TERMINALS = {"modbus": ("ao0", "ao1", "ai0", "ai1"), "scpi": ("dac4", "dac5", "i
 WIRED = {"command": "flow", "second": "wire of second"}
 WATCHDOG = "has_the_watchdog_that_it_promises"
 CAUGHT = {
-    "ignores": "drives_what_it_is_told",
+    "ignores": "drives_as_commanded",
     "ignores, repeats what it was told": "an_input_sees_what_it_drives",
-    "obeys three seconds later": "drives_what_it_is_told",
-    "obeys another channel": "drives_what_it_is_told",
+    "obeys three seconds later": "drives_as_commanded",
+    "obeys another channel": "drives_as_commanded",
     "exchanges two channels, repeats what it was told": "an_input_sees_what_it_drives",
-    "obeys the first command alone": "drives_what_it_is_told",
-    "obeys the command before": "drives_what_it_is_told",
+    "obeys the first command alone": "drives_as_commanded",
+    "obeys the command before": "drives_as_commanded",
     "obeys the command before, repeats what it was told": "an_input_sees_what_it_drives",
-    "obeys no more after the safe command until it is opened again": "goes_to_its_safe_value_when_told",
-    "obeys the first channel alone": "drives_what_it_is_told",
-    "half scale": "drives_what_it_is_told",
+    "obeys no more after the safe command until it is opened again": "goes_to_its_safe_value_on_command",
+    "obeys the first channel alone": "drives_as_commanded",
+    "half scale": "drives_as_commanded",
     "half scale, repeats what it was told": "an_input_sees_what_it_drives",
-    "wrong sign": "drives_what_it_is_told",
+    "wrong sign": "drives_as_commanded",
     "wrong sign, repeats what it was told": "an_input_sees_what_it_drives",
-    "no negative values": "drives_what_it_is_told",
-    "offset of 2 %": "drives_what_it_is_told",
-    "jitters by 2 %": "drives_what_it_is_told",
+    "no negative values": "drives_as_commanded",
+    "offset of 2 %": "drives_as_commanded",
+    "jitters by 2 %": "drives_as_commanded",
     "saturates at 80 %": "reaches_its_limits",
     "saturates at 60 %": "reaches_its_limits",
     "saturates at 60 %, repeats what it was told": "an_input_sees_what_it_drives",
-    "says for ever where it stood first": "drives_what_it_is_told",
-    "answers for another unit": "drives_what_it_is_told",
+    "says for ever where it stood first": "drives_as_commanded",
+    "answers for another unit": "drives_as_commanded",
     "sticks after 12 commands": "obeys_every_command",
     "creeps home when nothing is said": "obeys_every_command",
-    "ignores the safe command": "goes_to_its_safe_value_when_told",
+    "ignores the safe command": "goes_to_its_safe_value_on_command",
     "forgets when somebody connects": "stands_while_the_link_is_opened_again",
     "moves when somebody connects": "stands_while_the_link_is_opened_again",
     "inputs stand still": "an_input_sees_what_it_drives",
@@ -240,7 +240,7 @@ def test_command_says_what_is_broken_on_hardware(lie: str, status: int, check_dr
     with served("modbus", lie) as server:
         result = check_driver(server, "--hardware", *pairs)
     assert result.status == status, result
-    broken = "broken    drives what it is told: 'command' was driven to 1.2 V and stands at 0"
+    broken = "broken    drives as commanded: 'command' was driven to 1.2 V and stands at 0"
     assert (broken in result.out + result.err) is bool(lie)
     assert "outputs stand at their safe values, read back" in result.out + result.err
 

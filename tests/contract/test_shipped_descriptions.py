@@ -24,7 +24,7 @@ pytestmark = pytest.mark.xdist_group(
 )  # for clocks: on one worker, beside others that compute
 
 NAMES = sorted(descriptions())
-DRIVES, OBEYS, GOES_SAFE = "drives_what_it_is_told", "obeys_every_command", "goes_to_its_safe_value_when_told"
+DRIVES, OBEYS, GOES_SAFE = "drives_as_commanded", "obeys_every_command", "goes_to_its_safe_value_on_command"
 _TRIES = 3  # a busy computer is late now and then
 WATCHDOG, READS = "has_the_watchdog_that_it_promises", "reads_what_is_there"
 WATCHDOG_S = 1.5

@@ -110,7 +110,7 @@ def test_board_itself_is_examined(bench: Bench) -> None:
     assert "broken" not in verdicts.values(), out + err
     passed = {check for check, verdict in verdicts.items() if verdict == "passed"}
     assert {"leaves outputs where they are", "tells where outputs stand", "keeps the rate",
-            "goes safe at once and again"} <= passed  # fmt: skip
+            "goes safe immediately and again"} <= passed  # fmt: skip
     assert (bench.level("ao0"), bench.level(RELAY)) == (0.0, 0.0)
 
 

@@ -99,7 +99,7 @@ def pulled_at(cell: Cell) -> None:
 
 
 def test_a_device_that_tells_late_is_not_suspected_and_one_that_is_pulled_at_now_and_then_is() -> None:
-    cell = Cell(told_each_s=0.02, longest_reply_s=0.3)
+    cell = Cell(reports_each_s=0.02, longest_reply_s=0.3)
     cell.drive({"out": 5.0})
     cell.holds = 0.0
     cell.read()  # it may have been under way

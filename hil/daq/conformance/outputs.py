@@ -9,7 +9,7 @@ _COMMANDS, _FEWEST, _COMMANDING_S = 100, 20, 1.0  # so many, but no longer; so f
 _KEPT_S = 0.5  # without a word
 
 
-def drives_what_it_is_told(subject: Subject) -> None:
+def drives_as_commanded(subject: Subject) -> None:
     """A value that is driven stands at the device, soon, on either side of the safe value; each line its own."""
     lines = sum(c.kind == "digital" for c in subject.outputs)
     apart = [subject.nth(number) for number in range(2 * lines.bit_length() if lines > 1 else 0)]
@@ -46,7 +46,7 @@ def reaches_its_limits(subject: Subject) -> str | None:
     return None if subject.reach >= 1.0 else f"tried {100.0 * subject.reach:.0f} % of the way to the bench's limits"
 
 
-def goes_to_its_safe_value_when_told(subject: Subject) -> None:
+def goes_to_its_safe_value_on_command(subject: Subject) -> None:
     """The safe value is obeyed as any other, from near it and from far."""
     _ = subject.outputs
     with subject.link() as link:

@@ -84,7 +84,7 @@ def refuses_a_range_before_the_first_sample(subject: Subject) -> None:
         expect(daq.levels[name] == before, "an output moved")
 
 
-def goes_safe_at_once_and_again(subject: Subject) -> None:
+def goes_safe_immediately_and_again(subject: Subject) -> None:
     """In the middle of a task every output goes to its safe value, and the call may be repeated."""
     _ = subject.outputs
     with subject.daq() as daq:

@@ -38,11 +38,11 @@ def labels(f: Fitted) -> Keys:
     return frozenset((t.kind, t.effect_name(v) or t.name) for t, v in f.pairs)
 
 
-def _distinct(sets: Iterable[Fitted], told: Callable[[Fitted], Keys]) -> list[Fitted]:
-    """The first of those that are told alike."""
+def _distinct(sets: Iterable[Fitted], key: Callable[[Fitted], Keys]) -> list[Fitted]:
+    """The first of those that have the same key."""
     found: dict[Keys, Fitted] = {}
     for f in sets:
-        found.setdefault(told(f), f)
+        found.setdefault(key(f), f)
     return list(found.values())
 
 
