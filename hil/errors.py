@@ -13,7 +13,7 @@ HilError
 └── HardwareError         the bench failed                            exit status 3
     ├── LinkError         no or garbled answer from a device
     ├── DeviceLostError   the device is gone
-    │   └── UnansweredError  it was told to be safe, and did not answer
+    │   └── UnansweredError  it was commanded safe, and did not answer
     ├── OutputUnderflowError the output ran out of samples
     ├── OverrunError      input samples were overwritten before they were read
     ├── StorageError      the recording could not be written (disk full)

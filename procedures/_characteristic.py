@@ -194,7 +194,7 @@ def _spoilt(swept_: Swept) -> Note | None:
         return None
     return Note(
         "The response at the same end of the sweep changes by {change:.2g} {unit} from visit to visit: reading or "
-        "valve drifts. Hysteresis, lag and the ends of a dead band cannot be told from drift.",
+        "valve drifts. Hysteresis, lag and the ends of a dead band cannot be separated from drift.",
         change=swept_.drifted, unit=swept_.response.unit,
     )  # fmt: skip
 

@@ -78,7 +78,7 @@ class Evaluated:
         at = self.response
         why = Note(
             "the valve does not follow here: its response at {reference_hz:g} Hz, the reference, is within its noise, "
-            "so no bandwidth can be told. Drive it about another bias or with a larger amplitude.",
+            "so no bandwidth can be determined. Drive it about another bias or with a larger amplitude.",
             reference_hz=at.frequency_hz[0],
         )
         return (why.at(self.label),)

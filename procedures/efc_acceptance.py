@@ -328,7 +328,7 @@ def _condition(
     except InputError as error:
         return (
             [m.of(None) for m in _CONDITION],
-            [Note("Condition cannot be told: {why}.", why=str(error))],
+            [Note("Condition unknown: {why}.", why=str(error))],
             PopulationComparison(reason=str(error)),
         )
     settings = recording.meta["settings"]

@@ -186,7 +186,7 @@ def _hum_note(one: Evaluated, hummed: NDArray[np.bool_], hum_hz: float | None) -
     lines_hz = tuple(Note("{line_hz:g}", line_hz=line_hz) for line_hz in one.response.frequency_hz[hummed])
     note = Note(
         "a tone of {tone_hz:.3g} Hz goes on beneath every sine. What it adds to harmonics of {lines_hz} Hz cannot be "
-        "told from distortion; drive other frequencies to tell it.",
+        "separated from distortion; drive other frequencies.",
         tone_hz=hum_hz, lines_hz=lines_hz,
     )  # fmt: skip
     return note.at(one.label)

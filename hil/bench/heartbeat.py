@@ -25,7 +25,7 @@ from hil.system.signals import HOLDING_UP, WAKE, name_of
 from hil.system.tcp import close_in_children
 
 READY, DRIVEN, AT_REST, FAREWELL, ANSWER, ERROR = b"ready ", b"d", b"s", b"q", b".", b"error "
-CONFIRMING = b"c"  # a sign of life: outputs are told to be safe and read back, and nothing else comes in between
+CONFIRMING = b"c"  # a sign of life: outputs are commanded safe and read back, and nothing else comes in between
 HANDS_OVER, TAKEN = b"h", b"+"  # the program ends and its outputs are not settled; the watchdog goes on
 REQUESTS: Mapping[Asked, bytes] = {"stop": b"!", "hold": b"=", "resume": b">"}
 BY = b"@"  # from the watchdog: who asks for the stop that follows, a JSON string on a line

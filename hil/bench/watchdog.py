@@ -228,7 +228,7 @@ def _act(file: BenchFile, pid: int, run: Path, end: _End, service: StopService) 
         text = f"process {pid} {why}; NOT SAFE: {_with_remedy(rescue.left)}"
         _report(file, run, {"why": why, "not_safe": rescue.left, "tried_s": took_s, **outputs}, text)
     elif rescue.unasked:
-        text = f"process {pid} {why}; outputs told to be safe in {took_s:g} s; {'; '.join(rescue.unasked)}"
+        text = f"process {pid} {why}; outputs commanded safe in {took_s:g} s; {'; '.join(rescue.unasked)}"
         _report(file, run, {"why": why, "commanded_after_s": took_s, "unconfirmed": rescue.unasked, **outputs}, text)
     else:
         text = f"process {pid} {why}; outputs made safe in {took_s:g} s"

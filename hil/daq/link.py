@@ -42,7 +42,7 @@ class Link(Protocol):
     def standing(self) -> Mapping[str, float]:
         """Where every output in use stands, as the device answers now; never what it was told before.
 
-        An output that the device cannot be asked about is left out: it is then called "told to be safe", never "safe".
+        An output that the device cannot be asked about is left out: it is then called "commanded safe", never "safe".
         NaN is one of which the device says only that it is not at its safe value.
         """
         ...

@@ -298,7 +298,7 @@ def settled(problem: Problem) -> tuple[Problem, tuple[Note, ...]]:
         coarse = problem.nominal_residuals
     sizeable = Note(
         "with steps {finer:g} times finer the simulation still changes by {error:.2g} times the noise; small effects "
-        "cannot be told from the integrator",
+        "may be numerical error",
         finer=_FINER[-1], error=error,
     )  # fmt: skip
     return problem, (sizeable,)

@@ -88,7 +88,7 @@ def _shown(q: Quantity | None, name: str, spec: str | None) -> str:
 def nothing_identifiable(ceiling: float) -> Note:
     """What stands in the place of an agreement that would mean nothing."""
     return Note(
-        "Nothing can be said of this unit: noise allows a fit of {ceiling:.3g} % at most. Record it with a larger "
+        "This unit cannot be judged: noise allows a fit of {ceiling:.3g} % at most. Record it with a larger "
         "command, or with less noise.",
         ceiling=ceiling,
     )

@@ -23,12 +23,12 @@ class Operator:
     interlock is.
 
     Attributes:
-        tell: takes what is known of the outputs after a stop, each time they were told to be safe and read back, and
+        tell: takes what is known of the outputs after a stop, each time they were commanded safe and read back, and
             when the run is over.
         holding: told when the run begins and ends to hold.
         asked: told when a condition is to be set by hand; what it returns is asked until somebody has confirmed it.
         goes_on_by: what whoever confirms it does, in words; empty where it is taken as set.
-        confirming: told again and again while outputs are told to be safe and read back.
+        confirming: called again and again while outputs are commanded safe and read back.
         stopped_by: the account that asked for the stop first; empty where nobody is known.
     """
 

@@ -48,7 +48,7 @@ class Output:
 
     Attributes:
         state: `safe`: the device said so; `driven`: it was driven, or the device says that it stands elsewhere;
-            `unconfirmed`: told to be safe without an error, and not read back; `unknown`: the device did not answer.
+            `unconfirmed`: commanded safe without an error, and not read back; `unknown`: the device did not answer.
         unit: of `at`.
         at: where the device said that it stands; while it is driven, where it was driven to last.
         can: whether the device can be asked.
@@ -72,7 +72,7 @@ class Output:
 
     @property
     def settled(self) -> bool:
-        """Whether nothing is left to do: read back safe, or told to be safe where nobody can ask."""
+        """Whether nothing is left to do: read back safe, or commanded safe where nobody can ask."""
         return self.state is State.SAFE or (self.is_commanded and not self.is_denied)
 
     @property
@@ -124,7 +124,7 @@ class Output:
         texts = {
             State.DRIVEN: _("'{name}' stands at {at}") if at else _("'{name}' is driven"),
             State.UNCONFIRMED: _("'{name}' was made safe, and an earlier command may still arrive") if self.waits
-            else _("'{name}' was told to be safe, and could not be read back"),
+            else _("'{name}' was commanded safe, and could not be read back"),
             State.UNKNOWN: _("nobody knows where '{name}' stands, driven to {at} last") if at
             else _("nobody knows where '{name}' stands"),
         }  # fmt: skip
@@ -158,7 +158,7 @@ def announcement(outputs: Mapping[str, Output]) -> str:
     time_s = max(output.confirmed_in_s for output in left)
     if all(output.can for output in left):
         return _("outputs: safe, read back; confirmed in {time} s").format(time=f"{time_s:.2g}")
-    return _("outputs: told to be safe; told again for {time} s").format(time=f"{time_s:.2g}")
+    return _("outputs: commanded safe; repeated for {time} s").format(time=f"{time_s:.2g}")
 
 
 def sentence(outputs: Mapping[str, Output], *, moved: bool = True) -> str:
@@ -176,7 +176,7 @@ def sentence(outputs: Mapping[str, Output], *, moved: bool = True) -> str:
         return _("nothing was driven")
     unasked = ", ".join(f"'{name}'" for name, output in outputs.items() if output.state is not State.SAFE)
     if unasked:
-        return _("outputs were told to be safe; {names} cannot be read back").format(names=unasked)
+        return _("outputs were commanded safe; {names} cannot be read back").format(names=unasked)
     note = note_of(outputs)
     return _("outputs are safe (read back)") + (f"; {note}" if note else "")
 
@@ -204,7 +204,7 @@ class Outputs:
 
     Attributes:
         moved: whether any was ever sent away from its safe value.
-        asked: whether they were told to be safe and asked about it since they were driven last.
+        asked: whether they were commanded safe and asked about it since they were driven last.
         witnesses: inputs that answer to them, heard before they are called safe (see `hear_witnesses`).
         announce: told once when they were read back safe and only time is missing (see `announcement`).
     """

@@ -31,4 +31,4 @@ def test_a_part_kept_back_that_holds_only_a_rest_does_not_undo_what_the_other_sh
 
 def test_an_agreement_beneath_the_noise_means_nothing_and_says_so() -> None:
     of = of_a_healthy_unit(21.0)  # just out of the dead band
-    assert of.verdict == "consistent" and of.headline.startswith("Nothing can be said of this unit: noise allows a fit")
+    assert of.verdict == "consistent" and of.headline.startswith("This unit cannot be judged: noise allows a fit")

@@ -165,7 +165,7 @@ def test_late_command_of_the_dead_program_does_not_outlast_the_watchdog(
 def test_told_is_not_safe_until_it_is_read_back(tmp_path: Path) -> None:
     devices = {"mute": Valve(None, answers=False)}
     left, _, _ = rescued(bench_of(tmp_path, devices, late_s=0.0))
-    remedy = "was told to be safe, and could not be read back (no answer): use the emergency stop"
+    remedy = "was commanded safe, and could not be read back (no answer): use the emergency stop"
     assert left == [f"mute: 'a' {remedy}; 'b' {remedy}"]
 
 

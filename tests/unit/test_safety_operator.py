@@ -64,7 +64,7 @@ class Pressing(Remote):
 
     @property
     def safe_s(self) -> float:
-        """How long after that it was told to be safe."""
+        """How long after that it was commanded safe."""
         return min(at_s for at_s, value in self.given if at_s > self.asked_s and value == 0.0) - self.asked_s
 
 

@@ -61,8 +61,8 @@ ENDS: list[tuple[BaseException | None, int]] = [
     [
         (SAFE, None, "safe", True, "outputs are safe (read back)"),
         (SAFE, LinkError("no answer"), "safe", True, "outputs are safe (read back)"),
-        (CANNOT_BE_ASKED, None, "unconfirmed", True, "outputs were told to be safe; 'a' cannot be read back"),
-        (SILENT, None, "unconfirmed", False, "'a' was told to be safe, and could not be read back (no answer)"),
+        (CANNOT_BE_ASKED, None, "unconfirmed", True, "outputs were commanded safe; 'a' cannot be read back"),
+        (SILENT, None, "unconfirmed", False, "'a' was commanded safe, and could not be read back (no answer)"),
         (ELSEWHERE, None, "driven", False, "'a' stands at 4 V: use the emergency stop"),
         (SILENT, DeviceLostError("gone"), "unknown", False, "nobody knows where 'a' stands, driven to 5 V last"),
         (CANNOT_BE_ASKED, OSError("gone"), "unknown", False, "nobody knows where 'a' stands"),

@@ -153,7 +153,7 @@ def test_output_that_cannot_be_asked_is_denied_by_its_witness_too() -> None:
     assert guard.known.record()["a"]["read_back"] is False and guard.known.status(None, 0) == 3
     guard = driven(guard_of(Valve(3, answers=False)))
     guard.make_safe()
-    assert guard.known.text == "outputs were told to be safe; 'a' cannot be read back"
+    assert guard.known.text == "outputs were commanded safe; 'a' cannot be read back"
 
 
 def test_output_that_never_left_its_safe_value_needs_no_witness() -> None:

@@ -269,7 +269,7 @@ def rescue_is_told(world: World, ran: Ran) -> Iterator[str]:
         return  # it may have let its watchdog go home already
     said = " ".join(text for _, by, text in ran.said if by == watchdog.name)
     if not any(
-        word in said for word in ("outputs made safe in", "outputs told to be safe in", "NOT SAFE", "in use by")
+        word in said for word in ("outputs made safe in", "outputs commanded safe in", "NOT SAFE", "in use by")
     ):
         yield f"the run is dead, and its watchdog says: {said}"
     try:
