@@ -155,7 +155,7 @@ class Effect:
         equation: for the engineer; `signature`: what it looks like in data; `source`: literature.
         sentence: for the operator, with {parameter} places; {parameter:%} tells a share in percent, {parameter:?}
             nothing but what recordings have reached.
-        rugged: whether the misfit has many valleys over the parameters, so that a fit ends in any of them.
+        multimodal: whether the misfit has many valleys over the parameters, so that a fit ends in any of them.
     """
 
     name: str
@@ -172,7 +172,7 @@ class Effect:
     settle: Callable[..., Any] | None = None
     coefficients: Callable[[Mapping[str, float], float], Mapping[str, float]] | None = None
     known_as: str = ""
-    rugged: bool = False
+    multimodal: bool = False
 
     @property
     def reported_name(self) -> str:

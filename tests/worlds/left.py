@@ -268,9 +268,7 @@ def rescue_is_told(world: World, ran: Ran) -> Iterator[str]:
     if any(fault.kind == "kill" and phase == "closing" for fault, phase in ran.took):
         return  # it may have let its watchdog go home already
     said = " ".join(text for _, by, text in ran.said if by == watchdog.name)
-    if not any(
-        word in said for word in ("outputs made safe in", "outputs commanded safe in", "NOT SAFE", "in use by")
-    ):
+    if not any(word in said for word in ("outputs made safe in", "outputs commanded safe in", "NOT SAFE", "in use by")):
         yield f"the run is dead, and its watchdog says: {said}"
     try:
         report = json.loads((world.folder / "run" / "watchdog.json").read_text(encoding="utf-8"))

@@ -179,7 +179,7 @@ def _effect_term(site: Site, seen: Seen, resolved_unit: Callable[[str], str]) ->
     nulls = tuple(float("nan") if p.null is None else p.null * scale[p.name] for p in site.effect.parameters)
     return Term(
         "effect", site.effect.name, site.hook.name, site.hook.stage, unknowns, tuple(dict.fromkeys(starts)),
-        change=site.effect.known_as, nulls=nulls, multimodal=site.effect.rugged,
+        change=site.effect.known_as, nulls=nulls, multimodal=site.effect.multimodal,
         telling=tuple((p.name, p.telling) for p in site.effect.parameters if p.telling), by_clock=site.by_clock,
     )  # fmt: skip
 
@@ -199,7 +199,7 @@ def _held_term(site: Site, held: Mapping[str, float], resolved_unit: Callable[[s
     )
     return Term(
         "effect", site.effect.name, site.hook.name, site.hook.stage, unknowns, starts,
-        change=site.effect.known_as, nulls=values, multimodal=site.effect.rugged, by_clock=site.by_clock,
+        change=site.effect.known_as, nulls=values, multimodal=site.effect.multimodal, by_clock=site.by_clock,
         held=tuple(held.items()),
     )  # fmt: skip
 

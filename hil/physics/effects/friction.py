@@ -95,5 +95,5 @@ EFFECT = Effect(
     "small amplitudes look slower",
     source="Canudas de Wit et al., IEEE TAC 40(3), 1995; Armstrong-Hélouvry et al., Automatica 30(7), 1994",
     sentence="The moving part sticks: {coulomb} of command is needed before it moves again after a reversal.",
-    rugged=True,
+    multimodal=True,
 )

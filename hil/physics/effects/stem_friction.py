@@ -43,5 +43,5 @@ EFFECT = Effect(
     source="He, Wang, Pottmann, Qin: A curve fitting method for detecting valve stiction, "
     "Ind. Eng. Chem. Res. 46(13), 2007",
     sentence="The stem sticks: the controller must move by {band} before it breaks loose.",
-    rugged=True,
+    multimodal=True,
 )
