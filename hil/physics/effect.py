@@ -97,7 +97,7 @@ class Seen:
     """What passes a hook in the model's own simulation, from which fits of an effect start.
 
     Attributes:
-        low, high: extremes of the value. `swing`: half its typical peak-to-peak, at least a little.
+        low, high: extremes of the value. `amplitude`: half its typical peak-to-peak, at least a little.
         speeds: quantiles (50, 90, 99 %) of its rate of change, per second.
         tones: (frequency in Hz, amplitude at the output, phase) of lines in what the model leaves unexplained.
         duration_s, interval_s: of the recordings.
@@ -105,7 +105,7 @@ class Seen:
 
     low: float
     high: float
-    swing: float
+    amplitude: float
     speeds: tuple[float, float, float]
     tones: tuple[tuple[float, float, float], ...]
     duration_s: float

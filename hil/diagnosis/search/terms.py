@@ -240,9 +240,9 @@ def _seen(
     values = np.concatenate([row for row, _ in rows])
     speeds = np.concatenate([np.abs(np.diff(row)) / dt for row, dt in rows])
     low, high = float(values.min()), float(values.max())
-    # The swing of a typical recording: a slow sweep over everything must not hide a small sine.
-    swings = [float(np.ptp(row)) / 2.0 for row, _ in rows]
-    amplitude = max(float(np.median(swings)), 1e-6 * max(abs(low), abs(high), 1e-9))
+    # The amplitude of a typical recording: a slow sweep over everything must not hide a small sine.
+    amplitudes = [float(np.ptp(row)) / 2.0 for row, _ in rows]
+    amplitude = max(float(np.median(amplitudes)), 1e-6 * max(abs(low), abs(high), 1e-9))
     moving = speeds[speeds > 0.0]
     quantiles = np.quantile(moving, (0.5, 0.9, 0.99)) if moving.size else np.zeros(3)
     return Seen(

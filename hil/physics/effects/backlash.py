@@ -18,8 +18,8 @@ def transform(value: float, state: Any, half_width: float) -> float:
 
 
 def starts(seen: Seen) -> list[dict[str, float]]:
-    """Small to large against the swing."""
-    return [{"half_width": share * seen.swing} for share in (0.02, 0.07, 0.2, 0.5)]
+    """Small to large against the amplitude."""
+    return [{"half_width": share * seen.amplitude} for share in (0.02, 0.07, 0.2, 0.5)]
 
 
 EFFECT = Effect(

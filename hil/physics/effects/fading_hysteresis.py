@@ -28,9 +28,9 @@ def settle(value: float, state: Any) -> float:
 
 
 def starts(seen: Seen) -> list[dict[str, float]]:
-    """Small and large against the swing, quickly and slowly filled loops."""
+    """Small and large against the amplitude, quickly and slowly filled loops."""
     return [
-        {"width": share * seen.swing, "reach": reach * seen.swing}
+        {"width": share * seen.amplitude, "reach": reach * seen.amplitude}
         for share in (0.03, 0.15)
         for reach in (0.05, 0.2, 0.8)
     ]

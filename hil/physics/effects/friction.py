@@ -63,13 +63,13 @@ def settle(value: float, state: Any) -> float:
 
 
 def starts(seen: Seen) -> list[dict[str, float]]:
-    """Small to large against the swing, stiff and softer bristles."""
-    levels = [share * seen.swing for share in (0.03, 0.12, 0.4)]
+    """Small to large against the amplitude, stiff and softer bristles."""
+    levels = [share * seen.amplitude for share in (0.03, 0.12, 0.4)]
     return [
         {"coulomb": level, "stiction": stiction, "stribeck": speed, "presliding": give * level}
         for level in levels
         for stiction in (1.1, 1.5)
-        for speed in (seen.swing, 0.2 * seen.swing)
+        for speed in (seen.amplitude, 0.2 * seen.amplitude)
         for give in (0.003, 0.03)
     ]
 

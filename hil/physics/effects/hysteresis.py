@@ -36,9 +36,9 @@ def transform(
 
 
 def starts(seen: Seen) -> list[dict[str, float]]:
-    """Small to large against the swing, quickly and slowly filled loops."""
+    """Small to large against the amplitude, quickly and slowly filled loops."""
     return [
-        {"width": share * seen.swing, "reach": reach * seen.swing}
+        {"width": share * seen.amplitude, "reach": reach * seen.amplitude}
         for share in (0.02, 0.08, 0.25)
         for reach in (0.1, 0.4, 1.5)
     ]

@@ -13,7 +13,7 @@ def transform(force: float) -> float:
 
 def starts(seen: Seen) -> list[dict[str, float]]:
     """Small and large, either way."""
-    return [{"force": share * seen.swing} for share in (-0.3, -0.05, 0.05, 0.3)]
+    return [{"force": share * seen.amplitude} for share in (-0.3, -0.05, 0.05, 0.3)]
 
 
 EFFECT = Effect(

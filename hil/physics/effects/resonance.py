@@ -63,7 +63,7 @@ EFFECT = Effect(
     hooks=("flow", "sensor", "recorder"),
     parameters=(
         EffectParameter("share", "1", 0.0, 0.4, 0.0, 1.0, "share of the signal that goes through the swinging part"),
-        EffectParameter("period", "s", None, 0.1, 0.005, 2.0, "period of the swing"),
+        EffectParameter("period", "s", None, 0.1, 0.005, 2.0, "period of the oscillation"),
         EffectParameter("damping", "1", None, 0.15, 0.005, 0.6, "damping ratio: well under one, or it would not ring"),
     ),
     transform=transform,

@@ -22,8 +22,8 @@ def transform(value: float, state: Any, band: float, jump: float) -> float:
 
 
 def starts(seen: Seen) -> list[dict[str, float]]:
-    """Small to large against the swing, with a small and a large jump."""
-    return [{"band": share * seen.swing, "jump": jump} for share in (0.05, 0.2, 0.5) for jump in (0.2, 0.9)]
+    """Small to large against the amplitude, with a small and a large jump."""
+    return [{"band": share * seen.amplitude, "jump": jump} for share in (0.05, 0.2, 0.5) for jump in (0.2, 0.9)]
 
 
 EFFECT = Effect(
