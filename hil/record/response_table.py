@@ -163,12 +163,12 @@ def without_phase(tables: Sequence[Table]) -> str:
             return "frequencies and gains without a phase; a frequency response needs both, or real and imaginary part"
         others = [c.name_and_unit[0] for c in table.columns if c.is_number and _what(c) != "frequency"]
         if "frequency" in found and len(others) > 1:
-            said = " ".join(
+            options = " ".join(
                 option("rename", f"{other}={part}") for other, part in zip(others, ("re", "im"), strict=False)
             )
             return (
                 f"a table over a frequency, with {', '.join(others)}; say which of them are real and imaginary part, "
-                f"as in {said}"
+                f"as in {options}"
             )
     return ""
 

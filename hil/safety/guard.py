@@ -360,12 +360,12 @@ class Guard:
         except BaseException as error:
             self._note_if_possible("the device could not be closed", error=reason(error))
 
-    def _played(self, waveform: Waveform, samples: int, at_once: int = 1) -> Iterator[Block]:
+    def _played(self, waveform: Waveform, samples: int, blocks: int = 1) -> Iterator[Block]:
         """A waveform in blocks of so many samples, so many of them at once."""
         self._operator.check()
         self.known.driving(waveform)
         self._block_samples = samples
-        return self._judged(self._daq.play(waveform, samples * at_once))
+        return self._judged(self._daq.play(waveform, samples * blocks))
 
     def _ahead(self, samples: int) -> int:
         """How many blocks of so many samples may be played at once."""

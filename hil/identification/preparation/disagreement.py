@@ -60,11 +60,11 @@ def _differences(one: Experiment, other: Experiment) -> tuple[Note, ...]:
     left = apart - (parts.T / sizes) @ found
     spread = np.linalg.inv((parts / sizes[:, None]) @ (parts.T / sizes)) * float(left @ left) / len(left)
     values, stds = found / sizes, np.sqrt(np.diag(spread) * colour_factor(left)) / sizes
-    said = (
+    notes = (
         Note("{value:+.3g} ± {width:.2g} {unit} of offset", value=values[0], width=COVERED * stds[0],
              unit=one.output_heading.rpartition("[")[2].rstrip("]")),
         Note("{value:+.3g} ± {width:.2g} % of gain", value=100.0 * values[1], width=100.0 * COVERED * stds[1]),
         Note("{value:+.3g} ± {width:.2g} s of delay", value=-values[2], width=COVERED * stds[2]),
     )  # fmt: skip
     is_large = (np.abs(values) > CERTAIN * stds) & (np.abs(found) > noise * math.sqrt(len(apart)))
-    return tuple(note for note, shown in zip(said, is_large, strict=True) if shown)
+    return tuple(note for note, shown in zip(notes, is_large, strict=True) if shown)

@@ -46,9 +46,9 @@ def driven(
 
 
 @compiled
-def throttle(current: float, shift: float, stretch: float, reverse: float) -> float:
+def throttle(current: float, shift: float, scale: float, reverse: float) -> float:
     """Share of the pressure span at a rotor angle, expressed as the current that would hold it there."""
-    at = 1.6 + (current - shift - 1.6) / stretch
+    at = 1.6 + (current - shift - 1.6) / scale
     last = len(_CURVE_A) - 1
     if at <= _CURVE_A[0]:
         share = _CURVE_SHARE[0]
@@ -112,7 +112,7 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
     x.speed = free_speed - c.mobility * friction
     angle = hook.position(x.angle)
     opening = hook.opening(angle)
-    share = throttle(opening, c.shift, c.stretch, c.reverse)
+    share = throttle(opening, c.shift, c.scale, c.reverse)
     supply = hook.supply(c.supply, share)
     pressure = (c.closed_pressure + c.span * share) * (supply / c.rated_supply)
     pressure = hook.flow(pressure, share)
@@ -142,7 +142,7 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
         "warm_keep": held_first_order(p["warming_time"], step_s),
         "warming": p["warming"],
         "shift": p["curve_shift"],
-        "stretch": p["curve_stretch"],
+        "scale": p["curve_stretch"],
         "reverse": p["normally_open"],
         "closed_pressure": p["closed_pressure"] * (p["leakage"] / _RATED_LEAKAGE) ** 2,
         "span": p["pressure_span"],
