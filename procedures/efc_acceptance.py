@@ -205,7 +205,7 @@ def evaluate(recording: Recording) -> Findings:
         together,
         measured=(complete, *(() if function is None else (function,)), *judged, *together.measured),
         deviations=tuple(dict.fromkeys([*together.deviations, *departures(recording)])),
-        likeness=population,
+        population=population,
     )
 
 

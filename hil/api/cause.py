@@ -25,7 +25,7 @@ def main() -> None:
             found = searched(model, Path(run), Path(earlier) if earlier else None, float(budget_s))
     except HilError as error:
         found = Cause("", reason=str(error))
-    sys.stdout.buffer.write(ANSWER.dump_json(found))
+    sys.stdout.buffer.write(ANSWER.dump_json(found, by_alias=True))
 
 
 def searched(model: str, run: Path, earlier: Path | None, budget_s: float) -> Cause:
@@ -57,12 +57,14 @@ def of_difference(found: DateDifference) -> Cause:
         for c in sorted(found.changes, key=lambda one: -(one.share or 0.0))
     )
     verdict = "partly_explained" if found.is_part else found.verdict
-    return Cause("", verdict=verdict, found=named, untold=", ".join(found.not_searched))
+    return Cause("", verdict=verdict, found=named, not_searched=", ".join(found.not_searched))
 
 
 def of_diagnosis(found: Diagnosis) -> Cause:
     """The cause that a diagnosis names."""
-    return Cause("", verdict=found.verdict, found=tuple(_named(found)), untold=", ".join(found.work["not_searched"]))
+    return Cause(
+        "", verdict=found.verdict, found=tuple(_named(found)), not_searched=", ".join(found.work["not_searched"])
+    )
 
 
 def _named(diagnosis: Diagnosis) -> Iterator[Found]:

@@ -95,7 +95,7 @@ class Prior:
 
     @cached_property
     def _has_part(self) -> Mask:
-        """Which parameters have a part in each direction that is untold, shape (m, k)."""
+        """Which parameters have a part in each direction that is not identifiable, shape (m, k)."""
         parts = np.abs(self._unidentifiable) / self._sizes
         return np.asarray(parts > _HAS_A_PART * parts.max(axis=1, keepdims=True, initial=0.0))
 

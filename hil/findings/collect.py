@@ -35,7 +35,7 @@ def results_of(recording: Recording, findings: Findings) -> Results:
         notes=findings.notes,
         deviations=findings.deviations,
         codes=codes_of((*findings.notes, *findings.deviations)),
-        likeness=_each(findings.likeness, _handed_on),
+        population=_each(findings.population, _handed_on),
         since=findings.since,
         cause=findings.cause,
         simulated=is_simulated(meta),
@@ -44,9 +44,9 @@ def results_of(recording: Recording, findings: Findings) -> Results:
 
 def findings_of(results: Results) -> Findings:
     """The measured values, notes and deviations as an evaluation gave them; curves stay where they are."""
-    measured, likeness = tuple(map(_evaluated, results.values)), _each(results.likeness, _evaluated)
+    measured, population = tuple(map(_evaluated, results.values)), _each(results.population, _evaluated)
     notes, deviations = (revived(texts, results.codes) for texts in (results.notes, results.deviations))
-    return Findings(measured, {}, notes, deviations, likeness, results.since, results.cause)
+    return Findings(measured, {}, notes, deviations, population, results.since, results.cause)
 
 
 def _handed_on(found: Measured) -> Measured:

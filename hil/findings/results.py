@@ -143,7 +143,9 @@ class Results(_Strict):
     notes: tuple[str, ...] = ()
     deviations: tuple[str, ...] = ()
     codes: Mapping[str, Any] = Field(default_factory=dict)
-    likeness: PopulationComparison | None = None
+    population: PopulationComparison | None = Field(
+        default=None, validation_alias="likeness", serialization_alias="likeness"
+    )
     since: Since | None = None
     cause: Cause | None = None
     simulated: bool | None = None
@@ -151,7 +153,7 @@ class Results(_Strict):
     @property
     def figures(self) -> tuple[Measured, ...]:
         """Those of the unit's condition, beside good ones of its type; none where no procedure knows them."""
-        return self.likeness.figures if self.likeness else ()
+        return self.population.figures if self.population else ()
 
     def __getitem__(self, name: str) -> Measured:
         """A value by its full name (`bandwidth_3db, +50 ± 5 %`).

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
-from pydantic import TypeAdapter
+from pydantic import Field, TypeAdapter
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Cause:
 
     `command` was asked, as it is typed, beside the run `since` of the same unit, or beside the model of its type where
     that is empty. `verdict` is the command's; where it is empty, `reason` says why. `found` is what it named, the
-    largest share first; `untold` was not looked at for want of time. It took `seconds` of `budget_s`.
+    largest share first; `not_searched` was not looked at for want of time. It took `seconds` of `budget_s`.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid", "defer_build": True}
@@ -44,7 +44,7 @@ class Cause:
     since: str = ""
     verdict: str = ""
     found: tuple[Found, ...] = ()
-    untold: str = ""
+    not_searched: Annotated[str, Field(alias="untold")] = ""  # its name in results.json
     reason: str = ""
     seconds: float = 0.0
     budget_s: float = 0.0

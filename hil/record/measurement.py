@@ -100,7 +100,7 @@ class Findings:
         curves: results to draw, by name: frequency responses, flow curves, steps.
         notes: sentences that the reader of the report should know.
         deviations: where the test departed from its standard, a sentence each.
-        likeness: the unit beside good ones of its type, where the procedure knows them; no part of a verdict.
+        population: the unit beside good ones of its type, where the procedure knows them; no part of a verdict.
         since: the unit beside itself at an earlier date, where the archive has one; no part of a verdict.
         cause: why a certificate was missed, in physics, where that was asked; no part of a verdict.
     """
@@ -109,7 +109,7 @@ class Findings:
     curves: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     deviations: tuple[str, ...] = ()
-    likeness: PopulationComparison | None = None
+    population: PopulationComparison | None = None
     since: Since | None = None
     cause: Cause | None = None
 

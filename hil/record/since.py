@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
+
+from pydantic import Field
 
 from hil.record.measured import Measured, Verdict
 from hil.record.moment import Moment
@@ -35,7 +37,7 @@ class Since:
     """What changed since an earlier `run` of the same unit, where a certificate is no pass; no part of the verdict.
 
     `moved` are the values that differ beyond their uncertainty: figures of the condition first, then what keeps the
-    unit from passing, the surest first. `same` values do not, and `untold` cannot be compared: bounds, and values that
+    unit from passing, the surest first. `same` values do not, and `not_compared` cannot be: bounds, and values that
     one run lacks. `same_instruments`: both were measured by the same instruments with the same calibrations. `missed`
     are the limits missed now whose value was measured then.
     """
@@ -46,6 +48,6 @@ class Since:
     verdict: Verdict | None
     moved: tuple[Moved, ...] = ()
     same: int = 0
-    untold: int = 0
+    not_compared: Annotated[int, Field(alias="untold")] = 0  # its name in results.json
     same_instruments: bool = False
     missed: tuple[Missed, ...] = ()

@@ -57,9 +57,9 @@ def _reason(cause: Cause) -> str:
 
 
 def _unexplained(cause: Cause, beside: str) -> str:
-    if cause.untold:
+    if cause.not_searched:
         return _("The cause was not found within {budget} s: {not_searched} were not looked at.").format(
-            budget=f"{cause.budget_s:.3g}", not_searched=cause.untold
+            budget=f"{cause.budget_s:.3g}", not_searched=cause.not_searched
         )
     return _("The cause is not known: the answer differs from {beside}, and nothing that is known explains it.").format(
         beside=beside

@@ -63,7 +63,7 @@ def beside_good(findings: Findings) -> list[str]:
         return []
     cause = [] if findings.cause is None else cause_sentences(findings.cause)
     since = [] if findings.since is None else since_sentences(findings.since)
-    return [*cause, *since, *([] if findings.likeness is None else population_sentences(findings.likeness))]
+    return [*cause, *since, *([] if findings.population is None else population_sentences(findings.population))]
 
 
 def value_text(m: Measured, unit: str = "") -> str:

@@ -33,7 +33,7 @@ def since_sentences(found: Since) -> list[str]:
     rests = _(
         "{same} other values did not change beyond their uncertainty, {not_compared} cannot be compared. {instruments} "
         "`hil diff {run} RUN --model MODEL.json` looks for the cause, in the valve or in the bench."
-    ).format(same=found.same, not_compared=found.untold, instruments=instruments, run=found.run)
+    ).format(same=found.same, not_compared=found.not_compared, instruments=instruments, run=found.run)
     return [sentence, rests]
 
 

@@ -108,7 +108,7 @@ def _common(near: Findings, far: Findings) -> Findings:
         measured, {name: curve for name, curve in curves.items() if curve is not None},
         tuple(note for note in near.notes if note in far.notes),
         tuple(text for text in near.deviations if text in far.deviations),
-        near.likeness if near.likeness == far.likeness else _NOT_COMPARABLE,
+        near.population if near.population == far.population else _NOT_COMPARABLE,
     )  # fmt: skip
 
 

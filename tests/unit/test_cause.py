@@ -71,7 +71,7 @@ def found(outcome: Outcome) -> Cause:
 def test_what_a_diagnosis_finds_stands_on_page_one(
     tmp_path: Path, certifies: Procedure, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    answer = ANSWER.dump_json(Cause("", verdict="parameter_change", found=(LEAKS,))).decode()
+    answer = ANSWER.dump_json(Cause("", verdict="parameter_change", found=(LEAKS,)), by_alias=True).decode()
     answers(monkeypatch, f"print({answer!r})")
     made = with_cause(certifies, missed(tmp_path), str(tmp_path), 600.0, lambda _d, _t: None)
     assert made.exit_status == 1
@@ -85,7 +85,7 @@ def test_what_a_diagnosis_finds_stands_on_page_one(
 def test_a_difference_names_the_largest_share_first_and_a_part_as_a_part() -> None:
     found = DateDifference((WARMER, LEAKED), (), "changed", is_part=True, not_searched=("a led-back search",))
     cause = of_difference(found)
-    assert (cause.verdict, cause.untold) == ("partly_explained", "a led-back search")
+    assert (cause.verdict, cause.not_searched) == ("partly_explained", "a led-back search")
     assert [one.name for one in cause.found] == ["leakage", "oil temperature"]
     assert cause.found[0] == Found("leakage", "valve", 80.0, 0.5, 140.0, 0.5, "ml/min", share=0.6)
 
@@ -176,7 +176,7 @@ FRICTION = Found("friction", "valve", 2.1, 0.1, 4.8, 0.1, "%", share=0.97)
         (replace(ASKED, verdict="changed", found=(FRICTION, replace(FRICTION, name="leakage"))),
          "one by itself need not be so."),
         (replace(ASKED, verdict="unexplained"), "nothing that is known explains it"),
-        (replace(ASKED, verdict="unexplained", untold="two causes"),
+        (replace(ASKED, verdict="unexplained", not_searched="two causes"),
          "not found within 60 s: two causes were not looked at."),
         (replace(ASKED, verdict="unchanged"), "not known: the recorded answer agrees with the run A"),
     ],

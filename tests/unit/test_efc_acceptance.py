@@ -41,8 +41,8 @@ def test_a_worn_valve_that_leaks_fails_with_its_class(tmp_path: Path) -> None:
     assert failed(made.findings) >= {"probability_good", "usual_among_good", "rise_over_good", "leakage"}
     assert (value(made.findings, "probability_severe") or 0.0) > 80.0
     assert any(note.startswith("Condition: severely malfunctioned") for note in made.findings.notes)
-    assert made.findings.likeness is not None
-    assert {"leakage", "rise"} <= {m.name for m in made.findings.likeness.those("fail")}
+    assert made.findings.population is not None
+    assert {"leakage", "rise"} <= {m.name for m in made.findings.population.those("fail")}
     assert "this one differs in" in made.report.read_text(encoding="utf-8")
 
 

@@ -96,7 +96,7 @@ def test_a_miss_that_is_a_figure_of_the_condition_too_is_beside_the_unit_of_then
     made(lab / "good", 0, 99.0)
     recording, found = made(lab / "now", 2, 180.0)
     figure = replace(RISE, high=75.0).of(180.0, 2.0)
-    found = replace(found, likeness=PopulationComparison((replace(figure, verdict=None),), 100))
+    found = replace(found, population=PopulationComparison((replace(figure, verdict=None),), 100))
     since = with_earlier(certifies, recording, found, lab / "now", str(lab)).since
     assert since is not None
     assert [one.then.value for one in since.missed] == [99.0]
