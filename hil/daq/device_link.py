@@ -1,6 +1,6 @@
 """What every device on a link goes through, written once: a driver adds what its protocol says.
 
-Drawn as a state chart in docs/explanation/safety.md.
+Its states stand in docs/explanation/safety.md.
 """
 
 # ruff: noqa: B027 - most hooks are what few protocols need
