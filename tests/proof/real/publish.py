@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import groupby
 
 from hil.physics.model import Value
 
@@ -52,8 +53,12 @@ def number(value: Value) -> str:
 
 
 def parameters(outcome: Outcome) -> str:
-    """Parameters in physical units with their standard uncertainty."""
-    return "; ".join(f"{label} {number(value)}" for label, value in (*outcome.effects, *outcome.base))
+    """Parameters in physical units with their standard uncertainty, those of an effect behind its name and place."""
+    split = [(*label.rpartition(": "), value) for label, value in (*outcome.effects, *outcome.base)]
+    return "; ".join(
+        f"{of}{sign}" + ", ".join(f"{name} {number(value)}" for _, _, name, value in some)
+        for (of, sign), some in groupby(split, key=lambda one: one[:2])
+    )
 
 
 def markdown(outcomes: Sequence[Outcome]) -> str:
