@@ -21,20 +21,19 @@ HEAD = """\
 <!-- Made by `python -m tests.fault_page` from what it measures; a test compares the cells with the cases. -->
 
 {count} combinations of a fault, a moment and a link, each made to happen by a test
-(`tests/scenario/test_faults_*.py`) and measured **at the device**: cells are s from the fault until its output stood
-at the safe value for good; "–" is where nobody can reach it. NOT SAFE is said where the outputs did not answer: then
-only an emergency stop, the device itself or the watchdog process helps.
+(`tests/scenario/test_faults_*.py`) and measured **at the device**. Cells are s from the fault until its output stood
+at the safe value for good; "–" is where nobody can reach it. NOT SAFE is said where the outputs did not answer.
 
 - *promised*: what the test asks for, in s. *status*: the exit status; −9 is a program that was killed.
-- *lost*: samples that the device had given and the recording does not have, in the order of the columns. In every
-  case the run folder could be read afterwards, up to its last block.
+- *lost*: samples that the device had given and the recording does not have, in the order of the columns. Every run
+  folder could be read afterwards, up to its last block.
 - A device that freezes its output and says that it obeys reads back safe: the interlock tells.
 - Simulated DAQ: virtual time, blocks of {block_s:g} s, ramp of {ramp:g} %/s from 60 or 70 %.
 - Links: wall-clock time, while it is driven; blocks 0.1 s, time-outs 0.1 … 0.2 s, the devices' own watchdogs 0.5 … 1
   s. Where the *program* is killed or hangs, those were off, except on CANopen, and the watchdog process
   ({watchdog_s:g} s) acted.
-- "No answers", "garbled", "late", "restarts" concern what comes back: the device still hears. "Cable pulled" is where
-  nothing gets through. The second master wrote for 3 s; only an interlock surely notices it.
+- "No answers", "garbled", "late", "restarts" concern what comes back: the device still hears. The second master wrote
+  for 3 s; only an interlock surely notices it.
 """
 
 

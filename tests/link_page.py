@@ -34,9 +34,9 @@ TITLE = "The frequency response over each link"
 LINKS = {
     "hpv41-modbus-tcp": "Modbus TCP",
     "hpv41-modbus-rtu": "Modbus RTU",
-    "hpv41-serial": "Serial: ASCII module and SCPI scanner",
+    "hpv41-serial": "Serial",
     "hpv41-canopen": "CANopen",
-    "hpv41-mixed": "Mixed: CANopen, Modbus TCP and serial",
+    "hpv41-mixed": "Mixed",
 }
 FORM = {"poles": 3, "zeros": 0, "dead_time": True}  # what the simulated valve is for small amplitudes
 WHOLE = {
@@ -52,19 +52,21 @@ CLEAR = 2.0  # standard uncertainties beyond which a deviation is named
 HEAD = """\
 <!-- Made by `python -m tests.link_page` from what it measures. -->
 
-`frequency_response` on the HPV41 of each bench on a link, {count} sines of {lowest:g} … {highest:g} Hz,
-±{amplitude:g} % about {bias:g} %, {rate:g} samples a second, in wall-clock time. *Direct* is the same on the simulated
-DAQ `brevini-hpv41`, in virtual time at {direct_rate:g} samples a second. Both have the noise of their sensors and a
-transfer function of three poles and a dead time. Devices speak the real protocols over loopback, pseudo terminals and a
-CAN hub. The machine: {machine}.
+`frequency_response` on the benches `hpv41-modbus-tcp`, `-modbus-rtu`, `-serial` (ASCII module and SCPI scanner),
+`-canopen`, `-mixed` (CANopen, Modbus TCP, serial). It drives {count} sines of {lowest:g} … {highest:g} Hz,
+±{amplitude:g} % about {bias:g} %, {rate:g} samples a second, in wall-clock time. *Direct* is the same on the
+simulated DAQ `brevini-hpv41`, in virtual time at {direct_rate:g} samples a second. Both have the noise of their
+sensors and a transfer function of three poles and a dead time. Devices speak the real protocols over loopback, pseudo
+terminals and a CAN hub. The machine: {machine}.
 
-- *Over the link* is what `hil run` reports: each sample counts from when it was really read. *Uncorrected* is the same
-  recording as if every input had been read when the output was updated.
-- ± is one standard uncertainty. It holds noise, what no linear model explains, and that nobody knows where within its
-  exchange a device acts. *Off by* is the difference to the direct result over both standard uncertainties together.
-- *Delay* is from the update of the output to the reading of the response; *skew* is how far apart the inputs of one
-  sample are read. A sample that begins more than half an interval late is *late*.
-- Time-outs are 1 s here (CANopen: 0.25 s), as the machine did other things besides.
+- *Delay* is from the update of the output to the reading of the response; *skew* is how far apart inputs of one
+  sample are read, in ms. A sample that begins more than half an interval late is *late*.
+- A figure over a link is what `hil run` reports: each sample counts from when it was really read. ± is one standard
+  uncertainty. It holds noise, what no linear model explains, and that nobody knows where within its exchange a device
+  acts.
+- Behind it stands the difference to the direct figure over both standard uncertainties together. In brackets it is
+  that of the same recording as if every input had been read when the output was updated.
+- The gain of the spool position is in % per %. Time-outs are 1 s here (CANopen: 0.25 s).
 """
 
 
@@ -174,49 +176,59 @@ def main() -> None:
     """Measure and write."""
     os.environ.setdefault("HIL_STATE_DIR", tempfile.mkdtemp())
     references: dict[str, dict[str, Figure]] = {}
-    sections, apart, later_ms = [], [], []
+    found: dict[str, Seen] = {}
     for bench, title in LINKS.items():
         with tempfile.TemporaryDirectory() as name:
-            seen = over(bench, Path(name))
-            response = roles_of(seen.recording)[1].name
+            found[title] = over(bench, Path(name))
+            response = roles_of(found[title].recording)[1].name
             if response not in references:
                 references[response] = direct(response, Path(name))
-            sections.append(section(title, bench, seen, references[response]))
-            apart += list(far(title, seen, references[response]))
-            later_ms.append(seen.corrected["dead time"].value - references[response]["dead time"].value)
-            print(sections[-1], flush=True)
-    write_section(TITLE, "\n".join([_head(), *sections, _short(apart, later_ms)]))
+            print(link_row(title, found[title].recording), flush=True)
+    apart = [one for title, seen in found.items() for one in far(title, seen, references[_response(seen)])]
+    later_ms = [s.corrected["dead time"].value - references[_response(s)]["dead time"].value for s in found.values()]
+    tables = "\n".join([*_links(found), "", *_figures(found, references), ""])
+    write_section(TITLE, "\n".join([_head(), tables, _short(apart, later_ms)]))
 
 
-def section(title: str, bench: str, seen: Seen, plain: Mapping[str, Figure]) -> str:
-    """A link and its figures."""
-    rows = [
-        f"| {name} [{figure.unit}] | {told(plain[name])} | {told(figure)} | {figure.off_by(plain[name]):+.1f} | "
-        f"{seen.uncorrected[name].off_by(plain[name]):+.1f} |"
-        for name, figure in seen.corrected.items()
-    ]
-    response = roles_of(seen.recording)[1].name
-    return "\n".join([
-        f"### {title}", "", f"Bench `{bench}`; response: {response}. {link_sentence(seen.recording)}",
-        "", "| figure | direct | over the link | off by | uncorrected off by |", "|---|---|---|---|---|", *rows, "",
-    ])  # fmt: skip
+def _response(seen: Seen) -> str:
+    return roles_of(seen.recording)[1].name
 
 
-def link_sentence(recording: Recording) -> str:
-    """Rate, latency, delay and skew of a link, as the header of the run and its samples say."""
+def _links(found: Mapping[str, Seen]) -> Iterator[str]:
+    heads = ("link", "response", "samples a second", "latency", "delay", "at most", "skew", "late")
+    yield f"| {' | '.join(heads)} |"
+    yield "|" + "---|" * len(heads)
+    yield from (link_row(title, seen.recording) for title, seen in found.items())
+
+
+def _figures(found: Mapping[str, Seen], references: Mapping[str, Mapping[str, Figure]]) -> Iterator[str]:
+    """A row for each figure: the direct one of each response, then each link with how far it is off."""
+    heads = ["figure", *(f"direct, {response}" for response in references), *found]
+    yield f"| {' | '.join(heads)} |"
+    yield "|" + "---|" * len(heads)
+    for name, figure in next(iter(references.values())).items():
+        cells = [f"{name} [{figure.unit}]", *(told(plain[name]) for plain in references.values())]
+        for seen in found.values():
+            plain, over_link = references[_response(seen)][name], seen.corrected[name]
+            off, uncorrected_off = over_link.off_by(plain), seen.uncorrected[name].off_by(plain)
+            cells.append(f"{told(over_link)}; {off:+.1f} ({uncorrected_off:+.1f})")
+        yield f"| {' | '.join(cells)} |"
+
+
+def link_row(title: str, recording: Recording) -> str:
+    """Rate, latency, delay and skew of a link in ms, as the header of the run and its samples say; late samples."""
     sampling = recording.meta["sampling"]
     response = roles_of(recording)[1].name
     delays_s = {name: recording.values(name) for name in dict.fromkeys(sampling["delay_channels"].values())}
     own_s = delays_s[sampling["delay_channels"][response]]
     means_s = [float(values.mean()) for values in delays_s.values()]
     late = sum(event["details"]["count"] for event in recording.meta["events"] if event["event"] == "late samples")
-    skew = f"skew {1e3 * (max(means_s) - min(means_s)):.2f} ms" if len(means_s) > 1 else "inputs in one exchange"
+    skew = f"{1e3 * (max(means_s) - min(means_s)):.2f}" if len(means_s) > 1 else "–"
     broken = sum(event["event"] == "resumed" for event in recording.meta["events"])
-    again = f"; resumed {broken} times after an answer that did not come in time" if broken else ""
     return (
-        f"It offers {sampling['highest_rate_hz']:.0f} samples a second; latency of a reading "
-        f"{1e3 * sampling['latency_s']:.2f} ms; delay {1e3 * own_s.mean():.2f} ± {1e3 * own_s.std():.2f} ms, at most "
-        f"{1e3 * own_s.max():.1f} ms; {skew}; {late} of {len(recording)} samples late{again}."
+        f"| {title} | {response} | {sampling['highest_rate_hz']:.0f} | {1e3 * sampling['latency_s']:.2f} | "
+        f"{1e3 * own_s.mean():.2f} ± {1e3 * own_s.std():.2f} | {1e3 * own_s.max():.1f} | {skew} | "
+        f"{late} of {len(recording)}{f', resumed {broken} times' if broken else ''} |"
     )
 
 

@@ -188,12 +188,13 @@ def test_frequency_response_of_the_procedure_over_a_serial_line_is_the_direct_on
 
 def test_the_page_of_links_names_what_is_off() -> None:
     text = PAGE.read_text(encoding="utf-8").partition(f"\n## {link_page.TITLE}\n")[2]
-    sections = dict(part.split("\n", 1) for part in text.split("\n### ")[1:])
-    *links, short = sections
-    assert links == list(link_page.LINKS.values())
-    for title in links:
-        rows = [line.strip("| ").split(" | ") for line in sections[title].splitlines() if " ± " in line and "|" in line]
-        assert len(rows) == 7
-        for name, _, _, off, _ in rows:
-            named = f"{title}: {name.partition(' [')[0]} {off}" in " ".join(sections[short].split())
-            assert named == (abs(float(off)) > link_page.CLEAR), name
+    table, _, short = text.partition("\n### What falls short\n")
+    rows = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ")]
+    start = [name for name, *_ in rows].index("figure")
+    links, figures = rows[start][3:], rows[start + 1 :]
+    assert links == list(link_page.LINKS.values()) and len(figures) == 7
+    for name, _, _, *cells in figures:
+        for link, cell in zip(links, cells, strict=True):
+            off = cell.partition("; ")[2].partition(" ")[0]
+            named = f"{link}: {name.partition(' [')[0]} {off}" in " ".join(short.split())
+            assert named == (abs(float(off)) > link_page.CLEAR), (link, name)
