@@ -141,6 +141,7 @@ def as_elsewhere(as_of: Mapping[str, Sequence[str]], told: Mapping[str, Sequence
 
 
 READING = ("--time", "--interval", "--unit", "--rename", "--columns", "--gaps")
+COMMON = ("--input", "--output", "--archive", "--language", "--json")
 COMMANDS = """\
 `hil COMMAND --help` says what each command and each option does, with units, defaults and limits. Results go to
 stdout; progress and errors to stderr: a bar on a terminal, plain lines otherwise. An error is one line that names the
@@ -161,15 +162,16 @@ file, field or value, what was found and what is allowed;
 
 A *recording* is any file or folder of [recordings](recordings.md), a *model* a [model file](model-file.md), a *bench* a
 [bench file](bench-file.md) or the name of an installed one. Where options say *reading*, the first six are meant: how a
-table of a stranger is read. `--json` prints the result for programs ([schemas](json.md))."""
+table of a stranger is read. `--json` prints the result for programs ([schemas](json.md)). It and the table's other
+options stand in the help of the commands that take them."""
 
 
 def command_line() -> Iterator[str]:
     """The page of the command line: what every command says about itself; a common option once."""
     yield from ("# The command line", "", NOTE, "", COMMANDS, "", "| option | |", "|---|---|")
     told = options(said("compare", "--help"))
-    yield from (f"| `{name}` | {told[name]} |" for name in (*READING, "--input", "--output", "--archive", "--language"))
-    yield from ("", "Each command with what it does, and its options:", "")
+    yield from (f"| `{name}` | {told[name]} |" for name in (*READING, *COMMON[:-1]))
+    yield from ("", "Each command with what it does, and its own options:", "")
     yield from command_rows("hil")
 
 
@@ -182,7 +184,7 @@ def command_rows(command: str) -> Iterator[str]:
     if named or not group:
         taken = usage.partition(command)[2].replace("[OPTIONS]", "").split()
         does = " ".join(rest.partition("\n\n")[0].split())
-        own = [f"`{name}`" for name in named if name not in READING]
+        own = [f"`{name}`" for name in named if name not in (*READING, *COMMON)]
         reading = ["*reading*"] if set(READING) <= set(named) else []
         yield f"- `{' '.join([command, *taken])}`: {' '.join([does, *own, *reading])}"
     for line in group.splitlines():
@@ -221,8 +223,7 @@ fit)*; those that are *held* stay at their value unless `--free NAME` frees them
 `--input` and `--output` override it. Inner signals are used where they were recorded. Parameters that are
 *as of* another plant have its unit, value, bounds and meaning.
 
-Signals are inputs → output. Places are where effects may act, with stage and unit; each [effect](effects.md) names its
-places."""
+Signals are inputs → output. Places are where effects may act, with stage (where it has another name) and unit."""
 
 
 def plants_page() -> Iterator[str]:
@@ -250,8 +251,9 @@ def signals_and_places(found: Plant) -> Iterator[str]:
     inner = ", ".join(f"`{signal.heading}`" for signal in found.observed)
     yield f"Signals: {inputs} → `{found.output.heading}`{f'; inner {inner}' if inner else ''}."
     places = (
-        f"{', '.join(f'`{hook.name}`' for hook in hooks)} ({stage}, {unit})"
+        f"{', '.join(f'`{name}`' for name in names)} ({unit if names == [stage] else f'{stage}, {unit}'})"
         for (stage, unit), hooks in groupby(found.hooks, lambda hook: (hook.stage, of_channel(hook.unit)))
+        for names in [[hook.name for hook in hooks]]
     )
     yield f"Places: {'; '.join(places)}."
 
@@ -374,7 +376,8 @@ def schema_section(title: str, part: Mapping[str, Any]) -> Iterator[str]:
         " ".join(part.get("description", "").split()),
         "",
     )
-    yield from (f"- `{name}`: {schema_type(field)}" for name, field in part["properties"].items())
+    for kind, fields in groupby(part["properties"].items(), lambda one: schema_type(one[1])):
+        yield f"- {', '.join(f'`{name}`' for name, _ in fields)}: {kind}"
 
 
 def schema_type(field: Mapping[str, Any]) -> str:
@@ -430,18 +433,20 @@ def _example(doc: str) -> list[str]:
 
 
 def signature_of(function: Any) -> str:
-    """What a function takes and returns; of a default that is no plain value only that there is one."""
+    """What a function takes, without types, and returns; of a default that is no plain value only that there is one."""
     found = inspect.signature(function)
     plain = str | int | float | tuple | bool | None
     given = [
-        one if one.default is one.empty or isinstance(one.default, plain) else one.replace(default=Ellipsis)
+        one.replace(annotation=one.empty, default=one.default if isinstance(one.default, plain) else Ellipsis)
+        if one.default is not one.empty and one.name not in SHARED
+        else one.replace(annotation=one.empty)
         for one in found.parameters.values()
     ]
     text = str(found.replace(parameters=given)).replace("Ellipsis", "...")
     for one in given:
         if one.name in SHARED and one.default is not one.empty:
-            text = text.replace(str(one).replace("Ellipsis", "..."), one.name)
-    return re.sub(r"'([A-Za-z][^']*)'", r"\1", text)
+            text = text.replace(str(one), one.name)
+    return re.sub(r"-> '([^']*)'", r"-> \1", text)
 
 
 def wrapped(text: str) -> list[str]:

@@ -36,7 +36,7 @@ class Cause:
 
     `command` was asked, as it is typed, beside the run `since` of the same unit, or beside the model of its type where
     that is empty. `verdict` is the command's; where it is empty, `reason` says why. `found` is what it named, the
-    largest share first; `not_searched` was not looked at for want of time. It took `seconds` of `budget_s`.
+    largest share first; `not_searched` (`untold` in files) was left for want of time. It took `seconds` of `budget_s`.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid", "defer_build": True}

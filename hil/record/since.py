@@ -37,9 +37,9 @@ class Since:
     """What changed since an earlier `run` of the same unit, where a certificate is no pass; no part of the verdict.
 
     `moved` are the values that differ beyond their uncertainty: figures of the condition first, then what keeps the
-    unit from passing, the surest first. `same` values do not, and `not_compared` cannot be: bounds, and values that
-    one run lacks. `same_instruments`: both were measured by the same instruments with the same calibrations. `missed`
-    are the limits missed now whose value was measured then.
+    unit from passing, the surest first. `same` values do not; `not_compared` (`untold` in files) are bounds, and values
+    that one run lacks. `same_instruments`: with the same calibrations too. `missed` are the limits missed now whose
+    value was measured then.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}
