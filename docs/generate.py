@@ -104,9 +104,9 @@ def figures_page() -> Iterator[str]:
         before = owners[: owners.index(name)]
         whole = sorted((one for one in before if {*tables[one]} <= {*tables[name]}), key=lambda one: -len(tables[one]))
         owned_before = {owner: tables[owner] for owner in dict.fromkeys([*whole, *before])}
-        own, as_of = told_before(tables[name], owned_before)
+        own, as_of = stated_before(tables[name], owned_before)
         yield from ("", f"## `{name}`")
-        yield from as_elsewhere(as_of, owned_before)
+        yield from as_stated(as_of, owned_before)
         yield from ("", *own) if own else ()
 
 
@@ -116,12 +116,12 @@ def shortened(text: str) -> str:
     return re.sub(r"`[<>]` where noise alone could make (it|the difference)\.", "Bound.", text)
 
 
-def told_before(rows: Sequence[str], told: Mapping[str, Sequence[str]]) -> tuple[list[str], dict[str, list[str]]]:
+def stated_before(rows: Sequence[str], stated: Mapping[str, Sequence[str]]) -> tuple[list[str], dict[str, list[str]]]:
     """The rows that no earlier table has, and the names of the others by the first table that has them."""
     own: list[str] = []
     as_of: dict[str, list[str]] = {}
     for row in rows:
-        table = next((name for name, earlier in told.items() if row in earlier), "")
+        table = next((name for name, earlier in stated.items() if row in earlier), "")
         if table:
             as_of.setdefault(table, []).append(row.split()[1])
         else:
@@ -129,12 +129,14 @@ def told_before(rows: Sequence[str], told: Mapping[str, Sequence[str]]) -> tuple
     return own, as_of
 
 
-def as_elsewhere(as_of: Mapping[str, Sequence[str]], told: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    """A line for each earlier table that has rows of this one; of a whole table only its name."""
+def as_stated(as_of: Mapping[str, Sequence[str]], stated: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """A line for the earlier tables that stand whole in this one, and for each of which it has some rows."""
+    whole = [table for table, names in as_of.items() if len(names) == len(stated[table]) > 1]
+    if whole:
+        yield from ("", f"All of {', '.join(f'[`{table}`](#{table})' for table in whole)}.")
     for table, names in as_of.items():
-        whole = len(names) == len(told[table]) > 1
-        some = "" if whole else f": {', '.join(names)}"
-        yield from ("", f"{'All' if whole else 'As'} of [`{table}`](#{table}){some}.")
+        if table not in whole:
+            yield from ("", f"As of [`{table}`](#{table}): {', '.join(names)}.")
 
 
 # -- commands ----------------------------------------------------------------------------------------------
@@ -239,8 +241,8 @@ def plants_page() -> Iterator[str]:
                 kind, owner = head.partition(":")[0], heads.setdefault(head, found.name)
                 yield f"{head if owner == found.name else f'{kind}: as of [`{owner}`](#{owner}).'}"
         yield from slowness(found)
-        own, as_of = told_before(parameter_rows(found.parameters), told)
-        yield from as_elsewhere(as_of, told)
+        own, as_of = stated_before(parameter_rows(found.parameters), told)
+        yield from as_stated(as_of, told)
         yield from ("", *own) if own else ()
         told[entry.name] = parameter_rows(found.parameters)
 

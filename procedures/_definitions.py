@@ -15,7 +15,8 @@ _READING = (
 )
 
 STEPS: Mapping[str, str] = {
-    "dead_time": f"From the command's jump until the response has made 2 % of its change. {_READING}",
+    "dead_time": f"From the command's jump until the response has made 2 % of its change, "
+    f"the beginning of its lag included; the dead time of a model is without. {_READING}",
     "rise": (
         "IEC 60469 transition duration, 10 % to 90 % of the change between the levels before and after. The meter's "
         "lag lengthens it."
@@ -39,28 +40,28 @@ STEPS: Mapping[str, str] = {
     "step_pressure": "Mean of the last 15 % of the step.",
 }
 SWEEPS: Mapping[str, str] = {
-    "response_high": "Steady response while the command waits at the upper end, mean of the visits.",
-    "response_low": "Steady response while the command waits at the lower end, mean of the visits.",
+    "response_high": "Steady response at the upper end, mean of the visits.",
+    "response_low": "Steady response at the lower end, mean of the visits.",
     "hysteresis": (
-        "ISO 10770-1 hysteresis: largest difference of command for one response, where the curve is steeper than 30 % "
-        "of its steepest; less what speed makes of it. With friction it lies between twice the sliding and twice the "
+        "ISO 10770-1 hysteresis: largest difference of command for one response, less what speed makes of it, where "
+        "the curve is steeper than 30 % of its steepest. With friction it lies between twice the sliding and twice the "
         "static friction. `<` where noise alone could make it."
     ),
     "dead_band_positive": (
-        "ISO 10770-1 dead band, upper edge: where a power law through the curve between the branches, up to 40 % of "
-        "the response at the end, begins. With play or friction the branches begin half the hysteresis to either "
-        "side. `<` where its uncertainty covers the whole way from neutral: it begins no further out."
+        "ISO 10770-1 dead band, upper edge: where a power law through the middle curve, up to 40 % of the response at "
+        "the end, begins. With play or friction the branches begin half the hysteresis to either side. `<` where its "
+        "uncertainty covers the whole way from neutral."
     ),
     "dead_band_negative": "Lower edge of the dead band, as the upper one; `>` there.",
     "gain_positive": (
         "ISO 10770-1 gain: least-squares line through the curve between the branches, even in command, from 30 % to "
-        "90 % of the change of response between neutral and the upper end."
+        "90 % of the response at the upper end."
     ),
     "gain_negative": "The same below neutral.",
     "symmetry": "Smaller of the two gains over the larger. `>` where noise alone could make the difference.",
     "linearity": (
-        "ISO 10770-1 linearity error within the gain's range: largest departure from its line, in % of the change of "
-        "response between neutral and the end; the worse of the two sides."
+        "ISO 10770-1 linearity error within the gain's range: largest departure from its line, in % of the response "
+        "at the end; the worse of the two sides."
     ),
     "polarity": "Sign of the response at the upper end less that at the lower end.",
     "null_bias": (
@@ -78,8 +79,8 @@ SWEEPS: Mapping[str, str] = {
     ),
     "saturation_negative": "The same below neutral; `<` there.",
     "pressure_drop_high": (
-        "Supply less return pressure, less the size of the load pressure where that is recorded, while `response_high` "
-        "is read: the valve pressure drop of that rated flow. Absent where the bench has no `return pressure`."
+        "Supply less return pressure, less the size of a recorded load pressure, while `response_high` is read. Absent "
+        "where the bench has no `return pressure`."
     ),
     "pressure_drop_low": "The same of `response_low`.",
     "leakage": "Mean of the reading at neutral before the sweep.",
@@ -96,18 +97,17 @@ SWEEPS: Mapping[str, str] = {
 }
 THRESHOLDS: Mapping[str, str] = {
     "threshold_onward": (
-        "ISO 10770-1 threshold (recollection), onward: least change of command, in % of full command, that changes the "
-        "response by more than `counted_change`, in the direction it came from. Ramps of at most 1 % a second from a "
-        "stop, mean of both directions and all repeats, delay taken out. `<` where a valve without friction would need "
-        "as much, `>` the reach where the response did not change by so much."
+        "ISO 10770-1 threshold (recollection): least change of command, onward, that changes the response by more than "
+        "`counted_change`. Ramps of at most 1 % a second from a stop, mean of both directions and all repeats, delay "
+        "taken out. `<` where a valve without friction would need as much, `>` where the reach did not suffice."
     ),
     "threshold_reversal": "The same against the direction in which the command came to the stop.",
     "counted_change": "Three standard uncertainties of the averaged change of the response.",
 }
 FAIL_SAFES: Mapping[str, str] = {
     "closing_time": (
-        "From the command's jump to its safe value until the response stays within the band (in % of the change) about "
-        "its final value for good; mean of the repeats. The meter's lag and half a hold of the command are in it."
+        "From the command's jump to its safe value until the response stays within the band (in % of the change) for "
+        f"good; mean of the repeats. {_READING}"
     ),
     "left_open": "Mean of the second half of the time after the loss, less the response at neutral before the test.",
 }
@@ -128,14 +128,12 @@ LEAKAGES: Mapping[str, str] = {
         "Middle of the commands between which that curve is above halfway from its larger end to its peak. Two edges "
         "that overlap make two peaks with a dip between them."
     ),
-    "leakage_high": "The same flow while the command waits at the upper end, mean of the visits.",
+    "leakage_high": "The same flow at the upper end, mean of the visits.",
     "leakage_low": "The same at the lower end.",
 }
 PRESSURE_DROPS: Mapping[str, str] = {
     "flow": "Mean of the second half of the time at a command and a supply pressure.",
-    "pressure_drop": (
-        "Supply less return pressure, less the size of the load pressure where that is recorded, at the same time."
-    ),
+    "pressure_drop": ("Supply less return pressure, less the size of a recorded load pressure, at the same time."),
     "flow_exponent": "Slope of the least-squares line through log flow over log pressure drop; 0.5 for sharp edges.",
     "rated_flow": "Of that line at the rated valve pressure drop, `rated_drop`.",
 }
@@ -146,15 +144,15 @@ LIMITING_POWERS: Mapping[str, str] = {
     ),
     "limiting_drop": "The valve pressure drop there.",
     "saturation_drop": (
-        "From where the slope of log flow over log pressure drop stays below 0.25, half that of a sharp edge; straight "
-        "between the slopes of neighbouring points. `>` the largest drop where the flow still rises there."
+        "From where the slope of log flow over log pressure drop stays below 0.25, half that of a sharp edge. `>` the "
+        "largest drop where the flow still rises there."
     ),
 }
 NULL_SHIFTS: Mapping[str, str] = {
     "null": "`null_bias` of `flow_curve`, under the condition that is named.",
     "null_shift_supply": (
-        "ISO 10770-1 null shift (recollection): slope of the least-squares line through the nulls over the measured "
-        "supply pressure, times 10 % of the supply pressure under the bench's own conditions."
+        "ISO 10770-1 null shift (recollection): slope of the line through the nulls over the measured supply pressure, "
+        "times 10 % of the bench's own."
     ),
     "null_shift_tank": "The same over the measured tank pressure, times 10 % of the supply pressure.",
     "null_shift_temperature": "The same over the oil temperature as it was adjusted, times 40 K.",
@@ -166,8 +164,8 @@ LOAD_STEPS: Mapping[str, str] = {
         "repeats. `<` where noise alone could make it."
     ),
     "load_settling": (
-        "From the step of the load until that curve stays within the band (in % of the largest departure) about its "
-        f"final value, the mean of the last 15 % of the time, for good. {_READING}"
+        "From the step of the load until that curve stays for good within the band (in % of the largest departure) "
+        f"about the mean of its last 15 %. {_READING}"
     ),
     "spool_deviation": "As `load_deviation`, of the channel `spool position`.",
     "spool_settling": "As `load_settling`, of the channel `spool position`.",
@@ -181,14 +179,13 @@ COILS: Mapping[str, str] = {
 }
 FREQUENCIES: Mapping[str, str] = {
     "gain": (
-        "Amplitude of the response's fundamental over that of the command at the reference frequency, without the "
+        "Amplitude of the response's fundamental over that of the command at the reference frequency. Without the "
         "measuring chain (meter's lag, hold, reading delay) unless correct_chain=no."
     ),
     "bandwidth_3db": (
         "ISO 10770-1: lowest frequency at which the amplitude ratio is 3.000 dB below that at the reference (a ratio "
-        "of 0.7079, not 1/√2), on a cubic spline through the lines over log frequency; without the measuring chain. "
-        "Value and uncertainty are the middle and half of where the spline with its uncertainty may be at that level; "
-        "`>` where noise or the highest frequency leaves that open."
+        "of 0.7079). Read on a cubic spline through the lines over log frequency, without the measuring chain. Value "
+        "and uncertainty: where the spline with its uncertainty may be at that level. `>` where that is left open."
     ),
     "bandwidth_90deg": (
         "ISO 10770-1: lowest frequency at which the response lags by 90°, read as the −3 dB frequency."
@@ -215,8 +212,7 @@ SINES: Mapping[str, str] = {
 }
 CYLINDERS: Mapping[str, str] = {
     "speed": (
-        "Slope of a line through the position: closed loop from 10 % to 40 % of the way, open loop from 40 % of the "
-        "time on; mean of the repeats."
+        "Slope of a line through the position: from 10 % to 40 % of the way, in an open loop from 40 % of the time on."
     ),
     "speed_ratio": "Speed retracting over speed extending, of one level.",
     "drift_rate": "Slope of a line through the position while the command stands.",
@@ -234,8 +230,8 @@ CYCLES: Mapping[str, str] = {
     "residual": "Root mean square of the response less its mean and its fundamental: harmonics and noise.",
     **{
         f"{figure}_drift": (
-            f"Slope of the weighted line through the {figure} of blocks of cycles, times all cycles, in % of the "
-            "response's amplitude in the first block; 1 % of phase is 0.573°."
+            f"Slope of the weighted line through the {figure} of blocks of cycles, times all cycles. In % of the first "
+            "block's amplitude; 1 % of phase is 0.573°."
         )
         for figure in ("gain", "phase", "offset", "residual")
     },
