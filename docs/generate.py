@@ -147,8 +147,7 @@ COMMON = ("--input", "--output", "--archive", "--language", "--json")
 COMMANDS = """\
 `hil COMMAND --help` says what each command and each option does, with units, defaults and limits. Results go to
 stdout; progress and errors to stderr: a bar on a terminal, plain lines otherwise. An error is one line that names the
-file, field or value, what was found and what is allowed;
-`hil --debug COMMAND …` adds the traceback.
+file, field or value, what was found and what is allowed; `hil --debug COMMAND …` adds the traceback.
 
 | exit status | means |
 |---|---|
@@ -159,13 +158,13 @@ file, field or value, what was found and what is allowed;
 | 130, 143, 129, 131 | stopped by Ctrl-C, SIGTERM, SIGHUP (a closed terminal), SIGQUIT; what was recorded is kept |
 | 138 | stopped by the stop button of a console, or SIGUSR1: outputs jumped to their safe values |
 
-*NOT SAFE* is said, and the status is 3, when an output is not known to be safe, whatever ended the run, Ctrl-C included
-([safety](../explanation/safety.md#what-is-known-of-an-output)).
+*NOT SAFE* is said, and the status is 3, when an output is not known to be safe, whatever ended the run, Ctrl-C
+included ([safety](../explanation/safety.md#what-is-known-of-an-output)).
 
-A *recording* is any file or folder of [recordings](recordings.md), a *model* a [model file](model-file.md), a *bench* a
-[bench file](bench-file.md) or the name of an installed one. Where options say *reading*, the first six are meant: how a
-table of a stranger is read. `--json` prints the result for programs ([schemas](json.md)). It and the table's other
-options stand in the help of the commands that take them."""
+A *recording* is any file or folder of [recordings](recordings.md), a *model* a [model file](model-file.md). A *bench*
+is a [bench file](bench-file.md) or the name of an installed one. Where options say *reading*, the first six are
+meant: how a table of a stranger is read. `--json` prints the result for programs ([schemas](json.md)). It and the
+table's other options stand in the help of the commands that take them."""
 
 
 def command_line() -> Iterator[str]:
@@ -221,7 +220,7 @@ def said(*arguments: str) -> str:
 
 PLANTS = """\
 What `hil identify --plant NAME` fits. Each parameter is given as *name [unit]: meaning; typical value (bounds of a
-fit)*; those that are *held* stay at their value unless `--free NAME` frees them. A column is found by its name;
+fit)*. Those that are *held* stay at their value unless `--free NAME` frees them. A column is found by its name;
 `--input` and `--output` override it. Inner signals are used where they were recorded. Parameters that are
 *as of* another plant have its unit, value, bounds and meaning.
 
@@ -236,10 +235,12 @@ def plants_page() -> Iterator[str]:
     for entry in entries("plants"):
         found = plant(entry.name)
         yield from ("", f"## `{found.name}`", "", entry.summary, "")
-        for head in (f"Source: {found.source}." if found.source else "", *signals_and_places(found)):
-            if head:
-                kind, owner = head.partition(":")[0], heads.setdefault(head, found.name)
-                yield f"{head if owner == found.name else f'{kind}: as of [`{owner}`](#{owner}).'}"
+        first = [f"Source: {found.source}."] if found.source else []
+        owned = [(heads.setdefault(head, found.name), head) for head in (*first, *signals_and_places(found))]
+        for owner, some in groupby(owned, lambda one: one[0]):
+            texts = [head for _, head in some]
+            kinds = ", ".join(head.partition(":")[0] for head in texts)
+            yield from texts if owner == found.name else [f"{kinds}: as of [`{owner}`](#{owner})."]
         yield from slowness(found)
         own, as_of = stated_before(parameter_rows(found.parameters), told)
         yield from as_stated(as_of, told)
@@ -263,7 +264,7 @@ def signals_and_places(found: Plant) -> Iterator[str]:
 def slowness(found: Plant) -> Iterator[str]:
     """How much slower than a valve a plant is, where it is."""
     for times in sorted({hook.slower for hook in found.hooks} - {1.0}):
-        yield f"Times of effects are {number(times)} times those of the library here, rates as much smaller."
+        yield f"Effects: times of the library × {number(times)}, rates ÷ {number(times)}."
 
 
 def of_channel(unit: str) -> str:
@@ -291,18 +292,17 @@ def parameter_rows(parameters: Sequence[Parameter]) -> list[str]:
 
 def parameter_row(parameter: Parameter) -> str:
     """A parameter of a plant."""
-    bounds = f"{number(parameter.low)} … {number(parameter.high)}"
-    meaning = f"{parameter.meaning}{', held' if parameter.fixed else ''}"
+    bounds = "held" if parameter.fixed else f"{number(parameter.low)} … {number(parameter.high)}"
     unit = of_channel(parameter.unit)
-    return f"- `{parameter.name}` [{unit}]: {meaning}; {number(parameter.typical)} ({bounds})"
+    return f"- `{parameter.name}` [{unit}]: {parameter.meaning}; {number(parameter.typical)} ({bounds})"
 
 
 EFFECTS = """\
 The library that a diagnosis screens. One definition (`hil/physics/effects/NAME.py`) makes the simulation, the fit, the
 wording of the verdict and this page. Each parameter is given as *name [unit]: meaning; typical value (bounds, null)*.
 At its *null* an effect does nothing; parameters without one are shapes, of any value meanwhile. FS is the full scale
-of the place where the effect sits, one of its [plant's](plants.md), or of the *travel* there; model files have the
-unit of the place. Times and rates are those of valves; a slower plant says by how much they differ."""
+of the effect's place in its [plant](plants.md), or of the *travel* there; model files have the unit of the place.
+Times and rates are those of valves; a slower plant says by how much they differ."""
 
 
 def effects_page() -> Iterator[str]:
@@ -339,15 +339,15 @@ def effect_parameter(parameter: EffectParameter) -> str:
 
 
 RESULTS = """\
-`hil results RUN` hands on what the evaluation of a run found. `--json FILE` writes one document, below; `--csv FILE`
-writes the values there and each curve beside it as STEM_NAME.csv; `--xlsx FILE` writes a spreadsheet with a sheet for
-the values, one for the transfer functions and one for each curve. FILE may be `-` for JSON and for the values as CSV.
-The run folder keeps the document as `results.json` from the day of the run; a run that has none is evaluated now.
+`hil results RUN` hands on what the evaluation of a run found. `--json FILE` writes one document, below. `--csv FILE`
+writes the values there and each curve beside it as STEM_NAME.csv. `--xlsx FILE` writes a spreadsheet with sheets for
+values, transfer functions and each curve. FILE may be `-` for JSON and for the values as CSV. The run folder keeps
+the document as `results.json` from the day of the run.
 
-A number that does not exist is `null`. The unit of a pure number is `1`. Every `std` is a standard uncertainty (one σ);
-limits are judged with twice that. Magnitudes of a frequency response are given in three forms: `gain` in units of the
-response per unit of the command, `raw magnitude` in dB of that, and `magnitude` in dB over the gain at the reference
-frequency. A document of another schema version is refused.
+A number that does not exist is `null`. The unit of a pure number is `1`. Every `std` is a standard uncertainty (one
+σ); limits are judged with twice that. A frequency response has `gain` in units of the response per unit of the
+command, `raw magnitude` in dB of that, and `magnitude` in dB over the gain at the reference frequency. A document of
+another schema version is refused.
 
 ```python
 import json

@@ -15,8 +15,8 @@ _READING = (
 )
 
 STEPS: Mapping[str, str] = {
-    "dead_time": f"From the command's jump until the response has made 2 % of its change, "
-    f"the beginning of its lag included; the dead time of a model is without. {_READING}",
+    "dead_time": f"From the command's jump until the response has made 2 % of its change. A "
+    f"model's dead time is shorter: it is without the beginning of the lag. {_READING}",
     "rise": (
         "IEC 60469 transition duration, 10 % to 90 % of the change between the levels before and after. The meter's "
         "lag lengthens it."
@@ -43,25 +43,25 @@ SWEEPS: Mapping[str, str] = {
     "response_high": "Steady response at the upper end, mean of the visits.",
     "response_low": "Steady response at the lower end, mean of the visits.",
     "hysteresis": (
-        "ISO 10770-1 hysteresis: largest difference of command for one response, less what speed makes of it, where "
-        "the curve is steeper than 30 % of its steepest. With friction it lies between twice the sliding and twice the "
+        "ISO 10770-1 hysteresis: largest difference of command for one response where the curve is steeper than 30 % "
+        "of its steepest, without the lag. With friction it lies between twice the sliding and twice the "
         "static friction. `<` where noise alone could make it."
     ),
     "dead_band_positive": (
-        "ISO 10770-1 dead band, upper edge: where a power law through the middle curve, up to 40 % of the response at "
-        "the end, begins. With play or friction the branches begin half the hysteresis to either side. `<` where its "
+        "ISO 10770-1 dead band, upper edge: where a power law through the middle curve up to 40 % of the response "
+        "begins. With play or friction the branches begin half the hysteresis to either side. `<` where its "
         "uncertainty covers the whole way from neutral."
     ),
     "dead_band_negative": "Lower edge of the dead band, as the upper one; `>` there.",
     "gain_positive": (
-        "ISO 10770-1 gain: least-squares line through the curve between the branches, even in command, from 30 % to "
-        "90 % of the response at the upper end."
+        "ISO 10770-1 gain: least-squares line through the middle curve, even in command, from 30 % to 90 % of the "
+        "response at the upper end."
     ),
     "gain_negative": "The same below neutral.",
     "symmetry": "Smaller of the two gains over the larger. `>` where noise alone could make the difference.",
     "linearity": (
         "ISO 10770-1 linearity error within the gain's range: largest departure from its line, in % of the response "
-        "at the end; the worse of the two sides."
+        "at the end. The worse side counts."
     ),
     "polarity": "Sign of the response at the upper end less that at the lower end.",
     "null_bias": (
@@ -106,8 +106,8 @@ THRESHOLDS: Mapping[str, str] = {
 }
 FAIL_SAFES: Mapping[str, str] = {
     "closing_time": (
-        "From the command's jump to its safe value until the response stays within the band (in % of the change) for "
-        f"good; mean of the repeats. {_READING}"
+        "From the command's jump to its safe value until the response stays for good within the band (in % of the "
+        f"change). Mean of the repeats. {_READING}"
     ),
     "left_open": "Mean of the second half of the time after the loss, less the response at neutral before the test.",
 }
@@ -164,8 +164,8 @@ LOAD_STEPS: Mapping[str, str] = {
         "repeats. `<` where noise alone could make it."
     ),
     "load_settling": (
-        "From the step of the load until that curve stays for good within the band (in % of the largest departure) "
-        f"about the mean of its last 15 %. {_READING}"
+        "From the step of the load until that curve stays within the band (in % of the largest departure) about its "
+        f"end. {_READING}"
     ),
     "spool_deviation": "As `load_deviation`, of the channel `spool position`.",
     "spool_settling": "As `load_settling`, of the channel `spool position`.",
