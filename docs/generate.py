@@ -90,14 +90,14 @@ def figures_page() -> Iterator[str]:
     yield (
         "What each figure means and how it is read; `hil run NAME --describe` prints the same. *Of the reading*: the "
         "meter's lag and half a hold of the command are in it, while frequency responses are without them. *Bound*: "
-        "`<` or `>` where noise alone could make it. "
+        "`<` or `>` where noise alone could make it. [bench]: in the bench's unit. "
         "[How often the stated intervals hold](../explanation/coverage.md)."
     )
     tables: dict[str, list[str]] = {}
     for entry in entries("procedures"):
         measured = load_procedure(entry.name).measurements
         if any(m.definition for m in measured):
-            rows = {m.name: f"- `{m.name}` [{m.unit or 'of the bench'}]: {m.definition or m.meaning}" for m in measured}
+            rows = {m.name: f"- `{m.name}` [{m.unit or 'bench'}]: {m.definition or m.meaning}" for m in measured}
             tables[entry.name] = [shortened(row) for row in rows.values()]
     owners = sorted(tables, key=lambda one: (one.startswith("efc_"), len(tables[one])))  # what runs others comes last
     for name in sorted(tables, key=lambda one: (one.startswith("efc_"), one)):
@@ -319,6 +319,8 @@ def effects_page() -> Iterator[str]:
 def effect_section(effect: Effect) -> Iterator[str]:
     """One effect."""
     summary = next(entry.summary for entry in entries("effects") if entry.name == effect.name)
+    summary = summary.removeprefix(f"{effect.name.replace('_', ' ').capitalize()}: ")
+    summary = summary[:1].upper() + summary[1:]
     yield from ("", f"## {effect.name}", "", summary, "", "```text", effect.equation, "```", "")
     yield from (effect_parameter(parameter) for parameter in effect.parameters)
     yield ""
@@ -345,9 +347,9 @@ values, transfer functions and each curve. FILE may be `-` for JSON and for the 
 the document as `results.json` from the day of the run.
 
 A number that does not exist is `null`. The unit of a pure number is `1`. Every `std` is a standard uncertainty (one
-σ); limits are judged with twice that. A frequency response has `gain` in units of the response per unit of the
-command, `raw magnitude` in dB of that, and `magnitude` in dB over the gain at the reference frequency. A document of
-another schema version is refused.
+σ); limits are judged with twice that. A frequency response has `gain` in the response's per the command's unit, `raw
+magnitude` in dB of that, and `magnitude` in dB over that at the reference. A document of another schema version is
+refused.
 
 ```python
 import json

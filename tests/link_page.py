@@ -59,7 +59,8 @@ simulated DAQ `brevini-hpv41`, in virtual time at {direct_rate:g} samples a seco
 sensors and a transfer function of three poles and a dead time. Devices speak the real protocols over loopback, pseudo
 terminals and a CAN hub. The machine: {machine}.
 
-- *Delay* is from the update of the output to the reading of the response; *skew* is between inputs of one sample, in ms. A sample that begins more than half an interval late is *late*.
+- *Delay* is from the update of the output to the reading of the response; *skew* is between inputs of one sample, in
+  ms. A sample that begins more than half an interval late is *late*.
 - A figure over a link is what `hil run` reports: each sample counts from when it was really read. ± is one standard
   uncertainty. It holds noise, what no linear model explains, and that nobody knows where within its exchange a device
   acts.

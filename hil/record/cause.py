@@ -34,8 +34,8 @@ class Found:
 class Cause:
     """Why a certificate was missed, in physics, as a command found within a time; no part of the verdict.
 
-    `command` was asked, as it is typed, beside the run `since` of the same unit, or beside the model of its type where
-    that is empty. `verdict` is the command's; where it is empty, `reason` says why. `found` is what it named, the
+    `command` was asked, as it is typed, beside the run `since` of the same unit, else beside the model of its type.
+    `verdict` is the command's; where it is empty, `reason` says why. `found` is what it named, the
     largest share first; `not_searched` (`untold` in files) was left for want of time. It took `seconds` of `budget_s`.
     """
 
