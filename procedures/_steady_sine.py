@@ -135,6 +135,7 @@ class _Ear:
 
     def __init__(self, tone: Tone, patience: Patience, rate_hz: float, phase_rad: float, response: str) -> None:
         self._tone, self._patience, self._rate_hz = tone, patience, rate_hz
+        self._turns, self._turn_periods = patience.turns(tone.frequency_hz), patience.turn_periods(tone.frequency_hz)
         self._phase_rad = phase_rad
         self._response = response
         self._sent = 0
@@ -157,8 +158,7 @@ class _Ear:
             yield self._next(first)
             if self._done:
                 return
-            turns = self._patience.turns(self._tone.frequency_hz)
-            until = max(turn + 1, 0 if self._first is None else self._first + turns)
+            until = max(turn + 1, 0 if self._first is None else self._first + self._turns)
             if rest := self._edge(until) - self._edge(turn) - first:
                 yield self._next(rest)
             turn = until
@@ -192,13 +192,12 @@ class _Ear:
 
     @property
     def _done(self) -> bool:
-        turns = self._patience.turns(self._tone.frequency_hz)
-        return self._first is not None and len(self._phasors) - self._first >= turns
+        return self._first is not None and len(self._phasors) - self._first >= self._turns
 
     def _whole_turns(self) -> int:
         """Samples of the next turn, or of all that have come once the response is steady; 0 while none is whole."""
-        done, most = len(self._phasors), self._patience.turns(self._tone.frequency_hz)
-        until = done + 1 if self._first is None else self._first + most
+        done = len(self._phasors)
+        until = done + 1 if self._first is None else self._first + self._turns
         while until > done and self._edge(until) - self._edge(done) > len(self._time_s):
             until -= 1
         return self._edge(until) - self._edge(done)
@@ -229,8 +228,7 @@ class _Ear:
 
     def _edge(self, turn: int) -> int:
         """Sample, counted from the first turn, at which a turn begins."""
-        periods = turn * self._patience.turn_periods(self._tone.frequency_hz)
-        return round(periods * self._rate_hz / self._tone.frequency_hz)
+        return round(turn * self._turn_periods * self._rate_hz / self._tone.frequency_hz)
 
     def _length(self, turn: int) -> int:
         return self._edge(turn + 1) - self._edge(turn)
