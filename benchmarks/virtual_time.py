@@ -9,10 +9,13 @@ machine may be shared.
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hil` itself does
 
 import numpy as np
 from table import Row, show
