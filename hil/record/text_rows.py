@@ -27,6 +27,7 @@ from hil.record.tokens import (
     is_stamp,
     joined,
     numbers,
+    of_two_parts,
     prefixes,
     stamps,
     unit_of,
@@ -59,7 +60,10 @@ def columns(path: Path, found: Layout, reading: Reading = AS_IT_IS) -> tuple[lis
     for i, (heading, unit, kind) in enumerate(zip(found.headings, found.units, found.kinds, strict=True)):
         values = table[i].to_numpy()
         if kind == "stamp":
-            values = _stamps(path, found, i, [str(text) for text in values])
+            texts = [str(text) for text in values]
+            values = _stamps(path, found, i, texts)
+            if short := of_two_parts(texts):
+                notes = "; ".join(filter(None, (notes, f"'{heading}': stamps like {texts[0]} are taken as {short}")))
         made.append(Column(heading, values, unit))
     return _with_fractions(_with_days(made, found, table)), notes, found
 
@@ -306,6 +310,7 @@ def _with_days(columns: list[Column], found: Layout, table: Any) -> list[Column]
     dated = [i for i, kind in enumerate(found.kinds) if kind == "stamp"]
     days = [i for i in dated if len(table) and is_date_only(str(table[i].iloc[0]))]
     clocks = [i for i in dated if columns[i].values.dtype.kind == "m"]
+    days = [i for i in days if i not in clocks]  # 10.11.12 may be a clock
     if not (days and clocks):
         return [c for i, c in enumerate(columns) if i not in days] if len(days) < len(dated) else columns
     day, clock = days[0], clocks[0]

@@ -21,16 +21,21 @@ _DAYS = (
     rf"(\d{{4}}[-/.]\d{{1,2}}[-/.]\d{{1,2}}|\d{{1,2}}[-/.]\d{{1,2}}[-/.]\d{{2,4}}|\d{{1,2}}[- ]{_MONTH}[- ]\d{{2,4}})"
 )
 _DATE = re.compile(rf"{_DAYS}$", re.IGNORECASE)
-_STAMP = re.compile(rf"{_DAYS}[ T]+\d{{1,2}}:\d{{2}}", re.IGNORECASE)
-_CLOCK = re.compile(r"\d{1,3}:\d{2}(:\d{2}(:\d{1,3})?)?([.,]\d+)?( ?[AP]M)?$", re.IGNORECASE)
+_STAMP = re.compile(rf"({_DAYS})[ T_,-]+\d{{1,2}}(:|\.\d\d\.)\d{{2}}", re.IGNORECASE)
+_CLOCK = re.compile(
+    r"(\d+ days?,? )?(\d{1,3}:\d{2}(:\d{2})?([.,]\d+)?|\d{1,2}:\d{2}:\d{2}:\d{1,3}|\d{1,2}\.\d{2}\.\d{2}[.,]\d+)"
+    r"( ?[AP]M)?$",
+    re.IGNORECASE,
+)
 _PREFIXES = {"p": "e-12", "n": "e-9", "u": "e-6", "µ": "e-6", "μ": "e-6", "m": "e-3", "k": "e3", "K": "e3", "M": "e6",
              "G": "e9", "T": "e12"}  # fmt: skip
 _PREFIXED = re.compile(rf"([+\-\u2212]?[\d.,]+)([{''.join(_PREFIXES)}])$")
 _QUANTITY = re.compile(r"([+\-\u2212]?[\d.,]+([eE][+-]?\d+)?)\s*([^\d\s.,:;+-][^\s:]*)$")
-_FRACTION = re.compile(r"^(\d+:\d\d:\d\d):(\d{1,3})$")
+_HMS = re.compile(r"(?<![\d:])(\d{1,3})([:.])(\d\d)\2(\d\d)(?:([:.,])(\d+))?(?![\d:.])")
+_DOTTED = re.compile(r"(\d{1,2})\.(\d\d)\.(\d\d)$")
 _TWO_WAYS = re.compile(r"\s*(\d{1,2})[-/](\d{1,2})[-/](\d{2,4})")
 _MONTHS = 12
-_DAY = np.timedelta64(1, "D")
+_DAY, _HOUR = np.timedelta64(24, "h"), np.timedelta64(60, "m")
 
 
 def is_blank(field: str) -> bool:
@@ -140,14 +145,38 @@ def stamps(texts: Sequence[str]) -> NDArray[Any]:
     """
     import pandas as pd
 
-    first = next((text for text in texts if text.strip()), "")
-    if _CLOCK.match(first.strip()):
-        return _clock(pd, [text.strip().replace(",", ".") for text in texts])
-    day_first = bool(re.match(r"\d{1,2}\.", first.strip())) or _is_day_first(texts)
-    cleaned = pd.Series([re.sub(r",(\d+)", r".\1", text.strip()) for text in texts])
-    form = {"format": "ISO8601"} if re.match(r"\d{4}-", first.strip()) else {"dayfirst": day_first, "format": "mixed"}
+    texts = [text.strip() for text in texts]
+    first = next(filter(None, texts), "")
+    if _CLOCK.match(first) or _are_dotted_clocks(texts):
+        return _clock(pd, [re.sub(r",(?=\d)", ".", _HMS.sub(_with_colons, text, 1)) for text in texts])
+    day_first = bool(re.match(r"\d{1,2}\.", first)) or _is_day_first(texts)
+    cleaned = pd.Series([_with_blank(text) for text in texts])
+    form = {"format": "ISO8601"} if re.match(r"\d{4}-", first) else {"dayfirst": day_first, "format": "mixed"}
     found = pd.to_datetime(cleaned, utc=True, **form)
     return found.dt.tz_localize(None).to_numpy().astype("M8[ns]")
+
+
+def _with_colons(clock: re.Match[str]) -> str:
+    """A clock however its parts are separated, as h:mm:ss.fff: behind a colon milliseconds are counted."""
+    hours, _, minutes, seconds, mark, fraction = clock.groups("")
+    return f"{hours}:{minutes}:{seconds}" + (f".{fraction.zfill(3) if mark == ':' else fraction}" if fraction else "")
+
+
+def _with_blank(stamp: str) -> str:
+    """A day and a clock however they are separated, with a blank between them."""
+    match = _STAMP.match(stamp)
+    day, clock = (stamp[: match.end(1)], stamp[match.end(1) :].lstrip(" T_,-")) if match else (stamp, "")
+    return f"{day} {_HMS.sub(_with_colons, clock, 1)}".strip()
+
+
+def _are_dotted_clocks(texts: Sequence[str]) -> bool:
+    """Whether 10.11.12 is a clock, not a day: its last part changes more often than its first."""
+    parts = [match.groups() for match in map(_DOTTED.match, texts) if match]
+    if not parts or len(parts) < len(texts):
+        return False
+    hours, minutes, seconds = np.array(parts, dtype=np.int64).T
+    possible = hours.max() < 24 and minutes.max() < 60 and seconds.max() < 60
+    return bool(possible and np.count_nonzero(np.diff(seconds)) > np.count_nonzero(np.diff(hours)))
 
 
 def _is_day_first(texts: Sequence[str]) -> bool:
@@ -171,13 +200,24 @@ def is_date_only(text: str) -> bool:
     return bool(_DATE.match(text.strip()))
 
 
+def of_two_parts(texts: Sequence[str]) -> str:
+    """What the parts of clocks like 10:11 are taken for, in words; empty for other stamps, or with a fraction."""
+    if not all(re.fullmatch(r"\d{1,3}:\d{2}", text.strip()) for text in texts):
+        return ""
+    hours = all(int(text.partition(":")[0]) < 24 for text in texts)
+    return "hours and minutes" if hours else "minutes and seconds"
+
+
 def _clock(pd: Any, texts: list[str]) -> NDArray[Any]:
+    period = _DAY
     if re.search("[AP]M$", texts[0], re.IGNORECASE):
         moments = pd.to_datetime(pd.Series(texts), format="mixed").to_numpy().astype("M8[ns]")
         found = moments - moments.astype("M8[D]")
+    elif of_two_parts(texts).startswith("hours"):
+        found = pd.to_timedelta(pd.Series(texts) + ":00").to_numpy().astype("m8[ns]")
     else:
-        texts = [_FRACTION.sub(lambda m: f"{m[1]}.{int(m[2]):03d}", text) for text in texts]
-        whole = [text if text.count(":") == 2 else f"0:{text}" for text in texts]
-        found = pd.to_timedelta(pd.Series(whole)).to_numpy().astype("m8[ns]")
-    midnight = np.cumsum(np.diff(found, prepend=found[:1]) < -_DAY // 2)
-    return found + midnight * _DAY.astype("m8[ns]")
+        short = all(text.count(":") == 1 for text in texts)
+        whole = [f"0:{text}" if text.count(":") == 1 else text for text in texts]
+        found, period = pd.to_timedelta(pd.Series(whole)).to_numpy().astype("m8[ns]"), _HOUR if short else _DAY
+    again = np.cumsum(np.diff(found, prepend=found[:1]) < -(period // 2))
+    return found + again * period.astype("m8[ns]")

@@ -101,3 +101,46 @@ def test_stamps_that_are_shown_to_the_minute_contradict_nothing(tmp_path: Path) 
     moments = [start + timedelta(seconds=STEP_S * i) for i in range(COUNT)]
     stamps = [f"{STEP_S * i:.2f},{moment:%Y-%m-%d %H:%M}" for i, moment in enumerate(moments)]
     assert read(tmp_path, "Test_Time (s),DateTime", stamps).duration_s == pytest.approx(STEP_S * (COUNT - 1))
+
+
+@pytest.mark.parametrize(
+    ("start", "form"),
+    [
+        ("23:59:58", "%H.%M.%S,%f"),
+        ("10:59:58", "%M:%S.%f"),
+        ("23:59:58", "0 days %H:%M:%S.%f"),
+        ("10:11:12", "%Y-%m-%d-%H.%M.%S.%f"),
+        ("10:11:12", "%Y-%m-%d_%H:%M:%S.%f"),
+        ("10:11:12", "%d.%m.%Y %H.%M.%S.%f"),
+    ],
+)
+def test_clocks_are_read_however_their_parts_are_separated(start: str, form: str, tmp_path: Path) -> None:
+    begun = datetime.fromisoformat(f"2026-11-28T{start}")
+    stamps = [f"{begun + timedelta(seconds=STEP_S * i):{form}}" for i in range(COUNT)]
+    found = read(tmp_path, "Time", [f'"{stamp}"' for stamp in stamps])
+    assert found.time_s == pytest.approx(STEP_S * np.arange(COUNT))
+
+
+def test_behind_a_colon_milliseconds_are_counted(tmp_path: Path) -> None:
+    stamps = [f"11/28/2026 10:11:{12 + i // 20}:{50 * i % 1000:03d}" for i in range(COUNT)]
+    assert read(tmp_path, "Time", stamps).time_s == pytest.approx(STEP_S * np.arange(COUNT))
+
+
+@pytest.mark.parametrize(("form", "step_s"), [("{0:02d}:{1:02d}", 60.0), ("00.{0:02d}.{1:02d}", 1.0)])
+def test_clocks_without_seconds_and_with_points_are_no_days(form: str, step_s: float, tmp_path: Path) -> None:
+    found = read(tmp_path, "Time", [form.format(*divmod(590 + i, 60)) for i in range(COUNT)])
+    assert found.time_s == pytest.approx(step_s * np.arange(COUNT))
+    assert ("hours and minutes" in " ".join(found.meta.get("assumed", ()))) == (step_s == 60.0)
+
+
+def test_a_clock_of_minutes_beyond_a_day_counts_minutes_and_seconds(tmp_path: Path) -> None:
+    found = read(tmp_path, "Time", [f"{i // 2}:{i % 2 * 30:02d}" for i in range(COUNT)])
+    assert found.time_s == pytest.approx(30.0 * np.arange(COUNT))
+
+
+@pytest.mark.parametrize("back_s", [0.2, 11 * 3600.0])
+def test_only_a_step_back_of_half_a_day_is_a_midnight(back_s: float, tmp_path: Path) -> None:
+    begun = datetime(2026, 11, 28, 12, 59, 58)
+    clocks = [begun + timedelta(seconds=STEP_S * i - (back_s if i >= COUNT // 2 else 0.0)) for i in range(COUNT)]
+    with pytest.raises(FileError, match="does not come after"):
+        read(tmp_path, "Time", [f"{clock:%H:%M:%S.%f}" for clock in clocks])
