@@ -490,7 +490,7 @@ def _check_named(recording: Recording, plant: Plant, input_name: str, output_nam
         hint = f", did you mean '{alike[0]}'?" if alike else ";"
         raise FileError(
             f"{recording.name}: no channel '{name}', the {role} of {plant.name}{hint} it has: {have or 'none'}; "
-            f"say which is the {role} (of hil simulate {option(f'{role}-name')}) with {option(role, 'NAME')}"
+            f"name its channel with {option(role, 'NAME')} (in hil simulate {option(f'{role}-name')})"
         )
 
 
