@@ -126,8 +126,8 @@ Contents = tuple[list[Table], dict[str, Any]]
 
 def numbers(properties: Mapping[str, Any]) -> dict[str, float]:
     """The single numbers among what is said about a file, a group or a channel."""
-    single = {key: value for key, value in properties.items() if np.ndim(value) == 0}
-    return {key: float(value) for key, value in single.items() if np.asarray(value).dtype.kind in "iuf"}
+    single = {key: np.asarray(value) for key, value in properties.items() if np.size(value) == 1}
+    return {key: float(value.item()) for key, value in single.items() if value.dtype.kind in "iuf"}
 
 
 def even_table(name: str, columns: Sequence[Column], numbers: Mapping[str, float]) -> Table:

@@ -26,15 +26,7 @@ from hil.units import scale_and_offset
 
 _LOOKED_AT = 120
 _FEWEST_ROWS = 4
-_INTERVALS = frozenset({
-    "sample interval", "sampling interval", "sampling period", "sample period", "sample time", "xinc", "x increment",
-    "xincrement", "hresolution", "interval", "time interval", "dt", "delta t", "clock", "tinc", "abtastintervall",
-    "intervall", "messintervall",
-})  # fmt: skip
-_RATES = frozenset({
-    "sample rate", "samplerate", "sampling rate", "sampling frequency", "sample frequency", "scan rate", "abtastrate",
-    "abtastfrequenz", "messrate",
-})  # fmt: skip
+_INTERVALS, _RATES = headings.INTERVALS | {"clock"}, headings.RATES
 _STARTS = frozenset({"xorg", "x origin", "xorigin", "hoffset"})
 _TIME_UNITS = frozenset({"horizontal units", "horizontal unit", "hunit", "xunits", "x units", "x unit", "horz units"})
 _UNITS = frozenset(

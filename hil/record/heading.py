@@ -45,9 +45,18 @@ _TIME_UNITS = {
 _COUNTERS = frozenset(
     {"", "index", "idx", "no", "nr", "#", "number", "row", "point", "n", "unnamed: 0", "sample", "samples", "record"}
 )
-_INTERVALS = frozenset({"ts", "dt", "delta_t", "sample_time", "sampling_time", "sampling_interval", "wf_increment",
-                        "sampletime", "samplingtime", "deltat", "interval", "tsample", "t_s", "t_sample"})  # fmt: skip
-_RATES = frozenset({"fs", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "rate_hz", "f_s", "rate"})
+INTERVALS = frozenset({
+    "ts", "dt", "delta t", "sample time", "sampling time", "sampling interval", "wf increment", "sampletime",
+    "samplingtime", "deltat", "interval", "tsample", "t s", "t sample", "tinterval", "sample interval",
+    "sampling period", "sample period", "xinc", "x increment", "xincrement", "hresolution", "time interval", "tinc",
+    "abtastintervall", "intervall", "messintervall",
+})  # fmt: skip
+"""Names of the distance of samples, as `plain_name` spells them."""
+RATES = frozenset({
+    "fs", "sample rate", "samplerate", "sampling rate", "sampling frequency", "rate hz", "f s", "rate",
+    "sample frequency", "scan rate", "abtastrate", "abtastfrequenz", "messrate",
+})  # fmt: skip
+"""Names of the number of samples a second."""
 _STARTS = frozenset({"t0", "x0", "t_0", "start_time", "starttime", "time_offset", "t_start", "tstart"})
 _FRACTIONS = {"ms": 1_000_000, "msec": 1_000_000, "millisecond": 1_000_000, "milliseconds": 1_000_000,
               "millis": 1_000_000, "us": 1000, "µs": 1000, "usec": 1000, "microseconds": 1000}  # fmt: skip
@@ -185,7 +194,8 @@ def is_start(name: str) -> bool:
 
 def interval_of(name: str, value: float) -> float:
     """The sampling interval that a number of this name states (`Ts`, `dt`, `fs`), in s; 0 for any other."""
-    bare = name.strip().casefold()
-    if value <= 0.0:
+    bare, unit = split(name)
+    bare = plain_name(bare)
+    if value <= 0.0 or unit not in ("", "s", "Hz"):
         return 0.0
-    return value if bare in _INTERVALS else 1.0 / value if bare in _RATES else 0.0
+    return value if bare in INTERVALS else 1.0 / value if bare in RATES else 0.0

@@ -166,6 +166,16 @@ class TestMatlab:
         assert list(found.channels) == ["flow"]
         assert np.array_equal(found.time_s, TIME)
 
+    def test_signals_that_state_their_names_and_units(self, tmp_path: Path) -> None:
+        kinds = [("Name", object), ("Data", object), ("Unit", object)]
+        signals = np.array([("cmd", RAMP, "%"), ("flow", 2 * RAMP, "l/min")], dtype=kinds)
+        clock = np.array([("HostService", TIME, "s")], dtype=kinds)
+        found = read_recording(
+            write_mat(tmp_path / "x.mat", rec001={"X": clock, "Y": signals, "Description": "dSPACE"})
+        )
+        assert [(c.name, c.unit) for c in found.channels.values()] == [("cmd", "%"), ("flow", "l/min")]
+        assert np.array_equal(found.time_s, TIME)
+
     def test_a_matrix_becomes_numbered_channels(self, tmp_path: Path) -> None:
         found = read_recording(write_mat(tmp_path / "x.mat", t=TIME, y=np.column_stack([RAMP, -RAMP])))
         assert found.values("y 2").tolist() == (-RAMP).tolist()
@@ -238,6 +248,27 @@ class TestHdf5:
         assert list(found.channels) == ["flow"]
         assert found.meta["assumed"] == ["left out, not one number per sample: name"]
 
+    @pytest.mark.parametrize("ending", [".nc", ".mat"])
+    def test_packed_values_and_times_of_netcdf_under_any_ending(self, ending: str, tmp_path: Path) -> None:
+        def fill(file) -> None:
+            file["time"] = 1000.0 * TIME
+            file["time"].attrs["units"] = "milliseconds since 2026-11-28 10:11:12"
+            file["flow"] = np.array([0, 10, -99, 30, 40], dtype=np.int16)
+            file["flow"].attrs.update({"scale_factor": [0.5], "add_offset": [2.0], "_FillValue": [-99], "units": "bar"})
+            file["command"] = RAMP
+
+        path = write_hdf5(tmp_path / f"x{ending}", fill)
+        found = read_recording(path, Reading(gaps=True))
+        assert found.samples("flow").values.tolist() == [2.0, 7.0, 17.0, 22.0]
+        assert found.time_s == pytest.approx(TIME)
+
+    def test_a_rate_whose_unit_stands_beside_its_name(self, tmp_path: Path) -> None:
+        def fill(file) -> None:
+            file["y"] = RAMP
+            file.attrs["Sample Rate (Hz)"] = 50.0
+
+        assert read_recording(write_hdf5(tmp_path / "x.h5", fill)).time_s == pytest.approx(0.02 * np.arange(5))
+
     def test_a_rate_as_attribute(self, tmp_path: Path) -> None:
         def fill(file) -> None:
             file.attrs["sample_rate"] = 50.0
@@ -280,7 +311,7 @@ class TestParquet:
             read_recording(path)
 
 
-TEXT = formats()[".csv"].SUFFIXES
+TEXT = (*formats()[".csv"].SUFFIXES, ".lvm")
 BINARY = sorted(ending for ending in formats() if ending not in TEXT)
 
 

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import numpy as np
+
 from hil.errors import FileError, reason
 from hil.record.about import KEY, about, parse_about
 from hil.record.columns import Column, Contents, Table, by_length, even_table, from_matrix, numbers
@@ -22,7 +24,9 @@ from hil.record.recording import Recording
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")
 KIND = "HDF5"
+BEGINNINGS = (b"\x89HDF\r\n\x1a\n",)
 _MATLAB_INSIDES = ("#refs#", "#subsystem#")
+_FILLED, _PACKED = ("_FillValue", "missing_value"), ("scale_factor", "add_offset")  # of NetCDF's conventions
 _UNIT_KEYS = ("unit", "units", "Unit", "Units", "unit_string")
 
 
@@ -102,8 +106,13 @@ def _is_hard(group: Any, key: str) -> bool:
 
 def _columns(key: str, dataset: Any, channels: Mapping[str, Mapping[str, Any]]) -> list[Column]:
     name = _text(dataset.attrs.get("name")) or key
-    unit = next((_text(dataset.attrs[key]) for key in _UNIT_KEYS if key in dataset.attrs), "")
-    return from_matrix(name, dataset[...], unit, **channels.get(name, {}))
+    unit = next((_text(dataset.attrs[key]) for key in _UNIT_KEYS if key in dataset.attrs), "").partition(" since ")[0]
+    values, stated = dataset[...], numbers(dataset.attrs)
+    for fill in (stated[key] for key in _FILLED if key in stated):
+        values = np.where(values == fill, np.nan, values)
+    if not stated.keys().isdisjoint(_PACKED):
+        values = values * stated.get("scale_factor", 1.0) + stated.get("add_offset", 0.0)
+    return from_matrix(name, values, unit, **channels.get(name, {}))
 
 
 def _is_text(item: Any) -> bool:

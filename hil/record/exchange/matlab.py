@@ -94,6 +94,8 @@ def _tables(
 ) -> Iterator[Table]:
     columns: list[Column] = []
     numbers: dict[str, float] = {}
+    stated = _stated(struct)
+    arrays = [value for value in struct.values() if isinstance(value, np.ndarray) and value.size]
     for key, value in struct.items():
         if isinstance(value, dict):
             yield from _tables(key, value, known, channels)
@@ -103,11 +105,12 @@ def _tables(
         elif isinstance(value, int | float):
             numbers[key] = float(value)
         elif isinstance(value, np.ndarray) and value.size:
-            label, unit = known.get(key, (_label(struct) if key == "values" else "", ""))
+            label, unit = known.get(key, stated if len(arrays) == 1 else ("", ""))
             columns += from_matrix(label or key, value, unit, **channels.get(label or key, {}))
     yield from (even_table(name, found, numbers) for found in by_length(columns))
 
 
-def _label(struct: Mapping[str, Any]) -> str:
-    label = struct.get("label", "")  # Simulink's structure with time names its signals so
-    return label if isinstance(label, str) else ""
+def _stated(struct: Mapping[str, Any]) -> tuple[str, str]:
+    """Name and unit that a structure states of its one signal, as those of Simulink and dSPACE do."""
+    texts = {key.casefold(): value for key, value in struct.items() if isinstance(value, str)}
+    return texts.get("name") or texts.get("label", ""), texts.get("unit", "")
