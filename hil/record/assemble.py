@@ -15,7 +15,7 @@ import numpy as np
 from hil.errors import FileError, UnitError, option
 from hil.language.note import Note
 from hil.record.columns import Column, Table
-from hil.record.heading import plain_name
+from hil.record.heading import is_time, plain_name
 from hil.record.missing_values import is_even, missing_values
 from hil.record.named import even_note, named
 from hil.record.reading import AS_IT_IS, Reading
@@ -150,7 +150,14 @@ class _Taken:
 
 
 def _nothing(tables: Sequence[Table]) -> str:
-    have = ", ".join(f"'{column.heading}'" for table in tables for column in table.columns)
+    columns = [column for table in tables for column in table.columns]
+    for column in columns:
+        if is_time(column.name_and_unit[0]) and column.values.dtype.kind in "OSU" and column.values.size:
+            return (
+                f"'{column.heading}' is called a time, but '{column.values[0]}' is no number, date or clock that is "
+                f"read, as 2026-11-28 10:11:12.5; {option('interval', 'S')} reads evenly spaced samples without it"
+            )
+    have = ", ".join(f"'{column.heading}'" for column in columns)
     there = f"no signal with a time was found, but {have}" if have else "no signal was found"
     return (
         f"{there}; say which of them is the time with {option('time', 'NAME')}, or how far the samples are apart with "

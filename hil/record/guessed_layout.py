@@ -13,7 +13,7 @@ import numpy as np
 from hil.errors import FileError, option
 from hil.record import heading as headings
 from hil.record.header_metadata import units_above
-from hil.record.layout import WHITESPACE, Kind, Layout, is_row_of_units, is_time_format, split, stands_for_unit
+from hil.record.layout import WHITESPACE, Kind, Layout, is_row_of_units, is_unit, split, stands_for_unit
 from hil.record.text_file import encoding_of, open_text
 from hil.record.tokens import (
     as_numbers,
@@ -119,10 +119,12 @@ def _separator(lines: Sequence[str]) -> tuple[str, int]:
             texts = sum(not _is_known(cell) for cell in row)
             weights[len(row)] += 1 + len(rows) * max(0, sum(map(_is_quantity_or_stamp, row)) - texts)
         count = weights.most_common(1)[0][0] if rows else 0
-        first = next((i for i, row in enumerate(rows) if len(row) == count and any(map(_is_quantity_or_stamp, row))), 0)
-        whole = [row for row in rows[first:] if len(row) == count]
-        known = sum(_is_known(cell) for row in whole for cell in row)
-        share = known / (count * (len(rows) - first)) if whole else 0.0
+        quantities = [sum(map(_is_quantity_or_stamp, row)) for row in rows]
+        like_samples = [
+            row for row, n in zip(rows, quantities, strict=True) if 2 * n > len(row) or (n and len(row) == count)
+        ]
+        known = sum(_is_known(cell) for row in like_samples for cell in row if len(row) == count)
+        share = known / (count * len(like_samples)) if like_samples else 0.0
         if count > 1 and share > score + 1e-9 and share >= _LEAST_NUMERIC:
             best, score = (mark, count), share
     return best
@@ -232,8 +234,11 @@ def _headings(above: list[tuple[int, list[str]]], count: int) -> tuple[int, tupl
     number, cells = texts[chosen]
     others = [*texts[chosen + 1 :], *texts[:chosen]]
     units = next((found for _, found in others if is_row_of_units(found)), [""] * count)
-    bare = ["" if stands_for_unit(unit) else headings.unit_text(unit) for unit in units]
-    bare = ["" if is_time_format(unit) else unit for unit in bare]
+    known = [is_unit(unit) or headings.is_counter(unit) for unit in units]
+    bare = [
+        headings.unit_text(unit) if k and not stands_for_unit(unit) else ""
+        for k, unit in zip(known, units, strict=True)
+    ]
     return number, tuple(cells), tuple(bare)
 
 
@@ -262,7 +267,7 @@ def _rise(rows: Sequence[Sequence[str]]) -> bool:
 def _unnamed(above: Sequence[str], separator: str, count: int, rises: bool) -> str:
     timed = count > 2 or (count == 2 and rises)
     named = ["time", "command", "flow"] if count > 2 else ["time", "flow"] if timed else ["command", "flow"]
-    example = ",".join([*named[:count], *["-"] * (count - 3)])
+    example = ",".join([*named[:count], *["-"] * min(count - 3, 5), *["…"] * (count > 8)])
     even = "" if timed else f", and {option('interval', 'S')} for the seconds between samples"
     asked = f"name the {count} columns with {option('columns')}, as in {option('columns', f'{example}')}{even}"
     filled = [(i, line) for i, line in enumerate(above, 1) if line.strip()]

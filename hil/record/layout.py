@@ -52,15 +52,19 @@ def split(line: str, separator: str) -> list[str]:
 
 
 def is_row_of_units(cells: Sequence[str]) -> bool:
-    """Whether the cells of a line above the samples are units, one for each column."""
+    """Whether most cells of a line above the samples are units, but for those of the time and of the row's number."""
     if cells[0].casefold() in _UNIT_LABELS or tuple(cells[:2]) == _TOA5:
         return True
-    filled = [cell for cell in cells if cell]
-    return bool(filled) and all(
-        headings.is_unit(cell) or headings.is_time_unit(headings.unit_text(cell)) or cell in ("-", "1", "[1]", "(1)")
-        or is_time_format(cell) or headings.is_time(cell) or headings.is_counter(cell)
-        for cell in filled
-    )  # fmt: skip
+    filled = [
+        cell for cell in cells if not (headings.is_time(cell) or headings.is_counter(cell) or is_time_format(cell))
+    ]
+    return 2 * sum(map(is_unit, filled)) > len(filled)
+
+
+def is_unit(cell: str) -> bool:
+    """Whether a cell of a row of units is one."""
+    bare = headings.unit_text(cell)
+    return bare == "1" or headings.is_unit(bare) or headings.is_time_unit(bare)
 
 
 def stands_for_unit(text: str) -> bool:

@@ -15,6 +15,7 @@ from hil.record.heading import plain_name
 _NAMES = frozenset({
     "name", "tag", "tagname", "tag name", "varname", "var name", "channel", "channel name", "signal", "signal name",
     "variable", "sensor", "parameter", "point", "point name", "measurement", "metric", "item", "quantity", "kanal",
+    "field",
 })  # fmt: skip
 _VALUES = frozenset({"value", "varvalue", "val", "wert", "valeur", "valor", "reading", "measured value", "messwert"})
 _UNITS = frozenset({"unit", "units", "uom", "einheit", "eu", "engunit", "eng unit"})
@@ -94,5 +95,5 @@ def _clocks(columns: Sequence[Column], by_name: dict[str, Column], others: Seque
         column
         for column in columns
         if column not in others and plain_name(column.heading.partition("[")[0]) not in left_out
-        and (column.is_dated or column.is_number)
+        and (column.is_number or (column.is_dated and column.values[0] != column.values[-1]))
     ]  # fmt: skip

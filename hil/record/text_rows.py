@@ -214,7 +214,7 @@ def _lines(path: Path, found: Layout) -> Iterator[tuple[int, list[str]]]:
     """Numbers and fields of the lines with samples."""
     with open_text(path, found.encoding) as file:
         for number, line in enumerate(islice(file, found.first_row - 1, None), found.first_row):
-            if line.strip() and number not in found.remarks:
+            if line.replace(found.separator, ";").strip() and number not in found.remarks:
                 yield number, found.split(line)
 
 
@@ -258,8 +258,7 @@ def _may_be_cut(table: Any, found: Layout) -> bool:
     last = len(found.headings) - 1
     if found.kinds[last] != "number":
         return False
-    missing = np.isnan(table[last].to_numpy())
-    return bool(missing.any() and not missing.all())
+    return bool(np.isnan(table[last].to_numpy()).any())
 
 
 def _without_cut_line(path: Path, found: Layout, table: Any, gaps: bool) -> tuple[Any, str]:

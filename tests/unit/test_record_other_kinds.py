@@ -60,6 +60,21 @@ class TestSpreadsheets:
         found = read_recording(sheet(tmp_path / "x.xlsx", ("time [s]", "u [V]"), *(r[:2] for r in ROWS), other=("a",)))
         assert any("not read: notes" in note for note in found.meta["assumed"])
 
+    def test_a_longer_sheet_of_remarks_is_not_read(self, tmp_path: Path) -> None:
+        remarks = [("operator", "me")] * 200
+        path = sheet(tmp_path / "x.xlsx", *remarks)
+        openpyxl = pytest.importorskip("openpyxl")
+        book = openpyxl.load_workbook(path)
+        for row in [("time [s]", "u [V]", "y [bar]"), *ROWS]:
+            (book["data"] if "data" in book.sheetnames else book.create_sheet("data")).append(row)
+        book.save(path)
+        assert read_recording(path).values("y", "bar").tolist() == [row[2] for row in ROWS]
+
+    def test_a_mean_below_an_empty_row_is_named_by_its_row(self, tmp_path: Path) -> None:
+        path = sheet(tmp_path / "x.xlsx", ("time [s]", "u [V]", "y [bar]"), *ROWS, (), ("Mean", 3.0, 5.0))
+        with pytest.raises(FileError, match=r"line 43, column 1 .*: 'Mean' is not a number"):
+            read_recording(path)
+
     def test_a_cell_that_is_no_number_is_named_by_sheet_and_row(self, tmp_path: Path) -> None:
         rows = [*ROWS[:20], (0.2, "bad", 5.0), *ROWS[21:]]
         path = sheet(tmp_path / "x.xlsx", ("time [s]", "u [V]", "y [bar]"), *rows)
@@ -370,3 +385,54 @@ class TestTexts:
         (tmp_path / "x.csv").write_text("9.16,0.24\n9.18,0.21\n9.20,0.19\n")
         with pytest.raises(FileError, match=r"as in (--columns|columns=).*time,flow"):
             read_recording(tmp_path / "x.csv")
+
+    def test_a_row_of_units_may_hold_what_is_none(self, tmp_path: Path) -> None:
+        rows = "".join(
+            f"{k + 1},2026/11/28 10:11:{12 + k // 10},{100 * k % 1000},+{0.5 * k},+{2 * k},LLLL\n" for k in range(30)
+        )
+        above = "Sampling interval,100ms\nNumber,Date&Time,ms,CH1,CH2,Alarm1-10\nNO.,Time,ms,V,bar,A1234567890\n"
+        (tmp_path / "x.csv").write_text(f"Vendor,GRAPHTEC Corporation\n{above}{rows}")
+        found = read_recording(tmp_path / "x.csv")
+        assert [(c.name, c.unit) for c in found.channels.values()] == [("CH1", "V"), ("CH2", "bar")]
+        assert found.time_s == pytest.approx(0.1 * np.arange(30))
+
+    def test_short_lists_beside_the_recording_cost_no_rows(self, tmp_path: Path) -> None:
+        beside = [f"F{k}\t1.5" if k < 9 else "\t" for k in range(60)]
+        rows = "".join(f"{k}\t{3 * k}\t{k % 7}\t{k % 5}\t{short}\n" for k, short in enumerate(beside))
+        (tmp_path / "x.txt").write_text(f"Time\tA\tB\tC\tF_Names\tF_Values\n{rows}")
+        assert read_recording(tmp_path / "x.txt").values("A").tolist() == [3.0 * k for k in range(60)]
+
+    def test_more_names_than_values_are_refused(self, tmp_path: Path) -> None:
+        rows = "".join(f"{k},{k},{2 * k}\n" for k in range(9))
+        (tmp_path / "x.csv").write_text(f"time [s],command [%],temperature [degC],flow [l/min]\n{rows}")
+        with pytest.raises(FileError, match="line 2 has 3 values, the header names 4 columns"):
+            read_recording(tmp_path / "x.csv")
+
+    def test_a_time_that_cannot_be_read_is_named(self, tmp_path: Path) -> None:
+        rows = "".join(f"Mar 14 2026 10:11:{k:02d},{k},{2 * k}\n" for k in range(30))
+        (tmp_path / "x.csv").write_text(f"Time,command [%],flow [l/min]\n{rows}")
+        with pytest.raises(FileError, match="'Time' is called a time, but 'Mar 14 2026 10:11:00' is no number, date"):
+            read_recording(tmp_path / "x.csv")
+
+    def test_an_example_of_many_names_is_short(self, tmp_path: Path) -> None:
+        (tmp_path / "x.csv").write_text(
+            "".join(",".join(f"{k + 0.5 * i}" for i in range(400)) + "\n" for k in range(4))
+        )
+        with pytest.raises(FileError, match="name the 400 columns") as caught:
+            read_recording(tmp_path / "x.csv")
+        assert len(str(caught.value)) < 300
+
+    def test_fields_of_a_time_series_database_are_channels(self, tmp_path: Path) -> None:
+        above = "#datatype,string,long,dateTime:RFC3339,dateTime:RFC3339,dateTime:RFC3339,double,string\n"
+        rows = [
+            f",,{n},2026-11-28T10:00:00Z,2026-11-28T11:00:00Z,2026-11-28T10:11:{12 + k}Z,{k + 100 * n},{name}\n"
+            for n, name in enumerate(("command", "flow")) for k in range(20)
+        ]  # fmt: skip
+        (tmp_path / "x.csv").write_text(f"{above},result,table,_start,_stop,_time,_value,_field\n{''.join(rows)}")
+        found = read_recording(tmp_path / "x.csv")
+        assert found.time_s.tolist() == list(range(20))
+        assert found.values("flow").tolist() == [100.0 + k for k in range(20)]
+
+    def test_a_spreadsheet_of_labview_is_a_text_file(self, tmp_path: Path) -> None:
+        (tmp_path / "x.lvm").write_text("X_Value\tu\ty\n" + "".join(f"{k}\t{k % 7}\t{2 * k}\n" for k in range(9)))
+        assert read_recording(tmp_path / "x.lvm").values("y").tolist() == [2.0 * k for k in range(9)]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hil.errors import FileError, reason
 from hil.record.assemble import assemble
 from hil.record.columns import Column, Table
+from hil.record.exchange import csv as text_table
 from hil.record.extra import library
 from hil.record.heading import split as split_heading
 from hil.record.reading import AS_IT_IS, Reading
@@ -39,7 +40,7 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
     except (OSError, UnicodeError) as error:
         raise FileError(f"{path}: cannot be read as LVM: {error}") from None
     if not text.startswith(_BEGINNING):
-        raise FileError(f"{path}: cannot be read as LVM: it does not begin with '{_BEGINNING}' and a header")
+        return text_table.read(path, reading)  # LabVIEW writes spreadsheets under this ending too
     try:
         found = library("lvm_read", path).read_str(text)
         segments = [found[k] for k in range(found["Segments"])]

@@ -1,4 +1,4 @@
-"""Spreadsheets of Excel and LibreOffice, read only: the sheet with the most rows, as if it were a text file."""
+"""Spreadsheets of Excel and LibreOffice, read only: the sheet with the most numbers, as if it were a text file."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from hil.record.extra import library
 from hil.record.reading import Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
+from hil.record.tokens import is_number
 
 SUFFIXES = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 KIND = "a spreadsheet"
@@ -37,16 +38,18 @@ def contents(path: Path, file: BinaryIO) -> Contents:
     """
     book = library("python_calamine", path).CalamineWorkbook.from_filelike(file)
     sheets = {name: book.get_sheet_by_name(name) for name in book.sheet_names}
-    filled = {name: sheet for name, sheet in sheets.items() if sheet.width and sheet.height}
+    filled = {name: list(sheet.iter_rows()) for name, sheet in sheets.items() if sheet.width and sheet.height}
     if not filled:
         raise FileError(f"{path}: no sheet holds anything")
-    name = max(filled, key=lambda one: filled[one].height)
+    name = max(filled, key=lambda one: (sum(_is_value(cell) for row in filled[one] for cell in row), len(filled[one])))
     text = io.StringIO()
-    text.write("\n" * filled[name].start[0])  # so that a line's number is that of the row
+    text.write("\n" * sheets[name].start[0])  # so that a line's number is that of the row
     rows = csv.writer(text, delimiter="\t", lineterminator="\n")
-    rows.writerows([_text(cell) for cell in row] for row in filled[name].iter_rows())
+    rows.writerows([_text(cell) for cell in row] for row in filled[name])
     others = tuple(other for other in filled if other != name)
-    left_out = Note("sheet '{sheet}' is read, which has the most rows; not read: {others}", sheet=name, others=others)
+    left_out = Note(
+        "sheet '{sheet}' is read, which has the most numbers; not read: {others}", sheet=name, others=others
+    )
     column = Column(name, np.frombuffer(text.getvalue().encode(), dtype=np.uint8))
     return [Table(name, [column], assumed=left_out if others else "")], {}
 
@@ -69,6 +72,10 @@ def assembled(path: Path, found: Contents, reading: Reading) -> Recording | Resp
     if not isinstance(read, Recording):
         return replace(read, name=str(path))
     return replace(read, name=str(path), meta={**read.meta, "assumed": [*notes, *read.meta.get("assumed", ())]})
+
+
+def _is_value(cell: Any) -> bool:
+    return not isinstance(cell, str) or is_number(cell)
 
 
 def _text(cell: Any) -> str:
