@@ -58,7 +58,7 @@ CASES = [
     (("convert", "good.csv", "mass.csv"), "exists already; --overwrite replaces it"),
     (("convert", "good.csv", "nowhere/good.csv"), "nowhere/good.csv: there is no folder nowhere"),
     (("identify", "capitals.csv", *IDENTIFY), "'command', the input of brevini-hpv41, did you mean 'Command'?"),
-    (("identify", "good.csv", "--plant", "transfer-function", "--out", "m.json"), "say which is the input"),
+    (("identify", "good.csv", "--plant", "transfer-function", "--out", "m.json"), "name its channel with --input"),
     (("identify", "good.csv", "good.csv", *IDENTIFY), "good.csv: named twice; a recording counts once"),
     (("identify", "good.csv", "--plant", "brevini-hpv41", "--out", "good.csv"), "would be lost; write another file"),
     (("identify", "good.csv", "--plant", "brevini-hpv41", "--out", "folder"), "folder: is a folder; name a file"),
