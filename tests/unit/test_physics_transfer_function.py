@@ -4,7 +4,7 @@ import pytest
 from hil.errors import InputError
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate
-from hil.physics.transfer_function import from_factors, from_parameters, transfer_function
+from hil.physics.transfer_function import from_factors, transfer_function
 
 SHAPES = [
     transfer_function([2.0], [0.5, 1.0]),
@@ -25,13 +25,6 @@ def test_the_plant_simulates_what_the_transfer_function_says(model):
         exact = model.step(np.arange(1500) * 2e-3)
         late = simulated[1:] if shift else simulated[1:-1]
         assert np.allclose(late - 7.0, exact[:1499] if shift else exact[1:1499], atol=1e-9)
-
-
-@pytest.mark.parametrize("model", SHAPES)
-def test_parameters_and_back(model):
-    back = from_parameters(model.to_parameters())
-    assert np.allclose(back.numerator, model.numerator, rtol=1e-9, atol=1e-12)
-    assert np.allclose(back.denominator, model.denominator, rtol=1e-9)
 
 
 def test_a_system_may_start_where_the_first_output_says():

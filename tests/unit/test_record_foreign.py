@@ -106,12 +106,6 @@ class TestMdf4:
 
 
 class TestTdms:
-    def test_waveform_properties_give_the_time(self, tmp_path: Path) -> None:
-        wave = {"wf_increment": 0.002, "wf_start_offset": 0.5, "unit_string": "V"}
-        found = read_recording(write_tdms(tmp_path / "x.tdms", ("daq", "ai0", RAMP, wave), ("daq", "ai1", -RAMP, wave)))
-        assert found.time_s == pytest.approx(0.5 + 0.002 * np.arange(5))
-        assert [channel.heading for channel in found.channels.values()] == ["ai0 [V]", "ai1 [V]"]
-
     def test_units_may_stand_where_daq_assistants_put_them(self, tmp_path: Path) -> None:
         path = write_tdms(tmp_path / "x.tdms", ("g", "Time", TIME, {}), ("g", "p", RAMP, {"NI_UnitDescription": "bar"}))
         found = read_recording(path)
@@ -159,12 +153,6 @@ class TestMatlab:
     def test_a_struct(self, tmp_path: Path) -> None:
         found = read_recording(write_mat(tmp_path / "x.mat", run={"time": TIME, "flow": RAMP}, operator="me"))
         assert list(found.channels) == ["flow"]
-
-    def test_structure_with_time_of_simulink(self, tmp_path: Path) -> None:
-        signals = {"values": RAMP, "label": "flow", "dimensions": 1}
-        found = read_recording(write_mat(tmp_path / "x.mat", out={"time": TIME, "signals": signals}))
-        assert list(found.channels) == ["flow"]
-        assert np.array_equal(found.time_s, TIME)
 
     def test_signals_that_state_their_names_and_units(self, tmp_path: Path) -> None:
         kinds = [("Name", object), ("Data", object), ("Unit", object)]
