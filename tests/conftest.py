@@ -101,8 +101,8 @@ def state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HIL_STATE_DIR", str(tmp_path_factory.mktemp("state")))
         patch.setenv("HIL_ARCHIVE", str(tmp_path_factory.mktemp("archive")))
-        if "PYTEST_XDIST_WORKER" in os.environ:
-            patch.setenv(SHARED, str(tmp_path_factory.getbasetemp().parent))
+        own = tmp_path_factory.getbasetemp()
+        patch.setenv(SHARED, str(own.parent if "PYTEST_XDIST_WORKER" in os.environ else own))
         # Programs that tests start in a home of their own need not compile every plant anew.
         patch.setenv("HIL_CACHE_DIR", os.environ.get("HIL_CACHE_DIR") or platformdirs.user_cache_dir("valve-hil"))
         yield

@@ -11,7 +11,7 @@ from typing import TypeVar
 from filelock import FileLock
 
 SHARED = "HIL_TESTS_SHARED"
-"""The folder that the workers of a run have in common; a run without workers has none."""
+"""The folder that the workers of a run have in common; a program that is no test has none."""
 _T = TypeVar("_T")
 
 

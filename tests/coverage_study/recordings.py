@@ -24,15 +24,17 @@ from hil.record.recording import Channel, Recording
 from hil.session.procedure import Procedure
 from hil.session.setting import parse_settings
 from tests.coverage_study.situations import Situation, without_noise
+from tests.once import once
 
 _RAW_LOW, _RAW_SPAN = -10.0, 20.0
 _FINE_BITS = 16
 
 
 def driven(procedure: Procedure, bench: str, settings: Mapping[str, str], situation: Situation, at: Path) -> Recording:
-    """What the procedure records on the bench without noise."""
-    text = without_noise(bench, situation)
-    return driven_on(procedure, text, {**settings, **situation.settings.get(procedure.name, {})}, at)
+    """What the procedure records on the bench without noise; in a run of the tests it is driven once for all."""
+    text, given = without_noise(bench, situation), {**settings, **situation.settings.get(procedure.name, {})}
+    key = zlib.crc32(f"{text}{sorted(given.items())}".encode())
+    return once(f"driven-{procedure.name}-{key}", lambda: driven_on(procedure, text, given, at))
 
 
 def driven_on(procedure: Procedure, text: str, settings: Mapping[str, str], at: Path) -> Recording:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +12,7 @@ from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.catalog import entries
 from hil.record.measurement import Measured
-from hil.record.recording import Recording
-from hil.session.procedure import Procedure, load_procedure
+from hil.session.procedure import load_procedure
 from sim_devices._simulation import Simulation, model_of
 from tests.bench_files import bench_file
 from tests.coverage_study.cases import BY_HAND, CASES, MADE_OF, SAME_AS, WITHOUT_TRUTH, Case
@@ -32,24 +30,6 @@ PROCEDURES = (
     "pressure_gain", "internal_leakage", "flow_over_pressure_drop", "limiting_power", "null_shift", "load_step",
 )  # fmt: skip
 QUICK = [next(case for case in CASES if case.procedure == name) for name in PROCEDURES]
-
-
-pytestmark = pytest.mark.xdist_group("coverage study")  # what is driven once is for all of them
-_driven: dict[tuple[str, str, tuple[tuple[str, str], ...], str], Recording] = {}
-
-
-def driven_once(
-    procedure: Procedure, bench: str, settings: Mapping[str, str], situation: Situation, at: Path
-) -> Recording:
-    asked = (procedure.name, bench, tuple(settings.items()), situation.name)
-    if asked not in _driven:
-        _driven[asked] = driven(procedure, bench, settings, situation, at)
-    return _driven[asked]
-
-
-@pytest.fixture(autouse=True)
-def each_is_driven_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tests.coverage_study.study.driven", driven_once)
 
 
 def name_of(case: Case) -> str:
@@ -86,7 +66,7 @@ def test_a_few_seeds_of_the_bench_as_installed_hold_the_truth(case: Case, tmp_pa
 def test_every_declared_figure_has_a_truth(tmp_path: Path) -> None:
     told: dict[str, set[str]] = {}
     for case in CASES:
-        clean = driven_once(
+        clean = driven(
             load_procedure(case.procedure), case.bench, case.settings, AS_INSTALLED, tmp_path / name_of(case)
         )
         found = {name.partition(", ")[0] for name in case.truth(clean, case.bench, AS_INSTALLED)}
@@ -127,7 +107,7 @@ def test_every_shipped_bench_is_in_the_study_or_like_one_that_is() -> None:
 
 def test_a_recording_made_from_one_without_noise_is_that_of_the_bench(tmp_path: Path) -> None:
     procedure = load_procedure("step_response")
-    made = noisy(driven_once(procedure, HPV41, {}, AS_INSTALLED, tmp_path / "quiet"), HPV41, AS_INSTALLED, 17)
+    made = noisy(driven(procedure, HPV41, {}, AS_INSTALLED, tmp_path / "quiet"), HPV41, AS_INSTALLED, 17)
     text = bench_file(tmp_path / "bench.toml", HPV41, simulation={"seed": 17}).read_text(encoding="utf-8")
     real = driven_on(procedure, text, {}, tmp_path / "loud")
     apart = made.values("flow") - real.values("flow")
@@ -136,7 +116,7 @@ def test_a_recording_made_from_one_without_noise_is_that_of_the_bench(tmp_path: 
 
 
 def test_the_response_without_noise_is_that_of_the_published_equations(tmp_path: Path) -> None:
-    clean = driven_once(load_procedure("step_response"), HPV41, {}, AS_INSTALLED, tmp_path / "quiet")
+    clean = driven(load_procedure("step_response"), HPV41, {}, AS_INSTALLED, tmp_path / "quiet")
     every, interval_s = 10, 1e-4
     command = np.repeat(clean.values("command"), every)
     late = np.concatenate((np.zeros(200), command[:-200]))

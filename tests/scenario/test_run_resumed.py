@@ -12,6 +12,7 @@ from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.errors import FileError, SettingError, StoppedError
 from hil.record.read import read_recording
+from hil.session.outcome import Outcome
 from hil.session.procedure import load_procedure
 from hil.session.run import rehearse_procedure, run_procedure
 
@@ -24,10 +25,14 @@ SWEEP: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def file(tmp_path_factory: pytest.TempPathFactory) -> BenchFile:
-    path = tmp_path_factory.mktemp("bench") / "bench.toml"
-    path.write_text(benches()["brevini-hpv41"].read_text(encoding="utf-8"), encoding="utf-8")
-    return read_bench(path)
+def file() -> BenchFile:
+    return read_bench(benches()["brevini-hpv41"])
+
+
+@pytest.fixture(scope="module")
+def whole(file: BenchFile, tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    """A run that was not broken off."""
+    return run_procedure(load_procedure("frequency_response"), file, SWEEP, tmp_path_factory.mktemp("whole") / "run")
 
 
 def broken_off(file: BenchFile, out: Path, after: int, settings: dict[str, Any] = SWEEP) -> None:
@@ -49,15 +54,16 @@ def sines(folder: Path) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize("after", [3, 5])
-def test_the_result_is_that_of_an_uninterrupted_run(file: BenchFile, tmp_path: Path, after: int) -> None:
+def test_the_result_is_that_of_an_uninterrupted_run(
+    file: BenchFile, whole: Outcome, tmp_path: Path, after: int
+) -> None:
     procedure = load_procedure("frequency_response")
-    whole = run_procedure(procedure, file, SWEEP, tmp_path / "whole")
     broken_off(file, tmp_path / "broken", after)
     first = sines(tmp_path / "broken")
     assert len(first) == after
 
     resumed = run_procedure(procedure, file, {}, tmp_path / "resumed", resume=tmp_path / "broken")
-    assert sines(tmp_path / "resumed") == sines(tmp_path / "whole")  # each once
+    assert sines(tmp_path / "resumed") == sines(whole.folder)  # each once
     expected = {measured.name: measured for measured in whole.findings.measured}
     assert {measured.name for measured in resumed.findings.measured} == set(expected)
     of_the_valve = [m for m in resumed.findings.measured if m.quantity != "model_fit"]  # that is of the recording

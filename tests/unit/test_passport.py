@@ -6,12 +6,14 @@ import io
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from xml.etree.ElementTree import fromstring
 
 import pikepdf
 import pytest
 
+from hil.catalog import entries
 from hil.errors import FileError, SettingError
 from hil.passport.contents import lay_out
 from hil.passport.issue import Wanted, issue
@@ -20,19 +22,33 @@ from hil.passport.unit import read_unit_runs
 from hil.passport.verify import Soundness, Trust, opened, verify
 from hil.record.folder import read
 from tests.certificates import holder
+from tests.conftest import STRANGER
 from tests.passports import run_of
 
-pytestmark = pytest.mark.usefixtures("own_state", "stranger")
+# on one worker: its passport is issued once
+pytestmark = [pytest.mark.xdist_group("passport"), pytest.mark.usefixtures("lab")]
 
 WITHOUT_MODEL = Wanted(identify=False)
 SPACE = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
 
 
-@pytest.fixture
-def made(tmp_path: Path) -> Path:
-    out = tmp_path / "unit.pdf"
-    issue([run_of(tmp_path)], out, signing_key(None), WITHOUT_MODEL)
-    return out
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder with the state of a computer, on which the procedure of the runs is installed."""
+    folder = tmp_path_factory.mktemp("lab")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(STRANGER))
+        patch.setenv("HIL_STATE_DIR", str(folder / "state"))
+        entries.cache_clear()
+        yield folder
+    entries.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def made(lab: Path) -> Path:
+    """A passport that nobody changes, beside its run."""
+    issue([run_of(lab)], lab / "unit.pdf", signing_key(None), WITHOUT_MODEL)
+    return lab / "unit.pdf"
 
 
 def own() -> list[object]:
@@ -150,7 +166,7 @@ def test_opened_it_gives_back_run_folders_that_read(made: Path, tmp_path: Path) 
     assert found.is_as_signed
     (run,) = lay_out(content, tmp_path / "laid")
     assert read(run).meta["operator"] == "A. Muster"
-    assert (run / "samples.f8").read_bytes() == (tmp_path / "run" / "samples.f8").read_bytes()
+    assert (run / "samples.f8").read_bytes() == (made.parent / "run" / "samples.f8").read_bytes()
     assert (tmp_path / "laid" / "passport.pdf").read_bytes() == content
     with pytest.raises(FileError, match="there already"):
         lay_out(content, tmp_path / "laid")
