@@ -111,8 +111,8 @@ def si_value(m: Measured) -> tuple[float, float | None, str] | None:
     if m.value is None or m.relation != "=":
         return None
     expanded = m.expanded if m.std is not None and m.std > 0.0 else None
-    if m.unit in _AS_THEY_ARE:
-        return m.value, expanded, _AS_THEY_ARE[m.unit]
+    if name := (_AS_THEY_ARE | _SI_UNITS).get(m.unit):
+        return m.value, expanded, name
     for unit, name in _SI_UNITS.items():
         try:
             scale, offset = scale_and_offset(m.unit, unit)

@@ -13,7 +13,6 @@ from hil.language.words import _, marked
 from hil.passport.unit import Unit
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.progress import Progress
-from hil.report.diagnosis_tables import changed_from
 from hil.report.number import number, with_uncertainty
 
 if TYPE_CHECKING:
@@ -64,6 +63,8 @@ class Understood:
         """Rows for the annex: every effect that would have been seen."""
         if self.diagnosed is None:
             return []
+        from hil.report.diagnosis_tables import changed_from
+
         return [
             [_(limit.effect.replace("_", " ")) + changed_from(limit), _(limit.stage),
              number(limit.upper, 2) if limit.visible else _("cannot be seen"),

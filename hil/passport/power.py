@@ -14,15 +14,12 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from hil.cores import spread
-from hil.diagnosis.problem import Problem, pose
-from hil.diagnosis.search.terms import Term, all_terms
 from hil.errors import InputError
-from hil.identification.preparation.experiment import for_model
 from hil.language.note import Note
 from hil.language.words import _
 from hil.passport.certificate import name_words
@@ -41,6 +38,10 @@ from hil.session.results import evaluated, judged_by, procedure_of
 from hil.signals.smooth_curve import coloured
 from hil.units import convert
 from hil.version import PROGRAM
+
+if TYPE_CHECKING:
+    from hil.diagnosis.problem import Problem
+    from hil.diagnosis.search.terms import Term
 
 REPEATS = 40
 """Runs with noise: of the healthy unit, and of each fault that is shown."""
@@ -134,7 +135,7 @@ def power_of(run: UnitRun, model: Model, progress: Progress, kept: Path | None =
     )  # fmt: skip
 
 
-_Fault = tuple[Term, tuple[float, ...]]
+_Fault: TypeAlias = "tuple[Term, tuple[float, ...]]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,6 +173,10 @@ class _World:
 
     @classmethod
     def of(cls, run: UnitRun, model: Model) -> _World:
+        from hil.diagnosis.problem import pose
+        from hil.diagnosis.search.terms import all_terms
+        from hil.identification.preparation.experiment import for_model
+
         limits = tuple(m.name for m in run.findings.measured if m.verdict is not None)
         if not limits:
             raise InputError(f"{run.results.run}: no limit was given")
