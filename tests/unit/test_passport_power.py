@@ -28,7 +28,7 @@ def a_short_search(monkeypatch: pytest.MonkeyPatch) -> None:
     def few(*posed: Any) -> tuple[Term, ...]:
         return tuple(term for term in all_terms(*posed) if term.label in TRIED)
 
-    monkeypatch.setattr(power, "all_terms", few)
+    monkeypatch.setattr("hil.diagnosis.search.terms.all_terms", few)
     monkeypatch.setattr(power, "REPEATS", 10)
 
 
