@@ -37,7 +37,7 @@ from hil.passport.power import as_dict as power_dict
 from hil.passport.revoked import read_revocations
 from hil.passport.sign import signed
 from hil.passport.unit import Unit, read_unit_runs
-from hil.passport.verify import Soundness, Trust, verify
+from hil.passport.verify import SignatureStatus, Trust, verify
 from hil.physics.other_plant import other_plants
 from hil.record.durable import write_whole
 from hil.record.plain import plain, to_json
@@ -161,7 +161,8 @@ def _sealed(
     work = place / "pages"
     work.mkdir()
     sealed = signed(compiled(page, drawn, inside, content, work), key)
-    if (checked := verify(sealed, Trust([key.certificate], read_revocations(None)))).outcome is not Soundness.SOUND:
+    checked = verify(sealed, Trust([key.certificate], read_revocations(None)))
+    if checked.outcome is not SignatureStatus.SOUND:
         raise InputError(f"the passport was not written: its own check says: {checked.sentence}")
     return sealed
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _HEADERS = f"runs/*/{HEADER_FILE}"
 
 
-class Soundness(IntEnum):
+class SignatureStatus(IntEnum):
     """What came of it; the exit status of `hil verify`."""
 
     SOUND = 0
@@ -46,7 +46,7 @@ class Verified:
     `signed_utc`: when, as the signer's computer said. `simulated`: whether a run inside was made on a simulated valve.
     """
 
-    outcome: Soundness
+    outcome: SignatureStatus
     sentence: str
     signer: str = ""
     fingerprint: str = ""
@@ -56,7 +56,7 @@ class Verified:
     @property
     def exit_status(self) -> int:
         """0 sound and signer known, 1 changed or signer unknown, 2 no passport."""
-        return min(int(self.outcome), 1) if self.outcome is not Soundness.NO_PASSPORT else 2
+        return min(int(self.outcome), 1) if self.outcome is not SignatureStatus.NO_PASSPORT else 2
 
     @property
     def most_bytes(self) -> float:
@@ -66,12 +66,12 @@ class Verified:
     @property
     def is_sound(self) -> bool:
         """Whether nothing was changed, and the signer is known."""
-        return self.outcome is Soundness.SOUND
+        return self.outcome is SignatureStatus.SOUND
 
     @property
     def is_as_signed(self) -> bool:
         """Whether nothing was changed, whoever signed, and whenever."""
-        return self.outcome not in (Soundness.CHANGED, Soundness.NO_PASSPORT)
+        return self.outcome not in (SignatureStatus.CHANGED, SignatureStatus.NO_PASSPORT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,23 +120,23 @@ def verify(content: bytes, trust: Trust) -> Verified:
     from cryptography import x509
 
     if not is_passport(content):
-        return Verified(Soundness.NO_PASSPORT, "no passport of this program")
+        return Verified(SignatureStatus.NO_PASSPORT, "no passport of this program")
     try:
         seal = seal_of(content)
         certificate = x509.load_der_x509_certificate(seal.certificate)
         issuers, signed_utc = _validated(content, seal.field, certificate, trust.certificates)
         who = name_of(certificate), fingerprint(certificate), _of_simulated_runs(content), signed_utc
     except ChangedError as error:
-        return Verified(Soundness.CHANGED, f"changed since it was signed: {error}")
+        return Verified(SignatureStatus.CHANGED, f"changed since it was signed: {error}")
     except Exception as error:  # a broken PDF makes its reader raise anything; whatever it is, the file is not sound
-        return Verified(Soundness.CHANGED, f"cannot be read as it was signed: {type(error).__name__}")
+        return Verified(SignatureStatus.CHANGED, f"cannot be read as it was signed: {type(error).__name__}")
     if issuers is None:
         statement = "unchanged since it was signed, by a signer who is not known here"
-        return Verified(Soundness.UNKNOWN_SIGNER, statement, *who)
+        return Verified(SignatureStatus.UNKNOWN_SIGNER, statement, *who)
     if fault := fault_in_time([certificate, *issuers], signed_utc, trust.revocations, trust.received):
         statement = f"unchanged since it was signed, by a known signer, but {fault}"
-        return Verified(Soundness.NOT_VALID_THEN, statement, *who)
-    return Verified(Soundness.SOUND, "unchanged since it was signed, by a known signer", *who)
+        return Verified(SignatureStatus.NOT_VALID_THEN, statement, *who)
+    return Verified(SignatureStatus.SOUND, "unchanged since it was signed, by a known signer", *who)
 
 
 def _of_simulated_runs(content: bytes) -> bool:

@@ -19,7 +19,7 @@ from hil.passport.contents import lay_out
 from hil.passport.issue import Wanted, issue
 from hil.passport.key import read_certificates, read_key, signing_key, state_folder
 from hil.passport.unit import read_unit_runs
-from hil.passport.verify import Soundness, Trust, opened, verify
+from hil.passport.verify import SignatureStatus, Trust, opened, verify
 from hil.record.folder import read
 from tests.certificates import holder
 from tests.conftest import STRANGER
@@ -99,9 +99,9 @@ def test_the_digital_certificate_says_the_same_in_si_units(made: Path) -> None:
 def test_who_signed_is_known_on_his_own_machine_and_nowhere_else(made: Path, tmp_path: Path) -> None:
     content = made.read_bytes()
     (certificate,) = own()
-    assert verify(content, Trust([certificate])).outcome is Soundness.SOUND
+    assert verify(content, Trust([certificate])).outcome is SignatureStatus.SOUND
     stranger = verify(content, Trust())
-    assert stranger.outcome is Soundness.UNKNOWN_SIGNER and stranger.exit_status == 1
+    assert stranger.outcome is SignatureStatus.UNKNOWN_SIGNER and stranger.exit_status == 1
     assert len(stranger.fingerprint.replace(" ", "")) == 64
 
 
@@ -118,7 +118,7 @@ def test_who_signed_is_known_on_his_own_machine_and_nowhere_else(made: Path, tmp
 )
 def test_what_the_signature_does_not_cover_is_found(made: Path, change, says: str) -> None:
     changed = verify(change(made.read_bytes()), Trust(own()))
-    assert changed.outcome is Soundness.CHANGED and says in changed.sentence
+    assert changed.outcome is SignatureStatus.CHANGED and says in changed.sentence
 
 
 def test_a_title_changed_by_an_update_is_found(made: Path) -> None:
@@ -130,7 +130,7 @@ def test_a_title_changed_by_an_update_is_found(made: Path) -> None:
     update.update_root()
     update.write(again)
     assert again.getvalue().startswith(made.read_bytes()) and len(again.getvalue()) > made.stat().st_size
-    assert verify(again.getvalue(), Trust(own())).outcome is Soundness.CHANGED
+    assert verify(again.getvalue(), Trust(own())).outcome is SignatureStatus.CHANGED
 
 
 @pytest.mark.parametrize("content", [b"", b"%PDF-1.7\n%%EOF\n", b"PK\x03\x04"])
@@ -157,8 +157,8 @@ def test_a_lab_key_of_a_lab_authority_is_known_by_the_authority(tmp_path: Path) 
     authority, lab = _lab(tmp_path)
     out = tmp_path / "unit.pdf"
     issue([run_of(tmp_path)], out, read_key(lab), WITHOUT_MODEL)
-    assert verify(out.read_bytes(), Trust(read_certificates(authority))).outcome is Soundness.SOUND
-    assert verify(out.read_bytes(), Trust()).outcome is Soundness.UNKNOWN_SIGNER
+    assert verify(out.read_bytes(), Trust(read_certificates(authority))).outcome is SignatureStatus.SOUND
+    assert verify(out.read_bytes(), Trust()).outcome is SignatureStatus.UNKNOWN_SIGNER
 
 
 def test_opened_it_gives_back_run_folders_that_read(made: Path, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from hil.passport.issue import Wanted, issue
 from hil.passport.key import SigningKey, fingerprint, signing_key
 from hil.passport.revoked import Revoked, read_revocations
 from hil.passport.sign import signed
-from hil.passport.verify import Soundness, Trust, verify
+from hil.passport.verify import SignatureStatus, Trust, verify
 from tests.certificates import DAY, NOW, Holder, holder
 from tests.passports import run_of
 
@@ -77,26 +77,26 @@ def test_a_leaf_that_is_trusted_vouches_for_itself_alone(unsigned: bytes, bare: 
     leaf = holder("Lab 12", bare=bare)
     under = holder("Somebody", leaf)
     if not bare:
-        assert verify(signed(unsigned, key_of(leaf)), Trust([leaf.certificate])).outcome is Soundness.SOUND
+        assert verify(signed(unsigned, key_of(leaf)), Trust([leaf.certificate])).outcome is SignatureStatus.SOUND
     found = verify(signed(unsigned, key_of(under)), Trust([leaf.certificate]))
-    assert found.outcome is Soundness.UNKNOWN_SIGNER and found.exit_status == 1
+    assert found.outcome is SignatureStatus.UNKNOWN_SIGNER and found.exit_status == 1
 
 
 def test_an_authority_vouches_through_those_between_and_a_leaf_between_does_not(unsigned: bytes) -> None:
     root = holder("Root", authority=True)
     between, leaf = holder("Between", root, authority=True), holder("Leaf", root)
     lab, under = holder("Lab 12", between), holder("Somebody", leaf)
-    assert verify(signed(unsigned, key_of(lab)), Trust([root.certificate])).outcome is Soundness.UNKNOWN_SIGNER
+    assert verify(signed(unsigned, key_of(lab)), Trust([root.certificate])).outcome is SignatureStatus.UNKNOWN_SIGNER
     for trusted in ([root, between], [between], [lab]):
         trust = Trust([one.certificate for one in trusted])
-        assert verify(signed(unsigned, key_of(lab)), trust).outcome is Soundness.SOUND
+        assert verify(signed(unsigned, key_of(lab)), trust).outcome is SignatureStatus.SOUND
     trust = Trust([root.certificate, leaf.certificate])
-    assert verify(signed(unsigned, key_of(under)), trust).outcome is Soundness.UNKNOWN_SIGNER
+    assert verify(signed(unsigned, key_of(under)), trust).outcome is SignatureStatus.UNKNOWN_SIGNER
 
 
 def test_another_key_under_the_name_of_a_known_one_is_unknown(unsigned: bytes, caplog) -> None:
     known, other = holder("Lab 12"), holder("Lab 12")
-    assert verify(signed(unsigned, key_of(other)), Trust([known.certificate])).outcome is Soundness.UNKNOWN_SIGNER
+    assert verify(signed(unsigned, key_of(other)), Trust([known.certificate])).outcome is SignatureStatus.UNKNOWN_SIGNER
     assert not caplog.records  # a record that nobody handles is a trace on the terminal
 
 
@@ -112,28 +112,30 @@ def test_the_time_of_a_signature_is_told(unsigned: bytes) -> None:
 def test_a_signature_from_2099_is_not_sound_and_says_its_time(unsigned: bytes, at) -> None:
     lab = holder("Lab 12", valid=(NOW - DAY, datetime(2120, 1, 1, tzinfo=UTC)))
     found = verify(at(unsigned, lab, datetime(2099, 1, 1, tzinfo=UTC)), Trust([lab.certificate]))
-    assert found.outcome is Soundness.NOT_VALID_THEN and found.exit_status == 1 and found.is_as_signed
+    assert found.outcome is SignatureStatus.NOT_VALID_THEN and found.exit_status == 1 and found.is_as_signed
     assert said(found, "2099-01-01", "has not come")
 
 
 @pytest.mark.parametrize(
     ("valid", "outcome"),
     [
-        ((NOW - 900 * DAY, NOW - 10 * DAY), Soundness.SOUND),  # signed while it held, read when it does no longer
-        ((NOW - 900 * DAY, NOW - 50 * DAY), Soundness.NOT_VALID_THEN),
-        ((NOW - 20 * DAY, NOW + 900 * DAY), Soundness.NOT_VALID_THEN),
+        ((NOW - 900 * DAY, NOW - 10 * DAY), SignatureStatus.SOUND),  # signed while it held, read when it does no longer
+        ((NOW - 900 * DAY, NOW - 50 * DAY), SignatureStatus.NOT_VALID_THEN),
+        ((NOW - 20 * DAY, NOW + 900 * DAY), SignatureStatus.NOT_VALID_THEN),
     ],
 )
 @pytest.mark.parametrize("by_authority", [False, True])
 def test_an_expired_certificate_counts_for_the_time_in_which_it_held(
-    unsigned: bytes, at, valid, outcome: Soundness, by_authority: bool
+    unsigned: bytes, at, valid, outcome: SignatureStatus, by_authority: bool
 ) -> None:
     root = holder("Root", authority=True)
     lab = holder("Lab 12", root if by_authority else None, valid=valid)
     trust = Trust([(root if by_authority else lab).certificate])
     found = verify(at(unsigned, lab, NOW - 30 * DAY), trust)
-    assert found.exit_status == (0 if outcome is Soundness.SOUND else 1)
-    assert by_authority or (found.outcome is outcome and (outcome is Soundness.SOUND or said(found, "did not hold")))
+    assert found.exit_status == (0 if outcome is SignatureStatus.SOUND else 1)
+    assert by_authority or (
+        found.outcome is outcome and (outcome is SignatureStatus.SOUND or said(found, "did not hold"))
+    )
 
 
 def test_nobody_signs_with_a_certificate_that_has_expired(tmp_path: Path, stranger: Path) -> None:
@@ -243,7 +245,7 @@ def test_a_file_that_was_changed_is_not_sound(unsigned: bytes, change) -> None:
     content = signed(unsigned, key_of(lab))
     other = change(content)
     assert other != content
-    assert verify(other, Trust([lab.certificate])).outcome is Soundness.CHANGED
+    assert verify(other, Trust([lab.certificate])).outcome is SignatureStatus.CHANGED
 
 
 def test_the_signature_of_another_passport_does_not_fit(unsigned: bytes) -> None:
@@ -253,7 +255,7 @@ def test_the_signature_of_another_passport_does_not_fit(unsigned: bytes) -> None
 
     (begin, end), (first, last) = seal_of(content).field, seal_of(other).field
     mixed: Sequence[bytes] = (content[:begin], other[first:last], content[end:])
-    assert verify(b"".join(mixed), Trust([lab.certificate])).outcome is Soundness.CHANGED
+    assert verify(b"".join(mixed), Trust([lab.certificate])).outcome is SignatureStatus.CHANGED
 
 
 def test_power_without_a_model_is_refused_before_a_run_is_read(tmp_path: Path) -> None:
