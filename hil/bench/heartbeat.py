@@ -40,7 +40,7 @@ _TAKES_OVER_S = 2.0  # a watchdog that does not say so within this time is taken
 _LONGEST_REASON = 4096
 
 
-class Watch(NamedTuple):
+class WatchdogHandle(NamedTuple):
     """Gives a sign of life, told whether outputs are driven (else they are safe); and where the run is stopped.
 
     `hand_over` leaves the outputs to the watchdog; what is to be said of that. `say_identities` tells it which devices
@@ -55,7 +55,7 @@ class Watch(NamedTuple):
 
 
 @contextmanager
-def watched(file: BenchFile, run: Path, known: Outputs, operator: Operator | None = None) -> Iterator[Watch]:
+def watched(file: BenchFile, run: Path, known: Outputs, operator: Operator | None = None) -> Iterator[WatchdogHandle]:
     """A watchdog process while inside; yields the function that gives a sign of life.
 
     That function raises `StoppedError` when the watchdog itself is gone or hangs. A simulated bench, and one whose file
@@ -76,7 +76,7 @@ def watched(file: BenchFile, run: Path, known: Outputs, operator: Operator | Non
     operator.tell, operator.holding, operator.confirming = client.say_outputs, client.say_holding, client.say_confirming
     try:
         client.wait_until_ready()
-        yield Watch(client.beat, client.control, client.no_listener, client.hand_over, client.say_identities)
+        yield WatchdogHandle(client.beat, client.control, client.no_listener, client.hand_over, client.say_identities)
     except BaseException as error:
         if not known.are_commanded:
             error.add_note(client.hand_over())
@@ -90,10 +90,10 @@ def watched(file: BenchFile, run: Path, known: Outputs, operator: Operator | Non
 
 
 @contextmanager
-def _heard_here(file: BenchFile, known: Outputs, operator: Operator | None) -> Iterator[Watch]:
+def _heard_here(file: BenchFile, known: Outputs, operator: Operator | None) -> Iterator[WatchdogHandle]:
     """Without a watchdog: this process listens itself, for as long as the bench is open."""
     if operator is None:
-        yield Watch(lambda _driven: None, None)
+        yield WatchdogHandle(lambda _driven: None, None)
         return
     service = StopService(units_of(file), "run", lambda request: operator.ask(request, service.stopped_by))
     operator.tell = lambda outputs: service.tell(outputs.known, "run")
@@ -101,10 +101,10 @@ def _heard_here(file: BenchFile, known: Outputs, operator: Operator | None) -> I
     try:
         listener = system.serve(lambda: Listener(service, "run"), service)
     except OSError as error:
-        yield Watch(lambda _driven: None, None, f"no listener for a stop: {error}")
+        yield WatchdogHandle(lambda _driven: None, None, f"no listener for a stop: {error}")
         return
     try:
-        yield Watch(lambda _driven: None, listener.control)
+        yield WatchdogHandle(lambda _driven: None, listener.control)
     finally:
         if known.known:
             operator.answer(known)

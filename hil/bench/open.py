@@ -13,7 +13,7 @@ from typing import Any
 from hil.bench.device import model_path
 from hil.bench.ending import Ending, LastWord, accounted, closed_for_sure, recorded
 from hil.bench.file import Bench
-from hil.bench.heartbeat import Watch, watched
+from hil.bench.heartbeat import WatchdogHandle, watched
 from hil.bench.lease import leased
 from hil.bench.nets.calibration import deviations_on
 from hil.bench.nets.packages import check_packages
@@ -164,7 +164,7 @@ def _opened_rig(
 
 
 @contextmanager
-def _left_to_the_watchdog(watch: Watch, known: Outputs) -> Iterator[None]:
+def _left_to_the_watchdog(watch: WatchdogHandle, known: Outputs) -> Iterator[None]:
     """Outputs that could not be made safe are left to the watchdog at once, before the record is closed."""
     try:
         yield
