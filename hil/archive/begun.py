@@ -12,8 +12,8 @@ from pathlib import Path
 
 from hil.archive.place import Place
 from hil.errors import FileError
-from hil.record.alive import lives
 from hil.record.header import END_FILE, HEADER_FILE
+from hil.record.process_liveness import is_alive
 from hil.safety.latch import state_path
 from hil.untrusted import read_json
 
@@ -64,7 +64,7 @@ def begun_in(place: Place) -> Iterator[Begun]:
                 content = read_json(path)
                 folder = Path(content["run"])
                 if content["archive"] in (str(place), place.url):  # earlier versions wrote the address as it was
-                    yield Begun(folder, path, (folder / END_FILE).exists() or not lives(int(content["pid"])))
+                    yield Begun(folder, path, (folder / END_FILE).exists() or not is_alive(int(content["pid"])))
 
 
 def _mark(folder: Path) -> Path:

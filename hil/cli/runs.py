@@ -60,14 +60,14 @@ def _json(found: Sequence[Entry]) -> str:
 def _ending(run: Entry) -> str:
     """`(tripped)`: how a run ended otherwise than planned, in a word; its report has the sentence."""
     from hil.archive.entry import UNFINISHED
-    from hil.record.alive import lives
+    from hil.record.process_liveness import is_alive
     from hil.record.progress import progress_of
 
     outcome = run.outcome
     if outcome in ("completed", "written"):
         return ""
     if outcome == UNFINISHED and (progress := progress_of(run.folder)) is not None:
-        return "(running)" if lives(progress.pid) else "(lost)"
+        return "(running)" if is_alive(progress.pid) else "(lost)"
     kind, colon, _ = outcome.partition(":")
     word = _ENDINGS.get(kind, "failed") if colon else outcome[:_LONGEST_ENDING]
     return f"({word})"

@@ -12,7 +12,7 @@ from pathlib import Path
 from hil.console.process import start, tail_lines
 from hil.console.site import NotHereError
 from hil.errors import FileError, SettingError
-from hil.record.alive import lives
+from hil.record.process_liveness import is_alive
 from hil.untrusted import read_untrusted_json
 
 
@@ -35,7 +35,7 @@ class Served:
     @property
     def is_alive(self) -> bool:
         """Whether they are served."""
-        return lives(self.pid) and _is_ours(self.pid)
+        return is_alive(self.pid) and _is_ours(self.pid)
 
     @property
     def lines(self) -> list[str]:

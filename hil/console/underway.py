@@ -16,8 +16,8 @@ from urllib.parse import urlsplit
 
 from hil.bench.stop.consoles import LOOPBACK, consoles
 from hil.errors import FileError
-from hil.record.alive import lives
 from hil.record.header import END_FILE, HEADER_FILE, Header, read_end, read_header
+from hil.record.process_liveness import is_alive
 from hil.record.samples import JOURNAL_FILE
 from hil.record.simulated import SIMULATED, is_simulated
 from hil.untrusted import is_regular, read_untrusted_json
@@ -83,7 +83,7 @@ def run_of(folder: Path, pid: int | None = None) -> Run:
         safe = bool(outputs) and all(one.get("state") == "safe" for one in outputs.values())
         return Run(folder, "ended", end.outcome, header.meta, control, safe)
     known = control.get("pid", pid)
-    alive = lives(int(known)) if isinstance(known, int) else _wrote_lately(folder)
+    alive = is_alive(int(known)) if isinstance(known, int) else _wrote_lately(folder)
     if not alive and (folder / END_FILE).exists():  # closed between the two questions
         return run_of(folder, pid)
     return Run(folder, "running" if alive else "lost", "", header.meta, control)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.record.alive import lives
+from hil.record.process_liveness import is_alive
 from hil.record.progress import PROGRESS_FILE, kept_progress, progress_of
 
 
@@ -46,5 +46,5 @@ def test_a_file_that_says_nothing_is_none(tmp_path: Path, text: str) -> None:
 
 
 def test_a_number_that_is_none_of_a_process_is_of_none_that_lives() -> None:
-    assert lives(os.getpid())
-    assert not any(lives(number) for number in (0, -1, 10**30))
+    assert is_alive(os.getpid())
+    assert not any(is_alive(number) for number in (0, -1, 10**30))

@@ -8,8 +8,8 @@ from contextlib import contextmanager, suppress
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hil.errors import FileError, StorageError
-from hil.record.alive import lives
 from hil.record.durable import write_whole
+from hil.record.process_liveness import is_alive
 from hil.safety.latch import state_path
 from hil.untrusted import read_untrusted_json
 
@@ -67,7 +67,7 @@ def consoles() -> list[Console]:
         for path in sorted(state_path("consoles", "any", ".json").parent.glob("*.json")):
             with suppress(OSError, FileError, ValidationError):
                 console = Console.model_validate(read_untrusted_json(path.parent, path.name))
-                if lives(console.pid):
+                if is_alive(console.pid):
                     found.append(console)
     return found
 

@@ -19,8 +19,8 @@ from hil.console.uploads import form_of
 from hil.errors import FileError, HilError
 from hil.findings.results import read_results
 from hil.language.words import _
-from hil.record.alive import lives
 from hil.record.measurement import RESULTS_FILE
+from hil.record.process_liveness import is_alive
 from hil.record.progress import WrittenProgress, progress_of
 from hil.untrusted import is_regular
 
@@ -89,7 +89,7 @@ def _state(console: Console, name: str) -> dict[str, Any]:
             return {**state, **ending, "state": "ended", "outcome": _("stopped; nothing was driven")}
         return {**state, "state": "refused", "outcome": message}
     done = progress_of(folder)
-    evaluating = run.state == "ended" and done is not None and lives(done.pid)
+    evaluating = run.state == "ended" and done is not None and is_alive(done.pid)
     evaluation = {"state": "evaluating"} if evaluating else {}
     return {
         **state, **_progress(done), **run.for_page, "ending": ending_of(folder), **evaluation, **_verdict(folder),

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 
-def lives(pid: int) -> bool:
+def is_alive(pid: int) -> bool:
     """Whether a process is there and does more than wait to be buried."""
     if pid <= 0:  # a group of processes
         return False
