@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import PositiveFloat, PositiveInt
 
-from drivers._meeting import AskedLine, AskedSettings
+from drivers._meeting import RequestLine, RequestSettings
 from drivers._ports import TcpPort, host_and_port, serial_port
 from drivers._shared_port import SharedPort
 from drivers._start_up import once_started
@@ -24,7 +24,7 @@ _LONGEST = 4096  # an answer without an end
 _FIRST = 10  # answers on a line: a device that needs a pause falls silent among them
 
 
-class SerialSettings(AskedSettings, Described):
+class SerialSettings(RequestSettings, Described):
     """How a device that answers lines of text is reached, and which it is.
 
     Attributes:
@@ -32,7 +32,7 @@ class SerialSettings(AskedSettings, Described):
         address: a serial port, `usb:` with the number or place of its adapter, `socket://host:port`, or
             `rfc2217://host:port`.
         baud: of a serial port.
-        timeout_s, longest_reply_s, echo, pause_s: see `AskedSettings`.
+        timeout_s, longest_reply_s, echo, pause_s: see `RequestSettings`.
     """
 
     baud: PositiveInt = 9600
@@ -69,7 +69,7 @@ def answering(settings: Any, wiring: Wiring, talk: Talk, hello: str, end: str, *
     return once_started(0.0 if wiring.only_safe else settings.startup_s, asked)
 
 
-class Line(AskedLine):
+class Line(RequestLine):
     """A serial port (`/dev/ttyUSB0`), a serial server (`socket://host:port`) or one by RFC 2217.
 
     An answer on such a line has no number. So after a failure nothing is asked until no late answer can come any

@@ -73,7 +73,7 @@ class Meeting:
 _NOTHING = Wiring({}, {})
 
 
-class AskedSettings(BaseModel):
+class RequestSettings(BaseModel):
     """How a line is reached on which a device is asked.
 
     Attributes:
@@ -94,7 +94,7 @@ class AskedSettings(BaseModel):
     pause_s: float = Field(0.0, ge=0.0, le=1.0)
 
 
-class AskedLine(ABC):
+class RequestLine(ABC):
     """A line on which a device is asked: nothing goes out while a late answer may still come.
 
     Args:
@@ -102,7 +102,7 @@ class AskedLine(ABC):
         driver: whose line it is, for the log of its frames.
     """
 
-    def __init__(self, settings: AskedSettings, driver: str) -> None:
+    def __init__(self, settings: RequestSettings, driver: str) -> None:
         self._address, self._timeout_s, self._longest_reply_s = (
             settings.address, settings.timeout_s, settings.longest_reply_s
         )  # fmt: skip
@@ -182,7 +182,7 @@ class OnALine(DeviceLink):
     A link gives its `_line`.
     """
 
-    _line: AskedLine
+    _line: RequestLine
 
     @property
     def identity(self) -> str:

@@ -7,11 +7,11 @@ from typing import Any, Literal
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from drivers._meeting import AskedSettings
+from drivers._meeting import RequestSettings
 from drivers._registers import WordOrder
 
 
-class LineSettings(AskedSettings):
+class LineSettings(RequestSettings):
     """How a device on Modbus is reached, whatever its registers.
 
     Attributes:
@@ -20,7 +20,7 @@ class LineSettings(AskedSettings):
             `socket://host:port` (serial server).
         unit_id: of the device on its line.
         baud, parity: of a serial line.
-        timeout_s, longest_reply_s, echo, pause_s: see `AskedSettings`.
+        timeout_s, longest_reply_s, echo, pause_s: see `RequestSettings`.
         watchdog_s: the device makes its outputs safe after so long without a request. Armed by this driver where
             the device allows it; else it says how the device was set.
         word_order: of numbers in several registers: `big` (or `ABCD`) is the high word first, `little` (`CDAB`) the low

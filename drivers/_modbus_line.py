@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import Any, NoReturn
 
 from drivers._edge import quiet
-from drivers._meeting import AskedLine
+from drivers._meeting import RequestLine
 from drivers._modbus_client import LineSettings, belongs, request
 from drivers._ports import TcpPort, host_and_port, serial_port
 from drivers._shared_port import SharedPort
@@ -15,7 +15,7 @@ from hil.errors import DeviceLostError, LinkError
 from hil.system import system
 
 
-class ModbusLine(AskedLine):
+class ModbusLine(RequestLine):
     """A device on its line, asked request by request.
 
     Args:
