@@ -254,7 +254,7 @@ def loop(
     as_json: Json = False,
 ) -> None:
     """The plant of a closed loop, or with --close the loop of a plant: eqs 8 and 10 to 12 of the SP08-47C paper."""
-    from hil.identification.papers.closed_loop import UNITY, closed_over, opened
+    from hil.identification.papers.closed_loop import UNITY, closed_with_gain, opened
     from hil.physics.formula import formula
     from hil.physics.model import load_model
     from hil.record.plain import plain
@@ -266,7 +266,7 @@ def loop(
     if close is not None:
         if sensor is not None or feedback:
             raise SettingError("--close closes a loop over a gain; --sensor and --feedback open one")
-        loop, notes = closed_over(given, close)
+        loop, notes = closed_with_gain(given, close)
         content = {"schema": "hil.closed-loop/1", **_ratio_and_poles(loop), "notes": list(notes)}
         _write(out, to, "closed loop", loop)
         _show(plain(content), _loop_text("closed", formula(loop), loop, notes), as_json)

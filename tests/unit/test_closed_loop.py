@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identification.papers.closed_loop import closed, closed_over, opened, opened_response
+from hil.identification.papers.closed_loop import closed, closed_with_gain, opened, opened_response
 from hil.physics.transfer_function import transfer_function
 
 AXIS = transfer_function((2.0,), (1.0, 5.0, 0.0))
@@ -64,12 +64,12 @@ def test_a_loop_with_dead_time_is_not_closed():
 def test_a_loop_over_a_transducer_gain_is_its_inverse_at_rest():
     gain, frequency, damping, transducer = 40.0, 75.0, 0.7, 0.1  # K_q/A, ω, ζ, K_tk of eq 8
     plant = transfer_function([gain * frequency**2], [1.0, 2.0 * damping * frequency, frequency**2, 0.0])
-    loop, notes = closed_over(plant, transducer)
+    loop, notes = closed_with_gain(plant, transducer)
     below = [1.0, 2.0 * damping * frequency, frequency**2, transducer * gain * frequency**2]
     np.testing.assert_allclose(loop.denominator / loop.denominator[0], below)
     assert loop.dc_gain == pytest.approx(1.0 / transducer) and not notes
     limit = 2.0 * damping * frequency / gain  # Hurwitz: K_tk·K_q/A < 2ζω
-    assert not closed_over(plant, 0.99 * limit)[1]
-    assert "a smaller gain is needed" in closed_over(plant, 1.01 * limit)[1][0]
+    assert not closed_with_gain(plant, 0.99 * limit)[1]
+    assert "a smaller gain is needed" in closed_with_gain(plant, 1.01 * limit)[1][0]
     with pytest.raises(InputError, match="closes none"):
-        closed_over(plant, 0.0)
+        closed_with_gain(plant, 0.0)

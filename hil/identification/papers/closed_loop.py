@@ -103,7 +103,7 @@ def closed(plant: TransferFunction, sensor: TransferFunction = UNITY, place: Pla
     return transfer_function(around if place == "forward" else np.convolve(plant.numerator, sensor.denominator), below)
 
 
-def closed_over(plant: TransferFunction, feedback_gain: float) -> tuple[TransferFunction, tuple[Note, ...]]:
+def closed_with_gain(plant: TransferFunction, feedback_gain: float) -> tuple[TransferFunction, tuple[Note, ...]]:
     """The loop of a plant over a gain in the feedback, G/(1 + K·G), and what its reader should know.
 
     Args:
