@@ -87,7 +87,7 @@ class _Requests:
             self._before[number] = IGNORED
             system.handle(number, IGNORED)
 
-    def give_back(self) -> None:
+    def restore(self) -> None:
         """Let go of them."""
         with self.giving_back:
             before, self._before = self._before, {}
@@ -165,7 +165,7 @@ def terminable() -> Iterator[None]:
     finally:
         _requests().heard -= 1
         if outermost:
-            _requests().give_back()
+            _requests().restore()
     _requests().raise_what_came()
 
 
@@ -186,7 +186,7 @@ def uninterrupted() -> Iterator[None]:
     finally:
         _requests().held -= 1
         if outermost:
-            _requests().give_back()
+            _requests().restore()
             for number in dict.fromkeys(_requests().came):
                 system.raise_signal(number)
     if _requests().can_raise:
