@@ -135,7 +135,7 @@ def characteristic(
     half = (estimate.branch(1, 1)[at], estimate.branch(-1, 1)[at]) if len(swept_.speeds) > 1 else None
     of_loop = [spoilt] if spoilt else [_loop_note(swept_, between)]
     return Characteristic(
-        estimate.command[at], estimate.whole_branch(1)[at], estimate.whole_branch(-1)[at],
+        estimate.command[at], estimate.completed_branch(1)[at], estimate.completed_branch(-1)[at],
         np.std(estimate.responses, axis=0)[at], half, (*measured, *found), dead_band,
         tuple(text for text in (*of_loop, *_uncovered(swept_), *notes) if text),
     )  # fmt: skip

@@ -81,7 +81,7 @@ def evaluate(recording: Recording) -> Findings:
     gain, gain_std = _gain(command.values, share_read.values, parts, estimate)
     smooth, null_std = over_all(estimate, lambda response, _slope: level_at(estimate.command, response, 0.0))
     # overlapped edges make a kink at the null, which the smooth curve rounds off: what the two differ by is granted
-    null = float(np.mean([level_at(estimate.command, estimate.whole_branch(side), 0.0) for side in (1, -1)]))
+    null = float(np.mean([level_at(estimate.command, estimate.completed_branch(side), 0.0) for side in (1, -1)]))
     null_std = math.hypot(null_std, null - smooth)
     gain_std = math.hypot(gain_std, gain * supply_std / supply_bar)
     share = math.hypot(*(calibration_share(one) for one in (load, supply, command)))
@@ -102,8 +102,8 @@ def evaluate(recording: Recording) -> Findings:
     at = polyline()
     curve = {
         "label": f"{supply_bar:.3g} bar", "command_unit": command.unit, "response_unit": "%",
-        "command": estimate.command[at], "rising": estimate.whole_branch(1)[at],
-        "falling": estimate.whole_branch(-1)[at],
+        "command": estimate.command[at], "rising": estimate.completed_branch(1)[at],
+        "falling": estimate.completed_branch(-1)[at],
     }  # fmt: skip
     return Findings(
         (gain_found, null_found, SUPPLY.of(supply_bar, supply_std, calibration=instrument_std(supply))),

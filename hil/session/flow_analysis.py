@@ -151,7 +151,7 @@ def flow_analysis(
     figures, notes = _figures(found, estimate, (given.unit, answer.unit), neutral, rounding_step(answer.values))
     at = polyline()
     command, response = estimate.command[at], estimate.response[at]
-    rising, falling = (estimate.whole_branch(sign)[at] for sign in (1, -1))
+    rising, falling = (estimate.completed_branch(sign)[at] for sign in (1, -1))
     return FlowAnalysis(
         given.heading, answer.heading, command, rising, falling, np.std(estimate.responses, axis=0)[at], figures,
         polynomial(command, response, degree)(command), monotone(command, response)(command),

@@ -104,5 +104,5 @@ def pressure_curve(name: str, sweeps: Sequence[Sweep], draws: int = DRAWS) -> Pr
         raise InputError(f"{name}: a pressure curve needs sweeps at two speeds")
     estimate = sweep_estimate(name, sweeps, draws=draws)
     return PressureCurve(
-        estimate, loop(estimate, _CERTAIN, speeds), estimate.whole_branch(1), estimate.whole_branch(-1)
+        estimate, loop(estimate, _CERTAIN, speeds), estimate.completed_branch(1), estimate.completed_branch(-1)
     )

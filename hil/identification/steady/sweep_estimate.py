@@ -126,7 +126,7 @@ class SweepEstimate:
         order = np.argsort(place)
         return np.interp(self.command, place[order], self.points.response[mine][order], left=np.nan, right=np.nan)
 
-    def whole_branch(self, side: int) -> Array:
+    def completed_branch(self, side: int) -> Array:
         """A branch of the first sweep, the curve where it has not been, shape (LEVELS,)."""
         found = self.branch(side)
         return np.where(np.isnan(found), self.response, found)
