@@ -115,7 +115,7 @@ def identifiability(
         kept.remove(k)
         unidentifiable.append(direction * valley.reach(direction))
     for place in (place for place in fixed_at_bound if place in kept):
-        direction = valley.against(place, kept)
+        direction = valley.compensated_step(place, kept)
         kept.remove(place)
         unidentifiable.append(direction * _ASIDE * valley.widths[place])
     covariance = np.zeros((len(unit), len(unit)))
@@ -145,7 +145,7 @@ class _Valley:
         Less than slopes are good to is nothing: rounding, which each processor does otherwise, decides no order. There
         the value goes first whose bounds let the residuals change least; those that are left give way the farthest.
         """
-        directions = {k: self.against(k, kept) for k in kept}
+        directions = {k: self.compensated_step(k, kept) for k in kept}
         left = {k: self._left(direction) for k, direction in directions.items()}
         doubtful = [k for k in kept if left[k] < _DOUBTFUL]
         blind = [k for k in kept if self._is_blind(k, directions[k])]
@@ -155,10 +155,10 @@ class _Valley:
     def along(self, k: int, kept: Sequence[int]) -> Array:
         """The way in which the others give way to a value that is not told, with as few of them as will do."""
         others = [j for j in kept if j != k]
-        direction = self.against(k, others)
+        direction = self.compensated_step(k, others)
         blind = self._is_blind(k, direction)
         for j in sorted(others, key=lambda j: (round(abs(float(direction[j])) / _SLOPES_GOOD_TO), self.widths[j])):
-            fewer = self.against(k, [i for i in others if i != j])
+            fewer = self.compensated_step(k, [i for i in others if i != j])
             if self._is_blind(k, fewer) if blind else self._left(fewer) < _DOUBTFUL:
                 others.remove(j)
                 direction = fewer
@@ -170,7 +170,7 @@ class _Valley:
         reach = float(np.min(self.widths[parts > 0.0] / parts[parts > 0.0]))
         return _ANYWHERE * reach if math.isfinite(reach) else 1e150
 
-    def against(self, k: int, kept: Sequence[int]) -> Array:
+    def compensated_step(self, k: int, kept: Sequence[int]) -> Array:
         """A step of one value and those of the others that undo it best, shape (k,)."""
         others = [j for j in kept if j != k]
         direction = np.zeros(len(self.alike))
@@ -195,5 +195,5 @@ class _Valley:
         """Whether a move of two standard deviations, others giving way, costs far less than the slopes promise."""
         if self.rise is None or left == 0.0:
             return False
-        move = 2.0 * self.std / left * self.against(k, others)
+        move = 2.0 * self.std / left * self.compensated_step(k, others)
         return min(self.rise(move), self.rise(-move)) < _FAR_LESS * 4.0 * self.std**2
