@@ -135,7 +135,7 @@ class _Late:
 
 def _plain() -> Callable[[float, str], None]:
     """A line on stderr each time another tenth is done, and as often as `HIL_PROGRESS_S` asks."""
-    every_s = _asked_s()
+    every_s = _interval_s()
     last, last_s = -1.0, -math.inf
 
     def show(done: float, text: str) -> None:
@@ -150,7 +150,7 @@ def _plain() -> Callable[[float, str], None]:
     return show
 
 
-def _asked_s() -> float:
+def _interval_s() -> float:
     """Seconds between two lines; infinity where nobody asks."""
     try:
         return max(0.1, float(os.environ.get(EVERY, "")))

@@ -136,7 +136,7 @@ def later_of(before: Before, rows: Rows) -> Later:
     left, leverage = leaves(before.misfits, rows)
     std = before.remainder.std_of(rows, leverage)
     g, information = _blocks(rows, left, std, rows.valid)
-    owner = _owners(rows)
+    owner = _recording_of_blocks(rows)
     parts = np.unique(owner)
     alone = len(np.unique(rows.recording)) == 1
     z = np.array([_z(before, g[:, owner != k], information[:, owner != k]) for k in parts])
@@ -146,7 +146,7 @@ def later_of(before: Before, rows: Rows) -> Later:
     return Later(float(sure[column]), column, float(np.mean(leverage[rows.valid])), alone, left, std)
 
 
-def _owners(rows: Rows) -> Integers:
+def _recording_of_blocks(rows: Rows) -> Integers:
     """Of each block the recording that it is of, or which half of the only one."""
     first = _firsts(rows.block)
     owner = rows.recording[first]

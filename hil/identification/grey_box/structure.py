@@ -136,11 +136,11 @@ def choose_structure(plant: Plant, experiments: Sequence[Experiment], weights: S
             improves = any(turned.improves(search, *form) for form in judged)
             if choice is None or improves != turns:
                 choice, turns = _chosen(turned if improves else search), improves
-            judged = [(t.structure, dict(t.values)) for t in _telling(choice, switch)]
+            judged = [(t.structure, dict(t.values)) for t in _discriminating(choice, switch)]
     return choice or _chosen(search)
 
 
-def _telling(choice: StructureChoice, switch: str) -> list[Tried]:
+def _discriminating(choice: StructureChoice, switch: str) -> list[Tried]:
     """Forms that tell how a switch stands: the chosen one, or plain ones where that, an integrator, has it fixed."""
     if switch not in choice.chosen.structure.fixed:
         return [choice.chosen]

@@ -50,12 +50,12 @@ def _count(model: Model, e: Experiment) -> int:
     motion = [np.diff(row) for row in e.simulated(model)]
     moving = [row for row in motion if float(row @ row) > 0.0]
     count = 1
-    while len(e.output) >= 2 * count * _MANY and all(_lost(row, 2 * count) <= _LOST for row in moving):
+    while len(e.output) >= 2 * count * _MANY and all(_power_lost(row, 2 * count) <= _LOST for row in moving):
         count *= 2
     return count
 
 
-def _lost(motion: Array, count: int) -> float:
+def _power_lost(motion: Array, count: int) -> float:
     """The share of its power that means do not have."""
     kept = means(motion, count)
     return 1.0 - float(kept @ kept) / float(motion @ motion)

@@ -18,7 +18,7 @@ def held_grid(given: Sequence[Samples], output_s: Array, from_s: float) -> tuple
 
     Else one that is finer. It begins at `from_s`.
     """
-    bases = [stamps for stamps in (output_s, *(one.time_s for one in given)) if _evenly(stamps)]
+    bases = [stamps for stamps in (output_s, *(one.time_s for one in given)) if _is_even(stamps)]
     fine = min(bases, key=lambda stamps: float(np.median(np.diff(stamps))), default=output_s)
     interval_s = float(np.median(np.diff(fine)))
     changes = np.concatenate([one.time_s[np.flatnonzero(np.diff(one.values)) + 1] for one in given])
@@ -34,7 +34,7 @@ def held_grid(given: Sequence[Samples], output_s: Array, from_s: float) -> tuple
     return grid_s, interval_s
 
 
-def _evenly(stamps: Array) -> bool:
+def _is_even(stamps: Array) -> bool:
     steps = np.diff(stamps)
     return len(steps) > 8 and bool(np.quantile(np.abs(steps - np.median(steps)), 0.8) <= _OFF_GRID * np.median(steps))
 
@@ -54,4 +54,4 @@ def missing_of_even(grid_s: Array, output_s: Array, interval_s: float) -> Mask |
 def is_known_throughout(samples: Samples) -> bool:
     """Whether a command is known at every time: one sampled evenly has no hole, one kept at changes alone has none."""
     steps = np.diff(samples.time_s)
-    return not _evenly(samples.time_s) or bool(steps.max() <= _GAP * np.median(steps))
+    return not _is_even(samples.time_s) or bool(steps.max() <= _GAP * np.median(steps))

@@ -150,7 +150,7 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
     ]
     columns = np.array([astuple(one) for one in read if one is not None], dtype=np.float64)
     std = _spread(columns, figures, missing=len(read) - len(columns))
-    std = _with_loose(std, figures, _read(step, foot, start, figures.final, band))
+    std = _with_smoothing_difference(std, figures, _read(step, foot, start, figures.final, band))
     figures = replace(figures, dead_time_s=_foot_time(step, foot, figures))
     sharp = [
         _read(step, _sharp(one), first, last, band)
@@ -201,7 +201,7 @@ def _foot_time(step: _Step, foot: Array, figures: StepFigures) -> float:
     return leaves(step.time_s, foot, figures.start, figures.final)
 
 
-def _with_loose(std: StepFigures, smooth: StepFigures, loose: StepFigures | None) -> StepFigures:
+def _with_smoothing_difference(std: StepFigures, smooth: StepFigures, loose: StepFigures | None) -> StepFigures:
     """The uncertainties with what a looser estimate reads differently of the times at which levels are crossed."""
     if loose is None:
         return std
