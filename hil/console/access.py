@@ -139,7 +139,7 @@ class Access:
         except HilError as error:  # nobody comes in while it is not known who may
             return _no(503, error_text(error))
         request.scope.update({"hil.account": name, "hil.role": role, "hil.session": session})
-        self.lock.seen(session.id)
+        self.lock.refresh(session.id)
         path = request.url.path
         if path == "/login":
             if request.method == "POST":

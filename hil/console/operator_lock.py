@@ -43,7 +43,7 @@ class OperatorLock:
         with self._lock:
             return self._present().name if self._present() else ""  # type: ignore[union-attr] # asked just before
 
-    def seen(self, session: str) -> None:
+    def refresh(self, session: str) -> None:
         """This browser has asked for something: it is there."""
         with self._lock:
             if self._present() and self._holder is not None and self._holder.session == session:

@@ -381,7 +381,7 @@ def test_seat_lapses_when_its_pages_are_gone() -> None:
     lock = OperatorLock(clock)
     assert lock.take("a", "otto") and not lock.take("a", "otto")
     clock.sleep_until(100.0 + 0.9 * LAPSES_S)
-    lock.seen("a")
+    lock.refresh("a")
     clock.sleep_until(100.0 + 1.8 * LAPSES_S)
     with pytest.raises(OperatorLockedError):
         lock.take("b", "olga")
