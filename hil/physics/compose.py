@@ -27,9 +27,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
 
+from hil.cache import cache_folder, forget_unused, one_at_a_time, stamp, write_whole
 from hil.catalog import entries, find
 from hil.errors import FileError, UnknownNameError
-from hil.kept import forget_unused, kept_folder, one_at_a_time, stamp, write_whole
 from hil.physics.effect import Effect, hold_first
 from hil.physics.plant import Hook, Plant
 
@@ -420,7 +420,7 @@ def _stamp(plant: Plant, sites: tuple[Site, ...], source: str) -> str:
 def _load(source: str, name: str) -> ModuleType:
     """The generated module, compiled or taken from the folder of what is kept."""
     try:
-        path = kept_folder("kernels") / f"{name}.py"
+        path = cache_folder("kernels") / f"{name}.py"
     except OSError:  # a service's user has no home: compiled by each program
         path = _unkept() / f"{name}.py"
     with one_at_a_time(path):

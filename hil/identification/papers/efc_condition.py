@@ -21,6 +21,7 @@ import numpy as np
 import hil.identification
 import hil.physics
 import hil.signals
+from hil.cache import cached_arrays, stamp
 from hil.cores import spread
 from hil.errors import InputError
 from hil.identification.frequency.bandwidth import Crossing, magnitude_crossing
@@ -30,7 +31,6 @@ from hil.identification.papers.classification import GaussianClasses, learn
 from hil.identification.steady.pressure_curve import PressureCurve, pressure_curve
 from hil.identification.steady.sweep_estimate import Sweep
 from hil.identification.step.step_response import step_figures
-from hil.kept import kept_arrays, stamp
 from hil.language.words import marked
 from hil.physics.model import Model
 from hil.physics.published.efc_population import population, valve
@@ -184,7 +184,7 @@ def reference_classes(
         tests, labels = simulated_tests(_LEARNT_FROM, _SEED, frequencies_hz=frequencies_hz, normally_open=normally_open)
         return {"features": np.array([test.features for test in tests]), "labels": labels.astype(np.float64)}
 
-    found = kept_arrays("efc-classes", hashlib.sha256(asked.encode()).hexdigest()[:16], learnt)
+    found = cached_arrays("efc-classes", hashlib.sha256(asked.encode()).hexdigest()[:16], learnt)
     return learn(found["features"], found["labels"].astype(np.int64), CLASSES)
 
 

@@ -33,7 +33,7 @@ _KEPT_S = 90 * 86400.0
 _WRITTEN_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
-def kept_folder(kind: str) -> Path:
+def cache_folder(kind: str) -> Path:
     """The folder for one kind of results, made if need be. Nobody else can write there: code is taken from it.
 
     Raises:
@@ -104,13 +104,13 @@ def stamp(files: Collection[Path], tools: Collection[str]) -> str:
     return digest.hexdigest()[:16]
 
 
-def kept_arrays(kind: str, name: str, make: Callable[[], Arrays]) -> Arrays:
+def cached_arrays(kind: str, name: str, make: Callable[[], Arrays]) -> Arrays:
     """Named arrays, made at their first use on this machine; made each time where nothing can be kept.
 
     `name` has to differ with all that the arrays depend on, see `stamp`.
     """
     try:
-        path = kept_folder(kind) / f"{name}.npz"
+        path = cache_folder(kind) / f"{name}.npz"
     except OSError:
         return make()
     with one_at_a_time(path):

@@ -10,8 +10,8 @@ import numba
 import numpy as np
 import pytest
 
+from hil.cache import Arrays, cache_folder, cached_arrays, stamp
 from hil.errors import FileError
-from hil.kept import Arrays, kept_arrays, kept_folder, stamp
 from hil.kernel import kernel
 from hil.physics.compose import _load
 
@@ -28,10 +28,10 @@ class _Made:
 def test_it_is_made_once_and_the_same_comes_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path))
     make = _Made()
-    first, again = kept_arrays("kind", "one", make), kept_arrays("kind", "one", make)
+    first, again = cached_arrays("kind", "one", make), cached_arrays("kind", "one", make)
     assert make.count == 1
     assert {name: values.tolist() for name, values in again.items()} == {n: v.tolist() for n, v in first.items()}
-    kept_arrays("kind", "other", make)
+    cached_arrays("kind", "other", make)
     assert make.count == 2
 
 
@@ -39,10 +39,10 @@ def test_it_is_made_once_and_the_same_comes_back(tmp_path: Path, monkeypatch: py
 def test_a_damaged_file_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes) -> None:
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path))
     make = _Made()
-    kept_arrays("kind", "one", make)
+    cached_arrays("kind", "one", make)
     (tmp_path / "kind" / "one.npz").write_bytes(content)
-    assert kept_arrays("kind", "one", make)["labels"].tolist() == [0.0, 1.0]
-    kept_arrays("kind", "one", make)
+    assert cached_arrays("kind", "one", make)["labels"].tolist() == [0.0, 1.0]
+    cached_arrays("kind", "one", make)
     assert make.count == 2
 
 
@@ -50,8 +50,8 @@ def test_where_nothing_can_be_kept_it_is_made_each_time(tmp_path: Path, monkeypa
     (tmp_path / "file").touch()
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path / "file"))
     make = _Made()
-    assert kept_arrays("kind", "one", make)["features"].shape == (2, 3)
-    kept_arrays("kind", "one", make)
+    assert cached_arrays("kind", "one", make)["features"].shape == (2, 3)
+    cached_arrays("kind", "one", make)
     assert make.count == 2
 
 
@@ -72,12 +72,12 @@ def test_what_nobody_asked_for_in_a_quarter_goes_when_something_new_comes(
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path))
     make, kind = _Made(), tmp_path / "kind"
     for name in ("old", "asked_for", "young"):
-        kept_arrays("kind", name, make)
+        cached_arrays("kind", name, make)
     for name in ("old", "asked_for"):
         for path in kind.glob(f"{name}.*"):
             os.utime(path, (0.0, 0.0))
-    kept_arrays("kind", "asked_for", make)
-    kept_arrays("kind", "new", make)
+    cached_arrays("kind", "asked_for", make)
+    cached_arrays("kind", "new", make)
     assert sorted(path.name for path in kind.glob("*.npz")) == ["asked_for.npz", "new.npz", "young.npz"]
     assert not list(kind.glob("old.*"))
     assert make.count == 4
@@ -85,14 +85,14 @@ def test_what_nobody_asked_for_in_a_quarter_goes_when_something_new_comes(
 
 def test_kept_folder_is_closed_to_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path / "cache"))
-    folder = kept_folder("kernels")
+    folder = cache_folder("kernels")
     assert folder.stat().st_mode & 0o077 == 0
     folder.chmod(0o777)
     (folder / "planted.py").write_text("")
     (folder / "planted.py").chmod(0o666)
     (folder / "own.py").write_text("")
     (folder / "own.py").chmod(0o600)
-    assert {path.name for path in kept_folder("kernels").iterdir()} == {"own.py"}
+    assert {path.name for path in cache_folder("kernels").iterdir()} == {"own.py"}
     assert folder.stat().st_mode & 0o077 == 0
 
 
@@ -100,24 +100,24 @@ def test_kept_folder_leaves_files_of_the_group_in_a_closed_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path))
-    kept_folder("kernels").joinpath("own.nbi").touch()
+    cache_folder("kernels").joinpath("own.nbi").touch()
     (tmp_path / "kernels/own.nbi").chmod(0o664)  # what numba writes where the umask is 002
-    assert (kept_folder("kernels") / "own.nbi").exists()
+    assert (cache_folder("kernels") / "own.nbi").exists()
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file to another user")
 def test_kept_folder_takes_nothing_of_another_owner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path / "cache"))
-    folder = kept_folder("kernels")
+    folder = cache_folder("kernels")
     for name in ("planted.py", "__pycache__/planted.nbi"):
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text("raise SystemExit('executed')")
         os.chown(folder / name, 65534, 65534)
-        kept_folder("kernels")
+        cache_folder("kernels")
         assert not (folder / name).exists()
     os.chown(folder, 65534, 65534)
     with pytest.raises(FileError, match=r"kernels: belongs to user 65534 .* HIL_CACHE_DIR"):
-        kept_folder("kernels")
+        cache_folder("kernels")
 
 
 def test_kept_folder_is_no_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -126,7 +126,7 @@ def test_kept_folder_is_no_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "cache/kernels").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(FileError, match="kernels: belongs"):
-        kept_folder("kernels")
+        cache_folder("kernels")
 
 
 def test_kernels_are_made_where_nothing_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
