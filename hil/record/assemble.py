@@ -16,6 +16,7 @@ from hil.errors import FileError, UnitError, option
 from hil.language.note import Note
 from hil.record.columns import Column, Table
 from hil.record.heading import is_time, plain_name
+from hil.record.long_format import split_by_channel
 from hil.record.missing_values import is_even, missing_values
 from hil.record.named import even_note, named
 from hil.record.reading import AS_IT_IS, Reading
@@ -27,7 +28,6 @@ from hil.record.response_table import (
     response_table,
     without_phase,
 )
-from hil.record.stacked import unstacked
 from hil.units import check_unit
 
 _SAME_STAMP = 1e-3  # of an interval
@@ -59,7 +59,7 @@ def assemble(
         FileError: no time, no signal, or samples that are no recording (see `recording.check`).
     """
     _refuse_frames(name, tables)
-    by_channel, taken_apart = unstacked(tables)
+    by_channel, taken_apart = split_by_channel(tables)
     read, place = _oldest_first(named(name, by_channel, reading), reading, None if taken_apart else place)
     if are_responses(read) and not reading.time and not reading.interval_s:
         return response_table(name, read, meta)

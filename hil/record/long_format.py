@@ -28,7 +28,7 @@ _MOST = 256
 _PANEL_CLOCK, _PANEL_DAY, _YEARS = "time ms", 1e6, (36_526.0, 73_050.0)
 
 
-def unstacked(tables: Sequence[Table]) -> tuple[Sequence[Table], bool]:
+def split_by_channel(tables: Sequence[Table]) -> tuple[Sequence[Table], bool]:
     """The tables with each channel in one of its own, and whether that had to be done."""
     if len(tables) != 1:
         return tables, False
