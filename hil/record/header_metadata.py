@@ -18,10 +18,10 @@ import numpy as np
 
 from hil.record import heading as headings
 from hil.record.columns import Column, Table
-from hil.record.known_programs import Known
 from hil.record.layout import Kind, Layout, is_row_of_units, split
 from hil.record.text_file import encoding_of, open_text
 from hil.record.tokens import decimal_and_thousands, is_blank, is_number, is_stamp
+from hil.record.vendor_formats import Known
 from hil.units import scale_and_offset
 
 _LOOKED_AT = 120

@@ -22,13 +22,13 @@ from hil.record.columns import Table
 from hil.record.flat import flat
 from hil.record.guessed_layout import layout
 from hil.record.header_metadata import of_header_lines
-from hil.record.known_programs import of_known_program
 from hil.record.layout import Layout
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
 from hil.record.text_file import open_text
 from hil.record.text_rows import columns, place
+from hil.record.vendor_formats import in_vendor_format
 
 _ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".asc", ".prn", ".log")
 SUFFIXES = (*_ENDINGS, *(f"{ending}.gz" for ending in _ENDINGS))
@@ -46,7 +46,7 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
         FileError: names the file, the line and the column, what was found there, and what helps.
     """
     try:
-        known = None if reading.columns else of_known_program(path) or of_header_lines(path)
+        known = None if reading.columns else in_vendor_format(path) or of_header_lines(path)
         found = layout(path, named=bool(reading.columns)) if known is None else known.layout
         read_columns, note, found = columns(path, found, reading)
         note = "; ".join(filter(None, (note, _illegible(found, reading))))

@@ -38,7 +38,7 @@ class Known:
     tables: Callable[[Sequence[Column]], list[Table]]
 
 
-def of_known_program(path: Path) -> Known | None:
+def in_vendor_format(path: Path) -> Known | None:
     """The layout of a file of a program that is known; None for any other.
 
     Raises:
