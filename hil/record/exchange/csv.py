@@ -19,12 +19,12 @@ from hil.errors import FileError
 from hil.language.note import Note
 from hil.record.assemble import assemble
 from hil.record.columns import Table
-from hil.record.flat import flat
 from hil.record.guessed_layout import layout
 from hil.record.header_metadata import of_header_lines
 from hil.record.layout import Layout
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
+from hil.record.resampled import resampled
 from hil.record.response_table import ResponseTable
 from hil.record.text_file import open_text
 from hil.record.text_rows import columns, place
@@ -69,7 +69,7 @@ def write(recording: Recording, path: Path) -> None:
 
     Where a channel has no sample the field is empty.
     """
-    even = flat(recording)
+    even = resampled(recording)
     values = [even.time_s, *(channel.values for channel in even.channels.values())]
     with open_text(path, "utf-8", "wt") as file:
         headings = ["time [s]", *(channel.heading for channel in even.channels.values())]

@@ -17,10 +17,10 @@ from hil.errors import FileError, reason
 from hil.record.about import KEY, about, parse_about
 from hil.record.columns import Column, Contents, Table, by_length, even_table, from_matrix, numbers
 from hil.record.extra import library
-from hil.record.flat import flat
 from hil.record.hdf5_inside import check_inside
 from hil.record.heading import interval_of
 from hil.record.recording import Recording
+from hil.record.resampled import resampled
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")
 KIND = "HDF5"
@@ -53,7 +53,7 @@ def contents(path: Path, file: BinaryIO) -> Contents:
 
 def write(recording: Recording, path: Path) -> None:
     """Write a recording."""
-    h5py, recording = library("h5py", path), flat(recording)
+    h5py, recording = library("h5py", path), resampled(recording)
     with h5py.File(path, "w", track_order=True) as file:
         file[KEY] = about(recording)
         file.create_dataset("time", data=recording.time_s).attrs["unit"] = "s"

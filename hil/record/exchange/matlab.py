@@ -17,8 +17,8 @@ from hil.errors import FileError
 from hil.record.about import about, parse_about
 from hil.record.columns import Column, Contents, Table, by_length, even_table, from_matrix
 from hil.record.exchange import hdf5
-from hil.record.flat import flat
 from hil.record.recording import Recording
+from hil.record.resampled import resampled
 
 SUFFIXES = (".mat",)
 KIND = "MAT"
@@ -60,7 +60,7 @@ def write(recording: Recording, path: Path) -> None:
     """
     from scipy.io import savemat
 
-    recording = flat(recording)
+    recording = resampled(recording)
     if recording.time_s.nbytes >= _MOST_BYTES:
         raise FileError(f"{path}: {len(recording)} samples; MATLAB 5 holds 2 GB per channel at most, write .h5 instead")
     variables: dict[str, Any] = {"time": recording.time_s}

@@ -16,8 +16,8 @@ from hil.errors import FileError
 from hil.record.about import KEY, about, parse_about
 from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
-from hil.record.flat import flat
 from hil.record.recording import Recording
+from hil.record.resampled import resampled
 
 SUFFIXES = (".mf4", ".mdf")
 KIND = "MDF"
@@ -64,7 +64,7 @@ class _Scratch(BytesIO):
 
 def write(recording: Recording, path: Path) -> None:
     """Write a recording as one channel group."""
-    asammdf, recording = library("asammdf", path), flat(recording)
+    asammdf, recording = library("asammdf", path), resampled(recording)
     signals = [
         asammdf.Signal(samples=channel.values, timestamps=recording.time_s, name=channel.name, unit=channel.unit)
         for channel in recording.channels.values()

@@ -10,8 +10,8 @@ from hil.errors import FileError
 from hil.record.about import KEY, about, parse_about
 from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
-from hil.record.flat import flat
 from hil.record.recording import Recording
+from hil.record.resampled import resampled
 from hil.untrusted import most_unpacked, unpacked_allowed
 
 SUFFIXES = (".parquet", ".pq")
@@ -49,7 +49,7 @@ def contents(path: Path, file: BinaryIO) -> Contents:
 def write(recording: Recording, path: Path) -> None:
     """Write a recording."""
     pyarrow, parquet = library("pyarrow", path), library("pyarrow.parquet", path)
-    recording = flat(recording)
+    recording = resampled(recording)
     columns = {"time [s]": recording.time_s, **{c.heading: c.values for c in recording.channels.values()}}
     table = pyarrow.table(columns).replace_schema_metadata({KEY: about(recording)})
     parquet.write_table(table, path)

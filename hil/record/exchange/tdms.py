@@ -15,8 +15,8 @@ from hil.language.note import Note
 from hil.record.about import KEY, about, parse_about
 from hil.record.columns import Column, Contents, Table, by_length, even_table, numbers
 from hil.record.extra import library
-from hil.record.flat import flat
 from hil.record.recording import Recording
+from hil.record.resampled import resampled
 
 SUFFIXES = (".tdms",)
 KIND = "TDMS"
@@ -42,7 +42,7 @@ def contents(path: Path, file: BinaryIO) -> Contents:
 
 def write(recording: Recording, path: Path) -> None:
     """Write a recording as one group."""
-    nptdms, recording = library("nptdms", path), flat(recording)
+    nptdms, recording = library("nptdms", path), resampled(recording)
     with nptdms.TdmsWriter(path) as file:
         file.write_segment([
             nptdms.RootObject({KEY: about(recording)}),

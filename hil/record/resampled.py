@@ -12,7 +12,7 @@ _SAME_STAMP = 1e-3
 _EVEN = 0.05
 
 
-def flat(recording: Recording) -> Recording:
+def resampled(recording: Recording) -> Recording:
     """The recording on the stamps of all its samples together.
 
     A channel that was sampled on change holds its value; an evenly sampled one has NaN where it was not sampled, so
