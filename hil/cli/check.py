@@ -98,8 +98,8 @@ def _held_against_first(bench: BenchFile, serial: str, archive: str, *, as_json:
     from hil.cli.searches import not_entered
     from hil.record.plain import to_json
     from hil.session.labels import new_folder
+    from hil.session.previous_run import is_here
     from hil.session.run_comparison import compare_runs
-    from hil.session.since import is_here
 
     folder = new_folder(DEFAULT_FOLDER, _REFERENCE, serial)
 

@@ -15,8 +15,8 @@ from hil.record.durable import write_whole
 from hil.record.measurement import RESULTS_FILE, Measured, Verdict
 from hil.record.moment import Moment
 from hil.record.population_comparison import PopulationComparison
+from hil.record.previous_run import PreviousRunComparison
 from hil.record.show import dataset, figure_by_unit, needed, table_html
-from hil.record.since import Since
 from hil.untrusted import read_untrusted_json
 
 SCHEMA: Literal["hil.results/1"] = "hil.results/1"
@@ -146,7 +146,7 @@ class Results(_Strict):
     population: PopulationComparison | None = Field(
         default=None, validation_alias="likeness", serialization_alias="likeness"
     )
-    since: Since | None = None
+    since: PreviousRunComparison | None = None
     cause: Cause | None = None
     simulated: bool | None = None
 

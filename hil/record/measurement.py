@@ -16,7 +16,7 @@ from hil.record.measured import COVERAGE_FACTOR, Limit, Measured, Relation, Verd
 if TYPE_CHECKING:  # named in annotations alone; since.py needs pydantic, and procedures do not
     from hil.record.cause import Cause
     from hil.record.population_comparison import PopulationComparison
-    from hil.record.since import Since
+    from hil.record.previous_run import PreviousRunComparison
 
 __all__ = [
     "AS_PLANNED",
@@ -110,7 +110,7 @@ class Findings:
     notes: tuple[str, ...] = ()
     deviations: tuple[str, ...] = ()
     population: PopulationComparison | None = None
-    since: Since | None = None
+    since: PreviousRunComparison | None = None
     cause: Cause | None = None
 
     @property

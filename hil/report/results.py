@@ -9,12 +9,12 @@ from typing import Any
 
 from hil.language.words import _, marked
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_of, is_accepted, judge
-from hil.record.since import Since
+from hil.record.previous_run import PreviousRunComparison
 from hil.report.cause import cause_sentences
 from hil.report.name import capital, quantity_words
 from hil.report.number import label_text, limits_text, number, rounded, unit_text, with_uncertainty
 from hil.report.population_comparison import population_sentences
-from hil.report.since import since_sentences
+from hil.report.previous_run import previous_run_sentences
 
 _WORDS = {
     "pass": ("good", marked("Pass"), marked("Every limit is met for certain.")),
@@ -62,7 +62,7 @@ def beside_good(findings: Findings) -> list[str]:
     if is_accepted(findings.verdict):
         return []
     cause = [] if findings.cause is None else cause_sentences(findings.cause)
-    since = [] if findings.since is None else since_sentences(findings.since)
+    since = [] if findings.since is None else previous_run_sentences(findings.since)
     return [*cause, *since, *([] if findings.population is None else population_sentences(findings.population))]
 
 
@@ -86,7 +86,7 @@ def reasons(findings: Findings) -> list[str]:
     return [" ".join(filter(None, (verdict_sentence(m), _fail_sentence(m, findings.since)))) for m in found]
 
 
-def _fail_sentence(m: Measured, since: Since | None) -> str:
+def _fail_sentence(m: Measured, since: PreviousRunComparison | None) -> str:
     """How likely a unit exactly at the limit, and one as this unit was before, would have been measured failing."""
     if m.verdict != "fail" or (at_limit := m.fail_probability_at_limit) is None:
         return ""

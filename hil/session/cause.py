@@ -24,9 +24,9 @@ from hil.record.progress import Progress
 from hil.record.recording import Recording
 from hil.safety.interrupt import terminable
 from hil.session.outcome import Outcome
+from hil.session.previous_run import earlier_run
 from hil.session.procedure import Procedure
 from hil.session.results import write_outcome
-from hil.session.since import earlier_run
 
 _SEARCHING = 0.6  # of that time; the rest is for starting, reading, and telling what was found
 _POLL_S = 0.25

@@ -25,11 +25,11 @@ from hil.report.run_page import write_run_report
 from hil.safety.outputs import ending_words
 from hil.session.limit import TypedLimit, checked_limits, limits_of
 from hil.session.outcome import REPORT_FILE, Outcome
+from hil.session.previous_run import with_earlier
 from hil.session.procedure import Procedure, load_procedure
 from hil.session.responses import write_responses
 from hil.session.resting import measured_findings
 from hil.session.setting import Setting, value_text
-from hil.session.since import with_earlier
 
 
 def evaluated_anew(recording: Recording, folder: Path) -> Findings:

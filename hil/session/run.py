@@ -29,12 +29,12 @@ from hil.session.labels import NO_LABELS, Labels, labelled
 from hil.session.limit import TypedLimit, checked_limits, limits_of
 from hil.session.outcome import Outcome
 from hil.session.preload import preload
+from hil.session.previous_run import with_earlier
 from hil.session.procedure import Procedure
 from hil.session.rehearsal import Rehearsal, rehearse
 from hil.session.results import evaluated, write_outcome
 from hil.session.resume import broken_off, settings_of
 from hil.session.setting import parse_settings
-from hil.session.since import with_earlier
 from hil.session.terminal import operator_here
 
 

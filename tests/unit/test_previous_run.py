@@ -17,8 +17,8 @@ from hil.record.measurement import Findings, Measurement
 from hil.record.population_comparison import PopulationComparison
 from hil.record.recording import Recording
 from hil.report.results import beside_good, reasons
+from hil.session.previous_run import with_earlier
 from hil.session.procedure import Procedure, load_procedure
-from hil.session.since import with_earlier
 from tests.kept_runs import kept_run
 
 RISE = Measurement("rise", "ms", "rise", high=100.0)

@@ -17,8 +17,8 @@ from hil.findings.results import Results, read_results
 from hil.record.header import read_header, stated
 from hil.record.instruments import instruments_mark
 from hil.record.measurement import RESULTS_FILE, Findings, is_accepted
+from hil.record.previous_run import Missed, Moved, PreviousRunComparison
 from hil.record.recording import Recording
-from hil.record.since import Missed, Moved, Since
 from hil.session.procedure import Procedure
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def with_earlier(
         return findings
     with suppress(ArchiveError, InputError, OSError):
         if (entry := earlier_run(archive, serial, procedure.name, recording, folder)) is not None:
-            return replace(findings, since=_since(entry, results_of(recording, findings), folder))
+            return replace(findings, since=_compared(entry, results_of(recording, findings), folder))
     return findings
 
 
@@ -70,12 +70,12 @@ def is_here(run: Entry) -> bool:
     return not run.is_of_another_host or read_header(run.folder).started_utc == run.started_utc
 
 
-def _since(entry: Entry, now: Results, folder: Path) -> Since:
+def _compared(entry: Entry, now: Results, folder: Path) -> PreviousRunComparison:
     then = read_results(entry.folder / RESULTS_FILE)
     one_bench = instruments_mark(read_header(entry.folder)) == instruments_mark(read_header(folder))
     found = differences(_with_figures(then), _with_figures(now), one_bench=one_bench)
     moved = sorted((one for one in found if one.meaning == "differs"), key=lambda one: _weight(one, now), reverse=True)
-    return Since(
+    return PreviousRunComparison(
         entry.folder.name, entry.started_utc, entry.verdict,
         tuple(Moved(one.first, one.second) for one in moved if one.first and one.second),
         _count(found, "within uncertainty"), _count(found, "cannot tell"), one_bench,

@@ -33,7 +33,7 @@ class Missed:
 
 
 @dataclass(frozen=True, slots=True)
-class Since:
+class PreviousRunComparison:
     """What changed since an earlier `run` of the same unit, where a certificate is no pass; no part of the verdict.
 
     `moved` are the values that differ beyond their uncertainty: figures of the condition first, then what keeps the

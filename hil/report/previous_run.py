@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hil.language.words import _
-from hil.record.since import Moved, Since
+from hil.record.previous_run import Moved, PreviousRunComparison
 from hil.report.local_time import local_text
 from hil.report.name import quantity_words
 from hil.report.number import with_uncertainty
@@ -11,7 +11,7 @@ from hil.report.number import with_uncertainty
 _MOST = 6
 
 
-def since_sentences(found: Since) -> list[str]:
+def previous_run_sentences(found: PreviousRunComparison) -> list[str]:
     """What changed and how much did not; then on what that rests and how to ask for the cause."""
     when = local_text(found.started_utc)
     if found.moved:
@@ -45,5 +45,5 @@ def _change(one: Moved) -> str:
     return f"{_(quantity_words(quantity))}{where} {then} → {now}"
 
 
-def _verdict(found: Since) -> str:
+def _verdict(found: PreviousRunComparison) -> str:
     return _(found.verdict or "not judged")
