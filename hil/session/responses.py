@@ -19,7 +19,7 @@ from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable, write_response_table
 from hil.record.simulated import SIMULATED, is_simulated
 from hil.session.procedure import load_procedure
-from hil.session.resting import measured_findings
+from hil.session.sample_sensitivity import measured_findings
 
 _KINDS = {"sine", "multisine"}
 _FILE = "frequency_response"

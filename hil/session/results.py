@@ -28,7 +28,7 @@ from hil.session.outcome import REPORT_FILE, Outcome
 from hil.session.previous_run import with_earlier
 from hil.session.procedure import Procedure, load_procedure
 from hil.session.responses import write_responses
-from hil.session.resting import measured_findings
+from hil.session.sample_sensitivity import measured_findings
 from hil.session.setting import Setting, value_text
 
 

@@ -22,8 +22,8 @@ from hil.safety.guard import Guard
 from hil.safety.interlock import Band, Interlock, Watch
 from hil.safety.protection import Protection
 from hil.session.procedure import load_procedure
-from hil.session.resting import measured_findings
 from hil.session.run import evaluate_run, run_procedure
+from hil.session.sample_sensitivity import measured_findings
 from tests.bench_files import bench_file
 from tests.concealed import bound, nominal, records
 from tests.wire import Wire

@@ -10,7 +10,7 @@ import pytest
 from hil.record.late_exchanges import late_exchanges, longest_exchange_s, with_supposed_times
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Recording, recording
-from hil.session.resting import measured_findings
+from hil.session.sample_sensitivity import measured_findings
 from procedures import step_response
 
 RATE_HZ, HELD, USUAL_S, LATE_S, LAG_S = 25.0, 50, 0.001, 0.12, 0.15
