@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hil.api.by_hand import calibrate, demo, jog, watch
 from hil.api.calculations import (
     compare,
     compose,
@@ -32,6 +31,7 @@ from hil.api.calculations import (
     simulate,
     step_models,
 )
+from hil.api.manual import calibrate, demo, jog, watch
 from hil.api.models import export, load_model, save_model, typical_model, verify_fmu
 from hil.api.recordings import average, read, write
 from hil.api.runs import find_runs, open_bench, results, run

@@ -126,7 +126,7 @@ def _answers(typed: Typed, unit: str) -> Callable[[], float | None]:
 
 
 def _described(found: Calibrated, *, reference_stated: bool) -> str:
-    from hil.bench.hand.write import narrowed
+    from hil.bench.manual.write import narrowed
 
     file, channel, points, line, new = found.file, found.channel, found.points, found.line, found.entry
     entry = file.bench.channels[channel]

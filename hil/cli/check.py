@@ -66,7 +66,7 @@ def command(
 
 def _looked_at(found: BenchFile, as_json: bool) -> list[str]:
     """What can be measured on the bench, printed; returns what is not plausible about it."""
-    from hil.bench.hand.live import look_at
+    from hil.bench.manual.live import look_at
     from hil.catalog import entries
     from hil.cli.live import live_json, live_text
     from hil.safety.interrupt import terminable

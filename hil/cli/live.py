@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from hil.bench.hand.live import Link, Live, Seen
+    from hil.bench.manual.live import Link, Live, Seen
     from hil.bench.read import BenchFile
 
 

@@ -16,7 +16,7 @@ from hil.printable import printable, raw
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from hil.bench.hand.reading import Reading
+    from hil.bench.manual.reading import Reading
 
 _HEADINGS = ("channel", "raw", "value", "noise", "age [s]", "state")
 

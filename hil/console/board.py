@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hil.bench.file import Bench
-from hil.bench.hand.reading import Followed, Reading
+from hil.bench.manual.reading import Followed, Reading
 from hil.bench.protection import envelopes_of, interlock_of
 from hil.bench.read import BenchFile
 from hil.daq.contract import Block

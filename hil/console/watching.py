@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hil.bench.hand.reading import Reading
+from hil.bench.manual.reading import Reading
 from hil.child import Process, child
 from hil.errors import StorageError
 

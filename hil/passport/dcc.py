@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from xml.etree.ElementTree import Element, indent, register_namespace, tostring
 
-from hil.bench.hand.certificate import DCC, SI
+from hil.bench.manual.certificate import DCC, SI
 from hil.errors import UnitError
 from hil.passport.certificate import Signer
 from hil.passport.unit import Unit, UnitRun

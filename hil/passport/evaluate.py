@@ -18,7 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from xml.etree.ElementTree import Element, ParseError, fromstring, tostring
 
-from hil.bench.hand.certificate import DCC
+from hil.bench.manual.certificate import DCC
 from hil.errors import InputError
 from hil.language.note import Note
 from hil.language.words import languages, speaking

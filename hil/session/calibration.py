@@ -14,10 +14,10 @@ import numpy as np
 from hil.bench.audit import on_the_trail
 from hil.bench.ending import accounted, word_of_this_process
 from hil.bench.file import CalibrationLine
-from hil.bench.hand.certificate import read_certificate
-from hil.bench.hand.fit import Line, Point, fit_line
-from hil.bench.hand.inputs import inputs_of
-from hil.bench.hand.write import write_calibration
+from hil.bench.manual.certificate import read_certificate
+from hil.bench.manual.fit import Line, Point, fit_line
+from hil.bench.manual.inputs import inputs_of
+from hil.bench.manual.write import write_calibration
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.errors import LinkError, SettingError

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from hil.bench.file import CalibrationLine
-from hil.bench.hand.write import changed
+from hil.bench.manual.write import changed
 from hil.bench.read import read_bench
 from hil.record.folder import read
 from hil.session.calibration import input_points

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from hil import api
-from hil.bench.hand.certificate import unit_of
+from hil.bench.manual.certificate import unit_of
 from hil.bench.read import read_bench
 from hil.errors import FileError, SettingError
 from hil.units import scale_and_offset

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from hil.bench.file import CalibrationLine
-from hil.bench.hand.fit import Line, Point, fit_line
-from hil.bench.hand.write import write_calibration
+from hil.bench.manual.fit import Line, Point, fit_line
+from hil.bench.manual.write import write_calibration
 from hil.bench.read import read_bench
 from hil.errors import FileError, SettingError
 from tests.links import bench_text

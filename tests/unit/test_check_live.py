@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from hil.bench.find import benches
-from hil.bench.hand.live import look_at
+from hil.bench.manual.live import look_at
 from hil.bench.read import read_bench
 from hil.errors import LinkError
 from hil.session.possible import hindrance

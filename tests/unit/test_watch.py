@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from hil.bench.find import benches
-from hil.bench.hand.inputs import inputs_of
-from hil.bench.hand.reading import Followed
+from hil.bench.manual.inputs import inputs_of
+from hil.bench.manual.reading import Followed
 from hil.bench.read import read_bench
 from hil.errors import LinkError, SettingError
 from sim_devices._quirks import Quirks

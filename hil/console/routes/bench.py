@@ -10,7 +10,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from hil.bench.hand.reading import Reading
+from hil.bench.manual.reading import Reading
 from hil.bench.read import BenchFile
 from hil.console.board import RunReader, check_tripped, interlocks_of, lines_of, reset_trip, trips_of
 from hil.console.console import Console

@@ -7,8 +7,8 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 
 from hil.bench.device import DeviceInUse
-from hil.bench.hand.reading import Followed, Reading
 from hil.bench.lease import leased
+from hil.bench.manual.reading import Followed, Reading
 from hil.bench.nets.packages import check_packages
 from hil.bench.read import BenchFile
 from hil.daq.contract import Block, Daq, Waveform

@@ -14,7 +14,7 @@ from hil.record.progress import Progress, quiet
 from hil.session.several import several
 
 if TYPE_CHECKING:
-    from hil.bench.hand.reading import Reading
+    from hil.bench.manual.reading import Reading
     from hil.bench.read import BenchFile
     from hil.safety.outputs import Outputs
     from hil.session.calibration import Calibrated
@@ -93,7 +93,7 @@ def watch(
         SettingError: times beyond what is allowed, or a channel that is an output.
         LinkError: at the end, when a device did not answer.
     """
-    from hil.bench.hand.inputs import inputs_of
+    from hil.bench.manual.inputs import inputs_of
     from hil.safety.interrupt import terminable
 
     if not 0.05 <= every_s <= 60.0:

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hil.bench.file import Bench
-from hil.bench.hand.inputs import Inputs, inputs_of
-from hil.bench.hand.reading import Reading
+from hil.bench.manual.inputs import Inputs, inputs_of
+from hil.bench.manual.reading import Reading
 from hil.bench.protection import interlock_of
 from hil.bench.read import BenchFile
 from hil.daq.contract import Promises
