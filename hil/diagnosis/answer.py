@@ -306,7 +306,7 @@ class Answer:
         return {
             "z": round(later.z, 2), "needed": round(self.changed.needed, 2), "is_alarm": self.changed.is_alarm,
             "is_unsure": self.changed.is_unsure, "shows_as": f"{column.name} {column.hook}".strip(),
-            "pseudo_tests": [round(z, 2) for z in before.reach], "count_as_one": round(self.changed.as_one, 1),
+            "pseudo_tests": [round(z, 2) for z in before.reach], "count_as_one": round(self.changed.correlated_rows, 1),
             "explained_by_skeleton": round(1.0 - before.left, 3),
         }  # fmt: skip
 

@@ -62,14 +62,14 @@ class Changed:
         return self.is_alarm and self.later.alone and (self.later.z < PLAINLY * self.needed or strange)
 
     @property
-    def as_one(self) -> float:
+    def correlated_rows(self) -> float:
         """How many rows tell as much as one."""
         return max(self.table.before.least, 1.0)
 
     @property
     def count(self) -> float:
         """So many independent rows there are: χ² that the remainder leaves."""
-        return max(float(np.count_nonzero(self.rows.valid)) / self.as_one, 1.0)
+        return max(float(np.count_nonzero(self.rows.valid)) / self.correlated_rows, 1.0)
 
     @property
     def left_as_it_was(self) -> Array:
@@ -87,7 +87,7 @@ class Changed:
 
     @cached_property
     def _weight(self) -> Array:
-        return np.where(self.rows.valid, 1.0 / (math.sqrt(self.as_one) * self.later.std), 0.0)
+        return np.where(self.rows.valid, 1.0 / (math.sqrt(self.correlated_rows) * self.later.std), 0.0)
 
     @cached_property
     def _nominal(self) -> Array:
