@@ -139,7 +139,7 @@ class FrequencyResponse:
         """The response with a known factor taken out, covariance included."""
         turn = 1.0 / np.asarray(other, dtype=np.complex128)
         return replace(
-            self, response=self.response * turn, covariance=_turned(turn, self.covariance),
+            self, response=self.response * turn, covariance=_multiplied(turn, self.covariance),
             corrections=(*self.corrections, note),
         )  # fmt: skip
 
@@ -183,8 +183,8 @@ def from_fits(
             f"{name}: the input does not move at {inputs[int(np.argmin(np.abs(given)))].frequency_hz:g} Hz"
         )
     response = np.array([fit.phasor for fit in outputs]) / given
-    covariance = _turned(np.reciprocal(given), np.array([fit.phasor_covariance() for fit in outputs]))
-    covariance += _turned(response / given, np.array([fit.phasor_covariance() for fit in inputs]))
+    covariance = _multiplied(np.reciprocal(given), np.array([fit.phasor_covariance() for fit in outputs]))
+    covariance += _multiplied(response / given, np.array([fit.phasor_covariance() for fit in inputs]))
     return FrequencyResponse(
         name, np.array([fit.frequency_hz for fit in inputs]), response, covariance, *units,
         float(np.median(np.abs(given))) if amplitude is None else amplitude,
@@ -253,7 +253,7 @@ def average(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
     )
 
 
-def _turned(turn: Complex, covariance: Array) -> Array:
+def _multiplied(turn: Complex, covariance: Array) -> Array:
     """Covariances of complex numbers multiplied by `turn`; shapes (n,) and (n, 2, 2)."""
     matrix = np.empty((len(turn), 2, 2))
     matrix[:, 0, 0] = matrix[:, 1, 1] = turn.real
@@ -265,4 +265,4 @@ def _rotated(response: Complex, along: Array, across: Array) -> Array:
     """Covariances from relative variances along and across each phasor."""
     diagonal = np.zeros((len(response), 2, 2))
     diagonal[:, 0, 0], diagonal[:, 1, 1] = along, across
-    return _turned(response, diagonal)
+    return _multiplied(response, diagonal)

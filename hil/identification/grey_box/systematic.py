@@ -50,7 +50,7 @@ def systematic(residuals: Residuals, found: Estimate, parameters: Parameters) ->
     covariance = np.outer(finer, finer)
     notes: tuple[Note, ...] = ()
     if _is_coloured(found.residuals):
-        lacking, stage = _lacking(residuals, found, parameters, base)
+        lacking, stage = _structural_covariance(residuals, found, parameters, base)
         covariance = covariance + lacking
         cause = Note(
             "the model lacks something, most likely at its {stage}: the residuals are no noise. Intervals are widened "
@@ -84,7 +84,9 @@ def _is_coloured(values: Array) -> bool:
     return colour_factor(values, _BLOCK) > 1.0 + _BEYOND_CHANCE / math.sqrt(blocks)
 
 
-def _lacking(residuals: Residuals, found: Estimate, parameters: Parameters, base: Array) -> tuple[Array, str]:
+def _structural_covariance(
+    residuals: Residuals, found: Estimate, parameters: Parameters, base: Array
+) -> tuple[Array, str]:
     """Covariance of what physics at the hooks may have moved, and the stage where most is; empty where nothing is.
 
     Each kind of addition at each hook has a size of its own, drawn about zero; how large they are on the whole is what

@@ -27,9 +27,9 @@ def as_driven(recording: Recording) -> Recording:
     outputs = _outputs(recording)
     channels, own = dict(recording.channels), dict(recording.own)
     for name, how in outputs.items():
-        channels[name] = replace(channels[name], values=_acted(channels[name].values, how))
+        channels[name] = replace(channels[name], values=_applied_input(channels[name].values, how))
         if name in own:
-            own[name] = replace(own[name], values=_acted(own[name].values, how))
+            own[name] = replace(own[name], values=_applied_input(own[name].values, how))
     return replace(recording, channels=channels, own=own)
 
 
@@ -71,7 +71,7 @@ def _waved(recording: Recording, mean: Recording, outputs: Mapping[str, Mapping[
     channels = dict(mean.channels)
     for name, how in outputs.items():
         wave = np.sin(2.0 * math.pi * float(how["dither_hz"]) * recording.time_s + phase)
-        values = _acted(recording.channels[name].values, how, wave)
+        values = _applied_input(recording.channels[name].values, how, wave)
         values[0] = channels[name].values[0]
         channels[name] = replace(channels[name], values=values)
     return replace(mean, channels=channels)
@@ -88,7 +88,7 @@ def _is_carried(how: Mapping[str, Any], recording: Recording) -> bool:
     return _SAMPLES_PER_PERIOD * float(how["dither_hz"]) * recording.interval_s <= 1.0 + 1e-9
 
 
-def _acted(command: Array, how: Mapping[str, Any], wave: Array | None = None) -> Array:
+def _applied_input(command: Array, how: Mapping[str, Any], wave: Array | None = None) -> Array:
     low, high = float(how.get("low", -math.inf)), float(how.get("high", math.inf))
     dither, step = float(how.get("dither_amplitude", 0.0)), float(how.get("step", 0.0))
     exact = not step > 0.0 or not math.isfinite(low)
