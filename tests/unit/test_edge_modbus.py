@@ -6,7 +6,8 @@ import logging
 import math
 import struct
 import time
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager, nullcontext
 from typing import Any
 
 import pytest
@@ -41,52 +42,51 @@ def gauge(form: Any = "f32", table: Any = "input", at: int = 0, slope: float = 1
     return Register("in", "value", "degC", -50.0, 200.0, table, at, form, slope)
 
 
-def wired(*inputs: str, outputs: tuple[str, ...] = ()) -> Wiring:
-    return Wiring(
-        {name: OutputChannel(name, name, "value", "bar", -500.0, 500.0) for name in outputs},
-        {name: InputChannel(name, name, "value", "degC", -50.0, 200.0) for name in inputs},
-    )
+T16, DEG_C = Model({"t": gauge("u16")}), Model({"t": gauge()})
 
 
-def opened(line: ForeignLine, model: Model, wiring: Wiring, **more: Any) -> ModbusLink:
-    rtu = more.get("transport") == "rtu"
-    told = {"timeout_s": 1.0, "longest_reply_s": 1.0, **more}
-    address = f"{'socket://' if rtu else ''}127.0.0.1:{line.port}"
-    return ModbusLink(LineSettings.model_validate({"address": address, **told}), wiring, model)
+@contextmanager
+def linked(
+    answer: Callable[[bytes], bytes | None], model: Model = T16, transport: str = "tcp", **more: Any
+) -> Iterator[ModbusLink]:
+    """A link to a device that answers so, all its registers wired."""
+    with ForeignLine(answer, FRAMES[transport]) as line:
+        address = f"{'socket://' if transport == 'rtu' else ''}127.0.0.1:{line.port}"
+        told = {"timeout_s": 1.0, "longest_reply_s": 1.0, "transport": transport, "address": address, **more}
+        ins, outs = ([n for n, r in model.registers.items() if r.direction == way] for way in ("in", "out"))
+        wiring = Wiring(
+            {name: OutputChannel(name, name, "value", "bar", -500.0, 500.0) for name in outs},
+            {name: InputChannel(name, name, "value", "degC", -50.0, 200.0) for name in ins},
+        )
+        with closing(ModbusLink(LineSettings.model_validate(told), wiring, model)) as link:
+            yield link
 
 
 def test_neighbouring_addresses_of_two_tables_are_two_requests() -> None:
     """Address 0 of the input registers and 1 of the holding registers are no neighbours."""
     device = Tables(holding={0: 111, 1: 222}, inputs={0: 444, 1: 333})
     model = Model({"a": gauge("u16", "input", 0), "b": gauge("u16", "holding", 1)})
-    with ForeignLine(device.on_tcp) as line:
-        link = opened(line, model, wired("a", "b"))
+    with linked(device.on_tcp, model) as link:
         assert link.read() == {"a": 444.0, "b": 222.0}
-        link.close()
 
 
 @pytest.mark.parametrize(("order", "data"), ORDERS.items())
 def test_byte_orders_by_name(order: Any, data: str) -> None:
     device = Tables(inputs=dict(enumerate(registers(data))))
-    with ForeignLine(device.on_tcp) as line:
-        link = opened(line, Model({"t": gauge()}), wired("t"), word_order=order)
+    with linked(device.on_tcp, DEG_C, word_order=order) as link:
         assert link.read()["t"] == pytest.approx(45.3, rel=1e-6)
-        link.close()
 
 
 @pytest.mark.parametrize("data", [d for name, d in ORDERS.items() if name in ("CDAB", "BADC", "DCBA")])
 def test_a_float_in_another_byte_order_is_no_measurement(data: str) -> None:
     device = Tables(inputs=dict(enumerate(registers(ORDERS["ABCD"]))))
-    with ForeignLine(device.on_tcp) as line:
-        link = opened(line, Model({"t": gauge()}), wired("t"))
+    with linked(device.on_tcp, DEG_C) as link:
         assert link.read()["t"] == pytest.approx(45.3, rel=1e-6)
         device.inputs.update(enumerate(registers(data)))
         assert math.isnan(link.read()["t"]) and math.isnan(link.read()["t"])
-        link.close()
-        again = opened(line, Model({"t": gauge()}), wired("t"))
-        with pytest.raises(LinkError, match=r"t reads no measurement .* degC: .* check word_order \(now big\)"):
-            again.read()
-        again.close()
+    says = r"t reads no measurement .* degC: .* check word_order \(now big\)"
+    with linked(device.on_tcp, DEG_C) as link, pytest.raises(LinkError, match=says):
+        link.read()
 
 
 @pytest.mark.parametrize(
@@ -100,12 +100,10 @@ def test_a_float_in_another_byte_order_is_no_measurement(data: str) -> None:
 )
 def test_what_counts_as_a_reading(readings: list[float], measured: list[bool]) -> None:
     device = Tables()
-    with ForeignLine(device.on_tcp) as line:
-        link = opened(line, Model({"t": gauge()}), wired("t"))
+    with linked(device.on_tcp, DEG_C) as link:
         for reading, good in zip(readings, measured, strict=True):
             device.inputs.update(float_at(0, reading))
             assert math.isnan(link.read()["t"]) is not good, reading
-        link.close()
 
 
 @pytest.mark.parametrize(
@@ -115,10 +113,8 @@ def test_what_counts_as_a_reading(readings: list[float], measured: list[bool]) -
 )  # fmt: skip
 def test_formats_of_whole_numbers(form: Any, words: list[int], value: float) -> None:
     device = Tables(inputs=dict(enumerate(words)))
-    with ForeignLine(device.on_tcp) as line:
-        link = opened(line, Model({"t": gauge(form, slope=1e-3)}), wired("t"))
+    with linked(device.on_tcp, Model({"t": gauge(form, slope=1e-3)})) as link:
         assert link.read()["t"] == pytest.approx(value)
-        link.close()
 
 
 @pytest.mark.parametrize(("key", "said"), [("format", "f16"), ("format", "int16"), ("table", "coils")])
@@ -136,8 +132,7 @@ def test_outputs_in_two_registers_are_driven_and_read_back(form: Any) -> None:
         "p": Register("out", "value", "bar", -500.0, 500.0, "holding", 8, form, 1.0 if form == "f32" else 1e-3),
         "q": Register("out", "value", "bar", -500.0, 500.0, "holding", 10, "s16"),
     })  # fmt: skip
-    with ForeignLine(device.on_tcp) as line:
-        link = opened(line, model, wired(outputs=("p", "q")))
+    with linked(device.on_tcp, model) as link:
         link.drive({"p": -123.5, "q": 7.0})
         expected = struct.pack(">f", -123.5) if form == "f32" else struct.pack(">i", -123500)
         assert struct.pack(">HH", device.holding[8], device.holding[9]) == expected
@@ -147,7 +142,6 @@ def test_outputs_in_two_registers_are_driven_and_read_back(form: Any) -> None:
         link._checked_s = 0.0  # as after half a second
         with pytest.raises(LinkError, match=r"p stands at .* bar, not at -123.5 bar as it was driven"):
             link.read()
-        link.close()
 
 
 @given(value=st.floats(-500.0, 500.0, width=32), order=st.sampled_from(list(ORDERS)))
@@ -158,26 +152,23 @@ def test_what_is_written_is_what_is_read(value: float, order: Any) -> None:
 
 def test_a_gateway_that_numbers_by_itself_is_told_apart_from_silence() -> None:
     device = Tables(inputs=float_at(0, 45.3))
-    with ForeignLine(lambda frame: b"\x99\x02" + device.on_tcp(frame)[2:]) as line:
-        link = opened(line, Model({"t": gauge()}), wired("t"))
-        with pytest.raises(
-            LinkError, match=r"came, but with transaction number 39170 instead of \d+: a gateway that num"
-        ):
-            link.read()
-        link.close()
+    with (
+        linked(lambda frame: b"\x99\x02" + device.on_tcp(frame)[2:], DEG_C) as link,
+        pytest.raises(LinkError, match=r"came, but with transaction number 39170 instead of \d+: a gateway that num"),
+    ):
+        link.read()
+
+
+def echoing(device: Tables) -> Callable[[bytes], bytes]:
+    return lambda frame: frame + device.on_serial(frame)
 
 
 def test_an_adapter_that_echoes_is_named_and_a_setting_helps() -> None:
-    device = Tables(inputs={0: 453})
-    model, wiring = Model({"t": gauge("u16")}), wired("t")
-    with ForeignLine(lambda frame: frame + device.on_serial(frame), serial_frame) as line:
-        link = opened(line, model, wiring, transport="rtu")
-        with pytest.raises(LinkError, match="what was sent came back: the adapter echoes, say echo = true"):
-            link.read()
-        link.close()
-        link = opened(line, model, wiring, transport="rtu", echo=True)
+    echoes, says = echoing(Tables(inputs={0: 453})), "what was sent came back: the adapter echoes, say echo = true"
+    with linked(echoes, transport="rtu") as link, pytest.raises(LinkError, match=says):
+        link.read()
+    with linked(echoes, transport="rtu", echo=True) as link:
         assert [link.read()["t"] for _ in range(3)] == [453.0] * 3
-        link.close()
 
 
 def test_an_echo_of_what_was_written_is_named_too() -> None:
@@ -186,56 +177,50 @@ def test_an_echo_of_what_was_written_is_named_too() -> None:
     out = {name: Register("out", "value", "bar", 0.0, 9.0, "holding", at) for name, at in (("q", 8), ("r", 9))}
     model = Model(out, watchdog=((4, "{tenths}"), (4, 1)))
     with (
-        ForeignLine(lambda frame: frame + device.on_serial(frame), serial_frame) as line,
         pytest.raises(LinkError, match="say echo = true"),
+        linked(echoing(device), model, "rtu", watchdog_s=1.0) as link,
     ):
-        opened(line, model, wired(outputs=("q", "r")), transport="rtu", watchdog_s=1.0).standing()
+        link.standing()
 
 
-@pytest.mark.parametrize("transport", ["rtu", "tcp"])
-def test_a_device_that_needs_a_pause_is_told_of_the_setting(transport: str) -> None:
-    device, answered_s = Tables(holding={4: 0}, inputs={0: 453}), [0.0]
+def slow(device: Tables, pause_s: float, transport: str = "rtu") -> Callable[[bytes], bytes]:
+    """A device that hears nothing for so long after it has answered."""
+    answered_s = [0.0]
 
-    def slow(frame: bytes) -> bytes:
-        if time.monotonic() - answered_s[0] < 0.9:
+    def answer(frame: bytes) -> bytes:
+        if time.monotonic() - answered_s[0] < pause_s:
             return b""
         answered_s[0] = time.monotonic()
         return device.on_serial(frame) if transport == "rtu" else device.on_tcp(frame)
 
-    out = Register("out", "value", "bar", 0.0, 9.0, "holding", 4)
+    return answer
+
+
+@pytest.mark.parametrize("transport", FRAMES)
+def test_a_device_that_needs_a_pause_is_told_of_the_setting(transport: str) -> None:
+    device, out = Tables(holding={4: 0}), Register("out", "value", "bar", 0.0, 9.0, "holding", 4)
     model = Model({"q": out}, watchdog=((4, "{tenths}"), (4, 1)))
-    told = pytest.raises(LinkError, match="may need a pause between frames: say pause_s")
-    with ForeignLine(slow, FRAMES[transport]) as line, told:
-        opened(line, model, wired(outputs=("q",)), transport=transport, watchdog_s=1.0)
+    with (
+        pytest.raises(LinkError, match="may need a pause between frames: say pause_s"),
+        linked(slow(device, 0.9, transport), model, transport, watchdog_s=1.0),
+    ):
+        raise AssertionError("it was opened")
 
 
 def test_echo_belongs_to_a_serial_line() -> None:
     settings = LineSettings(address="127.0.0.1:502", echo=True)
-    assert [place for place, _ in modbus.line_faults(settings, Model({"t": gauge()}))] == [("echo",)]
+    assert [place for place, _ in modbus.line_faults(settings, DEG_C)] == [("echo",)]
 
 
 def test_a_device_that_needs_a_pause_between_frames_gets_it() -> None:
-    device = Tables(inputs={0: 453})
-    answered_s = [0.0]
-
-    def slow(frame: bytes) -> bytes:
-        if time.monotonic() - answered_s[0] < 0.3:
-            return b""
-        answered_s[0] = time.monotonic()
-        return device.on_serial(frame)
-
-    with ForeignLine(slow, serial_frame) as line:
-        link = opened(line, Model({"t": gauge("u16")}), wired("t"), transport="rtu", pause_s=0.35)
+    with linked(slow(Tables(inputs={0: 453}), 0.3), transport="rtu", pause_s=0.35) as link:
         assert [link.read()["t"] for _ in range(3)] == [453.0] * 3
-        link.close()
 
 
 def test_noise_before_an_answer_on_a_serial_line_is_passed_over() -> None:
     device = Tables(inputs={0: 453})
-    with ForeignLine(lambda frame: b"\x00\xff" + device.on_serial(frame), serial_frame) as line:
-        link = opened(line, Model({"t": gauge("u16")}), wired("t"), transport="rtu")
+    with linked(lambda frame: b"\x00\xff" + device.on_serial(frame), transport="rtu") as link:
         assert link.read()["t"] == 453.0
-        link.close()
 
 
 SPOILED = (b"", b"\x00", b"\xff" * 99, b"\x01\x84\x02", b"\x01\x04\xff\x00", b"\x01\x2b\x0e")
@@ -251,15 +236,13 @@ def test_whatever_comes_back_is_a_reading_or_a_link_error(transport: str) -> Non
             good = answer(frame)
             return (good[:6] if transport == "tcp" else b"") + spoiled if spoil[0] else good
 
-        with ForeignLine(sometimes, FRAMES[transport]) as line:
-            link = opened(line, Model({"t": gauge("u16")}), wired("t"), transport=transport)
+        with linked(sometimes, transport=transport) as link:
             assert link.read()["t"] == 453.0
             spoil[0] = True
             with pytest.raises(HardwareError):
                 link.read()
             spoil[0] = False
             assert link.read()["t"] == 453.0
-            link.close()
 
     side_by_side(reads, SPOILED)
 
@@ -289,35 +272,29 @@ ANYTHING = (
 def test_whatever_the_library_raises_is_a_named_error(error: Exception) -> None:
     device = Tables(inputs={0: 453}, holding={8: 0})
     model = Model({"t": gauge("u16"), "q": Register("out", "value", "bar", -500.0, 500.0, "holding", 8, "s16")})
-    with ForeignLine(device.on_tcp) as line:
-        link = opened(line, model, wired("t", outputs=("q",)))
+    with linked(device.on_tcp, model) as link:
         link._line.close()
         for call in (link.read, link.standing, lambda: link.drive({"q": 1.0})):
             link._line._port = Broken(error)
             with pytest.raises(HardwareError) as told:
                 call()
             assert str(told.value)
-        link.close()
 
 
 def test_a_connection_that_is_closed_is_a_lost_device() -> None:
     device = Tables(inputs={0: 453})
     closing = [False]
-    with ForeignLine(lambda frame: None if closing[0] else device.on_tcp(frame)) as line:
-        link = opened(line, Model({"t": gauge("u16")}), wired("t"))
+    with linked(lambda frame: None if closing[0] else device.on_tcp(frame)) as link:
         closing[0] = True
         with pytest.raises(DeviceLostError):
             link.read()
-        link.close()
 
 
 @pytest.mark.parametrize("said", ["Moxa E1241 V3.2", ""])
 def test_what_a_device_says_of_itself(said: str) -> None:
-    with ForeignLine(Tables(inputs={0: 453}, identity=said).on_tcp) as line:
-        link = opened(line, Model({"t": gauge("u16")}), wired("t"))
+    with linked(Tables(inputs={0: 453}, identity=said).on_tcp) as link:
         assert link.identity == said
         assert link.read()["t"] == 453.0
-        link.close()
 
 
 def test_an_answer_to_another_question_is_no_identity() -> None:
@@ -327,27 +304,24 @@ def test_an_answer_to_another_question_is_no_identity() -> None:
     def answer(frame: bytes) -> bytes:
         return frame[:4] + other[4:] if frame[7] == 43 else device.on_tcp(frame)
 
-    with ForeignLine(answer) as line:
-        link = opened(line, Model({"t": gauge("u16")}), wired("t"))
+    with linked(answer) as link:
         assert link.identity == "" and link.read()["t"] == 453.0
-        link.close()
 
 
 def test_frames_are_logged_for_who_listens_and_nobody_else(
     caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:
     levels = {name: logging.getLogger(name).level for name in ("pymodbus", "pymodbus.logging")}
-    with ForeignLine(Tables(inputs={0: 453}).on_tcp) as line:
-        link = opened(line, Model({"t": gauge("u16")}), wired("t"))
+    with linked(Tables(inputs={0: 453}).on_tcp) as link:
         link.read()
         assert not caplog.records
         with caplog.at_level(logging.DEBUG, logger="hil.link"):
             link.read()
-        link.close()
-        link = opened(line, Model({"t": gauge("u16", at=9)}), wired("t"))
-        with pytest.raises(LinkError, match=r"exception 2 \(no such register\)"):
-            link.read()
-        link.close()
+    with (
+        linked(Tables().on_tcp) as link,
+        pytest.raises(LinkError, match=r"exception 2 \(no such register\)"),
+    ):
+        link.read()
     sent, came = (record for record in caplog.records if record.name.startswith("hil.link.modbus.127_0_0_1:"))
     assert sent.getMessage().startswith("→ ") and came.getMessage().endswith("01 c5")
     assert {name: logging.getLogger(name).level for name in levels} == levels
@@ -363,14 +337,12 @@ def test_a_late_answer_is_not_called_an_echo_once_readings_have_come() -> None:
         return before[0] if late[0] else before[1]
 
     late = [False]
-    with ForeignLine(one_behind, serial_frame) as line:
-        link = opened(line, Model({"t": gauge("u16")}), wired("t"), transport="rtu")
+    with linked(one_behind, transport="rtu") as link:
         assert link.read()["t"] == 453.0
         before[1], late[0] = b"\x01\x06\x00\x00\x00\x05" + crc(b"\x01\x06\x00\x00\x00\x05"), True
         with pytest.raises(LinkError) as told:
             link.read()
         assert "one to an earlier request may have come late" in str(told.value)
-        link.close()
 
 
 def _in_pieces(sent: bytes, *pieces: bytes) -> bool:
