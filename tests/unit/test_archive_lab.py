@@ -21,11 +21,13 @@ from hil.console.process import start
 from hil.errors import ArchiveError
 from hil.safety.latch import state_path
 from tests.postgres import new_database
-from tests.unit.test_archive import made_run
+from tests.unit import test_archive
+from tests.unit.test_archive import made_run, names
 
 pytestmark = pytest.mark.usefixtures("unprinted")
 
 SECRET = "gehe1m"
+folder_with_a_run = test_archive.folder_with_a_run  # a fixture
 
 
 @pytest.fixture
@@ -38,10 +40,6 @@ def lab(postgresql: str) -> Place:
 def bench(monkeypatch: pytest.MonkeyPatch):
     """Be another computer."""
     return lambda name: monkeypatch.setattr("socket.gethostname", lambda: name)
-
-
-def names(place: Place) -> list[str]:
-    return sorted(run.folder.name for run in find_runs(place, Search()))
 
 
 # -- each bench keeps to its own runs ---------------------------------------------------------------------
@@ -57,9 +55,9 @@ def test_rebuild_on_one_bench_leaves_the_runs_of_the_others(lab, bench, tmp_path
     enter(lab, [made_run(tmp_path / "a" / "a1"), made_run(tmp_path / "a" / "a2", day=2)])
     (tmp_path / "a" / "a2").rename(tmp_path / "gone")
     assert rebuild(lab, [tmp_path / "a"]) == (1, [])
-    assert names(lab) == ["a1", "b1", "b2"]
+    assert sorted(names(lab)) == ["a1", "b1", "b2"]
     assert rebuild(lab, []) == (1, [])  # where its own runs lay
-    assert names(lab) == ["a1", "b1", "b2"]
+    assert sorted(names(lab)) == ["a1", "b1", "b2"]
 
 
 def test_the_same_path_on_two_benches_is_two_runs(lab, bench, tmp_path) -> None:
@@ -82,7 +80,7 @@ def test_what_lies_outside_the_searched_folders_stays(place, tmp_path) -> None:
     enter(place, [made_run(tmp_path / "lab" / "a"), made_run(tmp_path / "disk" / "b", serial="B2")])
     (tmp_path / "disk").rename(tmp_path / "unplugged")
     assert rebuild(place, [tmp_path / "lab"]) == (1, [])
-    assert names(place) == ["a", "b"]
+    assert sorted(names(place)) == ["a", "b"]
     assert rebuild(place, [tmp_path / "lab", tmp_path / "unplugged"]) == (2, [])  # the same run, found elsewhere
     assert [run.folder for run in find_runs(place, Search(serial="B2"))] == [tmp_path / "unplugged" / "b"]
 
@@ -134,11 +132,11 @@ def test_a_run_that_the_database_refuses_is_told_and_holds_no_other(lab, tmp_pat
     said = enter_or_keep(lab, bad)
     assert "not in the archive" in said and str(bad) in said and "refuses it" in said
     assert waiting_for(lab) == []
-    assert enter_or_keep(lab, good) == "" and names(lab) == ["good"]
+    assert enter_or_keep(lab, good) == "" and sorted(names(lab)) == ["good"]
     (left_out,) = enter(lab, [made_run(tmp_path / "before"), bad, made_run(tmp_path / "after")])
-    assert str(bad) in left_out and names(lab) == ["after", "before", "good"]
+    assert str(bad) in left_out and sorted(names(lab)) == ["after", "before", "good"]
     count, left_out = rebuild(lab, [tmp_path])
-    assert count == 3 and str(bad) in left_out[0] and names(lab) == ["after", "before", "good"]
+    assert count == 3 and str(bad) in left_out[0] and sorted(names(lab)) == ["after", "before", "good"]
 
 
 RULES = {
@@ -163,7 +161,7 @@ def test_a_rule_of_the_lab_that_refuses_a_run_holds_no_other(lab, tmp_path, rule
     said = enter_or_keep(lab, bad)
     assert "not in the archive" in said and "refuses it" in said and len(said) < 500
     assert waiting_for(lab) == [] and enter_or_keep(lab, made_run(tmp_path / "good")) == ""
-    assert names(lab) == ["first", "good"]
+    assert sorted(names(lab)) == ["first", "good"]
 
 
 def test_runs_that_waited_behind_a_refused_one_are_entered(lab, tmp_path, monkeypatch) -> None:
@@ -174,7 +172,7 @@ def test_runs_that_waited_behind_a_refused_one_are_entered(lab, tmp_path, monkey
     waiting = max(lists, key=lambda path: path.stat().st_mtime_ns)
     monkeypatch.setattr("hil.archive.pending.state_path", lambda *_: waiting)
     (said,) = catch_up(lab)
-    assert "bad" in said and names(lab) == ["good"] and waiting_for(lab) == []
+    assert "bad" in said and sorted(names(lab)) == ["good"] and waiting_for(lab) == []
 
 
 @pytest.mark.parametrize("character", ["\udc80", "\x00"])
@@ -192,48 +190,39 @@ def test_a_name_that_is_no_text_is_refused_by_either_database_in_words(place, tm
 # -- what an index is removed for --------------------------------------------------------------------------
 
 
-def test_an_index_of_a_newer_version_is_never_removed(tmp_path) -> None:
-    import sqlite3
+@pytest.fixture
+def newer(folder_with_a_run):
+    """An archive whose index a newer version of this program has made."""
+    place, other = folder_with_a_run
+    other.execute("UPDATE alembic_version SET version_num = '9999'")
+    other.commit()
+    return place
 
-    place = archive_place(str(tmp_path / "lab"))
-    enter(place, [made_run(tmp_path / "lab" / "a")])
-    with sqlite3.connect(tmp_path / "lab" / INDEX_FILE) as other:
-        other.execute("UPDATE alembic_version SET version_num = '9999'")
-    other.close()
-    before = (tmp_path / "lab" / INDEX_FILE).read_bytes()
+
+def test_an_index_of_a_newer_version_is_never_removed(newer: Place) -> None:
+    before = (newer.folder / INDEX_FILE).read_bytes()
     with pytest.raises(ArchiveError, match="newer version of this program and stays"):
-        rebuild(place, [tmp_path / "lab"])
-    assert (tmp_path / "lab" / INDEX_FILE).read_bytes() == before
+        rebuild(newer, [newer.folder])
+    assert (newer.folder / INDEX_FILE).read_bytes() == before
 
 
 @pytest.mark.parametrize(
     "command",
     [("runs",), ("trend", "gain", "--serial", "A1"), ("archive", "calibrations"), ("compare", "--population")],
 )
-def test_why_an_archive_cannot_be_used_is_said_once_where_runs_wait(command, tmp_path, command_line) -> None:
-    import sqlite3
-
-    place, waits = archive_place(str(tmp_path / "lab")), made_run(tmp_path / "waits")
-    enter(place, [made_run(tmp_path / "lab" / "a")])
-    with sqlite3.connect(tmp_path / "lab" / INDEX_FILE) as other:
-        other.execute("UPDATE alembic_version SET version_num = '9999'")
-    other.close()
-    assert "entered later" in enter_or_keep(place, waits)
-    said = command_line(*command, *([waits] if command[0] == "compare" else []), "--archive", tmp_path / "lab")
+def test_why_an_archive_cannot_be_used_is_said_once_where_runs_wait(command, newer, tmp_path, command_line) -> None:
+    waits = made_run(tmp_path / "waits")
+    assert "entered later" in enter_or_keep(newer, waits)
+    said = command_line(*command, *([waits] if command[0] == "compare" else []), "--archive", newer.folder)
     assert said.status == 2 and said.err.count("newer version of this program") == 1
 
 
-def test_an_index_that_somebody_locks_is_never_removed(tmp_path) -> None:
-    import sqlite3
-
-    place = archive_place(str(tmp_path / "lab"))
-    enter(place, [made_run(tmp_path / "lab" / "a")])
-    with sqlite3.connect(tmp_path / "lab" / INDEX_FILE) as other:
-        other.execute("BEGIN EXCLUSIVE")
-        with pytest.raises(ArchiveError, match="locked"):
-            rebuild(place, [tmp_path / "lab"])
-        other.rollback()
-    other.close()
+def test_an_index_that_somebody_locks_is_never_removed(folder_with_a_run) -> None:
+    place, other = folder_with_a_run
+    other.execute("BEGIN EXCLUSIVE")
+    with pytest.raises(ArchiveError, match="locked"):
+        rebuild(place, [place.folder])
+    other.rollback()
     assert names(place) == ["a"]
 
 
