@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 import socket
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,18 +19,12 @@ from hil.errors import DeviceLostError, LinkError
 from sim_devices import canopen_valve as twin
 from sim_devices._can_bus import Hub
 from sim_devices._eds import objects_of
-from sim_devices._field import Field, Side
 from sim_devices._quirks import Quirks
-from sim_devices._simulation import Simulation
+from tests.linked import linked as linked_to
+from tests.linked import simulation, turned
 from tests.waits import PATIENCE_S, until
 
-SIMULATION = Simulation.model_validate({
-    "plant": "brevini-hpv41",
-    "instruments": {
-        "command": {"direction": "out", "signal": "command", "unit": "%"},
-        "spool": {"signal": "command", "unit": "%"},
-    },
-})  # fmt: skip
+SIMULATION = simulation("spool")
 WIRING = Wiring(
     {"command": OutputChannel("command", "set point", "value", "%", -100.0, 100.0)},
     {"spool": InputChannel("spool", "actual value", "value", "%", -200.0, 199.99)},
@@ -45,7 +37,7 @@ class Bus:
 
     def __init__(self) -> None:
         self.clock = VirtualClock()
-        self.side: Side = Field(SIMULATION, {"": WIRING}, self.clock).side("")
+        self.side = turned(SIMULATION, WIRING, self.clock)
         self.valve = twin.Valve(self.side, 1)
 
     def send(self, identifier: int, text: str) -> list[tuple[int, str]]:
@@ -64,19 +56,9 @@ class Bus:
         return int(answer.split()[4], 16)
 
 
-@contextmanager
-def linked(bus: str, quirks: Quirks | None = None, **settings: Any) -> Iterator[tuple[Any, Any, Side]]:
-    side = twin.world(SIMULATION, {"": WIRING}).side("")
+def linked(bus: str, **settings: Any) -> Any:
     told = {"address": f"virtual:{bus}", "longest_reply_s": 1.0, "timeout_s": 1.0, "watchdog_s": 10.0, **settings}
-    served = twin.serve(told, side, quirks or Quirks())
-    try:
-        link = canopen_valve.open_link(canopen_valve.Settings.model_validate({**told, "address": served.where}), WIRING)
-        try:
-            yield link, served, side
-        finally:
-            link.close()
-    finally:
-        served.close()
+    return linked_to(canopen_valve, twin, SIMULATION, WIRING, told)
 
 
 @pytest.fixture

@@ -19,18 +19,13 @@ from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import LinkError
 from sim_devices import j1939_valve as twin
-from sim_devices._field import Field, Side
+from sim_devices._field import Side
 from sim_devices._quirks import Quirks
-from sim_devices._simulation import Simulation
+from tests.linked import linked as linked_to
+from tests.linked import simulation, turned
 from tests.waits import until
 
-SIMULATION = Simulation.model_validate({
-    "plant": "brevini-hpv41",
-    "instruments": {
-        "command": {"direction": "out", "signal": "command", "unit": "%"},
-        "estimate": {"signal": "command", "unit": "%"},
-    },
-})  # fmt: skip
+SIMULATION = simulation("estimate")
 WIRING = Wiring(
     {"command": OutputChannel("command", "flow command", "value", "%", -100.0, 100.0)},
     {"estimate": InputChannel("estimate", "estimated flow", "value", "%", -125.0, 125.0)},
@@ -39,23 +34,13 @@ WIRING = Wiring(
 
 def by_hand() -> tuple[twin.Valve, Side, VirtualClock]:
     clock = VirtualClock()
-    side = Field(SIMULATION, {"": WIRING}, clock).side("")
+    side = turned(SIMULATION, WIRING, clock)
     return twin.Valve(side, 9, 0x80, 0.3), side, clock
 
 
-@contextmanager
-def linked(bus: str, **settings: Any) -> Iterator[tuple[Any, Any, Side]]:
-    side = twin.world(SIMULATION, {"": WIRING}).side("")
+def linked(bus: str, **settings: Any) -> Any:
     told = {"address": f"virtual:{bus}", "timeout_s": 1.0, "longest_reply_s": 1.0, "watchdog_s": 10.0, **settings}
-    served = twin.serve(told, side, Quirks())
-    try:
-        link = j1939_valve.open_link(j1939_valve.Settings.model_validate(told), WIRING)
-        try:
-            yield link, served, side
-        finally:
-            link.close()
-    finally:
-        served.close()
+    return linked_to(j1939_valve, twin, SIMULATION, WIRING, told)
 
 
 @pytest.fixture(autouse=True)

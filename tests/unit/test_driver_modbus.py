@@ -7,9 +7,6 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,68 +17,36 @@ from hypothesis import strategies as st
 from drivers import _modbus_client, modbus
 from drivers._modbus_line import ModbusLine
 from drivers._modbus_model import model_of
-from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Waveform
 from hil.daq.polled import PolledDaq
 from hil.description.named import Described, description_of
 from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
 from sim_devices import modbus as twin
-from sim_devices._field import Side
 from sim_devices._modbus_frames import RtuFrames, TcpFrames, answered, crc16
 from sim_devices._quirks import Quirks
 from sim_devices.kit import Place, Table, Timer, serve_registers
+from tests.linked import linked as linked_to
+from tests.linked import simulation, turned
 from tests.waits import until
 
 pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
 
-SIMULATION = {
-    "plant": "brevini-hpv41",
-    "instruments": {
-        "command": {"direction": "out", "signal": "command", "unit": "%", "slope": 10.0},
-        "read back": {"signal": "command", "unit": "%", "slope": 10.0},
-        "flow": {"signal": "command", "unit": "%", "slope": 1.0},
-        "level": {"signal": "command", "unit": "%", "slope": 10.0},
-    },
-}
-OUT = {"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)}
+SIMULATION = simulation("read back", "level", slope=10.0, flow=1.0)
+
+
+def output(low: float = -10.0, safe: float = 0.0) -> dict[str, OutputChannel]:
+    return {"command": OutputChannel("command", "ao0", "voltage", "V", low, 10.0, safe)}
+
+
+OUT = output()
 IN = {"read back": InputChannel("read back", "ai0", "voltage", "V", -10.0, 10.0)}
 WAGO = Wiring(OUT, IN)
 
 
-def side(wiring: Wiring = WAGO, clock: VirtualClock | None = None) -> Side:
-    return twin.world(SIMULATION, {"io": wiring}).side("io") if clock is None else _turned(wiring, clock)
-
-
-def _turned(wiring: Wiring, clock: VirtualClock) -> Side:
-    from sim_devices._field import Field
-    from sim_devices._simulation import Simulation
-
-    return Field(Simulation.model_validate(SIMULATION), {"io": wiring}, clock).side("io")
-
-
-@contextmanager
-def linked(
-    wiring: Wiring = WAGO, quirks: Quirks | None = None, **settings: Any
-) -> Iterator[tuple[modbus.ModbusLink, Any, Side]]:
-    """A driver's link to a served twin."""
-    given_settings = {
-        "model": "wago-750",
-        "timeout_s": 1.0,
-        "longest_reply_s": 1.0,
-        "address": "127.0.0.1:0",
-        **settings,
-    }
-    terminals = side(wiring)
-    served = twin.serve(given_settings, terminals, quirks or Quirks())
-    try:
-        link = modbus.open_link(modbus.Settings.model_validate({**given_settings, "address": served.where}), wiring)
-        try:
-            yield link, served, terminals
-        finally:
-            link.close()
-    finally:
-        served.close()
+def linked(wiring: Wiring = WAGO, quirks: Quirks | None = None, **settings: Any) -> Any:
+    told = {"model": "wago-750", "timeout_s": 1.0, "longest_reply_s": 1.0, "address": "127.0.0.1:0", **settings}
+    return linked_to(modbus, twin, SIMULATION, wiring, told, quirks)
 
 
 class Manual:
@@ -187,13 +152,17 @@ def test_full_scale_counts_of_the_coupler() -> None:
     assert register.value_of([0x8001], "big") == pytest.approx(-10.0)
 
 
-LINES = {"tcp": {}, "rtu over a serial server": {"transport": "rtu", "address": "socket://127.0.0.1:0"}}
+SERVER = {"transport": "rtu", "address": "socket://127.0.0.1:0"}
 
 
-@pytest.fixture(params=[*LINES, "rtu on a port"])
-def line(request: pytest.FixtureRequest, tmp_path: Any) -> dict[str, Any]:
-    return LINES.get(request.param) or ({} if request.param == "tcp" else
-                                        {"transport": "rtu", "address": str(tmp_path / "tty")})  # fmt: skip
+@pytest.fixture
+def port(tmp_path: Any) -> dict[str, Any]:
+    return {"transport": "rtu", "address": str(tmp_path / "tty")}
+
+
+@pytest.fixture(params=["tcp", "rtu over a serial server", "rtu on a port"])
+def line(request: pytest.FixtureRequest, port: dict[str, Any]) -> dict[str, Any]:
+    return {"tcp": {}, "rtu on a port": port}.get(request.param, SERVER)
 
 
 def test_what_is_driven_is_read(line: dict[str, Any]) -> None:
@@ -212,9 +181,9 @@ def test_bad_answer_is_an_error_and_the_next_one_is_right(line: dict[str, Any], 
     check_bad_answer(line, quirk)
 
 
-def test_garbled_answer_on_a_serial_line_is_an_error(tmp_path: Path) -> None:
+def test_garbled_answer_on_a_serial_line_is_an_error(port: dict[str, Any]) -> None:
     """A frame on TCP has no checksum of its own."""
-    for line in (LINES["rtu over a serial server"], {"transport": "rtu", "address": str(tmp_path / "tty")}):
+    for line in (SERVER, port):
         check_bad_answer(line, "garbled")
 
 
@@ -229,13 +198,13 @@ def check_bad_answer(line: dict[str, Any], quirk: str) -> None:
         assert link.read()["ai0"] == pytest.approx(-5.0, abs=1e-3)
 
 
-def test_late_answer_is_never_taken_for_the_next_one(tmp_path: Any) -> None:
+def test_late_answer_is_never_taken_for_the_next_one(port: dict[str, Any]) -> None:
     """On a serial line an answer has no number. The library alone takes the old reading for the new one."""
     from pymodbus.client import ModbusSerialClient
     from pymodbus.exceptions import ModbusIOException
 
     late = Quirks(late_s=1.5, answers=1)
-    with linked(transport="rtu", address=str(tmp_path / "tty")) as (link, served, terminals):
+    with linked(**port) as (link, served, terminals):
         terminals.drive({"ao0": 5.0})
         time.sleep(0.003)
         served.behaviour.quirks = late
@@ -256,9 +225,8 @@ def test_late_answer_is_never_taken_for_the_next_one(tmp_path: Any) -> None:
         assert stale == 0x10000 - round(0.5 * 0x7FFF)
 
 
-def test_safe_value_does_not_wait_for_a_line_that_is_not_clean(tmp_path: Any) -> None:
-    line = {"transport": "rtu", "address": str(tmp_path / "tty"), "longest_reply_s": 4.0}
-    with linked(**line) as (link, served, terminals):
+def test_safe_value_does_not_wait_for_a_line_that_is_not_clean(port: dict[str, Any]) -> None:
+    with linked(**port, longest_reply_s=4.0) as (link, served, terminals):
         link.drive({"ao0": 5.0})
         served.behaviour.quirks = Quirks(silent=True, answers=1)
         with pytest.raises(LinkError):
@@ -339,8 +307,7 @@ def test_watchdog_that_the_device_cannot_count_is_told() -> None:
 
 
 def test_watchdog_that_would_drive_the_valve_is_not_armed() -> None:
-    valve = OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0, 5.0)
-    wiring = Wiring({"command": valve}, {})
+    wiring = Wiring(output(safe=5.0), {})
     with (
         pytest.raises(SettingError, match=r"puts ao0 at 0 V, but 'command' is safe at 5 V; take watchdog_s away"),
         linked(wiring, watchdog_s=0.2),
@@ -363,8 +330,7 @@ def asked(where: str, address: int) -> int:
 
 
 def test_valve_whose_neutral_is_5_v_stands_there_after_a_run_when_the_watchdog_has_expired() -> None:
-    valve = OutputChannel("command", "ao0", "voltage", "V", 0.0, 10.0, 5.0)
-    wiring = Wiring({"command": valve}, {})
+    wiring = Wiring(output(0.0, safe=5.0), {})
     with (
         pytest.raises(
             SettingError, match=r"puts ao0 at 0 V, but 'command' is safe at 5 V; .* say so with watchdog_level"
@@ -385,9 +351,9 @@ def test_valve_whose_neutral_is_5_v_stands_there_after_a_run_when_the_watchdog_h
 def test_stranger_s_device_is_told_where_the_output_is_safe_and_stands_there_after_the_run() -> None:
     """By the template of `hil new driver`: the safe value is written with the watchdog's time."""
     model = modbus.Model(SECONDS, watchdog=((141, "{safe:ao0}"), (140, "{tenths}")))
-    valve = OutputChannel("command", "ao0", "voltage", "V", 0.0, 10.0, 5.0)
-    wiring = Wiring({"command": valve}, {})
-    table = Table(side(wiring), {120: Place("ao0", 1000.0)}, {}, timer=Timer(140, 10.0, {120: 141}))
+    wiring = Wiring(output(0.0, safe=5.0), {})
+    places, timer = {120: Place("ao0", 1000.0)}, Timer(140, 10.0, {120: 141})
+    table = Table(twin.world(SIMULATION, {"": wiring}).side(""), places, {}, timer=timer)
     served = serve_registers(table, {"address": "127.0.0.1:0"}, table.side, Quirks())
     try:
         settings = modbus.LineSettings(address=served.where, timeout_s=1.0, watchdog_s=1.0)
@@ -461,7 +427,7 @@ def test_no_number_is_no_reading() -> None:
         link.read()
 
 
-E1241 = Wiring({"command": OutputChannel("command", "ao0", "voltage", "V", 0.0, 10.0)}, {})
+E1241 = Wiring(output(0.0), {})
 
 
 def test_outputs_in_safe_mode_are_noticed_and_left_from_the_safe_value() -> None:
@@ -496,7 +462,7 @@ def test_refusal_says_which_register_and_why() -> None:
 
 
 def test_speed_of_the_line_is_kept() -> None:
-    with linked(transport="rtu", address="socket://127.0.0.1:0", quirks=Quirks(baud=9600)) as (link, _, _):
+    with linked(**SERVER, quirks=Quirks(baud=9600)) as (link, _, _):
         begun_s = time.monotonic()
         link.read()
         assert time.monotonic() - begun_s >= 10.0 * (8 + 7) / 9600
@@ -529,7 +495,7 @@ def test_hostile_bytes_neither_crash_nor_hang_nor_move_an_output(pieces: list[by
     assert writes or terminals.standing("ao0") == 0.0
 
 
-HOSTILE_SIDE = side(clock=VirtualClock())
+HOSTILE_SIDE = turned(SIMULATION, WAGO)
 
 
 @pytest.mark.parametrize(
@@ -547,8 +513,7 @@ def test_settings_that_cannot_be_are_told(changes: dict[str, Any], text: str) ->
 
 
 def test_refused_value_writes_nothing() -> None:
-    terminals = side(clock=VirtualClock())
-    bank = twin._bank({"model": "iologik-e1241"}, terminals)
+    bank = twin._bank({"model": "iologik-e1241"}, turned(SIMULATION, WAGO))
     answer = answered(bytes.fromhex("10 04 00 00 02 04 01 00 FF FF"), bank)
     assert answer == bytes.fromhex("90 03")
     assert bank.holding(0x0400) == 0

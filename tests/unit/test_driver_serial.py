@@ -6,8 +6,6 @@ import math
 import socket
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -17,25 +15,21 @@ from hypothesis import strategies as st
 from serial import rfc2217
 
 from drivers import ascii_module, scpi
-from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.description.ascii_module import ModuleDescription
 from hil.description.named import Described, description_of
 from hil.errors import DeviceLostError, LinkError
 from sim_devices import ascii_module as module_twin
 from sim_devices import scpi as scpi_twin
-from sim_devices._field import Field, Side
+from sim_devices._field import Side
 from sim_devices._quirks import Quirks
-from sim_devices._simulation import Simulation
+from tests.linked import linked as linked_to
+from tests.linked import simulation, turned
 from tests.waits import until
 
 pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
 
-INSTRUMENTS = {
-    "command": {"direction": "out", "signal": "command", "unit": "%", "slope": 10.0},
-    "read back": {"signal": "command", "unit": "%", "slope": 10.0},
-}
-SIMULATION = Simulation.model_validate({"plant": "brevini-hpv41", "instruments": INSTRUMENTS})
+SIMULATION = simulation("read back", slope=10.0)
 MODULE = Wiring({"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)}, {})
 INPUTS = Wiring(
     {"command": OutputChannel("command", "unused", "voltage", "V", -10.0, 10.0)},
@@ -53,30 +47,12 @@ def module_of(name: str) -> ModuleDescription:
 
 
 def by_hand(wiring: Wiring) -> Side:
-    return Field(SIMULATION, {"": wiring}, VirtualClock()).side("")
+    return turned(SIMULATION, wiring)
 
 
-@contextmanager
-def linked(
-    driver: ModuleType,
-    twin: ModuleType,
-    wiring: Wiring,
-    quirks: Quirks | None = None,
-    used: Wiring | None = None,
-    **settings: Any,
-) -> Iterator[tuple[Any, Any, Side]]:
-    side = twin.world(SIMULATION, {"": wiring}).side("")
+def linked(driver: ModuleType, twin: ModuleType, wiring: Wiring, used: Wiring | None = None, **settings: Any) -> Any:
     told = {"address": "socket://127.0.0.1:0", **CALM, **settings}
-    served = twin.serve(told, side, quirks or Quirks())
-    told["address"] = served.where
-    try:
-        link = driver.open_link(driver.Settings.model_validate(told), used or wiring)
-        try:
-            yield link, served, side
-        finally:
-            link.close()
-    finally:
-        served.close()
+    return linked_to(driver, twin, SIMULATION, wiring, told, used=used)
 
 
 def module(**settings: Any) -> Any:
