@@ -31,10 +31,11 @@ WITH_COMMANDS = [ROOT / "README.md", *sorted((DOCS / "tutorial").glob("*.md")), 
 Follow = Callable[[str, str, str], None]
 
 
-@pytest.mark.parametrize("name", ["command-line.md", "plants.md", "effects.md"])
-def test_generated_pages_are_up_to_date(name: str) -> None:
-    written = (DOCS / "reference" / name).read_text(encoding="utf-8")
-    assert written == program("generate").pages()[name], "run: python docs/generate.py"
+def test_generated_pages_are_up_to_date() -> None:
+    generated = program("generate").pages()
+    assert {"command-line.md", "plants.md", "effects.md"} <= generated.keys()
+    for name, text in generated.items():
+        assert (DOCS / "reference" / name).read_text(encoding="utf-8") == text, f"{name}: run python docs/generate.py"
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in DOCS.glob("*.py")))

@@ -19,53 +19,47 @@ HEAVY = (
 COMMANDS = ["--help", "--version", "list", "run --help", "identify --help", "diagnose --help"]
 
 
-def run_hil(arguments: str) -> subprocess.CompletedProcess[str]:
-    """`hil ARGUMENTS` in a process of its own; the last line on stderr names the modules that it imported."""
-    program = (
-        "import sys\n"
-        f"sys.argv = ['hil', *{arguments.split()!r}]\n"
-        "from hil.__main__ import main\n"
-        "try:\n    main()\n"
-        "finally:\n    print(' '.join(sys.modules), file=sys.stderr)\n"
-    )
-    return subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=False, timeout=1800
-    )
+def imported_by(program: str) -> set[str]:
+    """The modules that a process of its own has imported at the end of a program."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys\ntry:\n    {program}\nfinally:\n    print(*sys.modules, file=sys.stderr)"],
+        capture_output=True, encoding="utf-8", check=True, timeout=1800,
+    )  # fmt: skip
+    return set(done.stderr.splitlines()[-1].split())
+
+
+def command(arguments: str) -> str:
+    return f"sys.argv = ['hil', *{arguments.split()!r}]; from hil.__main__ import main; main()"
 
 
 @pytest.mark.parametrize("arguments", COMMANDS)
-def test_nothing_heavy_is_imported(arguments: str) -> None:
-    done = run_hil(arguments)
-    imported = set(done.stderr.splitlines()[-1].split())
-    assert done.returncode == 0
+def test_little_and_nothing_heavy_is_imported(arguments: str) -> None:
+    """What takes its time are imports, so they are counted; `make bench` has the seconds (0.3 on an idle machine)."""
+    imported = imported_by(command(arguments))
     assert imported.isdisjoint(HEAVY), f"imported: {sorted(imported & set(HEAVY))}"
+    ours = {name for name in imported if name.partition(".")[0] in ("hil", "drivers", "sim_devices", "procedures")}
+    assert len(ours) <= 84, sorted(ours)
+    assert len(imported) <= 400, sorted(imported)
 
 
-def test_a_check_needs_no_compiler() -> None:
-    done = run_hil("check brevini-hpv41")
-    assert done.returncode == 0, done.stderr
-    assert set(done.stderr.splitlines()[-1].split()).isdisjoint({*HEAVY, "hil.identification"} - {"numpy"})
+BENCH = {"hil.bench", "hil.daq", "hil.report"}
 
 
-def test_kept_results_need_no_bench_and_no_page() -> None:
-    program = "import sys, hil.session.run_comparison, hil.session.kept_results; print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=True)
-    others = {"hil.bench", "hil.daq", "hil.identification", "hil.report", "hil.safety"}
-    assert set(done.stdout.split()).isdisjoint({*HEAVY, *others} - {"numpy"})
+@pytest.mark.parametrize(
+    ("program", "unneeded", "needed"),
+    [
+        (command("check brevini-hpv41"), {"hil.identification"}, {"numpy"}),  # no compiler
+        ("import hil.session.run_comparison, hil.session.kept_results", BENCH | {"hil.identification", "hil.safety"},
+         {"numpy"}),
+        ("import hil.session.comparison", BENCH | {"hil.findings"}, {"numba", "numpy", "scipy"}),
+    ],
+)  # fmt: skip
+def test_what_is_not_needed_is_not_imported(program: str, unneeded: set[str], needed: set[str]) -> None:
+    assert imported_by(program).isdisjoint({*HEAVY, *unneeded} - needed)
 
 
-def test_a_model_beside_recordings_needs_no_page_and_no_bench() -> None:
-    program = "import sys, hil.session.comparison; print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=True)
-    compiler = {"numba", "numpy", "scipy"}
-    assert set(done.stdout.split()).isdisjoint(
-        {*HEAVY, "hil.bench", "hil.daq", "hil.findings", "hil.report"} - compiler
-    )
-
-
-def test_listing_shows_everything_with_a_summary() -> None:
-    done = run_hil("list")
-    lines = done.stdout.splitlines()
+def test_listing_shows_everything_with_a_summary(command_line) -> None:
+    lines = command_line("list").out.splitlines()
     for kind in KINDS:
         start = lines.index(f"{kind}:") + 1
         here = lines[start : start + len(entries(kind))]
@@ -82,15 +76,6 @@ def test_listing_shows_everything_with_a_summary() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_one_kind(kind: str) -> None:
-    done = run_hil(f"list {kind}")
-    assert [line.split()[0] for line in done.stdout.splitlines()] == [entry.name for entry in entries(kind)]
-
-
-@pytest.mark.parametrize("arguments", COMMANDS)
-def test_it_imports_little(arguments: str) -> None:
-    """What takes its time are imports, so they are counted; `make bench` has the seconds (0.3 on an idle machine)."""
-    imported = set(run_hil(arguments).stderr.splitlines()[-1].split())
-    ours = {name for name in imported if name.partition(".")[0] in ("hil", "drivers", "sim_devices", "procedures")}
-    assert len(ours) <= 84, sorted(ours)
-    assert len(imported) <= 400, sorted(imported)
+def test_one_kind(kind: str, command_line) -> None:
+    listed = command_line("list", kind).out
+    assert [line.split()[0] for line in listed.splitlines()] == [entry.name for entry in entries(kind)]
