@@ -87,6 +87,16 @@ def bound(model: Model, made: Sequence[Recording]) -> list[Experiment]:
     return [for_model(model, each) for each in made]
 
 
+WORN = ActiveEffect("backlash", "opening", {"half_width": 25.0})
+
+
+@cache
+def poor() -> Model:
+    """The model, as identified on a worn unit, whose recordings it never fitted well."""
+    start = typical_model(PLANT)
+    return once("poor", lambda: fit_plant(start, bound(start, records([WORN], seed=25))).model)
+
+
 @cache
 def nominal(memory: float = 0.0) -> Model:
     """The model, as identified on a healthy unit."""

@@ -10,12 +10,10 @@ from scipy.ndimage import gaussian_filter1d
 
 from hil.diagnosis.check import check
 from hil.errors import FileError
-from hil.identification.grey_box.identify import fit_plant
 from hil.physics.compose import plant
-from hil.physics.model import Model, typical_model
-from hil.physics.simulate import ActiveEffect
+from hil.physics.model import Model
 from hil.record.recording import Recording
-from tests.concealed import PLANT, bound, changed, noise, nominal, records, with_rows
+from tests.concealed import PLANT, WORN, bound, changed, noise, nominal, poor, records, with_rows
 
 
 def test_swapped_columns_are_refused() -> None:
@@ -31,15 +29,13 @@ def test_swapped_columns_are_refused() -> None:
 @pytest.mark.parametrize("gain", [1.0, 1.4])
 def test_swapped_columns_are_refused_where_the_model_never_fitted_well(gain: float) -> None:
     """Of a unit that may have changed besides, and whose command was measured with more noise than its flow."""
-    start, worn = typical_model(PLANT), ActiveEffect("backlash", "opening", {"half_width": 25.0})
-    poor = fit_plant(start, bound(start, records([worn], seed=31))).model
-    made = records([worn], {"full_flow": gain * plant(PLANT).typical["full_flow"]}, seed=31)
+    made = records([WORN], {"full_flow": gain * plant(PLANT).typical["full_flow"]}, seed=25)
     for each in made:
         command, flow = each.channels["command"].values, each.channels["flow"].values
         kept = command + 0.3 * noise(np.random.default_rng(32), len(command))
         command[:], flow[:] = gaussian_filter1d(flow, 20.0), kept
     with pytest.raises(FileError, match="look swapped"):
-        check(poor, bound(poor, made))
+        check(poor(), bound(poor(), made))
 
 
 def test_a_recording_shorter_than_a_time_constant_is_refused() -> None:

@@ -22,7 +22,20 @@ from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.named import with_stated_units
 from hil.record.reading import Reading
 from hil.record.recording import Recording, recording
-from tests.concealed import DURATION_S, NOISE, PLANT, RATE_HZ, bound, changed, noise, nominal, records, with_rows
+from tests.concealed import (
+    DURATION_S,
+    NOISE,
+    PLANT,
+    RATE_HZ,
+    WORN,
+    bound,
+    changed,
+    noise,
+    nominal,
+    poor,
+    records,
+    with_rows,
+)
 
 STICKING = ActiveEffect("friction", "force", {"coulomb": 2.5, "stiction": 1.2, "stribeck": 5.0, "presliding": 0.05})
 SLUGGISH = ActiveEffect("coil_lag", "command", {"lag": 0.1, "second": 0.0, "direct": 0.0, "saturating": 0.0})
@@ -96,26 +109,24 @@ def stretched(made: Sequence[Recording], factor: float) -> list[Recording]:
 
 
 def test_a_model_that_never_fitted_well_is_not_asked_for_more() -> None:
-    start, worn = typical_model(PLANT), ActiveEffect("backlash", "opening", {"half_width": 25.0})
-    made = records([worn], seed=25)
-    poor = fit_plant(start, bound(start, made)).model
-    assert np.median(list(poor.origin["fit_percent"].values())) < 60.0
-    check(poor, bound(poor, made))
+    model, made = poor(), records([WORN], seed=25)
+    assert np.median(list(model.origin["fit_percent"].values())) < 60.0
+    check(model, bound(model, made))
     for channel, factor in product(("command", "flow"), (10.0, 0.1, 1.0 / 60.0)):
         with pytest.raises(FileError, match=r"looks like a wrong unit"):
-            check(poor, bound(poor, scaled(made, channel, factor)))
+            check(model, bound(model, scaled(made, channel, factor)))
 
 
 def test_a_recording_that_a_poor_model_cannot_follow_is_in_no_wrong_unit() -> None:
     """In another unit it would be as large as the model's answer, and no more like it."""
     good = nominal()
-    poor = replace(good, origin={**good.origin, "fit_percent": {"steps": 20.0}})
+    unfit = replace(good, origin={**good.origin, "fit_percent": {"steps": 20.0}})
 
     def unlike(each: Recording) -> None:
         flow = each.channels["flow"].values
         flow[:] = 0.15 * (flow + np.std(flow) * np.sqrt(2.0) * np.sin(0.9 * each.time_s))
 
-    check(poor, bound(poor, changed(unlike)))
+    check(unfit, bound(unfit, changed(unlike)))
 
 
 def test_a_force_that_a_led_back_model_does_better_without_is_in_no_wrong_unit() -> None:
