@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
+from hil.bench.fault import BenchError
 from hil.bench.read import read_bench
 from hil.bench.twin import subject
 from hil.daq.conformance import CHECKS, examine, verdict_of
+from hil.description.read import read_description
 
 BENCH = """\
 name = "described"
@@ -144,6 +148,16 @@ def written(folder: Path, name: str, text: str) -> Path:
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def is_told(folder: Path, text: str, old: str, new: str, told: str, line: int = 0) -> None:
+    """A description with one thing instead of another is refused so, and with its line where one is given."""
+    assert old in text
+    path = written(folder, "device.toml", text.replace(old, new, 1))
+    with pytest.raises(BenchError) as error:
+        read_description(path)
+    place = f"{path}:{line}: " if line else ""
+    assert any(place in fault and told in fault for fault in error.value.faults), error.value.faults
 
 
 def passes(path: Path, driver: str) -> set[str]:

@@ -17,13 +17,11 @@ from hypothesis import strategies as st
 
 from drivers import can as driver
 from drivers._can_messages import checksum, group_of
-from hil.bench.fault import BenchError
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.description.can import database
-from hil.description.read import read_description
 from hil.errors import HardwareError, LinkError, SettingError
 from sim_devices import can as twin
-from tests.described import bench, input_, output, passes, written
+from tests.described import bench, input_, is_told, output, passes, written
 from tests.waits import PATIENCE_S, until
 
 DBC = """\
@@ -221,12 +219,8 @@ def test_outputs_that_would_fall_elsewhere_than_safe_are_refused(tmp_path: Path)
     ],
 )
 def test_what_is_wrong_is_told_with_its_line(old: str, new: str, line: int, told: str, tmp_path: Path) -> None:
-    assert old in AMPLIFIER
     written(tmp_path, "amplifier.dbc", DBC)
-    path = written(tmp_path, "amplifier.toml", AMPLIFIER.replace(old, new, 1))
-    with pytest.raises(BenchError) as error:
-        read_description(path)
-    assert any(f"{path}:{line}: " in fault and told in fault for fault in error.value.faults), error.value.faults
+    is_told(tmp_path, AMPLIFIER, old, new, told, line)
 
 
 @given(start=st.integers(0, 63), length=st.integers(1, 32), big=st.booleans(), signed=st.booleans(),

@@ -19,7 +19,6 @@ from canopen.objectdictionary import import_od
 from drivers import canopen as driver
 from drivers._node_objects import NodeObjects
 from drivers._pdo_mapping import pdos_for
-from hil.bench.fault import BenchError
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.description.canopen import FORMS, CanopenTerminal, dictionary
 from hil.description.find import descriptions
@@ -27,7 +26,7 @@ from hil.description.read import read_description
 from hil.errors import DeviceLostError, FileError, HardwareError, LinkError, SettingError
 from sim_devices import canopen as twin
 from sim_devices._eds import objects_of
-from tests.described import bench, input_, output, passes, written
+from tests.described import bench, input_, is_told, output, passes, written
 from tests.waits import until
 
 HERE = descriptions()["io-401"].parent
@@ -134,6 +133,10 @@ def by_hand(folder: Path, objects: dict[tuple[int, int], bytes], fixed: set[int]
             link.close()
     finally:
         node.close()
+
+
+def with_eds(folder: Path, name: str) -> None:
+    written(folder, f"{name}.eds", (HERE / f"{name}.eds").read_text(encoding="utf-8"))
 
 
 def read_on(link: Any) -> None:
@@ -248,12 +251,8 @@ def test_identifiers_go_with_the_node() -> None:
     ],
 )
 def test_what_is_wrong_is_told_with_its_line(old: str, new: str, line: int, told: str, tmp_path: Path) -> None:
-    assert old in IO
-    written(tmp_path, "io-401.eds", (HERE / "io-401.eds").read_text(encoding="utf-8"))
-    path = written(tmp_path, "io.toml", IO.replace(old, new, 1))
-    with pytest.raises(BenchError) as error:
-        read_description(path)
-    assert any(f"{path}:{line}: " in fault and told in fault for fault in error.value.faults), error.value.faults
+    with_eds(tmp_path, "io-401")
+    is_told(tmp_path, IO, old, new, told, line)
     with pytest.raises(FileError, match="not an EDS or DCF"):
         dictionary(str(written(tmp_path, "no.eds", "nothing")))
 
@@ -275,6 +274,7 @@ def test_pdos_that_come_at_changes_alone_are_left_and_their_inputs_asked_for(tmp
         until(lambda: node.objects[0x6411, 1] == struct.pack("<h", 16384))
 
 
+CHANNEL = 'object = "6401.1"\n'
 WORDS = """invalid = { "0x8000" = "sensor broken", "-2" = "not taught" }
 status = [
   { object = "6401.3", mask = 0x0F00, equals = 0x0500, means = "open wire" },
@@ -285,8 +285,8 @@ status = [
 
 def with_words(folder: Path, words: str = WORDS) -> str:
     """The module with what its manual says of readings that are none."""
-    written(folder, "io-401.eds", (HERE / "io-401.eds").read_text(encoding="utf-8"))
-    return str(written(folder, "io.toml", IO.replace('object = "6401.1"\n', f'object = "6401.1"\n{words}', 1)))
+    with_eds(folder, "io-401")
+    return str(written(folder, "io.toml", IO.replace(CHANNEL, f"{CHANNEL}{words}", 1)))
 
 
 @pytest.mark.parametrize("outputs", [True, False], ids=["by PDO", "by SDO"])
@@ -322,21 +322,6 @@ def test_a_float_that_is_none_is_told(tmp_path: Path) -> None:
         assert link.read() == {"pressure": 123.5}
         node.objects[0x6130, 1] = struct.pack("<f", math.nan)
         assert math.isnan(link.read()["pressure"]) and link.invalid_reasons == {"pressure": "not a number"}
-
-
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        ('invalid = { "broken" = "x" }\n', "'broken' is no count"),
-        ('status = [{ object = "6999", bit = 1 }]\n', "6999 is not in the file"),
-        ('status = [{ object = "1001", bit = 8 }]\n', "1001 has the bits 0 … 7"),
-        ('status = [{ object = "1001", bit = 1, mask = 2 }]\n', "bit, or mask and equals, not both"),
-    ],
-)
-def test_what_is_wrong_with_readings_that_are_none_is_told(words: str, told: str, tmp_path: Path) -> None:
-    with pytest.raises(BenchError) as error:
-        read_description(Path(with_words(tmp_path, words)))
-    assert any(told in fault for fault in error.value.faults), error.value.faults
 
 
 def test_the_twin_says_that_a_broken_sensor_has_no_measurement(tmp_path: Path) -> None:
@@ -408,21 +393,23 @@ def test_bits_are_asked_for_by_sdo_where_nothing_is_driven(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("text", "old", "new", "told"),
     [
-        ("bit = 0\n", "bit = 1\n", "6200.1 has the bits 0 … 7, the lowest first; this row of 8 would end at 8"),
-        ("bit = 0\n", "bit = 0\nbits = [0, 1]\n", "bit or bits, not both"),
-        ("bit = 0\n", "bits = [0, 1]\n", "this row of 8 would end at 15"),
-        ("bit = 0\n", "", "a row stands in the bits of one object"),
-        ("[terminals.\"di", f"{LAMP}[terminals.\"di", "'do{n}' is driven by bit 7 of 6200.1 already"),
+        (IO, CHANNEL, CHANNEL + 'invalid = { "broken" = "x" }\n', "'broken' is no count"),
+        (IO, CHANNEL, CHANNEL + 'status = [{ object = "6999", bit = 1 }]\n', "6999 is not in the file"),
+        (IO, CHANNEL, CHANNEL + 'status = [{ object = "1001", bit = 8 }]\n', "1001 has the bits 0 … 7"),
+        (IO, CHANNEL, CHANNEL + 'status = [{ object = "1001", bit = 1, mask = 2 }]\n', "or mask and equals, not both"),
+        (DIGITAL, "bit = 0\n", "bit = 1\n", "has the bits 0 … 7, the lowest first; this row of 8 would end at 8"),
+        (DIGITAL, "bit = 0\n", "bit = 0\nbits = [0, 1]\n", "bit or bits, not both"),
+        (DIGITAL, "bit = 0\n", "bits = [0, 1]\n", "this row of 8 would end at 15"),
+        (DIGITAL, "bit = 0\n", "", "a row stands in the bits of one object"),
+        (DIGITAL, "[terminals.\"di", f"{LAMP}[terminals.\"di", "'do{n}' is driven by bit 7 of 6200.1 already"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_bits_is_told(old: str, new: str, told: str, tmp_path: Path) -> None:
-    assert old in DIGITAL
-    written(tmp_path, "dio-401.eds", (HERE / "dio-401.eds").read_text(encoding="utf-8"))
-    with pytest.raises(BenchError) as error:
-        read_description(written(tmp_path, "dio.toml", DIGITAL.replace(old, new, 1)))
-    assert any(told in fault for fault in error.value.faults), error.value.faults
+def test_what_is_wrong_with_readings_that_are_none_and_bits_is_told(text, old, new, told, tmp_path) -> None:
+    for name in ("io-401", "dio-401"):
+        with_eds(tmp_path, name)
+    is_told(tmp_path, text, old, new, told)
 
 
 @pytest.mark.parametrize("form", ["b", "h", "i", "B", "H", "I"])

@@ -19,7 +19,7 @@ from hil.description.find import descriptions
 from hil.description.modbus_place import as_in_manuals, on_the_wire
 from hil.description.read import read_description
 from hil.errors import FileError, LinkError, SettingError
-from tests.described import EVERYTHING, bench, input_, output, passes, written
+from tests.described import EVERYTHING, bench, input_, is_told, output, passes, written
 from tests.foreign_line import ForeignLine, Tables, serial_frame
 from tests.links import free_port
 
@@ -69,23 +69,18 @@ def test_installed_descriptions_have_no_faults(name: str) -> None:
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_told_with_its_line(old: str, new: str, line: int, text: str, tmp_path: Path) -> None:
-    assert old in SMALL
-    path = written(tmp_path, "acme.toml", SMALL.replace(old, new))
-    with pytest.raises(BenchError) as told:
-        read_description(path)
-    assert any(f"{path}:{line}: " in fault and text in fault for fault in told.value.faults), told.value.faults
+    is_told(tmp_path, SMALL, old, new, text, line)
 
 
-def test_watchdog_with_an_unknown_placeholder_or_output_is_told(tmp_path: Path) -> None:
-    for value, text in (("{minutes}", "'{minutes}': a number, {tenths}, {seconds}, {ms} or {safe:TERMINAL}"),
-                        ("{safe:ao7}", "no output 'ao7'; there are: ao0")):  # fmt: skip
-        more = (
-            '\n[terminals.ao0]\ndirection = "out"\nrange = [0, 9]\ntable = "holding"\naddress = 0\n[watchdog]\narm = ['
-        )
-        path = written(tmp_path, "acme.toml", f'{SMALL}{more}{{ address = 9, value = "{value}" }}]\n')
-        with pytest.raises(BenchError) as told:
-            read_description(path)
-        assert f"{path}:20: watchdog.arm.0.value" in told.value.faults[0] and text in told.value.faults[0]
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [("{minutes}", "value: '{minutes}': a number, {tenths}, {seconds}, {ms} or {safe:TERMINAL}"),
+     ("{safe:ao7}", "no output 'ao7'; there are: ao0")],
+)  # fmt: skip
+def test_watchdog_with_an_unknown_placeholder_or_output_is_told(value: str, text: str, tmp_path: Path) -> None:
+    more = 'direction = "out"\nrange = [0, 9]\ntable = "holding"\naddress = 0\n[watchdog]\narm = ['
+    new = f'address = 8\n\n[terminals.ao0]\n{more}{{ address = 9, value = "{value}" }}]\n'
+    is_told(tmp_path, SMALL, "address = 8\n", new, text, 20)
 
 
 @pytest.mark.parametrize(

@@ -14,12 +14,11 @@ from hypothesis import strategies as st
 
 from drivers import scpi, text
 from drivers._templates import Numbers, filled, matched, remedy
-from hil.bench.fault import BenchError
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.description.find import descriptions
 from hil.description.read import read_description
 from hil.errors import LinkError, SettingError
-from tests.described import bench, input_, output, passes, written
+from tests.described import bench, input_, is_told, output, passes, written
 from tests.foreign_line import ForeignLine, ended
 from tests.links import free_port
 
@@ -217,11 +216,7 @@ def test_what_is_filled_in_is_found_again(value: float, decimal: str, form: str,
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_told_with_its_line(old: str, new: str, line: int, told: str, tmp_path: Path) -> None:
-    assert old in REGULATOR
-    path = written(tmp_path, "regulator.toml", REGULATOR.replace(old, new, 1))
-    with pytest.raises(BenchError) as error:
-        read_description(path)
-    assert any(f"{path}:{line}: " in fault and told in fault for fault in error.value.faults), error.value.faults
+    is_told(tmp_path, REGULATOR, old, new, told, line)
 
 
 def test_a_watchdog_that_would_drive_the_valve_is_not_armed(tmp_path: Path) -> None:
