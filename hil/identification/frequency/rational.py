@@ -81,23 +81,22 @@ class Solution:
 
 @dataclass(frozen=True, slots=True)
 class Data:
-    """Complex data on s = jω with the matrices that make their errors white.
+    """Complex data on s = jω, and what makes their errors white.
 
     Attributes:
         s: shape (n,), in units of `scale` rad/s. `response`: shape (n,).
-        whitening: shape (n, 2, 2); maps (Re, Im) of an error to two numbers of unit variance.
+        own, mirrored: shape (n,); own · error + mirrored · conjugate of the error has parts of unit variance.
     """
 
     s: Complex
     response: Complex
-    whitening: Array
+    own: Complex
+    mirrored: Complex
     scale: float
 
     def white(self, values: Complex) -> Array:
-        """Whitened real and imaginary parts of (n,) or (n, p) complex values, shape (2n,) or (2n, p)."""
-        pairs = np.stack((values.real, values.imag), axis=1)
-        made = np.einsum("nij,nj...->ni...", self.whitening, pairs)
-        return made.reshape(2 * len(values), *values.shape[1:])
+        """Whitened real and imaginary parts of (n,) or (p, n) complex values, shape (2n,) or (2n, p)."""
+        return (self.own * values + self.mirrored * values.conj()).view(np.float64).T
 
 
 def data(frequency_hz: Array, response: Complex, whitening: Array) -> Data:
@@ -105,19 +104,22 @@ def data(frequency_hz: Array, response: Complex, whitening: Array) -> Data:
     omega = 2.0 * math.pi * frequency_hz
     scale = math.sqrt(omega[0] * omega[-1])
     s = np.asarray(1j * omega / scale, dtype=np.complex128)
-    return Data(s, np.ascontiguousarray(response, np.complex128), np.ascontiguousarray(whitening, np.float64), scale)
+    (a, b), (c, d) = whitening.transpose(1, 2, 0)  # of (Re, Im)
+    return Data(s, response, (a + d + 1j * (c - b)) / 2.0, (a - d + 1j * (c + b)) / 2.0, scale)
 
 
 def solve(form: Form, given: Data, start: Array | None = None) -> Solution:
     """The best parameters of a form, from a start or, when none is given, from the linear problem's solutions."""
-    starts = _starts(form, given) if start is None else [start]
-    found = [_refine(form, given, begin) for begin in starts]
+    with np.errstate(all="ignore"):  # where a factor is zero there is no number
+        starts = _starts(form, given) if start is None else [start]
+        found = [_refine(form, given, begin) for begin in starts]
     return min(found, key=lambda solution: solution.chi2)
 
 
 def evaluate(form: Form, parameters: Array, s: Complex) -> tuple[Complex, Complex]:
     """Model values (n,) and their derivatives (n, p) with respect to the parameters."""
-    values, slopes = _model(form, parameters, s)
+    with np.errstate(all="ignore"):
+        values, slopes = _model(form, parameters, s)
     return values, slopes.T
 
 
@@ -126,26 +128,24 @@ def _model(form: Form, parameters: Array, s: Complex) -> tuple[Complex, Complex]
     at = first = int(form.dc_gain is None)
     dead_time = parameters[-1] if form.dead_time else form.dead_time_s
     powers, slopes = np.stack((s, s * s)), np.empty((len(parameters), len(s)), np.complex128)
-    with np.errstate(all="ignore"):
-        shape: Complex = np.exp(-s * dead_time)
-        for order in (*form.lags, *(-order for order in form.leads)):
-            those = slice(at, at := at + abs(order))
-            terms = powers[: abs(order)]
-            factor = 1.0 + parameters[those] @ terms
-            slopes[those] = (terms if order < 0 else -terms) / factor
-            shape = shape * factor if order < 0 else shape / factor
-        values = shape * (parameters[0] if form.dc_gain is None else form.dc_gain)
-        slopes[first:at] *= values
-        slopes[:first] = shape
-        slopes[at:] = -s * values
+    shape: Complex = np.exp(-s * dead_time)
+    for order in (*form.lags, *(-order for order in form.leads)):
+        those = slice(at, at := at + abs(order))
+        terms = powers[: abs(order)]
+        factor = 1.0 + parameters[those] @ terms
+        slopes[those] = (terms if order < 0 else -terms) / factor
+        shape = shape * factor if order < 0 else shape / factor
+    values = shape * (parameters[0] if form.dc_gain is None else form.dc_gain)
+    slopes[first:at] *= values
+    slopes[:first] = shape
+    slopes[at:] = -s * values
     return values, slopes
 
 
 def _whitened(form: Form, given: Data, parameters: Array) -> tuple[Array, Array]:
     """Whitened errors of the model, shape (2n,), and their derivatives, shape (2n, p)."""
     values, slopes = _model(form, parameters, given.s)
-    with np.errstate(all="ignore"):
-        white = given.white(np.vstack((values - given.response, slopes)).T)
+    white = given.white(np.vstack((values - given.response, slopes)))
     return white[:, 0], white[:, 1:]
 
 
@@ -160,7 +160,7 @@ def bounds(form: Form) -> tuple[Array, Array]:
 
 def _refine(form: Form, given: Data, start: Array) -> Solution:
     """Levenberg–Marquardt with the analytic Jacobian; within bounds only where the free optimum leaves them."""
-    from scipy.optimize import least_squares
+    from scipy.optimize import least_squares, leastsq
 
     low, high = bounds(form)
 
@@ -174,11 +174,13 @@ def _refine(form: Form, given: Data, start: Array) -> Solution:
     def slopes(parameters: Array) -> Array:
         return at(parameters.tobytes())[1]
 
-    found = least_squares(residuals, start, slopes, method="lm", x_scale="jac", xtol=1e-12, ftol=1e-12)
-    if np.any(found.x < low) or not np.all(np.isfinite(found.fun)):
-        inside = np.maximum(np.where(np.isfinite(found.x), found.x, start), np.where(low > 0.0, 2.0 * low, low))
+    x, *_, ended = leastsq(residuals, start, (), slopes, full_output=True, xtol=1e-12, ftol=1e-12, gtol=1e-8)
+    converged = ended in range(1, 5)
+    if np.any(x < low) or not np.all(np.isfinite(residuals(x))):
+        inside = np.maximum(np.where(np.isfinite(x), x, start), np.where(low > 0.0, 2.0 * low, low))
         found = least_squares(residuals, inside, slopes, bounds=(low, high), x_scale="jac", xtol=1e-9, ftol=1e-9)
-    return Solution(form, found.x, found.fun, np.asarray(found.jac, dtype=np.float64), found.status > 0)
+        x, converged = found.x, found.status > 0
+    return Solution(form, x, *at(x.tobytes()), converged)
 
 
 def _starts(form: Form, given: Data) -> list[Array]:
@@ -203,7 +205,7 @@ def _linear_start(form: Form, given: Data, dead_time: float) -> Array:
     n, m = form.poles, form.zeros
     powers = given.s[:, None] ** np.arange(max(n, m) + 1)
     late = given.response * np.exp(given.s * dead_time)
-    weight = np.sqrt(np.einsum("nij,nij->n", given.whitening, given.whitening) / 2.0)
+    weight = np.hypot(np.abs(given.own), np.abs(given.mirrored))
     below = np.ones(len(given.s), dtype=np.complex128)
     best, least = np.zeros(m + 1 + n), math.inf
     for _ in range(_SK_STEPS):
