@@ -30,6 +30,7 @@ from hil.record.response_table import (
 )
 from hil.units import check_unit
 
+_NAMELESS = frozenset({"data", "value", "values"})
 _SAME_STAMP = 1e-3  # of an interval
 _SAME_UNIT = 5.0  # two clocks of one unit disagree by less; units of time lie 60 apart and more
 
@@ -80,6 +81,8 @@ def assemble(
     units_missing = []
     for one in taken:
         wanted = one.column.name_and_unit[0]
+        if wanted.casefold() in _NAMELESS and sum(t.column.heading == one.column.heading for t in taken) > 1:
+            wanted = one.table  # each in a structure or group of its own
         label = _free_name(wanted, one.table, channels)
         if wanted and label != wanted:
             assumed.append(
@@ -238,10 +241,19 @@ def _clocks(table: Table, reading: Reading) -> list[Column]:
     if not sure:
         maybe = [column for column in table.columns if column.may_be_time]
         return _without_twins(table.columns, maybe or [c for c in table.columns if c.is_like_time])
-    if len(table.columns) < 4:
-        return _without_twins(table.columns, sure)
-    both = [column for column in table.columns if column in sure or column.may_be_time]
-    return _without_twins(table.columns, both)
+    both = [c for c in table.columns if c in sure or (c.may_be_time and len(table.columns) > 3)]
+    first = next((column for column in both if column.rises), None)
+    if first is None:
+        return _without_twins(table.columns, both)
+    name = first.name_and_unit[0]
+    rising = [c for c in both if c.rises and (c.is_dated or c.name_and_unit[0] == name or _together(c, first))]
+    return _without_twins(table.columns, rising)
+
+
+def _together(one: Column, other: Column) -> bool:
+    """Whether two columns can be times of one recording: most of the longer lies within the other."""
+    (begun, ended), (first, last) = (c.seconds()[0][[0, -1]] for c in (one, other))
+    return bool(2.0 * (min(ended, last) - max(begun, first)) > max(ended - begun, last - first))
 
 
 def _without_twins(columns: Sequence[Column], clocks: Sequence[Column]) -> list[Column]:

@@ -62,17 +62,18 @@ class Column:
     def may_be_time(self) -> bool:
         """Whether it holds a time of its own: by its name's first word, its unit, and values that increase."""
         name, unit = self.name_and_unit
-        return self.is_number and headings.may_be_time(name) and headings.is_time_unit(unit or "s") and self._rises
+        return self.is_number and headings.may_be_time(name) and headings.is_time_unit(unit or "s") and self.rises
 
     @property
     def is_like_time(self) -> bool:
         """Whether it holds a time by its unit (`X [s]`) or its name's end (`SimTime`), and values that increase."""
         name, unit = self.name_and_unit
         called = headings.is_time_unit(unit) if unit else headings.ends_as_time(name)
-        return self.is_number and called and self._rises
+        return self.is_number and called and self.rises
 
     @property
-    def _rises(self) -> bool:
+    def rises(self) -> bool:
+        """Whether its values increase from row to row, but for those that are missing."""
         real = self.values[~np.isnan(self.values)] if self.values.dtype.kind == "f" else self.values
         return len(real) > 1 and bool(np.all(real[1:] > real[:-1]))
 
