@@ -84,6 +84,9 @@ def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named:
     first = _first_row(lines, separator, count, kinds)
     if first is None:
         raise FileError(f"{path}: {_no_rows(filled, more)}")
+    before = split(lines[first - 1], separator) if first else []
+    if len(before) > count and all(map(_is_known, before)):
+        raise FileError(f"{path}: line {first} has {len(before)} values, those below {count}; each needs as many")
     rows = [split(line, separator) for line in lines[first:] if line.strip()]
     decimal, thousands = _marks(separator, rows)
     if decimal == "." and separator != "," and more and not any("." in cell for row in rows for cell in row):

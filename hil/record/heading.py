@@ -43,7 +43,23 @@ _TIME_UNITS = {
     "sekunden": "s", "sekunde": "s", "millisecond": "ms", "minute": "min", "hour": "h", "hours": "h", "hrs": "h",
 }  # fmt: skip
 _COUNTERS = frozenset(
-    {"", "index", "idx", "no", "nr", "#", "number", "row", "point", "n", "unnamed: 0", "sample", "samples", "record"}
+    {
+        "",
+        "index",
+        "idx",
+        "no",
+        "nr",
+        "#",
+        "number",
+        "row",
+        "point",
+        "n",
+        "unnamed: 0",
+        "sample",
+        "samples",
+        "record",
+        "scan",
+    }
 )
 INTERVALS = frozenset({
     "ts", "dt", "delta t", "sample time", "sampling time", "sampling interval", "wf increment", "sampletime",

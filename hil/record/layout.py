@@ -48,7 +48,10 @@ def split(line: str, separator: str) -> list[str]:
     """The fields of a line, without the blanks around them."""
     if separator == WHITESPACE:
         return line.split()
-    return [field.strip() for field in next(csv.reader([line.strip("\r\n")], delimiter=separator), [])]
+    return [
+        field.strip()
+        for field in next(csv.reader([line.strip("\r\n")], delimiter=separator, skipinitialspace=True), [])
+    ]
 
 
 def is_row_of_units(cells: Sequence[str]) -> bool:

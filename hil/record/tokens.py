@@ -15,7 +15,7 @@ from hil.record.heading import is_unit
 BLANKS = ("", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", "NULL", "#N/A", "-nan(ind)", "1.#QNAN")
 
 _NUMBER = re.compile(r"[+\-\u2212]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?$|[+-]?(inf|infinity)$", re.IGNORECASE)
-_GROUPED = re.compile(r"[+\-\u2212]?\d{1,3}(?P<group>[.,' \u2019\u00a0\u202f])\d{3}((?P=group)\d{3})*([.,]\d*)?$")
+_GROUPED = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}(?P<group>[.,' \u2019\u00a0\u202f])\d{3}((?P=group)\d{3})*([.,]\d*)?$")
 _MONTH = r"(jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*"
 _DAYS = (
     rf"(\d{{4}}[-/.]\d{{1,2}}[-/.]\d{{1,2}}|\d{{1,2}}[-/.]\d{{1,2}}[-/.]\d{{2,4}}|\d{{1,2}}[- ]{_MONTH}[- ]\d{{2,4}})"
@@ -33,6 +33,7 @@ _PREFIXED = re.compile(rf"([+\-\u2212]?[\d.,]+)([{''.join(_PREFIXES)}])$")
 _QUANTITY = re.compile(r"([+\-\u2212]?[\d.,]+([eE][+-]?\d+)?)\s*([^\d\s.,:;+-][^\s:]*)$")
 _HMS = re.compile(r"(?<![\d:])(\d{1,3})([:.])(\d\d)\2(\d\d)(?:([:.,])(\d+))?(?![\d:.])")
 _DOTTED = re.compile(r"(\d{1,2})\.(\d\d)\.(\d\d)$")
+_FRAMES = re.compile(r"\d:\d\d:\d\d:\d\d$")
 _TWO_WAYS = re.compile(r"\s*(\d{1,2})[-/](\d{1,2})[-/](\d{2,4})")
 _MONTHS = 12
 _DAY, _HOUR = np.timedelta64(24, "h"), np.timedelta64(60, "m")
@@ -91,10 +92,11 @@ def decimal_and_thousands(fields: Sequence[str]) -> tuple[str, str]:
     both = next((field for field in numbers if "," in field and "." in field), "")
     if both:
         return (",", ".") if both.rindex(",") > both.rindex(".") else (".", ",")
-    if any("," in field for field in numbers):
-        dotted = [field for field in numbers if "." in field]
-        return ",", "." if dotted and all(map(_GROUPED.match, dotted)) else ""
-    return ".", ""
+    commas, points = ([field for field in numbers if mark in field] for mark in ",.")
+    grouped = bool(points) and all(map(_GROUPED.match, points))
+    if not commas or (points and not grouped and all(map(_GROUPED.match, commas))):
+        return ".", "," if commas else ""
+    return ",", "." if grouped else ""
 
 
 def decimal_between_commas(fields: Sequence[str]) -> tuple[str, str]:
@@ -105,7 +107,7 @@ def decimal_between_commas(fields: Sequence[str]) -> tuple[str, str]:
     quoted = [field for field in fields if "," in field and is_number(field)]
     if not quoted:
         return ".", ""
-    grouped = all(_GROUPED.match(field) and not field.lstrip("+-").startswith("0,") for field in quoted)
+    grouped = all(map(_GROUPED.match, quoted))
     return (".", ",") if grouped or any("." in field for field in fields if is_number(field)) else (",", "")
 
 
@@ -147,6 +149,8 @@ def stamps(texts: Sequence[str]) -> NDArray[Any]:
 
     texts = [text.strip() for text in texts]
     first = next(filter(None, texts), "")
+    if all(map(_FRAMES.search, texts)):
+        raise ValueError("behind the seconds stand always two digits: frames, or hundredths")
     if _CLOCK.match(first) or _are_dotted_clocks(texts):
         return _clock(pd, [re.sub(r",(?=\d)", ".", _HMS.sub(_with_colons, text, 1)) for text in texts])
     day_first = bool(re.match(r"\d{1,2}\.", first)) or _is_day_first(texts)
@@ -166,7 +170,7 @@ def _with_blank(stamp: str) -> str:
     """A day and a clock however they are separated, with a blank between them."""
     match = _STAMP.match(stamp)
     day, clock = (stamp[: match.end(1)], stamp[match.end(1) :].lstrip(" T_,-")) if match else (stamp, "")
-    return f"{day} {_HMS.sub(_with_colons, clock, 1)}".strip()
+    return f"{day} {_HMS.sub(_with_colons, clock, 1).removesuffix(' UTC').removesuffix(' GMT')}".strip()
 
 
 def _are_dotted_clocks(texts: Sequence[str]) -> bool:
