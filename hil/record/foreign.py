@@ -32,6 +32,7 @@ _BEGINNINGS = {
     b"Origin Time ": ("an accelerogram of K-NET, several samples on a line", f"{_TEXT}, one sample on a line"),
     b"$date": ("a dump of logic signals (VCD)", f"{_TEXT}, one row for each stamp"),
     b"$GP": ("a log of a satellite receiver (NMEA 0183)", f"{_TEXT} of its positions"),
+    b"<html": ("a web page", "save it as XLSX or CSV"),
     b"<?xml": ("an XML file", "export CSV, TDMS or MDF4"),
     b"{": ("a JSON file", _TEXT),
 }

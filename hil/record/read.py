@@ -65,10 +65,11 @@ def format_of(path: Path) -> ModuleType:
     raise FileError(f"{path}: unknown kind of recording; known endings: {', '.join(sorted(endings))}")
 
 
-def _is_unknown_text(path: Path, file: BinaryIO) -> bool:
-    """Whether a file has an ending that says nothing, and begins as a text."""
+def _is_text(path: Path, file: BinaryIO) -> bool:
+    """Whether a file begins as a text, under an ending that says nothing or that programs give to texts too."""
     start = os.pread(file.fileno(), _LONGEST_TEXT, 0)
-    return bool(start) and not path.name.lower().endswith(tuple(formats())) and not _NO_TEXT.search(start)
+    known = path.name.lower().endswith(tuple(formats()))
+    return bool(start) and not _NO_TEXT.search(start) and (not known or hasattr(format_of(path), "OR_TEXT"))
 
 
 def read_recording(path: str | Path, reading: Reading | None = None) -> Recording:
@@ -116,7 +117,7 @@ def _read_any(path: Path, reading: Reading) -> Recording | ResponseTable:
         known = _by_content(file)
         if known is None:
             check_read(path, file, by_ending=not path.name.lower().endswith(tuple(formats())))
-        form = known or (formats()[ANY_TEXT] if _is_unknown_text(path, file) else format_of(path))
+        form = known or (formats()[ANY_TEXT] if _is_text(path, file) else format_of(path))
         if not os.fstat(file.fileno()).st_size:
             raise FileError(f"{path}: the file is empty")
         if hasattr(form, "contents"):

@@ -164,6 +164,11 @@ class TestMatlab:
         assert [(c.name, c.unit) for c in found.channels.values()] == [("cmd", "%"), ("flow", "l/min")]
         assert np.array_equal(found.time_s, TIME)
 
+    def test_structures_whose_signals_are_called_data(self, tmp_path: Path) -> None:
+        command, flow = ({"data": k * RAMP, "unit": unit} for k, unit in ((1, "%"), (2, "l/min")))
+        found = read_recording(write_mat(tmp_path / "x.mat", t=TIME, command=command, flow=flow))
+        assert [(c.name, c.unit) for c in found.channels.values()] == [("command", "%"), ("flow", "l/min")]
+
     def test_a_matrix_becomes_numbered_channels(self, tmp_path: Path) -> None:
         found = read_recording(write_mat(tmp_path / "x.mat", t=TIME, y=np.column_stack([RAMP, -RAMP])))
         assert found.values("y 2").tolist() == (-RAMP).tolist()
@@ -299,7 +304,7 @@ class TestParquet:
             read_recording(path)
 
 
-TEXT = (*formats()[".csv"].SUFFIXES, ".lvm")
+TEXT = [ending for ending, form in formats().items() if form is formats()[".csv"] or hasattr(form, "OR_TEXT")]
 BINARY = sorted(ending for ending in formats() if ending not in TEXT)
 
 
@@ -308,6 +313,14 @@ def test_an_empty_file_is_named(tmp_path: Path, ending: str) -> None:
     (tmp_path / f"x{ending}").touch()
     with pytest.raises(FileError, match=rf"x{ending}: the file is empty"):
         read_recording(tmp_path / f"x{ending}")
+
+
+@pytest.mark.parametrize("written", [".mat", ".tdms", ".h5", ".mf4", ".parquet"])
+@pytest.mark.parametrize("called", [".csv", ".bin"])
+def test_a_binary_file_is_known_by_its_first_bytes(tmp_path: Path, written: str, called: str) -> None:
+    write_recording(recording("made", TIME, {"flow [l/min]": RAMP}), tmp_path / f"x{written}")
+    (tmp_path / f"x{written}").rename(tmp_path / f"x{called}")
+    assert read_recording(tmp_path / f"x{called}").values("flow").tolist() == RAMP.tolist()
 
 
 @pytest.mark.parametrize("ending", BINARY)

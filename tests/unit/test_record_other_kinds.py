@@ -433,6 +433,53 @@ class TestTexts:
         assert found.time_s.tolist() == list(range(20))
         assert found.values("flow").tolist() == [100.0 + k for k in range(20)]
 
-    def test_a_spreadsheet_of_labview_is_a_text_file(self, tmp_path: Path) -> None:
-        (tmp_path / "x.lvm").write_text("X_Value\tu\ty\n" + "".join(f"{k}\t{k % 7}\t{2 * k}\n" for k in range(9)))
-        assert read_recording(tmp_path / "x.lvm").values("y").tolist() == [2.0 * k for k in range(9)]
+    @pytest.mark.parametrize("ending", [".lvm", ".xls"])
+    def test_a_spreadsheet_of_labview_is_a_text_file(self, ending: str, tmp_path: Path) -> None:
+        path = tmp_path / f"x{ending}"
+        path.write_text("X_Value\tu\ty\n" + "".join(f"{k}\t{k % 7}\t{2 * k}\n" for k in range(9)))
+        assert read_recording(path).values("y").tolist() == [2.0 * k for k in range(9)]
+
+    def test_thousands_of_one_column_are_no_decimals_of_another(self, tmp_path: Path) -> None:
+        rows = "".join(f"{0.004 * k:.3f}\t{k % 7}\t{1000 + 37 * k:,}\n" for k in range(60))
+        (tmp_path / "x.txt").write_text(f"time [s]\tcommand [%]\tcount\n{rows}")
+        found = read_recording(tmp_path / "x.txt")
+        assert found.values("count").tolist() == [1000.0 + 37 * k for k in range(60)]
+        assert found.time_s == pytest.approx(0.004 * np.arange(60))
+
+    @pytest.mark.parametrize("heading", ["T", "T_oil", "clock"])
+    def test_what_only_sounds_like_a_time_is_a_signal(self, heading: str, tmp_path: Path) -> None:
+        values = [k % 2 if heading == "clock" else 40.0 + 0.5 * k for k in range(30)]
+        rows = "".join(f"{0.1 * k:.1f},{k % 7},{value},{2 * k}\n" for k, value in enumerate(values))
+        (tmp_path / "x.csv").write_text(f"t,u,{heading},y\n{rows}")
+        found = read_recording(tmp_path / "x.csv")
+        assert found.values(heading).tolist() == values and not found.own
+        assert found.time_s == pytest.approx(0.1 * np.arange(30))
+
+    def test_a_day_that_never_changes_is_no_time(self, tmp_path: Path) -> None:
+        rows = "".join(f"2026-11-28,{k % 7},{0.1 * k:.1f},{2 * k}\n" for k in range(30))
+        (tmp_path / "x.csv").write_text(f"Date,u [V],Elapsed [s],y [bar]\n{rows}")
+        assert read_recording(tmp_path / "x.csv").time_s == pytest.approx(0.1 * np.arange(30))
+
+    def test_samples_of_another_form_above_are_not_dropped(self, tmp_path: Path) -> None:
+        rows = "".join(f"{k} {k % 7} {2 * k}{' 9' if k < 5 else ''}\n" for k in range(60))
+        (tmp_path / "x.txt").write_text(rows)
+        with pytest.raises(FileError, match="line 5 has 4 values, those below 3"):
+            read_recording(tmp_path / "x.txt", Reading(columns=("time", "u", "y")))
+
+    def test_headings_in_quotes_behind_blanks(self, tmp_path: Path) -> None:
+        (tmp_path / "x.csv").write_text(
+            '"time [s]", "u [V]", "y [bar]"\n' + "".join(f"{k}, {k}, 2\n" for k in range(5))
+        )
+        assert [c.heading for c in read_recording(tmp_path / "x.csv").channels.values()] == ["u [V]", "y [bar]"]
+
+    @pytest.mark.parametrize("stamp", ["10:11:{0:02d}:{1:02d}", "2026-11-28 10:11:{0:02d}:{1:02d}"])
+    def test_frames_behind_the_seconds_are_no_milliseconds(self, stamp: str, tmp_path: Path) -> None:
+        rows = "".join(f"{stamp.format(*divmod(k, 25))},{k % 7},{2 * k}\n" for k in range(60))
+        (tmp_path / "x.csv").write_text(f"Time,u [V],y [bar]\n{rows}")
+        with pytest.raises(FileError, match="is no date or time of the day"):
+            read_recording(tmp_path / "x.csv")
+
+    def test_a_stamp_may_name_utc(self, tmp_path: Path) -> None:
+        rows = "".join(f"2026-11-28 10:11:{k:02d}.5 UTC,{k}\n" for k in range(9))
+        (tmp_path / "x.csv").write_text(f"Time,y [bar]\n{rows}")
+        assert read_recording(tmp_path / "x.csv").time_s.tolist() == list(range(9))

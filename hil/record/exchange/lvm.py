@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from hil.errors import FileError, reason
 from hil.record.assemble import assemble
 from hil.record.columns import Column, Table
-from hil.record.exchange import csv as text_table
 from hil.record.extra import library
 from hil.record.heading import split as split_heading
 from hil.record.reading import AS_IT_IS, Reading
@@ -23,8 +22,8 @@ from hil.record.text_file import encoding_of, open_text
 from hil.record.tokens import stamps
 
 SUFFIXES = (".lvm",)
-_BEGINNING = "LabVIEW Measurement"
-BEGINNINGS = (_BEGINNING.encode(),)
+BEGINNINGS = (b"LabVIEW Measurement",)
+OR_TEXT = True
 _REMARK, _TIME = "Comment", "X_Value"
 
 
@@ -39,8 +38,6 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
             text = file.read()
     except (OSError, UnicodeError) as error:
         raise FileError(f"{path}: cannot be read as LVM: {error}") from None
-    if not text.startswith(_BEGINNING):
-        return text_table.read(path, reading)  # LabVIEW writes spreadsheets under this ending too
     try:
         found = library("lvm_read", path).read_str(text)
         segments = [found[k] for k in range(found["Segments"])]

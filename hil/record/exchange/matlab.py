@@ -22,6 +22,7 @@ from hil.record.resampled import resampled
 
 SUFFIXES = (".mat",)
 KIND = "MAT"
+BEGINNINGS = (b"MATLAB 5.0", b"MATLAB 7.3")
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _INDEX, _ABOUT = "channels", "valve_hil"
 _FIELDS = ("variable", "name", "unit")

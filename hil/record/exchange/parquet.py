@@ -16,6 +16,7 @@ from hil.untrusted import most_unpacked, unpacked_allowed
 
 SUFFIXES = (".parquet", ".pq")
 KIND = "Parquet"
+BEGINNINGS = (b"PAR1",)
 _VALUE_BYTES = 8
 
 

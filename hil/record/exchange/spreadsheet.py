@@ -23,6 +23,7 @@ from hil.record.tokens import is_number
 
 SUFFIXES = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 KIND = "a spreadsheet"
+OR_TEXT = True
 
 
 def libraries(_: bytes) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from hil.record.resampled import resampled
 
 SUFFIXES = (".tdms",)
 KIND = "TDMS"
+BEGINNINGS = (b"TDSm",)
 _UNIT_KEYS = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 _GROUP = "recording"
 _NOT_SET = np.datetime64("1904-01-02")
