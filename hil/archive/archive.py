@@ -9,13 +9,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Select, delete, false, select
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, Select, Table, delete, false, insert, select
 
 from hil.archive.database import DamagedIndexError, is_refusal, opened, refused_by
 from hil.archive.entry import Entry, entry_of, run_folders, this_host
 from hil.archive.place import INDEX_FILE, Place
-from hil.archive.tables import OF_CALIBRATION, CalibrationRow, RunRow, ValueRow
+from hil.archive.tables import CALIBRATION, OF_CALIBRATION, RUN, VALUE
 from hil.errors import ArchiveError, FileError
 from hil.record.measurement import Measured
 
@@ -44,48 +43,47 @@ def enter(place: Place, folders: Iterable[Path]) -> list[str]:
     left_out: list[str] = []
     entries = list(_readable(folders, left_out))
     if entries:
-        with _writing(place) as session:
-            _add(session, place, entries, left_out)
+        with _writing(place) as index:
+            _add(index, place, entries, left_out)
     return left_out
 
 
 @contextmanager
-def _writing(place: Place) -> Iterator[Session]:
+def _writing(place: Place) -> Iterator[Connection]:
     """A transaction that writes, from its first statement on: one that began by reading could not wait for another."""
-    with opened(place) as engine, Session(engine) as session, session.begin():
-        session.execute(delete(RunRow).where(false()))
-        yield session
+    with opened(place) as engine, engine.begin() as index:
+        index.execute(delete(RUN).where(false()))
+        yield index
 
 
-def _at_their_places(session: Session, entries: Sequence[Entry]) -> list[int]:
+def _at_their_places(index: Connection, entries: Sequence[Entry]) -> list[int]:
     """What stands in the index for the folders of entries; a shared folder under another computer's name too."""
     by_folder = {str(entry.folder): entry for entry in entries}
-    asked = select(RunRow.id, RunRow.host, RunRow.folder, RunRow.started_utc).where(RunRow.folder.in_(by_folder))
-    every, here = _is_of_one_bench(session), this_host()
+    asked = select(*RUN.c["id", "host", "folder", "started_utc"]).where(RUN.c.folder.in_(by_folder))
+    every, here = _is_of_one_bench(index), this_host()
     return [
-        key for key, host, folder, started in session.execute(asked)
+        key for key, host, folder, started in index.execute(asked)
         if every or host in (None, here) or started == by_folder[folder].started_utc
     ]  # fmt: skip
 
 
-def _is_of_one_bench(session: Session) -> bool:
+def _is_of_one_bench(index: Connection) -> bool:
     """Whether all runs are this bench's, whatever its computer was called when it entered them."""
-    return session.get_bind().dialect.name == "sqlite"
+    return index.dialect.name == "sqlite"
 
 
-def _add(session: Session, place: Place, entries: Sequence[Entry], left_out: list[str]) -> int:
+def _add(index: Connection, place: Place, entries: Sequence[Entry], left_out: list[str]) -> int:
     """Add entries, together or else one by one; one that the database refuses keeps no other out."""
     try:
-        with session.begin_nested():
-            _forget(session, _at_their_places(session, entries))
-            session.add_all([_row(entry) for entry in entries])
-        session.expunge_all()
+        with index.begin_nested():
+            _forget(index, _at_their_places(index, entries))
+            _insert(index, entries)
         return len(entries)
     except Exception as error:
         if not is_refusal(error):
             raise
         if len(entries) > 1:
-            return sum(_add(session, place, [entry], left_out) for entry in entries)
+            return sum(_add(index, place, [entry], left_out) for entry in entries)
         left_out.append(f"{entries[0].folder}: {refused_by(place, error)}")
         return 0
 
@@ -96,24 +94,23 @@ def find_runs(place: Place, search: Search, *, values: bool = False) -> list[Ent
     Raises:
         ArchiveError: the index cannot be read.
     """
-    with opened(place, make=False) as engine, Session(engine) as session:
+    with opened(place, make=False) as engine, engine.connect() as index:
         wanted = _asked(search)
-        of_runs = _values_of(session, wanted) if values else {}
-        asked = wanted.with_only_columns(RunRow.id, RunRow.folder, *(getattr(RunRow, name) for name in _OF_RUN))
-        found = session.execute(asked.order_by(RunRow.started_utc, RunRow.id))
+        of_runs = _values_of(index, wanted) if values else {}
+        asked = wanted.with_only_columns(*RUN.c["id", "folder", *_OF_RUN])
+        found = index.execute(asked.order_by(RUN.c.started_utc, RUN.c.id))
         return [
             Entry(folder=Path(folder), values=tuple(of_runs.get(key, ())), **dict(zip(_OF_RUN, columns, strict=True)))
             for key, folder, *columns in found
         ]
 
 
-def _values_of(session: Session, wanted: Select[Any]) -> dict[int, list[Measured]]:
+def _values_of(index: Connection, wanted: Select[Any]) -> dict[int, list[Measured]]:
     """Measured values of the runs that are wanted, by the run's number."""
-    runs = wanted.with_only_columns(RunRow.id).scalar_subquery()
-    columns = [getattr(ValueRow, name) for name in _OF_VALUE]
-    asked = select(ValueRow.run_id, *columns).where(ValueRow.run_id.in_(runs)).order_by(ValueRow.id)
+    runs = wanted.with_only_columns(RUN.c.id).scalar_subquery()
+    asked = select(*VALUE.c["run_id", *_OF_VALUE]).where(VALUE.c.run_id.in_(runs)).order_by(VALUE.c.id)
     found: dict[int, list[Measured]] = {}
-    for run, *fields in session.execute(asked):
+    for run, *fields in index.execute(asked):
         found.setdefault(run, []).append(Measured(**dict(zip(_OF_VALUE, fields, strict=True))))
     return found
 
@@ -135,41 +132,40 @@ def rebuild(place: Place, folders: Sequence[Path]) -> tuple[int, list[str]]:
         raise ArchiveError(f"archive {place}: there is no such folder")
     left_out: list[str] = []
     _clear_unreadable(place)
-    with _writing(place) as session:
-        known = _of_this_computer(session)
+    with _writing(place) as index:
+        known = _of_this_computer(index)
         roots = {folder.resolve() for folder in folders}
         roots |= {path.parent for path in known.values() if path.parent.is_dir()}
-        _forget(session, [key for key, path in known.items() if roots & {path, *path.parents}])
+        _forget(index, [key for key, path in known.items() if roots & {path, *path.parents}])
         entered: set[tuple[object, ...]] = set()
         count = 0
         for batch in _batches(_readable(_below(sorted(roots)), left_out)):
-            count += _add(session, place, batch, left_out)
+            count += _add(index, place, batch, left_out)
             entered |= {entry.identity for entry in batch}
-        _forget(session, _moved(session, entered))
+        _forget(index, _moved(index, entered))
     return count, left_out
 
 
-def _of_this_computer(session: Session) -> dict[int, Path]:
+def _of_this_computer(index: Connection) -> dict[int, Path]:
     """Folders of runs that this computer entered, by the number of the run; of who did not say, those that are here."""
-    found = session.execute(select(RunRow.id, RunRow.host, RunRow.folder)).all()
-    every, here = _is_of_one_bench(session), this_host()
+    found = index.execute(select(*RUN.c["id", "host", "folder"])).all()
+    every, here = _is_of_one_bench(index), this_host()
     return {
         key: Path(folder) for key, host, folder in found
         if every or host == here or (host is None and Path(folder).is_dir())
     }  # fmt: skip
 
 
-def _moved(session: Session, entered: set[tuple[object, ...]]) -> list[int]:
+def _moved(index: Connection, entered: set[tuple[object, ...]]) -> list[int]:
     """Numbers of runs of this computer that were entered from another folder now, and are not in theirs any more."""
-    left = [key for key, path in _of_this_computer(session).items() if not path.is_dir()]
-    rows = (session.get_one(RunRow, key) for key in left)
-    return [row.id for row in rows if (row.name, row.started_utc, row.serial, row.procedure, row.bench) in entered]
+    left = {key for key, path in _of_this_computer(index).items() if not path.is_dir()}
+    rows = index.execute(select(*RUN.c["id", "name", "started_utc", "serial", "procedure", "bench"]))
+    return [key for key, *identity in rows if key in left and tuple(identity) in entered]
 
 
-def _forget(session: Session, keys: Sequence[int]) -> None:
+def _forget(index: Connection, keys: Sequence[int]) -> None:
     for start in range(0, len(keys), _BATCH):
-        session.execute(delete(RunRow).where(RunRow.id.in_(keys[start : start + _BATCH])))
-    session.expunge_all()
+        index.execute(delete(RUN).where(RUN.c.id.in_(keys[start : start + _BATCH])))
 
 
 def _clear_unreadable(place: Place) -> None:
@@ -209,20 +205,32 @@ def _batches(entries: Iterator[Entry]) -> Iterator[list[Entry]]:
 
 
 def _asked(search: Search) -> Select[Any]:
-    asked = select(RunRow)
-    for column, wanted in ((RunRow.serial, search.serial), (RunRow.procedure, search.procedure)):
+    asked = select(RUN)
+    for column, wanted in ((RUN.c.serial, search.serial), (RUN.c.procedure, search.procedure)):
         if wanted:
             asked = asked.where(column == wanted)
     if search.verdict:
-        asked = asked.where(RunRow.verdict == search.verdict)
-    return asked if search.since is None else asked.where(RunRow.started_utc >= search.since)
+        asked = asked.where(RUN.c.verdict == search.verdict)
+    return asked if search.since is None else asked.where(RUN.c.started_utc >= search.since)
 
 
-def _row(entry: Entry) -> RunRow:
-    columns = {name: getattr(entry, name) for name in _OF_RUN}
-    values = [ValueRow(**{name: getattr(value, name) for name in _OF_VALUE}) for value in entry.values]
-    stated = [CalibrationRow(**{name: getattr(one, name) for name in OF_CALIBRATION}) for one in entry.calibrations]
-    return RunRow(folder=str(entry.folder), name=entry.folder.name, values=values, calibrations=stated, **columns)
+def _insert(index: Connection, entries: Sequence[Entry]) -> None:
+    """Entries with the rows that belong to each."""
+    runs = [{"folder": str(entry.folder), "name": entry.folder.name, **_fields(entry, _OF_RUN)} for entry in entries]
+    made = index.scalars(insert(RUN).returning(RUN.c.id, sort_by_parameter_order=True), runs)
+    keyed = list(zip(made, entries, strict=True))
+    _insert_rows(index, VALUE, [{"run_id": key, **_fields(v, _OF_VALUE)} for key, e in keyed for v in e.values])
+    stated = [{"run_id": key, **_fields(one, OF_CALIBRATION)} for key, entry in keyed for one in entry.calibrations]
+    _insert_rows(index, CALIBRATION, stated)
+
+
+def _insert_rows(index: Connection, table: Table, rows: Sequence[dict[str, Any]]) -> None:
+    if rows:
+        index.execute(insert(table), rows)
+
+
+def _fields(of: object, names: Iterable[str]) -> dict[str, Any]:
+    return {name: getattr(of, name) for name in names}
 
 
 _OF_RUN = (

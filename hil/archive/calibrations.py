@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import func, select
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, func, select
 
 from hil.archive.database import opened
 from hil.archive.place import Place
-from hil.archive.tables import OF_CALIBRATION, CalibrationRow, RunRow
+from hil.archive.tables import CALIBRATION, OF_CALIBRATION, RUN
 from hil.record.instruments import StatedCalibration
 
 
@@ -62,27 +61,27 @@ def instruments(place: Place) -> tuple[list[Instrument], int]:
     Raises:
         ArchiveError: the index cannot be read.
     """
-    with opened(place, make=False) as engine, Session(engine) as session:
-        last = _last_runs(session)
-        found = [_instrument(session, periods, last) for periods in _by_instrument(_periods(session))]
-        unread = session.scalar(select(func.count()).where(RunRow.instruments.is_(None))) or 0
+    with opened(place, make=False) as engine, engine.connect() as index:
+        last = _last_runs(index)
+        found = [_instrument(index, periods, last) for periods in _by_instrument(_periods(index))]
+        unread = index.scalar(select(func.count()).where(RUN.c.instruments.is_(None))) or 0
     return sorted(found, key=lambda one: (one.bench, one.calibration.channel, one.calibration.instrument)), unread
 
 
-def _last_runs(session: Session) -> dict[str, dt.datetime]:
-    asked = select(RunRow.bench, func.max(RunRow.started_utc)).where(RunRow.instruments.is_not(None))
-    return {row[0]: row[1] for row in session.execute(asked.group_by(RunRow.bench))}
+def _last_runs(index: Connection) -> dict[str, dt.datetime]:
+    asked = select(RUN.c.bench, func.max(RUN.c.started_utc)).where(RUN.c.instruments.is_not(None))
+    return {row[0]: row[1] for row in index.execute(asked.group_by(RUN.c.bench))}
 
 
-def _periods(session: Session) -> list[_Period]:
+def _periods(index: Connection) -> list[_Period]:
     columns = _columns()
-    asked = select(RunRow.bench, func.count(), func.max(RunRow.started_utc), *columns)
-    rows = session.execute(asked.join(CalibrationRow.run).group_by(RunRow.bench, *columns))
+    asked = select(RUN.c.bench, func.count(), func.max(RUN.c.started_utc), *columns)
+    rows = index.execute(asked.join_from(RUN, CALIBRATION).group_by(RUN.c.bench, *columns))
     return [_Period(bench, StatedCalibration(*fields), runs, last) for bench, runs, last, *fields in rows]
 
 
 def _columns() -> list[Any]:
-    return [getattr(CalibrationRow, name) for name in OF_CALIBRATION]
+    return list(CALIBRATION.c[OF_CALIBRATION])
 
 
 def _by_instrument(periods: Sequence[_Period]) -> list[list[_Period]]:
@@ -94,16 +93,16 @@ def _by_instrument(periods: Sequence[_Period]) -> list[list[_Period]]:
     return list(found.values())
 
 
-def _instrument(session: Session, periods: Sequence[_Period], last: dict[str, dt.datetime]) -> Instrument:
+def _instrument(index: Connection, periods: Sequence[_Period], last: dict[str, dt.datetime]) -> Instrument:
     now = periods[-1]
-    overdue = [run for period in periods for run in _overdue(session, period)]
+    overdue = [run for period in periods for run in _overdue(index, period)]
     return Instrument(
         now.bench, now.stated, now.last_utc == last[now.bench], sum(one.runs for one in periods), now.last_utc,
         tuple(sorted(overdue, key=lambda run: run.started_utc)),
     )  # fmt: skip
 
 
-def _overdue(session: Session, period: _Period) -> list[OverdueRun]:
+def _overdue(index: Connection, period: _Period) -> list[OverdueRun]:
     due = period.stated.due
     if due is None or due >= dt.date.max:
         return []
@@ -111,6 +110,6 @@ def _overdue(session: Session, period: _Period) -> list[OverdueRun]:
     if period.last_utc < after:
         return []
     same = [column.is_not_distinct_from(getattr(period.stated, column.key)) for column in _columns()]
-    asked = select(RunRow.folder, RunRow.started_utc).join(RunRow.calibrations)
-    rows = session.execute(asked.where(RunRow.bench == period.bench, RunRow.started_utc >= after, *same).distinct())
+    asked = select(RUN.c.folder, RUN.c.started_utc).join_from(RUN, CALIBRATION)
+    rows = index.execute(asked.where(RUN.c.bench == period.bench, RUN.c.started_utc >= after, *same).distinct())
     return [OverdueRun(Path(folder), started, due) for folder, started in rows]

@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
-import datetime as dt
 from datetime import UTC, datetime
 
-from sqlalchemy import DateTime, Dialect, ForeignKey, Index, String, Text, TypeDecorator
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
+from sqlalchemy import (
+    Boolean,
+    Column,
+    Date,
+    DateTime,
+    Dialect,
+    Float,
+    ForeignKey,
+    Index,
+    Integer,
+    MetaData,
+    String,
+    Table,
+    Text,
+    TypeDecorator,
+)
 
 
 class Utc(TypeDecorator[datetime]):
@@ -24,73 +37,34 @@ class Utc(TypeDecorator[datetime]):
         return value if value is None or value.tzinfo else value.replace(tzinfo=UTC)
 
 
-class Base(DeclarativeBase):
-    """All tables of the index."""
+TABLES = MetaData()
 
+RUN = Table(
+    "run", TABLES, Column("id", Integer, primary_key=True), Column("host", String(255)),
+    Column("folder", Text, nullable=False),
+    *(Column(name, String(255), nullable=False) for name in ("name", "serial", "operator", "procedure", "bench")),
+    Column("started_utc", Utc, nullable=False), Column("outcome", Text, nullable=False), Column("verdict", String(16)),
+    Column("instruments", String(64)), Column("simulated", Boolean), Index("run_by_start", "started_utc"),
+    *(Index(f"run_by_{name}", name, "started_utc") for name in ("serial", "procedure", "verdict")),
+)  # fmt: skip
+"""A run folder. `host` is the computer on which it lies; None where a version entered it that did not say."""
 
-class RunRow(Base):
-    """A run folder. `host` is the computer on which it lies; None where a version entered it that did not say."""
+VALUE = Table(
+    "measured_value", TABLES, Column("id", Integer, primary_key=True),
+    Column("run_id", ForeignKey("run.id", ondelete="CASCADE"), nullable=False, index=True),
+    Column("name", String(255), nullable=False, index=True), Column("value", Float), Column("std", Float),
+    Column("calibration_std", Float, nullable=False), Column("unit", String(64), nullable=False), Column("low", Float),
+    Column("high", Float), Column("relation", String(1), nullable=False), Column("verdict", String(16)),
+)  # fmt: skip
+"""A measured value of a run."""
 
-    __tablename__ = "run"
-
-    id: Mapped[int] = mapped_column(primary_key=True)
-    host: Mapped[str | None] = mapped_column(String(255))
-    folder: Mapped[str] = mapped_column(Text)
-    name: Mapped[str] = mapped_column(String(255))
-    serial: Mapped[str] = mapped_column(String(255))
-    operator: Mapped[str] = mapped_column(String(255))
-    procedure: Mapped[str] = mapped_column(String(255))
-    bench: Mapped[str] = mapped_column(String(255))
-    started_utc: Mapped[datetime] = mapped_column(Utc)
-    outcome: Mapped[str] = mapped_column(Text)
-    verdict: Mapped[str | None] = mapped_column(String(16))
-    instruments: Mapped[str | None] = mapped_column(String(64))
-    simulated: Mapped[bool | None]
-    values: Mapped[list[ValueRow]] = relationship(back_populates="run", cascade="all, delete-orphan")
-    calibrations: Mapped[list[CalibrationRow]] = relationship(back_populates="run", cascade="all, delete-orphan")
-
-    __table_args__ = (
-        Index("run_by_serial", "serial", "started_utc"),
-        Index("run_by_procedure", "procedure", "started_utc"),
-        Index("run_by_verdict", "verdict", "started_utc"),
-        Index("run_by_start", "started_utc"),
-    )
-
-
-class ValueRow(Base):
-    """A measured value of a run."""
-
-    __tablename__ = "measured_value"
-
-    id: Mapped[int] = mapped_column(primary_key=True)
-    run_id: Mapped[int] = mapped_column(ForeignKey("run.id", ondelete="CASCADE"), index=True)
-    name: Mapped[str] = mapped_column(String(255), index=True)
-    value: Mapped[float | None]
-    std: Mapped[float | None]
-    calibration_std: Mapped[float]
-    unit: Mapped[str] = mapped_column(String(64))
-    low: Mapped[float | None]
-    high: Mapped[float | None]
-    relation: Mapped[str] = mapped_column(String(1))
-    verdict: Mapped[str | None] = mapped_column(String(16))
-    run: Mapped[RunRow] = relationship(back_populates="values")
-
-
-class CalibrationRow(Base):
-    """A calibration that a run states."""
-
-    __tablename__ = "calibration"
-
-    id: Mapped[int] = mapped_column(primary_key=True)
-    run_id: Mapped[int] = mapped_column(ForeignKey("run.id", ondelete="CASCADE"), index=True)
-    channel: Mapped[str] = mapped_column(Text)
-    instrument: Mapped[str] = mapped_column(Text)
-    serial: Mapped[str] = mapped_column(Text)
-    date: Mapped[dt.date | None]
-    due: Mapped[dt.date | None]
-    reference: Mapped[str] = mapped_column(Text)
-    uncertainty: Mapped[str] = mapped_column(Text)
-    run: Mapped[RunRow] = relationship(back_populates="calibrations")
-
+CALIBRATION = Table(
+    "calibration", TABLES, Column("id", Integer, primary_key=True),
+    Column("run_id", ForeignKey("run.id", ondelete="CASCADE"), nullable=False, index=True),
+    *(Column(name, Text, nullable=False) for name in ("channel", "instrument", "serial")),
+    Column("date", Date), Column("due", Date),
+    *(Column(name, Text, nullable=False) for name in ("reference", "uncertainty")),
+)  # fmt: skip
+"""A calibration that a run states."""
 
 OF_CALIBRATION = ("channel", "instrument", "serial", "date", "due", "reference", "uncertainty")

@@ -230,11 +230,11 @@ def test_columns_of_the_tables_are_those_of_the_migrations(tmp_path):
     from sqlalchemy import inspect
 
     from hil.archive.database import opened
-    from hil.archive.tables import Base
+    from hil.archive.tables import TABLES
 
     with opened(archive_place(str(tmp_path))) as engine:
         found = inspect(engine)
-        for table in Base.metadata.sorted_tables:
+        for table in TABLES.sorted_tables:
             assert {column["name"] for column in found.get_columns(table.name)} == set(table.columns.keys())
             assert {index["name"] for index in found.get_indexes(table.name)} >= {i.name for i in table.indexes}
 
