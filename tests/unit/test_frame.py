@@ -74,7 +74,7 @@ def test_read_takes_what_a_frame_does_not_say() -> None:
     [
         ({"command [%]": COMMAND, "flow [l/min]": COMMAND}, r"the arrays: .*hil\.read\(…, time=NAME\).*interval_s=S"),
         ({**UNITS, "flow": COMMAND}, r"no unit is stated for channel 'flow'.*hil\.read\(…, units=\{'flow': 'l/min'\}"),
-        (UNITS, r"no channel 'flow', the output of brevini-hpv41; it has: command \[%\]; say which .* output=NAME$"),
+        (UNITS, r"no channel 'flow', the output of brevini-hpv41; it has: command \[%\]; name its .* output=NAME$"),
         ({**UNITS, "flow [l/min]": COMMAND[:-1]}, r"2 different lengths: .*'flow \[l/min\]' 399"),
         ({**UNITS, "flow [l/min]": np.zeros((400, 2))}, r"'flow \[l/min\]' is 400×2; a channel is an array"),
     ],

@@ -488,9 +488,11 @@ def _check_named(recording: Recording, plant: Plant, input_name: str, output_nam
         have = ", ".join(channel.heading for channel in recording.channels.values())
         alike = [known for known in recording.channels if known.casefold() == name.casefold()]
         hint = f", did you mean '{alike[0]}'?" if alike else ";"
+        at_simulate = option(f"{role}-name")
+        also = f", in hil simulate with {at_simulate}" if at_simulate.startswith("--") else ""
         raise FileError(
             f"{recording.name}: no channel '{name}', the {role} of {plant.name}{hint} it has: {have or 'none'}; "
-            f"name its channel with {option(role, 'NAME')} (in hil simulate {option(f'{role}-name')})"
+            f"name its channel with {option(role, 'NAME')}{also}"
         )
 
 
