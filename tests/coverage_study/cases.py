@@ -13,6 +13,7 @@ from tests.coverage_study.situations import (
     EFC,
     FOUR_WAY,
     HPV41,
+    HPV41_LAB,
     OPEN,
     SITUATIONS,
     Effect,
@@ -58,6 +59,7 @@ SAME_AS = {
     "cummins-efc-modbus": "cummins-efc-acceptance", "efc-good": "cummins-efc-acceptance",
     "efc-prototype": "cummins-efc-acceptance", "efc-return": "cummins-efc-acceptance",
     "four-way-lab-modbus": "four-way-lab", "four-way-lab-can": "four-way-lab",
+    "hpv41-lab-modbus": "hpv41-lab", "hpv41-lab-can": "hpv41-lab",
     "hpv41-canopen": "brevini-hpv41", "hpv41-j1939": "brevini-hpv41", "hpv41-mixed": "brevini-hpv41",
     "hpv41-modbus-rtu": "brevini-hpv41", "hpv41-modbus-tcp": "brevini-hpv41", "hpv41-serial": "brevini-hpv41",
     "hpv41-usb-6211": "brevini-hpv41", "hpv41-identified": "brevini-hpv41", "hpv41-mean": "brevini-hpv41",
@@ -125,6 +127,12 @@ CASES = (
     Case("limiting_power", FOUR_WAY, {}, truth_four_way.of_limiting_power),
     Case("null_shift", FOUR_WAY, {}, truth_four_way.of_null_shift),
     Case("load_step", FOUR_WAY, {}, truth_four_way.of_load_step),
+    Case("pressure_gain", HPV41_LAB, {"reach": "30"}, truth_four_way.of_pressure_gain),
+    Case("internal_leakage", HPV41_LAB, {}, truth_four_way.of_internal_leakage),
+    Case("flow_over_pressure_drop", HPV41_LAB, {}, truth_four_way.of_flow_over_pressure_drop),
+    Case("limiting_power", HPV41_LAB, {}, truth_four_way.of_limiting_power),
+    Case("null_shift", HPV41_LAB, {}, truth_four_way.of_null_shift),
+    Case("load_step", HPV41_LAB, {}, truth_four_way.of_compensated_load_step),
 )  # fmt: skip
 
 

@@ -45,7 +45,7 @@ class Situation:
 
 
 HPV41, EFC, ACCEPTANCE = "brevini-hpv41", "cummins-efc", "cummins-efc-acceptance"
-FOUR_WAY = "four-way-lab"
+FOUR_WAY, HPV41_LAB = "four-way-lab", "hpv41-lab"
 CLOSED, OPEN = "hydraforce-sp08-47c", "hydraforce-open-loop"
 
 _FRICTION = {"stiction": 1.2}

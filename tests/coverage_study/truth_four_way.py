@@ -2,30 +2,43 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Mapping
-from typing import Any
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.signal import lfilter
 
+from hil.bench.file import Bench
 from hil.bench.find import benches
+from hil.bench.read import read_bench
 from hil.physics.compose import plant
 from hil.record.recording import Array, Recording
+from tests import four_way_simulator, hpv41_lab_simulator
 from tests.coverage_study.situations import Situation
 from tests.coverage_study.truth_static import Truths
-from tests.four_way_simulator import curve
 
-_NEAR = tuple(np.linspace(-6.0, 6.0, 1201))
 _WHOLE = tuple(np.concatenate((np.linspace(-100.0, -6.0, 48), np.linspace(-5.0, 5.0, 41), np.linspace(6.0, 100.0, 48))))
 _POINTS = 40_001
-_SUPPLY_BAR, _TANK_BAR, _OIL_C = 70.0, 2.0, 40.0
+_SATURATED = 0.25  # slope of log flow over log drop below which a flow rises no further
+_TANK_BAR, _OIL_C = 2.0, 40.0
+_SIMULATORS = {"four-way-valve": four_way_simulator, "hpv41-loaded": hpv41_lab_simulator}
+
+
+@cache
+def _bench(name: str) -> Bench:
+    return read_bench(benches()[name]).bench
+
+
+def _supply_bar(bench: str) -> float:
+    return float(_bench(bench).channels["supply setting"].on or 0.0)
 
 
 def _read(bench: str, name: str, commands: tuple[float, ...], **conditions: float) -> Array:
-    told: Mapping[str, Any] = tomllib.loads(benches()[bench].read_text(encoding="utf-8"))["simulation"]
-    return curve(name, commands, tuple(sorted(conditions.items())), tuple(sorted(told.get("parameters", {}).items())))
+    told = _bench(bench)
+    simulator, changed = _SIMULATORS[told.valve.plant], told.simulation.get("parameters", {})
+    given = {"supply": _supply_bar(bench), **conditions}
+    found: Array = simulator.curve(name, commands, tuple(sorted(given.items())), tuple(sorted(changed.items())))
+    return found
 
 
 def _dense(commands: tuple[float, ...], values: Array) -> tuple[Array, Array]:
@@ -33,13 +46,15 @@ def _dense(commands: tuple[float, ...], values: Array) -> tuple[Array, Array]:
     return places, PchipInterpolator(commands, values)(places)
 
 
-def of_pressure_gain(_clean: Recording, bench: str, _situation: Situation) -> Truths:
+def of_pressure_gain(clean: Recording, bench: str, _situation: Situation) -> Truths:
     """The straight line through the blocked curve within ± 40 % of supply."""
-    command, load = _dense(_NEAR, _read(bench, "load_pressure", _NEAR, load=0.0) / _SUPPLY_BAR * 100.0)
+    supply_bar, reach = _supply_bar(bench), float(clean.meta["settings"]["reach"])
+    near = tuple(np.linspace(-reach, reach, 2001))
+    command, load = _dense(near, _read(bench, "load_pressure", near, load=0.0) / supply_bar * 100.0)
     body = np.abs(load) <= 40.0
     return {
         "pressure_gain": float(np.polyfit(command[body], load[body], 1)[0]),
-        "pressure_null": float(np.interp(0.0, load, command)), "supply_pressure": _SUPPLY_BAR,
+        "pressure_null": float(np.interp(0.0, load, command)), "supply_pressure": supply_bar,
     }  # fmt: skip
 
 
@@ -59,7 +74,7 @@ def of_flow_over_pressure_drop(clean: Recording, bench: str, _situation: Situati
     """Flow and drop at each supply pressure, and the straight line through their logarithms."""
     rated_bar = float(clean.meta["settings"]["rated_drop"])
     found: Truths = {}
-    supplies = (35.0, 52.5, 70.0, 105.0, 140.0)
+    supplies = tuple(_supply_bar(bench) * share for share in (0.5, 0.75, 1.0, 1.5, 2.0))
     for label, command in (("+100 %", 100.0), ("-100 %", -100.0)):
         flows, drops = _points(bench, command, supplies)
         for supply, flow, drop in zip(supplies, flows, drops, strict=True):
@@ -72,14 +87,18 @@ def of_flow_over_pressure_drop(clean: Recording, bench: str, _situation: Situati
 
 
 def of_limiting_power(_clean: Recording, bench: str, _situation: Situation) -> Truths:
-    """The largest of flow times drop; the flow of these edges rises as far as the supply does."""
+    """The largest of flow times drop; a flow that rises as far as the supply does saturates nowhere."""
     found: Truths = {}
     for command in (100.0, 50.0, -50.0, -100.0):
-        flows, drops = _points(bench, command, tuple(np.linspace(17.5, 140.0, 8)))
+        flows, drops = _points(bench, command, tuple(_supply_bar(bench) * np.linspace(0.25, 2.0, 8)))
         label, powers = f"{command:+.0f} %", np.abs(flows) * drops / 600.0
         found[f"limiting_power, {label}"] = float(powers.max())
         found[f"limiting_drop, {label}"] = float(drops[powers.argmax()])
         found[f"saturation_drop, {label}"] = float(drops[-1])
+        if np.diff(np.log(np.abs(flows[-2:]))) < _SATURATED * np.diff(np.log(drops[-2:])):
+            flows, drops = _points(bench, command, tuple(np.geomspace(5.0, 2.0 * _supply_bar(bench), 400)))
+            steep = np.diff(np.log(np.abs(flows))) >= _SATURATED * np.diff(np.log(drops))
+            found[f"saturation_drop, {label}"] = float(drops[np.flatnonzero(steep)[-1] + 1])
     return found
 
 
@@ -92,12 +111,14 @@ def _points(bench: str, command: float, supplies: tuple[float, ...]) -> tuple[Ar
 
 def of_null_shift(_clean: Recording, bench: str, _situation: Situation) -> Truths:
     """The null under each condition by the lines through 20 to 80 % of each side, and its slope over the condition."""
+    supply_bar = _supply_bar(bench)
+    lower, higher, tank = 0.8 * supply_bar, 1.2 * supply_bar, _TANK_BAR + 0.1 * supply_bar
     ways = {
-        "null_shift_supply": ("supply", "supply pressure {:.4g} bar", (56.0, 84.0), 0.1 * _SUPPLY_BAR),
-        "null_shift_tank": ("tank", "tank pressure {:.4g} bar", (9.0,), 0.1 * _SUPPLY_BAR),
+        "null_shift_supply": ("supply", "supply pressure {:.4g} bar", (lower, higher), 0.1 * supply_bar),
+        "null_shift_tank": ("tank", "tank pressure {:.4g} bar", (tank,), 0.1 * supply_bar),
         "null_shift_temperature": ("oil_c", "oil temperature {:.4g} °C", (20.0, 60.0), 40.0),
     }
-    usual = {"supply": _SUPPLY_BAR, "tank": _TANK_BAR, "oil_c": _OIL_C}
+    usual = {"supply": supply_bar, "tank": _TANK_BAR, "oil_c": _OIL_C}
     stands = _null(bench)
     found: Truths = {"null, as the bench stands": stands}
     for figure, (condition, label, levels, change) in ways.items():
@@ -131,6 +152,26 @@ def of_load_step(clean: Recording, bench: str, _situation: Situation) -> Truths:
             found[f"load_deviation, {label}"] = float(np.abs(read).max())
             found[f"load_settling, {label}"] = 1e3 * float(time_s[outside[-1] + 1])
             found[f"spool_deviation, {label}"] = 0.0
+    return found
+
+
+def of_compensated_load_step(clean: Recording, bench: str, _situation: Situation) -> Truths:
+    """Meter and spool as an integrator has them, while the throttle closes and opens with its time constant."""
+    band = float(clean.meta["settings"]["band"]) / 100.0
+    valve = hpv41_lab_simulator.Valve(**_bench(bench).simulation.get("parameters", {}))
+    time_s = np.arange(0.0, 2.0, 1e-4)
+    found: Truths = {}
+    for command in (50.0, -50.0):
+        for start, end in ((100.0, 0.0), (0.0, 100.0)):
+            label = f"{command:+.0f} %, load {start:.0f} → {end:.0f} %"
+            ends = [_read(bench, "load_pressure", (command,), load=one)[0] for one in (start, end)]
+            found[f"load_step, {label}"] = float(ends[1] - ends[0])
+            seen = valve.load_step(command, start, end, time_s, _supply_bar(bench), _TANK_BAR)
+            for read, name in zip(seen, ("load", "spool"), strict=True):
+                away = read - read[0]
+                outside = np.flatnonzero(np.abs(away - away[-1]) > band * np.abs(away).max())
+                found[f"{name}_deviation, {label}"] = float(np.abs(away).max())
+                found[f"{name}_settling, {label}"] = 1e3 * float(time_s[outside[-1] + 1])
     return found
 
 
