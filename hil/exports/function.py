@@ -7,7 +7,7 @@ import numpy as np
 from hil.errors import InputError, option
 from hil.findings.results import FittedFunction
 from hil.physics.model import Model
-from hil.physics.transfer_function import TransferFunction, from_parameters, straight
+from hil.physics.transfer_function import coefficient_names, from_parameters, straight
 from hil.record.plain import plain
 from hil.record.recording import Array
 
@@ -38,14 +38,9 @@ def function_of(model: Model, name: str) -> FittedFunction:
     return FittedFunction(
         name=name, numerator=tuple(plain(linear.numerator)), denominator=tuple(plain(linear.denominator)),
         dead_time_s=linear.dead_time_s, unit=model.parameters["gain"].unit,
-        coefficients=_names(linear, late) if free else (), covariance=tuple(map(tuple, plain(covariance))),
+        coefficients=coefficient_names(len(linear.numerator) - 1, len(linear.denominator) - 1, late) if free else (),
+        covariance=tuple(map(tuple, plain(covariance))),
     )  # fmt: skip
-
-
-def _names(linear: TransferFunction, late: bool) -> tuple[str, ...]:
-    above = [f"b{power}" for power in range(len(linear.numerator) - 1, -1, -1)]
-    below = [f"a{power}" for power in range(len(linear.denominator) - 2, -1, -1)]
-    return (*above, *below, *(("dead_time_s",) if late else ()))
 
 
 def _slope(values: dict[str, float], name: str, late: bool) -> Array:

@@ -96,7 +96,24 @@ class TransferFunction:
         Raises:
             InputError: more poles or zeros than that plant has, an unstable pole, or one at zero.
         """
-        return _to_parameters(self)
+        poles, zeros = self.poles, self.zeros
+        integrates = len(poles) > 1 and poles[0] == 0.0 != poles[1]
+        if integrates and len(self.numerator) < len(self.denominator):
+            made = TransferFunction(self.numerator, self.denominator[:-1], self.dead_time_s).to_parameters()
+            return {**made, "gain": 0.0, "integrator_gain": made["gain"]}
+        if len(poles) > 5 or not self.is_stable or np.any(np.abs(zeros) == 0.0):
+            raise InputError(
+                f"the plant 'transfer-function' has up to five stable poles and no zero at 0; found poles {poles} "
+                f"and zeros {zeros}"
+            )
+        lead, squares = sections(zeros)
+        tops = [*squares, *((first, 0.0) for first in lead)]
+        if len(tops) > len(poles) // 2:
+            raise InputError(f"the plant 'transfer-function' has no place for zeros {zeros} beside poles {poles}")
+        made = {"gain": self.dc_gain, "offset": 0.0, "dead_time": self.dead_time_s, **pole_parameters(poles)}
+        for i in range(2):
+            made[f"pair{i + 1}_zero"], made[f"pair{i + 1}_zero_square"] = tops[i] if i < len(tops) else (0.0, 0.0)
+        return made
 
     def to_model(self, input_heading: str, output_heading: str) -> Model:
         """A model of the plant `transfer-function` that drives `input_heading` to `output_heading`.
@@ -133,7 +150,7 @@ def from_factors(
     gain: float, lags: Sequence[Sequence[float]], leads: Sequence[Sequence[float]] = (), dead_time_s: float = 0.0
 ) -> TransferFunction:
     """gain·Π(1 + n₁s + n₂s²)/Π(1 + d₁s + d₂s²)·e^(−sT); each factor is (first, second) or (first,)."""
-    return transfer_function(gain * _product(leads), _product(lags), dead_time_s)
+    return transfer_function(gain * product(leads), product(lags), dead_time_s)
 
 
 def from_parameters(p: Mapping[str, float]) -> TransferFunction:
@@ -167,14 +184,20 @@ def straight(p: Mapping[str, float], name: str) -> TransferFunction:
     return from_parameters(p)
 
 
+def coefficient_names(zeros: int, poles: int, late: bool = False) -> tuple[str, ...]:
+    """b1, b0, a2, a1, a0 …: numerator, denominator without its leading 1, and the dead time of one that is late."""
+    named = [f"b{k}" for k in range(zeros, -1, -1)] + [f"a{k}" for k in range(poles - 1, -1, -1)]
+    return (*named, "dead_time_s") if late else tuple(named)
+
+
 def _roots(coefficients: Array) -> Complex:
     found = np.roots(coefficients).astype(np.complex128)
     return found[np.lexsort((found.imag, np.round(np.abs(found), 12)))]
 
 
-def _product(factors: Sequence[Sequence[float]]) -> Array:
-    """Π (1 + f₁s + f₂s² …), highest power first."""
-    made = np.ones(1)
+def product(factors: Sequence[Sequence[complex]]) -> Any:
+    """Π (1 + f₁s + f₂s² …), highest power first, shape (powers,); complex where a factor is."""
+    made: Any = np.ones(1)
     for factor in factors:
         made = np.convolve(made, [*reversed(list(factor)), 1.0])
     return made
@@ -202,7 +225,7 @@ def _walk(step: Array, start: Array, count: int) -> Array:
     return states[:, :count]
 
 
-def _sections(roots: Complex) -> tuple[list[float], list[tuple[float, float]]]:
+def sections(roots: Complex) -> tuple[list[float], list[tuple[float, float]]]:
     """Roots as 1 + f₁s (at most one, the slowest real) and 1 + f₁s + f₂s² factors."""
     real = sorted((r.real for r in roots if abs(r.imag) <= 1e-9 * abs(r)), key=abs)
     single = [-1.0 / real.pop(0)] if len(real) % 2 else []
@@ -213,32 +236,11 @@ def _sections(roots: Complex) -> tuple[list[float], list[tuple[float, float]]]:
 
 def pole_parameters(poles: Complex) -> dict[str, float]:
     """Times and dampings of the plant `transfer-function` that has these stable poles; a time of 0 is no pole."""
-    lag, pairs = _sections(poles)
+    lag, pairs = sections(poles)
     made = {"lag_time": lag[0] if lag else 0.0}
     for i in range(2):
         first, square = pairs[i] if i < len(pairs) else (0.0, 0.0)
         time_s = math.sqrt(square)
         made[f"pair{i + 1}_time"] = time_s
         made[f"pair{i + 1}_damping"] = first / (2.0 * time_s) if time_s else 0.7
-    return made
-
-
-def _to_parameters(model: TransferFunction) -> dict[str, float]:
-    poles, zeros = model.poles, model.zeros
-    if len(poles) > 1 and poles[0] == 0.0 and poles[1] != 0.0 and len(model.numerator) < len(model.denominator):
-        rest = TransferFunction(model.numerator, model.denominator[:-1], model.dead_time_s)
-        made = _to_parameters(rest)
-        return {**made, "gain": 0.0, "integrator_gain": made["gain"]}
-    if len(poles) > 5 or not model.is_stable or np.any(np.abs(zeros) == 0.0):
-        raise InputError(
-            f"the plant 'transfer-function' has up to five stable poles and no zero at 0; found poles {poles} "
-            f"and zeros {zeros}"
-        )
-    lead, squares = _sections(zeros)
-    tops = [*squares, *((first, 0.0) for first in lead)]
-    if len(tops) > len(poles) // 2:
-        raise InputError(f"the plant 'transfer-function' has no place for zeros {zeros} beside poles {poles}")
-    made = {"gain": model.dc_gain, "offset": 0.0, "dead_time": model.dead_time_s, **pole_parameters(poles)}
-    for i in range(2):
-        made[f"pair{i + 1}_zero"], made[f"pair{i + 1}_zero_square"] = tops[i] if i < len(tops) else (0.0, 0.0)
     return made

@@ -103,11 +103,6 @@ def test_zeros_stay_out_of_the_right_half_plane_when_asked():
     assert found.fit_percent < fit_form(noisy(TEN), Form(3, 1)).fit_percent
 
 
-def test_gain_at_rest_is_held():
-    found = fit_form(noisy(TEN, seed=1), Form(3, 1, dc_gain=1.0))
-    assert found.model.dc_gain == pytest.approx(1.0, rel=1e-12)
-
-
 def test_orders_are_found_by_evidence():
     found = fit_transfer_function(noisy(TEN, seed=5))
     assert (found.form.poles, found.form.zeros, found.form.dead_time) == (3, 1, False)

@@ -32,7 +32,6 @@ def fit_transfer_function(
     dead_time: bool | float | None = None,
     stable: bool = True,
     minimum_phase: bool = False,
-    dc_gain: float | None = None,
     weights: Weights | None = None,
 ) -> TransferFunctionFit:
     """Fit a transfer function; what is None is chosen by evidence.
@@ -49,13 +48,12 @@ def fit_transfer_function(
         dead_time: True to estimate, False for none, a number of seconds to fix, None to choose whether.
         stable: keep poles out of the right half plane.
         minimum_phase: keep zeros out of it.
-        dc_gain: gain at rest, if known.
         weights: see `fit_form`.
 
     Raises:
         InputError: fewer lines than the smallest form has unknowns, or an impossible form.
     """
-    base = Form(1, 0, False, 0.0, stable, minimum_phase, dc_gain)
+    base = Form(1, 0, False, 0.0, stable, minimum_phase)
     asked = _forms(poles, zeros, dead_time, base)
     forms = _possible(asked, response)
     if len(asked) == 1 or not forms:

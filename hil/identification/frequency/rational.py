@@ -14,6 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from hil.physics.transfer_function import sections
 from hil.record.recording import Array, Complex
 
 _FAR_IN = 1e-9  # of the middle of the band
@@ -30,7 +31,6 @@ class Form:
     Attributes:
         dead_time: whether it is estimated; else it is `dead_time_s`.
         stable: poles only in the left half plane. `minimum_phase`: zeros too.
-        dc_gain: gain at rest, if it is known.
     """
 
     poles: int
@@ -39,7 +39,6 @@ class Form:
     dead_time_s: float = 0.0
     stable: bool = True
     minimum_phase: bool = False
-    dc_gain: float | None = None
 
     @property
     def lags(self) -> tuple[int, ...]:
@@ -54,7 +53,7 @@ class Form:
     @property
     def unknowns(self) -> int:
         """Number of parameters to estimate."""
-        return self.poles + self.zeros + int(self.dead_time) + int(self.dc_gain is None)
+        return self.poles + self.zeros + int(self.dead_time) + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +61,7 @@ class Solution:
     """Parameters of a form that fit best.
 
     Attributes:
-        parameters: [gain (if free), d₁ d₂ of each lag, n₁ n₂ of each lead, dead time (if free)].
+        parameters: [gain, d₁ d₂ of each lag, n₁ n₂ of each lead, dead time (if free)].
         residuals: whitened, real and imaginary parts in turn, shape (2n,). `jacobian`: of them, shape (2n, p).
         converged: whether the optimiser met its tolerance.
     """
@@ -125,7 +124,7 @@ def evaluate(form: Form, parameters: Array, s: Complex) -> tuple[Complex, Comple
 
 def _model(form: Form, parameters: Array, s: Complex) -> tuple[Complex, Complex]:
     """Model values (n,) and their derivatives, shape (p, n); no number where a factor is zero."""
-    at = first = int(form.dc_gain is None)
+    at = 1
     dead_time = parameters[-1] if form.dead_time else form.dead_time_s
     powers, slopes = np.stack((s, s * s)), np.empty((len(parameters), len(s)), np.complex128)
     shape: Complex = np.exp(-s * dead_time)
@@ -135,9 +134,9 @@ def _model(form: Form, parameters: Array, s: Complex) -> tuple[Complex, Complex]
         factor = 1.0 + parameters[those] @ terms
         slopes[those] = (terms if order < 0 else -terms) / factor
         shape = shape * factor if order < 0 else shape / factor
-    values = shape * (parameters[0] if form.dc_gain is None else form.dc_gain)
-    slopes[first:at] *= values
-    slopes[:first] = shape
+    values = shape * parameters[0]
+    slopes[1:at] *= values
+    slopes[0] = shape
     slopes[at:] = -s * values
     return values, slopes
 
@@ -151,8 +150,7 @@ def _whitened(form: Form, given: Data, parameters: Array) -> tuple[Array, Array]
 
 def bounds(form: Form) -> tuple[Array, Array]:
     """Lower and upper bounds of the parameters."""
-    low = [-math.inf] * int(form.dc_gain is None)
-    low += [_NO_LESS if form.stable else -math.inf] * form.poles
+    low = [-math.inf, *[_NO_LESS if form.stable else -math.inf] * form.poles]
     low += [0.0 if form.minimum_phase else -math.inf] * form.zeros
     low += [0.0] * int(form.dead_time)
     return np.array(low), np.full(len(low), math.inf)
@@ -230,11 +228,10 @@ def _linear_start(form: Form, given: Data, dead_time: float) -> Array:
 
 def _factors(form: Form, above: Array, below: Array, dead_time: float) -> Array:
     """Parameters of a form from polynomial coefficients, lowest power first, mirrored into the bounds."""
-    gain = [float(above[0])] if form.dc_gain is None else []
     late = [dead_time] if form.dead_time else []
     lags = _split(below, form.lags, mirror=form.stable)
     leads = _split(above / (above[0] or 1.0), form.leads, mirror=form.minimum_phase)
-    return np.array([*gain, *lags, *leads, *late])
+    return np.array([float(above[0]), *lags, *leads, *late])
 
 
 def _split(coefficients: Array, orders: tuple[int, ...], *, mirror: bool) -> list[float]:
@@ -243,10 +240,5 @@ def _split(coefficients: Array, orders: tuple[int, ...], *, mirror: bool) -> lis
     roots = np.where(np.abs(roots) < _FAR_IN, -_FAR_IN, roots)  # one at zero has no factor
     if mirror:
         roots = -np.maximum(np.abs(roots.real), _NO_LESS * np.abs(roots)) + 1j * roots.imag
-    roots = np.concatenate((roots, np.full(sum(orders) - len(roots), -1e3)))  # a lost power: a root far out
-    pairs = [complex(r) for r in roots if r.imag > 1e-9 * abs(r)]
-    real = sorted((float(r.real) for r in roots if abs(r.imag) <= 1e-9 * abs(r)), key=abs)
-    single = [real.pop(0)] if 1 in orders else []
-    made = [f for r in pairs for f in (-2.0 * r.real / abs(r) ** 2, 1.0 / abs(r) ** 2)]
-    made += [f for a, b in zip(real[::2], real[1::2], strict=True) for f in (-1.0 / a - 1.0 / b, 1.0 / (a * b))]
-    return made + [-1.0 / r for r in single]
+    single, pairs = sections(np.concatenate((roots, np.full(sum(orders) - len(roots), -1e3))))  # a lost power: far out
+    return [*(factor for pair in pairs for factor in pair), *single]

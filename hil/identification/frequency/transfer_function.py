@@ -17,7 +17,7 @@ from hil.identification.frequency.rational import Form, data, solve
 from hil.identification.uncertainty.fit import fit_percent
 from hil.language.note import Note
 from hil.physics.readings import readings
-from hil.physics.transfer_function import TransferFunction
+from hil.physics.transfer_function import TransferFunction, coefficient_names
 from hil.record.recording import Array, Complex
 from hil.signals.interval import rounded, width
 
@@ -88,9 +88,7 @@ class TransferFunctionFit:
     @property
     def coefficient_names(self) -> tuple[str, ...]:
         """b1, b0, a2, a1, a0, dead time: as in `coefficients`."""
-        above = [f"b{k}" for k in range(self.form.zeros, -1, -1)]
-        below = [f"a{k}" for k in range(self.form.poles - 1, -1, -1)]
-        return (*above, *below, *(("dead_time_s",) if self.form.dead_time else ()))
+        return coefficient_names(self.form.zeros, self.form.poles, self.form.dead_time)
 
     @property
     def coefficient_covariance(self) -> Array:

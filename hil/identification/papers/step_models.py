@@ -28,7 +28,7 @@ from hil.identification.step.step_response import (
 from hil.identification.uncertainty.fit import bode_errors, fit_percent
 from hil.language.note import Note
 from hil.physics.formula import formula
-from hil.physics.transfer_function import TransferFunction
+from hil.physics.transfer_function import TransferFunction, coefficient_names
 from hil.record.plain import plain
 from hil.record.recording import Array, Complex
 
@@ -58,19 +58,14 @@ class StepModel:
     gain_error_db: float | None = None
     phase_error_deg: float | None = None
 
-    @property
-    def coefficients(self) -> tuple[str, ...]:
-        """b1, b0, a2 …: names in the order of the covariance."""
-        above = [f"b{k}" for k in range(len(self.model.numerator) - 1, -1, -1)]
-        return (*above, *(f"a{k}" for k in range(len(self.model.denominator) - 2, -1, -1)))
-
     def as_dict(self) -> dict[str, Any]:
         """As a fitted function among results, with the errors beside it."""
         known = bool(self.covariance.size)
+        above, below = self.model.numerator, self.model.denominator
+        names = coefficient_names(len(above) - 1, len(below) - 1) if known else ()
         return {
-            "label": self.name, "numerator": self.model.numerator, "denominator": self.model.denominator,
-            "dead_time_s": 0.0, "unit": "1", "coefficients": list(self.coefficients) if known else [],
-            "covariance": self.covariance if known else np.zeros((0, 0)), "fit_percent": self.fit_percent,
+            "label": self.name, "numerator": above, "denominator": below, "dead_time_s": 0.0, "unit": "1",
+            "coefficients": list(names), "covariance": self.covariance, "fit_percent": self.fit_percent,
             "gain_error_db": self.gain_error_db, "phase_error_deg": self.phase_error_deg,
         }  # fmt: skip
 
