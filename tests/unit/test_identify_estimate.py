@@ -30,6 +30,17 @@ def test_what_acts_as_a_sum_cannot_be_told_apart_but_is_there() -> None:
     assert np.all(np.isinf(found.std))
 
 
+def test_samples_that_say_nothing_make_no_interval_narrower() -> None:
+    rng = np.random.default_rng(3)
+    measured = 2.0 + rng.standard_normal(4000)
+    says = rng.random(4000) < 0.2
+    level = [Unknown("level", "V", 1.0, -10.0, 10.0, 1.0)]
+    masked = estimate(lambda values: np.where(says, values[0] - measured, 0.0), level)
+    alone = estimate(lambda values: values[0] - measured[says], level)
+    assert masked.std == pytest.approx(alone.std, rel=0.05)
+    assert masked.mean_square == pytest.approx(alone.mean_square)
+
+
 class Counted:
     """Residuals of a curved valley, lowest where every value is one, and how often they were asked for."""
 

@@ -205,6 +205,8 @@ def test_intervals_hold_forms_that_are_as_probable():
     assert [share for _, share in choice.probable] == pytest.approx([3.0 / 7.0, 3.0 / 7.0, 1.0 / 7.0])
     assert choice.form_std("lag_time") == pytest.approx(np.sqrt(3.0 / 7.0 * (0.04**2 + 0.02**2)))
     assert StructureChoice(plain, (plain,)).form_std("lag_time") == 0.0
+    told_by_none = replace(late, vague=frozenset({"lag_time"}))
+    assert StructureChoice(plain, (told_by_none, plain)).form_std("lag_time") == 0.0
 
 
 def test_samples_that_are_read_late_are_no_pole_that_nobody_sees():

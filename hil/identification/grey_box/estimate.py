@@ -76,10 +76,19 @@ class Estimate:
     @cached_property
     def identifiability(self) -> Identifiability:
         """What the data tell of the values; times residual variance and the loss of independent samples by colour."""
-        count = len(self.unknowns)
-        variance = self.chi2 / max(len(self.residuals) - count, 1) * colour_factor(self.residuals)
+        variance = self.chi2 / max(self.count - len(self.unknowns), 1) * colour_factor(self.residuals)
         widths = np.array([u.high - u.low for u in self.unknowns])
         return identifiability(self.slopes.curvature, variance, widths, sorted(self.fixed_at_bound))
+
+    @property
+    def count(self) -> int:
+        """How many residuals say something: where nothing was measured they are exactly 0."""
+        return max(int(np.count_nonzero(self.residuals)), 1)
+
+    @property
+    def mean_square(self) -> float:
+        """Of the residuals that say something."""
+        return self.chi2 / self.count
 
     @property
     def covariance(self) -> Array:

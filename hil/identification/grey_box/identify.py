@@ -46,7 +46,6 @@ from hil.physics.model import Covariance, Model, Value, load_model, typical_mode
 from hil.physics.plant import Parameter, Parameters, Plant, Structure
 from hil.record.progress import Progress, quiet
 from hil.record.recording import Array, Mask
-from hil.signals.colour import colour_factor
 from hil.signals.interval import COVERED, rounded, width
 from hil.signals.products import one_blas_thread
 
@@ -199,7 +198,7 @@ def _near(
 
 def _fails(model: Model, e: Experiment) -> bool:
     """Whether a model leaves more than the noise."""
-    error = e.telling(e.reading_as_in(model).simulated(model)[0] - e.output)
+    error = (e.reading_as_in(model).simulated(model)[0] - e.output)[e.valid]
     return float(np.mean(error**2)) > MISFIT * max(channel_floor(e.valid_output), _resolution(e.output)) ** 2
 
 
@@ -350,7 +349,7 @@ def _best_reading(model: Model, names: Sequence[str], task: _Task) -> tuple[Esti
             found = _restarted(model, read, found)
         # Where a dead time can stand in for it, the data do not tell the reading instant: keep the plain one. Nor does
         # what a model of another structure leaves: there a difference counts in units of that.
-        excess = 1.0 if best is None else max(1.0, best[0].chi2 / len(best[0].residuals))
+        excess = 1.0 if best is None else max(1.0, best[0].mean_square)
         if best is None or found.chi2 < best[0].chi2 - _TELLING_CHI2 * excess:
             best = found, read
     assert best is not None  # noqa: S101
@@ -365,7 +364,7 @@ def _restarted(model: Model, task: _Task, first: Estimate) -> Estimate:
     """Try other starts while the fit stays far above the noise; a poor start must not pass for physics."""
     best = first
     for factor in _RESTARTS:
-        if best.chi2 < _WELL_ABOVE_FLOOR * len(best.residuals):
+        if best.mean_square < _WELL_ABOVE_FLOOR:
             break
         moved = [
             replace(u, start=float(np.clip(u.start * factor, u.low, u.high))) if u.unit in ("s", "rad/s") else u
@@ -489,8 +488,7 @@ def _wider_than_themselves(plant: Plant, values: Parameters, stds: Mapping[str, 
 
 def _std_of_noise(found: Estimate) -> Array:
     """Standard uncertainties that the noise alone would leave, had the model left nothing else; shape (k,)."""
-    beyond = found.chi2 / max(len(found.residuals) - len(found.values), 1) * colour_factor(found.residuals)
-    return found.std / math.sqrt(max(beyond, 1.0))
+    return found.std / math.sqrt(max(found.identifiability.variance, 1.0))
 
 
 def _undetermined(by_test: Mapping[str, str], by_model: Sequence[str], slow_hz: float) -> list[Note]:

@@ -43,7 +43,7 @@ _POLES = {"lag_time": 1, "pair1_time": 2, "pair2_time": 2}
 # By so much noise alone lowers the sum of squares, in its own variance, with every unknown; fits end where a step
 # brings less than these parts of it.
 _BY_CHANCE, _COARSE, _FINE = 1.0, 0.5, 0.01
-_EXCLUDED = 2.0 * math.log(20.0)  # difference of BIC beyond which a form is excluded, as 95 % exclude a value
+_EXCLUDED = 2.0 * math.log(20.0)  # of BIC, beyond which a form or a start is excluded, as 95 % exclude a value
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +56,7 @@ class Tried:
         mean_square: of the weighted residuals.
         held_out: root mean square error where it was foretold, in noise standard deviations; NaN
             where the criterion alone ruled the structure out.
+        vague: parameters whose interval in it is wider than the whole response or record: it says nothing of them.
     """
 
     structure: Structure
@@ -63,6 +64,7 @@ class Tried:
     bic: float
     mean_square: float
     held_out: float
+    vague: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +82,7 @@ class StructureChoice:
         return tuple(zip(near, odds([t.bic for t in near]).tolist(), strict=True))
 
     def form_std(self, name: str) -> float:
-        """By how much a free parameter depends on the form: root mean square distance in forms that have it free too.
+        """By how much a free parameter depends on the form: root mean square distance in forms that tell it too.
 
         The lag is a real pole's, which other forms may have as one of a pair: of theirs the nearest counts.
         """
@@ -88,7 +90,8 @@ class StructureChoice:
         having = [
             (min(values, key=lambda value: abs(value - own)), share)
             for t, share in self.probable
-            if (values := _real_times_s(t.values) if name == "lag_time" else _free_value(t, name))
+            if name not in t.vague
+            and (values := _real_times_s(t.values) if name == "lag_time" else _free_value(t, name))
         ]
         total = sum(share for _, share in having)
         return math.sqrt(sum(share * (value - own) ** 2 for value, share in having) / total) if having else 0.0
@@ -165,13 +168,13 @@ def _chosen(search: _Search) -> StructureChoice:
     least = min(fits.values(), key=lambda found: found.chi2)
     count = independent(least.residuals)
     near = min(_bic(found, count) for found in fits.values()) + 2.0 * VERY_STRONG
-    is_misfit = least.chi2 > MISFIT * len(least.residuals)
+    is_misfit = least.mean_square > MISFIT
     for name, found in fits.items():
         if found is least or _bic(found, count) <= near or (is_misfit and _is_plain(forms[name])):
             fits[name] = search.fitted(forms[name], search.values(forms[name], found))
     count = independent(min(fits.values(), key=lambda found: found.chi2).residuals)
     tried = [
-        Tried(s, search.values(s, found), _bic(found, count), found.chi2 / len(found.residuals), float("nan"))
+        Tried(s, search.values(s, found), _bic(found, count), found.mean_square, float("nan"))
         for s, found in ((forms[name], found) for name, found in fits.items())
     ]
     return _judged(search, sorted(tried, key=lambda t: t.bic), fits)
@@ -183,7 +186,7 @@ def _cannot_pay(form: Structure, rich: Estimate, fits: Sequence[Estimate]) -> bo
     That says nothing where a plainer form leaves less: then it was not fitted from a good start.
     """
     least, count = min(found.chi2 for found in fits), independent(rich.residuals)
-    if _fall(rich.chi2, least) * len(rich.residuals) > _BY_CHANCE * len(rich.values):
+    if _fall(rich.chi2, least) * rich.count > _BY_CHANCE * len(rich.values):
         return False
     bound = bic(min(rich.chi2, least) / len(rich.residuals), count, len(form.free))
     return bound > min(_bic(found, count) for found in fits) + 2.0 * VERY_STRONG
@@ -195,8 +198,8 @@ def _fall(before: float, now: float) -> float:
 
 
 def independent(residuals: Array) -> float:
-    """How many independent samples coloured residuals are worth."""
-    return max(len(residuals) / colour_factor(residuals), 2.0)
+    """How many independent samples coloured residuals are worth, those apart that say nothing and are exactly 0."""
+    return max(np.count_nonzero(residuals) / colour_factor(residuals), 2.0)
 
 
 def _bic(found: Estimate, count: float) -> float:
@@ -211,15 +214,19 @@ def _judged(search: _Search, tried: list[Tried], fits: Mapping[str, Estimate]) -
     if len(near) == 1:
         return StructureChoice(tried[0], tuple(tried))
     errors = [search.foretold(t) for t in near]
-    judged = [replace(t, held_out=float(np.sqrt(np.mean(error)))) for t, error in zip(near, errors, strict=True)]
-    shown = [search.shows_gain(fits[t.structure.name]) for t in near]
+    near = [
+        replace(t, held_out=float(np.sqrt(np.mean(error))), vague=search.vague(fits[t.structure.name]))
+        for t, error in zip(near, errors, strict=True)
+    ]
+    # the gain at rest is to be known to within the whole response; of a bent curve it is that of any level
+    shown = ["gain" not in t.vague or "bend" in t.structure.free for t in near]
     chosen = simplest_good(errors, [(len(t.structure.free), t.bic) for t in near])
     if not shown[chosen]:  # a pole as slow as the recording is long follows a bend or a drift, and goes on with it
         plainest = [(not s, len(t.structure.free), t.bic) for s, t in zip(shown, near, strict=True)]
         chosen = simplest_good(errors, plainest, COVERED)
     if shown[chosen]:
-        judged = [t if s else replace(t, bic=math.inf) for s, t in zip(shown, judged, strict=True)]
-    return StructureChoice(judged[chosen], (*judged, *rest))
+        near = [t if s else replace(t, bic=math.inf) for s, t in zip(shown, near, strict=True)]
+    return StructureChoice(near[chosen], (*near, *rest))
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,12 +242,12 @@ class _Search:
         return self._at(structure, found.values)
 
     def improves(self, other: _Search, structure: Structure, start: Parameters) -> bool:
-        """Whether what is off here, but is on there, or the reverse, makes a structure simulate very much better.
+        """Whether what is off here, but is on there, or the reverse, simulates so well that the other is excluded.
 
         From the start as it was read: where that is free, a wrong one costs nothing.
         """
         before, now = other.left(structure, start), self.left(structure, start)
-        return _fall(float(before @ before), float(now @ now)) * independent(now) > VERY_STRONG
+        return _fall(float(before @ before), float(now @ now)) * independent(now) > _EXCLUDED
 
     def left(self, structure: Structure, start: Parameters) -> Array:
         """What a structure that is fitted from a start leaves from the first output as it was read."""
@@ -261,17 +268,14 @@ class _Search:
         fits: list[Estimate] = []
         for start in self._promising(structure, before)[:_MOST_STARTS]:
             fits = sorted([*fits, self.fitted(structure, start, rough=True)], key=lambda found: found.chi2)
-            if len(fits) > 1 and _fall(fits[1].chi2, fits[0].chi2) * len(fits[0].residuals) < _BY_CHANCE:
+            if len(fits) > 1 and _fall(fits[1].chi2, fits[0].chi2) * fits[0].count < _BY_CHANCE:
                 break
         return fits[0]
 
-    def shows_gain(self, found: Estimate) -> bool:
-        """Whether the gain at rest is known to within the whole response; of a bent curve it is that of any level."""
-        names = [u.name for u in found.unknowns]
-        if "gain" not in names or "bend" in names:
-            return True
-        std = float(found.std[names.index("gain")])
-        return COVERED * std <= self._natural(self.plant.parameter("gain"))
+    def vague(self, found: Estimate) -> frozenset[str]:
+        """Parameters whose interval is wider than their natural size."""
+        stds = zip(found.named, found.std.tolist(), strict=True)
+        return frozenset(name for name, std in stds if COVERED * std > self._natural(self.plant.parameter(name)))
 
     def foretold(self, tried: Tried) -> Array:
         """Mean squared weighted error in blocks of the recordings, each fitted to those on one side of it alone.
@@ -284,7 +288,8 @@ class _Search:
         for block in _FORETOLD:
             used = owner < block if block > _BLOCKS // 2 else owner > block
             found = self.fitted(tried.structure, tried.values, used, rough=True)
-            made.append(float(np.mean(self._errors(self.values(tried.structure, found))[owner == block] ** 2)))
+            errors = self._errors(self.values(tried.structure, found))[owner == block]
+            made.append(float(errors @ errors) / max(int(np.count_nonzero(errors)), 1))
         return np.array(made)
 
     def fitted(

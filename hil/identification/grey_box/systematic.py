@@ -121,7 +121,7 @@ def _structural_covariance(
 
 def _most_probable(alike: Array, along: Array, left: Array) -> tuple[float, float, Array, Array]:
     """Share of what is added over the noise, the noise's variance, the sizes' mean and their spread in its units."""
-    total, count = float(left @ left), len(left)
+    total, count = float(left @ left), max(int(np.count_nonzero(left)), 1)
     values, vectors = np.linalg.eigh(alike)
     values, seen = np.maximum(values, 0.0), vectors.T @ along
 

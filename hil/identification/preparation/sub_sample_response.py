@@ -64,7 +64,7 @@ def _longest_hidden_s(model: Model, experiments: Sequence[Experiment]) -> float:
         return [e.telling(e.respond(model.definition, values, model.active_effects)[0] - e.output) for e in experiments]
 
     plain = np.concatenate(errors(0.0))
-    allowed = float(plain @ plain) * (1.0 + _RISES_BY * colour_factor(plain) / len(plain))
+    allowed = float(plain @ plain) * (1.0 + _RISES_BY * colour_factor(plain) / int(np.count_nonzero(plain)))
     interval_s = min(e.interval_s for e in experiments)
 
     def shows(lag_s: float) -> bool:
