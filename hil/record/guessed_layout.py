@@ -18,7 +18,6 @@ from hil.record.text_file import encoding_of, open_text
 from hil.record.tokens import (
     as_numbers,
     decimal_and_thousands,
-    decimal_between_commas,
     is_blank,
     is_date_only,
     is_number,
@@ -65,7 +64,7 @@ def _as_contract(encoding: str, lines: Sequence[str]) -> Layout | None:
         if len(cells) > 1 and all(cell.count("[") == 1 and cell.endswith("]") for cell in cells):
             rows = [split(line, mark) for line in lines[at + 1 :] if line.strip()]
             kinds = tuple(_kind([row[i] for row in rows if len(row) > i]) for i in range(len(cells)))
-            decimal, thousands = _marks(mark, rows)
+            decimal, thousands = decimal_and_thousands([cell for row in rows for cell in row], mark == ",")
             units = ("",) * len(cells)
             return Layout(encoding, mark, decimal, thousands, tuple(cells), units, at + 2, kinds)
     return None
@@ -88,7 +87,7 @@ def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named:
     if len(before) > count and all(map(_is_known, before)):
         raise FileError(f"{path}: line {first} has {len(before)} values, those below {count}; each needs as many")
     rows = [split(line, separator) for line in lines[first:] if line.strip()]
-    decimal, thousands = _marks(separator, rows)
+    decimal, thousands = decimal_and_thousands([cell for row in rows for cell in row], separator == ",")
     if decimal == "." and separator != "," and more and not any("." in cell for row in rows for cell in row):
         decimal, thousands = _marks_further_on(path, encoding, first)
     above = list(_above(lines[:first], separator, count))
@@ -176,13 +175,6 @@ def _first_row(lines: Sequence[str], separator: str, count: int, kinds: Sequence
     while first and (before := fits(lines[first - 1]))[0] and 2 * sum(before) > len(before):
         first -= 1
     return first
-
-
-def _marks(separator: str, rows: Sequence[Sequence[str]]) -> tuple[str, str]:
-    cells = [cell for row in rows for cell in row]
-    if separator == ",":
-        return decimal_between_commas(cells)
-    return decimal_and_thousands(cells)
 
 
 def _marks_further_on(path: Path, encoding: str, first: int) -> tuple[str, str]:

@@ -83,32 +83,20 @@ def is_stamp(field: str) -> bool:
     return bool(_DATE.match(field) or _STAMP.match(field) or _CLOCK.match(field))
 
 
-def decimal_and_thousands(fields: Sequence[str]) -> tuple[str, str]:
-    """The marks in numbers that are not separated by commas; (".", "") where nothing tells.
+def decimal_and_thousands(fields: Sequence[str], between_commas: bool = False) -> tuple[str, str]:
+    """The marks in numbers; (".", "") where nothing tells. A number that commas separate holds one only in quotes.
 
-    A point beside decimal commas stands between thousands where it can: in `5.0739` it is a decimal mark too.
+    A mark before groups of three digits stands between thousands where the other one, or a comma in quotes, shows it.
     """
     numbers = [field for field in fields if is_number(field)]
     both = next((field for field in numbers if "," in field and "." in field), "")
     if both:
         return (",", ".") if both.rindex(",") > both.rindex(".") else (".", ",")
     commas, points = ([field for field in numbers if mark in field] for mark in ",.")
-    grouped = bool(points) and all(map(_GROUPED.match, points))
-    if not commas or (points and not grouped and all(map(_GROUPED.match, commas))):
-        return ".", "," if commas else ""
-    return ",", "." if grouped else ""
-
-
-def decimal_between_commas(fields: Sequence[str]) -> tuple[str, str]:
-    """The marks in numbers that commas separate: one that holds a comma stands in quotes.
-
-    A comma before anything but groups of three digits, or behind a lone 0, is a decimal mark.
-    """
-    quoted = [field for field in fields if "," in field and is_number(field)]
-    if not quoted:
-        return ".", ""
-    grouped = all(map(_GROUPED.match, quoted))
-    return (".", ",") if grouped or any("." in field for field in fields if is_number(field)) else (",", "")
+    grouped = [all(map(_GROUPED.match, found)) for found in (commas, points)]
+    if commas and grouped[0] and (between_commas or (points and not grouped[1])):
+        return ".", ","
+    return (",", "." if points and grouped[1] else "") if commas else (".", "")
 
 
 def numbers(texts: Any, decimal: str, thousands: str, unit: str = "", prefixed: bool = False) -> NDArray[np.float64]:

@@ -446,6 +446,13 @@ class TestTexts:
         assert found.values("count").tolist() == [1000.0 + 37 * k for k in range(60)]
         assert found.time_s == pytest.approx(0.004 * np.arange(60))
 
+    def test_decimal_commas_in_quotes_beside_points(self, tmp_path: Path) -> None:
+        rows = "".join(f'{0.004 * k:.3f},"{k},5"\n' for k in range(60))
+        (tmp_path / "x.csv").write_text(f"time [s],command [%]\n{rows}")
+        found = read_recording(tmp_path / "x.csv")
+        assert found.values("command").tolist() == [k + 0.5 for k in range(60)]
+        assert found.time_s == pytest.approx(0.004 * np.arange(60))
+
     @pytest.mark.parametrize("heading", ["T", "T_oil", "clock"])
     def test_what_only_sounds_like_a_time_is_a_signal(self, heading: str, tmp_path: Path) -> None:
         values = [k % 2 if heading == "clock" else 40.0 + 0.5 * k for k in range(30)]
