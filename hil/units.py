@@ -24,7 +24,7 @@ _SPELLINGS = {"1": "dimensionless", "": "dimensionless", "gpm": "gallon/minute",
               "BAR": "bar", "barg": "bar", "bara": "bar", "bar(g)": "bar", "bar(a)": "bar", "counts": "count",
               "Nm": "N*m", "pct": "%", "%FS": "%", "% FS": "%", "l/mn": "l/min", "kg/cm^2": "kgf/cm^2",
               "kg/cm²": "kgf/cm^2", "deg C": "degC", "oC": "degC", "oF": "degF", "℃": "degC", "V DC": "V",
-              "U/min": "rpm", '"': "inch"}  # fmt: skip
+              "U/min": "rpm", "r/min": "rpm", '"': "inch"}  # fmt: skip
 # The same by their small letters, tried where a spelling is unknown: loggers write HZ, Kpa, PERCENT.
 _FOLDED = {"hz": "Hz", "khz": "kHz", "kpa": "kPa", "mpa": "MPa", "degc": "degC", "vdc": "V", "prozent": "%",
            "sek": "s", "sekunde": "s", "sekunden": "s", "kn": "kN"}  # fmt: skip
@@ -43,6 +43,7 @@ def units_ready() -> None:
     _registry()
 
 
+_TURNS, _ANGLES = re.compile("revolution"), re.compile("revolution|radian|degree")
 # Typed twice, not a share of a share: 10 %% is no 0.1 %.
 _TWICE = re.compile(r"%[\s*]*%")
 
@@ -87,6 +88,10 @@ def scale_and_offset(unit: str, to: str) -> tuple[float, float]:
     source, target = _unit(unit), _unit(to)
     if source.dimensionality != target.dimensionality:
         raise UnitError(f"unit '{unit}' cannot be read as '{to}': they measure different things")
+    if _TURNS.search(str(target)) and not _ANGLES.search(str(source)):  # 1/min of a motor are turns
+        source *= registry.revolution
+    elif _TURNS.search(str(source)) and not _ANGLES.search(str(target)):
+        target *= registry.revolution
     zero = float(registry.Quantity(0.0, source).to(target).magnitude)
     one = float(registry.Quantity(1.0, source).to(target).magnitude)
     return one - zero, zero
