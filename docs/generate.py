@@ -221,10 +221,11 @@ def said(*arguments: str) -> str:
 PLANTS = """\
 What `hil identify --plant NAME` fits. Each parameter is given as *name [unit]: meaning; typical value (bounds of a
 fit)*. Those that are *held* stay at their value unless `--free NAME` frees them. A column is found by its name;
-`--input` and `--output` override it. Inner signals are used where they were recorded. Parameters that are
-*as of* another plant have its unit, value, bounds and meaning.
+`--input` and `--output` override it. Inner signals are used where they were recorded. Parameters that are *as of*
+another plant have its unit, value, bounds and meaning.
 
-Signals are inputs → output. Places are where effects may act, with stage (where it has another name) and unit."""
+Signals are inputs → output. Places are where effects may act, with stage (where it has another name) and unit.
+*Merritt* is Hydraulic Control Systems, 1967."""
 
 
 def plants_page() -> Iterator[str]:
@@ -235,7 +236,7 @@ def plants_page() -> Iterator[str]:
     for entry in entries("plants"):
         found = plant(entry.name)
         yield from ("", f"## `{found.name}`", "", entry.summary, "")
-        first = [f"Source: {found.source}."] if found.source else []
+        first = [f"Source: {of_merritt(found.source)}."] if found.source else []
         owned = [(heads.setdefault(head, found.name), head) for head in (*first, *signals_and_places(found))]
         for owner, some in groupby(owned, lambda one: one[0]):
             texts = [head for _, head in some]
@@ -265,6 +266,11 @@ def slowness(found: Plant) -> Iterator[str]:
     """How much slower than a valve a plant is, where it is."""
     for times in sorted({hook.slower for hook in found.hooks} - {1.0}):
         yield f"Effects: times of the library × {number(times)}, rates ÷ {number(times)}."
+
+
+def of_merritt(source: str) -> str:
+    """A source with the book that most share by its author alone."""
+    return source.replace("Merritt: Hydraulic Control Systems, 1967", "Merritt")
 
 
 def of_channel(unit: str) -> str:
@@ -298,11 +304,12 @@ def parameter_row(parameter: Parameter) -> str:
 
 
 EFFECTS = """\
-The library that a diagnosis screens. One definition (`hil/physics/effects/NAME.py`) makes the simulation, the fit, the
-wording of the verdict and this page. Each parameter is given as *name [unit]: meaning; typical value (bounds, null)*.
-At its *null* an effect does nothing; parameters without one are shapes, of any value meanwhile. FS is the full scale
-of the effect's place in its [plant](plants.md), or of the *travel* there; model files have the unit of the place.
-Times and rates are those of valves; a slower plant says by how much they differ."""
+The library that a diagnosis screens. One definition (`hil/physics/effects/NAME.py`) makes the simulation, the fit,
+the wording of the verdict and this page. Each parameter is given as *name [unit]: meaning; typical value (bounds,
+null)*. At its *null* an effect does nothing; parameters without one are shapes, of any value meanwhile. FS is the
+full scale of the effect's place in its [plant](plants.md), or of the *travel* there; model files have the unit of the
+place. Times and rates are those of valves; a slower plant says by how much they differ. *Merritt* is Hydraulic
+Control Systems, 1967."""
 
 
 def effects_page() -> Iterator[str]:
@@ -324,7 +331,7 @@ def effect_section(effect: Effect) -> Iterator[str]:
     yield from ("", f"## {effect.name}", "", summary, "", "```text", effect.equation, "```", "")
     yield from (effect_parameter(parameter) for parameter in effect.parameters)
     yield ""
-    yield f"At {', '.join(f'`{place}`' for place in sorted(effect.hooks))}. Source: {effect.source}"
+    yield f"At {', '.join(f'`{place}`' for place in sorted(effect.hooks))}. Source: {of_merritt(effect.source)}"
 
 
 def effect_parameter(parameter: EffectParameter) -> str:
