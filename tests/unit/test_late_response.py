@@ -70,22 +70,14 @@ def test_a_gap_on_stamps_off_every_grid_takes_nothing_of_the_command() -> None:
     ]
 
 
-def test_an_integrator_with_a_gap_stands_where_its_late_response_begins() -> None:
+@pytest.mark.parametrize(("gap_s", "count"), [((0.0, 0.0), 300), ((4.0, 4.5), 250)])
+def test_an_integrator_stands_where_its_late_response_begins(gap_s: tuple[float, float], count: int) -> None:
     position = 3.0 + 5.0 * STEP_S * np.concatenate(([0.0], np.cumsum(COMMAND)[:-1]))
     linear = plant("transfer-function")
-    e = experiment(logged(position, 3.0, (4.0, 4.5)), linear, "command", "flow", 0.0)
+    e = experiment(logged(position, 3.0, gap_s), linear, "command", "flow", 0.0)
     drives = linear.typical | {"gain": 0.0, "integrator_gain": 5.0, "start_at_output": 1.0}
-    assert int(e.valid.sum()) == 250
+    assert int(e.valid.sum()) == count and e.is_late
     np.testing.assert_allclose(e.respond(linear, drives)[0][e.valid], e.valid_output, atol=1e-6)
-
-
-def test_an_integrator_stands_where_its_late_response_begins() -> None:
-    position = 3.0 + 5.0 * STEP_S * np.concatenate(([0.0], np.cumsum(COMMAND)[:-1]))
-    linear = plant("transfer-function")
-    e = experiment(logged(position, 3.0), linear, "command", "flow", 0.0)
-    drives = linear.typical | {"gain": 0.0, "integrator_gain": 5.0, "start_at_output": 1.0}
-    assert len(e.output) == 300 and e.is_late
-    np.testing.assert_allclose(e.respond(linear, drives)[0], e.output, atol=1e-6)
 
 
 def test_a_response_without_a_late_start_is_bound_as_before() -> None:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.signal import lsim
+from scipy.signal import lfilter, lsim
 
 from hil.physics.compose import plant
 from hil.physics.linear import braked_mass, delay_steps, delayed, first_order, held_first_order, second_order
@@ -20,23 +20,14 @@ INPUT = np.concatenate(([0.0], RNG.normal(size=len(TIME_S) - 1)))
 
 
 @pytest.mark.parametrize("lag_s", [1e-4, 0.01, 0.3, 20.0])
-def test_first_order_between_straight_inputs(lag_s: float) -> None:
+@pytest.mark.parametrize("held", [False, True], ids=["straight inputs", "held inputs"])
+def test_first_order(held: bool, lag_s: float) -> None:
     keep, old, new = first_order(lag_s, STEP_S)
-    y = np.zeros(len(TIME_S))
-    for k in range(1, len(TIME_S)):
-        y[k] = keep * y[k - 1] + old * INPUT[k - 1] + new * INPUT[k]
-    exact = lsim(([1.0], [lag_s, 1.0]), INPUT, TIME_S, interp=True)[1]
-    assert np.allclose(y, exact, atol=1e-10)
-
-
-@pytest.mark.parametrize("lag_s", [1e-4, 0.01, 0.3, 20.0])
-def test_first_order_of_a_held_input(lag_s: float) -> None:
-    keep = held_first_order(lag_s, STEP_S)
-    y = np.zeros(len(TIME_S))
-    for k in range(1, len(TIME_S)):
-        y[k] = keep * y[k - 1] + (1.0 - keep) * INPUT[k - 1]
-    exact = lsim(([1.0], [lag_s, 1.0]), INPUT, TIME_S, interp=False)[1]
-    assert np.allclose(y, exact, atol=1e-10)
+    if held:
+        keep = held_first_order(lag_s, STEP_S)
+        old, new = 1.0 - keep, 0.0
+    exact = lsim(([1.0], [lag_s, 1.0]), INPUT, TIME_S, interp=not held)[1]
+    assert np.allclose(lfilter([new, old], [1.0, -keep], INPUT), exact, atol=1e-10)
 
 
 @pytest.mark.parametrize("drag", [0.0, 1e-9, 0.002, 30.0, 3000.0])

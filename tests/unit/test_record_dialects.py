@@ -268,18 +268,18 @@ def test_texts_where_numbers_begin_are_refused_with_their_place(tmp_path: Path) 
     assert len(read(tmp_path, "\n".join([head, *late]), Reading(gaps=True)).samples("flow").time_s) == COUNT - 9
 
 
-def test_words_of_a_remark_are_no_headings(tmp_path: Path) -> None:
-    rows = text("% Robot (25)\n% 1 time 0.025\n", lambda t, u, y: f"{t:.3f} {u} {y}")
+@pytest.mark.parametrize(
+    ("head", "row", "time"),
+    [
+        ("% Robot (25)\n% 1 time 0.025\n", lambda t, u, y: f"{t:.3f} {u} {y}", "time [s]"),  # a remark
+        ("", lambda t, u, y: f"2025-06-05,{clock(t - 80_000.0, '.')},{u},{y}", "time"),  # a day and a time: one column
+    ],
+)
+def test_columns_without_headings_are_asked_for(tmp_path: Path, head: str, row: Callable[..., str], time: str) -> None:
     with pytest.raises(FileError, match="name the 3 columns with --columns"):
-        read(tmp_path, rows, name="x.txt")
-    is_as_written(read(tmp_path, rows, Reading(columns=("time [s]", "command [%]", "flow [l/min]")), name="x.txt"))
-
-
-def test_days_and_times_apart_count_as_the_one_column_that_they_are(tmp_path: Path) -> None:
-    rows = text("", lambda t, u, y: f"2025-06-05,{clock(t - 80_000.0, '.')},{u},{y}")
-    with pytest.raises(FileError, match="name the 3 columns"):
-        read(tmp_path, rows)
-    is_as_written(read(tmp_path, rows, Reading(columns=("time", "command [%]", "flow [l/min]"))))
+        read(tmp_path, text(head, row), name="x.txt")
+    named = Reading(columns=(time, "command [%]", "flow [l/min]"))
+    is_as_written(read(tmp_path, text(head, row), named, name="x.txt"))
 
 
 def test_units_of_toa5_stand_though_cells_between_them_are_blank(tmp_path: Path) -> None:

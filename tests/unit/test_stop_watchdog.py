@@ -108,13 +108,18 @@ def test_program_that_does_not_confirm_is_killed_after_a_moment(watched: Watched
     assert watched.received.count(b"!") == 1 and watched.was_killed and not waiting.done()
 
 
-def test_program_that_confirms_goes_its_own_way(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("output", "confirmed"), [(SAFE["valve"], True), (Output(State.UNCONFIRMED, "V", can=False), False)]
+)
+def test_program_that_confirms_or_cannot_ask_its_device_goes_its_own_way(
+    output: Output, confirmed: bool, watched: Watched, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(watchdog, "CONFIRMS_S", PATIENCE_S)
     thread = watched.begin()
     waiting = watched.service.stop()
     wait_until_told(watched)
-    watched.tells(SAFE["valve"])
-    assert waiting.result(PATIENCE_S).is_confirmed
+    watched.tells(output)
+    assert waiting.result(PATIENCE_S).is_confirmed == confirmed
     watched.says(b"s")
     time.sleep(0.3)
     assert thread.is_alive()
@@ -145,17 +150,6 @@ def test_program_that_is_confirming_is_left_alone_until_it_hangs(watched: Watche
     thread.join(PATIENCE_S)
     end, _ = watched.ended[0]
     assert end is not None and "gave no sign of life for 3 s" in end.why and watched.was_killed
-
-
-def test_device_that_cannot_be_asked_is_no_reason_to_kill(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(watchdog, "CONFIRMS_S", PATIENCE_S)
-    thread = watched.begin()
-    waiting = watched.service.stop()
-    watched.tells(Output(State.UNCONFIRMED, "V", can=False))
-    assert not waiting.result(PATIENCE_S).is_confirmed
-    watched.says(b"sq")
-    thread.join(PATIENCE_S)
-    assert watched.ended[0][0] is None and watched.lives
 
 
 def test_wishes_do_not_keep_a_silent_program_alive(watched: Watched) -> None:

@@ -145,15 +145,16 @@ def test_parse_json_says_what_is_no_json(text: bytes) -> None:
         parse_json(text, "here")
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["a." * 50_000 + "a = 1", "[" + "a." * 50_000 + "a]", "x = [1]\n" + '"a". ' * 50_000 + "a = 1",
-     "x = {" + "'a'." * 50_000 + "a = 1}"],
-    ids=begins,
-)  # fmt: skip
-def test_parse_toml_refuses_a_dotted_key_at_once(text: str) -> None:
+LONG_KEYS = ("a." * 50_000 + "a = 1", "[" + "a." * 50_000 + "a]", "x = [1]\n" + '"a". ' * 50_000 + "a = 1",
+             "x = {" + "'a'." * 50_000 + "a = 1}")  # fmt: skip
+NO_TOML = ("a" * 200_000, '"' * 200_001, "a " * 100_000, "'a' " * 50_000, "a = " + "1" * 5000)
+
+
+@pytest.mark.parametrize("text", [*LONG_KEYS, *NO_TOML], ids=begins)
+def test_parse_toml_refuses_a_dotted_key_and_what_is_none_at_once(text: str) -> None:
     begun = time.process_time()
-    with pytest.raises(FileError, match=r"here: line \d: a key of more than 64 parts"):
+    says = r"line \d: a key of more than 64 parts" if text in LONG_KEYS else ""
+    with pytest.raises(FileError, match=f"^here: {says}"):
         parse_toml(text, "here")
     assert time.process_time() - begun < 2  # 200 s in the parser
 
@@ -164,16 +165,6 @@ def test_parse_toml_refuses_a_dotted_key_at_once(text: str) -> None:
 def test_parse_toml_refuses_depth(text: str) -> None:
     with pytest.raises(FileError, match="here: TOML nested more than 64 deep"):
         parse_toml(text, "here")
-
-
-@pytest.mark.parametrize(
-    "text", ["a" * 200_000, '"' * 200_001, "a " * 100_000, "'a' " * 50_000, "a = " + "1" * 5000], ids=begins
-)
-def test_parse_toml_is_quick_with_what_is_none(text: str) -> None:
-    begun = time.process_time()
-    with pytest.raises(FileError, match=r"^here: "):
-        parse_toml(text, "here")
-    assert time.process_time() - begun < 2
 
 
 def test_parse_toml_reads_versions_and_addresses_in_text() -> None:
