@@ -3,11 +3,13 @@
 import csv
 import json
 import math
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import hil
 from hil.errors import FileError
 from hil.findings.collect import results_of
 from hil.findings.curves import curves_of
@@ -127,10 +129,16 @@ def test_run_on_a_bench_gives_the_same_results_when_read_later(tmp_path, command
     assert Results.model_validate_json(said.out) == kept
 
 
-def test_report_again_judges_by_new_limits(tmp_path, command_line):
-    run = tmp_path / "run"
-    step = ("run", "step_response", "--set", "levels=0,80", "--bench", "brevini-hpv41")
-    assert command_line(*step, "--out", run).status == 0
+@pytest.fixture(scope="module")
+def stepped(tmp_path_factory):
+    """A run that passed, which nobody changes."""
+    run = tmp_path_factory.mktemp("stepped") / "run"
+    hil.run("step_response", "brevini-hpv41", run, levels=(0, 80), limits=["change=10.."])
+    return run
+
+
+def test_report_again_judges_by_new_limits(stepped, tmp_path, command_line):
+    run = shutil.copytree(stepped, tmp_path / "run")
     (run / "report.html").unlink()
     name = read_results(run / RESULTS_FILE).values[0].name
     said = command_line("report", run, "--limit", f"{name}=1000..")
@@ -150,11 +158,8 @@ def test_report_of_a_run_that_was_broken_off_says_so(tmp_path, command_line):
     assert "did not end as planned: stopped by Ctrl-C" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
 
 
-def test_what_a_stopped_run_measured_has_not_passed(tmp_path, command_line):
-    run, stopped = tmp_path / "run", tmp_path / "stopped"
-    step = ("run", "step_response", "--set", "levels=0,80", "--bench", "brevini-hpv41", "--limit", "change=10..")
-    assert command_line(*step, "--out", run).status == 0
-    whole = read(run)
+def test_what_a_stopped_run_measured_has_not_passed(stepped, tmp_path, command_line):
+    stopped, whole = tmp_path / "stopped", read(stepped)
     write(replace(whole, meta={**whole.meta, "outcome": "Terminated: by SIGTERM"}), stopped)
     said = command_line("report", stopped, "--limit", "change=10..", "--limit", "rise=..1e-9")
     kept = read_results(stopped / RESULTS_FILE)
