@@ -100,16 +100,3 @@ def test_the_linear_plant_is_exact_at_any_interval(given: dict[str, float]) -> N
     held = np.concatenate((np.zeros(late), (INPUT + values["bend"] * INPUT**2)[: len(INPUT) - late]))
     exact = lsim((model.numerator, model.denominator), held, TIME_S, interp=False)[1]
     assert np.allclose(simulated, exact + values["offset"], atol=1e-9)
-
-
-def test_the_spool_of_the_hpv41_is_three_poles_and_a_dead_time() -> None:
-    valve = plant("brevini-hpv41")
-    command = np.where(np.arange(800) < 1, 0.0, 40.0)[None, :]
-    spool = simulate(valve, valve.typical, Drive(command, math.nan, 1e-3), factor=10.0)[1]
-    p = valve.typical
-    w, zeta, rate = p["spool_frequency"], p["spool_damping"], p["pilot_rate"]
-    below = np.convolve([1.0 / rate, 1.0], [1.0 / w**2, 2.0 * zeta / w, 1.0])
-    late = round(p["dead_time"] / 1e-3)
-    held = np.concatenate((np.zeros(late), command[0, :-late]))
-    exact = lsim(([1.0], below), held, np.arange(800) * 1e-3, interp=False)[1]
-    assert np.abs(spool - exact).max() < 1e-4 * 40.0

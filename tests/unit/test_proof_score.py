@@ -12,7 +12,7 @@ from tests.proof.score.coverage import intervals
 from tests.proof.score.gap import fit_percent, gap_closed, misfit_sigma
 from tests.proof.score.judge import judge
 from tests.proof.score.rates import Rate
-from tests.proof.score.result import Result, judged, read
+from tests.proof.score.result import Result, judged
 from tests.proof.score.table import HEADINGS, cells, sections
 from tests.proof.truth.law import Hidden
 from tests.proof.truth.noise import WHITE
@@ -176,9 +176,3 @@ def test_every_row_of_the_table_has_a_cell_for_each_heading() -> None:
     for section in sections(population(PERFECT)):
         for row in section.rows:
             assert len(cells(row)) == len(HEADINGS)
-
-
-def test_a_result_survives_being_written(tmp_path) -> None:
-    result = population(PERFECT)[0]
-    result.write(tmp_path / "a.json")
-    assert read(tmp_path / "a.json") == result

@@ -14,7 +14,6 @@ from hil.daq.contract import Block, Waveform, joined
 from hil.errors import DeviceLostError, HardwareError, OutputUnderflowError, OverrunError, RangeError
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate
-from hil.record.recording import Array
 
 LSB_V = 20.0 / 2**16
 
@@ -62,15 +61,6 @@ def test_noise_is_as_large_as_said_and_different_on_each_channel() -> None:
     expected = np.hypot(0.03, 0.04)
     assert block.inputs["flow"].std() == pytest.approx(expected, rel=0.03)
     assert abs(np.corrcoef(block.inputs["flow"], block.inputs["again"])[0, 1]) < 0.03
-
-
-def test_same_seed_same_samples_other_seed_other_samples() -> None:
-    def flow(seed: int) -> Array:
-        daq = hpv41({"flow": {**FLOW, "noise": 0.3}}, simulation={"seed": seed})
-        return joined(list(daq.play(steps(5.0)))).inputs["flow"]
-
-    assert np.array_equal(flow(1), flow(1))
-    assert not np.array_equal(flow(1), flow(2))
 
 
 def test_output_is_held_between_tasks_and_time_goes_on() -> None:
