@@ -50,7 +50,7 @@ def driven_on(procedure: Procedure, text: str, settings: Mapping[str, str], at: 
 
 def noisy(clean: Recording, bench: str, situation: Situation, seed: int) -> Recording:
     """The recording of one seed."""
-    told = tomllib.loads(benches()[bench].read_text(encoding="utf-8"))
+    told = tomllib.loads(read_bench(benches()[bench]).text)
     noise_v = float(told["devices"]["daq"]["noise_v"])
     errors = np.random.default_rng([seed, 7])
     channels = {}

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass, field
 
 from hil.bench.find import benches
+from hil.bench.read import read_bench
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ SITUATIONS = (
 
 def without_noise(bench: str, situation: Situation) -> str:
     """The bench file of a situation with no noise and the finest converters."""
-    text = benches()[bench].read_text(encoding="utf-8")
+    text = read_bench(benches()[bench]).text
     text = re.sub(r"noise = [0-9.]+", "noise = 0.0", text)
     text = re.sub(r"noise_v = \S+", "noise_v = 0.0\nbits = 24", text)
     # a reading without noise stands as still as that of a dead sensor
