@@ -79,13 +79,15 @@ def equations(command: Any, supply: Any, load: Any, tank: Any, temperature: Any,
     if throttle > c.closed:
         # what the compensator takes comes late; the rest lies over edge and load in series
         spare = max(drop - c.margin - (demand / throttle) ** 2, 0.0)
-        x.taken += c.compensator_step * (spare - x.taken)
+        x.taken = c.t_keep * x.taken + c.t_old * x.spare + c.t_new * spare
+        x.spare = spare
         if demand != 0.0:
             series = 1.0 / throttle**2 + c.margin / demand**2
             size = math.sqrt(max(drop - x.taken, 0.0) / series)
         across = (size / throttle) ** 2 if demand >= 0.0 else -((size / throttle) ** 2)
     else:
         x.taken = 0.0
+        x.spare = 0.0
         across = drop * covered(opening, c.dead_band)
     x.across = across
     flow = size if demand >= 0.0 else -size
@@ -103,10 +105,10 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
     return {
         **spring_step(p["spool_frequency"], p["spool_damping"], step_s),
         **lag_step("m", p["sensor_lag"], step_s),
+        **lag_step("t", p["compensator_lag"], step_s),
         "dead_steps": delay_steps(p["dead_time"], step_s),
         "pilot_step": min(step_s * p["pilot_rate"], 1e15),
         "line_step": 1.0 - held_first_order(p["line_lag"], step_s),
-        "compensator_step": 1.0 - held_first_order(p["compensator_lag"], step_s),
         "dead_band": p["dead_band"],
         "full_flow": p["full_flow"],
         "exponent": p["curve_exponent"],
@@ -148,7 +150,7 @@ PLANT = replace(
         Parameter("leakage", "l/min", 0.2, 0.0, 5.0, "from P to T at 100 bar, spool in its middle", hook="flow"),
         *(one for one in LAB.parameters if one.name in _FROM_LAB),
     ),
-    states={**OF.states, **dict.fromkeys(("supply", "tank", "load", "taken", "across"), 1)},
+    states={**OF.states, **dict.fromkeys(("supply", "tank", "load", "taken", "spare", "across"), 1)},
     equations=equations,
     coefficients=coefficients,
     source=OF.source + "; Merritt: Hydraulic Control Systems, 1967, ch. 5 (compensator, laminar gaps)",
