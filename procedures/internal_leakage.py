@@ -10,11 +10,14 @@ import math
 
 import numpy as np
 
-from hil.identification.steady.characteristic import over_all, polyline
+from hil.identification.steady.characteristic import Read, over_all, polyline
+from hil.identification.steady.sweep_estimate import SweepEstimate
+from hil.identification.uncertainty.parametric_bootstrap import about
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.crossing import crossing
+from hil.signals.interval import CERTAIN
 from hil.signals.rounding import mean_rounding_std
 from procedures._blocked import BlockedSweep, drive_blocked
 from procedures._characteristic import swept
@@ -79,11 +82,12 @@ def evaluate(recording: Recording) -> Findings:
         near = found[1].estimate
         noise_std = float(np.median(near.std * np.sqrt(near.points.count)))
         coded = mean_rounding_std(noise_std, reading_step(recording, flow))
-        peak, peak_std = over_all(near, lambda response, _slope: float(response.max()))
+        peak, peak_std = _peak(near)
         at, at_std = over_all(near, lambda response, _slope: 0.5 * sum(_flanks(near.command, response)))
         steep = np.interp(_flanks(near.command, near.response), near.command, near.slope)
         at_std = math.hypot(at_std, *(0.5 * coded / steep))
-        neutral, is_there = float(parts[0]["neutral"]), math.isfinite(at_std)
+        stands_out = peak - max(near.response[0], near.response[-1]) > CERTAIN * math.hypot(peak_std, coded)
+        neutral, is_there = float(parts[0]["neutral"]), stands_out and math.isfinite(at_std)
         measured += [
             PEAK.at(unit=flow.unit).of(peak, math.hypot(peak_std, coded), calibration=level),
             PEAK_AT.of(percent * (at - neutral), percent * at_std, calibration=percent * calibration_std(command))
@@ -101,6 +105,12 @@ def evaluate(recording: Recording) -> Findings:
         for label, one in zip(("whole range", "about neutral"), found, strict=False)
     ]  # fmt: skip
     return Findings(tuple(measured), {"internal_leakage": curves}, deviations=departures(recording))
+
+
+def _peak(near: SweepEstimate) -> Read:
+    """The largest leakage, less what noise adds to a largest value (bootstrap: Efron, Tibshirani, 1993, ch. 10)."""
+    value, again = float(near.response.max()), near.responses.max(axis=1)
+    return 2.0 * value - float(again.mean()), about(again, value)
 
 
 def _flanks(command: Array, leakage: Array) -> tuple[float, float]:
