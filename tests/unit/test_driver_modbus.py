@@ -26,6 +26,7 @@ from sim_devices import modbus as twin
 from sim_devices._modbus_frames import RtuFrames, TcpFrames, answered, crc16
 from sim_devices._quirks import Quirks
 from sim_devices.kit import Place, Table, Timer, serve_registers
+from tests.foreign_line import ForeignLine
 from tests.linked import linked as linked_to
 from tests.linked import simulation, turned
 from tests.waits import until
@@ -101,28 +102,14 @@ def test_twin_answers_as_the_specification_prints(name: str) -> None:
 def test_driver_sends_and_understands_what_the_specification_prints(name: str) -> None:
     """Against a socket that knows nothing but this one exchange."""
     request, answer = (bytes.fromhex(text) for text in EXAMPLES[name])
-    heard: list[bytes] = []
-
-    def exchange(listener: socket.socket) -> None:
-        client, _ = listener.accept()
-        with client:
-            frame = client.recv(300)
-            heard.append(frame)
-            client.sendall(frame[:4] + struct.pack(">HB", len(answer) + 1, frame[6]) + answer)
-            client.recv(1)
-
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        thread = threading.Thread(target=exchange, args=(listener,))
-        thread.start()
-        settings = modbus.Settings(model="wago-750", address=f"127.0.0.1:{listener.getsockname()[1]}")
-        line = ModbusLine(settings, lambda: None)
+    function, address, rest = request[0], *struct.unpack(">HH", request[1:5])
+    values = [0x000A, 0x0102] if function == 16 else [rest]
+    with ForeignLine(lambda frame: frame[:4] + struct.pack(">HB", len(answer) + 1, frame[6]) + answer) as device:
+        line = ModbusLine(modbus.Settings(model="wago-750", address=f"127.0.0.1:{device.port}"), lambda: None)
         line.connect()
-        function, address, rest = request[0], *struct.unpack(">HH", request[1:5])
-        values = [0x000A, 0x0102] if function == 16 else [rest]
         got = line.exchange(_modbus_client.request(function, address, rest, values, 1))
         line.close()
-        thread.join()
-    assert heard[0][7:].hex(" ") == request.hex(" ")
+    assert device.heard[0][1][7:].hex(" ") == request.hex(" ")
     assert _modbus_client.belongs(got, function, address, 3 if function == 3 else 1, values)
     if function in (3, 4):
         assert got.registers == list(struct.unpack(f">{answer[1] // 2}H", answer[2:]))
@@ -258,23 +245,6 @@ def test_without_a_watchdog_the_coupler_keeps_its_output() -> None:
 SECONDS = {"ao0": modbus.Register("out", "voltage", "V", 0.0, 10.0, "holding", 120, "u16", slope=0.001)}
 
 
-class Bytes:
-    """A server that writes down what registers are told, by function 6, and stands for itself: it shares nothing."""
-
-    def __init__(self) -> None:
-        self.written: list[tuple[int, int]] = []
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.address = f"127.0.0.1:{self._listener.getsockname()[1]}"
-        threading.Thread(target=self._serve, daemon=True).start()
-
-    def _serve(self) -> None:
-        with self._listener, self._listener.accept()[0] as client:
-            while request := client.recv(260):
-                if request[7] == 6:
-                    self.written.append(struct.unpack(">HH", request[8:12]))
-                client.sendall(request)
-
-
 @pytest.mark.parametrize(("unit", "count"), [("tenths", 20), ("seconds", 2), ("ms", 2000)])
 def test_watchdog_is_told_its_time_in_its_own_unit_and_where_the_output_is_safe(unit: str, count: int) -> None:
     model = modbus.Model(SECONDS, watchdog=((140, f"{{{unit}}}"), (141, "{safe:ao0}"), (142, 1)))
@@ -283,11 +253,11 @@ def test_watchdog_is_told_its_time_in_its_own_unit_and_where_the_output_is_safe(
         (wiring, [(140, count), (141, 5000), (142, 1)]),
         (Wiring({}, {}), []),  # a device without an output in use is left as it is
     ):
-        device = Bytes()
-        settings = modbus.LineSettings(address=device.address, watchdog_s=2.0)
-        assert list(modbus.line_faults(settings, model)) == []
-        modbus.ModbusLink(settings, connected, model).close()
-        assert device.written == written
+        with ForeignLine(lambda frame: frame) as device:
+            settings = modbus.LineSettings(address=f"127.0.0.1:{device.port}", watchdog_s=2.0)
+            assert list(modbus.line_faults(settings, model)) == []
+            modbus.ModbusLink(settings, connected, model).close()
+        assert [struct.unpack(">HH", frame[8:12]) for _, frame in device.heard if frame[7] == 6] == written
 
 
 @pytest.mark.parametrize("text", ["{minutes}", "2", "{safe:ao1}", "{safe}", "{safe:}", ""])
