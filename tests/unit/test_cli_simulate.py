@@ -84,14 +84,6 @@ def test_simulate_uses_of_the_output_its_first_sample_at_most(hil: Run, tmp_path
     assert (tmp_path / "out0.csv").read_bytes() == (tmp_path / "out1.csv").read_bytes()
 
 
-def test_simulate_needs_no_output_at_all(hil: Run, tmp_path: Path) -> None:
-    save_model(unit(), tmp_path / "model.json")
-    made = command(2)
-    write_recording(recording("x", np.arange(len(made)) / RATE_HZ, {"command [%]": made}), tmp_path / "in.csv")
-    hil("simulate", "--model", "model.json", "--input", "in.csv", "--out", "out.csv")
-    assert len(read_recording(tmp_path / "out.csv")) == len(made)
-
-
 def test_uneven_stamps_give_what_even_ones_do(hil: Run, tmp_path: Path) -> None:
     save_model(unit(), tmp_path / "model.json")
     made = np.repeat(command(2), 4)

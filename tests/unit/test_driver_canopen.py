@@ -192,11 +192,6 @@ def test_restart_of_the_valve_is_noticed(bus: str) -> None:
         assert side.standing("set point") == 0.0
 
 
-def test_nobody_at_the_node_is_said(bus: str) -> None:
-    with pytest.raises(DeviceLostError, match=f"node 5 on virtual:.*{bus[:8]}.* does not answer"):
-        canopen_valve.open_link(canopen_valve.Settings(address=f"virtual:{bus}", node=5, timeout_s=1.0), WIRING)
-
-
 def test_no_bus_is_said_at_once() -> None:
     settings = canopen_valve.Settings(address="socketcand:127.0.0.1:1")
     with pytest.raises(DeviceLostError, match=r"this bus cannot be opened: .*refused"):

@@ -360,11 +360,6 @@ def test_cable_that_is_pulled_is_a_lost_device() -> None:
             link.read()
 
 
-def test_nobody_at_the_address_is_said_at_once() -> None:
-    with pytest.raises(DeviceLostError, match="cannot be reached"):
-        modbus.open_link(modbus.Settings(model="wago-750", address="127.0.0.1:1"), WAGO)
-
-
 METER = Wiring(OUT, {"flow": InputChannel("flow", "flow", "value", "l/min", -500.0, 500.0)})
 
 

@@ -130,20 +130,14 @@ def test_output_that_is_set_to_give_a_current_is_refused(monkeypatch: pytest.Mon
         pass
 
 
-def test_scanner_is_driven_and_read() -> None:
-    with scanner() as (link, _, side):
+@pytest.mark.parametrize("port", ["", "tty"], ids=["socket", "serial port"])
+def test_scanner_is_driven_and_read(port: str, tmp_path: Any) -> None:
+    with scanner(**({"address": str(tmp_path / port)} if port else {})) as (link, _, side):
         link.drive({"dac4": 6.5})
         time.sleep(0.003)
         assert link.read() == {"in3": pytest.approx(6.5, abs=1e-3)}
         assert link.standing() == {"dac4": pytest.approx(6.5)}
         assert side.standing("dac4") == 6.5
-
-
-def test_scanner_on_a_serial_port(tmp_path: Any) -> None:
-    with scanner(address=str(tmp_path / "tty")) as (link, _, _):
-        link.drive({"dac4": 1.5})
-        time.sleep(0.003)
-        assert link.read() == {"in3": pytest.approx(1.5, abs=1e-3)}
 
 
 def bridged(listener: socket.socket, device: Any) -> None:

@@ -18,7 +18,7 @@ from drivers import _modbus_line as modbus_line
 from drivers import modbus
 from drivers.modbus import LineSettings, ModbusLink, Model, Register
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
-from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
+from hil.errors import HardwareError, LinkError, SettingError
 from tests.foreign_line import ForeignLine, Tables, crc, serial_frame, tcp_frame
 from tests.waits import side_by_side
 
@@ -279,15 +279,6 @@ def test_whatever_the_library_raises_is_a_named_error(error: Exception) -> None:
             with pytest.raises(HardwareError) as told:
                 call()
             assert str(told.value)
-
-
-def test_a_connection_that_is_closed_is_a_lost_device() -> None:
-    device = Tables(inputs={0: 453})
-    closing = [False]
-    with linked(lambda frame: None if closing[0] else device.on_tcp(frame)) as link:
-        closing[0] = True
-        with pytest.raises(DeviceLostError):
-            link.read()
 
 
 @pytest.mark.parametrize("said", ["Moxa E1241 V3.2", ""])

@@ -83,11 +83,6 @@ def test_coloured_noise_is_no_overshoot_and_widens_what_is_stated(corner_hz):
     assert 0.6 < np.mean(stated) / np.std(rises) < 2.2
 
 
-def test_the_last_step_goes_on_to_the_end():
-    (only,) = measured_steps(bench(FIRST, (10.0, 90.0)), "command", "flow")
-    assert only.figures.final == pytest.approx(90.0, abs=1e-3)
-
-
 def test_what_is_no_step_response_is_said():
     with pytest.raises(InputError, match="does not change"):
         step_figures(np.arange(100.0), np.ones(100))
