@@ -121,11 +121,7 @@ def test_site_finds_no_run_outside_its_folder(site: Site, name: str) -> None:
         site.run(name)
 
 
-def test_site_follows_no_link_and_knows_benches_by_name_alone(site: Site, tmp_path: Path) -> None:
-    written(tmp_path / "elsewhere").close()
-    (site.runs / "link").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(FileError, match="no run"):
-        site.run("link")
+def test_site_knows_benches_by_name_alone(site: Site) -> None:
     assert site.bench("own").bench.name
     with pytest.raises(UnknownNameError):
         site.bench(str(BENCH))

@@ -201,9 +201,12 @@ def test_a_node_that_is_only_read_is_asked_by_sdo_and_left_as_it_is(tmp_path: Pa
             link.read()
 
 
-@pytest.mark.parametrize(
+BY_EDS = pytest.mark.parametrize(
     "name", [name for name, path in descriptions().items() if 'protocol = "canopen"' in path.read_text()]
 )
+
+
+@BY_EDS
 def test_the_twin_reads_a_file_as_the_library_does(name: str) -> None:
     path = str(descriptions()[name].with_suffix(".eds"))
     objects, by_library = objects_of(path, 5), import_od(path, 0)
@@ -215,9 +218,7 @@ def test_the_twin_reads_a_file_as_the_library_does(name: str) -> None:
     assert set(known) == set(objects)
 
 
-@pytest.mark.parametrize(
-    "name", [name for name, path in descriptions().items() if 'protocol = "canopen"' in path.read_text()]
-)
+@BY_EDS
 def test_a_file_without_faults_is_read_as_the_library_does(name: str) -> None:
     path = str(descriptions()[name].with_suffix(".eds"))
     by_library = import_od(path, 0)

@@ -77,11 +77,6 @@ def test_lines_of_the_module_as_its_manual_prints_them() -> None:
     assert side.standing("ao0") == 7.456
 
 
-def test_readings_of_all_eight_inputs_in_one_line() -> None:
-    answer = module_twin.Module(by_hand(INPUTS), module_of("adam-4017"), 1).answer_to("#01")
-    assert answer == ">" + 8 * "+00.000"
-
-
 def test_module_is_driven_and_read_back() -> None:
     with module() as (link, _, side):
         link.drive({"ao0": -3.25})
