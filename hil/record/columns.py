@@ -68,7 +68,7 @@ class Column:
     def is_like_time(self) -> bool:
         """Whether it holds a time by its unit (`X [s]`) or its name's end (`SimTime`), and values that increase."""
         name, unit = self.name_and_unit
-        called = headings.is_time_unit(unit) if unit else headings.ends_as_time(name)
+        called = headings.is_time_unit(unit) if unit else headings.ends_as_time(name) or headings.fraction_ns(name) > 0
         return self.is_number and called and self.rises
 
     @property

@@ -88,8 +88,6 @@ def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named:
         raise FileError(f"{path}: line {first} has {len(before)} values, those below {count}; each needs as many")
     rows = [split(line, separator) for line in lines[first:] if line.strip()]
     decimal, thousands = decimal_and_thousands([cell for row in rows for cell in row], separator == ",")
-    if decimal == "." and separator != "," and more and not any("." in cell for row in rows for cell in row):
-        decimal, thousands = _marks_further_on(path, encoding, first)
     above = list(_above(lines[:first], separator, count))
     at, cells, units = (0, ("",) * count, ("",) * count) if named else _headings(above, count)
     if not at and not named:
@@ -175,15 +173,6 @@ def _first_row(lines: Sequence[str], separator: str, count: int, kinds: Sequence
     while first and (before := fits(lines[first - 1]))[0] and 2 * sum(before) > len(before):
         first -= 1
     return first
-
-
-def _marks_further_on(path: Path, encoding: str, first: int) -> tuple[str, str]:
-    """Where whole numbers alone stand at the beginning."""
-    with open_text(path, encoding) as file:
-        for line in islice(file, first, None):
-            if "," in line or "." in line:
-                return (",", ".") if "," in line and "." not in line else (".", "")
-    return ".", ""
 
 
 def _above(lines: Sequence[str], separator: str, count: int) -> Iterator[tuple[int, list[str]]]:

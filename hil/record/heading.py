@@ -41,6 +41,7 @@ _TIME_UNITS = {
     "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "ms": "ms", "msec": "ms", "milliseconds": "ms",
     "us": "us", "µs": "us", "μs": "us", "usec": "us", "ns": "ns", "min": "min", "minutes": "min", "h": "h", "sek": "s",
     "sekunden": "s", "sekunde": "s", "millisecond": "ms", "minute": "min", "hour": "h", "hours": "h", "hrs": "h",
+    "millis": "ms", "micros": "us", "microseconds": "us",
 }  # fmt: skip
 _COUNTERS = frozenset(
     {
@@ -74,8 +75,6 @@ RATES = frozenset({
 })  # fmt: skip
 """Names of the number of samples a second."""
 _STARTS = frozenset({"t0", "x0", "t_0", "start_time", "starttime", "time_offset", "t_start", "tstart"})
-_FRACTIONS = {"ms": 1_000_000, "msec": 1_000_000, "millisecond": 1_000_000, "milliseconds": 1_000_000,
-              "millis": 1_000_000, "us": 1000, "µs": 1000, "usec": 1000, "microseconds": 1000}  # fmt: skip
 _YEAR_2000_DAYS, _YEAR_2100_DAYS = 36_526.0, 73_050.0  # of a spreadsheet
 _MATLAB_DAYS = 693_960.0  # what its day numbers are ahead of a spreadsheet's
 _FINE = 2e-5  # days, 1.7 s; seconds that fine, without a unit, count from the start of a recording
@@ -145,7 +144,7 @@ def plain_name(name: str) -> str:
 def is_time(name: str) -> bool:
     """Whether a column of this name can only hold the time."""
     bare = plain_name(name)
-    return bare in _TIMES or time_unit(name) != ""
+    return bare in _TIMES or (" " in bare and time_unit(name) != "")
 
 
 def may_be_time(name: str) -> bool:
@@ -160,9 +159,9 @@ def is_date(name: str) -> bool:
 
 
 def time_unit(name: str) -> str:
-    """The unit that a name of a time ends with: `time_ms`, `t_s`; empty without one."""
+    """The unit that a name of a time ends with, or is: `time_ms`, `t_s`, `millis`; empty without one."""
     before, _, last = plain_name(name).rpartition(" ")
-    return _TIME_UNITS.get(last, "") if before in _TIMES else ""
+    return _TIME_UNITS.get(last, "") if not before or before in _TIMES else ""
 
 
 def is_time_unit(unit: str) -> bool:
@@ -182,7 +181,7 @@ def ends_as_time(name: str) -> bool:
 
 def fraction_ns(name: str) -> int:
     """How many nanoseconds one is in a column that holds the parts of a second beside a clock; 0 for any other."""
-    return _FRACTIONS.get(plain_name(name), 0)
+    return {"ms": 1_000_000, "us": 1000}.get(_TIME_UNITS.get(plain_name(name), ""), 0)
 
 
 def unit_of_stamps(values: Array) -> tuple[str, str]:

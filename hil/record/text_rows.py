@@ -33,7 +33,7 @@ from hil.record.tokens import (
     unit_of,
 )
 
-_REMARKS = ("#", "%", "//", "--", "**")  # what begins a line that is none of the samples
+_REMARKS = ("#", "%", "//", "--", "**", "EOF", "\x1a")  # what begins a line that is none of the samples
 _SHOWN = 40
 _LOOKED_AT = 50  # rows, for a unit behind the numbers
 
@@ -87,7 +87,7 @@ def _rows(pd: Any, path: Path, found: Layout, reading: Reading) -> tuple[Any, La
 def _read_by_hand(pd: Any, path: Path, found: Layout, reading: Reading) -> tuple[Any, Layout, str]:
     """The same where numbers are written as pandas does not read them, or where texts stand among them."""
     table = _table(pd, path, found, by_hand=True)
-    found, notes, refused = _with_thousands(found, table), [], []
+    found, notes, refused = _with_marks(found, table), [], []
     for i, kind in enumerate(found.kinds):
         if kind != "number":
             continue
@@ -112,15 +112,12 @@ def _read_by_hand(pd: Any, path: Path, found: Layout, reading: Reading) -> tuple
     return table, found, "; ".join(notes)
 
 
-def _with_thousands(found: Layout, table: Any) -> Layout:
-    """The layout with the mark between thousands, where the first such number stands far down."""
-    if found.thousands or (found.decimal == "." and found.separator == ","):
-        return found
-    dotted = [
-        text for i, kind in enumerate(found.kinds) if kind == "number" for text in table[i].dropna() if "." in text
-    ]
-    decimal, thousands = decimal_and_thousands([*dotted, *(["0,5"] if found.decimal == "," else [])])
-    return replace(found, thousands=thousands) if decimal == found.decimal else found
+def _with_marks(found: Layout, table: Any) -> Layout:
+    """The layout with the marks in all its numbers: the first that has one may stand far down."""
+    cells = (text for i, kind in enumerate(found.kinds) if kind == "number" for text in table[i].dropna())
+    marked = [text.strip() for text in cells if "," in text or "." in text]
+    decimal, thousands = decimal_and_thousands(marked, found.separator == ",")
+    return replace(found, decimal=decimal, thousands=thousands)
 
 
 def _behind(path: Path, found: Layout, column: int, texts: Any, reading: Reading) -> tuple[str, bool]:
@@ -284,24 +281,22 @@ def _without_cut_line(path: Path, found: Layout, table: Any, gaps: bool) -> tupl
 
 
 def _stamps(path: Path, found: Layout, column: int, texts: list[str]) -> Any:
-    try:
+    with suppress(ValueError, OverflowError):
         return stamps(texts)
-    except (ValueError, OverflowError):
-        for number, cells in _lines(path, found):
-            try:
-                stamps([cells[column]] if len(cells) > column else [""])
-            except (ValueError, OverflowError):
-                raise FileError(
-                    f"{path}: line {number}, column {column + 1} ('{found.headings[column]}'): "
-                    f"'{cells[column] if len(cells) > column else ''}' is no date or time of the day; "
-                    f"{option('interval', 'S')} "
-                    "reads evenly spaced samples without it"
-                ) from None
-        raise FileError(
-            f"{path}: column {column + 1} ('{found.headings[column]}'): its stamps cannot be read; "
-            f"{option('interval', 'S')} reads "
-            "evenly spaced samples without them"
-        ) from None
+    number, text = next(
+        ((number, text) for (number, _), text in zip(_lines(path, found), texts, strict=False) if not _is_read(text)),
+        (found.first_row, texts[0]),
+    )
+    raise FileError(
+        f"{path}: line {number}, column {column + 1} ('{found.headings[column]}'): '{text}' is no date or time of the "
+        f"day; {option('interval', 'S')} reads evenly spaced samples without it"
+    )
+
+
+def _is_read(stamp: str) -> bool:
+    with suppress(ValueError, OverflowError):
+        return len(stamps([stamp])) > 0
+    return False
 
 
 def _with_days(columns: list[Column], found: Layout, table: Any) -> list[Column]:

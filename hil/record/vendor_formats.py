@@ -49,7 +49,7 @@ def in_vendor_format(path: Path) -> Known | None:
         lines = [line.rstrip("\r\n") for line in islice(file, _LOOKED_AT)]
     if len(lines) < 3:
         return None
-    return _rigol(encoding, lines) or _spice(path, encoding, lines) or _twincat(path, encoding, lines)
+    return _rigol(encoding, lines) or _spice(path, encoding, lines) or _twincat(encoding, lines)
 
 
 def _rigol(encoding: str, lines: Sequence[str]) -> Known | None:
@@ -133,7 +133,7 @@ def _complex(path: Path, columns: Sequence[Column]) -> list[Table]:
     raise FileError(f"{path}: row {bad + 1}: '{texts[bad]}' is no complex number, (…dB,…°) or re,im")
 
 
-def _twincat(path: Path, encoding: str, lines: Sequence[str]) -> Known | None:
+def _twincat(encoding: str, lines: Sequence[str]) -> Known | None:
     """Each channel in two columns, its time in ms and its values, below a block of what is said of it."""
     for mark in "\t;,":
         rows = [split(line, mark) for line in lines]
@@ -153,10 +153,7 @@ def _twincat(path: Path, encoding: str, lines: Sequence[str]) -> Known | None:
     headings = tuple(text for name in names for text in ("time [ms]", name))
     decimal, _ = decimal_and_thousands([cell for cells in rows[at:] for cell in cells])
     kinds = _NUMBER * len(headings)
-    made = Layout(
-        encoding, mark, decimal, "", headings, ("",) * len(headings), at + 1, kinds,
-        remarks=_end_mark(path, encoding),
-    )  # fmt: skip
+    made = Layout(encoding, mark, decimal, "", headings, ("",) * len(headings), at + 1, kinds)
     return Known(made, partial(_by_twos, about))
 
 
@@ -169,15 +166,6 @@ def _label(cells: Sequence[str]) -> str:
 def _is_block(rows: Sequence[Sequence[str]]) -> bool:
     """Whether a line of sample times follows, with nothing but such lines before it."""
     return "SampleTime[ms]" in takewhile(bool, map(_label, rows))
-
-
-def _end_mark(path: Path, encoding: str) -> frozenset[int]:
-    last, text = 0, ""
-    with open_text(path, encoding) as file:
-        for number, line in enumerate(file, 1):
-            if line.strip():
-                last, text = number, line.strip()
-    return frozenset({last}) if text == "EOF" else frozenset()
 
 
 def _by_twos(about: dict[str, list[str]], columns: Sequence[Column]) -> list[Table]:

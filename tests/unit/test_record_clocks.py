@@ -144,3 +144,9 @@ def test_only_a_step_back_of_half_a_day_is_a_midnight(back_s: float, tmp_path: P
     clocks = [begun + timedelta(seconds=STEP_S * i - (back_s if i >= COUNT // 2 else 0.0)) for i in range(COUNT)]
     with pytest.raises(FileError, match="does not come after"):
         read(tmp_path, "Time", [f"{clock:%H:%M:%S.%f}" for clock in clocks])
+
+
+@pytest.mark.parametrize(("heading", "unit_s"), [("ms", 1e-3), ("millis", 1e-3), ("micros", 1e-6)])
+def test_a_column_called_by_its_unit_alone_is_the_time(heading: str, unit_s: float, tmp_path: Path) -> None:
+    found = read(tmp_path, heading, [f"{STEP_S * i / unit_s:.0f}" for i in range(COUNT)])
+    assert found.time_s == pytest.approx(STEP_S * np.arange(COUNT))

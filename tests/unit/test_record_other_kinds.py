@@ -490,3 +490,8 @@ class TestTexts:
         rows = "".join(f"2026-11-28 10:11:{k:02d}.5 UTC,{k}\n" for k in range(9))
         (tmp_path / "x.csv").write_text(f"Time,y [bar]\n{rows}")
         assert read_recording(tmp_path / "x.csv").time_s.tolist() == list(range(9))
+
+    @pytest.mark.parametrize("end", ["EOF\n", "\x1a"])
+    def test_a_mark_of_the_end_is_no_sample(self, end: str, tmp_path: Path) -> None:
+        (tmp_path / "x.csv").write_text("time [s],y [bar]\n" + "".join(f"{k},{2 * k}\n" for k in range(9)) + end)
+        assert read_recording(tmp_path / "x.csv").values("y").tolist() == [2.0 * k for k in range(9)]
