@@ -21,7 +21,6 @@ from typing import NamedTuple
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hil` itself does
 
-from scipy.stats import binomtest
 
 from hil.bench.find import find_bench
 from hil.bench.open import open_rig
@@ -143,6 +142,8 @@ def _judged(label: str, findings: Findings) -> Judged:
 def _share(count: int, of: int) -> str:
     if not of:
         return "—"
+    from scipy.stats import binomtest
+
     low, high = (100.0 * share for share in binomtest(count, of).proportion_ci(method="wilson"))
     return f"{count} of {of}: {low:.1f} … {high:.1f} %"
 

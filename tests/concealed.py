@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from scipy.signal import lfilter
 
 from hil.identification.grey_box.identify import fit_plant
 from hil.identification.preparation.experiment import Experiment, for_model
@@ -15,6 +14,7 @@ from hil.physics.compose import plant
 from hil.physics.model import Model, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Array, Recording, recording
+from hil.signals.recursion import filtered
 from tests.once import once
 
 PLANT = "brevini-hpv41"
@@ -35,7 +35,7 @@ def commands(rng: np.random.Generator) -> dict[str, Array]:
 def noise(rng: np.random.Generator, count: int, memory: float = 0.0) -> Array:
     """Noise of unit variance; `memory` is the correlation from one sample to the next."""
     white = rng.standard_normal(count + 500)
-    made: Array = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], white)[500:]
+    made: Array = filtered([np.sqrt(1.0 - memory**2)], [1.0, -memory], white)[500:]
     return made
 
 

@@ -1,13 +1,9 @@
-"""Pseudo-random binary sequences.
-
-Apart from the other excitations: the import of `scipy.signal` takes a second, which a procedure of steps does without.
-"""
+"""Pseudo-random binary sequences."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import max_len_seq
 
 from hil.errors import SettingError
 
@@ -22,6 +18,8 @@ def binary_sequence(low: float, high: float, clock_s: float, rate_hz: float, *, 
     Raises:
         SettingError: bits outside 2…16, or a clock shorter than one sample.
     """
+    from scipy.signal import max_len_seq  # a second
+
     samples = round(clock_s * rate_hz)
     if not (2 <= bits <= 16 and samples >= 1):
         raise SettingError(

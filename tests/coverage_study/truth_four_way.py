@@ -6,13 +6,13 @@ from functools import cache
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
-from scipy.signal import lfilter
 
 from hil.bench.file import Bench
 from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.physics.compose import plant
 from hil.record.recording import Array, Recording
+from hil.signals.recursion import filtered
 from tests import four_way_simulator, hpv41_lab_simulator
 from tests.coverage_study.situations import Situation
 from tests.coverage_study.truth_static import Truths
@@ -145,7 +145,7 @@ def of_load_step(clean: Recording, bench: str, _situation: Situation) -> Truths:
         for ends, throttle in (((100, 0), np.exp(-time_s / line_s)), ((0, 100), -np.expm1(-time_s / line_s))):
             flow = PchipInterpolator(np.sqrt(loads), flows)(np.sqrt(100.0 * throttle))
             keep = np.exp(-2e-5 / meter_s)
-            read = lfilter([1.0 - keep], [1.0, -keep], flow - flow[0])
+            read = filtered([1.0 - keep], [1.0, -keep], flow - flow[0])
             label = f"{command:+.0f} %, load {ends[0]} → {ends[1]} %"
             outside = np.flatnonzero(np.abs(read - read[-1]) > band * np.abs(read).max())
             found[f"load_step, {label}"] = float(np.diff(drops[[0, -1]])[0] * np.sign(ends[1] - ends[0]))

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import freqz
 
 from hil.identification.frequency.frequency_response import from_table
 from hil.identification.frequency.order_choice import fit_transfer_function
@@ -68,6 +67,8 @@ def test_friction_takes_gain_where_the_amplitude_is_small():
 
 @pytest.mark.parametrize("name", CORNERS_HZ)
 def test_recursive_least_squares_gives_stable_models_with_these_corners(name):
+    from scipy.signal import freqz
+
     model = valve(name, friction_a=0.0)
     shaken = binary_sequence(1.69, 1.71, 0.03, RATE_HZ, bits=9, periods=2)
     command = np.concatenate((np.full(50, 1.7), shaken))

@@ -13,7 +13,6 @@ from itertools import repeat
 
 import typer
 from rich.progress import track
-from scipy.stats import binomtest
 
 from hil.diagnosis.diagnose import diagnose
 from tests.concealed import bound, nominal, records
@@ -35,6 +34,8 @@ def main(
     seed: int = typer.Option(_FIRST_SEED, help="Seed of the first unit."),
 ) -> None:
     """Count false alarms and print the rate with its exact 95 % interval."""
+    from scipy.stats import binomtest
+
     alarms = []
     with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:  # no forks beside threads
         verdicts = pool.map(verdict, range(units), repeat(seed), chunksize=5)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import lsim
 
 from hil.catalog import entries
 from hil.physics.compose import kernel, plant
@@ -71,6 +70,8 @@ def test_any_linear_plant_is_stepped_exactly(
     gain: float, lag: float, time1: float, time2: float, damping1: float, damping2: float, zero1: float, zero2: float,
     late: int,
 ) -> None:  # fmt: skip
+    from scipy.signal import lsim
+
     definition = plant("transfer-function")
     shape = {"gain": gain, "lag_time": lag, "dead_time": late * 0.01, "pair1_time": time1, "pair1_damping": damping1,
              "pair1_zero": zero1, "pair2_time": time2, "pair2_damping": damping2, "pair2_zero": zero2}  # fmt: skip

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.signal import cont2discrete, lfilter
 
 from hil.bench.find import benches
 from hil.bench.read import read_bench
@@ -128,5 +127,7 @@ def test_the_response_without_noise_is_that_of_the_published_equations(tmp_path:
 
 
 def filtered(numerator: list[float], denominator: list[float], values: np.ndarray, interval_s: float) -> np.ndarray:
+    from scipy.signal import cont2discrete, lfilter
+
     b, a, _ = cont2discrete((numerator, denominator), interval_s, method="zoh")
     return lfilter(np.ravel(b), a, values)

@@ -12,7 +12,6 @@ from functools import partial
 from itertools import product
 
 import numpy as np
-from scipy.signal import lfilter
 
 from hil.cores import spread
 from hil.identification.grey_box.identify import fit_plant
@@ -22,6 +21,7 @@ from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Array, recording
 from hil.signals.interval import COVERED
+from hil.signals.recursion import filtered
 
 FLAP = plant("throttle-flap")
 STEP_S, COUNT, RESTING, NOISE_V = 0.005, 4000, 1200, 0.004
@@ -81,7 +81,7 @@ def _recorded(row: Row, name: str, rng: np.random.Generator) -> Experiment:
 
 def _noise(pole: float, rng: np.random.Generator) -> Array:
     white = rng.standard_normal(COUNT + 500)
-    return np.asarray(lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], white)[500:], dtype=np.float64)
+    return np.asarray(filtered([np.sqrt(1.0 - pole**2)], [1.0, -pole], white)[500:], dtype=np.float64)
 
 
 def main() -> None:

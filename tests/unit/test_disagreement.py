@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.identification.preparation.disagreement import disagreement
@@ -16,6 +15,8 @@ INTERVAL_S, LAG_S = 0.01, 0.1
 
 
 def step_test(name: str, seed: int, *, gain=0.7, late=0, offset=0.0, colour=0.0, levels=5) -> Experiment:
+    from scipy.signal import lfilter
+
     command = np.repeat(np.random.default_rng(levels).uniform(-80.0, 80.0, 25), 60)
     given = gain * np.concatenate((np.full(late, command[0]), command))[: len(command)]
     decay = np.exp(-INTERVAL_S / LAG_S)

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy import signal
 
 from hil.errors import InputError
 from hil.identification.grey_box.identify import fit_plant, starting_model
@@ -20,7 +19,6 @@ FINE = 20
 TIME_S = np.arange(0.0, 62.8, INTERVAL_S)
 SINE = 5.0 - 5.0 * np.cos(TIME_S)  # 1 rad/s between 0 and 10, whole periods
 STEPS = step_sequence([0.0, 5.0, 0.0, -5.0, 0.0, 3.0, 0.0, -3.0], 4.0, 1 / INTERVAL_S)
-BINARY = np.append(np.zeros(100), binary_sequence(-5.0, 5.0, 0.3, 1 / INTERVAL_S, bits=7))
 
 GAIN, LAG_S, SECOND_S, DEAD_S = 0.2034, 0.2595, 0.15, 0.093
 AXIS = np.convolve([LAG_S, 1.0], [SECOND_S, 1.0])
@@ -29,6 +27,8 @@ AT_6_RAD_S = GAIN * np.exp(-DEAD_S * 6j) / (6j * np.polyval(AXIS, 6j))
 
 def recorded(command, denominator, *, dead_s=0.0, noise=0.01, start=0.3, drift_per_s=0.0, seed=0):
     """A plant driven by a held command, made on a grid twenty times finer by another tool."""
+    from scipy import signal
+
     fine = np.repeat(command, FINE) - command[0]
     late = round(dead_s / INTERVAL_S * FINE)
     fine = np.concatenate((np.zeros(late), fine))[: len(fine)]
@@ -70,9 +70,10 @@ def test_one_sine_fits_a_plant_of_another_order_and_a_binary_sequence_decides():
     assert found.fit_percent > 99.9  # which says nothing about its order:
     model = found.gain / (6j * (1 + 6j * found.time_s))
     assert abs(np.angle(model / AT_6_RAD_S, deg=True)) > 30.0
+    binary = np.append(np.zeros(100), binary_sequence(-5.0, 5.0, 0.3, 1 / INTERVAL_S, bits=7))
     start = starting_model("transfer-function")
     rich = fit_plant(
-        start, [experiment(recorded(BINARY, below, dead_s=DEAD_S), start.definition, "command", "position")]
+        start, [experiment(recorded(binary, below, dead_s=DEAD_S), start.definition, "command", "position")]
     )
     assert rich.model.origin["structure"] == "integrator, 2 poles, dead time"
     chosen = from_parameters(rich.model.values)

@@ -3,13 +3,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from hil.errors import InputError
 from hil.identification.step.step_estimate import measured_steps
 from hil.identification.step.step_response import second_order_from_step, step_figures
 from hil.physics.transfer_function import transfer_function
 from hil.record.recording import recording
+from hil.signals.recursion import filtered
 from procedures._extreme import extreme
 from procedures.step_response import OVERSHOOT
 
@@ -72,7 +72,7 @@ def test_coloured_noise_is_no_overshoot_and_widens_what_is_stated(corner_hz):
     for seed in range(12):
         plain = bench(FIRST, (0.0, 50.0))
         white = np.random.default_rng(seed).normal(size=len(plain) + 500)
-        noise = lfilter([1.0 - keep], [1.0, -keep], white)[500:]
+        noise = filtered([1.0 - keep], [1.0, -keep], white)[500:]
         noisy = plain.values("flow") + 0.2 * noise / noise.std()
         columns = {"command [%]": plain.values("command"), "flow [l/min]": noisy}
         (found,) = measured_steps(recording("noisy", plain.time_s, columns), "command", "flow")

@@ -3,7 +3,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.identification.grey_box.structure import StructureChoice, Tried, choose_structure
@@ -16,6 +15,7 @@ from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import transfer_function
 from hil.record.recording import recording
 from hil.signals.binary_sequence import binary_sequence
+from hil.signals.recursion import filtered
 
 PLANT = plant("transfer-function")
 FEW = replace(PLANT, structures=PLANT.structures[:8])  # where it is not the choice among all that is tried
@@ -85,7 +85,7 @@ def test_identification_of_a_plant_with_structures_states_units_and_uncertainty(
 def staircase(levels, seed, unit=1.0):
     """A lag behind a curve that levels off, a sine's and no parabola, under a staircase of levels."""
     command = np.repeat(levels, 40).astype(float)
-    answer = lfilter([0.25], [1.0, -0.75], 3.4 * np.sin(command * np.pi / 16.0))
+    answer = filtered([0.25], [1.0, -0.75], 3.4 * np.sin(command * np.pi / 16.0))
     noise = 1e-3 * np.random.default_rng(seed).standard_normal(len(answer))
     columns = {"valve [V]": unit * command, "speed [rpm]": answer + noise}
     return experiment(recording("stairs", 0.2 * np.arange(len(command)), columns), PLANT, "valve", "speed")
@@ -116,7 +116,7 @@ def made_of_a_lag(lag_s, late_s=0.0, hold_s=0.2):
     command[:30] = command[30] = 0.0
     fine = np.concatenate((np.zeros(round(late_s * 100.0 * RATE_HZ)), np.repeat(command, 100)))
     decay = np.exp(-1.0 / (100.0 * RATE_HZ * lag_s))
-    flow = 2.0 * lfilter([0.0, 1.0 - decay], [1.0, -decay], fine)[: 100 * len(command) : 100]
+    flow = 2.0 * filtered([0.0, 1.0 - decay], [1.0, -decay], fine)[: 100 * len(command) : 100]
     columns = {"valve [V]": command, "pressure [bar]": flow + 0.02 * rng.standard_normal(len(flow))}
     return experiment(recording("fast", np.arange(len(flow)) / RATE_HZ, columns), PLANT, "valve", "pressure")
 
@@ -212,7 +212,7 @@ def test_intervals_hold_forms_that_are_as_probable():
 def test_samples_that_are_read_late_are_no_pole_that_nobody_sees():
     step = np.where(np.arange(80) < 10, 0.0, 5.0)
     rng = np.random.default_rng(3)
-    level = 3.0 + 2.0 * lfilter([1.0 - np.exp(-1.0 / 15.0)], [1.0, -np.exp(-1.0 / 15.0)], step)
+    level = 3.0 + 2.0 * filtered([1.0 - np.exp(-1.0 / 15.0)], [1.0, -np.exp(-1.0 / 15.0)], step)
     columns = {"valve [V]": step, "pressure [bar]": level + 0.02 * rng.standard_normal(len(level))}
     found = fit_plant(starting_model("transfer-function"), [experiment(recording("r", np.arange(80.0), columns), PLANT,
                                                                       "valve", "pressure")])  # fmt: skip

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.identification.preparation.experiment import experiment
@@ -15,6 +14,7 @@ from hil.physics.compose import plant
 from hil.record.assemble import assemble
 from hil.record.columns import Column, Table
 from hil.record.recording import Recording
+from hil.signals.recursion import filtered
 
 STEP_S, LAG_S = 0.01, 0.3
 TIME_S = STEP_S * np.arange(600)
@@ -35,7 +35,7 @@ def logged(flow: np.ndarray, late_s: float, gap_s: tuple[float, float] = (0.0, 0
 def lagging() -> np.ndarray:
     decay = np.exp(-STEP_S / LAG_S)
     noise = 0.02 * np.random.default_rng(0).standard_normal(len(TIME_S))
-    flow: np.ndarray = 2.0 * lfilter([0.0, 1.0 - decay], [1.0, -decay], COMMAND) + noise
+    flow: np.ndarray = 2.0 * filtered([0.0, 1.0 - decay], [1.0, -decay], COMMAND) + noise
     return flow
 
 

@@ -6,7 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from hil.identification.grey_box.compare import compare
 from hil.identification.grey_box.identify import fit_plant
@@ -14,13 +13,14 @@ from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.noise import Measured, measured_noise, noise_of
 from hil.physics.model import Model, typical_model
 from hil.record.recording import Array
+from hil.signals.recursion import filtered
 from tests.flap import FLAP, NOISE_V, recorded
 
 
 def coloured(pole: float, count: int, seed: int) -> Array:
     """Noise of standard deviation 1."""
     white = np.random.default_rng(seed).standard_normal(count + 500)
-    return np.asarray(lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], white)[500:], dtype=np.float64)
+    return np.asarray(filtered([np.sqrt(1.0 - pole**2)], [1.0, -pole], white)[500:], dtype=np.float64)
 
 
 def measured(pole: float, misfit: Array, rests: list[Array]) -> Measured:

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 import hil
 from hil.errors import InputError
@@ -27,6 +26,8 @@ def made(name, command, answer, noise=0.02, command_noise=0.0, seed=0):
 
 
 def lagged(command, gain):
+    from scipy.signal import lfilter
+
     decay = np.exp(-1.0 / RATE_HZ / LAG_S)
     return gain * lfilter([0.0, 1.0 - decay], [1.0, -decay], command, zi=[decay * command[0] + (1 - decay) * 0.0])[0]
 
@@ -169,6 +170,8 @@ def test_the_command_that_knows_more_is_named():
 
 
 def valves(count, lag_s, seed):
+    from scipy.signal import lfilter
+
     rng = np.random.default_rng(seed)
     command = np.where(np.arange(200) < 40, 0.0, 50.0)
     decays = np.exp(-1.0 / (RATE_HZ * lag_s * (1.0 + 0.1 * rng.standard_normal(count))))

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter, lsim
 
 from hil.physics.compose import plant
 from hil.physics.linear import braked_mass, delay_steps, delayed, first_order, held_first_order, second_order
 from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import from_parameters
+from hil.signals.recursion import filtered
 
 STEP_S = 0.01
 TIME_S = np.arange(400) * STEP_S
@@ -22,16 +22,20 @@ INPUT = np.concatenate(([0.0], RNG.normal(size=len(TIME_S) - 1)))
 @pytest.mark.parametrize("lag_s", [1e-4, 0.01, 0.3, 20.0])
 @pytest.mark.parametrize("held", [False, True], ids=["straight inputs", "held inputs"])
 def test_first_order(held: bool, lag_s: float) -> None:
+    from scipy.signal import lsim
+
     keep, old, new = first_order(lag_s, STEP_S)
     if held:
         keep = held_first_order(lag_s, STEP_S)
         old, new = 1.0 - keep, 0.0
     exact = lsim(([1.0], [lag_s, 1.0]), INPUT, TIME_S, interp=not held)[1]
-    assert np.allclose(lfilter([new, old], [1.0, -keep], INPUT), exact, atol=1e-10)
+    assert np.allclose(filtered([new, old], [1.0, -keep], INPUT), exact, atol=1e-10)
 
 
 @pytest.mark.parametrize("drag", [0.0, 1e-9, 0.002, 30.0, 3000.0])
 def test_a_braked_mass_under_a_held_force(drag: float) -> None:
+    from scipy.signal import lsim
+
     mass = 2.0
     keep, mobility, travel, compliance = braked_mass(mass, drag, STEP_S)
     place = speed = 0.0
@@ -48,6 +52,8 @@ def test_a_braked_mass_under_a_held_force(drag: float) -> None:
 @pytest.mark.parametrize("damping", [0.05, 0.7, 1.0 - 1e-14, 1.0, 1.0 + 1e-6, 3.0])
 @pytest.mark.parametrize("frequency_rad_s", [1.0, 33.0, 300.0])
 def test_second_order_between_straight_inputs(frequency_rad_s: float, damping: float) -> None:
+    from scipy.signal import lsim
+
     xx, xv, x0, x1, vx, vv, v0, v1 = second_order(frequency_rad_s, damping, STEP_S)
     place = speed = 0.0
     found = np.zeros((len(TIME_S), 2))
@@ -92,6 +98,8 @@ PARAMETERS = [
 
 @pytest.mark.parametrize("given", PARAMETERS)
 def test_the_linear_plant_is_exact_at_any_interval(given: dict[str, float]) -> None:
+    from scipy.signal import lsim
+
     definition = plant("transfer-function")
     values = definition.typical | given
     model = from_parameters(values)

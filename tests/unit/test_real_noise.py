@@ -1,10 +1,10 @@
 """What real recordings taught about noise: they stand still for long, and simple models miss them slowly."""
 
 import numpy as np
-from scipy.signal import lfilter
 
 from hil.identification.grey_box.witnesses import repeat_difference
 from hil.identification.uncertainty.noise import measured_noise
+from hil.signals.recursion import filtered
 
 
 def test_a_misfit_does_not_pass_for_the_noise_of_a_channel_that_stands_still():
@@ -25,8 +25,8 @@ def test_rest_after_rest_is_no_repetition():
 
 def test_a_slow_misfit_of_a_single_recording_is_not_called_coloured_noise():
     generator = np.random.default_rng(3)
-    command = lfilter([0.05], [1.0, -0.95], generator.standard_normal(1000))
-    drift = lfilter([1.0], [1.0, -0.999], generator.standard_normal(1000))
+    command = filtered([0.05], [1.0, -0.95], generator.standard_normal(1000))
+    drift = filtered([1.0], [1.0, -0.999], generator.standard_normal(1000))
     level = np.cumsum(command)
     noise = measured_noise([level + drift], [], [drift], 4.0).noise
     assert noise.std < 0.2 * np.std(drift)

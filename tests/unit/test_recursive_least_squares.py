@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from hil.errors import InputError
 from hil.identification.papers.recursive_least_squares import ArxForm, RecursiveLeastSquares, excitation_order
+from hil.signals.recursion import filtered
 
 A, B = np.array([1.0, -1.5, 0.7]), np.array([0.5, 0.2])
 TRUE = np.array([*A[1:], *B])
@@ -14,7 +14,7 @@ FORM = ArxForm(2, 2)
 
 def driven(command, rng, noise=0.05):
     """An ARX system: the noise passes 1/A."""
-    return lfilter(B, A, command) + lfilter([1.0], A, noise * rng.normal(size=len(command)))
+    return filtered(B, A, command) + filtered([1.0], A, noise * rng.normal(size=len(command)))
 
 
 def binary(rng, samples):
@@ -66,7 +66,7 @@ def test_uncertainty_is_the_spread(memory, forgetting):
 def test_a_change_of_the_valve_is_followed(forgetting):
     rng = np.random.default_rng(3)
     u = binary(rng, 1800)
-    y = np.concatenate((driven(u[:1000], rng, 0.01), lfilter([1.0], [1.0, -0.5], u[1000:])))
+    y = np.concatenate((driven(u[:1000], rng, 0.01), filtered([1.0], [1.0, -0.5], u[1000:])))
     made = RecursiveLeastSquares(ArxForm(1, 1), 0.98, forgetting)
     made.run(u[:1000], y[:1000])
     assert made.parameters[1] == pytest.approx(0.5, abs=0.1)
@@ -90,7 +90,7 @@ def test_a_command_that_stands_still_blows_up_only_exponential_forgetting():
 def test_differences_remove_an_offset():
     rng = np.random.default_rng(5)
     u = binary(rng, 400)
-    y = lfilter(B, A, u) + 7.0
+    y = filtered(B, A, u) + 7.0
     found = {}
     for difference in (False, True):
         made = RecursiveLeastSquares(ArxForm(2, 2, difference=difference), start=TRUE, prior_std=0.01)
@@ -104,7 +104,7 @@ def test_delay_moves_the_input():
     u = binary(rng, 400)
     late = np.concatenate((np.zeros(3), u[:-3]))
     made = RecursiveLeastSquares(ArxForm(2, 2, delay=3))
-    made.run(u, lfilter(B, A, late))
+    made.run(u, filtered(B, A, late))
     assert made.parameters == pytest.approx(TRUE, abs=1e-3)
     assert made.numerator == pytest.approx([0, 0, 0, *B], abs=1e-3)
     assert np.abs(made.poles) == pytest.approx([0.7**0.5] * 2, abs=1e-3)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from hil.signals.harmonic_order import sine_fit_beyond
 from hil.signals.rounding import mean_rounding_std, rounding_step
@@ -30,6 +29,8 @@ def test_a_smooth_curve_is_as_stiff_as_the_samples_ask_for() -> None:
 
 
 def test_white_noise_needs_no_whitener_and_coloured_noise_gets_its_own() -> None:
+    from scipy.signal import lfilter
+
     white = RNG.normal(size=2000)
     coloured = lfilter([1.0], [1.0, -0.8], white)
     assert len(whitener_of(white)) == 1
@@ -68,5 +69,7 @@ def test_harmonics_of_a_slow_sine_are_no_noise() -> None:
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_samples_and_basis_are_made_white_by_the_same_filter(axis: int) -> None:
+    from scipy.signal import lfilter
+
     values, whitener = np.random.default_rng(3).normal(size=(60, 40)), np.array([1.0, -0.5, 0.2, 0.1])
     assert whitened(values, whitener, axis) == pytest.approx(lfilter(whitener, [1.0], values, axis=axis), abs=1e-13)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from hil.signals.recursion import filtered
 
@@ -12,6 +11,8 @@ from hil.signals.recursion import filtered
 @pytest.mark.parametrize("turn", [0.0, 0.1j])
 @pytest.mark.parametrize(("above", "below"), [(1, 3), (4, 2), (3, 9), (3, 1)])
 def test_filtered_is_as_scipy_filters(above: int, below: int, turn: complex) -> None:
+    from scipy.signal import lfilter
+
     rng = np.random.default_rng(above)
     numerator, rows = rng.standard_normal(above), rng.standard_normal((2, 300)) + turn
     denominator = np.r_[1.0, (0.3 * rng.standard_normal(below - 1) + turn) / below]

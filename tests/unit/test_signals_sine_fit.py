@@ -2,11 +2,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from hil.errors import SettingError
 from hil.signals.colour import colour_factor, colour_factors
 from hil.signals.frequency_fit import frequency_fit
+from hil.signals.recursion import filtered
 from hil.signals.sine_fit import sine_fit
 
 
@@ -68,7 +68,7 @@ def test_intervals_widen_with_the_colour_of_the_noise():
     t = stamps(1000, 8.0)
     inside = optimistic = 0
     for _ in range(150):
-        red = lfilter([1.0], [1.0, -0.95], rng.normal(size=len(t)))
+        red = filtered([1.0], [1.0, -0.95], rng.normal(size=len(t)))
         fit = sine_fit(t, 20 * np.sin(2 * np.pi * 0.7 * t) + red, 0.7, harmonics=3)
         error = abs(fit.amplitude - 20)
         inside += error < 1.96 * fit.amplitude_std
@@ -80,7 +80,7 @@ def test_intervals_widen_with_the_colour_of_the_noise():
 def test_colour_factor_is_one_for_white_and_the_known_ratio_for_first_order_noise():
     rng = np.random.default_rng(2)
     white = rng.normal(size=40_000)
-    red = lfilter([1.0], [1.0, -0.8], white)
+    red = filtered([1.0], [1.0, -0.8], white)
     assert colour_factor(white) < 1.15
     assert colour_factor(red) == pytest.approx(1.8 / 0.2, rel=0.2)  # (1 + a)/(1 − a)
     assert colour_factors(red, np.array([0.5]))[0] == 1.0

@@ -10,7 +10,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.diagnose import diagnose
@@ -28,6 +27,7 @@ from hil.physics.compose import plant
 from hil.physics.model import Model, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import recording
+from hil.signals.recursion import filtered
 from tests.flap import FLAP, TIME_S, recorded
 
 pytestmark = pytest.mark.xdist_group("a model that lacks something")  # on one worker: it is fitted once
@@ -41,7 +41,7 @@ def wandering(name: str, seed: int) -> Experiment:
     command = np.repeat(rng.uniform(-15.0, 15.0, 40), len(TIME_S) // 40)
     command[:250] = 0.0
     angle = simulate(FLAP, FLAP.typical, Drive(command[None, :], 2.5, 0.02), [])[0]
-    noise = lfilter([0.02], [1.0, -0.95], rng.standard_normal(len(angle))) + 0.003 * rng.standard_normal(len(angle))
+    noise = filtered([0.02], [1.0, -0.95], rng.standard_normal(len(angle))) + 0.003 * rng.standard_normal(len(angle))
     return experiment(recording(name, TIME_S, {"motor command [V]": command, "flap angle [V]": angle + noise}), FLAP)
 
 
