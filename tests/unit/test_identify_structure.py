@@ -102,6 +102,16 @@ def test_a_bent_static_curve_is_found_on_a_staircase_and_holds_on_the_way_down()
     assert 1.0 - np.linalg.norm(off) / np.linalg.norm(down.output - down.output.mean()) > 0.9
 
 
+def test_a_curve_that_levels_off_to_both_sides_is_odd():
+    levels = np.random.default_rng(4).uniform(-8.0, 8.0, (2, 20))
+    wanted = [s for s in PLANT.structures if s.name in ("gain", "1 pole") or s.name.endswith(("bent", "odd curve"))]
+    one, other = (staircase(each, seed) for seed, each in enumerate(levels))
+    chosen = choose_structure(replace(PLANT, structures=tuple(wanted)), [one], [1e3]).chosen
+    assert chosen.structure.name.endswith("odd curve") and chosen.values["bend"] < 0.0
+    off = (other.respond(PLANT, chosen.values)[0] - other.output)[40:]
+    assert 1.0 - np.linalg.norm(off) / np.linalg.norm(other.output - other.output.mean()) > 0.9
+
+
 def test_what_the_model_lacks_is_not_blamed_on_the_test():
     found = fit_plant(of_structure("1 pole"), [staircase(np.arange(8), 1, unit=0.03)])
     (said,) = [note for note in found.notes if "not identifiable: " in note]

@@ -90,6 +90,7 @@ def test_the_delay_line_keeps_the_mean_over_a_split_step(steps: float) -> None:
 PARAMETERS = [
     {"gain": 2.0, "lag_time": 0.3},
     {"gain": 2.0, "lag_time": 0.3, "bend": -0.15, "dead_time": 0.05},
+    {"gain": 2.0, "lag_time": 0.3, "bend": -0.15, "is_odd": 1.0},
     {"gain": -3.0, "offset": 4.0, "pair1_time": 0.05, "pair1_damping": 0.2, "dead_time": 0.07},
     {"gain": 1.5, "lag_time": 0.02, "pair1_time": 0.1, "pair1_damping": 0.4, "pair1_zero": -0.03,
      "pair2_time": 0.4, "pair2_damping": 1.7, "pair2_zero": 0.2, "pair2_zero_square": 0.01},
@@ -105,6 +106,7 @@ def test_the_linear_plant_is_exact_at_any_interval(given: dict[str, float]) -> N
     model = from_parameters(values)
     simulated = simulate(definition, values, Drive(INPUT[None, :].copy(), math.nan, STEP_S))[0]
     late = round(values["dead_time"] / STEP_S)
-    held = np.concatenate((np.zeros(late), (INPUT + values["bend"] * INPUT**2)[: len(INPUT) - late]))
+    bent = INPUT * (np.abs(INPUT) if values["is_odd"] else INPUT)
+    held = np.concatenate((np.zeros(late), (INPUT + values["bend"] * bent)[: len(INPUT) - late]))
     exact = lsim((model.numerator, model.denominator), held, TIME_S, interp=False)[1]
     assert np.allclose(simulated, exact + values["offset"], atol=1e-9)

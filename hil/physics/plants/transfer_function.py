@@ -1,7 +1,7 @@
 """Linear transfer function of up to five poles and four zeros with dead time; orders are chosen by evidence.
 
 An integrator may stand behind it: then the output goes on while the input stands. A static curve may stand before it,
-bent by a term of second order: orifices and amplifiers have one.
+bent by a term of second order: orifices and amplifiers have one; saturation and dead band bend alike to both sides.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ _ORDER = 5
 def equations(value: Any, x: Any, c: Any, hook: Any) -> Any:
     """One sub-step of offset + (gain + integrator gain/s)·e^(−sT)·1/(1 + s·T₁)·Π (1 + s·z + s²·w)/(1 + 2ζ·s·τ + s²·τ²).
 
-    It acts on u + bend·u², the static curve of the input u.
+    It acts on u + bend·u², or on u + bend·u·|u| where it is odd: the static curve of the input u.
 
     All poles step together by the exact matrix of a held input; `c.a` is that matrix, row by row. Before the
     first sample the system rests, either at its input or (`c.at_input` = 0) at the first output.
     """
     value = hook.command(value)
-    value += c.bend * value * value
+    value += c.bend * value * ((1.0 - c.is_odd) * value + c.is_odd * abs(value))
     value = c.at_input * value + (1.0 - c.at_input) * x.before
     value = delayed(x.line, value, c.dead_steps)
     grown = c.grow_through * value
@@ -63,6 +63,7 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float | Arr
         "offset": p["offset"],
         "gain": p["gain"],
         "bend": p["bend"],
+        "is_odd": p["is_odd"],
         "dead_steps": delay_steps(p["dead_time"], step_s),
         "at_input": 1.0 - p["start_at_output"] if math.isinf(step_s) else 1.0,
         "a": step.ravel(),
@@ -141,7 +142,7 @@ def _grown(a: Array, b: Array, out: Array, through: float, step_s: float) -> tup
 
 def bent(p: Mapping[str, float], value: float) -> float:
     """The static curve before the dynamics."""
-    return value + p["bend"] * value * value
+    return value + p["bend"] * value * (abs(value) if p["is_odd"] else value)
 
 
 def integrates(p: Mapping[str, float]) -> bool:
@@ -160,24 +161,23 @@ def initial(p: Mapping[str, float], inputs: tuple[float, ...], output: float) ->
 
 
 _GAIN = ("gain", "offset")
-_BEND = ("bend",)
+_BEND, _ODD = ("bend",), {"is_odd": 1.0}
+_INTEGRATOR = ("integrator_gain", "neutral")
+_AT_OUTPUT = {"gain": 0.0, "start_at_output": 1.0}  # an integrator is at rest before the first sample
 _PAIR1 = ("pair1_time", "pair1_damping")
 _PAIR2 = ("pair2_time", "pair2_damping")
 _ZERO1, _SQUARE1 = ("pair1_zero",), ("pair1_zero_square",)
 
 
-def _with_dead_time(name: str, free: tuple[str, ...], after: str, *starts: Mapping[str, float]) -> list[Structure]:
+def _with_dead_time(
+    name: str, free: tuple[str, ...], after: str, *starts: Mapping[str, float], fixed: Mapping[str, float] = {}
+) -> list[Structure]:
     """A structure and the same with a dead time."""
-    late = Structure(f"{name}, dead time", (*free, "dead_time"), name, ({"dead_time": 0.05}, {"dead_time": 0.4}))
-    return [Structure(name, free, after, starts or ({},)), late]
-
-
-def _integrating(name: str, free: tuple[str, ...], after: str, *starts: Mapping[str, float]) -> list[Structure]:
-    """A structure with an integrator behind it, at rest before the first sample, and the same with a dead time."""
-    fixed = {"gain": 0.0, "start_at_output": 1.0}
-    both = ("integrator_gain", "neutral", *free)
-    late = Structure(f"{name}, dead time", (*both, "dead_time"), name, ({"dead_time": 0.05}, {"dead_time": 0.4}), fixed)
-    return [Structure(name, both, after, starts or ({},), fixed), late]
+    late = ({"dead_time": 0.05}, {"dead_time": 0.4})
+    return [
+        Structure(name, free, after, starts or ({},), fixed),
+        Structure(f"{name}, dead time", (*free, "dead_time"), name, late, fixed),
+    ]
 
 
 STRUCTURES = (
@@ -211,18 +211,28 @@ STRUCTURES = (
         "5 poles, 2 zeros", (*_GAIN, "lag_time", *_PAIR1, *_PAIR2, *_ZERO1, *_SQUARE1), "4 poles, 2 zeros",
         {"lag_time": 0.1}, {"lag_time": 2.0},
     ),
-    *_integrating("integrator", (), ""),
-    *_integrating("integrator, 1 pole", ("lag_time",), "integrator", {"lag_time": 1.0}),
-    *_integrating(
-        "integrator, 2 poles", _PAIR1, "integrator, 1 pole",
-        {"pair1_time": 0.7, "pair1_damping": 1.1}, {"pair1_time": 0.5, "pair1_damping": 0.3},
-    ),
-    *_with_dead_time("gain, bent", (*_GAIN, *_BEND), "gain"),
-    *_with_dead_time("1 pole, bent", (*_GAIN, *_BEND, "lag_time"), "gain, bent", {"lag_time": 1.0}),
+    *_with_dead_time("integrator", _INTEGRATOR, "", fixed=_AT_OUTPUT),
     *_with_dead_time(
-        "2 poles, bent", (*_GAIN, *_BEND, *_PAIR1), "1 pole, bent",
-        {"pair1_time": 0.5, "pair1_damping": 1.1}, {"pair1_time": 0.7, "pair1_damping": 0.3},
-        {"pair1_time": 0.15, "pair1_damping": 0.1},
+        "integrator, 1 pole", (*_INTEGRATOR, "lag_time"), "integrator", {"lag_time": 1.0}, fixed=_AT_OUTPUT
+    ),
+    *_with_dead_time(
+        "integrator, 2 poles", (*_INTEGRATOR, *_PAIR1), "integrator, 1 pole",
+        {"pair1_time": 0.7, "pair1_damping": 1.1}, {"pair1_time": 0.5, "pair1_damping": 0.3}, fixed=_AT_OUTPUT,
+    ),
+    *(
+        one
+        for how, fixed in (("bent", {}), ("odd curve", _ODD))
+        for one in (
+            *_with_dead_time(f"gain, {how}", (*_GAIN, *_BEND), "gain", fixed=fixed),
+            *_with_dead_time(
+                f"1 pole, {how}", (*_GAIN, *_BEND, "lag_time"), f"gain, {how}", {"lag_time": 1.0}, fixed=fixed
+            ),
+            *_with_dead_time(
+                f"2 poles, {how}", (*_GAIN, *_BEND, *_PAIR1), f"1 pole, {how}",
+                {"pair1_time": 0.5, "pair1_damping": 1.1}, {"pair1_time": 0.7, "pair1_damping": 0.3},
+                {"pair1_time": 0.15, "pair1_damping": 0.1}, fixed=fixed,
+            ),
+        )
     ),
 )  # fmt: skip
 
@@ -241,10 +251,11 @@ PLANT = Plant(
             0.0,
             -1e6,
             1e6,
-            "b of u + b·u², the curve before the dynamics",
+            "b of u + b·u² (odd: u + b·u·|u|), the curve before the dynamics",
             fixed=True,
             hook="command",
         ),
+        Parameter("is_odd", "1", 0.0, 0.0, 1.0, "1: the curve bends alike to both sides, 0: to one", fixed=True),
         Parameter("dead_time", "s", 0.0, 0.0, 10.0, "pure delay", growth="dead_time", hook="command"),
         Parameter("lag_time", "s", 0.0, 0.0, 1e4, "time constant of the real pole", hook="position"),
         Parameter("pair1_time", "s", 0.0, 0.0, 1e4, "1/ω of the first pair of poles"),
