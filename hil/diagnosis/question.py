@@ -56,7 +56,11 @@ def question_of(
         why = Note("asked for") if wanted else Note("the model was identified from {recording}", recording=own[0])
         return Question("left_out", why)
     if before:
-        return Question("changed", Note("recordings of before were given"), table_of(model, before))
+        if (known := table_of(model, before)) is None:
+            raise SettingError(
+                f"{option('before')}: too short to tell what an unchanged unit leaves; give more or longer"
+            )
+        return Question("changed", Note("recordings of before were given"), known)
     if model.skeleton is None or model.skeleton.get("version") != VERSION:
         why = Note("the model file keeps nothing of the recordings that it was identified from")
         if model.skeleton is not None:

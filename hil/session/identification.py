@@ -179,7 +179,8 @@ def identified(
     found = fit_plant(start, experiments, free, progress if is_long else quiet)
     paths = {one.name: str(Path(one.name).resolve()) for one in recordings if Path(one.name).exists()}
     model = replace(found.model, origin={**found.model.origin, "paths": paths})
-    model = replace(model, skeleton=table_of(model, [e for e in experiments if not e.stands_still]).as_dict())
+    table = table_of(model, [e for e in experiments if not e.stands_still])
+    model = replace(model, skeleton=None if table is None else table.as_dict())
     model, text = _with_origin(model, found.summary(), simulated=simulated)
     return Identified(model, text, tuple(experiments), (), dict(found.fits), found.notes, simulated)
 

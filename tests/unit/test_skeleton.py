@@ -54,7 +54,13 @@ def firsts() -> list[Experiment]:
 def lacking() -> Model:
     """Identified from a unit that sticks, by a plant that does not."""
     model = fit_plant(typical_model(FLAP.name), firsts()).model
-    return replace(model, skeleton=table_of(model, firsts()).as_dict())
+    return replace(model, skeleton=made(model, firsts()).as_dict())
+
+
+def made(model: Model, experiments: list[Experiment]) -> Table:
+    found = table_of(model, experiments)
+    assert found is not None
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -72,9 +78,19 @@ def test_an_unchanged_unit_stays_below_the_gate_and_a_worn_one_does_not(lacking:
     assert z_of(lacking, table, recorded("a", WORN, 7), recorded("b", WORN, 8)) > CRITERIA.alarm
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_recording_too_short_for_parts_tells_nothing_of_before(lacking: Model) -> None:
+    whole = recorded("short", FIRST, 5)
+    channels = {"motor command [V]": whole.drive.inputs[0, :60], "flap angle [V]": whole.output[:60]}
+    short = experiment(recording("short", TIME_S[:60], channels), FLAP)
+    assert table_of(lacking, [short]) is None
+    with pytest.raises(SettingError, match="--before: too short to tell what an unchanged unit leaves"):
+        question_of(lacking, [recorded("later", FIRST, 9)], before=[short])
+
+
 def test_a_model_file_holds_the_table(lacking: Model, table: Table) -> None:
-    made, later = table_of(lacking, firsts()), recorded("later", WORN, 9)
-    assert z_of(lacking, made, later) == pytest.approx(z_of(lacking, table, later), rel=1e-2)
+    again, later = made(lacking, firsts()), recorded("later", WORN, 9)
+    assert z_of(lacking, again, later) == pytest.approx(z_of(lacking, table, later), rel=1e-2)
     assert len(json.dumps(lacking.skeleton)) < 1_000_000
     assert table.beyond_noise > 1.0  # it left more than noise
 
@@ -82,7 +98,7 @@ def test_a_model_file_holds_the_table(lacking: Model, table: Table) -> None:
 def test_coloured_noise_is_nothing_that_the_model_left_out() -> None:
     records = [wandering(f"wanders-{k}", k) for k in (1, 2, 3)]
     model = fit_plant(typical_model(FLAP.name), records).model
-    assert table_of(model, records).beyond_noise < CRITERIA.scale
+    assert made(model, records).beyond_noise < CRITERIA.scale
 
 
 def test_the_scattered_points_are_those_that_kept_tables_were_fitted_to() -> None:

@@ -80,6 +80,11 @@ class Later:
     std: Array
 
 
+def are_enough(rows: Rows) -> bool:
+    """Whether recordings of before have parts that can be judged by a fit of the others."""
+    return len(np.unique(_folds(rows))) > 2
+
+
 def before_of(rows: Rows) -> Before:
     """Learn what an unchanged unit leaves, and what pseudo-tests of before reach."""
     fold = _folds(rows)

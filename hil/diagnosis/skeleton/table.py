@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hil.diagnosis.problem import pose
-from hil.diagnosis.skeleton.gate import Before, before_of
+from hil.diagnosis.skeleton.gate import Before, are_enough, before_of
 from hil.diagnosis.skeleton.misfit import Misfit, Remainder
 from hil.diagnosis.skeleton.rows import Column, Rows, columns_of, row_s, rows_of
 from hil.identification.preparation.experiment import Experiment
@@ -73,8 +73,11 @@ class Table:
         }  # fmt: skip
 
 
-def table_of(model: Model, experiments: Sequence[Experiment]) -> Table:
-    """Learn what a model leaves of the recordings that it was identified from, or of others of the same date."""
+def table_of(model: Model, experiments: Sequence[Experiment]) -> Table | None:
+    """What a model leaves of the recordings that it was identified from, or of others of the same date.
+
+    None where they are too short to tell what an unchanged unit leaves.
+    """
     even, _ = bridged(model, [e.reading_as_in(model) for e in experiments])
     experiments = [begun_in_motion(model, e)[0] for e in even]
     with one_blas_thread():
@@ -85,6 +88,8 @@ def table_of(model: Model, experiments: Sequence[Experiment]) -> Table:
         floors = {name: max(own.get(name, 0.0) for own in found) for each in found for name in each}
         length_s = row_s(model, experiments)
         rows = rows_of(model, experiments, columns, floors, length_s)
+        if not are_enough(rows):
+            return None
         return Table(columns, library_of(model), floors, length_s, before_of(rows), beyond)
 
 
