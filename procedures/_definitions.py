@@ -156,6 +156,7 @@ NULL_SHIFTS: Mapping[str, str] = {
     ),
     "null_shift_tank": "The same over the measured tank pressure, times 10 % of the supply pressure.",
     "null_shift_temperature": "The same over the oil temperature as it was adjusted, times 40 K.",
+    "flow_shift_temperature": "Slope of the line through the responses at that end over oil temperature, times 40 K.",
 }
 LOAD_STEPS: Mapping[str, str] = {
     "load_step": "Mean of the second half of the time held after the step, less that before; mean of the repeats.",

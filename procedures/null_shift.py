@@ -1,4 +1,4 @@
-"""Null shift: how far supply pressure, tank pressure and oil temperature move the null of a valve.
+"""Null shift: how far supply pressure, tank pressure and oil temperature move the null of a valve, and oil its flow.
 
 A slow sweep over the whole range under the bench's own conditions, and one with each condition adjusted. The null is
 `null_bias` of `flow_curve`. Needs outputs with the roles `supply pressure`, `tank pressure` and `oil temperature`.
@@ -7,7 +7,7 @@ A slow sweep over the whole range under the bench's own conditions, and one with
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -15,9 +15,9 @@ import numpy as np
 from hil.errors import SettingError
 from hil.identification.steady.null import null_of
 from hil.record.measurement import Findings, Measured, Measurement
-from hil.record.recording import Recording
+from hil.record.recording import Array, Recording
 from hil.rig import ConditionRole, Rig
-from procedures._characteristic import null_bias, swept
+from procedures._characteristic import Swept, null_bias, swept
 from procedures._conditions import OIL, SUPPLY, TANK, Values, adjusted, adjusting, adjusting_s, check_within, usual
 from procedures._course import Course, check_cycle, joined, sweep, sweep_part
 from procedures._definitions import NULL_SHIFTS, defined
@@ -33,7 +33,8 @@ SHIFTS: Mapping[ConditionRole, Measurement] = {
     TANK: Measurement("null_shift_tank", "%", "change of the null for a tank pressure of 10 % of the supply pressure"),
     OIL: Measurement("null_shift_temperature", "%", "change of the null for 40 K"),
 }
-MEASUREMENTS = defined(NULL_SHIFTS, NULL, *SHIFTS.values())
+FLOW_SHIFT = Measurement("flow_shift_temperature", "", "change of the response at an end of the command for 40 K")
+MEASUREMENTS = defined(NULL_SHIFTS, NULL, *SHIFTS.values(), FLOW_SHIFT)
 KIND = "null sweep"
 _READ: Mapping[ConditionRole, str] = {SUPPLY: SUPPLY_PRESSURE, TANK: RETURN_PRESSURE}
 _NEEDING = "a null shift"
@@ -122,11 +123,11 @@ def _ways(
 
 
 def evaluate(recording: Recording) -> Findings:
-    """The null under each condition, and the slope of the line through those of one condition."""
+    """The null under each condition, and the slope of the line through those of one condition; of the flow over oil."""
     parts = parts_of(recording, KIND)
+    sweeps = [swept(recording, [part]) for part in parts]
     nulls = []
-    for part in parts:
-        found = swept(recording, [part])
+    for part, found in zip(parts, sweeps, strict=True):
         null, of = null_of(found.estimate, found.low.response, found.high.response), NULL.at(str(part["label"]))
         if null is None or not math.isfinite(null.centre[1]):
             nulls.append(of.of(None))
@@ -139,7 +140,8 @@ def evaluate(recording: Recording) -> Findings:
         shift, curve = _shift(recording, role, mine)
         shifts.append(shift)
         curves += [curve] if curve else []
-    return Findings((*shifts, *nulls), {"null_shift": curves}, deviations=departures(recording))
+    flows = _flow_shifts(recording, parts, sweeps) if OIL in usual_at else ()
+    return Findings((*shifts, *flows, *nulls), {"null_shift": curves}, deviations=departures(recording))
 
 
 def _shift(
@@ -160,15 +162,40 @@ def _shift(
             shares += [calibration_share(recording.channel(name)) for name in (RETURN_PRESSURE, SUPPLY_PRESSURE)]
     nulls = np.array([null.value for _, null in found], dtype=np.float64)
     stds = np.array([null.repeatability for _, null in found], dtype=np.float64)
-    late = places - places.mean()
-    by = change * late / (late @ late)
-    value, std = float(by @ nulls), float(np.hypot.reduce(by * stds))
+    value, std = _slope(places, nulls, stds, change)
     rising = np.argsort(places)
     curve = {
         "label": role, "condition_unit": unit, "response_unit": "%", "condition": places[rising],
-        "measured": nulls[rising], "std": stds[rising], "fitted": (nulls.mean() + value / change * late)[rising],
+        "measured": nulls[rising], "std": stds[rising],
+        "fitted": (nulls.mean() + value / change * (places - places.mean()))[rising],
     }  # fmt: skip
     return SHIFTS[role].of(value, std, calibration=math.hypot(*shares) * abs(value)), curve
+
+
+def _flow_shifts(
+    recording: Recording, parts: Sequence[Mapping[str, Any]], sweeps: Sequence[Swept]
+) -> Iterator[Measured]:
+    """Slope of the response at both ends of the command over the oil's temperature."""
+    _, response = roles_of(recording)
+    usual_at = parts[0]["at"]
+    mine = [pair for pair in zip(parts, sweeps, strict=True) if all(
+        pair[0]["at"][role] == usual for role, usual in usual_at.items() if role != OIL)]  # fmt: skip
+    temperatures = np.array([float(part["at"][OIL]) for part, _ in mine])
+    share = math.hypot(calibration_share(response), calibration_share(recording.channel(recording.meta["roles"][OIL])))
+    for label, ends in (("high", [one.high for _, one in mine]), ("low", [one.low for _, one in mine])):
+        if len(mine) < 2:
+            yield FLOW_SHIFT.at(label, response.unit).of(None)
+            continue
+        stds = np.hypot([end.std for end in ends], [math.hypot(one.rounding, one.drifted) for _, one in mine])
+        value, std = _slope(temperatures, np.array([end.response for end in ends]), stds, _KELVIN)
+        yield FLOW_SHIFT.at(label, response.unit).of(value, std, calibration=share * abs(value))
+
+
+def _slope(places: Array, values: Array, stds: Array, change: float) -> tuple[float, float]:
+    """Of the line through values over places, for a change of place, with its standard uncertainty."""
+    late = places - places.mean()
+    by = change * late / (late @ late)
+    return float(by @ values), float(np.hypot.reduce(by * stds))
 
 
 def _mean(recording: Recording, part: Mapping[str, Any], name: str) -> float:

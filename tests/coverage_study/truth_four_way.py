@@ -127,6 +127,9 @@ def of_null_shift(_clean: Recording, bench: str, _situation: Situation) -> Truth
             nulls.append(_null(bench, **{condition: level}))
             found[f"null, {label.format(level)}"] = nulls[-1]
         found[figure] = float(np.polyfit([usual[condition], *levels], nulls, 1)[0]) * change
+    for label, end in (("high", 100.0), ("low", -100.0)):
+        flows = [_read(bench, "flow", (end,), oil_c=oil)[0] for oil in (20.0, 40.0, 60.0)]
+        found[f"flow_shift_temperature, {label}"] = float(np.polyfit([20.0, 40.0, 60.0], flows, 1)[0]) * 40.0
     return found
 
 

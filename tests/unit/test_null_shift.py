@@ -47,6 +47,10 @@ def test_each_shift_holds_the_truth_for_the_change_that_its_definition_names():
             shift = one[f"null_shift_{name}"]
             assert shift.value == pytest.approx(truth, abs=3.5 * shift.std), name
             assert shift.std < 0.05
+        for end in ("high", "low"):
+            flow = one[f"flow_shift_temperature, {end}"]
+            assert flow.value == pytest.approx(-0.28 * 40.0 * PER_K, abs=3.5 * flow.std)
+            assert flow.std < 0.05
         assert one["null, way 0"].value == pytest.approx(0.5 + 2.0 * PER_TANK_BAR, abs=0.1)
 
 
@@ -60,7 +64,8 @@ def test_the_line_and_the_nulls_over_a_condition_go_to_the_page():
 
 
 def test_a_condition_that_was_never_adjusted_has_no_shift():
-    assert found(ways=[{}])[1]["null_shift_supply"].value is None
+    one = found(ways=[{}])[1]
+    assert one["null_shift_supply"].value is None and one["flow_shift_temperature, high"].value is None
 
 
 @pytest.mark.parametrize(
