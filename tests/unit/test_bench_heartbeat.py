@@ -19,8 +19,20 @@ from hil.errors import LinkError, with_notes
 from hil.safety.outputs import Outputs
 from hil.system.signals import HOLDING_UP
 from tests.links import PATIENT, served
+from tests.waits import until
 
 linux = pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks into /proc")
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    made = tmp_path / "run"
+    made.mkdir()
+    return made
+
+
+def wait_for_report(run: Path) -> None:
+    until((run / REPORT_FILE).exists, GIVE_UP_S)
 
 
 def lose(file: BenchFile, run: Path, known: Outputs) -> None:
@@ -29,19 +41,14 @@ def lose(file: BenchFile, run: Path, known: Outputs) -> None:
         raise LinkError("gone")
 
 
-def test_a_run_that_lost_its_device_tells_who_goes_on_and_where_that_is_told(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    run.mkdir()
+def test_a_run_that_lost_its_device_tells_who_goes_on_and_where_that_is_told(tmp_path: Path, run: Path) -> None:
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, _):
         known = Outputs()
         with pytest.raises(LinkError) as raised:
             lose(file, run, known)
         says = rf"^gone; the watchdog process goes on trying for {GIVE_UP_S:g} s .*{run / REPORT_FILE}$"
         assert re.match(says, with_notes(raised.value))
-        deadline_s = time.monotonic() + GIVE_UP_S
-        while not (run / REPORT_FILE).exists():
-            assert time.monotonic() < deadline_s
-            time.sleep(0.02)
+        wait_for_report(run)
     assert "safe_after_s" in (run / REPORT_FILE).read_text()
 
 
@@ -73,17 +80,8 @@ def lost(file: BenchFile, run: Path, act: Callable[[int], None]) -> str:
     return with_notes(raised.value)
 
 
-def wait_for_report(run: Path) -> None:
-    deadline_s = time.monotonic() + GIVE_UP_S
-    while not (run / REPORT_FILE).exists():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.02)
-
-
 @linux
-def test_watchdog_that_is_told_to_end_goes_on_trying(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    run.mkdir()
+def test_watchdog_that_is_told_to_end_goes_on_trying(tmp_path: Path, run: Path) -> None:
     with served("hpv41-modbus-tcp", tmp_path) as (file, _):
         client = HeartbeatClient(file, run)  # each is sent before it can ignore any, too
         for number in HOLDING_UP:
@@ -96,18 +94,14 @@ def test_watchdog_that_is_told_to_end_goes_on_trying(tmp_path: Path) -> None:
 
 
 @linux
-def test_watchdog_that_was_paused_is_woken(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    run.mkdir()
+def test_watchdog_that_was_paused_is_woken(tmp_path: Path, run: Path) -> None:
     with served("hpv41-modbus-tcp", tmp_path) as (file, _):
         assert "goes on trying" in lost(file, run, lambda watchdog: os.kill(watchdog, signal.SIGSTOP))
         wait_for_report(run)
 
 
 @linux
-def test_nothing_is_promised_of_a_watchdog_that_is_dead(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    run.mkdir()
+def test_nothing_is_promised_of_a_watchdog_that_is_dead(tmp_path: Path, run: Path) -> None:
     with served("hpv41-modbus-tcp", tmp_path) as (file, _):
         said = lost(file, run, lambda watchdog: os.kill(watchdog, signal.SIGKILL))
     assert said == "gone; the watchdog process ended: killed by SIGKILL: nobody goes on trying"
