@@ -178,26 +178,9 @@ def _at(settings: modbus.Settings, address: str, volts: float | None = None) -> 
     return float(stands)
 
 
-def test_the_watchdog_writes_nothing_to_the_port_that_has_the_name_of_ours(tmp_path: Path) -> None:
-    for folder in ("a", "b"):
-        (tmp_path / folder).mkdir()
-    bench = "hpv41-modbus-rtu"
-    with served(bench, tmp_path / "a", *PATIENT) as (file, _), served(bench, tmp_path / "b") as (_, twins):
-        settings = modbus.Settings.model_validate(file.bench.devices["io"].settings)
-        name, there, own = Path(settings.address), twins["io"].where, Path(settings.address).readlink()
-        for address in (str(own), there):
-            _at(settings, address, 3.0)
-        assert tried_once(file) == [] and _at(settings, str(own)) == 0.0
-        _at(settings, str(own), 3.0)
-        name.unlink()
-        name.symlink_to(Path(there).readlink())  # two adapters swap their names
-        (left,) = tried_once(file)
-        assert "another device has this name now" in left and "not there" not in left
-        assert [_at(settings, at) for at in (str(own), there)] == pytest.approx([3.0, 3.0], abs=1e-3)
-
-
-def test_the_watchdog_finds_the_adapter_that_has_another_name_by_its_number(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("numbered", [False, True])
+def test_the_watchdog_writes_to_its_own_adapter_under_any_name_or_to_none(
+    numbered: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
@@ -205,17 +188,22 @@ def test_the_watchdog_finds_the_adapter_that_has_another_name_by_its_number(
     with served(bench, tmp_path / "a", *PATIENT) as (file, _), served(bench, tmp_path / "b") as (_, twins):
         settings = modbus.Settings.model_validate(file.bench.devices["io"].settings)
         name, there, own = Path(settings.address), twins["io"].where, Path(settings.address).readlink()
-        monkeypatch.setattr(address, "_ports", lambda: [
-            SimpleNamespace(device=str(port), vid=0x0403, pid=0x6001, serial_number=number, location=None)
-            for port, number in ((own, "OURS"), (Path(there).readlink(), "THEIRS"))
-        ])  # fmt: skip
-        assert tried_once(file) == []
+        if numbered:
+            monkeypatch.setattr(address, "_ports", lambda: [
+                SimpleNamespace(device=str(port), vid=0x0403, pid=0x6001, serial_number=number, location=None)
+                for port, number in ((own, "OURS"), (Path(there).readlink(), "THEIRS"))
+            ])  # fmt: skip
         for at in (str(own), there):
             _at(settings, at, 3.0)
+        assert tried_once(file) == [] and _at(settings, str(own)) == 0.0
+        _at(settings, str(own), 3.0)
         name.unlink()
-        name.symlink_to(Path(there).readlink())
-        assert tried_once(file) == []
-        assert [_at(settings, at) for at in (str(own), there)] == pytest.approx([0.0, 3.0], abs=1e-3)
+        name.symlink_to(Path(there).readlink())  # two adapters swap their names
+        left = tried_once(file)
+        assert len(left) == (0 if numbered else 1)
+        assert all("another device has this name now" in text and "not there" not in text for text in left)
+        stands = [_at(settings, at) for at in (str(own), there)]
+        assert stands == pytest.approx([0.0 if numbered else 3.0, 3.0], abs=1e-3)
 
 
 @pytest.mark.parametrize(

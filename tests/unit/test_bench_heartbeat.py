@@ -94,14 +94,14 @@ def test_watchdog_that_is_told_to_end_goes_on_trying(tmp_path: Path, run: Path) 
 
 
 @linux
-def test_watchdog_that_was_paused_is_woken(tmp_path: Path, run: Path) -> None:
+@pytest.mark.parametrize(
+    ("sent", "says"),
+    [(signal.SIGSTOP, "goes on trying"), (signal.SIGKILL, "process ended: killed by SIGKILL: nobody goes on trying")],
+)
+def test_watchdog_that_was_paused_is_woken_and_of_a_dead_one_nothing_is_promised(
+    sent: signal.Signals, says: str, tmp_path: Path, run: Path
+) -> None:
     with served("hpv41-modbus-tcp", tmp_path) as (file, _):
-        assert "goes on trying" in lost(file, run, lambda watchdog: os.kill(watchdog, signal.SIGSTOP))
-        wait_for_report(run)
-
-
-@linux
-def test_nothing_is_promised_of_a_watchdog_that_is_dead(tmp_path: Path, run: Path) -> None:
-    with served("hpv41-modbus-tcp", tmp_path) as (file, _):
-        said = lost(file, run, lambda watchdog: os.kill(watchdog, signal.SIGKILL))
-    assert said == "gone; the watchdog process ended: killed by SIGKILL: nobody goes on trying"
+        assert says in lost(file, run, lambda watchdog: os.kill(watchdog, sent))
+        if sent == signal.SIGSTOP:
+            wait_for_report(run)

@@ -94,39 +94,31 @@ def test_the_command_writes_it_and_asks_for_nothing_else(tmp_path: Path, command
     assert command_line(*command, "--reference", "meter 3").status == 2
 
 
-@pytest.mark.parametrize(
-    ("measured", "said"),
-    [
-        (column("basic_measuredValue", "1 2", r"\volt"), "2 indications for 3 values of the reference"),
-        (column("basic_measuredValue", "1 2 3", r"\kelvin"), r"basic_measuredValue is in \\kelvin, which is not V or"),
-        (column("basic_nominalValue", "1 2 3", r"\volt"), "it has basic_nominalValue, basic_referenceValue"),
-    ],
-)
-def test_what_does_not_fit_is_named(tmp_path: Path, measured: str, said: str) -> None:
-    table = measured + column("basic_referenceValue", "10 20 30", r"\litre\minute\tothe{-1}")
-    with pytest.raises(FileError, match=said):
-        api.calibrate(bench(tmp_path), "flow", certificate=certificate(tmp_path, table))
+VOLTS, REFERENCE = column("basic_measuredValue", "1 2 3", r"\volt"), "10 20 30"
 
 
 @pytest.mark.parametrize(
-    ("values", "width", "said"),
+    ("measured", "values", "width", "said"),
     [
-        ("10 nan 30", "", "basic_referenceValue: nan is no value"),
-        ("10 ten 30", "", "basic_referenceValue: could not convert string to float: 'ten'"),
-        ("10 20 30", WIDTH_2_1.format("0.1 0.2"), "2 uncertainties or coverage factors for 3 values"),
-        ("10 20 30", WIDTH_2_1.format("0.1").replace(">2<", ">0<"), "basic_referenceValue: a coverage factor of 0"),
+        (column("basic_measuredValue", "1 2", r"\volt"), REFERENCE, "", "2 indications for 3 values of the reference"),
+        (column("basic_measuredValue", "1 2 3", r"\kelvin"), REFERENCE, "", r"is in \\kelvin, which is not V or"),
+        (column("basic_nominalValue", "1 2 3", r"\volt"), REFERENCE, "", "it has basic_nominalValue, basic_reference"),
+        (VOLTS, "10 nan 30", "", "basic_referenceValue: nan is no value"),
+        (VOLTS, "10 ten 30", "", "basic_referenceValue: could not convert string to float: 'ten'"),
+        (VOLTS, REFERENCE, WIDTH_2_1.format("0.1 0.2"), "2 uncertainties or coverage factors for 3 values"),
+        (VOLTS, REFERENCE, WIDTH_2_1.format("0.1").replace(">2<", ">0<"), "referenceValue: a coverage factor of 0"),
     ],
-)
-def test_what_is_no_number_is_named(tmp_path: Path, values: str, width: str, said: str) -> None:
-    table = column("basic_measuredValue", "1 2 3", r"\volt")
-    table += column("basic_referenceValue", values, r"\litre\minute\tothe{-1}", width)
+)  # fmt: skip
+def test_what_does_not_fit_or_is_no_number_is_named(
+    measured: str, values: str, width: str, said: str, tmp_path: Path
+) -> None:
+    table = measured + column("basic_referenceValue", values, r"\litre\minute\tothe{-1}", width)
     with pytest.raises(FileError, match=said):
         api.calibrate(bench(tmp_path), "flow", certificate=certificate(tmp_path, table))
 
 
 def test_tables_of_one_name_are_two(tmp_path: Path) -> None:
-    table = column("basic_measuredValue", "1 2 3", r"\volt")
-    table += column("basic_referenceValue", "10 20 30", r"\litre\minute\tothe{-1}")
+    table = VOLTS + column("basic_referenceValue", "10 20 30", r"\litre\minute\tothe{-1}")
     path = certificate(tmp_path, table, table)
     path.write_text(path.read_text("utf-8").replace("table 2", "table 1"), "utf-8")
     with pytest.raises(FileError, match="holds the tables 'table 1', 'table 1 2'"):

@@ -135,23 +135,25 @@ def test_debug_is_not_asked_of_the_next_command_of_a_process(command_line) -> No
     assert command_line("frobnicate")[2].startswith("hil: ")
 
 
-def test_a_broken_file_system_is_one_line(command_line, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("error", "status", "says"),
+    [
+        (PermissionError(13, "Permission denied", "secret"), 2, "hil: secret: Permission denied\n"),
+        (ZeroDivisionError("of no use"), 2,
+         "hil: a fault of this program, not of its input: ZeroDivisionError: of no use"),
+        (KeyboardInterrupt(), 130, ""),
+    ],
+    ids=["file system", "fault", "ctrl-c"],
+)  # fmt: skip
+def test_what_is_raised_is_one_line(
+    error: BaseException, status: int, says: str, command_line, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def broken(_kind: str) -> None:
-        raise PermissionError(13, "Permission denied", "secret")
+        raise error
 
     monkeypatch.setattr("hil.cli.list_.entries", broken)
-    assert command_line("list", "plants") == (2, "", "hil: secret: Permission denied\n")
-
-
-def test_a_fault_of_the_program_is_said_to_be_one(command_line, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(_kind: str) -> None:
-        raise ZeroDivisionError("of no use")
-
-    monkeypatch.setattr("hil.cli.list_.entries", broken)
-    status, _, err = command_line("list", "plants")
-    assert status == 2
-    assert err.startswith("hil: a fault of this program, not of its input: ZeroDivisionError: of no use")
-    assert err.count("\n") == 1
+    ended = command_line("list", "plants")
+    assert ended.status == status and ended.err.startswith(says) and ended.err.count("\n") == bool(says)
 
 
 def test_version_and_help_are_no_errors(command_line) -> None:
@@ -185,14 +187,6 @@ def test_a_unit_that_the_file_stated_otherwise_is_remarked(command_line) -> None
     assert status == 0
     assert "note: 'flow' was in l/min and is now said to be in bar; its numbers are the same" in out
     assert "note" not in command_line("convert", "good.csv", "same.csv", "--unit", "flow=l/min")[1]
-
-
-def test_ctrl_c_is_exit_status_130(command_line, monkeypatch: pytest.MonkeyPatch) -> None:
-    def stopped(_kind: str) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("hil.cli.list_.entries", stopped)
-    assert command_line("list", "plants")[0] == 130
 
 
 def test_a_second_signal_says_no_second_end(command_line, monkeypatch: pytest.MonkeyPatch) -> None:

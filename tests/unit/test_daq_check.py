@@ -25,25 +25,19 @@ def test_rate_that_the_device_does_not_have_is_refused(asked: float) -> None:
         coerced_rate(PROMISES, asked)
 
 
-def test_sample_beyond_the_range_is_named() -> None:
-    waveform = Waveform(1000.0, {"command": np.array([0.0, 10.0, 10.1])})
-    with pytest.raises(RangeError, match=r"'command', sample 2: 10.1 V is outside the device's -10 … 10 V"):
-        check_waveform(waveform, OUTPUTS, PROMISES)
-
-
-def test_nan_is_outside_every_range() -> None:
-    with pytest.raises(RangeError, match="sample 1: nan"):
-        check_waveform(Waveform(1000.0, {"command": np.array([0.0, np.nan])}), OUTPUTS, PROMISES)
-
-
-def test_rate_that_was_not_coerced_is_refused() -> None:
-    with pytest.raises(RangeError, match="actual rate"):
-        check_waveform(Waveform(3000.0, {"command": np.zeros(3)}), OUTPUTS, PROMISES)
-
-
-def test_unknown_output_lists_those_there_are() -> None:
-    with pytest.raises(RangeError, match="no output 'valve'; the device drives: command"):
-        check_waveform(Waveform(1000.0, {"valve": np.zeros(3)}), OUTPUTS, PROMISES)
+@pytest.mark.parametrize(
+    ("rate_hz", "name", "values", "says"),
+    [
+        (1000.0, "command", [0.0, 10.0, 10.1], r"'command', sample 2: 10.1 V is outside the device's -10 … 10 V"),
+        (1000.0, "command", [0.0, np.nan], "sample 1: nan"),
+        (3000.0, "command", [0.0], "actual rate"),
+        (1000.0, "valve", [0.0], "no output 'valve'; the device drives: command"),
+    ],
+    ids=["range", "nan", "rate", "name"],
+)
+def test_waveform_that_cannot_be_is_refused(rate_hz: float, name: str, values: list[float], says: str) -> None:
+    with pytest.raises(RangeError, match=says):
+        check_waveform(Waveform(rate_hz, {name: np.array(values)}), OUTPUTS, PROMISES)
 
 
 @pytest.mark.parametrize("outputs", [{}, {"a": np.zeros(0)}, {"a": np.zeros(2), "b": np.zeros(3)}])
@@ -52,20 +46,17 @@ def test_waveform_has_samples_of_one_length(outputs: dict[str, np.ndarray]) -> N
         Waveform(1000.0, outputs)
 
 
-def test_one_task_keeps_its_rate() -> None:
-    waveforms = [Waveform(1000.0, {"command": np.zeros(3)}), Waveform(500.0, {"command": np.zeros(3)})]
-    task = checked_task(waveforms, OUTPUTS, PROMISES)
-    next(task)
-    with pytest.raises(RangeError, match="began with 1000 Hz"):
-        next(task)
-
-
-def test_one_task_keeps_its_outputs() -> None:
+@pytest.mark.parametrize(
+    ("rate_hz", "name", "says"),
+    [(500.0, "command", "then came 500 Hz and command"), (1000.0, "other", "then came 1000 Hz and other")],
+)
+def test_one_task_keeps_its_rate_and_outputs(rate_hz: float, name: str, says: str) -> None:
     outputs = {**OUTPUTS, "other": OutputChannel("other", "ao1", "voltage", "V", -10.0, 10.0)}
-    waveforms = [Waveform(1000.0, {"command": np.zeros(3)}), Waveform(1000.0, {"other": np.zeros(3)})]
-    task = checked_task(waveforms, outputs, PROMISES)
+    task = checked_task(
+        [Waveform(1000.0, {"command": np.zeros(3)}), Waveform(rate_hz, {name: np.zeros(3)})], outputs, PROMISES
+    )
     next(task)
-    with pytest.raises(RangeError, match="began with 1000 Hz and command, then came 1000 Hz and other"):
+    with pytest.raises(RangeError, match=f"began with 1000 Hz and command, {says}"):
         next(task)
 
 

@@ -196,6 +196,8 @@ def test_a_node_that_is_only_read_is_asked_by_sdo_and_left_as_it_is(tmp_path: Pa
     with by_hand(tmp_path, objects, model="transmitter-404", wiring=wiring) as (link, node):
         assert link.read() == {"pressure": 123.5}
         assert node.nmt == []
+        node.objects[0x6130, 1] = struct.pack("<f", math.nan)
+        assert math.isnan(link.read()["pressure"]) and link.invalid_reasons == {"pressure": "not a number"}
         del node.objects[0x6130, 1]
         with pytest.raises(HardwareError, match=r"object 6130\.1: upload refused"):
             link.read()
@@ -313,16 +315,6 @@ def test_counts_and_flags_that_are_no_measurement_are_told_in_words(outputs: boo
             assert link.invalid_reasons == ({"ai1": why} if why else {})
             node.objects[place] = before
         assert link.read()["ai1"] == 0.0 and link.invalid_reasons == {}
-
-
-def test_a_float_that_is_none_is_told(tmp_path: Path) -> None:
-    objects = {(0x1000, 0): struct.pack("<I", 0x00020194), (0x1018, 1): b"\0" * 4,
-               (0x6130, 1): struct.pack("<f", 123.5)}  # fmt: skip
-    wiring = Wiring({}, {"p": InputChannel("p", "pressure", "value", "bar", 0.0, 250.0)})
-    with by_hand(tmp_path, objects, model="transmitter-404", wiring=wiring) as (link, node):
-        assert link.read() == {"pressure": 123.5}
-        node.objects[0x6130, 1] = struct.pack("<f", math.nan)
-        assert math.isnan(link.read()["pressure"]) and link.invalid_reasons == {"pressure": "not a number"}
 
 
 def test_the_twin_says_that_a_broken_sensor_has_no_measurement(tmp_path: Path) -> None:

@@ -152,12 +152,9 @@ def test_driver_that_is_not_installed_is_told() -> None:
         hil("check-driver", "modbuss")
 
 
-def test_a_device_that_the_bench_has_not_is_told() -> None:
+def test_a_device_or_driver_that_the_bench_has_not_is_told() -> None:
     with pytest.raises(SettingError, match=r"no device 'nobody' with driver = \"modbus\"; there are: io"):
         hil("check-driver", "modbus", "--bench", "hpv41-modbus-tcp", "--device", "nobody")
-
-
-def test_bench_without_the_driver_is_told() -> None:
     with pytest.raises(SettingError, match='no device with driver = "scpi"'):
         hil("check-driver", "scpi", "--bench", "hpv41-canopen")
 
