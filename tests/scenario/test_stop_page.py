@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -14,13 +13,14 @@ from importlib.resources import files
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Page
 
 from hil.bench.stop.consoles import Console, announced
 from hil.bench.stop.listener import Listener
 from hil.bench.stop.stop_service import StopService
 from hil.safety.operator import Asked
 from hil.safety.outputs import Output, State
+from tests.chromium import chromium
 from tests.stops import SAFE, listening, tell_safe
 from tests.waits import PATIENCE_S
 
@@ -34,17 +34,6 @@ COUNT_BEEPS = """window.beeps = 0; const start = OscillatorNode.prototype.start;
 OscillatorNode.prototype.start = function (...at) { window.beeps += 1; return start.apply(this, at); };"""
 
 PATIENT = "AbortSignal.timeout = () => new AbortController().signal;"
-
-
-@contextmanager
-def browser() -> Iterator[Browser]:
-    found = shutil.which("chromium")
-    with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=found, args=["--no-sandbox", "--disable-gpu"])
-        try:
-            yield started
-        finally:
-            started.close()
 
 
 @contextmanager
@@ -118,11 +107,11 @@ def waited(page: Page, text: str, within_s: float) -> float:
 
 def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
     with ExitStack() as stack:
-        chromium = stack.enter_context(browser())
+        browser = stack.enter_context(chromium())
 
         with subtests.test("F12 in a field: confirmed, with the time it took"):
             one, wishes = stack.enter_context(listening(tell_safe))
-            with web_server([run_at(one)]) as server, chromium.new_page() as page:
+            with web_server([run_at(one)]) as server, browser.new_page() as page:
                 page.add_init_script(PATIENT)  # one question alone, however long a busy machine takes for its answer
                 page.goto(f"http://127.0.0.1:{server.server_port}/")
                 assert "ends hpv41-7" in shown(page) and wishes == []
@@ -134,7 +123,7 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
         with subtests.test("F12 while the page is still being read"):
             early, wishes = stack.enter_context(listening(tell_safe))
             body_may_come = threading.Event()
-            with web_server([run_at(early)], body_may_come) as server, chromium.new_page() as page:
+            with web_server([run_at(early)], body_may_come) as server, browser.new_page() as page:
                 page.add_init_script(PATIENT)
                 page.goto(f"http://127.0.0.1:{server.server_port}/", wait_until="commit")
                 page.wait_for_function("() => window.hilStop", polling=10, timeout=1000.0 * PATIENCE_S)
@@ -146,7 +135,7 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
 
         with subtests.test("the web server is dead"):
             two, wishes = stack.enter_context(listening(tell_safe))
-            with chromium.new_page() as page:
+            with browser.new_page() as page:
                 with web_server([run_at(two)]) as server:
                     page.goto(f"http://127.0.0.1:{server.server_port}/")
                     origin = f"http://127.0.0.1:{server.server_port}"
@@ -160,7 +149,7 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
             url = "http://127.0.0.1:1/stop"
             dead = {"run": "gone", "state": "lost", "stop_url": url, "stop_urls": [url], "token": "x"}
             deaf = {"run": "by hand", "state": "running"}
-            with web_server([run_at(three), dead, deaf]) as server, chromium.new_page() as page:
+            with web_server([run_at(three), dead, deaf]) as server, browser.new_page() as page:
                 page.add_init_script(COUNT_BEEPS)
                 page.goto(f"http://127.0.0.1:{server.server_port}/")
                 page.keyboard.press("F12")
@@ -176,7 +165,7 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
         with (
             subtests.test("it shows when the key does not reach it"),
             web_server([]) as server,
-            chromium.new_page() as page,
+            browser.new_page() as page,
         ):
             page.goto(f"http://127.0.0.1:{server.server_port}/")
             waited(page, "F12 stops too", PATIENCE_S)
@@ -189,7 +178,7 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
 
         with subtests.test("runs that begin later are stopped too; a run that has ended is not asked"):
             four, wishes = stack.enter_context(listening(tell_safe))
-            with web_server([]) as server, chromium.new_page() as page:
+            with web_server([]) as server, browser.new_page() as page:
                 page.goto(f"http://127.0.0.1:{server.server_port}/")
                 told(page, run_at(four), {**run_at(four, "old"), "state": "ended", "outcome": "completed"})
                 page.keyboard.press("F12")
@@ -205,7 +194,7 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
         with (
             subtests.test("a server that does not answer: what is under way is not known"),
             web_server([]) as server,
-            chromium.new_page() as page,
+            browser.new_page() as page,
         ):
             page.goto(f"http://127.0.0.1:{server.server_port}/")
             page.evaluate("document.dispatchEvent(new CustomEvent('hil:connection', {detail: false}))")
@@ -218,7 +207,7 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
         with subtests.test("what this page does not reach says so before it is pressed"):
             there = {"run": "there", "state": "running", "stop_url": "http://127.0.0.1:1/stop", "token": "x",
                      "stop_urls": ["https://192.0.2.1:1/stop"]}  # fmt: skip
-            with web_server([there]) as server, chromium.new_page() as page:
+            with web_server([there]) as server, browser.new_page() as page:
                 page.goto(f"http://127.0.0.1:{server.server_port}/")
                 waited(page, "there: is stopped through the console, while that answers", PATIENCE_S)
                 page.evaluate("document.dispatchEvent(new CustomEvent('hil:connection', {detail: false}))")
@@ -227,7 +216,7 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
         with (
             subtests.test("pressed where nothing is under way: it says that no run can start, and how it is released"),
             web_server([]) as server,
-            chromium.new_page() as page,
+            browser.new_page() as page,
         ):
             page.goto(f"http://127.0.0.1:{server.server_port}/")
             press = {"at_utc": "2026-11-26T12:00:00Z", "account": "otto", "runs": []}
@@ -253,9 +242,9 @@ def test_page_says_safe_while_only_time_is_missing() -> None:
         desk.tell(waits if len(asked) == 1 else SAFE, "watchdog")
 
     with ExitStack() as stack:
-        chromium = stack.enter_context(browser())
+        browser = stack.enter_context(chromium())
         one, asked = stack.enter_context(listening(confirm_in_time))
-        with web_server([run_at(one)]) as server, chromium.new_page() as page:
+        with web_server([run_at(one)]) as server, browser.new_page() as page:
             page.add_init_script(COUNT_BEEPS + PATIENT)
             page.clock.install(time=0)
             page.goto(f"http://127.0.0.1:{server.server_port}/")
