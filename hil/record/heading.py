@@ -41,7 +41,7 @@ _TIME_UNITS = {
     "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "ms": "ms", "msec": "ms", "milliseconds": "ms",
     "us": "us", "µs": "us", "μs": "us", "usec": "us", "ns": "ns", "min": "min", "minutes": "min", "h": "h", "sek": "s",
     "sekunden": "s", "sekunde": "s", "millisecond": "ms", "minute": "min", "hour": "h", "hours": "h", "hrs": "h",
-    "millis": "ms", "micros": "us", "microseconds": "us",
+    "millis": "ms", "millitm": "ms", "micros": "us", "microseconds": "us",
 }  # fmt: skip
 _COUNTERS = frozenset(
     {

@@ -31,6 +31,8 @@ def command_for(recording: Recording, input_name: str) -> Note | None:
         )
     sines = found_segments(recording.time_s, command)
     if sum(one.count for one in sines) > _MOSTLY * len(command):
-        return Note("its command holds {count} sines: `hil analyse sines` makes a frequency response, with uncertainty",
-                    count=len(sines))  # fmt: skip
+        return Note(
+            "its command is made of sines ({count}): `hil analyse sines` makes a frequency response, with uncertainty",
+            count=len(sines),
+        )
     return None

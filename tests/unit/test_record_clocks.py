@@ -146,6 +146,14 @@ def test_only_a_step_back_of_half_a_day_is_a_midnight(back_s: float, tmp_path: P
         read(tmp_path, "Time", [f"{clock:%H:%M:%S.%f}" for clock in clocks])
 
 
+def test_milliseconds_of_a_data_log_stand_beside_its_clock(tmp_path: Path) -> None:
+    """As FactoryTalk writes them."""
+    begun = datetime(2026, 11, 28, 10, 11, 12)
+    moments = [begun + timedelta(seconds=STEP_S * i) for i in range(COUNT)]
+    stamps = [f"{moment:%m/%d/%Y},{moment:%H:%M:%S},{moment.microsecond // 1000}" for moment in moments]
+    assert read(tmp_path, "Date,Time,Millitm", stamps).time_s == pytest.approx(STEP_S * np.arange(COUNT))
+
+
 @pytest.mark.parametrize(("heading", "unit_s"), [("ms", 1e-3), ("millis", 1e-3), ("micros", 1e-6)])
 def test_a_column_called_by_its_unit_alone_is_the_time(heading: str, unit_s: float, tmp_path: Path) -> None:
     found = read(tmp_path, heading, [f"{STEP_S * i / unit_s:.0f}" for i in range(COUNT)])
