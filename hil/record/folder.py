@@ -28,6 +28,7 @@ __all__ = ["RunWriter", "read", "write"]
 
 # Up to this size samples are copied into memory, each channel in one piece; beyond, they stay on the disk.
 COPIED_BYTES = 1 << 28
+_PIECE_ROWS = 1 << 16
 _OPEN = "the run was not closed: it is still being written, or its program was killed"
 _OWN = ("program", "started_utc", "stopped_utc", "outcome", "parts", "events", "incomplete")
 
@@ -114,9 +115,13 @@ def _good_rows(path: Path, columns: int, end: End | None) -> _Good:
 
 def _table(path: Path, rows: int, columns: int) -> Array:
     with open_untrusted(path.parent, path.name, ANY_SIZE) as file:
-        if rows * columns * VALUE_BYTES <= COPIED_BYTES:
-            return np.fromfile(file, "<f8", rows * columns).reshape(rows, columns).T.copy()
-        return np.asarray(np.memmap(file, "<f8", "r", shape=(rows, columns))).T
+        if rows * columns * VALUE_BYTES > COPIED_BYTES:
+            return np.asarray(np.memmap(file, "<f8", "r", shape=(rows, columns))).T
+        table = np.empty((columns, rows))
+        for first in range(0, rows, _PIECE_ROWS):  # the whole of it twice in memory costs more than to read it
+            piece = table[:, first : first + _PIECE_ROWS]
+            piece.T[:] = np.fromfile(file, "<f8", piece.size).reshape(-1, columns)
+        return table
 
 
 def _channels(header: Header, table: Array) -> dict[str, Channel]:
