@@ -111,7 +111,7 @@ def evaluate(recording: Recording) -> Findings:
     notes, deviations = chain_notes(recording, top.frequency_hz)
     segments = declared_segments(recording)
     hum_hz = hum_beneath(recording, response.name, segments)
-    hummed = {one.label: _hummed(one.response, segments, recording.interval_s, hum_hz) for one in found}
+    hummed = {one.label: _hummed(one.response, segments, recording, hum_hz) for one in found}
     return Findings(
         measured=tuple(m for one in found for m in (*one.measured(), _distortion(one, hummed[one.label]))),
         curves={"responses": [_curve(recording, one, segments) for one in found]},
@@ -171,13 +171,14 @@ def _curve(recording: Recording, one: Evaluated, segments: list[Segment]) -> dic
 
 
 def _hummed(
-    response: FrequencyResponse, segments: list[Segment], interval_s: float, hum_hz: float | None
+    response: FrequencyResponse, segments: list[Segment], recording: Recording, hum_hz: float | None
 ) -> NDArray[np.bool_]:
     """Lines of which a harmonic lies on a tone that goes on beneath every sine, shape (n,)."""
     if hum_hz is None:
         return np.zeros(len(response), dtype=np.bool_)
     orders = np.arange(1, response.harmonics.shape[1] + 2)
     near = np.min(np.abs(np.outer(response.frequency_hz, orders) - hum_hz), axis=1)
+    interval_s = recording.interval_s
     resolved = {one.frequency_hz: 1.0 / (one.count * interval_s) for one in segments}
     return near < np.array([resolved.get(f, 0.0) for f in response.frequency_hz.tolist()])
 
