@@ -158,6 +158,11 @@ NULL_SHIFTS: Mapping[str, str] = {
     "null_shift_temperature": "The same over the oil temperature as it was adjusted, times 40 K.",
     "flow_shift_temperature": "Slope of the line through the responses at that end over oil temperature, times 40 K.",
 }
+PROOF: Mapping[str, str] = {
+    "proof_pressure": "Mean of the second half of the time held, the lower of both ends of the command.",
+    "leakage_before": "Mean of the second half of the time at neutral, ports blocked, supply as the bench stands.",
+    "leakage_change": "The same after the proof pressure, less that before.",
+}
 LOAD_STEPS: Mapping[str, str] = {
     "load_step": "Mean of the second half of the time held after the step, less that before; mean of the repeats.",
     "load_deviation": (

@@ -158,6 +158,13 @@ def of_load_step(clean: Recording, bench: str, _situation: Situation) -> Truths:
     return found
 
 
+def of_proof_pressure(clean: Recording, bench: str, _situation: Situation) -> Truths:
+    """The pressure as it was asked for, the leakage at neutral, and that nothing gives way."""
+    share = 0.01 * float(clean.meta["settings"]["pressure"])
+    leak = float(_read(bench, "returned", (0.0,), load=0.0)[0])
+    return {"proof_pressure": share * _supply_bar(bench), "leakage_before": leak, "leakage_change": 0.0}
+
+
 def of_compensated_load_step(clean: Recording, bench: str, _situation: Situation) -> Truths:
     """Meter and spool as an integrator has them, while the throttle closes and opens with its time constant."""
     band = float(clean.meta["settings"]["band"]) / 100.0

@@ -27,6 +27,7 @@ PROCEDURES = (
     "flow_curve", "step_response", "multisine_response", "large_sine", "velocity_steps", "cylinder_drift",
     "pressure_current", "leakage_check", "electrical_check", "threshold", "fail_safe",
     "pressure_gain", "internal_leakage", "flow_over_pressure_drop", "limiting_power", "null_shift", "load_step",
+    "proof_pressure",
 )  # fmt: skip
 QUICK = [next(case for case in CASES if case.procedure == name) for name in PROCEDURES]
 

@@ -31,6 +31,7 @@ ALL = [
     "limiting_power four-way-lab",
     "null_shift four-way-lab",
     "load_step four-way-lab",
+    "proof_pressure four-way-lab hold_s=2",
     "efc_acceptance cummins-efc-acceptance",
     "efc_frequency_response cummins-efc",
     "efc_step_response cummins-efc",

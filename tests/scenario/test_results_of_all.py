@@ -45,6 +45,7 @@ SHORT = {
     "null_shift": ("four-way-lab", {"cycle_s": 10, "rate_hz": 200}),
     "pressure_current": ("cummins-efc", {}),
     "pressure_gain": ("four-way-lab", {"cycle_s": 20, "rate_hz": 200}),
+    "proof_pressure": ("four-way-lab", {"hold_s": 2, "rate_hz": 200}),
     "sine_position": ("hydraforce-open-loop", {"frequency_rad_s": 8}),
     "step_response": ("brevini-hpv41", {"levels": (0, 80)}),
     "threshold": ("brevini-hpv41", {"speed": 1, "reach": 2, "biases": (60,), "rate_hz": 200}),

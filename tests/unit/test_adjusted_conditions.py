@@ -105,7 +105,15 @@ def test_what_makes_no_sense_is_a_fault_of_the_bench_file(tmp_path: Path, old: s
 
 @pytest.mark.parametrize(
     "name",
-    ["pressure_gain", "internal_leakage", "flow_over_pressure_drop", "limiting_power", "null_shift", "load_step"],
+    [
+        "pressure_gain",
+        "internal_leakage",
+        "flow_over_pressure_drop",
+        "limiting_power",
+        "null_shift",
+        "load_step",
+        "proof_pressure",
+    ],
 )
 def test_a_test_that_lacks_a_role_is_refused_by_name(tmp_path: Path, name: str) -> None:
     hpv41 = read_bench(benches()["brevini-hpv41"])
