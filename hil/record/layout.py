@@ -12,6 +12,7 @@ from hil.record import heading as headings
 
 WHITESPACE = r"\s+"
 _UNIT_LABELS = frozenset({"unit", "units", "einheit", "einheiten", "eu", "unité"})
+_MOST_WORDS = 3  # of a unit
 _TOA5 = ("TS", "RN")  # what stands for units of the stamp and of the record's number
 
 Kind = Literal["number", "stamp", "text"]
@@ -61,7 +62,8 @@ def is_row_of_units(cells: Sequence[str]) -> bool:
     filled = [
         cell for cell in cells if not (headings.is_time(cell) or headings.is_counter(cell) or is_time_format(cell))
     ]
-    return 2 * sum(map(is_unit, filled)) > len(filled)
+    is_sentence = any(len(cell.split()) > _MOST_WORDS for cell in cells)
+    return not is_sentence and 2 * sum(map(is_unit, filled)) > len(filled)
 
 
 def is_unit(cell: str) -> bool:

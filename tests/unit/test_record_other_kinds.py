@@ -396,6 +396,12 @@ class TestTexts:
         assert [(c.name, c.unit) for c in found.channels.values()] == [("CH1", "V"), ("CH2", "bar")]
         assert found.time_s == pytest.approx(0.1 * np.arange(30))
 
+    def test_a_sentence_with_commas_is_no_row_of_units(self, tmp_path: Path) -> None:
+        rows = "".join(f"{k},{k},{2 * k},{3 * k}\n" for k in range(9))
+        above = "version=1,,,\nUnits are S.I. units (second, meters, Newtons, ...)\nendheader,,,\n"
+        (tmp_path / "x.csv").write_text(f"{above}time,tilt,list,tx\n{rows}")
+        assert {channel.unit for channel in read_recording(tmp_path / "x.csv").channels.values()} == {"1"}
+
     def test_short_lists_beside_the_recording_cost_no_rows(self, tmp_path: Path) -> None:
         beside = [f"F{k}\t1.5" if k < 9 else "\t" for k in range(60)]
         rows = "".join(f"{k}\t{3 * k}\t{k % 7}\t{k % 5}\t{short}\n" for k, short in enumerate(beside))
