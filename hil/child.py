@@ -11,13 +11,11 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
-
-if TYPE_CHECKING:
-    from concurrent.futures import Future, ProcessPoolExecutor
+from typing import Any, TypeVar
 
 Process = subprocess.Popen
 PIPE, TimeoutExpired = subprocess.PIPE, subprocess.TimeoutExpired
@@ -59,13 +57,23 @@ def finished(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
     )
 
 
+def processes(workers: int, prepare: Callable[[], None] | None = None) -> Executor:
+    """So many processes of this Python, each of which does `prepare` first."""
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    with _safe_path():  # it starts one of its own, too
+        return ProcessPoolExecutor(workers, get_context("spawn"), prepare)
+
+
 def over_processes(
     function: Callable[[_Item], _Found],
     items: Iterable[_Item],
-    workers: int,
+    workers: Callable[[], int],
     lost: Callable[[_Item], _Found],
     tell: Callable[[str], None] = lambda _text: None,
-    prepare: Callable[[], None] | None = None,
+    pools: Callable[[int], Executor] = processes,
+    broken: type[Exception] = BrokenExecutor,
 ) -> Iterator[_Found]:
     """What a function gives of each item, in one of some processes; as they are finished, in any order.
 
@@ -75,34 +83,33 @@ def over_processes(
     Args:
         function: what is done, with what it needs within it.
         items: what to do it with.
-        workers: how many processes.
+        workers: how many processes there are now.
         lost: what stands for an item whose process was lost that time too.
         tell: told in a sentence that a process was lost.
-        prepare: what each process does first.
+        pools: so many processes that take work.
+        broken: what a lost process leaves of its work.
     """
-    from concurrent.futures import FIRST_COMPLETED, wait
-    from concurrent.futures.process import BrokenProcessPool
 
     def alone(item: _Item) -> _Found:
-        with _pool(1, prepare) as pool:
+        with pools(1) as pool:
             try:
                 return _begun(pool, function, item).result()
-            except BrokenProcessPool:
+            except broken:
                 return lost(item)
 
     at_work: dict[Future[_Found], _Item] = {}
     suspects: list[_Item] = []
     todo = iter(items)
-    pool = _pool(workers, prepare)
+    pool = pools(workers())
     try:
         while True:
-            with suppress(BrokenProcessPool):  # what was at work says so too
-                for item in islice(todo, 0 if suspects else _AHEAD * workers - len(at_work)):
+            with suppress(broken):  # what was at work says so too
+                for item in islice(todo, 0 if suspects else max(0, _AHEAD * workers() - len(at_work))):
                     suspects.append(item)
                     at_work[_begun(pool, function, item)] = suspects.pop()
             for future in wait(at_work, return_when=FIRST_COMPLETED).done:
                 item = at_work.pop(future)
-                if isinstance(future.exception(), BrokenProcessPool):
+                if isinstance(future.exception(), broken):
                     suspects.append(item)
                 else:
                     yield future.result()
@@ -110,22 +117,16 @@ def over_processes(
                 tell(f"a process was lost while {len(suspects)} were at work or waited; each is done again by itself")
                 pool.shutdown()
                 yield from map(alone, suspects)
-                suspects, pool = [], _pool(workers, prepare)
+                suspects, pool = [], pools(workers())
             elif not at_work:
                 return
     finally:
-        pool.shutdown(cancel_futures=True)
+        for future in at_work:
+            future.cancel()
+        pool.shutdown()
 
 
-def _pool(workers: int, prepare: Callable[[], None] | None) -> ProcessPoolExecutor:
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    with _safe_path():  # it starts one of its own, too
-        return ProcessPoolExecutor(workers, get_context("spawn"), prepare)
-
-
-def _begun(pool: ProcessPoolExecutor, function: Callable[[_Item], _Found], item: _Item) -> Future[_Found]:
+def _begun(pool: Executor, function: Callable[[_Item], _Found], item: _Item) -> Future[_Found]:
     with _safe_path():  # a process starts when it is given something to do
         return pool.submit(function, item)
 

@@ -15,12 +15,11 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from hil.child import over_processes
+from hil.child import over_processes, processes
 from hil.cores import cores, keep_to
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.errors import FileError, HilError, InputError, StorageError, option
@@ -40,7 +39,6 @@ from hil.version import PROGRAM
 NOMINAL_FILE, DONE_FILE = "nominal.json", "fleet.jsonl"
 _PATIENCE_S = 5
 _PATTERN = "*.csv*"
-_AHEAD = 2  # units for each thread of a cluster: one that it is at, one that waits for it
 
 Notes = Callable[[str | Note], None]
 SCHEMA = "hil.fleet/1"
@@ -274,9 +272,10 @@ def _over_workers(
 ) -> Iterator[_Made]:
     """Every task worked on, as they are finished."""
     if scheduler:
-        yield from _on_cluster(tasks, scheduler)
+        yield from _on_cluster(tasks, scheduler, tell)
     elif most:
-        yield from over_processes(_worked, tasks, most, _lost, tell, partial(keep_to, cores() // most))
+        pools = partial(processes, prepare=partial(keep_to, cores() // most))
+        yield from over_processes(_worked, tasks, lambda: most, _lost, tell, pools)
 
 
 def _lost(task: _Task) -> _Made:
@@ -284,7 +283,7 @@ def _lost(task: _Task) -> _Made:
     return _Made(task, UnitAnswer(task.name, None, text), is_repeatable=False)
 
 
-def _on_cluster(tasks: Iterable[_Task], scheduler: str) -> Iterator[_Made]:
+def _on_cluster(tasks: Iterable[_Task], scheduler: str, tell: Notes) -> Iterator[_Made]:
     """As on cores; Dask itself gives the task of a lost worker to others."""
     try:
         import distributed
@@ -294,38 +293,36 @@ def _on_cluster(tasks: Iterable[_Task], scheduler: str) -> Iterator[_Made]:
         client = distributed.Client(scheduler, timeout=_PATIENCE_S)  # type: ignore[no-untyped-call]
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(f"scheduler {scheduler}: no Dask scheduler answers there: {error}") from None
-    at_work: dict[Any, _Task] = {}
-    todo = iter(tasks)
+    unseen: list[_Task] = []
+    unread: list[_Made] = []
 
-    def begun(task: _Task) -> Any:
-        future = client.submit(_on_a_thread, task, pure=False)
-        at_work[future.key] = task
-        return future
+    def handed() -> Iterator[_Task]:
+        for task in unseen:
+            try:
+                yield replace(task, unit=task.read())
+            except HilError as error:
+                unread.append(_Made(task, UnitAnswer(task.name, None, str(error))))
 
-    def more() -> list[Any]:
-        most = _AHEAD * max(1, sum(client.nthreads().values()))  # type: ignore[no-untyped-call]
-        return [begun(task) for task in islice(todo, max(0, most - len(at_work)))]
+    def threads() -> int:
+        return max(1, sum(client.nthreads().values()))  # type: ignore[no-untyped-call]
+
+    def pools(_workers: int) -> Any:
+        return client.get_executor(pure=False)  # type: ignore[no-untyped-call]
 
     with client:
-        coming = distributed.as_completed(more())  # type: ignore[no-untyped-call]
-        for future in coming:
-            task = at_work.pop(future.key)
-            try:
-                made = future.result()
-                again = [begun(replace(task, unit=task.read()))] if made is None else []
-            except distributed.KilledWorker:
-                made, again = _lost(task), []
-            except HilError as error:
-                made, again = _Made(task, UnitAnswer(task.name, None, str(error))), []
-            if made is not None:
-                yield made
-            coming.update([*again, *more()])  # type: ignore[no-untyped-call]
+        for todo in (tasks, handed()):
+            for made in over_processes(_on_a_thread, todo, threads, _lost, tell, pools, distributed.KilledWorker):
+                if isinstance(made, _Task):
+                    unseen.append(made)
+                else:
+                    yield made
+    yield from unread
 
 
-def _on_a_thread(task: _Task) -> _Made | None:
-    """What a thread of a cluster does, which spreads nothing over further cores; None where it sees no such folder."""
+def _on_a_thread(task: _Task) -> _Made | _Task:
+    """What a thread of a cluster does, which spreads nothing over further cores; its task where it sees no folder."""
     keep_to(1)
-    return _worked(task) if task.unit is not None or _files(task.folder) == task.files else None
+    return _worked(task) if task.unit is not None or _files(task.folder) == task.files else task
 
 
 def _files(folder: Path) -> str:

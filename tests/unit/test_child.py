@@ -47,7 +47,7 @@ def test_a_run_from_a_page_executes_nothing_of_the_working_folder(folder: Path) 
 
 def test_workers_execute_nothing_of_the_working_folder(folder: Path) -> None:
     before = dict(os.environ)
-    assert sorted(over_processes(abs, [-1, -2, -3], 2, lost=abs)) == [1, 2, 3]
+    assert sorted(over_processes(abs, [-1, -2, -3], lambda: 2, lost=abs)) == [1, 2, 3]
     assert not _executed(folder)
     assert dict(os.environ) == before
 
@@ -56,7 +56,9 @@ def test_a_lost_process_costs_one_item_and_a_sentence() -> None:
     told: list[str] = []
     killed = "__import__('os').abort()"  # by a function that imports nothing of the tests
     found = list(
-        over_processes(eval, ["0", "1", killed, "3", "4", "5"], 2, lost=lambda item: -len(item), tell=told.append)
+        over_processes(
+            eval, ["0", "1", killed, "3", "4", "5"], lambda: 2, lost=lambda item: -len(item), tell=told.append
+        )
     )
     assert sorted(found) == [-len(killed), 0, 1, 3, 4, 5]
     assert len(told) == 1 and "a process was lost" in told[0]
@@ -64,7 +66,7 @@ def test_a_lost_process_costs_one_item_and_a_sentence() -> None:
 
 def test_items_are_taken_as_processes_come_free() -> None:
     taken: list[int] = []
-    answers = over_processes(abs, (taken.append(k) or k for k in range(50)), 1, lost=abs)
+    answers = over_processes(abs, (taken.append(k) or k for k in range(50)), lambda: 1, lost=abs)
     assert next(answers) == 0
     assert len(taken) < 10
     answers.close()
