@@ -92,7 +92,7 @@ class Late:
 @dataclass(slots=True)
 class Member:
     """A link of a DAQ, the channels on it, and how long it took of late; `doubt`: why what it says is not believed,
-    given what it says that it is.
+    given what it says that it is; `answers`: whether it did what it was asked last.
     """
 
     name: str
@@ -103,7 +103,7 @@ class Member:
     late: Late = field(default_factory=Late)
     read_after_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
     read_for_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
-    _answers: bool = field(default=True, init=False)
+    answers: bool = field(default=True, init=False)
 
     @property
     def delay_name(self) -> str:
@@ -114,11 +114,6 @@ class Member:
     def identity(self) -> str:
         """What the device says that it is; empty where it says nothing."""
         return str(getattr(self.link, "identity", ""))
-
-    @property
-    def answers(self) -> bool:
-        """Whether it did what it was asked last."""
-        return self._answers
 
     @property
     def reading_age_s(self) -> float:
@@ -182,7 +177,7 @@ class Member:
         return {name: answers.get(channel.terminal, unasked) for name, channel in self.wiring.outputs.items()}
 
     def _named(self, call: Callable[..., Any], *values: Any) -> Any:
-        self._answers = False
+        self.answers = False
         try:
             answer = call(*values)
         except HardwareError as error:
@@ -193,7 +188,7 @@ class Member:
         except WHATEVER as error:  # of a library, or a fault of the driver: it concerns this link alone
             self.late.lost()
             raise LinkError(f"{self.name}: {type(error).__name__}: {error}") from error
-        self._answers = True
+        self.answers = True
         return answer
 
 

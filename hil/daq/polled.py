@@ -100,11 +100,6 @@ class PolledDaq:
         self._keep_alive()
 
     @property
-    def answers(self) -> bool:
-        """Whether every device did what it was asked last, also where nobody waited for that any more."""
-        return all(member.answers for member in self._members)
-
-    @property
     def identities(self) -> Mapping[str, str]:
         """What each device says that it is; empty where it says nothing."""
         return {member.name: member.identity for member in self._members}
@@ -351,13 +346,8 @@ class PolledDaq:
     def _sample(self, levels: Mapping[str, float], taken: Taken, task: Task) -> None:
         """Drive and read once; nothing is read any more when the task is stopped meanwhile."""
         self._refuse_if_failed()  # as the sign of life may have
-        refuse_after_sleep(self._clock)
-        self._refuse_after_silence()
-        self._sent_s = begun_s = self._clock.now_s
-        for member in self._members:
-            refuse_after_sleep(self._clock)  # as it may have while the one before was driven
-            member.drive(levels)
-            self.levels = {**self.levels, **{name: levels[name] for name in member.wiring.outputs}}
+        begun_s = self._clock.now_s
+        self._drive(self._members, levels)
         updated_s = 0.5 * (begun_s + self._clock.now_s)
         readings: dict[str, float] = {}
         delays_s: dict[str, float] = {}
@@ -374,6 +364,15 @@ class PolledDaq:
         self._samples_s.append(self._used_s - begun_s)
         task.pace.took(begun_s, self._used_s)
         taken.add(begun_s, updated_s - self._zero_s, levels, readings, delays_s)
+
+    def _drive(self, members: Iterable[Member], levels: Mapping[str, float]) -> None:
+        """Drive on, unless outputs may have moved meanwhile."""
+        self._refuse_after_silence()
+        self._sent_s = self._clock.now_s
+        for member in members:
+            refuse_after_sleep(self._clock)  # as it may have while the one before was driven
+            member.drive(levels)
+            self.levels = {**self.levels, **{name: levels[name] for name in member.wiring.outputs}}
 
     def _nothing_taken(self) -> Taken:
         delays = [member.delay_name for member in self._members if member.wiring.inputs]
@@ -409,13 +408,7 @@ class PolledDaq:
                 if self._failed is not None or not self._stand:
                     continue  # made safe while we waited, perhaps unheard, or on the way: what stood before is over
                 try:
-                    refuse_after_sleep(self._clock)
-                    self._refuse_after_silence()
-                    self._sent_s = self._clock.now_s
-                    for member in self._members:
-                        refuse_after_sleep(self._clock)
-                        if member.link.keep_alive_s is not None:
-                            member.drive(self.levels)
+                    self._drive([m for m in self._members if m.link.keep_alive_s is not None], self.levels)
                 except HardwareError as error:
                     self._failed = error
 

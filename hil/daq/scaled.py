@@ -55,11 +55,6 @@ class Scaled:
         """Where each output stands, in engineering units."""
         return {name: self._calibrations[name].value_at(raw) for name, raw in self._daq.levels.items()}
 
-    @property
-    def answers(self) -> bool:
-        """Whether every device did what it was asked last."""
-        return bool(getattr(self._daq, "answers", True))
-
     def actual_rate_hz(self, asked_hz: float) -> float:
         """The backend's actual rate."""
         return self._daq.actual_rate_hz(asked_hz)

@@ -469,8 +469,7 @@ class Guard:
         if self._operator.stop_asked or self._clock.slept_s or are_there:
             return  # after a sleep nobody knows where a ramp would have to begin
         path = way_to(safe, self.levels, ramps, rate_hz, order)
-        lost = isinstance(sys.exception(), HardwareError) or not getattr(self._daq, "answers", True)
-        if path is None or (lost and not self._stand_as_left((*ramps, *order))):
+        if path is None or not self._stand_as_left((*ramps, *order)):
             return
         self.known.driving(path)
         with closing_blocks(self._daq.play(path, self._protection.block_samples(rate_hz))) as blocks:
@@ -489,7 +488,7 @@ class Guard:
         """Whether every device that can be asked answers, and these outputs stand where they were left.
 
         After a lost answer, which a signal may have covered, a device may have restarted: a ramp from where it does not
-        stand would drive it away.
+        stand would drive it away. One that says only that it is away gives an answer.
         """
         for name, answer in self._daq.read_back().items():
             if not answer.can or answer.is_away:
