@@ -29,7 +29,7 @@ class _Device:
     """A device on the way to its safe values: why it is not there, or that it is and what could not be asked.
 
     `wait_s`: it was read back there, and for so long an earlier command may still arrive. `moved`: it was found away
-    from them when it was opened. `safe_s`: when it came to them, `away_s`: when somebody else last moved it, by the
+    from them when it was opened. `safe_s`: when it came to them, `until_s`: when nothing late can come any more, by the
     monotonic clock. `outputs`: what it said of each, in the units of the bench.
     """
 
@@ -40,7 +40,7 @@ class _Device:
     wait_s: float = 0.0
     moved: bool = False
     safe_s: float = 0.0
-    away_s: float = -math.inf
+    until_s: float = -math.inf
     outputs: dict[str, Output] = field(default_factory=dict)
 
 
@@ -69,14 +69,15 @@ class Rescue:
         self._lines: dict[str, list[_Device]] = {}
         for name, device in file.devices.items():
             address = str(getattr(device.settings, "address", name))
-            self._lines.setdefault(address, []).append(_Device(name, f"{name}: no answer yet", away_s=self._begun_s))
+            until_s = self._begun_s + device.late_s
+            self._lines.setdefault(address, []).append(_Device(name, f"{name}: no answer yet", until_s=until_s))
 
     def one_attempt(self) -> None:
         """One try, for as long as a moment: while the bench is still that of a program that was killed."""
         _wait(self._begun(self._tried_all), self._begun_s + _MOMENT_S)
 
     def with_patience(self, not_yet: Callable[[], None] = lambda: None) -> None:
-        """Try until all are safe, then look until none has moved for a while; gives up after `GIVE_UP_S`.
+        """Try until all are safe, and until nothing late can come any more; gives up after `GIVE_UP_S`.
 
         Args:
             not_yet: called once: when only time is missing, or when some are not safe after a moment.
@@ -129,10 +130,10 @@ class Rescue:
         return threads
 
     def _tried_all(self, line: list[_Device]) -> None:
-        for device in line:
+        for i, device in enumerate(line):
             if not device.done:
-                _tried(self._file, device)
-                self._service.tell(device.outputs, "watchdog")
+                line[i] = _tried(self._file, device)
+                self._service.tell(line[i].outputs, "watchdog")
 
     def _with_patience(self, line: list[_Device]) -> None:
         self._tried_all(line)
@@ -147,22 +148,18 @@ def _wait(threads: list[Any], until_s: float) -> None:
         thread.join(max(0.0, until_s - system.now_s()))
 
 
-def _tried(file: BenchFile, device: _Device) -> None:
-    """One try, as long as a driver may take that returns."""
-    attempt = _Device(device.name, away_s=device.away_s)
+def _tried(file: BenchFile, device: _Device) -> _Device:
+    """What came of one try, as long as a driver may take that returns."""
+    attempt = _Device(device.name, until_s=device.until_s)
     thread = system.thread(_make_safe, file, attempt)
     thread.start()
     thread.join(_HANGS_S)
     if thread.is_alive():
-        device.failure = f"{device.name}: its driver does not return"
-    else:
-        was_there, is_there = device.done or device.wait_s, attempt.done or attempt.wait_s
-        if is_there and (attempt.moved or not was_there):
-            device.safe_s = system.now_s()
-        device.away_s = attempt.away_s
-        device.failure, device.unasked, device.moved = attempt.failure, attempt.unasked, attempt.moved
-        device.outputs = attempt.outputs or _no_more_heard_of(device.outputs, attempt.failure)
-        device.wait_s, device.done = attempt.wait_s, attempt.done
+        return replace(device, failure=f"{device.name}: its driver does not return")
+    comes_now = (attempt.done or attempt.wait_s) and (attempt.moved or not device.wait_s)
+    attempt.safe_s = system.now_s() if comes_now else device.safe_s
+    attempt.outputs = attempt.outputs or _no_more_heard_of(device.outputs, attempt.failure)
+    return attempt
 
 
 def _no_more_heard_of(outputs: Mapping[str, Output], why: str) -> dict[str, Output]:
@@ -181,10 +178,7 @@ def _make_safe(file: BenchFile, device: _Device) -> None:
         if any(entry.device == device.name for entry in outputs.values()):
             daq = file.devices[device.name].open(outputs, only_safe=True)
             device.moved = any(daq.levels.get(name) != channel.safe for name, channel in daq.outputs.items())
-            if device.moved and device.away_s > -math.inf:
-                device.away_s = system.now_s()
-            until_s = device.away_s + file.devices[device.name].late_s
-            _ask_to_be_safe(daq, known, max(0.0, until_s - system.now_s()))
+            _ask_to_be_safe(daq, known, max(0.0, device.until_s - system.now_s()))
     except BaseException as error:
         device.failure = f"{device.name}: {reason(error).removeprefix(f'{device.name}: ')}"
         return

@@ -80,17 +80,12 @@ class Output:
         """Whether no command can do more: it is settled, or nothing but its witness disagrees."""
         if self.state is State.SAFE:
             return True
-        return self.state is State.UNCONFIRMED and not self.waits and (self.is_denied or not self.can)
+        return self.state is State.UNCONFIRMED and not self.confirmed_in_s and (self.is_denied or not self.can)
 
     @property
     def is_denied(self) -> bool:
         """Whether its device has nothing against calling it safe, and the witness that the bench file names has."""
         return self.witness is not None and self.witness.is_named
-
-    @property
-    def waits(self) -> bool:
-        """Whether only time is missing: it was read back safe, or told to be where nobody can ask, too early."""
-        return self.confirmed_in_s > 0.0
 
     def as_dict(self) -> dict[str, Any]:
         """As it is kept with a run, handed to other processes and printed for programs."""
@@ -116,15 +111,15 @@ class Output:
 
     def described(self, name: str) -> str:
         """In words, for an output that is not settled."""
-        if self.is_denied and not self.waits:
+        if self.is_denied and not self.confirmed_in_s:
             return _("'{name}' was set to its safe value, and is NOT CONFIRMED by {witness}").format(
                 name=name, witness=_reading(self.witness)
             )
         at = "" if self.at is None else f"{self.at:.4g}{'' if self.unit == '1' else f' {self.unit}'}"
         texts = {
             State.DRIVEN: _("'{name}' stands at {at}") if at else _("'{name}' is driven"),
-            State.UNCONFIRMED: _("'{name}' was made safe, and an earlier command may still arrive") if self.waits
-            else _("'{name}' was commanded safe, and could not be read back"),
+            State.UNCONFIRMED: _("'{name}' was commanded safe, and could not be read back") if not self.confirmed_in_s
+            else _("'{name}' was made safe, and an earlier command may still arrive"),
             State.UNKNOWN: _("nobody knows where '{name}' stands, driven to {at} last") if at
             else _("nobody knows where '{name}' stands"),
         }  # fmt: skip
@@ -146,17 +141,21 @@ def note_of(outputs: Mapping[str, Output]) -> str:
     return _("not back at rest: {readings}").format(readings=", ".join(notes)) if notes else ""
 
 
+def waits_s(outputs: Mapping[str, Output]) -> float:
+    """How long only time is missing to call outputs safe; 0 where more is missing, or nothing."""
+    times_s = [output.confirmed_in_s for output in outputs.values() if not output.is_commanded]
+    return max(times_s, default=0.0) if all(times_s) else 0.0
+
+
 def announcement(outputs: Mapping[str, Output]) -> str:
     """What may be said of outputs of which only time is missing, in the language that is spoken; empty where more is.
 
     Args:
         outputs: what is known of each, by name.
     """
-    left = [output for output in outputs.values() if not output.is_commanded]
-    if not left or not all(output.waits for output in left):
+    if not (time_s := waits_s(outputs)):
         return ""
-    time_s = max(output.confirmed_in_s for output in left)
-    if all(output.can for output in left):
+    if all(output.can or output.is_commanded for output in outputs.values()):
         return _("outputs: safe, read back; confirmed in {time} s").format(time=f"{time_s:.2g}")
     return _("outputs: commanded safe; repeated for {time} s").format(time=f"{time_s:.2g}")
 
@@ -266,9 +265,8 @@ class Outputs:
 
     @property
     def wait_s(self) -> float:
-        """How long only time is missing to call them safe; 0 where more is missing, or nothing."""
-        left = [output for output in self._known.values() if not output.is_commanded]
-        return max((output.confirmed_in_s for output in left), default=0.0) if all(o.waits for o in left) else 0.0
+        """How long only time is missing to call them safe (see `waits_s`)."""
+        return waits_s(self._known)
 
     def make_safe(
         self,
