@@ -116,10 +116,10 @@ class J1939ValveLink(DeviceLink):
         self._settings = settings
         self._command_id = 3 << 26 | COMMAND + settings.valve << 8 | settings.source
         self._group = ESTIMATED + settings.valve
-        self._commanded_s = system.now_s()
+        self._commanded_s, self._requests = system.now_s(), 0
         self._latest: bytes | None = None
         self._came_s = 0.0
-        self._names_device = ""
+        self._names_device, self._restarted = "", False
         super().__init__(
             wiring,
             settings.watchdog_s,
@@ -162,6 +162,7 @@ class J1939ValveLink(DeviceLink):
         self._frames = CanFrames(settings, self._take, claim, driver="j1939_valve", key="source")
         if claim is not None:
             self._frames.send(_PRIORITY << 26 | REQUEST << 8 | settings.device << 8 | settings.source, CLAIMED_GROUP)
+            self._requests += 1
         return ""
 
     def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
@@ -175,6 +176,9 @@ class J1939ValveLink(DeviceLink):
     def _look(self) -> None:
         self._frames.receive(0.0)
         self._frames.address_is_ours()
+        restarted, self._restarted = self._restarted, False
+        if restarted and self._commanded != self._safe:
+            raise LinkError("the valve has claimed its address anew: it restarted, and its outputs stood elsewhere")
 
     def _measured(self) -> dict[str, float]:
         """The flow that it has estimated last, NaN when it says that it estimates none."""
@@ -201,11 +205,19 @@ class J1939ValveLink(DeviceLink):
         return self._latest
 
     def _take(self, identifier: int, data: bytes, extended: bool) -> bool:
-        """Take in a frame; tells whether it was an estimate of our valve."""
+        """Take in a frame; tells whether it was an estimate of our valve.
+
+        One that claims its address, and was not asked for it, has restarted. It may obey again before it is missed.
+        """
+        group = identifier >> 8 & 0x3FF00
+        if extended and group == REQUEST and data == CLAIMED_GROUP:
+            self._requests += 1
         if not extended or identifier & 0xFF != self._settings.device or len(data) != 8:
             return False
-        if identifier >> 8 & 0x3FF00 == CLAIMED:
+        if group == CLAIMED:
             self._names_device = f"NAME {int.from_bytes(data, 'little'):#018x}"
+            self._restarted = self._restarted or (not self._requests and self._commanded != self._safe)
+            self._requests = max(0, self._requests - 1)
         if is_mine := identifier >> 8 & 0x3FFFF == self._group:
             self._latest, self._came_s = data, system.now_s()
         return is_mine

@@ -111,6 +111,7 @@ def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> CanServer:
     """Serve the valve on the bus where the driver will look for it."""
     number, address = int(settings.get("valve", 1)), int(settings.get("device", 0x80))
     valve = Valve(side, number, address, float(settings.get("watchdog_s", 0.3)))
+    list(valve.tick())  # it has claimed its address before anybody listens
     return CanServer(valve, side, behave, str(settings["address"]))
 
 

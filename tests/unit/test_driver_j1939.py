@@ -223,6 +223,28 @@ def test_address_that_is_lost_ends_the_commands(bus: str) -> None:
     assert len(commands) == 2
 
 
+def test_valve_that_restarted_is_told_before_it_is_driven_on(bus: str) -> None:
+    with linked(bus) as (link, served, side), beside(bus) as other:
+
+        def is_driven() -> bool:
+            link.drive({"flow command": 40.0})
+            return side.standing("flow command") == 40.0
+
+        def restarts() -> None:
+            until(is_driven)
+            served.behaviour.quirks = Quirks(reboot=True)
+            until(lambda: side.standing("flow command") == 0.0)
+            served.behaviour.quirks = Quirks()
+            until(lambda: heard(other, 0x18EEFF80))
+
+        other.send(can.Message(arbitration_id=0x18EAFFFE, data=bytes.fromhex("00 ee 00"), is_extended_id=True))
+        until(lambda: is_driven() and heard(other, 0x18EEFF80))  # it was asked
+        with pytest.raises(LinkError, match="restarted"):
+            until(restarts)  # the claim after one may count as an answer to a request that it has not heard
+        link.drive({"flow command": 0.0})
+        until(is_driven)  # it is said once
+
+
 def test_request_in_a_pause_is_answered_with_the_next_command(bus: str) -> None:
     with beside(bus) as other, linked(bus, name=NAME) as (link, _, _):
         while other.recv(0.0) is not None:
