@@ -53,7 +53,8 @@ def drives_what_is_asked(world: World, ran: Ran) -> Iterator[str]:
             if not 0.0 < at_s < end_s or abs(percent) <= NEAR or at_s in ran.pokes[device]:
                 continue
             if on is not None:
-                if abs(percent - on) > NEAR:
+                comes_on = name == PILOT and 0.0 < percent < on and (at_s < begun_s or not in_order)
+                if abs(percent - on) > NEAR and not comes_on:
                     yield f"{name} goes to {percent:.2f} % at {at_s:.3f} s, and is switched on at {on:g} %"
                 continue
             if ran.schedule.ramped and (abs(percent) < abs(before) or before_s in ran.pokes[device]):

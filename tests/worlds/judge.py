@@ -14,6 +14,7 @@ import numpy as np
 from hil.errors import FileError
 from hil.record.folder import read
 from tests.worlds.devices import FULL
+from tests.worlds.driven import CALM
 from tests.worlds.driven import LAWS as DRIVEN
 from tests.worlds.left import LAWS as LEFT
 from tests.worlds.left import kinds as _kinds
@@ -144,12 +145,22 @@ def _recorded(world: World, ran: Ran) -> Iterator[str]:
         yield f"{len(strange)} recorded flows were never measured, such as {min(strange)} counts"
 
 
+_ASK_FIRST = CALM - {"second", "wd pause"} | {"swap", "kill", "sticks"}
+"""Faults beside which who comes to an address says what it is before anything is written there."""
+_MEETS_S = 0.1  # so soon a device has said what it is on a new connection
+
+
 def _strangers(world: World, ran: Ran) -> Iterator[str]:
     """One that comes before the run has met its devices is the one that it meets."""
     for device, stranger in world.strangers.items():
         came_early = any(fault.kind == "swap" and phase == "opening" for fault, phase in ran.took)
         if not came_early and any(abs(at) > NEAR for _, at in stranger.changes):
             yield f"another device that has the address of {device} was driven"
+        came_s = [at_s for (fault, _), at_s in zip(ran.took, ran.took_s, strict=True)
+                  if fault.kind == "swap" and fault.device == device][-1]  # fmt: skip
+        met = any(came_s - _MEETS_S < at_s <= came_s for one in world.system.processes for at_s in one.connected_s)
+        if not (came_early or met or _kinds(ran) - _ASK_FIRST or world.after) and stranger.written:
+            yield f"another device that has the address of {device} was written to at {stranger.written[0]:.3f} s"
 
 
 def _agree(world: World, ran: Ran) -> Iterator[str]:
@@ -176,7 +187,6 @@ _ENDINGS: dict[str, tuple[int, float, str]] = {
 }  # fmt: skip
 _LEAST_S = {"wd pause": 2.0, "pause": 2.0, "sleep": 0.5, "over": 0.2, "pressed": 0.2, "out": 0.5, "deaf": 0.5,
             "mute": 0.5, "disk full": 0.2, "reset": 0.2}  # fmt: skip
-_CYCLIC_S = 0.5  # a valve that is commanded in each cycle obeys again, unnoticed, when it was away for less
 _NEVER_MATTERS = {"wd term", "fork", "second"}
 _CHANGE_NOTHING = {"wd term", "fork", "second", "disk slow", "double", "hold run", "low"}
 _WAITS = {"sleep", "restart", "out", "deaf", "reset"}  # what cannot be reached for so long cannot be made safe
@@ -202,8 +212,7 @@ def _as_expected(world: World, ran: Ran) -> Iterator[str]:
         yield "a second program had the bench while it was driven"
     if fault.kind in ("low", "hold run"):
         yield from _held(ran, begun_s, fault.lasts_s)
-    least_s = _CYCLIC_S if ran.schedule.third == "valve" and fault.device == "third" else 0.0
-    if fault.kind not in _ENDINGS or fault.lasts_s < max(least_s, _LEAST_S.get(fault.kind, 0.0)):
+    if fault.kind not in _ENDINGS or fault.lasts_s < _LEAST_S.get(fault.kind, 0.0):
         return
     status, within_s, text = _ENDINGS[fault.kind]
     statuses = {3, -9} if fault.kind == "sleep" else {status}

@@ -290,7 +290,16 @@ def rescue_is_told(world: World, ran: Ran) -> Iterator[str]:
         yield f"safe after {report['safe_after_s']:g} s, and the watchdog was gone sooner"
 
 
+def word_comes_first(world: World, ran: Ran) -> Iterator[str]:
+    """When a procedure hears that the run has ended, its last word was said."""
+    said_s = [word.at_s for word in ran.words if word.by == "run"]
+    if world.run.status in (None, -9) or not world.swallowed_s:
+        return
+    if not said_s or min(said_s) > world.swallowed_s:
+        yield f"the procedure heard of the end at {world.swallowed_s:.3f} s, and the run spoke at {said_s} s"
+
+
 LAWS = (
-    end_is_true, told, nothing_is_left, in_time, doubts_end, watchdog_keeps_off, reads_first, samples_are_those,
-    ramps_down, stays_safe, events_tell, opens, rescue_is_told,
+    word_comes_first, end_is_true, told, nothing_is_left, in_time, doubts_end, watchdog_keeps_off, reads_first,
+    samples_are_those, ramps_down, stays_safe, events_tell, opens, rescue_is_told,
 )  # fmt: skip

@@ -9,7 +9,7 @@ import signal
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -117,7 +117,7 @@ terminal = "{terminal}"
 unit = "{unit}"
 safe = 0.0
 on = {on}
-limits = {{ low = 0.0, high = {high} }}
+limits = {{ low = 0.0, high = {high}, slew_per_s = {high} }}
 [devices.third]
 address = "{address}"
 timeout_s = {timeout_s}
@@ -284,6 +284,7 @@ class World:
         self.moved = False
         self.after: Process | None = None
         self.begun_s: dict[str, float] = {}
+        self.swallowed_s = 0.0  # when its procedure heard first that something had ended the run
         self.stderr = _Stderr(self)
 
     def go(self) -> Ran:
@@ -358,9 +359,12 @@ class World:
 
         if kind == "swallows":
             for _ in range(4):
-                with suppress(BaseException):
+                try:
                     play(up)
                     stand()
+                except BaseException:
+                    self.swallowed_s = self.swallowed_s or self.hub.now_s
+                    system.sleep(0.1)
             return
         play(up)
         if kind == "steps":
