@@ -32,21 +32,29 @@ class DeviceWatchdog:
     def __init__(self, time_s: float | None, device: str = "device") -> None:
         self.time_s, self._device = time_s, device
         self.keep_alive_s = None if time_s is None else time_s / 3.0
-        self._heard_s = system.now_s()
+        self._begun_s = self._heard_s = system.now_s()
 
     def heard(self) -> None:
-        """The device has answered, or was told, where it does not answer."""
-        self._heard_s = system.now_s()
+        """The device has answered, or was told, where it does not answer.
 
-    def check(self) -> None:
-        """Raise, once, when it must have expired since the device has heard something last.
+        A program that stood still may have done so also between a request and its answer: what counts is when it began.
+        """
+        self._heard_s = self._begun_s
+
+    def begin(self, is_driven: bool) -> None:
+        """Something is to be said to the device: raise when it must have expired since it heard something last.
+
+        It is raised until outputs are told to be safe.
+
+        Args:
+            is_driven: whether an output stands away from its safe value, and is to go on so.
 
         Raises:
             LinkError: nothing was said for longer than its time.
         """
-        silent_s = system.now_s() - self._heard_s
-        if self.time_s is not None and silent_s > self.time_s:
-            self.heard()
+        self._begun_s = system.now_s()
+        silent_s = self._begun_s - self._heard_s
+        if is_driven and self.time_s is not None and silent_s > self.time_s:
             raise LinkError(
                 f"nothing was asked for {silent_s:.3g} s, longer than its watchdog of {self.time_s:g} s: the "
                 f"{self._device} makes its outputs safe then"
@@ -209,8 +217,7 @@ class DeviceLink(ABC):
         if not self._is_clean:
             self._tell_blindly(values)
         commanded = {**self._commanded, **values}
-        if commanded != self._safe:
-            self._refuse_after_silence()
+        self._watchdog.begin(self._safe not in (self._commanded, commanded))
         self._commanded = commanded
         for name, level in self._put(values):
             self._driven[name] = [*self._recent(name), (system.now_s(), level)]
@@ -218,7 +225,7 @@ class DeviceLink(ABC):
     def read(self) -> Mapping[str, float]:
         """Every input, NaN where it has no measurement; now and then also whether outputs still stand as driven."""
         self._look()
-        self._refuse_after_silence()
+        self._watchdog.begin(self._commanded != self._safe)
         if (wait_s := self._quiet_until_s - system.now_s()) > 0.0:  # what is late on its way says nothing about now
             system.sleep(wait_s)
             self._forget()
@@ -263,10 +270,6 @@ class DeviceLink(ABC):
         """After an answer that did not come nothing is believed for a while."""
         self._quiet_until_s = system.now_s() + self._longest_reply_s
         return LinkError(text)
-
-    def _refuse_after_silence(self) -> None:
-        if self._commanded != self._safe:
-            self._watchdog.check()
 
     def _outputs_stand(self) -> None:
         self._look_at_outputs()

@@ -88,7 +88,7 @@ class PolledDaq:
         self._stand = True  # whether outputs are known to be at `levels`: a sample that failed leaves them anywhere
         self._ended = Flag()
         self._blind_s = 0.0
-        self._zero_s = self._used_s = self._sent_s = self._clock.now_s
+        self._zero_s = self._used_s = self._clock.now_s
         try:
             self.levels: Mapping[str, float] = _merged(self._standing(member, measured) for member in self._members)
             self._cycle_s = self._measured() if measured else _SHORTEST_S
@@ -237,24 +237,6 @@ class PolledDaq:
                     f"watchdog_s = {watchdog_s:g} s; give it more than {self._cycle_s / _SHARE:.2g} s, or a faster link"
                 )
 
-    def _refuse_after_silence(self) -> None:
-        """Nothing is driven on as if nothing had been when a device must have made its outputs safe meanwhile.
-
-        A program that stood still (stopped, swapped out, on a paused virtual machine) may have done so anywhere, also
-        between a request and its answer: what counts is when it last began to say something. Whoever wakes first hears
-        of it, and whoever comes next too, until the outputs were made safe.
-        """
-        silent_s = self._clock.now_s - self._sent_s - self._cycle_s
-        for member in self._members:
-            watchdog_s, outputs = member.link.watchdog_s, member.wiring.outputs
-            if watchdog_s is None or member.link.keep_alive_s is None or silent_s <= watchdog_s:
-                continue
-            if any(self.levels.get(name) != channel.safe for name, channel in outputs.items()):
-                raise LinkError(
-                    f"{member.name}: nothing was said to it for {silent_s:.3g} s, longer than its own watchdog of "
-                    f"{watchdog_s:g} s, and where its outputs stood meanwhile is not known"
-                )
-
     def _played(self, waveforms: Iterator[Waveform], ahead: int) -> Iterator[Block]:
         """Hand waveforms to the polling thread, always `ahead` of the blocks that come back."""
         self._refuse_if_failed()
@@ -366,9 +348,7 @@ class PolledDaq:
         taken.add(begun_s, updated_s - self._zero_s, levels, readings, delays_s)
 
     def _drive(self, members: Iterable[Member], levels: Mapping[str, float]) -> None:
-        """Drive on, unless outputs may have moved meanwhile."""
-        self._refuse_after_silence()
-        self._sent_s = self._clock.now_s
+        """Drive these, unless the computer has slept meanwhile."""
         for member in members:
             refuse_after_sleep(self._clock)  # as it may have while the one before was driven
             member.drive(levels)

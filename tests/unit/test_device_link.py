@@ -5,14 +5,18 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import closing
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from drivers.modbus import LineSettings, ModbusLink
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.contract import Waveform
 from hil.daq.device_link import DeviceLink, ReadBackTimes, stands_as_driven
+from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, LinkError, SettingError
 from hil.system import system
 from tests.foreign_line import ForeignLine, Tables
@@ -119,6 +123,42 @@ def test_after_silence_nothing_is_driven_but_a_safe_value() -> None:
     time.sleep(1.5 * WATCHDOG_S)
     cell.drive({"out": 0.0})
     assert cell.holds == 0.0
+
+
+class Stalling(Cell):
+    """The program stands still once, between a request and its answer; what was driven afterwards."""
+
+    stalls = ""
+
+    def __init__(self, stalls: str) -> None:
+        self.afterwards: list[float] = []
+        super().__init__(watchdog_s=WATCHDOG_S, expires_to=0.0)
+        self._left = stalls
+
+    def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
+        yield from super()._put(values)
+        self.afterwards += [] if self._left else [self.holds]
+        self._stand_still("in driving")
+
+    def _measured(self) -> Mapping[str, float]:
+        self._stand_still("in reading")
+        return super()._measured()
+
+    def _stand_still(self, where: str) -> None:
+        if self._left == where and self.holds:
+            self._left = ""
+            time.sleep(1.5 * WATCHDOG_S)
+
+
+@pytest.mark.parametrize("where", ["in driving", "in reading"])
+def test_a_program_that_stood_still_drives_nothing_on(where: str) -> None:
+    cell = Stalling(where)
+    with closing(PolledDaq({"cell": cell}, {"cell": CELL})) as daq:
+        for _ in range(2):  # also who comes later, until outputs are safe
+            with pytest.raises(LinkError, match="longer than its watchdog"):
+                list(daq.play(Waveform(20.0, {"u": np.full(20, 5.0)})))
+        daq.make_safe()
+    assert set(cell.afterwards) == {0.0}
 
 
 def test_an_input_without_a_measurement_is_told_and_refused_where_it_never_had_one() -> None:

@@ -152,6 +152,7 @@ def test_silent_program_is_a_fault_of_the_valve_and_the_driver_says_so(bus: str)
             link.read()
         with pytest.raises(LinkError, match=r"longer than its watchdog of 1\.5 s: the valve makes its outputs safe"):
             link.read()
+        link.drive({"set point": 0.0})
         with pytest.raises(LinkError, match="the valve is in FAULT_HOLD, not ACTIVE"):
             link.read()
 
