@@ -27,6 +27,17 @@ class ByDescription:
         yield from description_faults(settings, self.protocol)
         yield from reply_faults(settings)
 
+    def watchdog_faults(self, settings: Any) -> Iterator[tuple[tuple[str], str]]:
+        """What is wrong with what a bench file says of the watchdog, where the description itself is sound."""
+        if not self.is_sound(settings):
+            return
+        watchdog = self.described(settings).watchdog
+        if settings.watchdog_s is not None and watchdog is None:
+            yield ("watchdog_s",), "its description has no [watchdog]: say it there, or take this away"
+        is_said = getattr(settings, "watchdog_level", None) is not None
+        if is_said and (settings.watchdog_s is None or (watchdog is not None and watchdog.arm)):
+            yield ("watchdog_level",), "only for a watchdog that was set at the device itself; take this away"
+
     def is_sound(self, settings: Any) -> bool:
         """Whether there is nothing wrong with the description."""
         return not any(description_faults(settings, self.protocol))

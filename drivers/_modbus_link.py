@@ -9,7 +9,7 @@ from drivers._edge import edge
 from drivers._meeting import OnALine
 from drivers._modbus_client import LineSettings
 from drivers._modbus_line import ModbusLine
-from drivers._modbus_model import Model, check_level
+from drivers._modbus_model import Model
 from drivers._modbus_ready import Readiness
 from drivers._register_blocks import RegisterBlock, register_blocks, written
 from drivers._registers import Register, WordOrder
@@ -34,8 +34,8 @@ class ModbusLink(OnALine):
     _line: ModbusLine
 
     def __init__(self, settings: LineSettings, wiring: Wiring, model: Model) -> None:
-        if settings.watchdog_s is not None:
-            check_level(model, wiring)
+        if not model.watchdog:
+            self._remedy += "set that at the device and say so with watchdog_level, or "
         self._order: WordOrder = settings.word_order or model.word_order
         used = {c.terminal for c in wiring.outputs.values()} | {c.terminal for c in wiring.inputs.values()}
         chosen = {name: register for name, register in model.registers.items() if name in used}
@@ -49,7 +49,7 @@ class ModbusLink(OnALine):
         self._around: dict[int, list[int]] = {}
         self._before: dict[str, float] = {}
         close = {name: register.close or 0.0 for name, register in outputs.items()}
-        super().__init__(wiring, settings.watchdog_s, close=close)
+        super().__init__(wiring, settings.watchdog_s, expires_to=model.expires_to, close=close)
         settings = settings.model_copy(
             update={"echo": settings.echo or (wire.echo and settings.transport == "rtu"),
                     "pause_s": max(settings.pause_s, wire.pause_s)}

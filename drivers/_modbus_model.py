@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from drivers._registers import Register, WordOrder
-from hil.daq.channel import Terminal, Wiring
+from hil.daq.channel import Terminal
 from hil.description.modbus import (
     TIMES,
     Enable,
@@ -36,7 +36,6 @@ class Model:
         expires_to: where the device puts its outputs when its watchdog expires, if it is always the same; it is
             armed only where that is every channel's safe value.
         enable, faults, safe_mode, wire: as in `hil.description.modbus`, with addresses as they stand on the wire.
-        may_have_watchdog: whether it has one at all.
     """
 
     registers: Mapping[str, Register]
@@ -47,7 +46,6 @@ class Model:
     faults: Faults | None = None
     safe_mode: SafeMode | None = None
     wire: Wire = field(default_factory=lambda: Wire.model_validate({"addresses": "wire"}))
-    may_have_watchdog: bool = True
 
     def __post_init__(self) -> None:
         for step in self.arming:
@@ -83,7 +81,6 @@ def model_of(description: ModbusDescription) -> Model:
     return Model(
         {name: _register(terminal) for name, terminal in described.terminals.items()}, arm, expires_to,
         described.modbus.byte_order, described.enable, described.faults, described.safe_mode, described.modbus,
-        described.watchdog is not None,
     )  # fmt: skip
 
 
@@ -97,24 +94,6 @@ def _register(described: ModbusTerminal) -> Register:
         described.write or 0, back is not None or port.direction == "in", described.close, counts_of(described.invalid),
         nan_of(described.invalid), described.status,
     )  # fmt: skip
-
-
-def check_level(model: Model, wiring: Wiring) -> None:
-    """Refuse a watchdog that would put an output elsewhere than at its safe value.
-
-    Raises:
-        SettingError: names the output, where it would go and where it is safe.
-    """
-    for name, channel in wiring.outputs.items():
-        register = model.registers[channel.terminal]
-        goes_to = channel.safe if model.expires_to is None else model.expires_to
-        if register.words_of(goes_to, "big") != register.words_of(channel.safe, "big"):
-            where_it_is_set = "" if model.watchdog else ", or set that at the device and say so with watchdog_level"
-            raise SettingError(
-                f"watchdog_s: when it expires the device puts {channel.terminal} at {goes_to:g} {register.unit}, but "
-                f"'{name}' is safe at {channel.safe:g} {register.unit}; take watchdog_s away, or connect the valve so "
-                f"that {goes_to:g} {register.unit} is safe{where_it_is_set}"
-            )
 
 
 def levels_of(model: Model) -> dict[str, float]:

@@ -30,8 +30,7 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
         yield ("address",), text
     if settings.watchdog_s is not None and settings.longest_reply_s >= settings.watchdog_s:
         yield ("longest_reply_s",), f"must be shorter than watchdog_s = {settings.watchdog_s:g}, or the node faults"
-    if settings.watchdog_s is not None and _devices.is_sound(settings) and not has_watchdog(settings):
-        yield ("watchdog_s",), "its description has no [watchdog]: say there where outputs go, or take this away"
+    yield from _devices.watchdog_faults(settings)
 
 
 def needs(_settings: Settings) -> tuple[str, ...]:

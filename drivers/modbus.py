@@ -12,7 +12,7 @@ from drivers._described import ByDescription
 from drivers._edge import reply_faults
 from drivers._modbus_client import LineSettings
 from drivers._modbus_link import ModbusLink
-from drivers._modbus_model import Model, check_level, levels_of, model_of
+from drivers._modbus_model import Model, levels_of, model_of
 from drivers._ports import host_and_port
 from drivers._register_blocks import RegisterBlock, register_blocks
 from drivers._registers import Register, WordOrder, float32
@@ -23,11 +23,10 @@ from hil.description.named import Described, description_faults
 
 __all__ = [
     "Format", "LineSettings", "ModbusLink", "Model", "Register", "RegisterBlock", "Settings", "WordOrder",
-    "check_level", "faults", "float32", "has_watchdog", "levels_of", "line_faults", "line_needs", "not_read_back",
+    "faults", "float32", "has_watchdog", "levels_of", "line_faults", "line_needs", "not_read_back",
     "open_link", "register_blocks", "terminals",
 ]  # fmt: skip
 PROBES = "modbus"
-_NOTHING = Model({})
 _devices = ByDescription("modbus")
 terminals, has_watchdog, not_read_back = _devices.terminals, _devices.has_watchdog, _devices.not_read_back
 watchdog_levels = _devices.watchdog_levels
@@ -49,10 +48,8 @@ class Settings(LineSettings, Described):
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beyond the types."""
     yield from description_faults(settings, "modbus")
-    model = _model(settings) if (is_sound := _devices.is_sound(settings)) else _NOTHING
-    yield from line_faults(settings, model) if is_sound else ()
-    if settings.watchdog_level is not None and (settings.watchdog_s is None or model.watchdog):
-        yield ("watchdog_level",), "only for a watchdog that was set at the device itself; take this away"
+    yield from line_faults(settings, _model(settings)) if _devices.is_sound(settings) else ()
+    yield from _devices.watchdog_faults(settings)
 
 
 def line_faults(settings: LineSettings, model: Model) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -61,8 +58,6 @@ def line_faults(settings: LineSettings, model: Model) -> Iterator[tuple[tuple[st
         yield ("address",), f"'{settings.address}' is not host:port, such as 192.168.1.10:502"
     if settings.watchdog_s is not None and not model.outputs:
         yield ("watchdog_s",), "this model has no outputs that a watchdog could make safe; take this away"
-    elif settings.watchdog_s is not None and not model.may_have_watchdog:
-        yield ("watchdog_s",), "its description has no [watchdog]: say there how it is armed, or take this away"
     times = [step.value for step in model.arming if step.value in TIMES]
     per_second = TIMES[str(times[0])] if times else 10.0
     if settings.watchdog_s is not None and not _counted(settings.watchdog_s * per_second, bool(model.watchdog)):

@@ -14,13 +14,7 @@ watchdog_levels = DEVICES.watchdog_levels
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beyond the types."""
     yield from DEVICES.faults(settings)
-    watchdog = DEVICES.described(settings).watchdog if (is_sound := DEVICES.is_sound(settings)) else None
-    if is_sound and settings.watchdog_s is not None and watchdog is None:
-        yield ("watchdog_s",), "its description has no [watchdog]: say there how it is armed, or take this away"
-    if settings.watchdog_level is not None and (
-        not is_sound or settings.watchdog_s is None or (watchdog is not None and watchdog.arm)
-    ):
-        yield ("watchdog_level",), "only for a watchdog that was set at the device itself; take this away"
+    yield from DEVICES.watchdog_faults(settings)
 
 
 def needs(_settings: Settings) -> tuple[str, ...]:
