@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import ModuleType
 from typing import Any, Protocol
 
@@ -102,7 +103,8 @@ class Twin:
             link = self._module.open_link(
                 self._module.Settings.model_validate({**extra, "address": served.where}), wiring
             )
-            return PolledDaq({self.driver: _Owning(link, served)}, {self.driver: wiring})
+            link.close = partial(_close_both, link.close, served.close)
+            return PolledDaq({self.driver: link}, {self.driver: wiring})
         except BaseException:
             served.close()
             raise
@@ -153,27 +155,6 @@ def named_in(settings: Mapping[str, Any]) -> Described:
     return Described(model=settings.get("model", ""), description=settings.get("description"))
 
 
-class _Owning:
-    """A driver's link that takes the served device along when it is closed."""
-
-    def __init__(self, link: Any, served: Served) -> None:
-        self._link, self._served = link, served
-        self.watchdog_s: float | None = link.watchdog_s
-        self.keep_alive_s: float | None = link.keep_alive_s
-
-    def standing(self) -> Mapping[str, float]:
-        """Where the outputs stand."""
-        return self._link.standing()  # type: ignore[no-any-return]
-
-    def drive(self, values: Mapping[str, float]) -> None:
-        """Put outputs at these values."""
-        self._link.drive(values)
-
-    def read(self) -> Mapping[str, float]:
-        """Every input."""
-        return self._link.read()  # type: ignore[no-any-return]
-
-    def close(self) -> None:
-        """Let go of the device, then end it."""
-        self._link.close()
-        self._served.close()
+def _close_both(link: Callable[[], None], served: Callable[[], None]) -> None:
+    link()
+    served()
