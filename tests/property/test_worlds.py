@@ -12,7 +12,7 @@ import pytest
 
 from drivers._modbus_line import ModbusLine
 from hil.bench import heartbeat, rescue, watchdog
-from hil.bench.ending import Ending
+from hil.bench.ending import Ending, LastWord
 from hil.daq.channel import Wiring
 from hil.daq.contract import Waveform
 from hil.daq.device_link import DeviceLink
@@ -220,7 +220,23 @@ def _off(append: Any) -> Any:
     return lambda writer, time_s, values: append(writer, time_s, {**values, "flow": 1.001 * values["flow"]})
 
 
+def _when_asked_twice(say: Any) -> Any:
+    asked = list[BaseException]()
+
+    def said(word: LastWord, error: BaseException) -> int:
+        asked.append(error)
+        return int(say(word, error)) if len(asked) > 1 else 3
+
+    return said
+
+
 FAULTS: dict[str, tuple[Patches, str]] = {
+    "word_comes_first": (
+        [(LastWord, "say", _when_asked_twice(LastWord.say))], "7,0.05,swallows,-|int:driving:1.3:0:",
+    ),
+    "_strangers": (
+        [(Wiring, "refuse_another", lambda *_: None)], "7,0.05,plain,w|swap:driving:2:0:io|kill:driving:2.3:0:",
+    ),
     "begins_safe": ([(outputs, "stands_at", lambda *_: True)], "7,0.05,plain,a|lies:opening:0:10:io"),
     "errors_are_not_ours": ([(Latch, "trip", _undefined)], "7,0.05,plain,-|over:driving:1.3:5:aux"),
     "connections_are_given_up": (
