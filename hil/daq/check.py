@@ -10,6 +10,9 @@ import numpy as np
 from hil.daq.channel import OutputChannel
 from hil.daq.contract import Promises, Waveform
 from hil.errors import RangeError
+from hil.record.recording import Array
+
+ROUNDING = 1e-9  # share of a range, or of the largest step, that is rounding and not intent
 
 
 def coerced_rate(promises: Promises, asked_hz: float) -> float:
@@ -41,16 +44,25 @@ def check_waveform(waveform: Waveform, outputs: Mapping[str, OutputChannel], pro
         if name not in outputs:
             raise RangeError(f"no output '{name}'; the device drives: {', '.join(outputs) or 'none'}")
         channel = outputs[name]
-        if channel.low <= values.min() and values.max() <= channel.high:  # false for NaN
-            continue
-        rounding = 1e-9 * (channel.high - channel.low)  # of the calibration in front
-        inside = (values >= channel.low - rounding) & (values <= channel.high + rounding)  # false for NaN too
-        if not inside.all():
-            at = int(np.argmin(inside))
-            raise RangeError(
-                f"output '{name}', sample {at}: {values[at]:.9g} {channel.unit} is outside the device's "
-                f"{channel.low:g} … {channel.high:g} {channel.unit}"
-            )
+        within(values, channel.low, channel.high, name, channel.unit, "the device's ")
+
+
+def within(values: Array, low: float, high: float, output: str, unit: str, whose: str = "") -> Array:
+    """Samples of an output, shape (n,), n ≥ 1, with rounding beyond a range trimmed off.
+
+    Raises:
+        RangeError: one is further beyond, or not a number; `whose` range it is says the message.
+    """
+    if low <= values.min() and values.max() <= high:  # false for NaN
+        return values
+    rounding = ROUNDING * (high - low)
+    inside = (values >= low - rounding) & (values <= high + rounding)  # false for NaN too
+    if not inside.all():
+        at = int(np.argmin(inside))
+        raise RangeError(
+            f"output '{output}', sample {at}: {values[at]:.9g} {unit} is outside {whose}{low:g} … {high:g} {unit}"
+        )
+    return np.clip(values, low, high)
 
 
 def checked_task(

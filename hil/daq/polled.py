@@ -17,7 +17,7 @@ import numpy as np
 
 from hil.clock import Clock, Flag, RealClock, refuse_after_sleep
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
-from hil.daq.check import check_waveform, checked_task, coerced_rate
+from hil.daq.check import check_waveform, checked_task, coerced_rate, next_or_failure
 from hil.daq.contract import Block, Promises, ReadBack, Waveform
 from hil.daq.link import WHATEVER, Late, Link, Member
 from hil.daq.polling import BEHIND_S, Taken, Task
@@ -248,16 +248,13 @@ class PolledDaq:
         task = self._task = Task()
         thread = system.thread(self._poll, task, name="hil-poll")
         task.thread = thread
-        failure: BaseException | None = None
+        failure: Exception | None = None
         thread.start()
         try:
             asked, exhausted = 0, False
             while True:
                 while not exhausted and asked <= ahead:
-                    try:
-                        waveform = next(waveforms, None)
-                    except Exception as error:  # raised once what has been read was handed over
-                        waveform, failure = None, error
+                    waveform, failure = next_or_failure(waveforms)
                     exhausted = waveform is None
                     task.todo.put(waveform)
                     asked += 1

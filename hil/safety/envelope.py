@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hil.daq.check import ROUNDING, within
 from hil.errors import RangeError
 from hil.record.recording import Array
 from hil.safety.lasting import lasting_s
-
-# Share of the range, or of the largest step, that is rounding and not intent; it is trimmed off.
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,21 +80,9 @@ class Envelope:
                 output, the sample, the value and what is allowed.
         """
         where = f"output '{name}'"
-        values = self._in_range(values, where, unit)
+        values = within(values, self.low, self.high, name, unit)
         self._check_slew(values, rate_hz, past.value, where, unit)
         return values, Past(float(values[-1]), self._dwelt(values, rate_hz, past, where, unit))
-
-    def _in_range(self, values: Array, where: str, unit: str) -> Array:
-        if self.low <= values.min() and values.max() <= self.high:  # false for NaN
-            return values
-        rounding = _ROUNDING * (self.high - self.low)
-        inside = (values >= self.low - rounding) & (values <= self.high + rounding)  # false for NaN too
-        if not inside.all():
-            at = int(np.argmin(inside))
-            raise RangeError(
-                f"{where}, sample {at}: {values[at]:g} {unit} is outside {self.low:g} … {self.high:g} {unit}"
-            )
-        return np.clip(values, self.low, self.high)
 
     def _check_slew(self, values: Array, rate_hz: float, before: float, where: str, unit: str) -> None:
         if math.isinf(self.slew_per_s):
@@ -104,7 +90,7 @@ class Envelope:
         change = np.abs(np.diff(values, prepend=before))
         allowed = self.slew_per_s / rate_hz
         at = int(np.argmax(change))
-        if change[at] > allowed * (1.0 + _ROUNDING) + _ROUNDING * (self.high - self.low):
+        if change[at] > allowed * (1.0 + ROUNDING) + ROUNDING * (self.high - self.low):
             start = before if at == 0 else values[at - 1]
             raise RangeError(
                 f"{where}, sample {at}: from {start:g} to {values[at]:g} {unit} in {1.0 / rate_hz:g} s is "
@@ -130,7 +116,7 @@ def _dwelt_beyond(
     beyond = np.abs(values) > dwell.level
     held_s, since_s = lasting_s(beyond, time_s, None if beyond_s is None else -beyond_s)
     held_s += interval_s  # a sample stands until the next one
-    too_long = beyond & (held_s > dwell.longest_s * (1.0 + _ROUNDING))
+    too_long = beyond & (held_s > dwell.longest_s * (1.0 + ROUNDING))
     if too_long.any():
         at = int(np.argmax(too_long))
         raise RangeError(
