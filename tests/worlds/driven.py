@@ -10,7 +10,7 @@ import numpy as np
 from hil.errors import HilError
 from tests.worlds.devices import FULL
 from tests.worlds.left import end_of, kinds, recording_of
-from tests.worlds.world import NEAR, OUTPUTS, PILOT, RATE_HZ, Array, Ran, World
+from tests.worlds.world import NEAR, OUTPUTS, PILOT, RAMP_PER_S, RATE_HZ, Array, Ran, World
 
 CALM = {"int", "term", "hup", "stop", "wd term", "wd kill", "wd pause", "fork", "second", "low", "over", "pressed",
         "hold run"}  # fmt: skip
@@ -176,6 +176,7 @@ def is_heard(world: World, ran: Ran) -> Iterator[str]:
         if fault.kind in _LEAST_S and (others or blocks or "low" in kinds(ran)):
             continue
         patience_s = _HEARD_S[fault.kind] + sum(other.lasts_s + 1.0 for other in others)
+        patience_s += 70.0 / RAMP_PER_S if ran.schedule.ramped else 0.0
         if fault.kind == "stop" and blocks:
             continue
         if end_s > at_s + patience_s and begun_s < at_s:
