@@ -67,7 +67,7 @@ def test_a_lost_process_costs_one_item_and_a_sentence() -> None:
 def test_items_are_taken_as_processes_come_free() -> None:
     taken: list[int] = []
     answers = over_processes(abs, (taken.append(k) or k for k in range(50)), lambda: 1, lost=abs)
-    assert next(answers) == 0
+    assert next(answers) < 10  # two may be finished when it is looked
     assert len(taken) < 10
     answers.close()
 
