@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _HOUR = np.timedelta64(3600, "s")
+_MINUTE = 60.0
 _SUNDAY = 6  # clocks are changed on Sundays, in Europe and in America
 _COUNTERS = (2.0**16, 2.0**32)  # what counters of a device hold
 
@@ -46,3 +47,14 @@ def without_rollover(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], 
             whole = np.concatenate(([0.0], np.cumsum(back)))
             return counts + size * whole, f"a counter of {np.log2(size):.0f} bits that rolled over goes on"
     return counts, ""
+
+
+def with_minutes(numbers: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
+    """Clocks written as one number in seconds, where only as such their steps are even; and what was done, in words."""
+    minutes, seconds = numbers // 100.0, numbers % 100.0
+    read = 3600.0 * (minutes // 100.0) + 60.0 * (minutes % 100.0) + seconds
+    steps, written = np.diff(read), np.diff(numbers)
+    if len(steps) < 2 or np.max(seconds) >= _MINUTE or np.max(minutes % 100.0) >= _MINUTE:
+        return numbers, ""
+    even = np.ptp(steps) <= np.median(steps) / 2.0 < np.ptp(written) / 2.0
+    return (read, "clocks, as 101159.5 is 10:11:59.5") if even else (numbers, "")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hil.errors import option
 from hil.record import heading as headings
-from hil.record.clocks import shortest, without_changed_clocks, without_rollover
+from hil.record.clocks import shortest, with_minutes, without_changed_clocks, without_rollover
 from hil.record.recording import Array
 from hil.record.tokens import as_numbers, is_number, is_stamp, stamps
 from hil.units import convert
@@ -101,7 +101,8 @@ class Column:
         unit = headings.spelt_time_unit(unit or stated or headings.time_unit(name))
         values, assumed = without_rollover(np.asarray(self.values, dtype=np.float64))
         if not unit:
-            unit, kind = headings.unit_of_stamps(values)
+            values, clocks = with_minutes(values)
+            unit, kind = ("s", clocks) if clocks else headings.unit_of_stamps(values)
             taken = (
                 f"no unit is stated for '{name}'; taken as {kind}, {option('unit', f'{name}=ms')} would say otherwise"
             )

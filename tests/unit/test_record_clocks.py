@@ -146,6 +146,18 @@ def test_only_a_step_back_of_half_a_day_is_a_midnight(back_s: float, tmp_path: P
         read(tmp_path, "Time", [f"{clock:%H:%M:%S.%f}" for clock in clocks])
 
 
+def test_a_clock_may_be_written_as_one_number(tmp_path: Path) -> None:
+    begun = datetime(2026, 11, 28, 10, 59, 58)
+    found = read(tmp_path, "Time", [f"{begun + timedelta(seconds=STEP_S * i):%H%M%S.%f}" for i in range(COUNT)])
+    assert found.time_s - found.time_s[0] == pytest.approx(STEP_S * np.arange(COUNT))
+    assert "101159.5 is 10:11:59.5" in " ".join(found.meta["assumed"])
+
+
+def test_a_pause_of_a_minute_is_none_of_a_clock(tmp_path: Path) -> None:
+    stamps = [f"{STEP_S * i + (40.0 if i > 60 else 0.0):.2f}" for i in range(COUNT)]
+    assert read(tmp_path, "Time", stamps).time_s[-1] == pytest.approx(STEP_S * (COUNT - 1) + 40.0)
+
+
 def test_milliseconds_of_a_data_log_stand_beside_its_clock(tmp_path: Path) -> None:
     """As FactoryTalk writes them."""
     begun = datetime(2026, 11, 28, 10, 11, 12)
