@@ -3,35 +3,19 @@
 from __future__ import annotations
 
 import math
-import re
 
-from hil.errors import SettingError, UnitError
-
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+from hil.errors import SettingError
 
 
 def quantity(text: str, unit: str, name: str) -> float:
-    """What is meant, in `unit`; a number alone is in that unit already.
-
-    Args:
-        text: as it was typed.
-        unit: in which it is wanted.
-        name: of what it is, for the error.
+    """As `hil.session.quantity.number_in`; a single number may have a comma, and is finite.
 
     Raises:
-        SettingError: no number, or of another kind of unit.
+        SettingError: no number, one beyond every number, or of another kind of unit.
     """
-    from hil.units import scale_and_offset
+    from hil.session.quantity import number_in
 
-    found = _QUANTITY.fullmatch(text)
-    if found is None:
-        raise SettingError(f"{name} {text}: a number was expected, with or without its unit, such as 2 {unit}")
-    number = float(found[1].replace(",", "."))
-    try:
-        slope, offset = scale_and_offset(found[2] or unit, unit)
-    except UnitError as error:
-        raise SettingError(f"{name} {text}: {error}") from None
-    value = slope * number + offset
+    value = number_in(text.replace(",", "."), unit, name)
     if not math.isfinite(value):
         raise SettingError(f"{name} {text}: beyond every number")
     return value
