@@ -93,34 +93,30 @@ def test_trip_that_a_procedure_swallows_ends_the_run(tmp_path: Path) -> None:
     assert record["outcome"].startswith("TrippedError: interlock 'too-much'")
 
 
-def test_signal_that_a_generator_of_commands_swallows_ends_the_run(tmp_path: Path) -> None:
+def swallowed_by_commands(rig: Rig) -> None:
     def commands() -> Iterator[Array]:
         for _ in range(20):
             with suppress(BaseException):
                 signal.raise_signal(signal.SIGINT)
             yield np.full(50, 40.0)
 
-    error, _, _ = ended(tmp_path, lambda rig: list(rig.stream(commands())))
-    assert isinstance(error, KeyboardInterrupt)
+    list(rig.stream(commands()))
 
 
-def test_signal_between_two_pieces_of_a_stream_ends_the_run(tmp_path: Path) -> None:
-    def act(rig: Rig) -> None:
-        for _ in rig.stream(np.full(50, 40.0) for _ in range(20)):
-            signal.raise_signal(signal.SIGINT)
-
-    error, _, _ = ended(tmp_path, act)
-    assert isinstance(error, KeyboardInterrupt)
-
-
-def test_signals_that_a_procedure_ignores_are_heard_from_its_next_call_on(tmp_path: Path) -> None:
-    def act(rig: Rig) -> None:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        hold(rig)
+def between_two_pieces(rig: Rig) -> None:
+    for _ in rig.stream(np.full(50, 40.0) for _ in range(20)):
         signal.raise_signal(signal.SIGINT)
 
-    error, _, _ = ended(tmp_path, act)
-    assert isinstance(error, KeyboardInterrupt)
+
+def ignored_until_the_next_call(rig: Rig) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    hold(rig)
+    signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("act", [swallowed_by_commands, between_two_pieces, ignored_until_the_next_call])
+def test_signal_ends_the_run_wherever_it_comes(act: Act, tmp_path: Path) -> None:
+    assert isinstance(ended(tmp_path, act)[0], KeyboardInterrupt)
 
 
 def test_record_that_cannot_be_written_ends_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
