@@ -159,12 +159,16 @@ def test_damaged_index_is_made_anew(folder_with_a_run):
     assert names(place) == ["a"]
 
 
-def test_a_missing_index_is_made_anew_when_it_is_asked(tmp_path):
+@pytest.mark.parametrize("later", [(), ("c", "d")], ids=["when it is asked", "by a run that finds none"])
+def test_a_missing_index_is_made_anew(tmp_path, later):
     place = archive_place(str(tmp_path / "lab"))
     for name in ("a", "b"):
         made_run(tmp_path / "lab" / name)
+    for name in later:
+        assert enter_or_keep(place, made_run(tmp_path / "lab" / name)) == ""
     catch_up(place)
-    assert sorted(names(place)) == ["a", "b"]
+    assert sorted(names(place)) == ["a", "b", *later]
+    assert waiting_for(place) == []
 
 
 def test_a_folder_that_cannot_be_listed_hides_no_run_beside_it(tmp_path, monkeypatch):
@@ -182,17 +186,6 @@ def test_a_folder_that_cannot_be_listed_hides_no_run_beside_it(tmp_path, monkeyp
     count, (left_out,) = rebuild(place, [tmp_path / "lab"])
     assert count == 1 and str(shut) in left_out
     assert names(place) == ["a"]
-
-
-def test_a_run_that_finds_no_index_does_not_hide_those_before_it(tmp_path):
-    place = archive_place(str(tmp_path / "lab"))
-    for name in ("a", "b"):
-        made_run(tmp_path / "lab" / name)
-    for name in ("c", "d"):
-        assert enter_or_keep(place, made_run(tmp_path / "lab" / name)) == ""
-    catch_up(place)
-    assert sorted(names(place)) == ["a", "b", "c", "d"]
-    assert waiting_for(place) == []
 
 
 def test_asking_an_archive_that_is_not_there_makes_none(tmp_path):
