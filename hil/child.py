@@ -106,7 +106,10 @@ def over_processes(
             with suppress(broken):  # what was at work says so too
                 for item in islice(todo, 0 if suspects else max(0, _AHEAD * workers() - len(at_work))):
                     suspects.append(item)
-                    at_work[_begun(pool, function, item)] = suspects.pop()
+                    begun = _begun(pool, function, item)
+                    at_work[begun] = suspects.pop()
+            if not (at_work or suspects):
+                return
             for future in wait(at_work, return_when=FIRST_COMPLETED).done:
                 item = at_work.pop(future)
                 if isinstance(future.exception(), broken):
@@ -118,8 +121,6 @@ def over_processes(
                 pool.shutdown()
                 yield from map(alone, suspects)
                 suspects, pool = [], pools(workers())
-            elif not at_work:
-                return
     finally:
         for future in at_work:
             future.cancel()

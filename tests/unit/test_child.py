@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
+from concurrent.futures import wait
 from pathlib import Path
 
 import pytest
@@ -107,3 +109,15 @@ def test_a_picture_is_drawn_alike_whatever_matplotlibrc_lies_in_the_working_fold
     plain = picture()
     (folder / "matplotlibrc").write_text("text.usetex: True\nlines.linewidth: 20\nbackend: module://planted\n")
     assert picture() == plain
+
+
+@pytest.mark.parametrize("killed", [-1, 3])
+def test_every_item_is_answered_on_a_busy_machine(killed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All that was at work is finished, or lost, before anybody looks or while an answer is written."""
+    monkeypatch.setattr("hil.child.wait", lambda *of, **how: time.sleep(0.3) or wait(*of, **how))
+    asked = ["__import__('os').abort()" if k == killed else str(k) for k in range(10)]
+    found = []
+    for answer in over_processes(eval, asked, lambda: 1, lost=lambda _: killed):
+        found.append(answer)
+        time.sleep(0.3)
+    assert sorted(found) == list(range(10))
