@@ -161,7 +161,6 @@ def initial(p: Mapping[str, float], inputs: tuple[float, ...], output: float) ->
 
 
 _GAIN = ("gain", "offset")
-_BEND, _ODD = ("bend",), {"is_odd": 1.0}
 _INTEGRATOR = ("integrator_gain", "neutral")
 _AT_OUTPUT = {"gain": 0.0, "start_at_output": 1.0}  # an integrator is at rest before the first sample
 _PAIR1 = ("pair1_time", "pair1_damping")
@@ -180,14 +179,19 @@ def _with_dead_time(
     ]
 
 
+def _plain(how: str = "", bend: tuple[str, ...] = (), fixed: Mapping[str, float] = {}) -> list[Structure]:
+    """A gain, one pole and two behind a static curve."""
+    free, pair = (*_GAIN, *bend), ((0.5, 1.1), (0.7, 0.3), (0.15, 0.1))
+    starts = [dict(zip(_PAIR1, values, strict=True)) for values in pair]
+    return [
+        *_with_dead_time(f"gain{how}", free, "gain" if how else "", fixed=fixed),
+        *_with_dead_time(f"1 pole{how}", (*free, "lag_time"), f"gain{how}", {"lag_time": 1.0}, fixed=fixed),
+        *_with_dead_time(f"2 poles{how}", (*free, *_PAIR1), f"1 pole{how}", *starts, fixed=fixed),
+    ]
+
+
 STRUCTURES = (
-    *_with_dead_time("gain", _GAIN, ""),
-    *_with_dead_time("1 pole", (*_GAIN, "lag_time"), "gain", {"lag_time": 1.0}),
-    *_with_dead_time(
-        "2 poles", (*_GAIN, *_PAIR1), "1 pole",
-        {"pair1_time": 0.5, "pair1_damping": 1.1}, {"pair1_time": 0.7, "pair1_damping": 0.3},
-        {"pair1_time": 0.15, "pair1_damping": 0.1},
-    ),
+    *_plain(),
     *_with_dead_time(
         "2 poles, 1 zero", (*_GAIN, *_PAIR1, *_ZERO1), "2 poles", {"pair1_zero": 0.5}, {"pair1_zero": -0.2}
     ),
@@ -219,21 +223,8 @@ STRUCTURES = (
         "integrator, 2 poles", (*_INTEGRATOR, *_PAIR1), "integrator, 1 pole",
         {"pair1_time": 0.7, "pair1_damping": 1.1}, {"pair1_time": 0.5, "pair1_damping": 0.3}, fixed=_AT_OUTPUT,
     ),
-    *(
-        one
-        for how, fixed in (("bent", {}), ("odd curve", _ODD))
-        for one in (
-            *_with_dead_time(f"gain, {how}", (*_GAIN, *_BEND), "gain", fixed=fixed),
-            *_with_dead_time(
-                f"1 pole, {how}", (*_GAIN, *_BEND, "lag_time"), f"gain, {how}", {"lag_time": 1.0}, fixed=fixed
-            ),
-            *_with_dead_time(
-                f"2 poles, {how}", (*_GAIN, *_BEND, *_PAIR1), f"1 pole, {how}",
-                {"pair1_time": 0.5, "pair1_damping": 1.1}, {"pair1_time": 0.7, "pair1_damping": 0.3},
-                {"pair1_time": 0.15, "pair1_damping": 0.1}, fixed=fixed,
-            ),
-        )
-    ),
+    *_plain(", bent", ("bend",)),
+    *_plain(", odd curve", ("bend",), {"is_odd": 1.0}),
 )  # fmt: skip
 
 PLANT = Plant(
