@@ -53,7 +53,8 @@ class Tried:
     Attributes:
         values: every parameter of the plant.
         bic: smaller is better; infinite of a form that gave way to another, since nothing shows its gain at rest.
-        mean_square: of the weighted residuals.
+        mean_square: of the weighted residuals, 0 where nothing was measured: what is left of a recording that begins in
+            motion, its beginning left out, moves still, and is no ground for a plainer form.
         held_out: root mean square error where it was foretold, in noise standard deviations; NaN
             where the criterion alone ruled the structure out.
         vague: parameters whose interval in it is wider than the whole response or record: it says nothing of them.
@@ -168,13 +169,13 @@ def _chosen(search: _Search) -> StructureChoice:
     least = min(fits.values(), key=lambda found: found.chi2)
     count = independent(least.residuals)
     near = min(_bic(found, count) for found in fits.values()) + 2.0 * VERY_STRONG
-    is_misfit = least.mean_square > MISFIT
+    is_misfit = least.chi2 > MISFIT * len(least.residuals)
     for name, found in fits.items():
         if found is least or _bic(found, count) <= near or (is_misfit and _is_plain(forms[name])):
             fits[name] = search.fitted(forms[name], search.values(forms[name], found))
     count = independent(min(fits.values(), key=lambda found: found.chi2).residuals)
     tried = [
-        Tried(s, search.values(s, found), _bic(found, count), found.mean_square, float("nan"))
+        Tried(s, search.values(s, found), _bic(found, count), found.chi2 / len(found.residuals), float("nan"))
         for s, found in ((forms[name], found) for name, found in fits.items())
     ]
     return _judged(search, sorted(tried, key=lambda t: t.bic), fits)
