@@ -153,11 +153,13 @@ def test_harmonics_and_distortion():
     assert abs(response.harmonics[0, 1]) == pytest.approx(0.1, rel=1e-6)
 
 
-def test_a_still_input_is_refused():
+def test_a_channel_that_stands_still_to_the_last_bit_is_refused():
     t = np.arange(1000) / RATE_HZ
-    fit = sine_fit(t, np.zeros(1000), 0.5)
-    with pytest.raises(InputError, match=r"does not move at 0\.5 Hz"):
-        from_fits("x", [(fit, fit)], ("1", "1"))
+    still, moving = (sine_fit(t, size * np.sin(np.pi * t), 0.5) for size in (0.0, 1.0))
+    with pytest.raises(InputError, match=r"the input does not move at 0\.5 Hz"):
+        from_fits("x", [(still, moving)], ("1", "1"))
+    with pytest.raises(InputError, match=r"the output does not move at 0\.5 Hz"):
+        from_fits("x", [(moving, still)], ("1", "1"))
     with pytest.raises(InputError, match="no sine"):
         from_fits("x", [], ("1", "1"))
 

@@ -171,7 +171,7 @@ def from_fits(
     Noise of input and output is taken as independent.
 
     Raises:
-        InputError: no fits, or an input without amplitude.
+        InputError: no fits, or an input or output without amplitude.
     """
     if not fits:
         raise InputError(f"{name}: no sine to make a frequency response of")
@@ -182,7 +182,12 @@ def from_fits(
         raise InputError(
             f"{name}: the input does not move at {inputs[int(np.argmin(np.abs(given)))].frequency_hz:g} Hz"
         )
-    response = np.array([fit.phasor for fit in outputs]) / given
+    answers = np.array([fit.phasor for fit in outputs])
+    if np.any(np.abs(answers) == 0.0):  # to the last bit: nothing was measured
+        raise InputError(
+            f"{name}: the output does not move at {outputs[int(np.argmin(np.abs(answers)))].frequency_hz:g} Hz"
+        )
+    response = answers / given
     covariance = _multiplied(np.reciprocal(given), np.array([fit.phasor_covariance() for fit in outputs]))
     covariance += _multiplied(response / given, np.array([fit.phasor_covariance() for fit in inputs]))
     return FrequencyResponse(
