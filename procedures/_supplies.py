@@ -95,7 +95,8 @@ class Points:
     @property
     def have_a_law(self) -> bool:
         """Whether they are enough, flow one way, and under pressure."""
-        return len(self.flow) >= LEAST and bool(np.all(self.drop[:, 0] > 0.0)) and not np.ptp(np.sign(self.flow[:, 0]))
+        signs = np.sign(self.flow[:, 0])
+        return len(self.flow) >= LEAST and bool(np.all(self.drop[:, 0] > 0.0)) and abs(signs.sum()) == len(signs)
 
 
 def by_command(parts: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:

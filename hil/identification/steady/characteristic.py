@@ -75,12 +75,12 @@ def loop(estimate: SweepEstimate, certain: float, speeds: tuple[float, ...]) -> 
         certain: standard uncertainties from which a width is no noise.
         speeds: of the sweeps, in the command's unit per second.
     """
-    if math.isnan(estimate.lag_s):
-        return Loop(None, None, False)
     low, high = estimate.covered
     steep = (np.abs(estimate.slope) > _STEEP * float(np.max(np.abs(estimate.slope)))) & (
         (estimate.command >= low) & (estimate.command <= high)
     )
+    if math.isnan(estimate.lag_s) or not steep.any():  # nothing that rises was driven both ways
+        return Loop(None, None, False)
     width = float(np.max(np.abs(estimate.width[steep])))
     width_std = about(np.max(np.abs(estimate.widths[:, steep]), axis=1), width)
     lag_std_s = about(estimate.lags_s, estimate.lag_s)

@@ -87,7 +87,7 @@ def gain_and_lag(ramps: Sequence[Ramp], drift: Read) -> tuple[Read, Read]:
         slope, level = np.polyfit(ramp.change[late] - ramp.change[-1], moved[late], 1)
         stood = ramp.sense * (ramp.after.response - ramp.before.response - drift[0] * _between_s(ramp))
         gains.append(float(slope))
-        delays.append((stood - float(level)) / float(slope))
+        delays.append((stood - float(level)) / float(slope) if slope else math.nan)
     return _mean(gains), _mean(delays)
 
 
