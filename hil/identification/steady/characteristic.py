@@ -107,7 +107,7 @@ def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign:
         InputError: no response beyond the noise, or too few levels carry one.
     """
     noise = float(np.median(np.std(estimate.responses, axis=0)))
-    if abs(end - zero) < _CLEAR * noise:
+    if abs(end - zero) <= _CLEAR * noise:
         raise InputError(f"flow curve: at the {'positive' if sign > 0 else 'negative'} end no flow beyond the noise")
     mine = sign * (estimate.command - neutral) >= 0.0
     command, outwards = estimate.command[mine], slice(None, None, sign)
