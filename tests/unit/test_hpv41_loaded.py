@@ -26,7 +26,7 @@ def responses(command: Array, conditions: dict[str, float], **changed: float) ->
 
 def test_with_ample_pressure_it_is_the_plain_valve() -> None:
     command = np.repeat([0.0, 50.0, 90.0, -70.0, 30.0], 800)
-    flow, spool, *_ = responses(command, AMPLE, give=0.0, compensator_lag=0.001)
+    flow, spool, *_ = responses(command, AMPLE, compensator_lag=0.001)
     plain, plain_spool, _ = simulate(PLAIN, PLAIN.typical, Drive(command[None], math.nan, 1e-3))
     assert np.abs(spool - plain_spool).max() < 1e-6
     assert np.abs(flow - plain).max() < 0.01 * np.abs(plain).max()
@@ -42,7 +42,7 @@ def test_with_ample_pressure_it_is_the_plain_valve() -> None:
     ],
 )
 def test_at_rest_it_shows_what_its_balances_have_as_roots(command: float, conditions: dict[str, float]) -> None:
-    changed = {"null": 0.8, "null_supply": 0.45, "null_tank": -0.3, "null_temperature": 1.6}
+    changed = {"give": 1.0, "null": 0.8, "null_supply": 0.45, "null_tank": -0.3, "null_temperature": 1.6}
     seen = dict(zip(NAMES, responses(np.full(3000, command), conditions, **changed)[:4, -1], strict=True))
     known = Valve(**changed).at_rest(command, **conditions)
     names = ("spool", "load_pressure", "returned") if conditions["load"] == 0.0 else ("spool", "flow", "load_pressure")

@@ -72,7 +72,7 @@ def equations(command: Any, supply: Any, load: Any, tank: Any, temperature: Any,
     null = c.null + c.null_supply * (x.supply / c.rated - 1.0) + c.null_tank * x.tank / c.rated
     opening = hook.opening(spool - null - c.null_warm * warmer(temperature))
     demand = metered(opening, c.dead_band, c.full_flow, c.exponent)
-    pressure = hook.supply(x.supply, x.flow / c.full_flow)
+    pressure = hook.supply(x.supply, demand / c.full_flow)
     drop = max(pressure - x.tank, 0.0)
     throttle = c.load_gain * x.load
     size = 0.0
@@ -146,7 +146,9 @@ PLANT = replace(
         Parameter(
             "compensator_lag", "s", 0.03, 0.001, 0.5, "time constant of the compensator", fixed=True, hook="flow"
         ),
-        Parameter("give", "%", 1.0, 0.0, 10.0, "way of the spool under 100 bar of load pressure", hook="position"),
+        Parameter(
+            "give", "%", 0.0, 0.0, 10.0, "way of the spool under 100 bar of load pressure", fixed=True, hook="position"
+        ),
         Parameter("leakage", "l/min", 0.2, 0.0, 5.0, "from P to T at 100 bar, spool in its middle", hook="flow"),
         *(one for one in LAB.parameters if one.name in _FROM_LAB),
     ),
