@@ -96,6 +96,9 @@ def test_a_flow_curve_tells_hysteresis_from_lag(curve):
         assert figures[name].value == pytest.approx(value, abs=4.0 * figures[name].std), name
     assert figures["hysteresis"].std < 0.15
     assert curve.polynomial_text.count("u^") == 12
+    terms = [term.split("·u^") for term in curve.polynomial_text.split()]
+    printed = sum(float(factor) * curve.command ** int(power) for factor, power in terms)
+    assert np.abs(printed - curve.polynomial).max() < 1e-6 * np.abs(curve.rising).max()
     assert np.all(np.diff(curve.spline) >= 0.0)
 
 

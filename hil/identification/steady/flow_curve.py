@@ -35,9 +35,9 @@ def monotone(command: Array, flow: Array) -> Callable[[Array], Array]:
 
 
 def polynomial_text(command: Array, flow: Array, degree: int = 9) -> str:
-    """The polynomial as a sum of powers of u."""
+    """The polynomial as a sum of powers of u, with every digit: high powers cancel."""
     coefficients = np.polynomial.Polynomial.fit(command, flow, degree).convert().coef
-    return " ".join(f"{value:+.4g}·u^{power}" for power, value in enumerate(coefficients.tolist()))
+    return " ".join(f"{value:+.17g}·u^{power}" for power, value in enumerate(coefficients.tolist()))
 
 
 def spline(command: Array, flow: Array) -> PchipInterpolator:
