@@ -18,7 +18,8 @@ PLANT = "transfer-function"
 def function_of(model: Model, name: str) -> FittedFunction:
     """The coefficients of a model and how their uncertainties hang together.
 
-    Effects and the offset have no place in a transfer function and are left out.
+    Effects and the offset have no place in a transfer function and are left out. Of the fits to several recordings the
+    least is told.
 
     Raises:
         InputError: a model of another plant, or with a bent static curve.
@@ -35,8 +36,10 @@ def function_of(model: Model, name: str) -> FittedFunction:
     late = "dead_time" in free
     slopes = np.column_stack([_slope(values, parameter, late) for parameter in free]) if free else np.zeros((0, 0))
     covariance = slopes @ np.array(model.covariance.matrix) @ slopes.T if model.covariance else np.zeros((0, 0))
+    fits = model.origin.get("fit_percent") or {}
     return FittedFunction(
-        name=name, numerator=tuple(plain(linear.numerator)), denominator=tuple(plain(linear.denominator)),
+        name=name, fit_percent=min(fits.values(), default=None),
+        numerator=tuple(plain(linear.numerator)), denominator=tuple(plain(linear.denominator)),
         dead_time_s=linear.dead_time_s, unit=model.parameters["gain"].unit,
         coefficients=coefficient_names(len(linear.numerator) - 1, len(linear.denominator) - 1, late) if free else (),
         covariance=tuple(map(tuple, plain(covariance))),

@@ -94,7 +94,7 @@ def _table(source: Model | Results | str | Path, points: int) -> str:
     from hil.exports.compensation import compensation, compensation_text
     from hil.session.analyses import flow_curve_of
 
-    if isinstance(source, Model | Results):
+    if isinstance(source, Model | Results) or Path(source).suffix == ".json":
         raise SettingError(f"to {TABLE}: of a run of flow_curve, or of a curve as CSV, by its path")
     curve = flow_curve_of(Path(source))
     rows = compensation(curve.command, curve.flow, points)

@@ -76,6 +76,9 @@ def test_model_of_a_transfer_function_has_its_coefficients(model):
     assert stds["b0"] == pytest.approx(30.0 * 0.01 / model.values["gain"], rel=1e-4)  # b0 is proportional to the gain
     assert stds["dead_time_s"] == pytest.approx(1e-3)
     assert stds["a0"] == pytest.approx(0.0, abs=1e-6)
+    assert found.fit_percent is None
+    fitted = replace(model, origin={"fit_percent": {"one": 97.0, "another": 95.5}})
+    assert function_of(fitted, "valve").fit_percent == 95.5
 
 
 def test_bent_model_has_no_transfer_function_and_hands_on_its_parameters(model):
@@ -130,6 +133,8 @@ def test_a_compensation_table_is_written_from_a_run_or_a_csv(tmp_path):
     assert rows[1] == "-50.0,-100.0," and rows[-1] == "60.0,100.0,"
     with pytest.raises(InputError, match="a table has at least 2"):
         exported(tmp_path / "curve.csv", "table", None)
+    with pytest.raises(SettingError, match="of a run of flow_curve"):
+        exported(tmp_path / "model.json", "table", None)
     with pytest.raises(SettingError, match="only of a table"):
         exported(tmp_path / "curve.csv", "json", None, points=3)
     with pytest.raises(InputError, match="does not change"):

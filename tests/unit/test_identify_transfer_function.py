@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+import hil
 from hil.errors import InputError
 from hil.identification.frequency import bands
 from hil.identification.frequency.frequency_response import from_polar, from_table
@@ -12,6 +13,7 @@ from hil.identification.frequency.held_out import held_out
 from hil.identification.frequency.order_choice import fit_together, fit_transfer_function
 from hil.identification.frequency.rational import Form
 from hil.identification.frequency.right_half_plane import wrong_way
+from hil.identification.frequency.table_fit import as_table
 from hil.identification.frequency.transfer_function import fit_form
 from hil.physics.published.tordal import RUNS
 from hil.physics.readings import readings
@@ -231,6 +233,17 @@ def test_the_dead_time_is_as_uncertain_as_forms_that_fit_as_well_leave_it():
         assert abs(fit.model.dead_time_s - 0.02) < 1.96 * fit.coefficient_std[-1]
         assert fit.coefficient_std[-1] > fit.scatter[-1]
         assert ("not identifiable" in fit.summary()) is math.isinf(fit.form_std_s)
+
+
+def test_a_dead_time_that_no_line_tells_leaves_a_model_file_that_is_read(tmp_path):
+    below = np.polymul([1 / 7.0, 1.0], [1 / 33.0**2, 1 / 33.0, 1.0])
+    few_lines = np.array([0.5, 1.0, 2.0, 4.0])
+    for seed in range(8):
+        table = as_table(noisy(transfer_function([1.0], below, 0.02), 0.003, seed, few_lines), "u", "y")
+        found = hil.identify([table], "transfer-function", poles=3, zeros=0, dead_time=True).model
+        hil.save_model(found, tmp_path / "model.json")
+        assert hil.load_model(tmp_path / "model.json").covariance == found.covariance
+        assert np.isfinite(found.covariance.matrix).all()
 
 
 def third_order(rate, frequency, damping, late):

@@ -235,7 +235,8 @@ def _covariance(fit: TransferFunctionFit, made: Model) -> tuple[tuple[str, ...],
     found = matrix @ fit.covariance @ matrix.T
     if "dead_time" in moving:  # beside its scatter what other forms that fit as well say of it
         found[moving.index("dead_time"), moving.index("dead_time")] += fit.form_std_s**2
-    return tuple(moving), found
+    known = np.isfinite(np.diag(found))  # a dead time that no line tells from another form has none
+    return tuple(name for name, is_known in zip(moving, known, strict=True) if is_known), found[np.ix_(known, known)]
 
 
 def _parameters(fit: TransferFunctionFit, k: int, step: float) -> dict[str, float]:
