@@ -102,7 +102,7 @@ def _diagnose(
     asked = question_of(model, experiments, wanted, before)
     checked = check(model, experiments)
     kept, stale = without_stale(checked.experiments)
-    problem = replace(pose(model, kept), work=work)
+    problem = replace(pose(model, kept), work=work, is_own=asked.is_own)
     problem, solver_warnings = settled(problem)
     warnings = [*asked.warnings, *checked.warnings, *solver_warnings, *_known_hum(model)]
     changed = _beyond_noise(problem, asked)

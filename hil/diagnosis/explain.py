@@ -70,14 +70,14 @@ class Option:
         freed = len(self.freed)
         return Hypothesis(
             tuple(dict.fromkeys((*known, *events, *names))), self.chi2,
-            len(events) + len(names) + len(changed) + described + freed,
+            len(events) + len(names) + len(changed) + described + freed * (not self.problem.is_own),
             unknowns + self.fitted.unknowns - self.own.unknowns + _OF_EVENTS * len(events) + freed, changed,
             described > 0,
         )  # fmt: skip
 
     @property
     def freed(self) -> Sequence[str]:
-        """Parameters that have to have changed for its effects: each is a cause, as where it is named."""
+        """Parameters that have to have moved for its effects: each is a cause, as where it is named, or bent before."""
         has_effects = any(t.kind == "effect" for t in self.fitted.terms)
         return moved_too_far(self.problem, self.fitted) if has_effects else ()
 
@@ -339,7 +339,7 @@ def explained(problem: Problem, known: Sequence[str] = ()) -> tuple[Problem, Cho
 def posed_again(problem: Problem, experiments: tuple[Experiment, ...]) -> Problem:
     """The same question of the experiments on another clock, or without events."""
     again = replace(pose(problem.model, experiments), refuted=problem.refuted, work=problem.work, step=problem.step)
-    return replace(again, factor=problem.factor, observed_noise=problem.observed_noise)
+    return replace(again, factor=problem.factor, observed_noise=problem.observed_noise, is_own=problem.is_own)
 
 
 def _as_reported(option: Option) -> Fitted:

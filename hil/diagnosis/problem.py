@@ -43,6 +43,8 @@ class Problem:
         following: whether the plant's observer leads every simulation back to its recording.
         beyond: by how much what laws leave is greater than noise (rms); a start is then known so much better than
             anything that they say.
+        is_own: whether the model was identified from these recordings: its parameters were bent to what it lacks, and
+            that a cause moves them back is no change of the unit.
         refuted: terms, by name and hook, that the recordings refute: they are not looked for.
         work: how far the diagnosis is, and how long it may go on.
         step: in which the output is read, where only when it passes from step to step is to count: errors are what
@@ -57,6 +59,7 @@ class Problem:
     following: bool = False
     beyond: float = 1.0
     step: float = 0.0
+    is_own: bool = False
     refuted: frozenset[tuple[str, str]] = frozenset()
     work: Work = field(default_factory=Work, compare=False)
 

@@ -24,13 +24,14 @@ class Question:
     Attributes:
         asked: the question. `why`: it is this one, in words.
         table: what is known of the recordings of identification, where *changed* is asked.
-        warnings: what limits it, in words.
+        warnings: what limits it, in words. `is_own`: whether the model was identified from all of the recordings.
     """
 
     asked: Asked
     why: Note
     table: Table | None = None
     warnings: tuple[Note, ...] = ()
+    is_own: bool = False
 
 
 def question_of(
@@ -54,7 +55,7 @@ def question_of(
     own = [e.name for e in experiments if is_of_its_origin(model, e)]
     if wanted == "left_out" or (own and not wanted):
         why = Note("asked for") if wanted else Note("the model was identified from {recording}", recording=own[0])
-        return Question("left_out", why)
+        return Question("left_out", why, is_own=len(own) == len(experiments))
     if before:
         if (known := table_of(model, before)) is None:
             raise SettingError(

@@ -42,3 +42,12 @@ def test_every_parameter_that_has_to_change_for_an_effect_is_a_cause() -> None:
     alone, one, three = (with_moved(problem, effect, k).hypothesis(()) for k in (0, 1, 3))
     assert (one.causes, one.unknowns) == (alone.causes + 1, alone.unknowns + 1)
     assert (three.causes, three.unknowns) == (alone.causes + 3, alone.unknowns + 3)
+
+
+def test_what_the_model_lacked_had_bent_its_parameters_and_moving_them_back_is_no_cause() -> None:
+    """In the recordings that it was identified from: there they are as many unknowns, and no change of the unit."""
+    problem = asked()
+    term = next(t for t in all_terms(problem, problem.nominal_residuals) if t.name == "friction")
+    later, own = (with_moved(replace(problem, is_own=one), term, 2).hypothesis(()) for one in (False, True))
+    assert (later.causes, own.causes) == (3, 1)
+    assert later.unknowns == own.unknowns
