@@ -215,6 +215,8 @@ def _as_expected(world: World, ran: Ran) -> Iterator[str]:
     if fault.kind not in _ENDINGS or fault.lasts_s < _LEAST_S.get(fault.kind, 0.0):
         return
     status, within_s, text = _ENDINGS[fault.kind]
+    if fault.kind == "wd pause" and ran.status == own and ran.changes["command"][-1][0] < begun_s + within_s:
+        return  # at its end before anybody could miss an answer
     statuses = {3, -9} if fault.kind == "sleep" else {status}
     if ran.status not in statuses:
         yield f"{fault.kind} alone ends with {ran.status}: {said:.200}"
