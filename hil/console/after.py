@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 from urllib.parse import urlencode
 
+from hil.console.form import NOTES
 from hil.console.site import Site
 from hil.findings.collect import findings_of
 from hil.findings.results import Results
 from hil.report.results import next_step, reasons
+from hil.session.limit import bench_limits, limit_text, limits_of
 from hil.session.setting import value_text
 
 
@@ -26,5 +28,9 @@ def next_unit(site: Site, meta: Mapping[str, Any]) -> str:
     if not benches or not meta.get("procedure"):
         return ""
     settings = {f"set.{name}": value_text(value) for name, value in (meta.get("settings") or {}).items()}
-    asked = {"procedure": meta["procedure"], "bench": benches[0], "operator": meta.get("operator") or "", **settings}
+    stated = bench_limits(site.bench(benches[0]).bench, meta["procedure"])
+    typed = [limit_text(name, limit) for name, limit in limits_of(meta).items() if limit != stated.get(name)]
+    notes = {f"note.{name}": text for name, _ in NOTES if (text := (meta.get("notes") or {}).get(name))}
+    asked = {"procedure": meta["procedure"], "bench": benches[0], "operator": meta.get("operator") or "", **settings,
+             **notes, "limits": "\n".join(typed)}  # fmt: skip
     return f"/run?{urlencode(asked)}"

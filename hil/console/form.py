@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from typing import Any, get_args, get_origin
 
 from hil.errors import SettingError
+from hil.language.words import marked
 from hil.session.procedure import Procedure
 from hil.session.setting import Setting, value_text
 
+NOTES = (("order", marked("Order number")), ("oil", marked("Oil")))  # of `hil run --note`, by name
 _NAMED = re.compile(r"\bsetting '?(\w+)|^(\w+)[ :]")
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from functools import cache
 from hashlib import sha256
 from http import HTTPStatus
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote, unquote
 
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
@@ -25,7 +26,8 @@ from hil.report.page import templates
 from hil.untrusted import read_untrusted
 from hil.version import __version__
 
-COOKIE = "hil_language"
+COOKIE, BENCH_COOKIE = "hil_language", "hil_bench"
+_YEAR_S = 31_536_000
 _FOR_A_STOP = ("run", "state", "outcome", "is_safe", "by", "listener", "stop_url", "stop_urls", "token")
 PAGES = (
     ("bench", marked("Bench")), ("run", marked("Run")), ("results", marked("Results")),
@@ -53,7 +55,19 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
         )  # fmt: skip
     response = HTMLResponse(printable(text), status)  # no name turns the direction of what stands beside it
     if request.query_params.get("lang") in languages():
-        response.set_cookie(COOKIE, language, max_age=31_536_000, samesite="strict", httponly=True)
+        response.set_cookie(COOKIE, language, max_age=_YEAR_S, samesite="strict", httponly=True)
+    return response
+
+
+def kept_bench(request: Request, known: Container[str]) -> str:
+    """The bench that this browser chose last; empty where it is none of those known."""
+    name = unquote(request.cookies.get(BENCH_COOKIE, ""))
+    return name if name in known else ""
+
+
+def keep_bench(response: Response, name: str) -> Response:
+    """The page of a bench, which the browser takes as chosen."""
+    response.set_cookie(BENCH_COOKIE, quote(name), max_age=_YEAR_S, samesite="strict", httponly=True)
     return response
 
 

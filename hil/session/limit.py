@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from hil.bench.file import Bench
 from hil.errors import FileError, SettingError
 from hil.record.measurement import Limit, Measurement
 from hil.session.quantity import number_in
@@ -27,6 +28,17 @@ def split_limits(texts: Iterable[str]) -> dict[str, TypedLimit]:
             raise SettingError(f"limit '{name}' is given twice")
         found[name] = TypedLimit(low, high)
     return found
+
+
+def limit_text(name: str, limit: Limit) -> str:
+    """A limit as it would be typed: `rise=..0.2`."""
+    low, high = ("" if end is None else repr(end) for end in (limit.low, limit.high))
+    return f"{name}={low}..{high}"
+
+
+def bench_limits(bench: Bench, procedure: str) -> dict[str, Limit]:
+    """Those that a bench file has for a procedure."""
+    return {name: Limit(limit.low, limit.high) for name, limit in bench.acceptance.get(procedure, {}).items()}
 
 
 @dataclass(frozen=True, slots=True)

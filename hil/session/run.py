@@ -11,7 +11,6 @@ from typing import Any
 
 from hil.bench.audit import on_the_trail
 from hil.bench.ending import accounted, word_of_this_process
-from hil.bench.file import Bench
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.errors import InputError, SettingError, StoppedError
@@ -26,7 +25,7 @@ from hil.safety.interrupt import terminable
 from hil.safety.outputs import Outputs
 from hil.session.cause import with_cause
 from hil.session.labels import NO_LABELS, Labels, labelled
-from hil.session.limit import TypedLimit, checked_limits, limits_of
+from hil.session.limit import TypedLimit, bench_limits, checked_limits, limits_of
 from hil.session.outcome import Outcome
 from hil.session.preload import preload
 from hil.session.previous_run import with_earlier
@@ -81,7 +80,7 @@ def run_procedure(
     """
     bench, labels = labelled(bench, procedure, labels)
     earlier, values = planned(procedure, bench, settings, resume)
-    judged_by = checked_limits(procedure.measurements, {**_acceptance(bench.bench, procedure.name), **limits})
+    judged_by = checked_limits(procedure.measurements, {**bench_limits(bench.bench, procedure.name), **limits})
     about = {"procedure": procedure.name, "settings": values, "limits": judged_by, **labels.about,
              "bench_path": str(bench.path.resolve())}  # fmt: skip
     if commanding:
@@ -173,7 +172,3 @@ def _take_back(folder: Path) -> None:
     records = [path for path in (folder / ROWS_FILE, folder / EVENTS_FILE) if path.exists()]
     if records and not any(path.stat().st_size for path in records):
         shutil.rmtree(folder)
-
-
-def _acceptance(bench: Bench, procedure: str) -> dict[str, Limit]:
-    return {name: Limit(limit.low, limit.high) for name, limit in bench.acceptance.get(procedure, {}).items()}

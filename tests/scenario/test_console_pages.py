@@ -251,6 +251,24 @@ def test_pages_have_no_serious_finding_of_axe_and_fit_a_telephone(page: Page, sc
     assert {path: faults for path, faults in found.items() if faults} == {}
 
 
+def test_the_form_knows_last_bench_units_of_today_and_an_overdue_calibration(page: Page, lab: Lab) -> None:
+    text = (lab.folder / "real.toml").read_text(encoding="utf-8")
+    dated = text.replace("date = 2026-03-02", "date = 2020-03-02, due = 2021-03-02", 1)
+    assert dated != text
+    (lab.folder / "overdue.toml").write_text(dated, encoding="utf-8")
+    page.goto("/run?bench=overdue&procedure=step_response")
+    expect(page.locator(".notice.bad", has_text="its calibration was due on 2021-03-02")).to_have_count(1)
+    expect(page.locator(".today")).to_contain_text("SN-1 pass")
+    page.fill("#limits", "rise=..0.2 s\nlap=0..")
+    expect(page.locator('[data-setting="limits"] .why')).to_contain_text("limit 'lap': not measured here")
+    page.fill("#note-order", "4711")
+    page.select_option("#procedure", "flow_curve")
+    page.wait_for_url("**procedure=flow_curve**")
+    assert (page.input_value("#note-order"), page.input_value("#limits")) == ("4711", "")
+    page.goto("/run")
+    assert page.input_value("#bench") == "overdue"
+
+
 def test_pages_speak_german_and_remember_it(page: Page) -> None:
     page.goto("/bench?bench=real")
     page.get_by_role("link", name="DE", exact=True).click()

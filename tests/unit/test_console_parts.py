@@ -334,6 +334,15 @@ def test_same_message_is_logged_once_a_minute(monkeypatch: pytest.MonkeyPatch) -
     assert once.filter(records[0])
 
 
+def test_limits_order_and_oil_of_the_form_reach_the_run(site: Site) -> None:
+    console = Console(site, Underway(site.runs))
+    form = {"procedure": "step_response", "bench": "own", "note.order": " 4711", "note.oil": "",
+            "limits": "rise=..0.2 s\n\novershoot=..5 %\n"}  # fmt: skip
+    assert _asked(console, form)[2][-3:] == ["--note=order=4711", "--limit=rise=..0.2 s", "--limit=overshoot=..5 %"]
+    with pytest.raises(SettingError, match="limit 'lap': not measured here"):
+        _asked(console, {**form, "limits": "lap=0.."})
+
+
 def test_the_form_is_filled_with_a_preset_of_its_bench(site: Site) -> None:
     own = site.benches / "own.toml"
     preset = '\n[presets.step_response.quick]\nlevels = [0, 50]\nhold_s = "3 s"\n'

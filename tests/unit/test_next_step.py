@@ -69,12 +69,15 @@ def test_the_next_unit_has_the_same_test_and_no_serial(tmp_path) -> None:
     procedure = load_procedure("flow_curve")
     settings = parse_settings(procedure.settings, {"cycle_s": "20", "half_speed": "no"})
     driven = str(benches()["brevini-hpv41"].resolve())
-    meta = {"procedure": "flow_curve", "operator": "MK", "bench_path": driven, "settings": settings}
+    limits = {"hysteresis": {"low": None, "high": 2.5}}
+    meta = {"procedure": "flow_curve", "operator": "MK", "bench_path": driven, "settings": settings, "limits": limits,
+            "notes": {"order": "4711", "shift": "late"}}  # fmt: skip
     address = urlsplit(next_unit(site, meta))
     asked = {key: value for key, (value,) in parse_qs(address.query).items()}
     assert address.path == "/run"
     assert (asked["procedure"], asked["bench"], asked["operator"]) == ("flow_curve", "brevini-hpv41", "MK")
     assert "serial" not in asked
+    assert (asked["note.order"], asked["limits"]) == ("4711", "hysteresis=..2.5")
     typed = {key.removeprefix("set."): value for key, value in asked.items() if key.startswith("set.")}
     assert parse_settings(procedure.settings, typed) == settings
     assert next_unit(site, {**meta, "bench_path": "/gone.toml"}) == ""

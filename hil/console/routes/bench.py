@@ -14,7 +14,7 @@ from hil.bench.manual.reading import Reading
 from hil.bench.read import BenchFile
 from hil.console.board import RunReader, check_tripped, interlocks_of, lines_of, reset_trip, trips_of
 from hil.console.console import Console
-from hil.console.page import page
+from hil.console.page import keep_bench, kept_bench, page
 from hil.console.underway import Run
 from hil.console.uploads import form_of
 from hil.errors import FileError, HilError, InUseError
@@ -25,10 +25,10 @@ Levels = dict[str, tuple[float, float]]
 
 
 def show(request: Request) -> Response:
-    """The page; without a name, that of the bench that is driven now."""
+    """The page; without a name, that of the bench that is driven now, was chosen last, or comes first."""
     console = Console.of(request)
     files = console.site.bench_files()
-    name = request.query_params.get("bench") or _default(console)
+    name = request.query_params.get("bench") or _driven(console) or kept_bench(request, files) or next(iter(files), "")
     if not name:
         return page(request, "bench.html", benches=[], name="", board=None, fault="")
     try:
@@ -37,7 +37,7 @@ def show(request: Request) -> Response:
         if name not in files:
             raise
         board, fault = None, str(error)
-    return page(request, "bench.html", benches=list(files), name=name, board=board, fault=fault)
+    return keep_bench(page(request, "bench.html", benches=list(files), name=name, board=board, fault=fault), name)
 
 
 def state(request: Request) -> Response:
@@ -75,12 +75,12 @@ def _watch(console: Console, name: str, wanted: bool) -> None:
     console.watching.begin(name, path)
 
 
-def _default(console: Console) -> str:
-    """The bench of the run under way, else the first: those of the lab come first."""
+def _driven(console: Console) -> str:
+    """The bench of the run under way."""
     files = console.site.bench_files()
     paths = {str(path.resolve()): name for name, path in files.items()}
     driven = [str(run.meta.get("bench_path", "")) for run in console.underway.look()]
-    return next((paths[path] for path in reversed(driven) if path in paths), next(iter(files), ""))
+    return next((paths[path] for path in reversed(driven) if path in paths), "")
 
 
 def _board(console: Console, name: str) -> dict[str, Any]:

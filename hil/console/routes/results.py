@@ -47,7 +47,7 @@ def show(request: Request) -> Response:
     """The search, the newest run first."""
     console, asked = Console.of(request), request.query_params
     wanted = {name: asked.get(name, "").strip() for name in ("serial", "procedure", "since", "verdict")}
-    found, fault = _searched(console, wanted)
+    found, fault = searched(console, **wanted)
     return page(
         request,
         "results.html",
@@ -154,16 +154,18 @@ def trend(request: Request) -> Response:
     )
 
 
-def _searched(console: Console, wanted: dict[str, str]) -> tuple[list[Entry], str]:
+def searched(
+    console: Console, serial: str = "", procedure: str = "", since: str = "", verdict: str = ""
+) -> tuple[list[Entry], str]:
     """(runs, the newest first, and what kept them from being found)."""
     place = console.site.place
     try:
-        since = datetime.fromisoformat(wanted["since"]).astimezone() if wanted["since"] else None
+        began = datetime.fromisoformat(since).astimezone() if since else None
     except ValueError:
-        return [], f"since {wanted['since']:.40}: a date was expected, as 2026-11-25"
+        return [], f"since {since:.40}: a date was expected, as 2026-11-25"
     try:
         catch_up(place)
-        found = find_runs(place, Search(wanted["serial"], wanted["procedure"], since, wanted["verdict"]))
+        found = find_runs(place, Search(serial, procedure, began, verdict))
     except ArchiveError as error:
         return [], str(error)
     return found[::-1], ""

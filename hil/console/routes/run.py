@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import math
 import shutil
 from collections.abc import Mapping
@@ -14,19 +15,23 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
+from hil.bench.nets.calibration import overdue
 from hil.bench.protection import envelopes_of
 from hil.bench.read import BenchFile
 from hil.catalog import entries
 from hil.console.console import Console
 from hil.console.envelope import COARSE_KEPT, FINE_S, Envelope
-from hil.console.form import faults_of, fields_of, given_of, setting_named_in
-from hil.console.page import page
+from hil.console.form import NOTES, faults_of, fields_of, given_of, setting_named_in
+from hil.console.page import keep_bench, kept_bench, page
 from hil.console.process import Started
+from hil.console.routes.results import searched
 from hil.console.uploads import form_of
 from hil.errors import HilError, InUseError, SettingError
+from hil.language.note import Note
 from hil.record.folder import read
 from hil.report.number import number
 from hil.session.labels import labelled, labels_of, new_folder
+from hil.session.limit import checked_limits, split_limits
 from hil.session.preset import preset_names, preset_settings
 from hil.session.procedure import Procedure, load_procedure
 from hil.session.rehearsal import is_of_rehearsal
@@ -34,6 +39,7 @@ from hil.session.setting import value_text
 
 _HAND = "jog"  # moves one output by hand from the command line; not a test of a unit
 _FIRST = "frequency_response"
+_MOST_UNITS = 20
 
 
 def show(request: Request) -> Response:
@@ -42,16 +48,19 @@ def show(request: Request) -> Response:
     files = list(console.site.bench_files())
     procedure = load_procedure(asked.get("procedure") or _FIRST)
     given = {key.removeprefix("set."): value for key, value in asked.items() if key.startswith("set.")}
-    bench = asked.get("bench") or next(iter(files), "")
+    bench = asked.get("bench") or kept_bench(request, files) or next(iter(files), "")
     presets, preset = _presets(console, bench, procedure, asked.get("preset", ""))
     given = {**preset, **given}
     fields = [{**asdict(field), "value": given.get(field.name, field.default)} for field in fields_of(procedure)]
-    return page(
+    shown = page(
         request, "run.html", benches=files, bench=bench, allowed=_allowed(console, bench),
+        overdue=_overdue(console, bench), today=_today(console), notes=NOTES, asked=asked,
+        measured=[one.name for one in procedure.measurements],
         procedures=_listed(), procedure=procedure, fields=fields,
         presets=presets, preset=asked.get("preset", ""), serial=asked.get("serial", ""),
         operator=asked.get("operator", ""), why=asked.get("why", ""),
     )  # fmt: skip
+    return keep_bench(shown, bench)
 
 
 def _presets(console: Console, bench: str, procedure: Procedure, name: str) -> tuple[list[str], dict[str, str]]:
@@ -77,11 +86,41 @@ def _allowed(console: Console, bench: str) -> list[str]:
         return []
 
 
+def _overdue(console: Console, bench: str) -> list[Note]:
+    """The calibrations of a bench that were due before today; none of a file that cannot be read."""
+    try:
+        return [*overdue(console.site.bench(bench).bench, dt.date.today())]
+    except HilError:
+        return []
+
+
+def _today(console: Console) -> list[dict[str, str | None]]:
+    """The units that were tried today, each with its last run, the newest first."""
+    found, _fault = searched(console, since=dt.date.today().isoformat())
+    newest = {entry.serial: entry for entry in reversed(found)}
+    return [
+        {"serial": serial, "verdict": entry.verdict, "run": entry.folder.name}
+        for entry in found if (serial := entry.serial) and newest[serial] is entry
+    ][:_MOST_UNITS]  # fmt: skip
+
+
 async def check(request: Request) -> Response:
     """What is wrong with the form as it stands: by setting, in words."""
     form = await _form(request)
     procedure = load_procedure(form.get("procedure", ""))
-    return JSONResponse({"faults": faults_of(procedure, given_of(procedure, form))})
+    faults = faults_of(procedure, given_of(procedure, form))
+    try:
+        _limits(procedure, form)
+    except SettingError as error:
+        faults["limits"] = str(error)
+    return JSONResponse({"faults": faults})
+
+
+def _limits(procedure: Procedure, form: Mapping[str, str]) -> list[str]:
+    """The limits that were typed, one a line. Raises `SettingError` for one that cannot be taken."""
+    found = [line.strip() for line in form.get("limits", "").splitlines() if line.strip()]
+    checked_limits(procedure.measurements, split_limits(found))
+    return found
 
 
 async def begin_rehearsal(request: Request) -> Response:
@@ -156,11 +195,14 @@ def _asked(console: Console, form: Mapping[str, str]) -> tuple[Procedure, BenchF
     given = given_of(procedure, form)
     for name, why in faults_of(procedure, given).items():
         raise SettingError(f"setting {name}: {why}")
-    labels = labels_of(form.get("serial", ""), form.get("operator", ""), [])
+    notes = [f"{name}={text}" for name, _ in NOTES if (text := form.get(f"note.{name}", "").strip())]
+    labels = labels_of(form.get("serial", ""), form.get("operator", ""), notes)
     labelled(file, procedure, labels)  # refuses here what the run itself would refuse: a certificate of no unit
     arguments = ["run", procedure.name, "--bench", str(path), *(f"--set={n}={value}" for n, value in given.items())]
     arguments += [f"--serial={labels.serial}"] if labels.serial else []
     arguments += [f"--operator={labels.operator}"] if labels.operator else []
+    arguments += [f"--note={name}={text}" for name, text in labels.notes.items()]
+    arguments += [f"--limit={text}" for text in _limits(procedure, form)]
     return procedure, file, arguments
 
 

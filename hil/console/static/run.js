@@ -11,7 +11,7 @@ function wrong(name, why) {
   if (!setting) return false;
   setting.classList.toggle("wrong", Boolean(why));
   setting.querySelector(".why").textContent = why || "";
-  setting.querySelector("input, select").setAttribute("aria-invalid", why ? "true" : "false");
+  setting.querySelector("input, select, textarea").setAttribute("aria-invalid", why ? "true" : "false");
   return true;
 }
 
@@ -35,14 +35,14 @@ document.getElementById("serial").addEventListener("keydown", event => {  // a s
 
 for (const name of ["procedure", "bench", "preset"]) document.getElementById(name)?.addEventListener("change", () => {
   const kept = new URLSearchParams();
-  for (const key of ["procedure", "bench", "serial", "operator", "preset"])
-    if (form.elements[key]) kept.set(key, form.elements[key].value);
+  const own = name === "procedure" ? /^(set\.|limits$)/ : /^set\./;  // settings, and limits of what that one measures
+  for (const [key, value] of fields()) if (value && !own.test(key)) kept.set(key, value);
   location.search = kept;
 });
 
 let waiting = 0;
 form.addEventListener("input", event => {
-  if (!event.target.name.startsWith("set.")) return;
+  if (!event.target.closest("[data-setting]")) return;
   clearTimeout(waiting);
   waiting = setTimeout(check, 300);
 });
