@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from hil.cli.options import Json, Part
 from hil.cli.places import check_file
-from hil.cli.printed import Json
 from hil.cli.reading import takes_reading, teller
 from hil.errors import FileError, SettingError
 from hil.record.reading import Reading
@@ -145,7 +145,7 @@ def compose(
     zeros: int = typer.Option(1, "--zeros", min=0, max=1, help="Of the dynamics."),
     dead_time: bool = typer.Option(False, "--dead-time/--no-dead-time", help="Whether they have one."),
     weights: str = typer.Option("", "--weights", metavar="relative|uniform", help="Of lines without uncertainty."),
-    part: str = typer.Option("", "--part", metavar="NAME", help="Of runs with several frequency responses, this one."),
+    part: Part = "",
     as_json: Json = False,
 ) -> None:
     """A measured flow curve and a mean transfer function as one model: section 8 and figure 17 of the HPV41 paper."""
@@ -187,7 +187,7 @@ def corners(
     table: Path = typer.Argument(..., metavar="TABLE|RUN", help="Frequency response."),
     poles: int = typer.Option(..., "--poles", min=1, help="Real poles."),
     zeros: int = typer.Option(0, "--zeros", min=0, help="Real zeros."),
-    part: str = typer.Option("", "--part", metavar="NAME", help="Of a run with several frequency responses, this one."),
+    part: Part = "",
     out: str = typer.Option("", "--out", metavar="FILE", help="Also write the transfer function, as --to says."),
     to: str = typer.Option("json", "--to", metavar="python|matlab|json|csv", help="For which tool."),
     as_json: Json = False,

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.printed import Json, printed
-from hil.cli.runs import ARCHIVE
+from hil.cli.options import Archive, Json
+from hil.cli.printed import printed
 
 if TYPE_CHECKING:
     import datetime as dt
@@ -26,7 +26,7 @@ def _archive() -> None:
 
 @group.command()
 def rebuild(
-    archive: str = ARCHIVE,
+    archive: Archive = "",
     folders: list[Path] = typer.Option([], "--folder", metavar="DIR", help="Also search this folder for runs."),
     as_json: Json = False,
 ) -> None:
@@ -47,8 +47,8 @@ def calibrations(
     due_within: int | None = typer.Option(
         None, "--due-within", metavar="DAYS", help="Those alone that fall due within so many days, or are overdue."
     ),
-    archive: str = ARCHIVE,
-    as_json: bool = typer.Option(False, "--json", help="Print JSON instead of a table."),
+    archive: Archive = "",
+    as_json: Json = False,
 ) -> None:
     """List the instruments of the benches, when their calibrations fall due, and runs made with an overdue one.
 

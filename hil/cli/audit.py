@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from hil.cli.printed import Json, printed
+from hil.cli.options import Json
+from hil.cli.printed import printed
 from hil.errors import FileError
 
 if TYPE_CHECKING:

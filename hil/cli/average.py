@@ -6,7 +6,8 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.printed import Json, printed
+from hil.cli.options import Json, Part
+from hil.cli.printed import printed
 from hil.cli.reading import takes_reading
 from hil.record.reading import Reading
 
@@ -18,7 +19,7 @@ def command(
     ),
     out: Path = typer.Option(..., "--out", help="Table to write, .csv."),
     normalised: bool = typer.Option(False, "--normalised", help="Each over its gain at the lowest frequency first."),
-    part: str = typer.Option("", "--part", metavar="NAME", help="Of runs with several frequency responses, this one."),
+    part: Part = "",
     as_json: Json = False,
     *,
     reading: Reading,

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.options import Archive, Json, Operator
 from hil.cli.quantity import quantity
-from hil.cli.runs import ARCHIVE
 from hil.cli.typed import Typed
 from hil.errors import SettingError, UnknownNameError
 
@@ -41,12 +41,12 @@ def command(
     between: str = typer.Option(
         "", "--between", metavar="LOW..HIGH", help="Where an output goes; default: its limits."
     ),
-    operator: str = typer.Option("", "--operator", metavar="NAME", help="Who calibrates; a short mark will do."),
+    operator: Operator = "",
     valid_days: int = typer.Option(365, "--valid-days", metavar="N", min=1, help="It is due again after so long."),
     out: Path | None = typer.Option(None, "--out", help="Run folder of an output; default: runs/jog-<time>."),
-    archive: str = ARCHIVE,
+    archive: Archive = "",
     yes: bool = typer.Option(False, "--yes", help="Write it without asking."),
-    as_json: bool = typer.Option(False, "--json", help="Print the result as JSON, schema hil.calibrate/1."),
+    as_json: Json = False,
 ) -> None:
     """Slope and offset of a channel against a reference, with their uncertainty; written when that is confirmed.
 

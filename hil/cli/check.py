@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.printed import Json
-from hil.cli.runs import ARCHIVE
+from hil.cli.options import Archive, Bench, Json
 from hil.errors import FileError, LinkError
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ _REFERENCE = "bench_reference"
 
 
 def command(
-    bench: str = typer.Argument(..., metavar="BENCH.toml", help="Bench file, or the name of one that is installed."),
+    bench: Bench,
     strict: bool = typer.Option(False, "--strict", help="Exit status 2 also when there are warnings."),
     live: bool = typer.Option(
         False, "--live", help="Read every input too: delays, rates, noise, and what can be measured here."
@@ -32,7 +31,7 @@ def command(
         metavar="SN",
         help="Drive a known valve or a loop-back for two minutes; exit status 1 where it differs from its first time.",
     ),
-    archive: str = ARCHIVE,
+    archive: Archive = "",
     as_json: Json = False,
 ) -> None:
     """Check a bench file: every fault with its line, every missing net, and what to do about it.

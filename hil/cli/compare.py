@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.language import Language
+from hil.cli.options import Archive, Json, Language
 from hil.cli.places import check_file
 from hil.cli.population import compare_population
 from hil.cli.printed import in_short
 from hil.cli.reading import Inputs, Output, takes_reading, teller
-from hil.cli.runs import ARCHIVE
 from hil.record.reading import Reading
 
 if TYPE_CHECKING:
@@ -37,8 +36,8 @@ def command(
     csv: Path | None = typer.Option(
         None, "--csv", metavar="FILE.csv", help="With --population: the limits of a batch, most missed first."
     ),
-    archive: str = ARCHIVE,
-    as_json: bool = typer.Option(False, "--json", help="Print JSON instead of a table."),
+    archive: Archive = "",
+    as_json: Json = False,
     input_name: Inputs = [],  # noqa: B006 — typer makes a new one
     output_name: Output = "",
     language: Language = "",  # noqa: ARG001 — its callback takes it

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.runs import ARCHIVE
+from hil.cli.options import Archive
 
 group = typer.Typer()
 users = typer.Typer(no_args_is_help=True, help="Accounts of the console.")
@@ -20,7 +20,7 @@ def console(
     host: str = typer.Option("127.0.0.1", "--host", help="Where it listens."),
     port: int = typer.Option(8123, "--port", min=0, max=65535, help="Its port; 0 takes one that is free."),
     benches: Path = typer.Option(Path(), "--benches", metavar="DIR", help="Folder of this lab's bench files."),
-    archive: str = ARCHIVE,
+    archive: Archive = "",
     cert: Path | None = typer.Option(None, "--cert", metavar="FILE", help="Certificate, where others reach it."),
     key: Path | None = typer.Option(None, "--key", metavar="FILE", help="Key of the certificate."),
     public: str = typer.Option("", "--public", metavar="URL", help="Its address behind a proxy: https://bench7.lab."),

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.printed import Json, printed
+from hil.cli.options import Json
+from hil.cli.printed import printed
 from hil.cli.reading import options, takes_reading
 from hil.errors import FileError, HilError
 from hil.record.reading import Reading

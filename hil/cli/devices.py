@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.options import Bench
+
 if TYPE_CHECKING:
     from hil.bench.read import BenchFile
 
 
 def command(
-    bench: str = typer.Argument(..., metavar="BENCH.toml", help="Bench file, or the name of one that is installed."),
+    bench: Bench,
     quirks: list[str] = typer.Option(
         [], "--quirk", metavar="DEVICE.KEY=VALUE", help="Misbehaviour on demand, such as io.late_s=0.3; again for more."
     ),

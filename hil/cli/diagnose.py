@@ -10,7 +10,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand
 
-from hil.cli.language import Language
+from hil.cli.options import Language
 from hil.cli.progress import shown
 from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.options import Json
 from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading
 from hil.report.number import number, unit_text, with_uncertainty
@@ -33,7 +34,7 @@ def command(
         help="Work after which no further search is begun: S times 10 million simulated samples; of long recordings "
         "as much is taken as it allows. inf: no end.",
     ),
-    as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.diff/1."),
+    as_json: Json = False,
     input_name: Inputs = [],  # noqa: B006 — typer makes a new one
     output_name: Output = "",
     *,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.language import Language
+from hil.cli.options import Json, Language, Part
 from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading
 
@@ -31,11 +31,11 @@ def command(
     weights: str = typer.Option(
         "", "--weights", metavar="relative|uniform", help="Of lines without uncertainty: of their size, or all alike."
     ),
-    part: str = typer.Option("", "--part", metavar="NAME", help="Of a run with several frequency responses, this one."),
+    part: Part = "",
     page: Path | None = typer.Option(
         None, "--page", metavar="FILE.html", help="A page that draws the model beside what it was fitted to."
     ),
-    as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.identified/1."),
+    as_json: Json = False,
     language: Language = "",  # noqa: ARG001 — its callback takes it
     *,
     reading: Reading,

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.printed import Json
-from hil.cli.runs import ARCHIVE
+from hil.cli.options import Archive, Bench, Json, Notes, Operator, Resets, Serial
 
 if TYPE_CHECKING:
     from hil.safety.outputs import Outputs
@@ -18,18 +17,16 @@ CONTEXT = {"ignore_unknown_options": True}  # a value may begin with a minus
 
 
 def command(
-    bench: str = typer.Argument(..., metavar="BENCH.toml", help="Bench file, or the name of one that is installed."),
+    bench: Bench,
     channel: str = typer.Argument(..., metavar="CHANNEL", help="The output."),
     value: str = typer.Argument(..., metavar="VALUE", help="Where it goes: 20, '50 %', '-3.5 bar'."),
     for_time: str = typer.Option("2s", "--for", metavar="TIME", help="How long it stands there: 2s, '200 ms'."),
     out: Path | None = typer.Option(None, "--out", help="Run folder; default: runs/jog-<time>."),
-    serial: str = typer.Option("", "--serial", metavar="SN", help="Serial number of the unit."),
-    operator: str = typer.Option("", "--operator", metavar="NAME", help="Who does it; a short mark will do."),
-    notes: list[str] = typer.Option(
-        [], "--note", metavar="KEY=VALUE", help="What else is to be known; again for more."
-    ),
-    archive: str = ARCHIVE,
-    resets: list[str] = typer.Option([], "--reset", metavar="INTERLOCK", help="Reset a trip of this interlock."),
+    serial: Serial = "",
+    operator: Operator = "",
+    notes: Notes = [],  # noqa: B006 — typer makes a new one
+    archive: Archive = "",
+    resets: Resets = [],  # noqa: B006 — typer makes a new one
     as_json: Json = False,
 ) -> None:
     """One output to a value and back, by hand: through limits, ramp, interlocks, watchdog and read-back.

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import typer
 
+from hil.cli.options import Json
+
 
 def command(
     model: Path = typer.Argument(..., metavar="MODEL", help="Model file, or name of an installed model or plant."),
@@ -17,7 +19,7 @@ def command(
     load_pressure: float = typer.Option(0.0, "--load-pressure", metavar="BAR", help="P_L for K_q and K_c."),
     changed: list[str] = typer.Option([], "--set", metavar="NAME=VALUE", help="Change a parameter first: coulomb=0."),
     out: Path | None = typer.Option(None, "--out", metavar="MODEL.json", help="Model to write; `hil export` takes it."),
-    as_json: bool = typer.Option(False, "--json", help="Print JSON."),
+    as_json: Json = False,
 ) -> None:
     """Linearise a plant about a command: transfer function, K_q and K_c; eqs 3 to 6 of the SP08-47C paper."""
     import json

@@ -9,6 +9,7 @@ from pathlib import Path
 import typer
 
 from hil.catalog import KINDS, entries, models, tables
+from hil.cli.options import Json
 from hil.errors import UnknownNameError
 
 _FILES = ("benches", "descriptions", "models", "tables")
@@ -20,7 +21,7 @@ def command(
         metavar="KIND",
         help="Only this kind, such as plants.",
     ),
-    as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.installed/1."),
+    as_json: Json = False,
 ) -> None:
     """List the installed drivers, devices, procedures, plants, effects, benches, descriptions, models and tables."""
     if kind and kind not in (*KINDS, *_FILES):

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.printed import Json, printed
+from hil.cli.options import Json
+from hil.cli.printed import printed
 from hil.errors import FileError
 
 

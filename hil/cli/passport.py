@@ -6,8 +6,8 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.language import Language
-from hil.cli.printed import Json, printed
+from hil.cli.options import Json, Language
+from hil.cli.printed import printed
 
 
 def command(

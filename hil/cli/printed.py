@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 if TYPE_CHECKING:
     from hil.record.measurement import Measured
-
-Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of words.")]
 
 
 def in_short(m: Measured | None) -> dict[str, Any] | None:

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.options import Json
+
 if TYPE_CHECKING:
     from hil.daq.probe import Found
 
@@ -19,7 +21,7 @@ def command(
         metavar="NAME=VALUE",
         help="Such as baud=9600, parity=E, units=1..16, bitrate=500000; again for more.",
     ),
-    as_json: bool = typer.Option(False, "--json", help="Print the answers as JSON, schema hil.probe/1."),
+    as_json: Json = False,
 ) -> None:
     """Who is on a line: unit numbers and identification, node numbers and identity objects, `*IDN?`.
 

@@ -6,16 +6,14 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.language import Language
+from hil.cli.options import Json, Language, Limits
 
 
 def command(
     run: Path = typer.Argument(..., metavar="RUN", help="Run folder."),
-    limits: list[str] = typer.Option(
-        [], "--limit", metavar="NAME=LOW..HIGH", help="Where a measured value must lie; goes before the run's own."
-    ),
+    limits: Limits = [],  # noqa: B006 — typer makes a new one
     open_page: bool = typer.Option(False, "--open", help="Show the page in the browser."),
-    as_json: bool = typer.Option(False, "--json", help="Print the results as JSON, schema hil.results/1."),
+    as_json: Json = False,
     language: Language = "",  # noqa: ARG001 — its callback takes it
 ) -> None:
     """Evaluate a run once more and write its report again, also of a run that was stopped or tripped."""

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from hil.cli.completed import benches_like, procedures_like
-from hil.cli.language import Language
-from hil.cli.runs import ARCHIVE
+from hil.cli.options import Archive, Json, Language, Limits, Notes, Operator, Resets, Serial
 from hil.language.note import Note, translated
 
 if TYPE_CHECKING:
@@ -39,16 +38,12 @@ def command(
     preset: str = typer.Option(
         "", "--preset", metavar="NAME", help="Settings by their name in the bench file; those given here go before."
     ),
-    limits: list[str] = typer.Option(
-        [], "--limit", metavar="NAME=LOW..HIGH", help="Where a measured value must lie; one end may be left out."
-    ),
+    limits: Limits = [],  # noqa: B006 — typer makes a new one
     out: Path | None = typer.Option(None, "--out", help="Run folder; default: runs/PROCEDURE-<time>."),
-    serial: str = typer.Option("", "--serial", metavar="SN", help="Serial number of the unit."),
-    operator: str = typer.Option("", "--operator", metavar="NAME", help="Who runs it; a short mark will do."),
-    notes: list[str] = typer.Option(
-        [], "--note", metavar="KEY=VALUE", help="What else is to be known; again for more."
-    ),
-    archive: str = ARCHIVE,
+    serial: Serial = "",
+    operator: Operator = "",
+    notes: Notes = [],  # noqa: B006 — typer makes a new one
+    archive: Archive = "",
     cause_s: float = typer.Option(
         120.0,
         "--cause-budget",
@@ -57,7 +52,7 @@ def command(
         help="Time that the cause of a missed certificate is looked for, in s, once outputs are safe and the verdict "
         "is written; Ctrl-C leaves it out. 0: it is not.",
     ),
-    resets: list[str] = typer.Option([], "--reset", metavar="INTERLOCK", help="Reset a trip of this interlock."),
+    resets: Resets = [],  # noqa: B006 — typer makes a new one
     rehearse: bool = typer.Option(
         False, "--rehearse", help="First play it on the simulated valve; drive only what goes through there."
     ),
@@ -70,7 +65,7 @@ def command(
         None, "--resume", metavar="RUN", help="Go on where this run was broken off: its procedure, bench and settings."
     ),
     describe: bool = typer.Option(False, "--describe", help="Say what the procedure does and takes; run nothing."),
-    as_json: bool = typer.Option(False, "--json", help="Print the results as JSON, schema hil.results/1."),
+    as_json: Json = False,
     language: Language = "",  # noqa: ARG001 — its callback takes it
 ) -> None:
     """Run a procedure on a bench; leaves a run folder with samples, findings and report."""

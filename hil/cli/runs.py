@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.options import Archive, Json
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -15,8 +17,6 @@ _STOPPED = ("StoppedError", "KeyboardInterrupt", "Terminated", "Halted")
 _ENDINGS = {"TrippedError": "tripped", **dict.fromkeys(_STOPPED, "stopped")}
 _LONGEST_ENDING = 24
 
-ARCHIVE = typer.Option("", "--archive", metavar="DIR|URL", help="The archive; else HIL_ARCHIVE, else ./runs.")
-
 
 def command(
     serial: str = typer.Option("", "--serial", metavar="SN", help="Runs of this unit."),
@@ -25,8 +25,8 @@ def command(
         "", "--since", metavar="DATE", help="From this local date on, as 2026-11-25 or with a time."
     ),
     verdict: str = typer.Option("", "--verdict", metavar="pass|fail|'cannot tell'", help="Runs with this verdict."),
-    archive: str = ARCHIVE,
-    as_json: bool = typer.Option(False, "--json", help="Print JSON instead of a table."),
+    archive: Archive = "",
+    as_json: Json = False,
 ) -> None:
     """List the runs of the archive, the oldest first."""
     from hil import api

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.printed import Json
+from hil.cli.options import Json
 from hil.cli.reading import takes_reading, teller
 from hil.record.reading import Reading
 

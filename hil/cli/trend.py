@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.runs import ARCHIVE
+from hil.cli.options import Archive, Json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,8 +21,8 @@ def command(
     serial: str = typer.Option(..., "--serial", metavar="SN", help="The unit."),
     procedure: str = typer.Option("", "--procedure", metavar="NAME", help="Runs of this procedure alone."),
     since: str = typer.Option("", "--since", metavar="DATE", help="From this local date on."),
-    archive: str = ARCHIVE,
-    as_json: bool = typer.Option(False, "--json", help="Print JSON instead of a table."),
+    archive: Archive = "",
+    as_json: Json = False,
 ) -> None:
     """Show how a value of a unit went over time, with its limits, and whether it drifts."""
     from hil import api

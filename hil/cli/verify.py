@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from hil.cli.options import Json
+
 if TYPE_CHECKING:
     from datetime import datetime
 
@@ -34,7 +36,7 @@ def command(
     evaluate: bool = typer.Option(
         False, "--evaluate", help="Evaluate the runs inside anew, and hold page one, certificate and data together."
     ),
-    as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.verified/1."),
+    as_json: Json = False,
 ) -> None:
     """Exit 0: unchanged, by a known signer; 1: changed, or by an unknown signer; 2: no passport.
 

@@ -11,6 +11,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 import typer
 
+from hil.cli.options import Bench, Json
 from hil.printable import printable, raw
 
 if TYPE_CHECKING:
@@ -22,12 +23,12 @@ _HEADINGS = ("channel", "raw", "value", "noise", "age [s]", "state")
 
 
 def command(
-    bench: str = typer.Argument(..., metavar="BENCH.toml", help="Bench file, or the name of one that is installed."),
+    bench: Bench,
     channels: list[str] = typer.Option([], "--channel", metavar="NAME", help="Only this input; again for more."),
     seconds: float = typer.Option(math.inf, "--seconds", metavar="S", help="End after so long; default: at Ctrl-C."),
     every: float = typer.Option(0.5, "--every", metavar="S", help="How often the readings are shown."),
     csv: Path | None = typer.Option(None, "--csv", metavar="FILE", help="Write every row that is shown here too."),
-    as_json: bool = typer.Option(False, "--json", help="Say at the end how each input stands, schema hil.watch/1."),
+    as_json: Json = False,
     lines: bool = typer.Option(False, "--lines", help="Say it each time, as one line of the same JSON."),
 ) -> None:
     """Every input of a bench: raw value, value, noise, age, and in words whether it can be believed.
