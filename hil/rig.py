@@ -85,8 +85,8 @@ class Rig(Protocol):
         """
         ...
 
-    def actual_rate_hz(self, asked_hz: float) -> float:
-        """The sample rate that will really be used. Raises `RangeError` when it cannot be had."""
+    def actual_rate_hz(self, asked_hz: float | None = None) -> float:
+        """The sample rate that will really be used; of the bench's own when none is asked for. Raises `RangeError`."""
         ...
 
     def tighten(self, low: float, high: float, slew_per_s: float | None = None) -> None:

@@ -97,6 +97,15 @@ def scale_and_offset(unit: str, to: str) -> tuple[float, float]:
     return one - zero, zero
 
 
+def is_convertible(unit: str, to: str) -> bool:
+    """Whether two units are known, and of one quantity."""
+    try:
+        scale_and_offset(unit, to)
+    except UnitError:
+        return False
+    return True
+
+
 def in_base_units(unit: str) -> tuple[float, float, dict[str, int]]:
     """(factor, offset, exponents of kg, m, s, A, K) with SI value = factor · value + offset.
 

@@ -30,8 +30,8 @@ from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.signals.interval import CERTAIN
 from hil.signals.rounding import mean_rounding_std, rounding_step
-from procedures._extreme import at_most_one, extreme, rounded_up
-from procedures._recorded import calibration_share, calibration_std, reading_step, roles_of
+from procedures._recorded import calibration_share, calibration_std, reading_step, roles_of, rows_of
+from procedures._statistics import at_most_one, disagreement, extreme, rounded_up
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ def swept(recording: Recording, parts: Sequence[Mapping[str, Any]], of: Channel 
     response = of or response
     sweeps, waits = [], []
     for part in parts:
-        rows = slice(part["first"], part["first"] + part["count"])
+        rows = rows_of(part)
         driven, measured = command.values[rows], response.values[rows]
         sweeps.append(Sweep(driven, measured, float(part["speed_per_s"])))
         waits += _waits(driven, measured)
@@ -96,7 +96,10 @@ def swept(recording: Recording, parts: Sequence[Mapping[str, Any]], of: Channel 
     estimate = sweep_estimate(recording.name, sweeps, ends, float(parts[0]["settling_s"]))
     speeds = tuple(sweep.speed_per_s for sweep in sweeps)
     rounding = mean_rounding_std(0.0, rounding_step(response.values))  # a standing level may never change its code
-    drifted = _drift(waits, rounding)
+    drifted = max(
+        disagreement([(wait.response, math.hypot(wait.std, rounding)) for wait in waits if wait.risen == risen])
+        for risen in (False, True)
+    )
     first, last = parts[0], parts[-1]
     # an end is first waited at within the first sweep
     apart = last["first"] + last["count"] - first["first"] - (first["count"] if len(parts) > 1 else 0)
@@ -118,7 +121,11 @@ def characteristic(
     measured = [
         of[name]
         .at(unit=unit)
-        .of(end.response, math.hypot(end.std, swept_.rounding, swept_.drifted), calibration=_level(swept_))
+        .of(
+            end.response,
+            math.hypot(end.std, swept_.rounding, swept_.drifted),
+            calibration=calibration_std(swept_.response),
+        )
         for name, end in (("response_high", swept_.high), ("response_low", swept_.low))
     ]
     spoilt = _spoilt(swept_)
@@ -143,9 +150,7 @@ def characteristic(
 
 def steady(recording: Recording, part: Mapping[str, Any], channel: Channel) -> tuple[float, float]:
     """Mean of a channel over the second half of a part that stands still, and its standard uncertainty from noise."""
-    values = channel.values[
-        part["first"] : part["first"] + part["count"]
-    ]  # in the channel's unit, not the recorded one
+    values = channel.values[rows_of(part)]  # in the channel's unit, not the recorded one
     value, std = settled(values)
     return value, math.hypot(std, mean_rounding_std(float(np.std(values)), reading_step(recording, channel)))
 
@@ -155,7 +160,7 @@ def at_ends(recording: Recording, parts: Sequence[Mapping[str, Any]], values: Ar
     command, _ = roles_of(recording)
     waits: list[Standing] = []
     for part in parts:
-        rows = slice(part["first"], part["first"] + part["count"])
+        rows = rows_of(part)
         waits += _waits(command.values[rows], values[rows])
     low, high = (together([wait for wait in waits if wait.risen == risen]) for risen in (False, True))
     return low, high
@@ -171,21 +176,6 @@ def _waits(driven: Array, measured: Array) -> list[Standing]:
                 value, std = settled(measured[wait])
                 found.append(Standing(level, value, std, max(1, len(wait) // 2), risen))
     return found
-
-
-def _drift(waits: Sequence[Standing], rounding: float) -> float:
-    """What the visits of one end differ by, where that is more than noise and rounding make; else 0."""
-    found = 0.0
-    for risen in (False, True):
-        mine = [wait for wait in waits if wait.risen == risen]
-        apart = float(np.ptp([wait.response for wait in mine]))
-        if apart > CERTAIN * math.sqrt(2.0) * math.hypot(max(wait.std for wait in mine), rounding):
-            found = max(found, apart)
-    return found
-
-
-def _level(swept_: Swept) -> float:
-    return calibration_std(swept_.response)
 
 
 def _spoilt(swept_: Swept) -> Note | None:
@@ -285,7 +275,7 @@ def _null(
     if found is None:
         return [], []
     below, above = found.slopes
-    level, share = _level(swept_), calibration_share(swept_.command)
+    level, share = calibration_std(swept_.response), calibration_share(swept_.command)
     drifted, percent = swept_.drifted or 0.0, 100.0 / full
     lap, lap_std = found.lap
     # a meter off by so much moves both crossings one way, and apart where the gains differ
@@ -306,7 +296,7 @@ def null_bias(swept_: Swept, found: Null, neutral: float, full: float, what: Mea
     centre, centre_std = found.centre
     return what.of(
         percent * (centre - neutral), percent * math.hypot(centre_std, swept_.drifted * moved),
-        calibration=percent * math.hypot(_level(swept_) * moved, calibration_std(swept_.command)),
+        calibration=percent * math.hypot(calibration_std(swept_.response) * moved, calibration_std(swept_.command)),
     )  # fmt: skip
 
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.errors import InputError, SettingError, UnitError
+from hil.errors import InputError, SettingError
 from hil.record.recording import Array
 from hil.rig import Rig
-from hil.units import scale_and_offset
+from hil.units import is_convertible, scale_and_offset
 from procedures._course import Course
 from procedures._scale import check_above
 
@@ -87,7 +87,7 @@ def axis_of(
     head_mm2, rod_side_mm2 = math.pi / 4.0 * bore_mm**2, math.pi / 4.0 * (bore_mm**2 - rod_mm**2)
     flow_mm3_per_s = full_flow_lpm * 1e6 / 60.0
     return Axis(
-        rig.response.unit, _is_length(rig.command.unit), per_mm * start_mm, per_mm * (start_mm + stroke_mm),
+        rig.response.unit, is_convertible("mm", rig.command.unit), per_mm * start_mm, per_mm * (start_mm + stroke_mm),
         per_mm * flow_mm3_per_s / head_mm2, per_mm * flow_mm3_per_s / rod_side_mm2, head_mm2 / rod_side_mm2,
     )  # fmt: skip
 
@@ -98,13 +98,11 @@ def position_per_mm(rig: Rig) -> float:
     Raises:
         SettingError: the response is no position.
     """
-    try:
-        per_mm, _ = scale_and_offset("mm", rig.response.unit)
-    except UnitError:
+    if not is_convertible("mm", rig.response.unit):
         raise SettingError(
             f"'{rig.response.name}' is in {rig.response.unit}; this test needs a response in mm or another length"
-        ) from None
-    return per_mm
+        )
+    return scale_and_offset("mm", rig.response.unit)[0]
 
 
 def approach(rig: Rig, course: Course, target: float, opening: float, speed_per_s: float) -> None:
@@ -145,11 +143,3 @@ def approach(rig: Rig, course: Course, target: float, opening: float, speed_per_
             f"'{name}' stands at {at:.4g} {unit} after {longest_s:.3g} s on the way to {target:.4g} {unit}: no supply, "
             "a command inside the dead band, or one of the wrong sign"
         )
-
-
-def _is_length(unit: str) -> bool:
-    try:
-        scale_and_offset("mm", unit)
-    except UnitError:
-        return False
-    return True

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import FileError, SettingError, UnitError
+from hil.errors import FileError, SettingError
 from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
-from hil.units import scale_and_offset
+from hil.units import is_convertible, scale_and_offset
+from procedures._recorded import parts_if_any
 
 COIL_CURRENT, COIL_VOLTAGE, COIL_TEMPERATURE = "coil current", "coil voltage", "coil temperature"
 THROUGH_FLOW, SUPPLY_PRESSURE = "through flow", "supply pressure"
@@ -24,16 +25,6 @@ class Stage:
     command: Array
     text: str
     part: Mapping[str, Any]
-
-
-def _check_pressure(rig: Rig) -> None:
-    try:
-        scale_and_offset(rig.response.unit, "psi")
-    except UnitError:
-        raise SettingError(
-            f"'{rig.response.name}' is in {rig.response.unit}; a test of an EFC needs a response in psi or another "
-            "pressure"
-        ) from None
 
 
 def play(rig: Rig, stages: Sequence[Stage], rate_hz: float) -> list[Recording]:
@@ -49,7 +40,11 @@ def play(rig: Rig, stages: Sequence[Stage], rate_hz: float) -> list[Recording]:
         raise SettingError(
             f"command '{rig.command.name}' is in {rig.command.unit}; a test of an EFC states its currents in A"
         )
-    _check_pressure(rig)
+    if not is_convertible(rig.response.unit, "psi"):
+        raise SettingError(
+            f"'{rig.response.name}' is in {rig.response.unit}; a test of an EFC needs a response in psi or another "
+            "pressure"
+        )
     for stage in stages:
         rig.check(stage.command, rate_hz)
     made = []
@@ -106,13 +101,8 @@ def channel_in(recording: Recording, name: str, unit: str) -> Channel:
 
 def part_recordings(recording: Recording, kind: str) -> list[tuple[Mapping[str, Any], Recording]]:
     """Every part of a kind with its samples; empty when the run ended before it."""
-    found = [part for part in recording.meta.get("parts", ()) if part.get("kind") == kind]
+    found = parts_if_any(recording, kind)
     return [(part, recording.rows(part["first"], part["count"])) for part in found]
-
-
-def instrument_std(of: Channel) -> float:
-    """Standard uncertainty that the calibration states, 0 where it states none; calibrations state k = 2."""
-    return float(of.calibration.get("uncertainty") or 0.0) / 2.0
 
 
 def held(level: float, duration_s: float, rate_hz: float) -> Array:

@@ -12,8 +12,8 @@ from hil.record.measurement import Measured, Measurement
 from hil.record.recording import Recording
 from hil.signals.rounding import mean_rounding_std
 from procedures._characteristic import at_ends
-from procedures._efc import SUPPLY_PRESSURE, channel_in, instrument_std
-from procedures._recorded import reading_step
+from procedures._efc import SUPPLY_PRESSURE, channel_in
+from procedures._recorded import calibration_std, reading_step
 
 RETURN_PRESSURE, LOAD_PRESSURE = "return pressure", "load pressure"
 
@@ -28,7 +28,7 @@ def pressure_drops(
     channels = [channel_in(recording, name, "bar") for name in names]
     supply, back, *load = (channel.values for channel in channels)
     drop = supply - back - sum((np.abs(one) for one in load), np.zeros(len(supply)))
-    calibration = math.hypot(*map(instrument_std, channels))
+    calibration = math.hypot(*map(calibration_std, channels))
     coded = math.hypot(*(mean_rounding_std(0.0, reading_step(recording, channel)) for channel in channels))
     return [
         of[f"pressure_drop_{end}"].of(found.response, math.hypot(found.std, coded), calibration=calibration)

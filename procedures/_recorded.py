@@ -54,10 +54,24 @@ def parts_of(recording: Recording, kind: str) -> list[Mapping[str, Any]]:
     Raises:
         FileError: nothing of that kind was recorded.
     """
-    found = [part for part in recording.meta.get("parts", ()) if part.get("kind") == kind]
-    if not found:
+    if not (found := parts_if_any(recording, kind)):
         raise FileError(f"{recording.name}: no part of kind '{kind}' was recorded; the run ended before it")
     return found
+
+
+def parts_if_any(recording: Recording, kind: str) -> list[Mapping[str, Any]]:
+    """The same; empty where the run ended before it."""
+    return [part for part in recording.meta.get("parts", ()) if part.get("kind") == kind]
+
+
+def rows_of(part: Mapping[str, Any]) -> slice:
+    """The samples of a part, of an array of all."""
+    return slice(int(part["first"]), int(part["first"]) + int(part["count"]))
+
+
+def noted(recording: Recording, event: str) -> list[Mapping[str, Any]]:
+    """Details of every event of a name."""
+    return [found.get("details", {}) for found in recording.meta.get("events", ()) if found.get("event") == event]
 
 
 def chain_of(recording: Recording) -> MeasuringChain:

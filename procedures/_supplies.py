@@ -15,7 +15,7 @@ from hil.rig import Rig
 from procedures._characteristic import steady
 from procedures._conditions import SUPPLY, adjusted, adjusting, adjusting_s, check_within, usual
 from procedures._course import Course, joined
-from procedures._efc import SUPPLY_PRESSURE, channel_in, check_channels, instrument_std
+from procedures._efc import SUPPLY_PRESSURE, channel_in, check_channels
 from procedures._pressure_drop import LOAD_PRESSURE, RETURN_PRESSURE
 from procedures._recorded import calibration_std
 from procedures._scale import Scale, check_stands
@@ -83,7 +83,7 @@ class Points:
         return cls(
             np.array([steady(recording, part, response) for part in parts]),
             np.column_stack((drop, np.hypot.reduce(read[:, :, 1], axis=1))),
-            calibration_std(response), math.hypot(*map(instrument_std, channels)),
+            calibration_std(response), math.hypot(*map(calibration_std, channels)),
         )  # fmt: skip
 
     @property

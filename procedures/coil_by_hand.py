@@ -69,7 +69,7 @@ def run(
         raise SettingError(f"settings {', '.join(readings)}: none is given; at least one reading is needed")
     if not instrument.strip():
         raise SettingError("setting instrument: empty; a reading needs the instrument that it was read from")
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     still = np.full(max(2, round(rig.settling_s * rate_hz)), rig.command.safe)
     course = Course(rig, rate_hz, still, {"instrument": instrument})
     uncertainties = {

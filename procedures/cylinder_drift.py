@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from hil.errors import SettingError, UnitError
+from hil.errors import SettingError
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
@@ -18,14 +18,14 @@ from hil.session.allowed import Allowed
 from hil.signals.colour import colour_factor
 from hil.signals.rounding import mean_rounding_std
 from hil.signals.smooth_curve import Smoother
-from hil.units import scale_and_offset
+from hil.units import is_convertible, scale_and_offset
 from procedures._course import Course, joined
 from procedures._cylinder import position_per_mm
 from procedures._definitions import CYLINDERS, defined
-from procedures._extreme import extreme
 from procedures._recorded import calibration_std, departures, parts_of, reading_step, roles_of
 from procedures._scale import check_above, scale_of
 from procedures._settings import Percent, Positive
+from procedures._statistics import extreme
 
 RATE = Measurement("drift_rate", "", "rate of the position while the command stands")
 DRIFT = Measurement("drift", "", "largest less smallest position, of a smooth curve through one-second means")
@@ -62,14 +62,14 @@ def run(
         rate_hz: sample rate; that of the bench when not given.
     """
     position_per_mm(rig)
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     waited_s = 3.0 * rig.settling_s if settle_s is None else settle_s
     check_above("settle_s", 0.0, waited_s, "s")
     scale = scale_of(rig, full_command)
     asked = (0.0,) if levels is None else levels
     if not asked:
         raise SettingError("setting levels: none given")
-    if any(percent != 0.0 for percent in asked) and not _same_kind(rig.command.unit, rig.response.unit):
+    if any(percent != 0.0 for percent in asked) and not is_convertible(rig.command.unit, rig.response.unit):
         raise SettingError(
             f"setting levels: {', '.join(f'{p:g}' for p in asked)} %; a command in {rig.command.unit} moves the "
             f"'{rig.response.name}' all the time, so only 0 % is allowed"
@@ -87,7 +87,7 @@ def run(
 def evaluate(recording: Recording) -> Findings:
     """Rate, way and restlessness at each level."""
     command, response = roles_of(recording)
-    closed = _same_kind(command.unit, response.unit)
+    closed = is_convertible(command.unit, response.unit)
     level_std = _level_std(command, response) if closed else 0.0
     measured: list[Measured] = []
     curves = []
@@ -170,11 +170,3 @@ def _note(closed: bool) -> Note:
             "piston shows as an offset in its place."
         )
     return Note("The loop was open: the drift is that of cylinder, load and valve at neutral.")
-
-
-def _same_kind(unit: str, other: str) -> bool:
-    try:
-        scale_and_offset(unit, other)
-    except UnitError:
-        return False
-    return True

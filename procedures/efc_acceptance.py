@@ -11,7 +11,7 @@ and can be changed per bench.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -47,11 +47,10 @@ from procedures._efc import (
     check_channels,
     expected_s,
     held,
-    instrument_std,
     part_recordings,
     play,
 )
-from procedures._recorded import departures, roles_of
+from procedures._recorded import calibration_std, departures, noted, roles_of
 from procedures._scale import check_at_least
 from procedures._sequence import defaults_of, joined
 from procedures._settings import Ampere, Positive, PositiveHertz
@@ -125,7 +124,7 @@ def run(
         levels: of the frequency response.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     check_at_least("top_current", _OPENING_A, top_current, "A")
     check_channels(rig, (COIL_CURRENT, COIL_VOLTAGE, THROUGH_FLOW, SUPPLY_PRESSURE), "the acceptance test")
     rig.tighten(min(0.0, rig.command.safe), max(top_current, rig.command.safe))
@@ -175,8 +174,8 @@ def _expected_s(
 
 def evaluate(recording: Recording) -> Findings:
     """The certificate: every part's findings, the condition, and why the run ended early if it did."""
-    reasons = [details["reason"] for details in _noted(recording, _ENDED)]
-    left_out = _noted(recording, _LEFT_OUT)
+    reasons = [details["reason"] for details in noted(recording, _ENDED)]
+    left_out = noted(recording, _LEFT_OUT)
     function = _function(recording)
     done: dict[str, Findings] = {}
     notes = [Note("Ended early: {reason}.", reason=reason) for reason in reasons]
@@ -207,11 +206,6 @@ def evaluate(recording: Recording) -> Findings:
         deviations=tuple(dict.fromkeys([*together.deviations, *departures(recording)])),
         population=population,
     )
-
-
-def _noted(recording: Recording, event: str) -> list[Mapping[str, Any]]:
-    """Details of every event of a name."""
-    return [found["details"] for found in recording.meta.get("events", ()) if found.get("event") == event]
 
 
 def _usable(found: Findings) -> bool:
@@ -262,7 +256,7 @@ def _function(recording: Recording) -> Measured | None:
     command, response = roles_of(recording)
     part, samples = found[0]
     change, noise = _rise(samples, command.name, response.name, bool(part["normally_open"]))
-    return FUNCTION.of(change, math.hypot(noise, instrument_std(response)))
+    return FUNCTION.of(change, math.hypot(noise, calibration_std(response)))
 
 
 def _steps(top_current: float) -> tuple[float, ...]:

@@ -7,7 +7,6 @@ this valve; the sines and their evaluation are those of `frequency_response`.
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
@@ -19,6 +18,8 @@ from hil.record.measurement import Findings
 from hil.record.recording import Recording
 from hil.rig import Rig
 from procedures import frequency_response, pressure_current
+from procedures._recorded import noted
+from procedures._sequence import defaults_of
 from procedures._settings import NotNegative, Positive, PositiveAmpere, PositiveHertz, Twice
 from procedures._steady_sine import Patience
 
@@ -111,9 +112,9 @@ def expected_s(
 def evaluate(recording: Recording) -> Findings:
     """Responses, bandwidths and transfer functions of every level, and which label is which level."""
     own = recording.meta.get("settings", {})
-    settings: dict[str, Any] = {**_general_settings(), **own}
+    settings: dict[str, Any] = {**defaults_of(frequency_response.run), **own}
     found = frequency_response.evaluate(replace(recording, meta={**recording.meta, "settings": settings}))
-    levels = [event["details"] for event in recording.meta.get("events", ()) if event.get("event") == "level"]
+    levels = noted(recording, "level")
     notes = tuple(
         Note(
             "Level {level}: {low_psi:g} to {high_psi:g} psi, {low_a:.4g} to {high_a:.4g} A.",
@@ -159,8 +160,7 @@ def bandwidth_at(recording: Recording, found: Findings, level: str) -> tuple[flo
     Raises:
         InputError: the level was not measured, or noise hides where it is.
     """
-    levels = [event["details"] for event in recording.meta.get("events", ()) if event.get("event") == "level"]
-    swings = [(one["low_a"], one["high_a"]) for one in levels if one["level"] == level]
+    swings = [(one["low_a"], one["high_a"]) for one in noted(recording, "level") if one["level"] == level]
     if not swings:
         raise InputError(f"the frequency response at the {level} level was not measured")
     low, high = swings[-1]
@@ -180,9 +180,3 @@ def bandwidth_at(recording: Recording, found: Findings, level: str) -> tuple[flo
 def _known(found: Findings, quantity: str, label: str) -> float | None:
     """A measured value, or the bound of one; None where neither was determined."""
     return next(m.value for m in found.measured if m.name == f"{quantity}, {label}")
-
-
-def _general_settings() -> dict[str, Any]:
-    """Defaults of the general procedure, which its evaluation asks for."""
-    arguments = inspect.signature(frequency_response.run).parameters.values()
-    return {a.name: a.default for a in arguments if a.default is not a.empty}

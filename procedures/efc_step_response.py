@@ -20,14 +20,13 @@ from hil.record.recording import Channel, Recording
 from hil.rig import Rig
 from hil.session.allowed import Allowed
 from hil.signals.colour import colour_factor
-from hil.signals.interval import CERTAIN
 from hil.signals.rounding import mean_rounding_std, rounding_step
 from procedures._definitions import STEPS, defined
-from procedures._efc import Stage, held, instrument_std, part_recordings, play
-from procedures._extreme import extreme
-from procedures._recorded import NO_DEAD_TIME, roles_of
+from procedures._efc import Stage, held, part_recordings, play
+from procedures._recorded import NO_DEAD_TIME, calibration_std, roles_of
 from procedures._scale import check_above
 from procedures._settings import NotNegativeAmpere, Once, Positive, PositiveAmpere
+from procedures._statistics import disagreement, extreme, mean_of
 
 FINAL = Measurement("step_pressure", "psi", "steady pressure at the end of the step")
 RISE = Measurement("rise", "ms", "from 10 % to 90 % of the change")
@@ -60,7 +59,7 @@ def run(
         hold_s: time at each level, in s.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     for current in currents:
         check_above("currents", from_current, current, "A")
     play(rig, stages(currents, repeats, from_current, hold_s, rate_hz), rate_hz)
@@ -106,7 +105,7 @@ def evaluate(recording: Recording) -> Findings:
             few = len(steps) - len(usable)
             notes.append(Note("{n} of {all} steps move the pressure too little.", n=few, all=len(steps)).at(place))
         if usable:
-            measured += _figures(place, usable, instrument_std(response), drift)
+            measured += _figures(place, usable, calibration_std(response), drift)
             if not all(math.isfinite(step.std.dead_time_s) for step in usable):
                 notes.append(NO_DEAD_TIME.at(place))
     return Findings(tuple(measured), {"steps": curves} if curves else {}, tuple(notes))
@@ -127,19 +126,15 @@ def first_step(samples: Recording, command: str, response: str) -> MeasuredStep 
 
 def _drift(found: list[tuple[Mapping[str, Any], Recording]], command: str, response: Channel) -> float:
     """What the pressures before the steps differ by, where that is more than noise and rounding make; else 0."""
-    levels, stds, grid = [], [], rounding_step(response.values)
+    visits, grid = [], rounding_step(response.values)
     for _, samples in found:
         rise = np.flatnonzero(np.diff(samples.values(command)) > 0.0)
         values = samples.values(response.name)[: int(rise[0]) + 1] if rise.size else np.empty(0)
         rest = values[len(values) // 2 :]
         if len(rest) > 1:
-            levels.append(float(np.mean(rest)))
-            noise = float(np.std(rest))
-            stds.append(math.hypot(noise * math.sqrt(colour_factor(rest) / len(rest)), mean_rounding_std(0.0, grid)))
-    if len(levels) < 2:
-        return 0.0
-    apart = float(np.ptp(levels))
-    return apart if apart > CERTAIN * math.sqrt(2.0) * max(stds) else 0.0
+            noise = float(np.std(rest)) * math.sqrt(colour_factor(rest) / len(rest))
+            visits.append((float(np.mean(rest)), math.hypot(noise, mean_rounding_std(0.0, grid))))
+    return disagreement(visits)
 
 
 def _figures(place: str, steps: list[MeasuredStep], pressure_std: float, drift: float) -> list[Measured]:
@@ -148,7 +143,7 @@ def _figures(place: str, steps: list[MeasuredStep], pressure_std: float, drift: 
         (FINAL, "final", 1.0, pressure_std), (RISE, "rise_s", 1e3, 0.0), (DEAD_TIME, "dead_time_s", 1e3, 0.0),
         (SETTLING, "settling_s", 1e3, 0.0), (OVERSHOOT, "overshoot", 100.0, 0.0),
     ):  # fmt: skip
-        value, std = _mean([(getattr(step.figures, name), getattr(step.std, name)) for step in steps])
+        value, std = mean_of([(getattr(step.figures, name), getattr(step.std, name)) for step in steps])
         if measurement is FINAL:
             std = math.hypot(std, drift / math.sqrt(3.0))
         what = measurement.at(place)
@@ -160,16 +155,6 @@ def _figures(place: str, steps: list[MeasuredStep], pressure_std: float, drift: 
         else:
             made.append(what.of(scale * value, scale * std, calibration=floor))
     return made
-
-
-def _mean(repeats: list[tuple[float, float]]) -> tuple[float, float]:
-    """Mean of the repeats, with what one of them states or how their mean scatters, whichever is larger.
-
-    What the evaluation itself is off by is the same in every repeat, and does not average out.
-    """
-    values, stds = (np.array(column) for column in zip(*repeats, strict=True))
-    scatter = float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0
-    return float(values.mean()), max(scatter, float(np.sqrt(np.mean(stds**2))))
 
 
 def _curve(

@@ -30,11 +30,10 @@ from procedures._efc import (
     channel,
     check_channels,
     held,
-    instrument_std,
     part_recordings,
     play,
 )
-from procedures._recorded import reading_step
+from procedures._recorded import calibration_std, reading_step
 from procedures._scale import check_at_least
 from procedures._settings import Celsius, Positive, PositiveAmpere, Twice
 
@@ -93,7 +92,7 @@ def drive(
     rate_hz: float | None = None,
 ) -> Recording:
     """The same; returns what was recorded, so that a sequence can decide whether to go on."""
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     check_channels(rig, (COIL_CURRENT, COIL_VOLTAGE), "the electrical check")
     ohm, tolerance = SPECIFIED_OHM[voltage]
     most = _PROOF_VOLTAGE * float(voltage) / (ohm + tolerance)
@@ -144,12 +143,12 @@ def judged(samples: Recording, part: Mapping[str, Any], conditions: Mapping[str,
     ohm, tolerance = SPECIFIED_OHM[str(part["voltage"])]
     resistance = replace(RESISTANCE, low=ohm - tolerance, high=ohm + tolerance)
     scale = math.hypot(
-        instrument_std(current) / max(abs(coil.current_a), 1e-9),
-        instrument_std(voltage) / max(abs(coil.voltage_v), 1e-9),
+        calibration_std(current) / max(abs(coil.current_a), 1e-9),
+        calibration_std(voltage) / max(abs(coil.voltage_v), 1e-9),
     )
     measured: tuple[Measured, ...]
     if coil.is_open:
-        least = coil.voltage_v / (abs(coil.current_a) + 2.0 * max(instrument_std(current), 1e-6)) / factor
+        least = coil.voltage_v / (abs(coil.current_a) + 2.0 * max(calibration_std(current), 1e-6)) / factor
         measured = (resistance.of(least, 0.0, relation=">"), INDUCTANCE.of(None))
     else:
         rounding = math.hypot(
@@ -172,7 +171,7 @@ def judged(samples: Recording, part: Mapping[str, Any], conditions: Mapping[str,
             MEASUREMENTS[3].of(
                 coil.voltage_v,
                 math.hypot(coil.voltage_std_v, _rounding_std(samples, voltage)),
-                calibration=instrument_std(voltage),
+                calibration=calibration_std(voltage),
             ),
         ),
         notes=(*_notes(coil, coil.resistance_ohm / factor, str(part["voltage"])), source),
@@ -189,7 +188,7 @@ def _temperature(
     if COIL_TEMPERATURE in samples.channels:
         measured = channel(samples, COIL_TEMPERATURE, "degC", "the electrical check")
         values = measured.values
-        std = math.hypot(instrument_std(measured), 0.5)
+        std = math.hypot(calibration_std(measured), 0.5)
         scatter = math.hypot(float(values.std()) / math.sqrt(len(values)), _rounding_std(samples, measured))
         note = Note("Coil temperature measured at its housing; ± 0.5 K are granted to the copper.")
         return float(values.mean()), scatter, std, note

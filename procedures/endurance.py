@@ -25,7 +25,7 @@ from hil.signals.colour import colour_factor
 from hil.signals.straight_line import chance_beyond, weighted_line
 from procedures._course import Course, joined
 from procedures._definitions import CYCLES, defined
-from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of, settings_of
+from procedures._recorded import calibration_share, calibration_std, departures, noted, parts_of, roles_of, settings_of
 from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, NotNegativePercent, Percent, Positive, PositivePercent
 
@@ -109,7 +109,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     scale = scale_of(rig, full_command)
     check_stands(scale, "an endurance run", "drive it in a closed loop")
     percent = 100.0 * (scale.centre - scale.neutral) / scale.full if bias is None else bias
@@ -333,12 +333,11 @@ def _unit(recording: Recording, figure: str) -> str:
 
 
 def _notes(recording: Recording) -> tuple[Note, ...]:
-    stopped = [event["details"] for event in recording.meta.get("events", ()) if event["event"] == "stopped on drift"]
     allowed = settings_of(recording)["stop_at"]
     return tuple(
         Note(
             "Stopped after {cycles} cycles: {figure} had moved by more than {allowed:g} % of the response's amplitude.",
             cycles=found["after_cycles"], figure=found["figure"], allowed=allowed,
         )
-        for found in stopped[-1:]
+        for found in noted(recording, "stopped on drift")[-1:]
     )  # fmt: skip

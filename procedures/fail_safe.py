@@ -29,6 +29,7 @@ from procedures._definitions import FAIL_SAFES, defined
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
 from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, Percent, Positive, Twice
+from procedures._statistics import mean_of
 
 CLOSING = Measurement("closing_time", "ms", "from the loss of the command until the response stays at its final value")
 LEFT = Measurement("left_open", "", "response after the loss of the command, less that at neutral before")
@@ -59,7 +60,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     scale = scale_of(rig, full_command)
     check_stands(scale, "a fail-safe test")
     held = max(2, round((hold_s or _HOLD_SETTLINGS * rig.settling_s) * rate_hz))
@@ -123,8 +124,7 @@ def _closing(recording: Recording, label: str, parts: Sequence[Mapping[str, Any]
         except InputError:
             return CLOSING.at(label).of(None)
         found.append((step.figures.settling_s, step.std.settling_s))
-    value, std = _mean(found)
-    std = max(std, float(np.mean([each for _, each in found])))  # what a smooth estimate is off by is in every repeat
+    value, std = mean_of(found)  # what a smooth estimate is off by is in every repeat
     return CLOSING.at(label).of(1e3 * value, 1e3 * std) if math.isfinite(value + std) else CLOSING.at(label).of(None)
 
 
@@ -138,14 +138,8 @@ def _left_open(recording: Recording, label: str, after: Sequence[Stop], neutral:
     """Less the drift of the reading since neutral, which the repeats show."""
     _, response = roles_of(recording)
     since = [stop.time_s - neutral.time_s for stop in after]
-    value, std = _mean([(stop.response - drift[0] * s, stop.std) for stop, s in zip(after, since, strict=True)])
+    read = [(stop.response - drift[0] * s, stop.std) for stop, s in zip(after, since, strict=True)]
+    value, std = mean_of(read, shared=False)
     left = value - neutral.response
     whole = math.hypot(std, neutral.std, drift[1] * float(np.mean(since)))
     return LEFT.at(label, response.unit).of(left, whole, calibration=calibration_share(response) * abs(left))
-
-
-def _mean(found: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Mean of repeats: as sure as each states, or as they scatter, whichever is less."""
-    values, stds = (np.array(each) for each in zip(*found, strict=True))
-    stated = float(np.sqrt(np.sum(stds**2))) / len(values)
-    return float(values.mean()), max(stated, float(np.std(values, ddof=1)) / math.sqrt(len(values)))

@@ -53,7 +53,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     scale = scale_of(rig, full_command)
     levels = scale.levels("commands", commands)
     drive_supplies(rig, scale, levels, supplies, "a flow over pressure drop", hold_s, warm_up_s, rate_hz)

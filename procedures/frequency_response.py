@@ -23,8 +23,6 @@ from hil.rig import Rig
 from hil.signals.stepped_sine import check_frequencies, even_frequencies
 from procedures._course import Course, joined
 from procedures._definitions import FREQUENCIES, defined
-from procedures._extreme import extreme
-from procedures._overlay import overlay
 from procedures._recorded import departures, parts_of, roles_of
 from procedures._response import (
     MEASURED,
@@ -35,6 +33,8 @@ from procedures._response import (
 )
 from procedures._scale import about_levels, check_form_asked, scale_of
 from procedures._settings import NotNegative, Percent, Poles, Positive, PositiveHertz, PositivePercent, Twice, Zeros
+from procedures._sine import overlay
+from procedures._statistics import extreme
 from procedures._steady_sine import Heard, Patience, Tone, heard_before, listen, steady_path
 
 THD = Measurement("thd", "%", "largest distortion of the response beyond noise: harmonics 2 to 5 over the fundamental")
@@ -85,7 +85,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given. At least 20 times the top frequency.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     check_frequencies(frequencies, rate_hz)
     levels = about_levels(scale_of(rig, full_command), amplitudes, biases)
     check_form_asked(poles, zeros)

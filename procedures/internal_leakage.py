@@ -58,7 +58,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     adjusting(rig, LOAD, _NEEDING)
     check_channels(rig, (RETURN_FLOW,), _NEEDING)
     check_cycle(rig, cycle_s, rate_hz)

@@ -121,7 +121,7 @@ def run(
     """
     if tests is not None and len(set(tests)) != max(len(tests), 1):
         raise SettingError(f"setting tests: {', '.join(tests) or 'none'}; at least one is needed, and each once")
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     top_hz = high_hz or min(_TOP_HZ, rate_hz / _SAMPLES)
     asked = {
         "tests": _named(tests, rig.adjustable), "amplitudes": amplitudes, "biases": biases,

@@ -19,6 +19,7 @@ from hil.rig import Rig
 from hil.session.by_hand import HELD, hold
 from hil.signals.batch_mean import batch_mean
 from hil.units import behind_a_number
+from procedures._recorded import calibration_std, parts_if_any
 
 READING = Measurement(
     "reading", "1", "mean of a channel while the output stands at its value",
@@ -43,8 +44,7 @@ def run(rig: Rig, *, value: float = 0.0, for_s: float = 2.0) -> None:
 
 def evaluate(recording: Recording) -> Findings:
     """What each channel read while the output stood there."""
-    held = [part for part in recording.meta.get("parts", ()) if part.get("kind") == HELD]
-    if not held:
+    if not (held := parts_if_any(recording, HELD)):
         return Findings(notes=(Note("The output never stood at its value."),))
     measured = [
         found
@@ -76,8 +76,7 @@ def _measured(channel: Channel, values: np.ndarray, at: str) -> list[Measured]:
     if not len(values):
         return [READING.at(place, channel.unit).of(None)]
     mean, std = batch_mean(values)
-    expanded = (channel.calibration or {}).get("uncertainty") or 0.0
     return [
-        READING.at(place, channel.unit).of(mean, std, calibration=0.5 * expanded),
+        READING.at(place, channel.unit).of(mean, std, calibration=calibration_std(channel)),
         NOISE.at(place, channel.unit).of(float(values.std(ddof=1)) if len(values) > 2 else None),
     ]

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from hil.errors import SettingError
 from hil.identification.frequency.sine_segments import declared_segments
 from hil.language.note import Note
-from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.measurement import Findings, Measured
 from hil.record.recording import Recording
 from hil.rig import Rig
 from hil.signals.harmonic_order import sine_fit_beyond
@@ -22,18 +20,12 @@ from hil.signals.rounding import mean_rounding_std, rounding_step
 from hil.signals.sine_fit import SineFit
 from hil.signals.stepped_sine import check_frequencies, sine
 from procedures._course import Course, joined
-from procedures._definitions import SINES, defined
-from procedures._extreme import extreme
-from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
-from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of
+from procedures._recorded import departures, parts_of, roles_of
 from procedures._scale import Scale, check_stands, scale_of
 from procedures._settings import NotNegative, Once, Percent, Positive, PositiveHertz, PositivePercent
+from procedures._sine import HARMONICS, MEASURED, curve, figures
 
-AMPLITUDE = Measurement("amplitude", "", "amplitude of the response's fundamental")
-PHASE = Measurement("phase", "deg", "phase of the response's fundamental against the command")
-OFFSET = Measurement("offset", "", "mean of the response")
-THD = Measurement("thd", "%", "harmonics 2 to 5 over the fundamental")
-MEASUREMENTS = defined(SINES, AMPLITUDE, PHASE, OFFSET, THD)
+MEASUREMENTS = MEASURED
 
 
 def run(
@@ -61,7 +53,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given. At least 20 times the top frequency.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     check_frequencies(frequencies, rate_hz)
     middle, size = _level(scale_of(rig, full_command), amplitude, bias)
     settling = [max(1, math.ceil(rig.settling_s * f)) for f in frequencies]
@@ -97,17 +89,11 @@ def evaluate(recording: Recording) -> Findings:
         )  # fmt: skip
         middle_s = float(time_s[0] + time_s[-1]) / 2.0 - float(recording.time_s[0])
         creep_per_s = max(creep_per_s, _creep_per_s(answer, float(time_s[-1] - time_s[0])))
-        measured += _measured(recording, given, answer, creep_per_s * middle_s)
-        shown = shown_samples(time_s, segment.frequency_hz)
-        picked = slice(0, shown, thinning(shown))
-        curves.append({
-            "label": f"{segment.frequency_hz:g} Hz", "frequency_hz": segment.frequency_hz,
-            "amplitude": segment.amplitude, "bias": segment.bias,
-            "command_unit": command.unit, "response_unit": response.unit,
-            "time_s": time_s[picked] - time_s[0], "command": command.values[rows][picked],
-            "measured": response.values[rows][picked], "fitted": synthesised(answer, time_s[picked]),
-            "harmonics_percent": 100.0 * np.abs(answer.phasors[1:]) / answer.amplitude,
-        })  # fmt: skip
+        # a sine that goes to the ends of a range stands there: rounding is that of a level
+        rounding = mean_rounding_std(answer.residual_std, rounding_step(response.values))
+        place = f"{segment.frequency_hz:g} Hz"
+        measured += figures(recording, place, given, answer, rounding, creep_per_s * middle_s)
+        curves.append(curve(recording, rows, segment, place, answer))
     notes = (_crept(creep_per_s, response.unit),) if creep_per_s else ()
     return Findings(tuple(measured), {"large_sines": curves}, notes, departures(recording))
 
@@ -138,25 +124,3 @@ def _crept(creep_per_s: float, unit: str) -> Note:
         "phase. How far it has moved the mean since the recording began is in the uncertainty of the mean.",
         creep_per_s=creep_per_s, unit=unit,
     )  # fmt: skip
-
-
-def _measured(recording: Recording, given: SineFit, answer: SineFit, crept: float) -> list[Measured]:
-    """`crept`: by how much a drift may have moved the mean."""
-    _, response = roles_of(recording)
-    place = f"{given.frequency_hz:g} Hz"
-    turned = answer.phasor / given.phasor
-    phase_std_deg = math.degrees(math.hypot(given.phase_std_rad, answer.phase_std_rad))
-    harmonic_std = math.sqrt(float(np.trace(answer.phasor_covariance())) / 2.0) / answer.amplitude
-    level_std = calibration_std(response)
-    # a sine that goes to the ends of a range stands there: rounding is that of a level
-    rounding = mean_rounding_std(answer.residual_std, rounding_step(response.values))
-    amplitude_std = math.hypot(answer.amplitude_std, rounding)
-    offset_std = math.hypot(answer.offset_std, rounding, crept / math.sqrt(3.0))
-    thd_std = math.hypot(harmonic_std, rounding / answer.amplitude)
-    share = calibration_share(response)
-    return [
-        AMPLITUDE.at(place, response.unit).of(answer.amplitude, amplitude_std, calibration=share * answer.amplitude),
-        PHASE.at(place).of(math.degrees(math.atan2(turned.imag, turned.real)), phase_std_deg),
-        OFFSET.at(place, response.unit).of(answer.offset, offset_std, calibration=level_std),
-        extreme(THD.at(place), 100.0 * answer.distortion, 100.0 * thd_std),
-    ]

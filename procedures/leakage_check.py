@@ -23,11 +23,10 @@ from procedures._efc import (
     channel_in,
     check_channels,
     held,
-    instrument_std,
     part_recordings,
     play,
 )
-from procedures._recorded import reading_step, roles_of
+from procedures._recorded import calibration_std, noted, reading_step, roles_of
 from procedures._settings import NotNegative, NotNegativeAmpere, Positive
 
 LEAKAGE = Measurement("leakage", "ml/min", "flow through the closed valve, at 220 psi across it", 35.0, 125.0)
@@ -60,7 +59,7 @@ def run(
         hold_s: time over which the flow is averaged, in s.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     check_channels(rig, (THROUGH_FLOW, SUPPLY_PRESSURE), "the leakage check")
     play(rig, stages(closing_current, settle_s, hold_s, rate_hz), rate_hz)
 
@@ -84,12 +83,10 @@ def evaluate(recording: Recording) -> Findings:
     channels = (flow, supply, channel_in(samples, response.name, "psi"))
     means = [float(c.values.mean()) for c in channels]
     stds = [_mean_std(samples, c) for c in channels]
-    known = [instrument_std(c) for c in channels]
+    known = [calibration_std(c) for c in channels]
     across = means[1] - means[2]
     notes, deviations = [], []
-    ends = [e.get("details", {}) for e in recording.meta.get("events", ())
-            if e.get("event") == "reading at the end of its range"]  # fmt: skip
-    at_end = any(end.get("channel") == flow.name for end in ends)
+    at_end = any(end.get("channel") == flow.name for end in noted(recording, "reading at the end of its range"))
     full = at_end and means[0] >= _FULL * float(recording.values(flow.name, "ml/min").max())
     if full:
         leakage = LEAKAGE.of(means[0] * _FULL, stds[0], relation=">", calibration=known[0])

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import SettingError, UnitError
+from hil.errors import SettingError
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.interval import CERTAIN
-from hil.units import scale_and_offset
+from hil.units import is_convertible
 from procedures._definitions import LIMITING_POWERS, defined
 from procedures._efc import channel_in
 from procedures._recorded import departures, parts_of, roles_of
@@ -58,11 +58,9 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
-    try:
-        scale_and_offset(rig.response.unit, _FLOW_UNIT)
-    except UnitError:
-        raise SettingError(f"'{rig.response.name}' is in {rig.response.unit}; a limiting power needs a flow") from None
+    rate_hz = rig.actual_rate_hz(rate_hz)
+    if not is_convertible(rig.response.unit, _FLOW_UNIT):
+        raise SettingError(f"'{rig.response.name}' is in {rig.response.unit}; a limiting power needs a flow")
     scale = scale_of(rig, full_command)
     levels = scale.levels("commands", commands)
     if commands is None:

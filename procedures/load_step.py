@@ -28,11 +28,11 @@ from procedures._characteristic import steady
 from procedures._conditions import LOAD, adjusting, adjusting_s, check_within, usual
 from procedures._course import Course, joined
 from procedures._definitions import LOAD_STEPS, defined
-from procedures._extreme import extreme
 from procedures._pressure_drop import LOAD_PRESSURE
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
 from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, Percent, Positive, Twice
+from procedures._statistics import extreme
 from procedures._supplies import by_command
 
 STEP = Measurement("load_step", "", "change of the load pressure by the step")
@@ -76,7 +76,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     orifice = adjusting(rig, LOAD, _NEEDING)
     if orifice.name in rig.promises["delay_s"]:
         raise SettingError(f"{_NEEDING} needs an output that steps the load; '{orifice.name}' is set by hand")

@@ -20,11 +20,11 @@ from hil.rig import Rig
 from hil.signals.multisine import Multisine, odd_multisine
 from procedures._course import Course, joined
 from procedures._definitions import FREQUENCIES, defined
-from procedures._extreme import extreme
 from procedures._recorded import departures, parts_of, roles_of
 from procedures._response import MEASURED, Evaluated, chain_notes, evaluated, reference_deviations
 from procedures._scale import about_levels, check_form_asked, scale_of
 from procedures._settings import NotNegative, Percent, Poles, Positive, PositivePercent, Seed, Twice, Zeros
+from procedures._statistics import extreme
 
 NOISE = Measurement("noise", "%", "noise of the mean over the periods, median over the lines, in % of the response")
 ODD = Measurement(
@@ -74,7 +74,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given. At least 20 times the top frequency.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     _check_lines(low_hz, high_hz)
     check_form_asked(poles, zeros)
     levels = about_levels(scale_of(rig, full_command), amplitudes, biases)

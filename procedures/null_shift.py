@@ -23,7 +23,7 @@ from procedures._course import Course, check_cycle, joined, sweep, sweep_part
 from procedures._definitions import NULL_SHIFTS, defined
 from procedures._efc import SUPPLY_PRESSURE, channel_in, check_channels
 from procedures._pressure_drop import RETURN_PRESSURE
-from procedures._recorded import calibration_share, departures, parts_of, roles_of
+from procedures._recorded import calibration_share, departures, parts_of, roles_of, rows_of
 from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, Positive, PositivePercent
 
@@ -68,7 +68,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     if not conditions or len(set(conditions)) < len(conditions):
         raise SettingError(f"setting conditions: {', '.join(conditions) or 'none'}; at least one, and each once")
     for role in conditions:
@@ -200,5 +200,5 @@ def _slope(places: Array, values: Array, stds: Array, change: float) -> tuple[fl
 
 def _mean(recording: Recording, part: Mapping[str, Any], name: str) -> float:
     """Of a pressure over a part, in bar."""
-    rows = slice(part["first"], part["first"] + part["count"])
+    rows = rows_of(part)
     return float(channel_in(recording, name, "bar").values[rows].mean())

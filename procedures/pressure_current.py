@@ -23,10 +23,10 @@ from hil.rig import Rig
 from hil.signals.ramps import triangle
 from hil.signals.rounding import mean_rounding_std, rounding_step
 from procedures._definitions import SWEEPS, defined
-from procedures._efc import Stage, held, instrument_std, part_recordings, play
-from procedures._extreme import extreme
-from procedures._recorded import calibration_share, roles_of
+from procedures._efc import Stage, held, part_recordings, play
+from procedures._recorded import calibration_share, calibration_std, roles_of
 from procedures._settings import Positive, PositiveAmpere
+from procedures._statistics import extreme
 
 PRESSURE = Measurement("pressure", "psi", "pressure at a current, middle of the loop")
 SPAN = Measurement(
@@ -70,7 +70,7 @@ def drive(
     rate_hz: float | None = None,
 ) -> list[Recording]:
     """The same; returns the sweeps, so that a sequence can go on from the curve."""
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     sweeps = stages(top_current, cycle_s, normally_open, rate_hz)
     made = play(rig, sweeps, rate_hz)
     return [replace(piece, meta={**piece.meta, "sweep": stage.part})
@@ -119,7 +119,7 @@ def evaluate(recording: Recording) -> Findings:
         points = [
             PRESSURE.at(f"{i:g} A").of(
                 *_pressure_at(curve, i, math.hypot(level_std, bent * _curvature(curve, i))),
-                calibration=instrument_std(response),
+                calibration=calibration_std(response),
             )
             for i in _POINTS_A
             if curve.current[0] <= i <= curve.current[-1] + 1e-9
@@ -128,7 +128,7 @@ def evaluate(recording: Recording) -> Findings:
         measured += [
             *points,
             *_of_loop(curve),
-            HALF.of(*half, calibration=instrument_std(command)),
+            HALF.of(*half, calibration=calibration_std(command)),
             STEEPEST.of(steepest, steepest_std, calibration=slope_share * abs(steepest)),
         ]  # fmt: skip
     return Findings(

@@ -24,9 +24,9 @@ from procedures._characteristic import steady, swept
 from procedures._conditions import LOAD, adjusting
 from procedures._course import check_cycle
 from procedures._definitions import PRESSURE_GAINS, defined
-from procedures._efc import SUPPLY_PRESSURE, channel_in, check_channels, instrument_std
+from procedures._efc import SUPPLY_PRESSURE, channel_in, check_channels
 from procedures._pressure_drop import LOAD_PRESSURE
-from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of
+from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of, rows_of
 from procedures._scale import scale_of
 from procedures._settings import NotNegative, Positive, PositivePercent
 
@@ -58,7 +58,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     adjusting(rig, LOAD, _NEEDING)
     check_channels(rig, (LOAD_PRESSURE, SUPPLY_PRESSURE), _NEEDING)
     check_cycle(rig, cycle_s, rate_hz)
@@ -95,7 +95,7 @@ def evaluate(recording: Recording) -> Findings:
             within=_WITHIN,
         ))  # fmt: skip
     if math.isfinite(null_std) and math.isfinite(gain_std):
-        level = math.hypot(100.0 * instrument_std(load) / supply_bar / abs(gain), calibration_std(command))
+        level = math.hypot(100.0 * calibration_std(load) / supply_bar / abs(gain), calibration_std(command))
         null_found = NULL.of(percent * (null - neutral), percent * null_std, calibration=percent * level)
     else:
         null_found = NULL.of(None)
@@ -106,7 +106,7 @@ def evaluate(recording: Recording) -> Findings:
         "falling": estimate.completed_branch(-1)[at],
     }  # fmt: skip
     return Findings(
-        (gain_found, null_found, SUPPLY.of(supply_bar, supply_std, calibration=instrument_std(supply))),
+        (gain_found, null_found, SUPPLY.of(supply_bar, supply_std, calibration=calibration_std(supply))),
         {"pressure_gain": [curve]}, tuple(notes), departures(recording),
     )  # fmt: skip
 
@@ -123,7 +123,7 @@ def _gain(
         return math.nan, math.inf
     pushed = pulled = 0.0
     for part, half in zip(parts, estimate.half_widths, strict=True):
-        rows = slice(part["first"], part["first"] + part["count"])
+        rows = rows_of(part)
         driven, read = command[rows], percent_of_supply[rows]
         for side in (1.0, -1.0):
             place = driven - side * half

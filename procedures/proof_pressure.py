@@ -17,7 +17,7 @@ from procedures._characteristic import steady
 from procedures._conditions import LOAD, SUPPLY, adjusted, adjusting, adjusting_s, check_within, usual
 from procedures._course import Course, joined
 from procedures._definitions import PROOF, defined
-from procedures._efc import SUPPLY_PRESSURE, channel_in, check_channels, instrument_std
+from procedures._efc import SUPPLY_PRESSURE, channel_in, check_channels
 from procedures._recorded import calibration_share, calibration_std, departures, parts_of
 from procedures._scale import scale_of
 from procedures._settings import NotNegative, Positive, PositivePercent
@@ -50,7 +50,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     blocked, supply = {LOAD: adjusting(rig, LOAD, _NEEDING).low}, adjusting(rig, SUPPLY, _NEEDING)
     check_channels(rig, (SUPPLY_PRESSURE, RETURN_FLOW), _NEEDING)
     proof = {SUPPLY: usual(supply) * pressure / 100.0}
@@ -82,7 +82,7 @@ def evaluate(recording: Recording) -> Findings:
     before, after = (steady(recording, part, flow) for part in parts if part["label"] in ("before", "after"))
     change, share = after[0] - before[0], calibration_share(flow)
     measured = (
-        PRESSURE.of(*least, calibration=instrument_std(pressure)),
+        PRESSURE.of(*least, calibration=calibration_std(pressure)),
         BEFORE.at(unit=flow.unit).of(*before, calibration=calibration_std(flow)),
         CHANGE.at(unit=flow.unit).of(change, math.hypot(before[1], after[1]), calibration=share * abs(change)),
     )

@@ -24,19 +24,14 @@ from hil.signals.stepped_sine import check_frequencies, sine
 from procedures._course import Course, joined
 from procedures._cylinder import Axis, approach, axis_of
 from procedures._definitions import SINES, defined
-from procedures._extreme import extreme
-from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
-from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of
+from procedures._recorded import calibration_share, departures, parts_of, roles_of
 from procedures._scale import Scale, scale_of
 from procedures._settings import NotNegative, NotNegativePercent, Once, Positive, PositivePercent
+from procedures._sine import HARMONICS, MEASURED, curve, figures
 
-AMPLITUDE = Measurement("amplitude", "", "amplitude of the position's fundamental")
-PHASE = Measurement("phase", "deg", "phase of the position's fundamental against the command")
-OFFSET = Measurement("offset", "", "mean of the position")
-THD = Measurement("thd", "%", "harmonics 2 to 5 over the fundamental")
 GAIN = Measurement("gain", "", "amplitude of position over command; in an open loop of speed over command")
 RATIO = Measurement("direction_ratio", "1", "gain of the positive side over that of the negative side")
-MEASUREMENTS = defined(SINES, AMPLITUDE, PHASE, OFFSET, THD, GAIN, RATIO)
+MEASUREMENTS = (*MEASURED, *defined(SINES, GAIN, RATIO))
 
 _PAPER_RAD_S = 1.0
 _SETTLING = 0.1  # of the measured sine: the model starts from rest, the cylinder was moving
@@ -79,7 +74,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given. At least 20 times the frequency.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     axis = axis_of(rig, stroke_mm, retracted_mm, bore_mm, rod_mm, full_flow_lpm)
     scale = scale_of(rig, full_command)
     share = amplitude if offset is None else offset
@@ -130,21 +125,12 @@ def evaluate(recording: Recording) -> Findings:
         )  # fmt: skip
         answer = with_rounding(answer, grid)
         place = f"{segment.bias:+.4g} ± {segment.amplitude:.4g} {command.unit}"
-        measured += _measured(recording, place, given, answer)
+        measured += figures(recording, place, given, answer)
         gain = _gain(given, answer, closed)
         gains.append(gain)
         unit = f"{response.unit}{'' if closed else '/s'} per {command.unit}"
         measured.append(GAIN.at(place, unit).of(*gain, calibration=share * gain[0]))
-        shown = shown_samples(time_s, segment.frequency_hz)
-        picked = slice(0, shown, thinning(shown))
-        curves.append({
-            "label": place, "frequency_hz": segment.frequency_hz,
-            "amplitude": segment.amplitude, "bias": segment.bias,
-            "command_unit": command.unit, "response_unit": response.unit,
-            "time_s": time_s[picked] - time_s[0], "command": command.values[rows][picked],
-            "measured": response.values[rows][picked], "fitted": _fitted(answer, time_s)[picked],
-            "harmonics_percent": 100.0 * np.abs(answer.phasors[1:]) / answer.amplitude,
-        })  # fmt: skip
+        curves.append(curve(recording, rows, segment, place, answer))
         notes.append(_model_note(recording, rows, place, closed))
     if len(gains) == 2:
         measured.append(_ratio(*gains))
@@ -225,21 +211,6 @@ def _under_way(segment: Segment, interval_s: float) -> slice:
     return slice(segment.first + (period if segment.count >= 2 * period - 1 else 0), segment.first + segment.count)
 
 
-def _measured(recording: Recording, place: str, given: SineFit, answer: SineFit) -> list[Measured]:
-    _, response = roles_of(recording)
-    turned = answer.phasor / given.phasor
-    phase_std_deg = math.degrees(math.hypot(given.phase_std_rad, answer.phase_std_rad))
-    harmonic_std = math.sqrt(float(np.trace(answer.phasor_covariance())) / 2.0) / answer.amplitude
-    return [
-        AMPLITUDE.at(place, response.unit).of(
-            answer.amplitude, answer.amplitude_std, calibration=calibration_share(response) * answer.amplitude
-        ),
-        PHASE.at(place).of(math.degrees(math.atan2(turned.imag, turned.real)), phase_std_deg),
-        OFFSET.at(place, response.unit).of(answer.offset, answer.offset_std, calibration=calibration_std(response)),
-        extreme(THD.at(place), 100.0 * answer.distortion, 100.0 * harmonic_std),
-    ]
-
-
 def _gain(given: SineFit, answer: SineFit, closed: bool) -> tuple[float, float]:
     """Gain and its standard uncertainty; of the speed where the loop is open."""
     per_s = 1.0 if closed else 2.0 * math.pi * given.frequency_hz
@@ -251,15 +222,6 @@ def _gain(given: SineFit, answer: SineFit, closed: bool) -> tuple[float, float]:
 def _ratio(forward: tuple[float, float], reverse: tuple[float, float]) -> Measured:
     value = forward[0] / reverse[0]
     return RATIO.of(value, value * math.hypot(forward[1] / forward[0], reverse[1] / reverse[0]))
-
-
-def _fitted(answer: SineFit, time_s: Array) -> Array:
-    """The fit with its drift, at every sample."""
-    middle_s, half_s = (time_s[0] + time_s[-1]) / 2.0, (time_s[-1] - time_s[0]) / 2.0
-    made = synthesised(answer, time_s)
-    for power, change in enumerate(answer.drift, start=1):
-        made = made + change * ((time_s - middle_s) / half_s) ** power
-    return made
 
 
 def _model_note(recording: Recording, rows: slice, place: str, closed: bool) -> Note:

@@ -21,15 +21,14 @@ from hil.rig import Rig
 from hil.session.allowed import Allowed
 from hil.session.sources import tables_of
 from hil.signals.colour import colour_factor
-from hil.signals.interval import CERTAIN
 from hil.signals.rounding import rounding_step
 from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
 from procedures._course import Course, joined
 from procedures._definitions import STEPS, defined
-from procedures._extreme import extreme
-from procedures._recorded import NO_DEAD_TIME, calibration_share, departures, parts_of, roles_of
+from procedures._recorded import NO_DEAD_TIME, calibration_share, departures, noted, parts_of, roles_of
 from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, Once, Percent, Positive
+from procedures._statistics import disagreement, extreme
 from procedures._step_model import step_model
 
 DEAD_TIME = Measurement("dead_time", "ms", "until the response has moved by more than noise and 2 % of its change")
@@ -80,7 +79,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     held_s = _HOLD_SETTLINGS * rig.settling_s if hold_s is None else hold_s
     asked = CUSTOMARY_STEPS[sequence] if levels is None else levels
     if len(asked) < 2:
@@ -160,12 +159,7 @@ def _drift(recording: Recording) -> float:
         grid = rounding_step(response.values)
         noise = float(np.std(rest)) * np.sqrt(colour_factor(rest) / len(rest))
         visits.setdefault(float(part["to"]), []).append((float(np.mean(rest)), float(np.hypot(noise, grid))))
-    found = 0.0
-    for seen in visits.values():
-        apart = float(np.ptp([value for value, _ in seen]))
-        if apart > CERTAIN * np.sqrt(2.0) * max(std for _, std in seen):
-            found = max(found, apart)
-    return found
+    return max(map(disagreement, visits.values()))
 
 
 def _one(
@@ -279,11 +273,9 @@ def _response_beside(place: str) -> dict[str, Any] | None:
 
 
 def _noted_beside(recording: Recording) -> ResponseTable | None:
-    for found in recording.meta.get("events", ()):
-        if found.get("event") == _BESIDE:
-            noted = found["details"]
-            response = np.array(noted["real"]) + 1j * np.array(noted["imaginary"])
-            return ResponseTable(noted["source"], np.array(noted["frequency_hz"]), response, noted["unit"])
+    for found in noted(recording, _BESIDE):
+        response = np.array(found["real"]) + 1j * np.array(found["imaginary"])
+        return ResponseTable(found["source"], np.array(found["frequency_hz"]), response, found["unit"])
     return None
 
 

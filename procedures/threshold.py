@@ -33,10 +33,10 @@ from hil.signals.ramps import ramp
 from hil.signals.rounding import mean_rounding_std
 from procedures._course import Course, joined
 from procedures._definitions import THRESHOLDS, defined
-from procedures._extreme import rounded_up
 from procedures._recorded import calibration_share, departures, parts_of, reading_step, roles_of
 from procedures._scale import Scale, about_levels, check_stands, scale_of
 from procedures._settings import NotNegative, Percent, Positive, PositivePercent, Twice
+from procedures._statistics import rounded_up
 
 ONWARD, REVERSAL = "onward", "reversal"
 COUNTED = Measurement("counted_change", "", "change of the response that counts: three standard uncertainties")
@@ -73,7 +73,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     scale = scale_of(rig, full_command)
     check_stands(scale, "a threshold")
     levels = about_levels(scale, (reach,), biases)

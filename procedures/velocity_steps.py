@@ -24,6 +24,7 @@ from procedures._definitions import CYLINDERS, defined
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
 from procedures._scale import Scale, check_above, scale_of
 from procedures._settings import Once, Positive, PositivePercent
+from procedures._statistics import mean_of
 
 SPEED = Measurement("speed", "", "steady speed after a step, extending positive")
 RATIO = Measurement("speed_ratio", "1", "speed retracting over speed extending")
@@ -67,7 +68,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
-    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rate_hz = rig.actual_rate_hz(rate_hz)
     axis = axis_of(rig, stroke_mm, retracted_mm, bore_mm, rod_mm, full_flow_lpm)
     scale = scale_of(rig, full_command)
     asked = (_CLOSED_LEVELS if axis.closed else _OPEN_LEVELS) if levels is None else levels
@@ -98,7 +99,7 @@ def evaluate(recording: Recording) -> Findings:
         if not steady:
             restless = Note("the speed is not steady where it is read; the uncertainty holds its change.")
             notes.append(restless.at(part["label"]))
-    means = {label: _mean(values) for label, values in found.items()}
+    means = {label: mean_of(values) for label, values in found.items()}
     share = calibration_share(roles_of(recording)[1])
     measured: list[Measured] = [
         SPEED.at(label, speed_unit).of(*mean, calibration=share * abs(mean[0])) for label, mean in means.items()
@@ -201,14 +202,6 @@ def _line(time_s: Array, position: Array) -> tuple[float, float, float]:
     slope, mean = float(late @ position) / spread, float(np.mean(position))
     left = position - mean - slope * late
     return slope, float(np.std(left)) * math.sqrt(colour_factor(left) / spread), mean - slope * middle
-
-
-def _mean(values: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Mean of repeats; uncertainty by what they state or by how they scatter, whichever is larger."""
-    speeds = np.array([value for value, _ in values])
-    stated = float(np.mean([std for _, std in values]))
-    scatter = float(np.std(speeds, ddof=1)) / math.sqrt(len(speeds)) if len(speeds) > 1 else 0.0
-    return float(np.mean(speeds)), max(stated, scatter)
 
 
 def _pairs(parts: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:

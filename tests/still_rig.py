@@ -16,9 +16,9 @@ class Still:
     def __init__(self, command: RoleChannel, response: RoleChannel) -> None:
         self.command, self.response = command, response
 
-    def actual_rate_hz(self, asked_hz: float) -> float:
+    def actual_rate_hz(self, asked_hz: float | None = None) -> float:
         """Every rate."""
-        return asked_hz
+        return asked_hz or self.rate_hz
 
     def __getattr__(self, name: str) -> None:
         raise AssertionError(f"'{name}' was asked for")

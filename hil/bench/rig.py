@@ -103,7 +103,7 @@ class BenchRig:
     @property
     def rate_hz(self) -> float:
         """The sample rate that the bench file asks for, as the device really makes it."""
-        return self.actual_rate_hz(self._bench.sample_rate_hz)
+        return self.actual_rate_hz()
 
     @property
     def settling_s(self) -> float:
@@ -120,8 +120,9 @@ class BenchRig:
         """What the backend keeps at the bench's own rate, as written into recordings."""
         return self._sampling(self.rate_hz)
 
-    def actual_rate_hz(self, asked_hz: float) -> float:
-        """The sample rate that will really be used when one is asked for; another one is noted. Raises `RangeError`."""
+    def actual_rate_hz(self, asked_hz: float | None = None) -> float:
+        """The sample rate that will really be used; another one than was asked for is noted. Raises `RangeError`."""
+        asked_hz = self._bench.sample_rate_hz if asked_hz is None else asked_hz
         made_hz = self._guard.actual_rate_hz(asked_hz)
         if asked_hz not in self._rates_hz and not math.isclose(made_hz, asked_hz, rel_tol=1e-6):
             self.note("the device makes another sample rate", asked_hz=asked_hz, made_hz=made_hz)
@@ -156,7 +157,7 @@ class BenchRig:
     ) -> Iterator[Recording]:
         """Like `play` for a long run without a gap: a recording for each array of commands."""
         self._ending.check()
-        yield from self._ending.streamed(self._streamed(commands, self._rate(rate_hz), part))
+        yield from self._ending.streamed(self._streamed(commands, self.actual_rate_hz(rate_hz), part))
 
     def _streamed(
         self, commands: Iterable[Array], rate_hz: float, part: Mapping[str, Any] | None
@@ -171,13 +172,13 @@ class BenchRig:
         self, duration_s: float, rate_hz: float | None = None, *, part: Mapping[str, Any] | None = None
     ) -> Recording:
         """Keep the command where it stands and record."""
-        rate_hz = self._rate(rate_hz)
+        rate_hz = self.actual_rate_hz(rate_hz)
         samples = max(1, round(duration_s * rate_hz))
         return self.play(np.full(samples, self._level), rate_hz, part=part)
 
     def ramp_to(self, value: float, rate_hz: float | None = None) -> Recording:
         """Go to a value at the allowed slew and stay there until the valve has settled."""
-        rate_hz = self._rate(rate_hz)
+        rate_hz = self.actual_rate_hz(rate_hz)
         still = np.full(max(1, round(self.settling_s * rate_hz)), value)
         command = still if value == self._level else np.concatenate((self.way_to(value, rate_hz), still))
         return self.play(command, rate_hz, part={"kind": "ramp", "to": value})
@@ -185,7 +186,7 @@ class BenchRig:
     def adjust(self, values: Mapping[ConditionRole, float], rate_hz: float | None = None) -> Recording:
         """Bring conditions to values, by role, at their allowed slews, and stay until they have come about."""
         self._ending.check()
-        rate_hz, adjusted = self._rate(rate_hz), self.adjustable
+        rate_hz, adjusted = self.actual_rate_hz(rate_hz), self.adjustable
         targets = {adjusted[role].name: value for role, value in values.items()}
         for name in [name for name in targets if self._bench.channels[name].by_hand is not None]:
             self._set_by_hand(name, targets.pop(name), rate_hz)
@@ -225,7 +226,7 @@ class BenchRig:
     def way_to(self, value: float, rate_hz: float | None = None) -> Array:
         """The samples that bring the command to a value at the allowed slew; drives nothing."""
         name = self.command.name
-        way = way_to({name: value}, {name: self._level}, {name: self._slew_per_s(name)}, self._rate(rate_hz))
+        way = way_to({name: value}, {name: self._level}, {name: self._slew_per_s(name)}, self.actual_rate_hz(rate_hz))
         return np.array([value]) if way is None else way.outputs[name]
 
     def mark(self, samples: int, part: Mapping[str, Any]) -> None:
@@ -265,11 +266,8 @@ class BenchRig:
         slew_per_s = self._guard.limits[name].slew_per_s
         return slew_per_s if math.isfinite(slew_per_s) else self._bench.channels[name].ramp_to_safe_per_s or math.inf
 
-    def _rate(self, asked_hz: float | None) -> float:
-        return self.actual_rate_hz(self._bench.sample_rate_hz if asked_hz is None else asked_hz)
-
     def _waveform(self, command: Array, rate_hz: float | None) -> Waveform:
-        return Waveform(self._rate(rate_hz), {self.command.name: np.asarray(command, dtype=np.float64)})
+        return Waveform(self.actual_rate_hz(rate_hz), {self.command.name: np.asarray(command, dtype=np.float64)})
 
     def _counted(self, commands: Iterable[Array], rate_hz: float, asked: deque[int]) -> Iterator[Waveform]:
         for command in commands:

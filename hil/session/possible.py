@@ -56,9 +56,10 @@ class _UpToTheFirstMove:
 
     @property
     def rate_hz(self) -> float:
-        return self.actual_rate_hz(self._rig.rate_hz)
+        return self.actual_rate_hz()
 
-    def actual_rate_hz(self, asked_hz: float) -> float:
+    def actual_rate_hz(self, asked_hz: float | None = None) -> float:
+        asked_hz = asked_hz or self._rig.rate_hz
         if asked_hz > self._most_hz:
             raise RangeError(f"sample rate {asked_hz:g} Hz: the bench makes {self._most_hz:.4g} Hz as measured")
         return self._rig.actual_rate_hz(asked_hz)

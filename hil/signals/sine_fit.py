@@ -93,13 +93,15 @@ class SineFit:
         at = 2 * harmonic - 1
         return self.covariance[at : at + 2, at : at + 2]
 
+    def at(self, time_s: Array) -> Array:
+        """The fit at all the stamps that it was made of, shape (n,)."""
+        turn = 2.0j * math.pi * self.frequency_hz * np.outer(np.arange(1, len(self.phasors) + 1), time_s)
+        made = self.offset + (self.phasors[:, None] * np.exp(turn)).imag.sum(axis=0)
+        return made + self.drift @ _powers(time_s, len(self.drift)) if len(self.drift) else made
+
     def left(self, time_s: Array, values: Array) -> Array:
         """What the fit leaves of the samples that it was made of, shape (n,)."""
-        turn = 2.0j * math.pi * self.frequency_hz * np.outer(np.arange(1, len(self.phasors) + 1), time_s)
-        made = values - self.offset - (self.phasors[:, None] * np.exp(turn)).imag.sum(axis=0)
-        if len(self.drift):
-            made = made - self.drift @ _powers(time_s, len(self.drift))
-        return made
+        return values - self.at(time_s)
 
     def describe(self, unit: str = "") -> str:
         """One line: what was found and how sure."""

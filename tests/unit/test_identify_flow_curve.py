@@ -12,7 +12,7 @@ from hil.record.measurement import Measurement
 from hil.signals.ramps import triangle
 from hil.signals.rounding import rounding_of_means
 from procedures._characteristic import _worse
-from procedures._extreme import at_most_one
+from procedures._statistics import at_most_one
 
 RATE_HZ = 100.0
 

@@ -10,7 +10,7 @@ from hil.identification.step.step_response import second_order_from_step, step_f
 from hil.physics.transfer_function import transfer_function
 from hil.record.recording import recording
 from hil.signals.recursion import filtered
-from procedures._extreme import extreme
+from procedures._statistics import extreme
 from procedures.step_response import OVERSHOOT
 
 RATE_HZ = 500.0

@@ -8,7 +8,7 @@ import numpy as np
 
 from hil.identification.frequency.sine_segments import Segment
 from hil.record.recording import recording
-from procedures._overlay import overlay
+from procedures._sine import overlay
 
 
 def test_two_periods_are_shown_and_keep_no_view_of_their_whole_recording() -> None:

@@ -1,11 +1,34 @@
-"""Extremes: the largest of many noisy values is a value only where noise alone could not have made it."""
+"""Statistics of figures: extremes that noise alone could make, means of repeats, and what repeats differ by."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
+
+import numpy as np
 
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
 from hil.signals.interval import CERTAIN
+
+
+def mean_of(repeats: Collection[tuple[float, float]], *, shared: bool = True) -> tuple[float, float]:
+    """Mean of (value, standard uncertainty) of repeats: as sure as they state, or as they scatter, whichever is less.
+
+    `shared`: what a repeat states is in all of them alike, as of one evaluation; else it averages out.
+    """
+    values, stds = (np.array(column) for column in zip(*repeats, strict=True))
+    stated = float(np.sqrt(np.mean(stds**2))) / (1.0 if shared else math.sqrt(len(values)))
+    scatter = float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0
+    return float(values.mean()), max(scatter, stated)
+
+
+def disagreement(visits: Collection[tuple[float, float]]) -> float:
+    """What (value, standard uncertainty) of one level differ by, where that is more than these explain; else 0."""
+    if len(visits) < 2:
+        return 0.0
+    values, stds = zip(*visits, strict=True)
+    apart = float(np.ptp(values))
+    return apart if apart > CERTAIN * math.sqrt(2.0) * max(stds) else 0.0
 
 
 def extreme(
