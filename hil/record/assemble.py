@@ -170,7 +170,8 @@ def _nothing(tables: Sequence[Table]) -> str:
 
 
 def _timed(name: str, tables: Sequence[Table], reading: Reading) -> Iterator[_Timed]:
-    found = [piece for table in tables for piece in _pieces(name, table, reading)]
+    origins = _origins(tables, reading)
+    found = [piece for table in tables for piece in _pieces(name, table, reading, origins)]
     by_length = {len(time_s): time_s for _, time_s, _, _ in reversed(found) if time_s is not None}
     for table, own_s, columns, assumed in found:
         signals = tuple(column for column in columns if column.is_number)
@@ -189,7 +190,18 @@ def _timed(name: str, tables: Sequence[Table], reading: Reading) -> Iterator[_Ti
 _Piece = tuple[str, Array | None, Sequence[Column], tuple[str, ...]]
 
 
-def _pieces(name: str, table: Table, reading: Reading) -> Iterator[_Piece]:
+def _origins(tables: Sequence[Table], reading: Reading) -> dict[str, Any]:
+    """The earliest stamp of calendars, and that of clocks, by their kind: all tables of a file count from there."""
+    first: dict[str, Any] = {}
+    for table in tables:
+        for clock in _clocks(table, reading):
+            if clock.is_dated and len(clock.values):
+                kind = clock.values.dtype.kind
+                first[kind] = min(first.get(kind, clock.values[0]), clock.values[0])
+    return first
+
+
+def _pieces(name: str, table: Table, reading: Reading, origins: Mapping[str, Any]) -> Iterator[_Piece]:
     """The table, cut at its columns of time: each holds for those to its right, the first for those before it too."""
     notes = (table.assumed,) if table.assumed else ()
     clocks = [] if table.time_s is not None and not reading.time else _clocks(table, reading)
@@ -218,7 +230,7 @@ def _pieces(name: str, table: Table, reading: Reading) -> Iterator[_Piece]:
     for k, (start, clock) in enumerate(zip(at, clocks, strict=True)):
         stop = at[k + 1] if k + 1 < len(at) else len(columns)
         others = [*(columns[: at[0]] if k == 0 else ()), *columns[start + 1 : stop]]
-        time_s, assumed = _seconds(name, clock, reading)
+        time_s, assumed = _seconds(name, clock, reading, origins.get(clock.values.dtype.kind))
         _refuse_contradiction(name, clock, time_s, table.columns, reading)
         kept = [column for column in others if len(column.values) == len(time_s) or column.is_number]
         yield table.name, time_s, kept, (*notes, assumed) if assumed else notes
@@ -270,13 +282,13 @@ def _without_twins(columns: Sequence[Column], clocks: Sequence[Column]) -> list[
     return kept
 
 
-def _seconds(name: str, clock: Column, reading: Reading) -> tuple[Array, str]:
+def _seconds(name: str, clock: Column, reading: Reading, origin: Any) -> tuple[Array, str]:
     label = clock.name_and_unit[0]
     stated = reading.units.get(label, "") or reading.units.get("time", "")
     try:
         if stated:
             check_unit(stated)
-        return clock.seconds(stated)
+        return clock.seconds(stated, origin)
     except UnitError as error:
         raise FileError(
             f"{name}: time column '{clock.heading}': {error}; say its unit with {option('unit', f'{label}=s')}, or "

@@ -86,8 +86,12 @@ class Column:
             return False
         return bool(np.all(np.diff(self.values.astype(np.float64)) == 1.0))
 
-    def seconds(self, unit: str = "") -> tuple[Array, str]:
-        """The time in seconds, and what had to be assumed for it; `unit` instead of the one that is stated.
+    def seconds(self, unit: str = "", origin: Any = None) -> tuple[Array, str]:
+        """The time in seconds, and what had to be assumed for it.
+
+        Args:
+            unit: instead of the one that is stated.
+            origin: stamp from which stamps of a calendar or a clock count; the first of them when not given.
 
         Raises:
             UnitError: its unit measures something else.
@@ -96,8 +100,11 @@ class Column:
         if self.is_dated:
             second = np.timedelta64(1, "s")
             stamps, changed = without_changed_clocks(self.values)
-            start = f"time counts from {shortest(stamps[0])}" if stamps.size and stamps.dtype.kind == "M" else ""
-            return (stamps - stamps[:1]) / second, "; ".join(filter(None, (start, changed)))
+            first = stamps[:1] if origin is None else origin
+            start = (
+                f"time counts from {shortest(np.ravel(first)[0])}" if stamps.size and stamps.dtype.kind == "M" else ""
+            )
+            return (stamps - first) / second, "; ".join(filter(None, (start, changed)))
         unit = headings.spelt_time_unit(unit or stated or headings.time_unit(name))
         values, assumed = without_rollover(np.asarray(self.values, dtype=np.float64))
         if not unit:

@@ -238,6 +238,14 @@ def test_channels_of_twincat_keep_their_own_rates_and_a_scale_is_said(tmp_path: 
     assert any("'flow': the headings state ScaleFactor -10" in said for said in found.meta["assumed"])
 
 
+def test_channels_of_a_historian_keep_how_far_their_first_stamps_lie_apart(tmp_path: Path) -> None:
+    lines = [f"2026-11-25 10:00:{t:06.3f};{name};{t}" for t in np.arange(8) / 2 for name in ("uy"[int(2 * t) % 2],)]
+    (tmp_path / "x.csv").write_text("\n".join(["Timestamp;Tagname;Value", *lines]), encoding="utf-8")
+    found = read_recording(tmp_path / "x.csv")
+    assert found.samples("u").time_s.tolist() == found.samples("u").values.tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert found.samples("y").time_s.tolist() == found.samples("y").values.tolist() == [0.5, 1.5, 2.5, 3.5]
+
+
 def test_a_bad_quality_is_left_out_and_counted(tmp_path: Path) -> None:
     (tmp_path / "x.csv").write_text(FILES["historian"], encoding="utf-8")
     assert any("1 rows of bad quality left out" in said for said in read_recording(tmp_path / "x.csv").meta["assumed"])
