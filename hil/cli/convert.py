@@ -20,28 +20,39 @@ if TYPE_CHECKING:
 
 @takes_reading
 def command(
-    source: Path = typer.Argument(..., metavar="SRC", help="Recording, table or run folder to read."),
+    sources: list[Path] = typer.Argument(
+        ...,
+        metavar="SRC...",
+        help="Recording, table or run folder to read; several recordings of one clock are joined.",
+    ),
     target: Path = typer.Argument(..., metavar="DST", help="File to write; its ending says the format."),
     overwrite: bool = typer.Option(False, "--overwrite", help="Replace DST if it exists."),
     as_json: Json = False,
     *,
     reading: Reading,
 ) -> None:
-    """Convert a recording between formats; DST without an ending becomes a run folder."""
+    """Convert recordings between formats, several into one; DST without an ending becomes a run folder."""
     from hil import api
-    from hil.cli.places import check_file
+    from hil.cli.places import check_distinct, check_file
+    from hil.record.invalid_samples import notes_of_reading
+    from hil.record.joined import joined
     from hil.record.response_table import ResponseTable
+    from hil.session.sources import all_samples
 
     if target.exists() and not overwrite:
         raise FileError(f"{target}: exists already; --overwrite replaces it")
     if not target.is_dir():  # a run folder that exists is refused where it would be made
         check_file(target)
-    found = api.read(source, **options(reading))
+    check_distinct(sources)
+    if len(sources) == 1:
+        found = api.read(sources[0], **options(reading))
+    else:
+        found = joined(all_samples(sources, reading))
     api.write(found, target)
     if isinstance(found, ResponseTable):
         notes = list(found.meta.get("assumed", ()))
     else:
-        notes = _notes(found, source, reading)
+        notes = [*notes_of_reading(found.meta), *(note for one in sources for note in _restated(found, one, reading))]
     if isinstance(found, ResponseTable):
         words = f"{target}: {len(found)} frequencies, {found.frequency_hz[0]:g} to {found.frequency_hz[-1]:g} Hz"
     else:
@@ -62,12 +73,6 @@ def _content(found: Recording | ResponseTable) -> dict[str, object]:
         for channel in found.channels.values()
     ]
     return {"kind": "recording", "samples": len(found), "duration_s": found.duration_s, "channels": channels}
-
-
-def _notes(found: Recording, source: Path, reading: Reading) -> list[str]:
-    from hil.record.invalid_samples import notes_of_reading
-
-    return [*notes_of_reading(found.meta), *_restated(found, source, reading)]
 
 
 def _restated(found: Recording, source: Path, reading: Reading) -> list[str]:

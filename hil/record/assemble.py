@@ -32,6 +32,8 @@ from hil.units import check_unit
 
 _NAMELESS = frozenset({"data", "value", "values"})
 _SAME_STAMP = 1e-3  # of an interval
+ORIGIN = "time counts from"
+"""In `meta`, of a recording with stamps of a calendar: the stamp of `time_s` = 0."""
 _SAME_UNIT = 5.0  # two clocks of one unit disagree by less; units of time lie 60 apart and more
 
 
@@ -97,6 +99,8 @@ def assemble(
             assumed.append(_sampled_apart(label, one, base))
         units_missing += [] if unit else [label]
     file_meta: dict[str, Any] = {**(meta or {}), **({"units_missing": units_missing} if units_missing else {})}
+    if not reading.interval_s and (origin := _origins(read, reading).get("M")) is not None:
+        file_meta[ORIGIN] = str(origin)
     assumed = [*dict.fromkeys(sentence for one in timed for sentence in one.assumed), *assumed]
     if assumed:
         file_meta["assumed"] = [*file_meta.get("assumed", ()), *assumed]

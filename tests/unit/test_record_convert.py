@@ -81,3 +81,27 @@ def test_a_run_folder_is_never_replaced(csv: Path, tmp_path: Path, command_line)
     assert done.status == 2
     assert "a run is never written over another" in done.err
     assert len(read_recording(tmp_path / "run")) == 3
+
+
+def of_one_channel(path: Path, times: list[str], values: list[float]) -> Path:
+    rows = (f"{time};{value}" for time, value in zip(times, values, strict=True))
+    path.write_text("\n".join(["Time;value", *rows]), encoding="utf-8")
+    return path
+
+
+def test_files_of_one_channel_each_are_joined_by_their_dates(tmp_path: Path) -> None:
+    seconds = np.arange(0.0, 4.0, 0.5)
+    early, late = (
+        of_one_channel(tmp_path / f"{name}.csv", [f"2026-11-28 10:00:{t + s:04.1f}" for t in seconds], [*(seconds + s)])
+        for name, s in (("u", 0.0), ("y", 1.5))
+    )
+    done = by_a_process(early, late, tmp_path / "both.csv")
+    assert done.returncode == 0 and "y.csv: time counts from 2026-11-28T10:00:01.500" in done.stdout
+    both = read_recording(tmp_path / "both.csv")
+    assert both.values("u").tolist() == both.values("y").tolist() == [1.5, 2.0, 2.5, 3.0, 3.5]
+
+
+def test_a_date_and_a_clock_of_a_device_are_not_joined(tmp_path: Path, csv: Path) -> None:
+    dated = of_one_channel(tmp_path / "u.csv", [f"2026-11-28 10:00:0{i}" for i in range(9)], [*range(9)])
+    done = by_a_process(csv, dated, tmp_path / "both.csv")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "its time is no date" in done.stderr
