@@ -17,7 +17,6 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.harmonic_order import sine_fit_beyond
-from hil.signals.interval import COVERED
 from hil.signals.rounding import rounding_step
 from hil.signals.sine_fit import SineFit, sine_fit, with_rounding
 from hil.signals.stepped_sine import check_frequencies, sine
@@ -235,11 +234,4 @@ def _model_note(recording: Recording, rows: slice, place: str, closed: bool) -> 
         found = first_order(part, command.name, response.name, integrates=not closed, skip_s=skip_s)
     except InputError as error:
         return Note("no process model: {why}.", why=str(error)).at(place)
-    unit = f"{response.unit}{'' if closed else '/s'} per {command.unit}"
-    note = Note(
-        "{form}, gain {gain:.4g} ± {gain_u:.1g} {unit}, time {time_ms:.4g} ± {time_u_ms:.2g} ms, fit {fit:.2f} % of "
-        "the same data.",
-        form="P1" if closed else "P1I", gain=found.gain, gain_u=COVERED * found.gain_std, unit=unit,
-        time_ms=1e3 * found.time_s, time_u_ms=1e3 * COVERED * found.time_std_s, fit=found.fit_percent,
-    )  # fmt: skip
-    return note.at(place)
+    return found.note(command.unit, response.unit).at(place)

@@ -239,6 +239,34 @@ def recursive(
     _show(found.as_dict(), found.as_text(), as_json)
 
 
+@group.command("process")
+@takes_reading
+def process(
+    recording: Path = typer.Argument(..., metavar="RECORDING", help="Recording of one slow sine, or of a step."),
+    integrates: bool = typer.Option(False, "--integrates", help="The response goes on while the command stands."),
+    skip: float = typer.Option(0.0, "--skip", metavar="S", min=0.0, help="At the beginning, not judged."),
+    out: str = typer.Option("", "--out", metavar="FILE", help="Also write the transfer function, as --to says."),
+    to: str = typer.Option("json", "--to", metavar="python|matlab|json|csv", help="For which tool."),
+    input_name: str = _Input,
+    output_name: str = _Output,
+    as_json: Json = False,
+    *,
+    reading: Reading,
+) -> None:
+    """Process model, first order, P1 or P1I: what one sine determines; section 5 of the SP08-47C paper."""
+    from dataclasses import asdict
+
+    from hil.identification.papers.first_order import first_order
+    from hil.session.analyses import channels_of
+
+    read = _read(recording, reading)
+    command, response = channels_of(read, input_name, output_name)
+    found = first_order(read, command, response, integrates=integrates, skip_s=skip)
+    _write(out, to, "process model", found.model)
+    note = found.note(read.channel(command).unit, read.channel(response).unit)
+    _show({"schema": "hil.process-model/1", **asdict(found)}, str(note), as_json)
+
+
 @group.command("loop")
 def loop(
     model: Path | None = typer.Argument(None, metavar="MODEL.json", help="Closed loop, a transfer function."),

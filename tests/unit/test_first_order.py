@@ -1,5 +1,6 @@
 """First-order models of one sine: exact for a held command, as uncertain as repeats, refused where nothing moves."""
 
+import json
 import math
 
 import numpy as np
@@ -10,6 +11,7 @@ from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.identification.papers.first_order import first_order
 from hil.identification.preparation.experiment import experiment
 from hil.physics.transfer_function import from_parameters
+from hil.record.read import write_recording
 from hil.record.recording import recording
 from hil.signals.binary_sequence import binary_sequence
 from hil.signals.steps import step_sequence
@@ -93,3 +95,15 @@ def test_what_cannot_be_fitted_is_refused(command, output, told):
     made = recording("bad", INTERVAL_S * np.arange(len(command)), {"command [V]": command, "position [V]": output})
     with pytest.raises(InputError, match=told):
         fitted(made, integrates=False)
+
+
+def test_the_prompt_fits_an_own_recording_and_writes_its_transfer_function(command_line, tmp_path):
+    path, out = tmp_path / "axis.csv", tmp_path / "model.json"
+    write_recording(recorded(STEPS, [LAG_S, 1.0, 0.0]), path)
+    names = ("--input", "command", "--output", "position", "--integrates")
+    found = json.loads(command_line("analyse", "process", path, *names, "--out", out, "--json").out)
+    assert found["gain"] == pytest.approx(GAIN, abs=4 * found["gain_std"])
+    assert found["time_s"] == pytest.approx(LAG_S, abs=4 * found["time_std_s"])
+    (written,) = json.loads(out.read_text())["transfer_functions"]
+    assert written["denominator"] == pytest.approx([1.0, 1.0 / found["time_s"], 0.0])
+    assert command_line("analyse", "process", path, *names).out.startswith("P1I, gain 0.203")

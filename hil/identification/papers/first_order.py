@@ -15,7 +15,10 @@ import numpy as np
 from hil.errors import InputError
 from hil.identification.grey_box.estimate import Unknown, estimate
 from hil.identification.uncertainty.fit import fit_percent
+from hil.language.note import Note
+from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Array, Recording
+from hil.signals.interval import COVERED
 from hil.signals.recursion import filtered
 
 _LEAST = 50  # samples that are judged
@@ -25,8 +28,10 @@ _LEAST = 50  # samples that are judged
 class FirstOrderFit:
     """Gain, per second of a plant that integrates, and time constant, with standard uncertainties.
 
-    `fit_percent`: of a free run to the same data. `drift_per_s`: of the output of a plant that integrates.
+    `fit_percent`: of a free run to the same data. `drift_per_s`: of the output of a plant that `integrates`.
     """
+
+    integrates: bool
 
     gain: float
     gain_std: float
@@ -34,6 +39,21 @@ class FirstOrderFit:
     time_std_s: float
     drift_per_s: float
     fit_percent: float
+
+    @property
+    def model(self) -> TransferFunction:
+        """The same as a transfer function."""
+        return transfer_function([self.gain], [self.time_s, 1.0, 0.0] if self.integrates else [self.time_s, 1.0])
+
+    def note(self, command_unit: str, response_unit: str) -> Note:
+        """Gain and time with their uncertainties, in one line."""
+        return Note(
+            "{form}, gain {gain:.4g} ± {gain_u:.1g} {unit}, time {time_ms:.4g} ± {time_u_ms:.2g} ms, fit {fit:.2f} % "
+            "of the same data.",
+            form="P1I" if self.integrates else "P1", gain=self.gain, gain_u=COVERED * self.gain_std,
+            unit=f"{response_unit}{'/s' if self.integrates else ''} per {command_unit}",
+            time_ms=1e3 * self.time_s, time_u_ms=1e3 * COVERED * self.time_std_s, fit=self.fit_percent,
+        )  # fmt: skip
 
 
 def first_order(
@@ -96,6 +116,6 @@ def first_order(
     best = columns(float(found.values[-1])) @ found.values[:-1]
     time_s = math.exp(found.values[-1])
     return FirstOrderFit(
-        float(found.values[0]), float(found.std[0]), time_s, time_s * float(found.std[-1]),
+        integrates, float(found.values[0]), float(found.std[0]), time_s, time_s * float(found.std[-1]),
         found.named.get("drift", 0.0), fit_percent(output[judged], best[judged]),
     )  # fmt: skip
