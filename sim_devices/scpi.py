@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -12,7 +11,7 @@ from hil.description.named import description_of
 from hil.description.text import TextDescription
 from sim_devices._described_text import DescribedText
 from sim_devices._field import Side
-from sim_devices._lines_of_text import TextDevice, serve_text
+from sim_devices._lines_of_text import serve_text
 from sim_devices._quirks import Quirks
 from sim_devices._stream import StreamServer
 from sim_devices._twin import Twin, TwinSettings, named_in, quirks, world
@@ -21,7 +20,7 @@ __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "wo
 
 _QUEUE = 20
 _TEXTS = {
-    -102: "Syntax error", -108: "Parameter not allowed", -109: "Missing parameter", -113: "Undefined header",
+    -108: "Parameter not allowed", -109: "Missing parameter", -113: "Undefined header",
     -121: "Invalid character in number", -222: "Data out of range", -350: "Queue overflow",
 }  # fmt: skip
 
@@ -44,51 +43,49 @@ class _Wrong(Exception):
         self.code = code
 
 
-class Instrument(TextDevice):
-    """What every instrument understands: the common commands of IEEE 488.2, the error queue. Subclasses add their own.
+class Instrument(DescribedText):
+    """What its description says, and what every instrument understands: common commands of IEEE 488.2, the error queue.
 
     The queue keeps the oldest errors; one too many takes the place of the last as −350. `*CLS` empties it, `*RST`
-    does not. Every command is done before the next one is looked at, so that there is nothing to wait for.
+    does not. Every command is done before the next one is looked at, so that there is nothing to wait for. Headers of
+    the description are known in the form that stands there, long or short.
     """
 
-    model = ""
-
-    def __init__(self, side: Side) -> None:
-        super().__init__(side)
+    def __init__(self, side: Side, description: TextDescription) -> None:
+        super().__init__(side, description, {})
         self.errors: deque[int] = deque()
         self._events, self._enabled, self._requested = _POWER_ON, 0, 0
-
-    def commands(self) -> Mapping[str, Callable[[str], str | None]]:
-        """By header in its long form, the short one in capitals: what is done with the parameters."""
-        return {}
+        given = description.text.identity
+        self._identity = "valve-hil,described,0,1.0" if given == "{any}" else given.replace("{any}", "x")
 
     def answer_to(self, request: str) -> str | None:
         """All answers of a message, in one line; None when there is none."""
         answers: list[str] = []
         for unit in request.strip().split(";"):
             try:
-                answer = self._done(unit.strip())
+                answer = self._done(unit.strip().lstrip(":"))
             except _Wrong as wrong:
                 self._queue(wrong.code)
             else:
-                answers += [] if answer is None else [answer]
+                answers += [answer] if answer else []
         return ";".join(answers) or None
 
     def restart(self) -> None:
-        """After power-on: outputs zero, no errors."""
+        """After power-on: outputs as near zero as they come, no errors."""
         self.errors.clear()
         self._events, self._enabled, self._requested = _POWER_ON, 0, 0
-        self.reset()
-
-    def reset(self) -> None:
-        """As `*RST`."""
+        super().restart()
 
     def _done(self, unit: str) -> str | None:
         if not unit:
             return None
-        header, _, parameters = unit.lstrip(":").partition(" ")
-        done_with = {**self._common(), **self.commands()}
-        for pattern, done in done_with.items():
+        try:
+            if (answer := self.known(unit)) is not None:
+                return answer
+        except ValueError:
+            raise _Wrong(-222) from None
+        header, _, parameters = unit.partition(" ")
+        for pattern, done in self._common().items():
             if _is(header, pattern):
                 return done(parameters.strip())
         raise _Wrong(-113)
@@ -96,8 +93,8 @@ class Instrument(TextDevice):
     def _common(self) -> Mapping[str, Callable[[str], str | None]]:
         """What every instrument has to understand, by IEEE 488.2 and SCPI."""
         return {
-            "*IDN?": _bare(lambda: f"valve-hil,{self.model},0,1.0"), "*CLS": _bare(self._clear),
-            "*RST": _bare(self.reset), "*TST?": _bare(lambda: "0"), "*WAI": _bare(lambda: None),
+            "*IDN?": _bare(lambda: self._identity), "*CLS": _bare(self._clear),
+            "*RST": _bare(super().restart), "*TST?": _bare(lambda: "0"), "*WAI": _bare(lambda: None),
             "*OPC?": _bare(lambda: "1"), "*OPC": _bare(lambda: self._event(_COMPLETE)),
             "*ESR?": _bare(self._events_read), "*STB?": _bare(self._status),
             "*ESE": lambda text: setattr(self, "_enabled", _byte(text)), "*ESE?": _bare(lambda: str(self._enabled)),
@@ -133,75 +130,11 @@ class Instrument(TextDevice):
         else:
             self.errors[-1] = -350
 
-    def measured(self, terminal: str) -> str:
-        """A reading as SCPI writes it."""
-        value = self.side.read().get(terminal, 0.0)
-        return "9.91E37" if math.isnan(value) else f"{value:+.8E}"
-
-
-class Scanner(Instrument):
-    """Two outputs of ±12 V in slot 2, twenty inputs in slot 1."""
-
-    model = "scanner"
-
-    def commands(self) -> Mapping[str, Callable[[str], str | None]]:
-        """Set and ask outputs, measure inputs."""
-        return {"SOURce:VOLTage": self._set, "SOURce:VOLTage?": self._stands, "MEASure:VOLTage:DC?": self._measure}
-
-    def reset(self) -> None:
-        """Outputs zero."""
-        self.side.drive({"dac4": 0.0, "dac5": 0.0})
-
-    def _set(self, parameters: str) -> None:
-        value, comma, channels = parameters.partition(",")
-        if not comma:
-            raise _Wrong(-109)
-        volts = _number(value, -12.0, 12.0)
-        self.side.drive({f"dac{n - 200}": volts for n in _channels(channels, range(204, 206))})
-
-    def _stands(self, parameters: str) -> str:
-        stands = [self.side.standing(f"dac{n - 200}") for n in _channels(parameters, range(204, 206))]
-        return ",".join(f"{value:+.8E}" for value in stands)
-
-    def _measure(self, parameters: str) -> str:
-        return ",".join(self.measured(f"in{n - 100}") for n in _channels(parameters, range(101, 121)))
-
-
-class Described(Instrument):
-    """What a description says beside the common commands; headers in the form that stands there, long or short."""
-
-    def __init__(self, side: Side, description: TextDescription) -> None:
-        super().__init__(side)
-        self._text = DescribedText(side, description, {})
-        self._description = description
-
-    def answer_to(self, request: str) -> str | None:
-        """Message units one by one: those of the description, else the common commands."""
-        answers = [self._one(unit.strip().lstrip(":")) for unit in request.strip().split(";")]
-        return ";".join(answer for answer in answers if answer is not None) or None
-
-    def reset(self) -> None:
-        """Outputs as near zero as they come."""
-        self._text.restart()
-
-    def _one(self, unit: str) -> str | None:
-        if unit == "*IDN?":
-            given = self._description.text.identity
-            return "valve-hil,described,0,1.0" if given == "{any}" else given.replace("{any}", "x")
-        try:
-            found = self._text.known(unit)
-        except ValueError:
-            self._queue(-222)
-            return None
-        return super().answer_to(unit) if found is None else found or None
-
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
     """Serve the instrument where the driver will look for it."""
-    if settings.get("model") == "scanner":
-        return serve_text(Scanner, settings, side, behave)
     described = description_of(named_in(settings), "scpi")
-    return serve_text(lambda terminals: Described(terminals, described), settings, side, behave)
+    return serve_text(lambda terminals: Instrument(terminals, described), settings, side, behave)
 
 
 def _bare(done: Callable[[], str | None]) -> Callable[[str], str | None]:
@@ -236,16 +169,6 @@ def _number(text: str, low: float, high: float) -> float:
     if not low <= value <= high:
         raise _Wrong(-222)
     return value
-
-
-def _channels(text: str, allowed: range) -> list[int]:
-    found = re.fullmatch(r"\(@(\d{3}(?:,\d{3})*)\)", text.strip())
-    if found is None:
-        raise _Wrong(-109 if not text else -102)
-    numbers = [int(number) for number in found[1].split(",")]
-    if not all(number in allowed for number in numbers):
-        raise _Wrong(-222)
-    return numbers
 
 
 _twin = Twin("scpi", serve, example="socket://127.0.0.1:5025", free="socket://127.0.0.1:0")

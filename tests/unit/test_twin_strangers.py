@@ -11,12 +11,13 @@ import pytest
 
 from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.description.named import Described, description_of
 from sim_devices import canopen_valve, j1939_valve, modbus
 from sim_devices._field import Field
 from sim_devices._modbus_frames import RtuFrames, TcpFrames, crc16
 from sim_devices._simulation import Simulation
 from sim_devices.kit import Quirks, Side
-from sim_devices.scpi import Scanner
+from sim_devices.scpi import Instrument
 
 INSTRUMENTS = {
     "command": {"direction": "out", "signal": "command", "unit": "%", "slope": 10.0},
@@ -167,13 +168,13 @@ def test_set_point_in_every_pdo_that_carries_it_and_in_one_that_a_client_maps() 
 
 
 def test_scpi_status_of_ieee_488() -> None:
-    scanner = Scanner(side("dac4", "in1"))
+    scanner = Instrument(side("dac4", "in1"), description_of(Described(model="scanner"), "scpi"))
     told = [
         ("*ESR?", "128"), ("*ESR?", "0"), ("*OPC?;*TST?", "1;0"), ("NONSENSE", None), ("*STB?", "4"), ("*ESR?", "32"),
         ("SOUR:VOLT 99,(@204)", None), ("*ESE 16;*SRE 32", None), ("*STB?", "100"), ("*ESE?;*SRE?", "16;32"),
         ("SYST:ERR?", '-113,"Undefined header"'), ("SYSTEM:ERROR:NEXT?", '-222,"Data out of range"'),
         ("*CLS;*ESR?;SYST:ERR?", '0;+0,"No error"'), ("*OPC;*ESR?", "1"), ("*WAI", None),
-        ("SOUR:VOLT 2.5,(@204);*RST;SOUR:VOLT? (@204)", "+0.00000000E+00"), ("*OPC? 1", None), ("*ESE 256", None),
+        ("SOUR:VOLT 2.5,(@204);*RST;SOUR:VOLT? (@204)", "0"), ("*OPC? 1", None), ("*ESE 256", None),
         ("SYST:ERR?;SYST:ERR?", '-108,"Parameter not allowed";-222,"Data out of range"'),
     ]  # fmt: skip
     for request, answer in told:
