@@ -20,7 +20,7 @@ from hil.catalog import find
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.contract import Daq
 from hil.daq.polled import PolledDaq
-from hil.description.named import Described
+from hil.description.named import Described, description_of
 from hil.errors import SettingError
 from sim_devices import _simulation
 from sim_devices._field import Field, Side
@@ -150,9 +150,10 @@ def quirks(given: Mapping[str, Any]) -> Quirks:
         raise SettingError(f"quirk {'.'.join(map(str, found['loc']))}: {found['msg']}; there are: {known}") from None
 
 
-def named_in(settings: Mapping[str, Any]) -> Described:
-    """The description that a driver's settings name."""
-    return Described(model=settings.get("model", ""), description=settings.get("description"))
+def described_in(settings: Mapping[str, Any], protocol: str) -> Any:
+    """The description that a driver's settings name (see `hil.description.named.description_of`)."""
+    named = Described(model=settings.get("model", ""), description=settings.get("description"))
+    return description_of(named, protocol)
 
 
 def _close_both(link: Callable[[], None], served: Callable[[], None]) -> None:

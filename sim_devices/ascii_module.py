@@ -8,12 +8,11 @@ from functools import partial
 from typing import Any
 
 from hil.description.ascii_module import ModuleDescription
-from hil.description.named import description_of
 from sim_devices._field import Side
 from sim_devices._lines_of_text import TextDevice, serve_text
 from sim_devices._quirks import Quirks
 from sim_devices._stream import StreamServer
-from sim_devices._twin import Twin, TwinSettings, named_in, quirks, world
+from sim_devices._twin import Twin, TwinSettings, described_in, quirks, world
 
 __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
 
@@ -101,9 +100,7 @@ class Module(TextDevice):
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
     """Serve the module where the driver will look for it."""
-    make = partial(
-        Module, description=description_of(named_in(settings), "ascii_module"), at=int(settings.get("module", 1))
-    )
+    make = partial(Module, description=described_in(settings, "ascii_module"), at=int(settings.get("module", 1)))
     return serve_text(make, settings, side, behave)
 
 

@@ -7,12 +7,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from hil.description.can import CanDescription, CanTerminal
-from hil.description.named import description_of
 from sim_devices._bits import Bits
 from sim_devices._can_bus import CanServer, Frame
 from sim_devices._field import Side
 from sim_devices._quirks import Quirks
-from sim_devices._twin import Twin, TwinSettings, named_in, quirks, world
+from sim_devices._twin import Twin, TwinSettings, described_in, quirks, world
 
 __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
 
@@ -178,9 +177,7 @@ def _sum(kind: str, data: bytes) -> int:
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> CanServer:
     """Serve the device on the bus where the driver will look for it."""
-    return CanServer(
-        DescribedNode(side, description_of(named_in(settings), "can")), side, behave, str(settings["address"])
-    )
+    return CanServer(DescribedNode(side, described_in(settings, "can")), side, behave, str(settings["address"]))
 
 
 _twin = Twin("can", serve, example="virtual:hil", free="virtual:hil")

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil.description.canopen import CanopenDescription, CanopenTerminal
-from hil.description.named import description_of
 from hil.description.terminal import counts_of
 from sim_devices._bits import Bits
 from sim_devices._can_bus import CanServer
@@ -15,7 +14,7 @@ from sim_devices._canopen_node import CanopenNode, Place
 from sim_devices._eds import objects_of
 from sim_devices._field import Side, nearest_zero
 from sim_devices._quirks import Quirks
-from sim_devices._twin import Twin, TwinSettings, named_in, quirks, world
+from sim_devices._twin import Twin, TwinSettings, described_in, quirks, world
 
 __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
 
@@ -98,7 +97,7 @@ def _bits(terminal: CanopenTerminal, form: str) -> Bits:
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> CanServer:
     """Serve the node on the bus where the driver will look for it."""
-    node = DescribedNode(side, description_of(named_in(settings), "canopen"), int(settings.get("node") or 1))
+    node = DescribedNode(side, described_in(settings, "canopen"), int(settings.get("node") or 1))
     return CanServer(node, side, behave, str(settings["address"]))
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from hil.description.named import description_of
 from sim_devices._field import Side
 from sim_devices._modbus_bank import Bank
 from sim_devices._modbus_described import DescribedBank
@@ -16,7 +15,7 @@ from sim_devices._modbus_frames import COMMON, Refused
 from sim_devices._modbus_table import serve_registers
 from sim_devices._quirks import Quirks
 from sim_devices._stream import StreamServer
-from sim_devices._twin import Twin, TwinSettings, named_in, quirks, world
+from sim_devices._twin import Twin, TwinSettings, described_in, quirks, world
 
 __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
 
@@ -104,7 +103,7 @@ def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServ
 def _bank(settings: Mapping[str, Any], side: Side) -> Bank:
     if settings.get("model") == "wago-750":
         return Wago750(side)
-    return DescribedBank(side, description_of(named_in(settings), "modbus"), settings)
+    return DescribedBank(side, described_in(settings, "modbus"), settings)
 
 
 def _to_word(value: int) -> int:

@@ -7,86 +7,68 @@ from typing import Any
 
 from hil.daq.channel import Pwm
 from sim_devices._field import Side
-from sim_devices._modbus_bank import Bank
+from sim_devices._modbus_described import DescribedBank
 from sim_devices._modbus_frames import Refused
 from sim_devices._modbus_table import serve_registers
 from sim_devices._quirks import Quirks
 from sim_devices._stream import StreamServer
-from sim_devices._twin import Twin, TwinSettings, quirks, world
+from sim_devices._twin import Twin, TwinSettings, described_in, quirks, world
 
 __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
 
-_MOST = {0: 3000, 1: 5000, 2: 5000, 3: 500, 4: 65535}  # of each holding register
-_POWER_ON = {0: 0, 1: 1000, 2: 0, 3: 0, 4: 0}
-_EXPIRED = 0b0001
+_MOST = {0: 3000, 1: 5000, 2: 5000, 3: 500}  # of each holding register that has a limit
+_POWER_ON = {1: 1000, 2: 0, 3: 0}  # carrier, dither and its amplitude
 
 
-class Amplifier(Bank):
-    """Holding registers: set current, carrier, dither frequency and amplitude, watchdog; input: coil, status.
+class Amplifier(DescribedBank):
+    """What its description says, and the holding registers of carrier, dither frequency and amplitude.
 
     When the watchdog expires the current is zero and stays so, with a bit in the status, until the watchdog is set
     anew. After power-on there is no dither.
 
     Attributes:
-        status: its faults, one bit each.
+        status: other faults of its, one bit each.
     """
 
     def __init__(self, side: Side) -> None:
-        super().__init__(side)
-        self.status = 0
-        self._held = {**_POWER_ON, 0: round(1000.0 * side.standing("current"))}
+        super().__init__(side, described_in({"model": "pwm-amplifier"}, "modbus"), {})
+        self.status, self._modulation = 0, dict(_POWER_ON)
         self._modulate()
 
     def input(self, address: int) -> int:
         """What it measures at the coil, and its status."""
-        if address == 2:
-            return self.status
-        scaled = {0: ("coil current", 1000.0), 1: ("coil voltage", 100.0)}
-        if address not in scaled:
-            raise Refused(2)
-        terminal, per_unit = scaled[address]
-        return max(0, min(0xFFFF, round(self.side.number(terminal) * per_unit)))
+        return super().input(address) | (self.status if address == 2 else 0)
 
     def holding(self, address: int) -> int:
         """What was set."""
-        if address not in self._held:
-            raise Refused(2)
-        return self._held[address]
+        return self._modulation[address] if address in self._modulation else super().holding(address)
 
     def may_write(self, address: int, count: int) -> None:
         """Within its range; no current while the watchdog stands expired."""
-        if address not in _MOST:
-            raise Refused(2)
-        if count > _MOST[address] or (address == 1 and count < 100):
+        if address not in self._modulation:
+            super().may_write(address, count)
+        if count > _MOST.get(address, count) or (address == 1 and count < 100):
             raise Refused(3)
-        if address == 0 and count and self.status & _EXPIRED:
+        if address == 0 and count and self._tripped:
             raise Refused(4)
 
     def write(self, address: int, count: int) -> None:
         """Set a register; it takes effect at once."""
-        self._held[address] = count
-        if address == 0:
-            self.side.drive({"current": 1e-3 * count})
-        elif address == 4:
-            self.status &= ~_EXPIRED
-        else:
-            self._modulate()
+        if address not in self._modulation:
+            super().write(address, count)
+            return
+        self._modulation[address] = count
+        self._modulate()
 
     def restart(self) -> None:
         """No current, no dither, no watchdog."""
-        self._held, self.status = dict(_POWER_ON), 0
-        self.side.drive({"current": 0.0})
+        super().restart()
+        self.status, self._modulation = 0, dict(_POWER_ON)
         self._modulate()
 
-    def tick(self) -> None:
-        """No current when nothing was asked for the watchdog's time."""
-        if self._held[4] and self.silent_s > 0.1 * self._held[4] and not self.status & _EXPIRED:
-            self.status |= _EXPIRED
-            self.write(0, 0)
-
     def _modulate(self) -> None:
-        tenths_hz = self._held[2]
-        self.side.modulate("current", Pwm(self._held[1], 0.1 * tenths_hz if tenths_hz else None, 1e-3 * self._held[3]))
+        carrier_hz, tenths_hz, peak_ma = self._modulation.values()
+        self.side.modulate("current", Pwm(carrier_hz, 0.1 * tenths_hz if tenths_hz else None, 1e-3 * peak_ma))
 
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:

@@ -7,14 +7,13 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from hil.description.named import description_of
 from hil.description.text import TextDescription
 from sim_devices._described_text import DescribedText
 from sim_devices._field import Side
 from sim_devices._lines_of_text import serve_text
 from sim_devices._quirks import Quirks
 from sim_devices._stream import StreamServer
-from sim_devices._twin import Twin, TwinSettings, named_in, quirks, world
+from sim_devices._twin import Twin, TwinSettings, described_in, quirks, world
 
 __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
 
@@ -133,7 +132,7 @@ class Instrument(DescribedText):
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
     """Serve the instrument where the driver will look for it."""
-    described = description_of(named_in(settings), "scpi")
+    described = described_in(settings, "scpi")
     return serve_text(lambda terminals: Instrument(terminals, described), settings, side, behave)
 
 

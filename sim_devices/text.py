@@ -5,20 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from hil.description.named import description_of
 from sim_devices._described_text import DescribedText
 from sim_devices._field import Side
 from sim_devices._lines_of_text import serve_text
 from sim_devices._quirks import Quirks
 from sim_devices._stream import StreamServer
-from sim_devices._twin import Twin, TwinSettings, named_in, quirks, world
+from sim_devices._twin import Twin, TwinSettings, described_in, quirks, world
 
 __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
 
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
     """Serve the device where the driver will look for it."""
-    described = description_of(named_in(settings), "text")
+    described = described_in(settings, "text")
     return serve_text(lambda terminals: DescribedText(terminals, described, settings), settings, side, behave)
 
 
