@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
+from hil.description.modbus import TIMES, ModbusDescription
 from sim_devices._field import Side
-from sim_devices._modbus_bank import Bank
-from sim_devices._modbus_frames import Refused, RtuFrames, TcpFrames
+from sim_devices._modbus_described import DescribedBank
+from sim_devices._modbus_frames import RtuFrames, TcpFrames
 from sim_devices._quirks import Quirks
 from sim_devices._stream import StreamServer, TcpServer, serve_stream
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(NamedTuple):
     """A terminal in a register: count = value · per_unit + zero; two's complement if it is `signed`."""
 
     terminal: str
@@ -22,114 +21,55 @@ class Place:
     zero: float = 0.0
     signed: bool = False
 
-    def count_of(self, value: float) -> int:
-        """The value as the register has it."""
-        count = round(value * self.per_unit + self.zero)
-        return max(-0x8000, min(0x7FFF, count)) & 0xFFFF if self.signed else max(0, min(0xFFFF, count))
+    def described(self, table: str, address: int) -> dict[str, Any]:
+        """It as a description has it."""
+        counts = (-0x8000, 0x7FFF) if self.signed else (0, 0xFFFF)
+        low, high = sorted((count - self.zero) / self.per_unit for count in counts)
+        return {
+            "direction": "out" if table == "holding" else "in", "range": (low, high), "table": table,
+            "address": address, "type": "s16" if self.signed else "u16", "slope": 1.0 / self.per_unit,
+            "offset": -self.zero / self.per_unit,
+        }  # fmt: skip
 
-    def value_of(self, count: int) -> float:
-        """What the register says."""
-        return ((count - 0x10000 if self.signed and count >= 0x8000 else count) - self.zero) / self.per_unit
 
-
-@dataclass(frozen=True, slots=True)
-class Timer:
-    """A watchdog that is armed over the wire: the holding register of its time, and counts in a second.
+class Timer(NamedTuple):
+    """A watchdog that is armed over the wire: the holding register of its time, and counts in a second (1, 10, 1000).
 
     `safe` are registers with the counts to which outputs go, by address of the output.
     """
 
     register: int
     per_second: float
-    safe: Mapping[int, int] = field(default_factory=dict)
+    safe: Mapping[int, int] = {}
 
 
-class Table(Bank):
-    """Registers of a device as its manual lists them.
+def Table(
+    side: Side, outputs: Mapping[int, Place], inputs: Mapping[int, Place], watchdog_s: float | None = None,
+    timer: Timer | None = None,
+) -> DescribedBank:  # fmt: skip
+    """A Modbus device that is nothing but the registers that its manual lists.
 
     Args:
         side: its terminals.
         outputs: by address among the holding registers (functions 3, 6, 16).
         inputs: by address among the input registers (function 4).
-        watchdog_s: outputs go to `safe` when nothing is asked for so long, as somebody set it at the device itself;
-            None: nobody did. A twin of a device that its driver arms has a `timer` instead: one that is armed whatever
-            the driver does says nothing about the driver.
-        safe: count to which they go then.
+        watchdog_s: outputs go to 0 when nothing is asked for so long, as somebody set it at the device itself; None:
+            nobody did. A twin of a device that its driver arms has a `timer` instead: one that is armed whatever the
+            driver does says nothing about the driver.
         timer: its watchdog, where the driver arms it.
     """
-
-    def __init__(
-        self,
-        side: Side,
-        outputs: Mapping[int, Place],
-        inputs: Mapping[int, Place],
-        watchdog_s: float | None = None,
-        safe: int = 0,
-        timer: Timer | None = None,
-    ) -> None:
-        super().__init__(side)
-        self._outputs, self._inputs = outputs, inputs
-        self._watchdog_s, self._timer = watchdog_s, timer
-        self._safe = dict.fromkeys(outputs, safe)
-        self._settable = {register: output for output, register in timer.safe.items()} if timer else {}
-        self._counts = {address: place.count_of(side.standing(place.terminal)) for address, place in outputs.items()}
-        self._heard_s: float | None = None
-
-    def input(self, address: int) -> int:
-        """An input register."""
-        if address not in self._inputs:
-            raise Refused(2)
-        place = self._inputs[address]
-        return place.count_of(self.side.number(place.terminal))
-
-    def holding(self, address: int) -> int:
-        """An output, as it stands."""
-        if address in self._settable:
-            return self._safe[self._settable[address]]
-        if self._timer is not None and address == self._timer.register:
-            return round((self._watchdog_s or 0.0) * self._timer.per_second)
-        if address not in self._outputs:
-            raise Refused(2)
-        return self._counts[address]
-
-    def may_write(self, address: int, count: int) -> None:
-        """Any count, where there is an output or a register of the watchdog."""
-        known = {*self._outputs, *self._settable} | ({self._timer.register} if self._timer else set())
-        if address not in known or not 0 <= count <= 0xFFFF:
-            raise Refused(2)
-
-    def write(self, address: int, count: int) -> None:
-        """Set an output, or the watchdog."""
-        if address in self._settable:
-            self._safe[self._settable[address]] = count
-            return
-        if self._timer is not None and address == self._timer.register:
-            self._watchdog_s = count / self._timer.per_second if count else None
-            return
-        self._counts[address] = count
-        place = self._outputs[address]
-        self.side.drive({place.terminal: place.value_of(count)})
-
-    def heard(self) -> None:
-        """A request came."""
-        self._heard_s = self.side.clock.now_s
-
-    def restart(self) -> None:
-        """Outputs at their safe count; what was armed over the wire is not any more."""
-        self._make_safe()
-        if self._timer is not None:
-            self._watchdog_s = None
-
-    def tick(self) -> None:
-        """Look at the watchdog."""
-        since_s = self._heard_s
-        if self._watchdog_s is not None and since_s is not None and self.side.clock.now_s - since_s > self._watchdog_s:
-            self._heard_s = None
-            self._make_safe()
-
-    def _make_safe(self) -> None:
-        for address in self._outputs:
-            self.write(address, self._safe[address])
+    places = [("holding", outputs), ("input", inputs)]
+    watchdog: dict[str, Any] | None = None if watchdog_s is None else {}
+    if timer is not None:
+        unit = {per_second: name for name, per_second in TIMES.items()}[timer.per_second]
+        safe = {register: f"{{safe:{outputs[output].terminal}}}" for output, register in timer.safe.items()}
+        watchdog = {"arm": [{"address": at, "value": value} for at, value in {**safe, timer.register: unit}.items()]}
+    described = ModbusDescription.model_validate({
+        "protocol": "modbus", "summary": "a table of registers", "modbus": {"addresses": "wire"}, "watchdog": watchdog,
+        "terminals": {place.terminal: place.described(table, address)
+                      for table, found in places for address, place in found.items()},
+    })  # fmt: skip
+    return DescribedBank(side, described, {"watchdog_s": watchdog_s})
 
 
 def serve_registers(registers: Any, settings: Mapping[str, Any], side: Side, quirks: Quirks) -> StreamServer:
