@@ -57,7 +57,7 @@ def identify(
         free: parameters that are held fixed otherwise.
         inputs: names of the input channels, where they are not the plant's own.
         output: name of the output channel, likewise.
-        poles: of the transfer function of a frequency response; by evidence where not given.
+        poles: of a transfer function; by evidence where not given. In samples in time an integrator is one too.
         zeros: likewise.
         dead_time: whether it has one; likewise.
         weights: of its lines, "relative" (of their size), "uniform" (all alike) or "covariance".

@@ -23,10 +23,10 @@ def command(
     free: list[str] = typer.Option(
         [], "--free", metavar="NAME,…", help="Also estimate these, held fixed otherwise; friction.coulomb of an effect."
     ),
-    poles: int | None = typer.Option(None, "--poles", min=1, max=5, help="From a frequency response: so many poles."),
-    zeros: int | None = typer.Option(None, "--zeros", min=0, max=5, help="From a frequency response: so many zeros."),
+    poles: int | None = typer.Option(None, "--poles", min=1, max=5, help="Of a transfer function: so many poles."),
+    zeros: int | None = typer.Option(None, "--zeros", min=0, max=5, help="Of a transfer function: so many zeros."),
     dead_time: bool | None = typer.Option(
-        None, "--dead-time/--no-dead-time", help="From a frequency response: with a dead time, or without."
+        None, "--dead-time/--no-dead-time", help="Of a transfer function: with a dead time, or without."
     ),
     weights: str = typer.Option(
         "", "--weights", metavar="relative|uniform", help="Of lines without uncertainty: of their size, or all alike."

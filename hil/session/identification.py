@@ -158,12 +158,13 @@ def identified(
         fits = {name: fitted.fit.fit_percent}
         model, text = _with_origin(fitted.model, fitted.summary(), simulated=simulated)
         return Identified(model, text, (), tuple(tables), fits, fitted.notes, simulated)
-    if not orders.are_open:
-        raise SettingError(
-            "poles, zeros and dead time are asked for where a frequency response is fitted; from samples in time they "
-            "are chosen by evidence"
-        )
     start = starting_model(plant, free)
+    if orders.weights is not None:
+        raise SettingError(f"{option('weights')} is for the lines of a frequency response; these are samples in time")
+    if not orders.are_open and plant != _LINEAR:
+        raise SettingError(
+            f"poles, zeros and dead time are asked of {option('plant', _LINEAR)}; {plant} has its form already"
+        )
     recordings = [one for one in read if isinstance(one, Recording)]
     plant_of = start.definition
     experiments, assumed = experiments_of(
@@ -176,7 +177,7 @@ def identified(
     if plant == _LINEAR and (better := command_for(recordings[0], given)):
         notes(better.of(recordings[0].name))
     is_long = sum(len(one.output) for one in experiments) >= _LONG
-    found = fit_plant(start, experiments, free, progress if is_long else quiet)
+    found = fit_plant(start, experiments, free, progress if is_long else quiet, orders)
     paths = {one.name: str(Path(one.name).resolve()) for one in recordings if Path(one.name).exists()}
     model = replace(found.model, origin={**found.model.origin, "paths": paths})
     table = table_of(model, [e for e in experiments if not e.stands_still])

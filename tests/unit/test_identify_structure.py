@@ -4,8 +4,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import hil
+from hil.errors import SettingError
+from hil.identification.frequency.table_fit import Orders
 from hil.identification.grey_box.identify import fit_plant, starting_model
-from hil.identification.grey_box.structure import StructureChoice, Tried, choose_structure
+from hil.identification.grey_box.structure import StructureChoice, Tried, choose_structure, with_orders
 from hil.identification.preparation.experiment import experiment
 from hil.identification.uncertainty.evidence import simplest_good
 from hil.identification.uncertainty.noise import white_floor
@@ -229,3 +232,23 @@ def test_samples_that_are_read_late_are_no_pole_that_nobody_sees():
     lag = found.model.parameters["lag_time"]
     assert found.model.origin["structure"] == "1 pole" and abs(lag.value - 15.0) < 1.96 * lag.std < 0.5
     assert not any("is no measurement" in note for note in found.notes)
+
+
+def test_asked_orders_leave_forms_that_have_them_alone():
+    made = experiment(measured(transfer_function([2.0], [0.15, 1.0], 0.04)), PLANT, "valve", "pressure")
+    start = starting_model("transfer-function")
+    found = fit_plant(start, [made], orders=Orders(poles=1, zeros=0, dead_time=False)).model
+    assert "dead time" not in found.origin["structure"] and found.origin["structure"].startswith("1 pole")
+    assert found.values["dead_time"] == 0.0 and found.values["lag_time"] > 0.16  # it stands for the dead time too
+    with pytest.raises(SettingError, match="there are, with a dead time or without: gain; 1 pole; 2 poles; 2 poles, 1"):
+        fit_plant(start, [made], orders=Orders(poles=2, zeros=2))
+    grown = {s.name: s.after for s in with_orders(PLANT, Orders(poles=4, dead_time=True)).structures}
+    assert grown == {"4 poles, 1 zero, dead time": "", "4 poles, 2 zeros, dead time": ""}
+
+
+def test_orders_are_asked_of_a_transfer_function_alone():
+    made = measured(transfer_function([2.0], [0.15, 1.0]))
+    with pytest.raises(SettingError, match="brevini-hpv41 has its form already"):
+        hil.identify(made, "brevini-hpv41", poles=2, inputs=["valve"], output="pressure")
+    with pytest.raises(SettingError, match="lines of a frequency response"):
+        hil.identify(made, "transfer-function", weights="relative", inputs=["valve"], output="pressure")

@@ -169,13 +169,5 @@ def test_average_in_python_refuses_other_frequencies():
     assert hil.average([one, one]).response == pytest.approx(one.response)
 
 
-def test_orders_are_asked_of_a_frequency_response_only(tmp_path, command_line):
-    path = written(tmp_path / "r.csv", "time [s],command [%],flow [l/min]\n0,0,0\n0.1,1,0\n0.2,1,1\n")
-    options = ("--plant", "transfer-function", "--poles", "2", "--out", tmp_path / "m.json")
-    said = command_line("identify", path, *options)
-    assert said.status == 2
-    assert "where a frequency response is fitted" in said.err
-
-
 def test_an_identification_starts_from_an_installed_model_by_name() -> None:
     assert starting_model("hpv41-identified").parameters["pilot_ratio"].value == 1.107

@@ -12,6 +12,7 @@ from threading import Lock
 import numpy as np
 
 from hil.catalog import entries, models
+from hil.identification.frequency.table_fit import AS_THEY_SHOW, Orders
 from hil.identification.grey_box.alternative_optima import alternative_optima
 from hil.identification.grey_box.discrepancy import discrepancy_of, note_of
 from hil.identification.grey_box.estimate import Estimate, Unknown, estimate
@@ -19,7 +20,7 @@ from hil.identification.grey_box.free import all_values, check_free, moved, move
 from hil.identification.grey_box.lines import common_line, line_at
 from hil.identification.grey_box.multistart import multistart
 from hil.identification.grey_box.residuals import Residuals
-from hil.identification.grey_box.structure import MISFIT, StructureChoice, choose_structure
+from hil.identification.grey_box.structure import MISFIT, StructureChoice, choose_structure, with_orders
 from hil.identification.grey_box.systematic import Systematic, systematic
 from hil.identification.grey_box.witnesses import witnesses
 from hil.identification.preparation.averaged import with_means
@@ -128,9 +129,18 @@ def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:
     return model
 
 
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """Parameters to estimate beside those that are free, and what a transfer function is to have."""
+
+    free: Sequence[str]
+    orders: Orders
+
+
 def fit_plant(
-    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str] = (), progress: Progress = quiet
-) -> GreyBoxFit:
+    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str] = (), progress: Progress = quiet,
+    orders: Orders = AS_THEY_SHOW,
+) -> GreyBoxFit:  # fmt: skip
     """Estimate the plant's parameters from all experiments together, effects of the model included as they are.
 
     Args:
@@ -138,17 +148,17 @@ def fit_plant(
         experiments: what to fit.
         also_free: parameters to estimate beside those that the plant does not hold fixed.
         progress: told how far it is, a share and what is done; how many simulations a fit takes is a guess.
+        orders: what a transfer function is to have; the rest of it is chosen by evidence.
 
     Raises:
         FileError: no input or no output moves.
+        SettingError: orders that none of the plant's structures has.
     """
     with one_blas_thread():
-        return _fit_plant(model, experiments, also_free, progress)
+        return _fit_plant(model, experiments, _Asked(also_free, orders), progress)
 
 
-def _fit_plant(
-    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], progress: Progress
-) -> GreyBoxFit:
+def _fit_plant(model: Model, experiments: Sequence[Experiment], asked: _Asked, progress: Progress) -> GreyBoxFit:
     require_excitation(experiments)
     progress(0.0, "looking at the recordings")
     still = tuple(
@@ -161,18 +171,18 @@ def _fit_plant(
     still = (*still, *looked.notes)
     even, remarks = bridged(model, alive)
     tick = _ticking(progress)
-    found = _fitted(model, even, also_free, (*still, *remarks), tick)
+    found = _fitted(model, even, asked, (*still, *remarks), tick)
     again, remarks = bridged(found.model, alive)
     before, left, later = (sum(int(np.count_nonzero(~e.valid)) for e in each) for each in (alive, even, again))
     if later - left > _LATE_SETTLING * max(left - before, 0):  # the start settles too soon to be left in
-        found, even = _fitted(model, again, also_free, (*still, *remarks), tick), again
-    near = _near(model, found, even, also_free, tick)
+        found, even = _fitted(model, again, asked, (*still, *remarks), tick), again
+    near = _near(model, found, even, asked, tick)
     for _ in range(_STARTS):
         begun = [begun_in_motion(near, e.reading_as_in(near)) for e in even]
         moving = tuple(note for _, notes in begun for note in notes)
         if not moving:
             break
-        found = _fitted(model, [e for e, _ in begun], also_free, (*still, *remarks, *moving), tick)
+        found = _fitted(model, [e for e, _ in begun], asked, (*still, *remarks, *moving), tick)
         near = found.model
     progress(1.0, "fitted")
     found = replace(found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.on_bound))))
@@ -182,9 +192,7 @@ def _fit_plant(
     return _none_identifiable(found) if model.definition.structures and one_frequency(alive) else found
 
 
-def _near(
-    model: Model, found: GreyBoxFit, experiments: Sequence[Experiment], also_free: Sequence[str], tick: Tick
-) -> Model:
+def _near(model: Model, found: GreyBoxFit, experiments: Sequence[Experiment], asked: _Asked, tick: Tick) -> Model:
     """The fitted model, or one that was fitted without the first halves.
 
     What was fitted as if recordings began at rest may be too wrong to tell that they do not. It is not believed where
@@ -193,7 +201,7 @@ def _near(
     if all(begins_at_rest(e) or not _fails(found.model, e) for e in experiments):
         return found.model
     late = [e.without(np.arange(len(e.output)) < len(e.output) // 2) for e in experiments]
-    return _fitted(model, late, also_free, (), tick).model
+    return _fitted(model, late, asked, (), tick).model
 
 
 def _fails(model: Model, e: Experiment) -> bool:
@@ -232,16 +240,16 @@ def _ticking(progress: Progress) -> Tick:
 
 
 def _fitted(
-    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], remarks: tuple[Note, ...], tick: Tick
+    model: Model, experiments: Sequence[Experiment], asked: _Asked, remarks: tuple[Note, ...], tick: Tick
 ) -> GreyBoxFit:
     weights = [1.0 / max(channel_floor(e.valid_output), _resolution(e.output)) for e in experiments]
-    choice = _structure_of(model, experiments, weights)
+    choice = _structure_of(model, experiments, weights, asked.orders)
     model, note = (model, ()) if choice is None else (_of_structure(model, choice), (choice.sentence,))
     plant = model.definition
     experiments, averaged = with_means(model, experiments)
     remarks = (*remarks, *averaged)
-    names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
-    names += [name for name in dict.fromkeys(also_free) if "." in name]
+    names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in asked.free]
+    names += [name for name in dict.fromkeys(asked.free) if "." in name]
     found, task = _best_reading(model, names, _Task(experiments, weights, tick))
     near, used = model, task.experiments
     if any(e.ripples is not None for e in used):  # what the phase of a dither does is only known about the fit itself
@@ -264,15 +272,17 @@ def _fitted(
     return replace(_result(model, plant, found, used, (*remarks, *note), beside), readings=readings)
 
 
-def _structure_of(model: Model, experiments: Sequence[Experiment], weights: Sequence[float]) -> StructureChoice | None:
+def _structure_of(
+    model: Model, experiments: Sequence[Experiment], weights: Sequence[float], orders: Orders
+) -> StructureChoice | None:
     """The structure that experiments support, if the plant has several and none was chosen before.
 
     A pole faster than samples can show may stand for samples that were read at the end of their interval: then that is
     tried, unless the recordings declare it.
     """
-    plant = model.definition
-    if not plant.structures or _structure(model) is not None:
+    if not model.definition.structures or _structure(model) is not None:
         return None
+    plant = with_orders(model.definition, orders)
     choice = choose_structure(plant, experiments, weights)
     if model.plant != LINEAR or any(e.reading_known for e in experiments):
         return choice

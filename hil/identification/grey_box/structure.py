@@ -16,7 +16,8 @@ from functools import cache, partial
 
 import numpy as np
 
-from hil.errors import InputError
+from hil.errors import InputError, SettingError
+from hil.identification.frequency.table_fit import Orders
 from hil.identification.grey_box.estimate import Estimate, Unknown, estimate, side_by_side
 from hil.identification.grey_box.linear_starts import poles_rad_s
 from hil.identification.preparation.experiment import Experiment
@@ -134,14 +135,45 @@ def choose_structure(plant: Plant, experiments: Sequence[Experiment], weights: S
     choice: StructureChoice | None = None
     for switch in plant.switches:
         turned, turns = replace(search, off={**search.off, switch: 1.0 - search.off[switch]}), False
-        plain = max((s for s in plant.structures if _is_plain(s) and switch not in s.fixed), key=_poles)
-        judged = [(plain, search.values(plain, search.best(plain, search.off)))]
+        plain = [s for s in plant.structures if _is_plain(s) and switch not in s.fixed]
+        plain = sorted(plain, key=_poles, reverse=True)[:1]
+        judged = [(s, search.values(s, search.best(s, search.off))) for s in plain]
         for _ in range(2):  # by a plain form before others are fitted, and again by the form that is chosen then
             improves = any(turned.improves(search, *form) for form in judged)
             if choice is None or improves != turns:
                 choice, turns = _chosen(turned if improves else search), improves
             judged = [(t.structure, dict(t.values)) for t in _discriminating(choice, switch)]
     return choice or _chosen(search)
+
+
+def with_orders(plant: Plant, orders: Orders) -> Plant:
+    """A plant with the structures alone that have the poles, zeros and dead time asked for; an integrator is a pole.
+
+    Raises:
+        SettingError: it has none of them.
+    """
+    having = {s.name: s for s in plant.structures if _has(s, orders)}
+    if not having:
+        plain = [s.name for s in plant.structures if not {"bend", "dead_time"} & {*s.free}]
+        raise SettingError(
+            "poles, zeros and dead time: no form for samples in time has them; there are, with a dead time or without: "
+            f"{'; '.join(plain)}"
+        )
+    after = {s.name: s.after for s in plant.structures}
+
+    def grown_from(name: str) -> str:
+        return name if name in having or not name else grown_from(after[name])
+
+    return replace(plant, structures=tuple(replace(s, after=grown_from(s.after)) for s in having.values()))
+
+
+def _has(structure: Structure, orders: Orders) -> bool:
+    zeros = sum("zero" in name for name in structure.free)
+    return (
+        orders.poles in (None, _poles(structure) + ("integrator_gain" in structure.free))
+        and orders.zeros in (None, zeros)
+        and orders.dead_time in (None, "dead_time" in structure.free)
+    )
 
 
 def _discriminating(choice: StructureChoice, switch: str) -> list[Tried]:
