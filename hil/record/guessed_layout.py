@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from itertools import islice
-from pathlib import Path
 
 import numpy as np
 
@@ -14,7 +12,7 @@ from hil.errors import FileError, option
 from hil.record import heading as headings
 from hil.record.header_metadata import units_above
 from hil.record.layout import WHITESPACE, Kind, Layout, is_row_of_units, is_unit, split, stands_for_unit
-from hil.record.text_file import encoding_of, open_text
+from hil.record.text_file import Beginning
 from hil.record.tokens import (
     as_numbers,
     decimal_and_thousands,
@@ -28,7 +26,6 @@ from hil.record.tokens import (
 )
 
 _SEPARATORS = ("\t", ";", ",", "|", WHITESPACE)
-_LOOKED_AT = 600
 _JUDGED = 60
 _LEAST_NUMERIC = 0.2
 _NAME_LABELS = frozenset({"tagname", "tag", "name", "names", "channel", "channels", "signal", "signals", "variable"})
@@ -37,18 +34,14 @@ _RULE = re.compile(r"[\s|+:=_-]*(--|==|__)[\s|+:=_-]*")  # below the headings of
 _TYPES = frozenset({"float", "double", "single", "int", "integer", "real", "float64", "float32", "number", "f8"})
 
 
-def layout(path: Path, named: bool = False) -> Layout:
+def layout(begun: Beginning, named: bool = False) -> Layout:
     """The layout of a file; `named`: its columns get names, whatever its headings say.
 
     Raises:
         FileError: no rows of numbers, or headings that do not belong to them; says what helps.
     """
-    encoding = encoding_of(path)
-    with open_text(path, encoding) as file:
-        lines = [line.rstrip("\r\n") for line in islice(file, _LOOKED_AT)]
-        more = bool(file.readline())
-    found = _as_contract(encoding, lines) if not named else None
-    return found or _guessed(path, encoding, lines, more, named)
+    found = _as_contract(begun.encoding, begun.lines) if not named else None
+    return found or _guessed(begun, named)
 
 
 def _as_contract(encoding: str, lines: Sequence[str]) -> Layout | None:
@@ -70,7 +63,8 @@ def _as_contract(encoding: str, lines: Sequence[str]) -> Layout | None:
     return None
 
 
-def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named: bool) -> Layout:
+def _guessed(begun: Beginning, named: bool) -> Layout:
+    path, lines = begun.path, begun.lines
     filled = [line for line in lines if line.strip() and not line.lstrip().startswith(("#", "%"))]
     judged = filled[-_JUDGED:]
     separator, count = _separator(judged)
@@ -82,7 +76,7 @@ def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named:
     kinds = tuple(_kind([row[i] for row in rows if len(row) >= count], [row[i] for row in whole]) for i in range(count))
     first = _first_row(lines, separator, count, kinds)
     if first is None:
-        raise FileError(f"{path}: {_no_rows(filled, more)}")
+        raise FileError(f"{path}: {_no_rows(filled, begun.is_whole)}")
     before = split(lines[first - 1], separator) if first else []
     if len(before) > count and all(map(_is_known, before)):
         raise FileError(f"{path}: line {first} has {len(before)} values, those below {count}; each needs as many")
@@ -99,7 +93,7 @@ def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named:
     inside = [_unit_in_cells([row[i] for row in rows if len(row) > i and not is_blank(row[i])]) for i in range(count)]
     inside = ["" if headings.split(cell)[1] else found for cell, found in zip(cells, inside, strict=True)]
     units = tuple(unit or found for unit, found in zip(units, inside, strict=True))
-    return Layout(encoding, separator, decimal, thousands, cells, units, first + 1, kinds)
+    return Layout(begun.encoding, separator, decimal, thousands, cells, units, first + 1, kinds)
 
 
 def _days_apart(cells: Sequence[str], kinds: Sequence[Kind]) -> int:
@@ -233,8 +227,8 @@ def _is_heading(cells: Sequence[str]) -> bool:
     return timed or labelled or sum("[" in cell for cell in cells) * 2 > len(cells)
 
 
-def _no_rows(filled: Sequence[str], more: bool) -> str:
-    if len(filled) <= 1 and not more:
+def _no_rows(filled: Sequence[str], is_whole: bool) -> str:
+    if len(filled) <= 1 and is_whole:
         return "no rows after the header"
     return (
         "no rows of numbers were found; each row holds one number per column, separated by commas, semicolons, tabs or "

@@ -10,8 +10,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import islice, pairwise
-from pathlib import Path
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -19,7 +18,7 @@ import numpy as np
 from hil.record import heading as headings
 from hil.record.columns import Column, Table
 from hil.record.layout import Kind, Layout, is_row_of_units, split
-from hil.record.text_file import encoding_of, open_text
+from hil.record.text_file import Beginning
 from hil.record.tokens import decimal_and_thousands, is_blank, is_number, is_stamp
 from hil.record.vendor_formats import Known
 from hil.units import scale_and_offset
@@ -100,16 +99,14 @@ def _per_second(unit: str) -> float:
     return {"k": 1e3, "m": 1e6, "g": 1e9}.get(unit[:1].casefold(), 1.0) if len(unit) > 1 else 1.0
 
 
-def of_header_lines(path: Path) -> Known | None:
+def of_header_lines(begun: Beginning) -> Known | None:
     """The layout of a file that says more above or beside its samples than its headings do; None for any other."""
-    encoding = encoding_of(path)
-    with open_text(path, encoding) as file:
-        lines = [line.rstrip("\r\n") for line in islice(file, _LOOKED_AT)]
+    lines = begun.lines[:_LOOKED_AT]
     while lines and not lines[-1].strip():
         lines.pop()
     for mark in ",;\t" if lines else "":
         rows = [split(line.lstrip("#%"), mark) for line in lines]
-        found = _beside(encoding, mark, rows) or _above(encoding, mark, rows)
+        found = _beside(begun.encoding, mark, rows) or _above(begun.encoding, mark, rows)
         if found:
             return found
     return None

@@ -44,10 +44,7 @@ def _by_content(file: BinaryIO) -> ModuleType | None:
     """The module of a file that says by its first bytes what it is, whatever its name says."""
     start = os.pread(file.fileno(), _LONGEST_BEGINNING, 0)
     for module in formats().values():
-        pattern = getattr(module, "BEGINNING", None)
-        if pattern is not None and pattern.match(start):
-            return module
-        if any(start.startswith(beginning) for beginning in getattr(module, "BEGINNINGS", ())):
+        if hasattr(module, "BEGINNING") and re.match(module.BEGINNING, start):
             return module
     return None
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice, takewhile
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +15,10 @@ from hil.errors import FileError, UnitError
 from hil.record.columns import Column, Table
 from hil.record.heading import split as split_heading
 from hil.record.layout import Kind, Layout, split
-from hil.record.text_file import encoding_of, open_text
+from hil.record.text_file import Beginning
 from hil.record.tokens import decimal_and_thousands, is_number
 from hil.units import scale_and_offset
 
-_LOOKED_AT = 60
 _NUMBER: tuple[Kind, ...] = ("number",)
 _RIGOL = re.compile(r"^X,(?P<names>.+),Start,Increment,?\s*$")
 _RIGOL_HEAD = re.compile(r"^(?P<names>CH.+?),\s*t0\s*=\s*(?P<start>\S+?)\s*,\s*tInc\s*=\s*(?P<step>\S+?)\s*,?\s*$")
@@ -38,18 +37,16 @@ class Known:
     tables: Callable[[Sequence[Column]], list[Table]]
 
 
-def in_vendor_format(path: Path) -> Known | None:
+def in_vendor_format(begun: Beginning) -> Known | None:
     """The layout of a file of a program that is known; None for any other.
 
     Raises:
         FileError: it holds several runs, or several responses.
     """
-    encoding = encoding_of(path)
-    with open_text(path, encoding) as file:
-        lines = [line.rstrip("\r\n") for line in islice(file, _LOOKED_AT)]
+    encoding, lines = begun.encoding, begun.lines
     if len(lines) < 3:
         return None
-    return _rigol(encoding, lines) or _spice(path, encoding, lines) or _twincat(encoding, lines)
+    return _rigol(encoding, lines) or _spice(begun.path, encoding, lines) or _twincat(encoding, lines)
 
 
 def _rigol(encoding: str, lines: Sequence[str]) -> Known | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -18,16 +17,12 @@ from hil.record.extra import library
 from hil.record.gathered import gathered, parts_of, text_of, whole
 
 SUFFIXES = (".blf", ".trc")
-BEGINNING = re.compile(rb"LOGG|;\$FILEVERSION=|date \w+\.? \w+\.? \d+ \d|\(\d+\.\d+\) \w+ [0-9A-F]")
+BEGINNING = rb"LOGG|;\$FILEVERSION=|date \w+\.? \w+\.? \d+ \d|\(\d+\.\d+\) \w+ [0-9A-F]"
 KIND = "a CAN log"
+LIBRARIES = ("can", "cantools")
 _READERS = {b"LO": "BLFReader", b";": "TRCReader", b"da": "ASCReader", b"(": "CanutilsLogReader"}
 _NAMED = 3
 _Samples = dict[tuple[str, str, str], tuple[list[float], list[float]]]
-
-
-def libraries(_: bytes) -> tuple[str, ...]:
-    """What reads a file, whatever it begins with."""
-    return ("can", "cantools")
 
 
 def files_of(path: Path, file: BinaryIO) -> BinaryIO:

@@ -16,13 +16,9 @@ from hil.record.gathered import gathered, parts_of, text_of, whole
 
 SUFFIXES = (".cfg", ".cff")
 KIND = "COMTRADE"
+LIBRARIES = ("comtrade",)
 CHANNELS = re.compile(rb"[^\n]*\n\s*\d+\s*,\s*\d+\s*A\s*,\s*\d+\s*D", re.IGNORECASE)
 """How a `.cfg` begins: the station, then so many channels, analogue and digital."""
-
-
-def libraries(_: bytes) -> tuple[str, ...]:
-    """What reads a file, whatever it begins with."""
-    return ("comtrade",)
 
 
 def files_of(path: Path, file: BinaryIO) -> BinaryIO:

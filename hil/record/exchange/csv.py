@@ -26,7 +26,7 @@ from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.resampled import resampled
 from hil.record.response_table import ResponseTable
-from hil.record.text_file import open_text
+from hil.record.text_file import beginning_of, open_text
 from hil.record.text_rows import columns, place
 from hil.record.vendor_formats import in_vendor_format
 
@@ -46,8 +46,9 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
         FileError: names the file, the line and the column, what was found there, and what helps.
     """
     try:
-        known = None if reading.columns else in_vendor_format(path) or of_header_lines(path)
-        found = layout(path, named=bool(reading.columns)) if known is None else known.layout
+        begun = beginning_of(path)
+        known = None if reading.columns else in_vendor_format(begun) or of_header_lines(begun)
+        found = layout(begun, named=bool(reading.columns)) if known is None else known.layout
         read_columns, note, found = columns(path, found, reading)
         note = "; ".join(filter(None, (note, _illegible(found, reading))))
         tables = [Table(path.stem, read_columns)] if known is None else known.tables(read_columns)

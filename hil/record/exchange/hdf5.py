@@ -24,15 +24,11 @@ from hil.record.resampled import resampled
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")
 KIND = "HDF5"
-BEGINNINGS = (b"\x89HDF\r\n\x1a\n",)
+LIBRARIES = ("h5py",)
+BEGINNING = rb"\x89HDF\r\n\x1a\n|MATLAB 7\.3"  # version 7.3 of a MAT file is HDF5 behind 512 bytes
 _MATLAB_INSIDES = ("#refs#", "#subsystem#")
 _FILLED, _PACKED = ("_FillValue", "missing_value"), ("scale_factor", "add_offset")  # of NetCDF's conventions
 _UNIT_KEYS = ("unit", "units", "Unit", "Units", "unit_string")
-
-
-def libraries(_: bytes) -> tuple[str, ...]:
-    """What reads a file, whatever it begins with."""
-    return ("h5py",)
 
 
 def contents(path: Path, file: BinaryIO) -> Contents:

@@ -22,7 +22,7 @@ from hil.record.text_file import encoding_of, open_text
 from hil.record.tokens import stamps
 
 SUFFIXES = (".lvm",)
-BEGINNINGS = (b"LabVIEW Measurement",)
+BEGINNING = rb"LabVIEW Measurement"
 OR_TEXT = True
 _REMARK, _TIME = "Comment", "X_Value"
 

@@ -16,37 +16,24 @@ import numpy as np
 from hil.errors import FileError
 from hil.record.about import about, parse_about
 from hil.record.columns import Column, Contents, Table, by_length, even_table, from_matrix
-from hil.record.exchange import hdf5
 from hil.record.recording import Recording
 from hil.record.resampled import resampled
 
 SUFFIXES = (".mat",)
 KIND = "MAT"
-BEGINNINGS = (b"MATLAB 5.0", b"MATLAB 7.3")
-_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+LIBRARIES = ("scipy.io",)
+BEGINNING = rb"MATLAB 5\.0"
 _INDEX, _ABOUT = "channels", "valve_hil"
 _FIELDS = ("variable", "name", "unit")
 _MOST_BYTES = 1 << 31
 _LONGEST_NAME = 63
 
 
-def libraries(start: bytes) -> tuple[str, ...]:
-    """What reads a file that begins so."""
-    return ("scipy.io", *(hdf5.libraries(start) if _HDF5_SIGNATURE in start else ()))
-
-
 def contents(path: Path, file: BinaryIO) -> Contents:
-    """The tables of an open file.
-
-    Raises:
-        FileError: not a MAT file, or of version 7.3 and refused as HDF5 (see `hdf5.contents`).
-    """
+    """The tables of an open file; one of version 7.3 is read as HDF5, by its first bytes."""
     from scipy.io import loadmat
 
-    try:
-        content = loadmat(file, simplify_cells=True)  # type: ignore[arg-type]  # an open file is taken too
-    except NotImplementedError:
-        return hdf5.contents(path, file)
+    content = loadmat(file, simplify_cells=True)  # type: ignore[arg-type]  # an open file is taken too
     meta, channels = parse_about(content.pop(_ABOUT, None))
     known = _index(content)
     signals = {key: value for key, value in content.items() if not key.startswith("__") and key != _INDEX * bool(known)}

@@ -21,17 +21,13 @@ from hil.record.resampled import resampled
 
 SUFFIXES = (".mf4", ".mdf")
 KIND = "MDF"
-BEGINNINGS = (b"MDF     ", b"UnFinMF ")
+LIBRARIES = ("asammdf",)
+BEGINNING = rb"MDF     |UnFinMF "
 _ATTACHMENT = f"{KEY}.json"
 _FINISHED, _UNFINISHED = b"MDF     ", b"UnFinMF "
 _MASTERS = (2, 3)  # channel types "master" and "virtual master"
 _EMBEDDED = 1  # flag of an attachment
 _NO_TIME = (2, 3, 4)  # synchronised over angle, distance or index
-
-
-def libraries(_: bytes) -> tuple[str, ...]:
-    """What reads a file, whatever it begins with."""
-    return ("asammdf",)
 
 
 def contents(path: Path, file: BinaryIO) -> Contents:

@@ -16,13 +16,9 @@ from hil.untrusted import most_unpacked, unpacked_allowed
 
 SUFFIXES = (".parquet", ".pq")
 KIND = "Parquet"
-BEGINNINGS = (b"PAR1",)
+LIBRARIES = ("pyarrow.parquet",)
+BEGINNING = rb"PAR1"
 _VALUE_BYTES = 8
-
-
-def libraries(_: bytes) -> tuple[str, ...]:
-    """What reads a file, whatever it begins with."""
-    return ("pyarrow.parquet",)
 
 
 def contents(path: Path, file: BinaryIO) -> Contents:

@@ -23,12 +23,8 @@ from hil.record.tokens import is_number
 
 SUFFIXES = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 KIND = "a spreadsheet"
+LIBRARIES = ("python_calamine",)
 OR_TEXT = True
-
-
-def libraries(_: bytes) -> tuple[str, ...]:
-    """What reads a file, whatever it begins with."""
-    return ("python_calamine",)
 
 
 def contents(path: Path, file: BinaryIO) -> Contents:

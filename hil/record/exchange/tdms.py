@@ -20,15 +20,11 @@ from hil.record.resampled import resampled
 
 SUFFIXES = (".tdms",)
 KIND = "TDMS"
-BEGINNINGS = (b"TDSm",)
+LIBRARIES = ("nptdms",)
+BEGINNING = rb"TDSm"
 _UNIT_KEYS = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 _GROUP = "recording"
 _NOT_SET = np.datetime64("1904-01-02")
-
-
-def libraries(_: bytes) -> tuple[str, ...]:
-    """What reads a file, whatever it begins with."""
-    return ("nptdms",)
 
 
 def contents(path: Path, file: BinaryIO) -> Contents:

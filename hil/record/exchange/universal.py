@@ -17,13 +17,9 @@ from hil.record.extra import library
 
 SUFFIXES = (".uff", ".unv", ".uf")
 KIND = "a universal file"
+LIBRARIES = ("pyuff.pyuff",)
 _FUNCTIONS, _FREQUENCY, _DIRECTIONS = 58, 18, {0: "", 1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
 _NAMELESS = ("", "NONE")
-
-
-def libraries(_: bytes) -> tuple[str, ...]:
-    """What reads a file, whatever it begins with."""
-    return ("pyuff.pyuff",)
 
 
 def contents(path: Path, file: BinaryIO) -> Contents:

@@ -15,11 +15,7 @@ from hil.record.extra import library
 
 SUFFIXES = (".wav",)
 KIND = "WAV"
-
-
-def libraries(_: bytes) -> tuple[str, ...]:
-    """What reads a file, whatever it begins with."""
-    return ("scipy.io.wavfile",)
+LIBRARIES = ("scipy.io.wavfile",)
 
 
 def contents(path: Path, file: BinaryIO) -> Contents:
