@@ -16,7 +16,7 @@ from hil.record.measurement import RESULTS_FILE, Measured, Verdict
 from hil.record.moment import Moment
 from hil.record.population_comparison import PopulationComparison
 from hil.record.previous_run import PreviousRunComparison
-from hil.record.show import dataset, figure_by_unit, needed, table_html
+from hil.record.show import dataset, figure_by_unit, table_html
 from hil.untrusted import read_untrusted_json
 
 SCHEMA: Literal["hil.results/1"] = "hil.results/1"
@@ -52,9 +52,11 @@ class Curve(_Strict):
         return tuple(row[names.index(name)] for row in self.rows)
 
     def to_pandas(self) -> Any:
-        """A pandas DataFrame with columns `name [unit]`. Raises `InputError` without pandas."""
+        """A pandas DataFrame with columns `name [unit]`."""
+        import pandas as pd
+
         heads = [f"{column.name} [{column.unit}]" for column in self.columns]
-        return needed("pandas", "to_pandas").DataFrame(list(self.rows), columns=heads)
+        return pd.DataFrame(list(self.rows), columns=heads)
 
     def to_xarray(self) -> Any:
         """An xarray Dataset over the first column, units as attributes. Raises `InputError` without xarray."""
@@ -172,9 +174,10 @@ class Results(_Strict):
         return table_html(("quantity", "value", "unit", "limits", "verdict"), rows, caption)
 
     def to_pandas(self) -> Any:
-        """The values as a pandas DataFrame, indexed by name. Raises `InputError` without pandas."""
-        rows = [asdict(value) for value in self.values]
-        return needed("pandas", "to_pandas").DataFrame(rows).set_index("name")
+        """The values as a pandas DataFrame, indexed by name."""
+        import pandas as pd
+
+        return pd.DataFrame([asdict(value) for value in self.values]).set_index("name")
 
     def plot(self, name: str = "") -> Any:
         """A matplotlib figure of one curve, the first when none is named. Raises `KeyError` where there is none."""

@@ -19,7 +19,7 @@ from hil.physics.compose import kernel, plant
 from hil.physics.plant import Plant
 from hil.physics.simulate import ActiveEffect
 from hil.record.plain import plain
-from hil.record.show import needed, table_html
+from hil.record.show import table_html
 from hil.record.simulated import SIMULATED, marked
 from hil.untrusted import parse_json, read_small
 from hil.version import PROGRAM, made_by
@@ -135,12 +135,13 @@ class Model:
 
     def to_pandas(self) -> Any:
         """Every parameter with its standard uncertainty and unit as a pandas DataFrame, indexed by name."""
+        import pandas as pd
+
         named = dict(self.parameters)
         for effect in self.effects:
             named |= {f"{effect.name}.{name}": value for name, value in effect.parameters.items()}
         rows = {name: (v.value, v.std, v.unit) for name, v in named.items()}
-        frame = needed("pandas", "to_pandas").DataFrame
-        return frame.from_dict(rows, orient="index", columns=["value", "std", "unit"])
+        return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "std", "unit"])
 
     def as_dict(self) -> dict[str, Any]:
         """What its file holds, as JSON values."""

@@ -6,7 +6,7 @@ a stated unit get 1 and are named in `meta["units_missing"]`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,13 +14,13 @@ import numpy as np
 
 from hil.errors import FileError, UnitError, option
 from hil.language.note import Note
-from hil.record.columns import Column, Table
+from hil.record.columns import Column, Table, by_length
 from hil.record.heading import is_time, plain_name
 from hil.record.long_format import split_by_channel
-from hil.record.missing_values import is_even, missing_values
+from hil.record.missing_values import Place, is_even, missing_values
 from hil.record.named import even_note, named
 from hil.record.reading import AS_IT_IS, Reading
-from hil.record.recording import Array, Channel, Recording, Samples, check
+from hil.record.recording import Array, Channel, Recording, Samples, check, sample
 from hil.record.response_table import (
     ResponseTable,
     are_responses,
@@ -42,7 +42,7 @@ def assemble(
     tables: Sequence[Table],
     meta: Mapping[str, Any] | None = None,
     reading: Reading = AS_IT_IS,
-    place: Callable[[int], str] | None = None,
+    place: Place = sample,
 ) -> Recording | ResponseTable:
     """One recording from tables; a frequency response where they hold one.
 
@@ -63,7 +63,7 @@ def assemble(
     """
     _refuse_frames(name, tables)
     by_channel, taken_apart = split_by_channel(tables)
-    read, place = _oldest_first(named(name, by_channel, reading), reading, None if taken_apart else place)
+    read, place = _oldest_first(named(name, by_channel, reading), reading, sample if taken_apart else place)
     if are_responses(read) and not reading.time and not reading.interval_s:
         return response_table(name, read, meta)
     timed = [one for one in _timed(name, read, reading) if len(one.time_s)]
@@ -105,7 +105,7 @@ def assemble(
     if assumed:
         file_meta["assumed"] = [*file_meta.get("assumed", ()), *assumed]
     found = Recording(name, time_s, channels, file_meta, own)
-    check(found, place=place if place and len(time_s) == len(timed[0].time_s) else _sample)
+    check(found, place=place if len(time_s) == len(timed[0].time_s) else sample)
     return found
 
 
@@ -120,9 +120,7 @@ def _refuse_frames(name: str, tables: Sequence[Table]) -> None:
             )
 
 
-def _oldest_first(
-    tables: Sequence[Table], reading: Reading, place: Callable[[int], str] | None
-) -> tuple[Sequence[Table], Callable[[int], str] | None]:
+def _oldest_first(tables: Sequence[Table], reading: Reading, place: Place) -> tuple[Sequence[Table], Place]:
     """A single table whose rows stand from the newest to the oldest, as some historians write, turned round."""
     if len(tables) != 1 or reading.interval_s:
         return tables, place
@@ -133,7 +131,7 @@ def _oldest_first(
     last = len(clock.values) - 1
     notes = "; ".join(filter(None, (table.assumed, "the rows stand from the newest to the oldest; turned round")))
     turned = [replace(c, values=c.values[::-1]) if len(c.values) == last + 1 else c for c in table.columns]
-    return [replace(table, columns=turned, assumed=notes)], None if place is None else lambda row: place(last - row)
+    return [replace(table, columns=turned, assumed=notes)], lambda row: place(last - row)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -210,22 +208,20 @@ def _pieces(name: str, table: Table, reading: Reading, origins: Mapping[str, Any
     notes = (table.assumed,) if table.assumed else ()
     clocks = [] if table.time_s is not None and not reading.time else _clocks(table, reading)
     if reading.interval_s:
-        signals = [column for column in table.columns if column not in clocks and not column.is_dated]
-        yield from _even(table, signals, reading.interval_s)
+        signals = [c for c in table.columns if c not in clocks and not (c.is_dated or c.counts_rows)]
+        for columns in by_length(signals):
+            time_s = reading.interval_s * np.arange(len(columns[0].values), dtype=np.float64)
+            yield table.name, time_s, columns, (even_note(reading.interval_s),)
         return
     if not clocks:
-        counter = next((c for c in table.columns if c.counts_rows), None) if table.time_s is None else None
-        if (
-            counter is not None
-            and counter is table.columns[0]
-            and counter.heading.strip().casefold().startswith("sampl")
-        ):
-            time_s = counter.values.astype(np.float64) - float(counter.values[0])
+        counter = next((c for c in table.columns[:1] if c.counts_rows and table.time_s is None), None)
+        if counter is not None and counter.heading.strip().casefold().startswith("sampl"):
             asked = option("interval", "S")
             note = Note("sample number; 1 s per sample assumed, {option} says otherwise", option=asked)
+            time_s = counter.values.astype(np.float64) - float(counter.values[0])
             yield table.name, time_s, table.columns[1:], (*notes, note)
-            return
-        yield table.name, table.time_s, table.columns, notes
+        else:
+            yield table.name, table.time_s, table.columns, notes
         return
     columns = [c for c in table.columns if c in clocks or not c.counts_rows]
     if len(columns) < len(table.columns):
@@ -238,14 +234,6 @@ def _pieces(name: str, table: Table, reading: Reading, origins: Mapping[str, Any
         _refuse_contradiction(name, clock, time_s, table.columns, reading)
         kept = [column for column in others if len(column.values) == len(time_s) or column.is_number]
         yield table.name, time_s, kept, (*notes, assumed) if assumed else notes
-
-
-def _even(table: Table, signals: Sequence[Column], interval_s: float) -> Iterator[_Piece]:
-    lengths = dict.fromkeys(len(column.values) for column in signals)
-    for length in lengths:
-        columns = [c for c in signals if len(c.values) == length and not c.counts_rows]
-        time_s = interval_s * np.arange(length, dtype=np.float64)
-        yield table.name, time_s, columns, (even_note(interval_s),)
 
 
 def _clocks(table: Table, reading: Reading) -> list[Column]:
@@ -325,14 +313,12 @@ def _refuse_contradiction(name: str, clock: Column, time_s: Array, columns: Sequ
             )
 
 
-def _without_blanks(
-    name: str, timed: Sequence[_Timed], place: Callable[[int], str] | None, gaps: bool
-) -> tuple[list[_Taken], list[str]]:
+def _without_blanks(name: str, timed: Sequence[_Timed], place: Place, gaps: bool) -> tuple[list[_Taken], list[str]]:
     taken, notes, empty = [], [], []
     for one in timed:
         for column in one.signals:
             values = np.ascontiguousarray(column.values, dtype=np.float64)
-            missing, words = missing_values(name, column, values, one.time_s, place or _sample, gaps)
+            missing, words = missing_values(name, column, values, one.time_s, place, gaps)
             kept = ~missing
             if not kept.any():
                 empty.append(column.heading)
@@ -372,15 +358,10 @@ def _without_brief(base: _Taken, taken: Sequence[_Taken]) -> tuple[list[_Taken],
     return [one for one in taken if one not in brief], notes
 
 
-def _check_stamps(name: str, one: _Taken, place: Callable[[int], str] | None) -> None:
-    plain = Recording(name, one.time_s, {"value": Channel(one.column.heading, "1", one.values)})
+def _check_stamps(name: str, one: _Taken, place: Place) -> None:
     label, unit = one.column.name_and_unit
-    plain = replace(plain, channels={label: Channel(label, unit or "1", one.values)} if label != "time" else {})
-    check(plain, place=place or _sample)
-
-
-def _sample(index: int) -> str:
-    return f"sample {index}"
+    channels = {} if label == "time" else {label: Channel(label, unit or "1", one.values)}
+    check(Recording(name, one.time_s, channels), place=place)
 
 
 def _interval_s(time_s: Array) -> float:

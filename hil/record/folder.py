@@ -20,8 +20,7 @@ from hil.record.parts import parts_of
 from hil.record.plain import plain
 from hil.record.recording import Array, Channel, Recording, check
 from hil.record.run_writer import RunWriter
-from hil.record.samples import ROWS_FILE, VALUE_BYTES, Mark, last_mark
-from hil.record.verify import last_good, scan
+from hil.record.samples import ROWS_FILE, VALUE_BYTES, Mark, last_good, last_mark, scan
 from hil.untrusted import ANY_SIZE, open_untrusted
 
 __all__ = ["RunWriter", "read", "write"]

@@ -26,10 +26,10 @@ _TURNS = 1.0 / 3.0  # of readings at rest are turning points where they are nois
 def frozen_channels(recording: Recording) -> tuple[Note, ...]:
     """A sentence for each time that a channel stood frozen: within a standing command, or across a change of it."""
     outputs = {*recording.meta.get("outputs", ()), recording.meta.get("roles", {}).get("command")}
-    others = set((recording.meta.get("sampling", {}).get("delay_channels") or {}).values())
     driven = [recording.channels[name].values for name in outputs if name in recording.channels]
     at_rest = np.logical_and.reduce([np.diff(values) == 0.0 for values in driven]) if driven else np.zeros(0, bool)
-    read = [name for name in recording.channels if name not in outputs | others] if at_rest.any() else []
+    others = outputs.union(recording.delay_channels.values())
+    read = [name for name in recording.channels if name not in others] if at_rest.any() else []
     return tuple(
         _sentence(recording, name, first, stop)
         for name in read

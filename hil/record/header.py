@@ -20,7 +20,7 @@ from hil.untrusted import ANY_SIZE, open_untrusted, read_untrusted_json
 from hil.version import PROGRAM, is_newer, made_by
 
 HEADER_FILE, END_FILE = "run.json", "end.json"
-_FORMAT, _END_FORMAT, _VERSION = "hil-run", "hil-run-end", 1
+_VERSION = 1
 _KEPT_BYTES, _MOST_BYTES = 16384, 1 << 22  # of one file: every page and every list reads them
 _SAMPLES = ("samples.f8", "samples.log")
 _FIGURES, _WORDS = ("slope", "offset", "uncertainty", "lag_s"), ("date", "due", "source", "unit", "raw_unit")
@@ -203,13 +203,13 @@ def read_header(folder: Path) -> Header:
     Raises:
         FileError: there is none, or it is not what this program writes; names the field.
     """
-    return read_stated(folder / HEADER_FILE, Header, _FORMAT)
+    return read_stated(folder / HEADER_FILE, Header)
 
 
 def read_end(folder: Path) -> End | None:
     """How the run ended; None while it is being written, and when its program was killed."""
     path = folder / END_FILE
-    return read_stated(path, End, _END_FORMAT) if path.exists() else None
+    return read_stated(path, End) if path.exists() else None
 
 
 def meta_of(folder: Path) -> dict[str, Any]:
@@ -256,7 +256,7 @@ def sha256_of(path: Path) -> str:
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
-def read_stated(path: Path, model: type[_Model], name: str) -> _Model:
+def read_stated(path: Path, model: type[_Model]) -> _Model:
     """A file in which a run folder says something about itself.
 
     Raises:
@@ -268,6 +268,7 @@ def read_stated(path: Path, model: type[_Model], name: str) -> _Model:
         content = read_untrusted_json(path.parent, path.name, _MOST_BYTES)
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror}; a run folder needs it") from None
+    name = model.model_fields["format"].default
     if not isinstance(content, dict) or content.get("format") != name:
         raise FileError(f"{path}: field 'format' must be '{name}'; this is not a run folder of this program")
     if content.get("version") != _VERSION:

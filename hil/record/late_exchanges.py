@@ -6,7 +6,6 @@ part of the delay that estimators know. What it took beyond that may lie before 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -53,8 +52,6 @@ def with_supposed_times(recording: Recording, measured: Literal["early", "late"]
 
 def _off_s(recording: Recording) -> dict[str, Array]:
     """By channel of delays: how far from its stamp each reading may have been taken, beyond the usual."""
-    sampling = recording.meta.get("sampling")
-    channels = sampling.get("delay_channels") if isinstance(sampling, Mapping) else None
-    delays = {name: recording.values(name, "s") for name in dict.fromkeys((channels or {}).values())
+    delays = {name: recording.values(name, "s") for name in dict.fromkeys(recording.delay_channels.values())
               if name in recording.channels}  # fmt: skip
     return {name: np.maximum(delay_s - np.median(delay_s), 0.0) for name, delay_s in delays.items()}

@@ -106,7 +106,7 @@ class Recording:
         return figure_by_unit([(c.name, c.unit, c.values[shown]) for c in chosen], "time [s]", self.time_s[shown])
 
     def to_pandas(self) -> Any:
-        """A pandas DataFrame: columns `name [unit]`, indexed by `time [s]`. Raises `InputError` without pandas."""
+        """A pandas DataFrame: columns `name [unit]`, indexed by `time [s]`."""
         return data_frame({c.heading: c.values for c in self.channels.values()}, "time [s]", self.time_s)
 
     def to_xarray(self) -> Any:
@@ -176,12 +176,16 @@ class Recording:
 
         Over a link every sample has a delay of its own, recorded beside it (`meta["sampling"]["delay_channels"]`).
         """
-        sampling = self.meta.get("sampling")
-        delays = sampling.get("delay_channels") if isinstance(sampling, Mapping) else None
-        delay = (delays or {}).get(self.channel(name).name)
+        delay = self.delay_channels.get(self.channel(name).name)
         if delay is None or delay not in self.channels:
             return self.time_s
         return self.time_s + self.values(delay, "s")
+
+    @property
+    def delay_channels(self) -> Mapping[str, str]:
+        """By channel that was asked over a link, the one with the delay of each of its samples."""
+        sampling = self.meta.get("sampling")
+        return (sampling.get("delay_channels") if isinstance(sampling, Mapping) else None) or {}
 
     def part(self, start_s: float, stop_s: float) -> Recording:
         """The samples with start_s ≤ time < stop_s, stamps unchanged."""
@@ -240,11 +244,12 @@ def recording(
     return made
 
 
-def _sample(index: int) -> str:
+def sample(index: int) -> str:
+    """Where a sample stands, in a file that has no lines."""
     return f"sample {index}"
 
 
-def check(recording: Recording, *, place: Callable[[int], str] = _sample, measured: bool = True) -> None:
+def check(recording: Recording, *, place: Callable[[int], str] = sample, measured: bool = True) -> None:
     """Raise `FileError` unless the recording is finite, of one length, and its time increases.
 
     Args:

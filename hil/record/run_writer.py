@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+import os
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
@@ -12,15 +14,14 @@ from typing import Any, Self
 
 import numpy as np
 
-from hil.errors import StorageError
-from hil.record.durable import Syncer
+from hil.errors import FileError, StorageError
+from hil.record.durable import Syncer, sync_file, sync_folder
 from hil.record.events import EVENTS_FILE, EventsWriter
-from hil.record.header import HEADER_FILE, Column, End, Header, new_header, open_end, sha256_of, write_end
-from hil.record.new_folder import make_folder
+from hil.record.header import HEADER_FILE, Column, End, Header, new_header, open_end, sha256_of, write_end, write_header
 from hil.record.parts import PLACE, STARTED, STOPPED, as_events
 from hil.record.plain import plain
 from hil.record.recording import Array, Recording
-from hil.record.samples import RowsWriter
+from hil.record.samples import JOURNAL_FILE, ROWS_FILE, RowsWriter
 from hil.record.thinned import Thinning
 
 _CHUNK_ROWS = 1 << 12  # are lost at most when a disk is full
@@ -37,7 +38,7 @@ class RunWriter:
     """
 
     def __init__(self, path: Path, header: Header) -> None:
-        make_folder(path, header)
+        _make_folder(path, header)
         self.path = path
         self.header = header
         self._names = tuple(column.name for column in header.samples.columns)
@@ -236,7 +237,7 @@ class RunWriter:
         self._now("the run folder was deleted, and made again", {"samples": self.rows})
         if self.path.exists():
             self.path = self.path.with_name(f"{self.path.name}-restored")
-        make_folder(self.path, self.header)
+        _make_folder(self.path, self.header)
         self._rows.copy_to(self.path)
         self._events.copy_to(self.path)
         self._end_room.close()
@@ -269,3 +270,29 @@ class RunWriter:
 
     def _kept(self) -> str:
         return f"{self.rows} samples up to {self.last_s or 0.0:g} s are kept"
+
+
+def _make_folder(path: Path, header: Header) -> None:
+    """Make a run folder with all its files; it appears whole or not at all.
+
+    Raises:
+        FileError: there is something of that name already.
+        StorageError: it cannot be made.
+    """
+    if path.exists():
+        raise FileError(f"{path}: exists already; a run is never written over another, choose another folder")
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        part.mkdir(parents=True)
+        write_header(part, header)
+        for name in (ROWS_FILE, JOURNAL_FILE, EVENTS_FILE):
+            (part / name).touch()
+        for file in part.iterdir():
+            with file.open("r+b") as opened:
+                sync_file(opened.fileno())
+        sync_folder(part)
+        part.rename(path)
+        sync_folder(path.parent)
+    except OSError as error:
+        shutil.rmtree(part, ignore_errors=True)
+        raise StorageError(f"{path}: the run folder cannot be made: {error.strerror}") from error

@@ -23,7 +23,6 @@ from hil.record.samples import ROWS_FILE
 from hil.version import PROGRAM
 
 SEAL_FILE = "seal.json"
-_FORMAT = "hil-run-seal"
 # What other programs are told while a run goes on, and the seal itself.
 _NEVER = (SEAL_FILE, "control.json", "progress.json", "watchdog-so-far.json")
 
@@ -76,7 +75,7 @@ def read_seal(folder: Path) -> Seal | None:
         FileError: it is not what this program writes, or seals what lies outside the folder.
     """
     path = folder / SEAL_FILE
-    seal = read_stated(path, Seal, _FORMAT) if path.exists() else None
+    seal = read_stated(path, Seal) if path.exists() else None
     for name in () if seal is None else seal.sha256:
         if PurePosixPath(name).is_absolute() or not name or ".." in name.split("/"):
             raise FileError(f"{path}: seals '{name}', which is no file of the run folder")

@@ -7,6 +7,7 @@ from html import escape
 from typing import Any
 
 from hil.errors import InputError
+from hil.extras import lacking
 
 
 def table_html(heads: Sequence[str], rows: Sequence[Sequence[str]], caption: str) -> str:
@@ -33,27 +34,18 @@ def figure_by_unit(lines: Sequence[tuple[str, str, Any]], heading: str, across: 
 
 
 def data_frame(columns: Mapping[str, Any], heading: str, over: Any) -> Any:
-    """A pandas DataFrame, indexed by what the heading says. Raises `InputError` without pandas."""
-    pandas = needed("pandas", "to_pandas")
-    return pandas.DataFrame(columns, index=pandas.Index(over, name=heading))
+    """A pandas DataFrame, indexed by what the heading says."""
+    import pandas as pd
+
+    return pd.DataFrame(columns, index=pd.Index(over, name=heading))
 
 
 def dataset(variables: Mapping[str, tuple[Any, str]], over: tuple[str, Any, str], name: str) -> Any:
     """An xarray Dataset of variables (values, unit) over a coordinate. Raises `InputError` without xarray."""
+    try:
+        import xarray
+    except ModuleNotFoundError as error:
+        raise InputError(f"to_xarray needs {lacking('xarray')}") from error
     coordinate, at, unit = over
     made = {key: (coordinate, values, {"units": of}) for key, (values, of) in variables.items()}
-    return needed("xarray", "to_xarray").Dataset(made, {coordinate: (coordinate, at, {"units": unit})}, {"name": name})
-
-
-def needed(package: str, what: str) -> Any:
-    """A package that this program does without otherwise.
-
-    Raises:
-        InputError: it is not installed.
-    """
-    import importlib
-
-    try:
-        return importlib.import_module(package)
-    except ModuleNotFoundError as error:
-        raise InputError(f"{what} needs {package}: pip install {package}") from error
+    return xarray.Dataset(made, {coordinate: (coordinate, at, {"units": unit})}, {"name": name})

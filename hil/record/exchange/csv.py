@@ -23,7 +23,7 @@ from hil.record.guessed_layout import layout
 from hil.record.header_metadata import of_header_lines
 from hil.record.layout import Layout
 from hil.record.reading import AS_IT_IS, Reading
-from hil.record.recording import Recording
+from hil.record.recording import Recording, sample
 from hil.record.resampled import resampled
 from hil.record.response_table import ResponseTable
 from hil.record.text_file import beginning_of, open_text
@@ -53,7 +53,7 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
         note = "; ".join(filter(None, (note, _illegible(found, reading))))
         tables = [Table(path.stem, read_columns)] if known is None else known.tables(read_columns)
         tables = [replace(one, assumed="; ".join(filter(None, (one.assumed, note)))) for one in tables]
-        return assemble(str(path), tables, None, reading, partial(place, path, found) if len(tables) == 1 else None)
+        return assemble(str(path), tables, None, reading, partial(place, path, found) if len(tables) == 1 else sample)
     except (OSError, EOFError, UnicodeError, csv.Error) as error:
         raise FileError(f"{path}: cannot be read as CSV: {error}") from error
 
