@@ -14,7 +14,7 @@ from sqlalchemy import Connection, Select, Table, delete, false, insert, select
 from hil.archive.database import DamagedIndexError, is_refusal, opened, refused_by
 from hil.archive.entry import Entry, entry_of, run_folders, this_host
 from hil.archive.place import INDEX_FILE, Place
-from hil.archive.tables import CALIBRATION, OF_CALIBRATION, RUN, VALUE
+from hil.archive.tables import CALIBRATION, OF_CALIBRATION, OF_RUN, OF_VALUE, RUN, VALUE
 from hil.errors import ArchiveError, FileError
 from hil.record.measurement import Measured
 
@@ -97,10 +97,10 @@ def find_runs(place: Place, search: Search, *, values: bool = False) -> list[Ent
     with opened(place, make=False) as engine, engine.connect() as index:
         wanted = _asked(search)
         of_runs = _values_of(index, wanted) if values else {}
-        asked = wanted.with_only_columns(*RUN.c["id", "folder", *_OF_RUN])
+        asked = wanted.with_only_columns(*RUN.c["id", "folder", *OF_RUN])
         found = index.execute(asked.order_by(RUN.c.started_utc, RUN.c.id))
         return [
-            Entry(folder=Path(folder), values=tuple(of_runs.get(key, ())), **dict(zip(_OF_RUN, columns, strict=True)))
+            Entry(folder=Path(folder), values=tuple(of_runs.get(key, ())), **dict(zip(OF_RUN, columns, strict=True)))
             for key, folder, *columns in found
         ]
 
@@ -108,10 +108,10 @@ def find_runs(place: Place, search: Search, *, values: bool = False) -> list[Ent
 def _values_of(index: Connection, wanted: Select[Any]) -> dict[int, list[Measured]]:
     """Measured values of the runs that are wanted, by the run's number."""
     runs = wanted.with_only_columns(RUN.c.id).scalar_subquery()
-    asked = select(*VALUE.c["run_id", *_OF_VALUE]).where(VALUE.c.run_id.in_(runs)).order_by(VALUE.c.id)
+    asked = select(*VALUE.c["run_id", *OF_VALUE]).where(VALUE.c.run_id.in_(runs)).order_by(VALUE.c.id)
     found: dict[int, list[Measured]] = {}
     for run, *fields in index.execute(asked):
-        found.setdefault(run, []).append(Measured(**dict(zip(_OF_VALUE, fields, strict=True))))
+        found.setdefault(run, []).append(Measured(**dict(zip(OF_VALUE, fields, strict=True))))
     return found
 
 
@@ -216,10 +216,10 @@ def _asked(search: Search) -> Select[Any]:
 
 def _insert(index: Connection, entries: Sequence[Entry]) -> None:
     """Entries with the rows that belong to each."""
-    runs = [{"folder": str(entry.folder), "name": entry.folder.name, **_fields(entry, _OF_RUN)} for entry in entries]
+    runs = [{"folder": str(entry.folder), "name": entry.folder.name, **_fields(entry, OF_RUN)} for entry in entries]
     made = index.scalars(insert(RUN).returning(RUN.c.id, sort_by_parameter_order=True), runs)
     keyed = list(zip(made, entries, strict=True))
-    _insert_rows(index, VALUE, [{"run_id": key, **_fields(v, _OF_VALUE)} for key, e in keyed for v in e.values])
+    _insert_rows(index, VALUE, [{"run_id": key, **_fields(v, OF_VALUE)} for key, e in keyed for v in e.values])
     stated = [{"run_id": key, **_fields(one, OF_CALIBRATION)} for key, entry in keyed for one in entry.calibrations]
     _insert_rows(index, CALIBRATION, stated)
 
@@ -231,9 +231,3 @@ def _insert_rows(index: Connection, table: Table, rows: Sequence[dict[str, Any]]
 
 def _fields(of: object, names: Iterable[str]) -> dict[str, Any]:
     return {name: getattr(of, name) for name in names}
-
-
-_OF_RUN = (
-    "host", "serial", "operator", "procedure", "bench", "started_utc", "outcome", "verdict", "instruments", "simulated",
-)  # fmt: skip
-_OF_VALUE = ("name", "value", "std", "calibration_std", "unit", "low", "high", "relation", "verdict")

@@ -6,7 +6,6 @@ import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from sqlalchemy import Connection, func, select
 
@@ -45,27 +44,24 @@ class Instrument:
     overdue: tuple[OverdueRun, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Period:
-    """One calibration of a bench, and the runs that state it."""
-
-    bench: str
-    stated: StatedCalibration
-    runs: int
-    last_utc: dt.datetime
-
-
 def instruments(place: Place) -> tuple[list[Instrument], int]:
     """(instruments of all benches, runs that an earlier version entered without their calibrations).
 
     Raises:
         ArchiveError: the index cannot be read.
     """
+    asked = select(*RUN.c["bench", "started_utc", "folder"], *CALIBRATION.c[OF_CALIBRATION])
+    used: dict[tuple[str, ...], list[tuple[dt.datetime, Path, StatedCalibration]]] = {}
     with opened(place, make=False) as engine, engine.connect() as index:
         last = _last_runs(index)
-        found = [_instrument(index, periods, last) for periods in _by_instrument(_periods(index))]
+        for bench, started, folder, *fields in index.execute(
+            asked.join_from(RUN, CALIBRATION).order_by(RUN.c.started_utc)
+        ):
+            one = StatedCalibration(*fields)
+            key = (bench, one.channel, one.instrument, one.serial)
+            used.setdefault(key, []).append((started, Path(folder), one))
         unread = index.scalar(select(func.count()).where(RUN.c.instruments.is_(None))) or 0
-    return sorted(found, key=lambda one: (one.bench, one.calibration.channel, one.calibration.instrument)), unread
+    return [_instrument(bench, uses, last[bench]) for (bench, *_), uses in sorted(used.items())], unread
 
 
 def _last_runs(index: Connection) -> dict[str, dt.datetime]:
@@ -73,43 +69,14 @@ def _last_runs(index: Connection) -> dict[str, dt.datetime]:
     return {row[0]: row[1] for row in index.execute(asked.group_by(RUN.c.bench))}
 
 
-def _periods(index: Connection) -> list[_Period]:
-    columns = _columns()
-    asked = select(RUN.c.bench, func.count(), func.max(RUN.c.started_utc), *columns)
-    rows = index.execute(asked.join_from(RUN, CALIBRATION).group_by(RUN.c.bench, *columns))
-    return [_Period(bench, StatedCalibration(*fields), runs, last) for bench, runs, last, *fields in rows]
-
-
-def _columns() -> list[Any]:
-    return list(CALIBRATION.c[OF_CALIBRATION])
-
-
-def _by_instrument(periods: Sequence[_Period]) -> list[list[_Period]]:
-    """The periods of each instrument, the one in force last."""
-    found: dict[tuple[str, ...], list[_Period]] = {}
-    for one in sorted(periods, key=lambda one: one.last_utc):
-        stated = one.stated
-        found.setdefault((one.bench, stated.channel, stated.instrument, stated.serial), []).append(one)
-    return list(found.values())
-
-
-def _instrument(index: Connection, periods: Sequence[_Period], last: dict[str, dt.datetime]) -> Instrument:
-    now = periods[-1]
-    overdue = [run for period in periods for run in _overdue(index, period)]
-    return Instrument(
-        now.bench, now.stated, now.last_utc == last[now.bench], sum(one.runs for one in periods), now.last_utc,
-        tuple(sorted(overdue, key=lambda run: run.started_utc)),
-    )  # fmt: skip
-
-
-def _overdue(index: Connection, period: _Period) -> list[OverdueRun]:
-    due = period.stated.due
-    if due is None or due >= dt.date.max:
-        return []
-    after = dt.datetime.combine(due + dt.timedelta(days=1), dt.time(), dt.UTC)
-    if period.last_utc < after:
-        return []
-    same = [column.is_not_distinct_from(getattr(period.stated, column.key)) for column in _columns()]
-    asked = select(RUN.c.folder, RUN.c.started_utc).join_from(RUN, CALIBRATION)
-    rows = index.execute(asked.where(RUN.c.bench == period.bench, RUN.c.started_utc >= after, *same).distinct())
-    return [OverdueRun(Path(folder), started, due) for folder, started in rows]
+def _instrument(
+    bench: str, uses: Sequence[tuple[dt.datetime, Path, StatedCalibration]], last: dt.datetime
+) -> Instrument:
+    """The instrument that runs used, the oldest first; the last says which calibration is in force."""
+    used_utc, _, now = uses[-1]
+    overdue = [
+        OverdueRun(folder, started, one.due)
+        for started, folder, one in uses
+        if one.due is not None and started.astimezone(dt.UTC).date() > one.due
+    ]
+    return Instrument(bench, now, used_utc == last, len(uses), used_utc, tuple(dict.fromkeys(overdue)))

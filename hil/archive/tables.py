@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
+from typing import Any
 
 from sqlalchemy import (
     Boolean,
@@ -12,12 +14,10 @@ from sqlalchemy import (
     Dialect,
     Float,
     ForeignKey,
-    Index,
     Integer,
     MetaData,
     String,
     Table,
-    Text,
     TypeDecorator,
 )
 
@@ -38,33 +38,32 @@ class Utc(TypeDecorator[datetime]):
 
 
 TABLES = MetaData()
-
-RUN = Table(
-    "run", TABLES, Column("id", Integer, primary_key=True), Column("host", String(255)),
-    Column("folder", Text, nullable=False),
-    *(Column(name, String(255), nullable=False) for name in ("name", "serial", "operator", "procedure", "bench")),
-    Column("started_utc", Utc, nullable=False), Column("outcome", Text, nullable=False), Column("verdict", String(16)),
-    Column("instruments", String(64)), Column("simulated", Boolean), Index("run_by_start", "started_utc"),
-    *(Index(f"run_by_{name}", name, "started_utc") for name in ("serial", "procedure", "verdict")),
+OF_RUN = (
+    "host", "serial", "operator", "procedure", "bench", "started_utc", "outcome", "verdict", "instruments", "simulated",
 )  # fmt: skip
+OF_VALUE = ("name", "value", "std", "calibration_std", "unit", "low", "high", "relation", "verdict")
+OF_CALIBRATION = ("channel", "instrument", "serial", "date", "due", "reference", "uncertainty")
+_TYPES = {
+    "started_utc": Utc, "simulated": Boolean, **dict.fromkeys(("date", "due"), Date),
+    **dict.fromkeys(("value", "std", "calibration_std", "low", "high"), Float),
+}  # fmt: skip
+
+
+def _table(name: str, names: Sequence[str], *keys: Column[Any]) -> Table:
+    """A table as queries need it; sizes, rules and indices stand in the migrations."""
+    columns: list[Column[Any]] = [Column(column, _TYPES.get(column, String)) for column in names]
+    return Table(name, TABLES, Column("id", Integer, primary_key=True), *keys, *columns)
+
+
+def _of_run() -> Column[Any]:
+    return Column("run_id", ForeignKey("run.id"))
+
+
+RUN = _table("run", ("folder", "name", *OF_RUN))
 """A run folder. `host` is the computer on which it lies; None where a version entered it that did not say."""
 
-VALUE = Table(
-    "measured_value", TABLES, Column("id", Integer, primary_key=True),
-    Column("run_id", ForeignKey("run.id", ondelete="CASCADE"), nullable=False, index=True),
-    Column("name", String(255), nullable=False, index=True), Column("value", Float), Column("std", Float),
-    Column("calibration_std", Float, nullable=False), Column("unit", String(64), nullable=False), Column("low", Float),
-    Column("high", Float), Column("relation", String(1), nullable=False), Column("verdict", String(16)),
-)  # fmt: skip
+VALUE = _table("measured_value", OF_VALUE, _of_run())
 """A measured value of a run."""
 
-CALIBRATION = Table(
-    "calibration", TABLES, Column("id", Integer, primary_key=True),
-    Column("run_id", ForeignKey("run.id", ondelete="CASCADE"), nullable=False, index=True),
-    *(Column(name, Text, nullable=False) for name in ("channel", "instrument", "serial")),
-    Column("date", Date), Column("due", Date),
-    *(Column(name, Text, nullable=False) for name in ("reference", "uncertainty")),
-)  # fmt: skip
+CALIBRATION = _table("calibration", OF_CALIBRATION, _of_run())
 """A calibration that a run states."""
-
-OF_CALIBRATION = ("channel", "instrument", "serial", "date", "due", "reference", "uncertainty")
