@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from hil.findings.difference import by_name
 from hil.findings.results import Curve, FittedFunction, Results
 from hil.record.measurement import COVERAGE_FACTOR, Measured
 
@@ -40,9 +41,7 @@ def _about(kept: Results, anew: Results) -> Iterator[str]:
 
 
 def _values(kept: Sequence[Measured], anew: Sequence[Measured], words: bool) -> Iterator[str]:
-    own, found = ({value.name: value for value in values} for values in (kept, anew))
-    for name in dict.fromkeys((*own, *found)):
-        one, other = own.get(name), found.get(name)
+    for name, one, other in by_name(kept, anew):
         if one is None or other is None or not _same(one, other, words):
             yield f"{name}: {_text(one)} in the results, {_text(other)} by the samples"
 
@@ -83,9 +82,7 @@ def _edge(edge: float | None) -> str:
 
 
 def _curves(kept: Sequence[Curve], anew: Sequence[Curve]) -> Iterator[str]:
-    own, found = ({curve.name: curve for curve in curves} for curves in (kept, anew))
-    for name in dict.fromkeys((*own, *found)):
-        one, other = own.get(name), found.get(name)
+    for name, one, other in by_name(kept, anew):
         if one is None or other is None or one.columns != other.columns or not _drawn_alike(one, other):
             yield f"curve {name}: not the one that the samples give"
 
@@ -99,9 +96,7 @@ def _drawn_alike(one: Curve, other: Curve) -> bool:
 
 
 def _functions(kept: Sequence[FittedFunction], anew: Sequence[FittedFunction]) -> Iterator[str]:
-    own, found = ({one.name: one for one in functions} for functions in (kept, anew))
-    for name in dict.fromkeys((*own, *found)):
-        one, other = own.get(name), found.get(name)
+    for name, one, other in by_name(kept, anew):
         if one is None or other is None or not _fits_alike(one, other):
             yield f"transfer function {name}: not the one that the samples give"
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Literal, Protocol, TypeVar
 
 from hil.findings.results import Results
 from hil.record.measurement import Measured
@@ -46,41 +46,39 @@ def differences(first: Results, second: Results, *, one_bench: bool) -> list[Dif
         one_bench: whether the same instruments measured both; what their calibration adds is then the same in both and
             says nothing of a change.
     """
-    pairs = list(_pairs(first, second))
-    tested = [pair for pair in pairs if _std(*pair, one_bench) is not None]
-    level = ALPHA / max(1, len(tested))  # Bonferroni: one false alarm in twenty pairs of runs, not in twenty values
-    return [_difference(*pair, one_bench, level) for pair in pairs]
+    found = [_difference(a, b, one_bench) for _, a, b in by_name(first.values, second.values)]
+    level = ALPHA / max(1, sum(one.chance is not None for one in found))  # Bonferroni: one false alarm in twenty pairs
+    return [one if one.chance is None else replace(one, meaning=_meaning(one.chance, level)) for one in found]
 
 
-def _pairs(first: Results, second: Results) -> Iterator[tuple[Measured | None, Measured | None]]:
-    own, other = ({value.name: value for value in one.values} for one in (first, second))
-    for name in dict.fromkeys((*own, *other)):
-        yield own.get(name), other.get(name)
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
 
 
-def _difference(a: Measured | None, b: Measured | None, one_bench: bool, level: float) -> Difference:
+Some = TypeVar("Some", bound=_Named)
+
+
+def by_name(kept: Iterable[Some], others: Iterable[Some]) -> Iterator[tuple[str, Some | None, Some | None]]:
+    """(name, what each of two runs has of it) of all that either has; None in the run that lacks it."""
+    own, found = ({one.name: one for one in each} for each in (kept, others))
+    for name in dict.fromkeys((*own, *found)):
+        yield name, own.get(name), found.get(name)
+
+
+def _meaning(chance: float, level: float) -> Meaning:
+    return "differs" if chance < level else "within uncertainty"
+
+
+def _difference(a: Measured | None, b: Measured | None, one_bench: bool) -> Difference:
+    """A bound, a missing value and an uncertainty that is not known cannot be told."""
     named = a or b
     if named is None:
         raise ValueError("a difference is of a value that at least one run has")
-    std = _std(a, b, one_bench)
-    if a is None or b is None or std is None or a.value is None or b.value is None:
-        return Difference(named.name, named.unit, a, b, None, None, None, "cannot tell")
-    change = b.value - a.value
+    bare = Difference(named.name, named.unit, a, b, None, None, None, "cannot tell")
+    if a is None or b is None or not (a.is_known and b.is_known) or a.unit != b.unit:
+        return bare
+    std = math.hypot(*((m.repeatability if one_bench else m.std) or 0.0 for m in (a, b)))
+    change = (b.value or 0.0) - (a.value or 0.0)
     chance = math.erfc(abs(change) / std / math.sqrt(2.0)) if std > 0.0 else float(change == 0.0)
-    meaning: Meaning = "differs" if chance < level else "within uncertainty"
-    return Difference(named.name, named.unit, a, b, change, std, chance, meaning)
-
-
-def _std(a: Measured | None, b: Measured | None, one_bench: bool) -> float | None:
-    """Of the change; None where it cannot be told: a bound, a missing value, an uncertainty that is not known."""
-    if a is None or b is None or a.relation != "=" or b.relation != "=" or a.unit != b.unit:
-        return None
-    if a.value is None or b.value is None or a.std is None or b.std is None:
-        return None
-    shared = [value.calibration_std if one_bench else 0.0 for value in (a, b)]
-    own = [
-        math.sqrt(max(value.std**2 - part**2, 0.0))
-        for value, part in zip((a, b), shared, strict=True)
-        if value.std is not None
-    ]
-    return math.hypot(*own)
+    return replace(bare, change=change, std=std, chance=chance)

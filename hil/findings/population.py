@@ -80,7 +80,7 @@ def _meaning(chance: float, level: float) -> Meaning:
 def _standing(who: str, own: Sequence[Measured], others: Sequence[Measured], one_bench: bool) -> Standing:
     name, unit = own[0].name, own[0].unit
     same = [value for value in others if value.unit == unit]
-    known = [value for value in same if _is_known(value)]
+    known = [value for value in same if value.is_known]
     numbers = np.array([value.value for value in known], dtype=np.float64)
     mean = float(numbers.mean()) if len(known) > 1 else None
     std = float(numbers.std(ddof=1)) if len(known) > 1 else None
@@ -94,13 +94,9 @@ def _standing(who: str, own: Sequence[Measured], others: Sequence[Measured], one
     )
 
 
-def _is_known(value: Measured) -> bool:
-    return value.relation == "=" and value.value is not None and value.std is not None
-
-
 def _obstacles(own: Sequence[Measured], same: Sequence[Measured], known: Sequence[Measured]) -> Iterator[str]:
     """Why it cannot be told. Bounds of others are not left out: those that remain would be a selection by size."""
-    if not all(_is_known(value) for value in own):
+    if not all(value.is_known for value in own):
         yield "a bound, no value, or no uncertainty"
     if bounds := sum(value.relation != "=" for value in same):
         yield f"{bounds} of {len(same)} other units have a bound alone"

@@ -44,6 +44,11 @@ class Measured:
         return None if self.std is None else COVERAGE_FACTOR * self.std
 
     @property
+    def is_known(self) -> bool:
+        """Whether it is a number with its uncertainty, and no bound."""
+        return self.relation == "=" and self.value is not None and self.std is not None
+
+    @property
     def repeatability(self) -> float | None:
         """Standard uncertainty without the calibration: how a repeat on the same bench would scatter."""
         if self.std is None or not math.isfinite(self.std):
