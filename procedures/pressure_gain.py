@@ -42,7 +42,7 @@ _NEEDING = "a pressure gain"
 def run(
     rig: Rig,
     *,
-    reach: PositivePercent = 10.0,
+    reach: PositivePercent = 15.0,
     cycle_s: Positive = 40.0,
     warm_up_s: NotNegative = 0.0,
     full_command: Positive | None = None,
