@@ -42,7 +42,7 @@ def rows(samples: int) -> Iterator[Row]:
     psi = regressors(u, y)
     peers: list[tuple[str, Callable[[], Array], str]] = [
         ("hil run, a block at a time", lambda: in_block(u, y), "with covariance, noise and excitation"),
-        ("hil update, sample by sample", lambda: one_by_one(u, y), "the same"),
+        ("hil run, sample by sample", lambda: one_by_one(u, y), "the same"),
         ("numpy, eqs 3.13 to 3.15", lambda: by_numpy(psi, y), "no uncertainty"),
         ("padasip FilterRLS", lambda: by_padasip(psi, y), "no uncertainty"),
     ]
@@ -67,8 +67,8 @@ def in_block(u: Array, y: Array) -> Array:
 
 def one_by_one(u: Array, y: Array) -> Array:
     made = RecursiveLeastSquares(ArxForm(4, 3), MEMORY, "exponential")
-    for pair in zip(u, y, strict=True):
-        made.update(*pair)
+    for k in range(len(u)):
+        made.run(u[k : k + 1], y[k : k + 1])
     return made.parameters
 
 

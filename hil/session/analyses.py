@@ -129,7 +129,7 @@ class OnlineEstimate:
     """What recursive least squares found in a recording.
 
     Attributes:
-        estimator: after the last sample; it goes on with `update`.
+        estimator: after the last sample.
         path: parameters after each sample, shape (n, parameters).
         time_s: stamps, shape (n,).
         excitation_order: how many parameters the command can tell apart in steady state.
@@ -206,8 +206,7 @@ def estimated_online(
         raise FileError(f"{recording.name}: its stamps are uneven; recursive least squares needs one interval")
     command, output = recording.values(input_name), recording.values(output_name)
     estimator = RecursiveLeastSquares(form, memory, forgetting, prior_std)
-    path = np.empty((len(output), len(form.names)))
-    estimator.run(command, output, path)
+    path = estimator.run(command, output)
     order = excitation_order(command, len(form.names), form.difference)
     return OnlineEstimate(estimator, path, time_s, order)
 

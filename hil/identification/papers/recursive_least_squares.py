@@ -14,12 +14,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
 from hil.errors import InputError
-from hil.kernel import kernel
 from hil.record.recording import Array, Complex
 
 Forgetting = Literal["exponential", "directional"]
@@ -53,6 +52,24 @@ class ArxForm:
         """Of the parameters in their order: a1 …, b0 …."""
         return (*(f"a{i + 1}" for i in range(self.poles)), *(f"b{i}" for i in range(self.inputs)))
 
+    @property
+    def reach(self) -> int:
+        """How many samples before one its regression reaches back."""
+        return max(self.poles, self.delay + self.inputs - 1) + int(self.difference)
+
+    def regression(self, command: Array, output: Array) -> tuple[Array, Array]:
+        """ψ of every sample, shape (n, k), and what it is to make, shape (n,); both signals begin `reach` before."""
+        signals = np.array((command, output))
+        u, y = np.diff(signals) if self.difference else signals
+        first = self.reach - int(self.difference)
+
+        def late(values: Array, by: int) -> Array:
+            return values[first - by : len(values) - by]
+
+        columns = [-late(y, k + 1) for k in range(self.poles)]
+        columns += [late(u, self.delay + k) for k in range(self.inputs)]
+        return np.column_stack(columns), y[first:]
+
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
@@ -76,7 +93,7 @@ class Excitation:
 
 @dataclass(slots=True)
 class RecursiveLeastSquares:
-    """The estimator; feed it sample by sample with `update`, or a block at a time with `run`.
+    """The estimator; feed it a block of samples at a time with `run`.
 
     Args:
         form: what is estimated.
@@ -84,80 +101,91 @@ class RecursiveLeastSquares:
         forgetting: `directional` forgets only where new samples bring news, `exponential` everywhere.
         prior_std: standard deviation of each parameter before the first sample, in units of the noise's: the
             root of P(0) of eq. 3.15. One small against what the signals carry acts as a spring to the start.
-        start: parameters before the first sample, 0 when None.
+
+    Attributes:
+        parameters: the estimate, 0 before the first sample. `samples`: how many it was made of.
+        gain_matrix: P of eq. 3.15, shape (k, k).
 
     Raises:
-        InputError: λ is not in 0…1, the prior is not above 0, or the start has another length.
+        InputError: λ is not in 0…1, or the prior is not above 0.
     """
 
     form: ArxForm
     memory: float = 1.0
     forgetting: Forgetting = "directional"
     prior_std: float = 1e3
-    start: Array | None = None
     parameters: Array = field(init=False)
     samples: int = field(default=0, init=False)
-    _state: _State = field(init=False)
+    gain_matrix: Array = field(init=False)
+    _information: Array = field(init=False)
+    _covariance: Array = field(init=False)
+    _past: Array = field(init=False)
+    _noise: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        size = len(self.form.names)
         if not 0.0 < self.memory <= 1.0 or not self.prior_std > 0.0:
             raise InputError(
                 f"recursive least squares: memory {self.memory:g}, prior_std {self.prior_std:g}; memory lies in 0…1, "
                 "prior_std above 0"
             )
-        start = np.zeros(size) if self.start is None else np.array(self.start, dtype=np.float64)
-        if start.shape != (size,):
-            raise InputError(f"recursive least squares: {len(start)} start values for {', '.join(self.form.names)}")
-        self.parameters, prior = start, self.prior_std**2
-        self._state = _State(
-            prior * np.eye(size), np.eye(size) / prior, prior * np.eye(size), np.zeros(size),
-            np.zeros(self.form.delay + self.form.inputs), np.zeros(2), np.zeros(2), np.zeros((4, size)),
-        )  # fmt: skip
+        one = np.eye(len(self.form.names))
+        self.parameters, self._information = np.zeros(len(one)), one / self.prior_std**2
+        self.gain_matrix, self._covariance = self.prior_std**2 * one, self.prior_std**2 * one
+        self._past, self._noise = np.zeros((2, self.form.reach)), np.zeros(2)
 
-    def update(self, command: float, output: float) -> float:
-        """Take one sample in; returns the prediction error it met."""
-        return float(self.run(np.array([command]), np.array([output]))[0])
+    def run(self, command: Array, output: Array) -> Array:
+        """Take samples in, both of shape (n,); returns the parameters after each of them, shape (n, k)."""
+        signals = np.hstack((self._past, (command, output)))
+        self._past = signals[:, len(output) :]
+        path = np.empty((len(output), len(self.parameters)))
+        for t, (psi, now) in enumerate(zip(*self.form.regression(*signals), strict=True)):
+            self._take(psi, now)
+            path[t] = self.parameters
+        self.samples += len(output)
+        return path
 
-    def run(self, command: Array, output: Array, path: Array | None = None) -> Array:
-        """Take samples in, both of shape (n,); returns their prediction errors, shape (n,).
+    def _take(self, psi: Array, now: float) -> None:
+        """Eqs 3.13 to 3.15, and the covariance (I − Kψᵀ)S(I − Kψᵀ)ᵀ + KKᵀ that this gain K really leaves."""
+        directional = self.forgetting == "directional"
+        if directional:
+            self._forget(psi)
+        by_gain, by_covariance = self.gain_matrix @ psi, self._covariance @ psi
+        error, doubt = now - float(psi @ self.parameters), float(psi @ by_covariance)
+        forget = 1.0 if directional else self.memory
+        expected = forget + float(psi @ by_gain)
+        gain = by_gain / expected
+        # the noise's variance: an error is expected at variance·(1 + doubt), so the first ones say next to nothing
+        weight = 1.0 / (1.0 + doubt)
+        self._noise = self.memory * self._noise + (weight, (weight * error) ** 2)
+        self.parameters = self.parameters + gain * error
+        self.gain_matrix = (self.gain_matrix - np.outer(by_gain, by_gain) / expected) / forget
+        crossed = np.outer(gain, by_covariance)
+        self._covariance = self._covariance + (1.0 + doubt) * np.outer(gain, gain) - crossed - crossed.T
 
-        Args:
-            command: u.
-            output: y.
-            path: shape (n, parameters), filled with the parameters after each sample.
-        """
-        form = self.form
-        errors = np.empty(len(output))
-        _run(
-            np.asarray(command, dtype=np.float64), np.asarray(output, dtype=np.float64), form.poles, form.inputs,
-            form.delay, form.difference, self.memory, self.forgetting == "directional", self.parameters, *self._state,
-            errors,
-            np.empty((0, 0)) if path is None else path,
-        )  # fmt: skip
-        self.samples += len(errors)
-        return errors
+    def _forget(self, psi: Array) -> None:
+        """Forget what is known about the direction of a new sample, and nothing else; then it is known."""
+        told = self._information @ psi
+        if not (known := float(psi @ told)) > 0.0:
+            return
+        lost = (1.0 - self.memory) / known
+        self.gain_matrix = self.gain_matrix + lost / self.memory * np.outer(psi, psi)
+        self._information = self._information + np.outer(psi, psi) - lost * np.outer(told, told)
 
     @property
     def noise_std(self) -> float:
         """Standard deviation of e, from the prediction errors and the uncertainty at which each was met."""
-        weight, total = self._state.noise
+        weight, total = self._noise.tolist()
         return math.sqrt(total / weight) if weight > 0.0 else math.inf
-
-    @property
-    def covariance(self) -> Array:
-        """Of the parameters, shape (k, k), prior included."""
-        return self._state.covariance * self.noise_std**2
 
     @property
     def std(self) -> Array:
         """Standard uncertainties of the parameters; those of the prior, in units of noise, where nothing was told."""
-        return np.sqrt(np.maximum(np.diag(self._state.covariance), 0.0)) * self.noise_std
+        return np.sqrt(np.maximum(np.diag(self._covariance), 0.0)) * self.noise_std
 
     @property
     def excitation(self) -> Excitation:
         """What the samples have told so far."""
-        left = self._state.covariance / self.prior_std**2
+        left = self._covariance / self.prior_std**2
         informed = int(np.count_nonzero(np.linalg.eigvalsh(left) < _KNOWN**2))
         vague = np.sqrt(np.maximum(np.diag(left), 0.0)) >= _KNOWN
         unknown = tuple(name for name, open_ in zip(self.form.names, vague, strict=True) if open_)
@@ -191,99 +219,3 @@ def excitation_order(command: Array, most: int, difference: bool = False) -> int
     lags = np.lib.stride_tricks.sliding_window_view(values, most)
     power = np.linalg.eigvalsh(lags.T @ lags / len(lags))
     return int(np.count_nonzero(power > _EXCITED * power[-1])) if power[-1] > 0.0 else 0
-
-
-class _State(NamedTuple):
-    """What the estimator carries from sample to sample besides its parameters; arrays are changed in place."""
-
-    gain_matrix: Array
-    information: Array
-    covariance: Array
-    past_outputs: Array
-    past_inputs: Array
-    last: Array
-    noise: Array
-    work: Array
-
-
-@kernel(error_model="numpy")
-def _run(
-    u: Any, y: Any, poles: Any, inputs: Any, delay: Any, difference: Any, memory: Any, directional: Any, theta: Any,
-    p: Any, r: Any, s: Any, past_y: Any, past_u: Any, last: Any, noise: Any, work: Any, errors: Any, path: Any,
-) -> None:  # fmt: skip
-    """Samples in turn. `p` is the gain's matrix, `r` its inverse, `s` the covariance over the noise's variance."""
-    psi = work[0]
-    for t in range(len(y)):
-        now_u, now_y = u[t], y[t]
-        if difference:
-            now_u, now_y = u[t] - last[0], y[t] - last[1]
-        last[0], last[1] = u[t], y[t]
-        for i in range(len(past_u) - 1, 0, -1):
-            past_u[i] = past_u[i - 1]
-        past_u[0] = now_u
-        for i in range(poles):
-            psi[i] = -past_y[i]
-        for i in range(inputs):
-            psi[poles + i] = past_u[delay + i]
-        if directional:
-            _forget(p, r, psi, work[1], memory)
-        errors[t] = _correct(theta, p, s, work, now_y, 1.0 if directional else memory, memory, noise)
-        for i in range(poles - 1, 0, -1):
-            past_y[i] = past_y[i - 1]
-        if poles:
-            past_y[0] = now_y
-        if len(path):
-            # number by number: a row's check of shapes, with the text it fails with, compiles for seconds
-            for i in range(len(theta)):
-                path[t, i] = theta[i]
-
-
-@kernel(error_model="numpy")
-def _forget(p: Any, r: Any, psi: Any, rp: Any, memory: Any) -> None:
-    """Forget what `r` knows about the direction of `psi`, and nothing else; then `r` takes the new sample in."""
-    n = len(psi)
-    known = 0.0
-    for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += r[i, j] * psi[j]
-        rp[i] = total
-        known += psi[i] * total
-    if not known > 0.0:
-        return
-    lost, grown = (1.0 - memory) / known, (1.0 - memory) / (memory * known)
-    for i in range(n):
-        for j in range(n):
-            p[i, j] += grown * psi[i] * psi[j]
-            r[i, j] += psi[i] * psi[j] - lost * rp[i] * rp[j]
-
-
-@kernel(error_model="numpy")
-def _correct(theta: Any, p: Any, s: Any, work: Any, now: Any, forget: Any, memory: Any, noise: Any) -> Any:
-    """Eqs 3.13 to 3.15, and the covariance (I − Kψᵀ)S(I − Kψᵀ)ᵀ + KKᵀ that this gain K really leaves."""
-    n = len(theta)
-    psi, pp, sp, gain = work[0], work[1], work[2], work[3]
-    error, news, doubt = now, 0.0, 0.0
-    for i in range(n):
-        a, b = 0.0, 0.0
-        for j in range(n):
-            a += p[i, j] * psi[j]
-            b += s[i, j] * psi[j]
-        pp[i], sp[i] = a, b
-        error -= psi[i] * theta[i]
-        news += psi[i] * a
-        doubt += psi[i] * b
-    # the noise's variance: an error is expected at variance·(1 + doubt), so the first ones say next to nothing
-    weight = 1.0 / (1.0 + doubt)
-    noise[0] = memory * noise[0] + weight
-    noise[1] = memory * noise[1] + weight * weight * error * error
-    for i in range(n):
-        gain[i] = pp[i] / (forget + news)
-        theta[i] += gain[i] * error
-    for i in range(n):
-        for j in range(i + 1):
-            p[i, j] = (p[i, j] - gain[i] * pp[j]) / forget
-            p[j, i] = p[i, j]
-            s[i, j] += (1.0 + doubt) * gain[i] * gain[j] - gain[i] * sp[j] - sp[i] * gain[j]
-            s[j, i] = s[i, j]
-    return error
