@@ -16,6 +16,7 @@ from hil.identification.frequency.measuring_chain import MeasuringChain
 from hil.physics.plant import Parameters, Plant
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Array, Complex
+from hil.signals.sine_fit import sine_phasor
 from hil.signals.stepped_sine import sine
 
 _SETTLE_PERIODS = 2
@@ -31,7 +32,7 @@ class SineTest:
         frequency_hz: shape (n,). `amplitude`, `bias`: of the command.
         rate_hz: of the samples.
         command: all frequencies one after another, shape (samples,).
-        readings: per frequency, where its measured period lies and the row that gives output over amplitude.
+        periods: per frequency, where its measured period lies, and the time there since the sine began.
     """
 
     frequency_hz: Array
@@ -39,34 +40,28 @@ class SineTest:
     bias: float
     rate_hz: float
     command: Array
-    readings: tuple[tuple[slice, Complex], ...]
+    periods: tuple[tuple[slice, Array], ...]
 
     def response(self, plant: Plant, parameters: Parameters, effects: Sequence[ActiveEffect] = ()) -> Complex:
         """Output over command at every frequency, the hold of the command taken out, shape (n,)."""
         drive = Drive(self.command[None, :], math.nan, 1.0 / self.rate_hz)
         output = simulate(plant, parameters, drive, effects)[0]
-        found = np.array([row @ output[part] for part, row in self.readings])
-        return found / MeasuringChain(hold_s=1.0 / self.rate_hz).at(self.frequency_hz)
+        found = np.array([
+            sine_phasor(time_s, output[part], frequency, harmonics=_HARMONICS)
+            for frequency, (part, time_s) in zip(self.frequency_hz.tolist(), self.periods, strict=True)
+        ])  # fmt: skip
+        return found / self.amplitude / MeasuringChain(hold_s=1.0 / self.rate_hz).at(self.frequency_hz)
 
 
 def sine_test(frequencies_hz: Sequence[float], amplitude: float, bias: float, rate_hz: float = 1000.0) -> SineTest:
     """A test of one measured period per frequency, after two periods and at least a second to settle."""
-    blocks, readings, at = [], [], 0
+    blocks, periods, at = [], [], 0
     for frequency in frequencies_hz:
         settle = max(_SETTLE_PERIODS, math.ceil(_SETTLE_S * frequency))
         block = sine(frequency, amplitude, rate_hz, settle + 1, bias=bias)
         first = round(settle * rate_hz / frequency)
-        row = _reader(np.arange(first, len(block)) / rate_hz, frequency) / amplitude
-        readings.append((slice(at + first, at + len(block)), row))
+        periods.append((slice(at + first, at + len(block)), np.arange(first, len(block)) / rate_hz))
         blocks.append(block)
         at += len(block)
     frequency_hz = np.array(frequencies_hz, dtype=np.float64)
-    return SineTest(frequency_hz, amplitude, bias, rate_hz, np.concatenate(blocks), tuple(readings))
-
-
-def _reader(time_s: Array, frequency_hz: float) -> Complex:
-    """The row that takes samples to the phasor of their sine (see `hil.signals.sine_fit`)."""
-    k = np.arange(1, _HARMONICS + 1)
-    turn = 2.0 * math.pi * frequency_hz * np.outer(time_s, k)
-    rows = np.linalg.pinv(np.hstack((np.sin(turn), np.cos(turn), np.ones((len(time_s), 1)))))
-    return rows[0] + 1j * rows[_HARMONICS]
+    return SineTest(frequency_hz, amplitude, bias, rate_hz, np.concatenate(blocks), tuple(periods))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import chain
 
 import numpy as np
@@ -44,8 +44,8 @@ class Residuals:
         ]
 
     @cached_property
-    def _dithers(self) -> list[list[UnknownSizes | None]]:
-        """By recording, of its output and its inner signals: what the phase of a dither does to them."""
+    def _dithers(self) -> list[list[Array]]:
+        """By recording, of its output and its inner signals: what the phase of a dither does to them, shape (k, n)."""
         made = []
         for e, inner, weight in zip(self.experiments, self._inner, self.weights, strict=True):
             places = {name: 1 + k for k, name in enumerate(s.name for s in self.plant.observed)}
@@ -54,7 +54,7 @@ class Residuals:
                 (0, weight, e.valid),
                 *((places[n], 1.0 / noise, e.valid_in(n)) for n, noise in inner.items()),
             ]
-            made.append([_unknown([w * rows[k] * tells for rows in each]) for k, w, tells in channels])
+            made.append([_orthogonal([w * rows[k] * tells for rows in each]) for k, w, tells in channels])
         return made
 
     @cached_property
@@ -84,7 +84,7 @@ class Residuals:
             inner = e.observed_errors(self.plant, rows, self._inner[i])
             errors = chain((with_free_start(e.telling(output), self._starts[i]),), inner)
             pairs = zip(self._dithers[i], errors, strict=True)
-            return [means(_without(dither, error), e.averaged) for dither, error in pairs]
+            return [means(reduce(with_free_start, dither, error), e.averaged) for dither, error in pairs]
 
         return side_by_side(errors_of, len(self.experiments))
 
@@ -129,21 +129,9 @@ class Residuals:
         return made
 
 
-@dataclass(frozen=True, slots=True)
-class UnknownSizes:
-    """Additions of unknown size, of variance one: orthonormal rows, shape (k, n), and the share of each to take out."""
-
-    rows: Array
-    shares: Array
-
-
-def _unknown(additions: list[Array]) -> UnknownSizes | None:
+def _orthogonal(additions: list[Array]) -> Array:
+    """Additions of independent unknown sizes as orthogonal ones of the same sum: one after another is all together."""
     if not additions:
-        return None
+        return np.empty((0, 0))
     left, sizes, _ = np.linalg.svd(np.array(additions).T, full_matrices=False)
-    return UnknownSizes(np.ascontiguousarray(left.T), 1.0 - 1.0 / np.sqrt(1.0 + sizes**2))
-
-
-def _without(unknown: UnknownSizes | None, errors: Array) -> Array:
-    """Errors whose sum of squares is that of the marginal likelihood, additions of unknown size being in them, (n,)."""
-    return errors if unknown is None else errors - (unknown.shares * (unknown.rows @ errors)) @ unknown.rows
+    return np.ascontiguousarray((left * sizes).T[sizes > 0.0])

@@ -273,8 +273,7 @@ def _unit_sines(frequencies_hz: tuple[float, ...]) -> SineTest:
 
 
 def _scaled(unit: SineTest, amplitude: float, bias: float) -> SineTest:
-    readings = tuple((part, row / amplitude) for part, row in unit.readings)
-    return replace(unit, amplitude=amplitude, bias=bias, command=bias + amplitude * unit.command, readings=readings)
+    return replace(unit, amplitude=amplitude, bias=bias, command=bias + amplitude * unit.command)
 
 
 def bandwidth_of(crossing: Crossing) -> float:
