@@ -23,6 +23,7 @@ from hil.language.note import Note
 from hil.physics.formula import formula
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
 from hil.record.recording import Array, Recording
+from hil.signals.decibel import decibels
 from procedures._recorded import calibration_share, chain_of, reading_of, roles_of, settings_of
 
 GAIN = Measurement("gain", "", "amplitude ratio at the reference frequency")
@@ -250,7 +251,7 @@ def _model(fit: TransferFunctionFit, response: FrequencyResponse) -> dict[str, A
     low, high = float(response.frequency_hz[0]), float(response.frequency_hz[-1])
     frequency_hz = np.geomspace(low, high, _CURVE_POINTS) if high > low else response.frequency_hz
     band = bode_band(fit, frequency_hz)
-    reference_db = 20.0 * math.log10(abs(response.response[0]))
+    reference_db = float(decibels(response.response[0]))
     return {
         "text": fit.summary(), "formula": formula(fit.model), "fit_percent": fit.fit_percent,
         "numerator": fit.model.numerator, "denominator": fit.model.denominator, "unit": response.gain_unit,

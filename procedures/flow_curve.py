@@ -18,6 +18,7 @@ from hil.identification.steady.flow_curve import monotone, polynomial, polynomia
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import Rig
+from hil.signals.interval import UNIFORM
 from procedures._characteristic import Characteristic, Swept, characteristic, steady, swept
 from procedures._course import Course, check_cycle, joined, sweep, sweep_part
 from procedures._definitions import SWEEPS, defined
@@ -106,7 +107,7 @@ def evaluate(recording: Recording) -> Findings:
     curve = characteristic(sweeps, parts[0], zero, _BY_NAME)
     neutral = parts_of(recording, "neutral")[0]
     crept = sweeps.creep_per_s * (neutral["first"] + neutral["count"]) * recording.interval_s
-    zero_std = math.hypot(zero_std, crept / math.sqrt(3.0))
+    zero_std = math.hypot(zero_std, 2.0 * UNIFORM * crept)
     leakage = _BY_NAME["leakage"].at(unit=response.unit).of(zero, zero_std, calibration=calibration_std(response))
     drops = pressure_drops(recording, parts[:2], _BY_NAME)
     return Findings(

@@ -21,7 +21,7 @@ from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
 from hil.session.allowed import Allowed
 from hil.signals.crossing import crossing
-from hil.signals.interval import CERTAIN
+from hil.signals.interval import CERTAIN, UNIFORM
 from hil.signals.products import one_blas_thread
 from hil.signals.smooth_curve import Smoother, coloured, whitener_of
 from procedures._characteristic import steady
@@ -196,7 +196,7 @@ class _Answer:
         end, ends = abs(float(_final(self.curve))), np.abs(_final(self.again))
         if size - end > CERTAIN * by_noise or end < CERTAIN * by_noise:
             return size, about(sizes, size)
-        return end, math.hypot(about(ends, end), (size - end) / math.sqrt(3.0))
+        return end, math.hypot(about(ends, end), 2.0 * UNIFORM * (size - end))
 
     def _settled_s(self, curve: Array) -> float:
         """Since when it stays within the band; infinite where it does not."""

@@ -17,6 +17,7 @@ from hil.identification.uncertainty.parametric_bootstrap import about
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
+from hil.signals.decibel import decibels
 from hil.signals.multisine import Multisine, odd_multisine
 from procedures._course import Course, joined
 from procedures._definitions import FREQUENCIES, defined
@@ -150,6 +151,6 @@ def _curve(one: Evaluated, bla: BestLinearApproximation) -> dict[str, Any]:
 
     def decibel(level: Array) -> Array:
         share = np.maximum(level / bla.response.output_amplitude, 1e-9)
-        return 20.0 * np.log10(share * gain / reference)
+        return decibels(share * gain / reference)
 
     return one.curve(noise_db=decibel(bla.noise_std), odd_db=decibel(bla.odd_std), even_db=decibel(bla.even_std))

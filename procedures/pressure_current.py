@@ -20,6 +20,7 @@ from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
+from hil.signals.interval import UNIFORM
 from hil.signals.ramps import triangle
 from hil.signals.rounding import mean_rounding_std, rounding_step
 from procedures._definitions import SWEEPS, defined
@@ -107,7 +108,7 @@ def evaluate(recording: Recording) -> Findings:
     estimate, share = curve.estimate, calibration_share(response)
     speeds = [speed for speed, _ in pieces]
     # the branches are shifted by the mean delay; how far the delays of the valve lie apart bends the curve a little
-    bent = averaged_over(estimate, speeds) ** 2 / math.sqrt(12.0)
+    bent = UNIFORM * averaged_over(estimate, speeds) ** 2
     noise_std = float(np.median(estimate.std * np.sqrt(estimate.points.count)))
     level_std = mean_rounding_std(noise_std, rounding_step(response.values))
     span_std = math.hypot(curve.span_std, level_std * math.sqrt(2.0))

@@ -7,6 +7,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from hil.signals.decibel import decibels
+
 
 def bode_point(part: Mapping[str, Any]) -> dict[str, Any] | None:
     """The point of a part of kind `sine` that holds its response; None of any other.
@@ -23,7 +25,7 @@ def bode_point(part: Mapping[str, Any]) -> dict[str, Any] | None:
     if response == 0.0:
         return None
     return {
-        "frequency_hz": frequency_hz, "gain_db": round(20.0 * math.log10(abs(response)), 3),
+        "frequency_hz": frequency_hz, "gain_db": round(float(decibels(response)), 3),
         "phase_deg": round(math.degrees(cmath.phase(response)), 2),
         "amplitude": part.get("amplitude"), "bias": part.get("bias"),
     }  # fmt: skip

@@ -14,6 +14,7 @@ import numpy as np
 from hil.findings.results import ColumnOf, Curve
 from hil.record.plain import plain
 from hil.record.recording import Array
+from hil.signals.decibel import decibels
 
 _SUFFIXES = {
     "hz": "Hz", "db": "dB", "deg": "deg", "s": "s", "percent": "%", "mm": "mm", "mm_s": "mm/s", "a": "A", "v": "V",
@@ -61,7 +62,7 @@ def _tables(name: str, content: Any, units: Mapping[str, str]) -> Iterator[Curve
         units = {**units, **{key: value for key, value in mapping.items() if key.endswith("_unit") and value}}
         columns = {key: np.asarray(value) for key, value in mapping.items() if _is_points(key, value)}
         if "gain" in columns and "magnitude_db" in columns:  # the second is relative to the reference frequency
-            columns["raw_magnitude_db"] = 20.0 * np.log10(np.abs(columns["gain"]))
+            columns["raw_magnitude_db"] = decibels(columns["gain"])
         yield from _of_one_length(own, columns, units)
 
 

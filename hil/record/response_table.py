@@ -19,6 +19,7 @@ from hil.record.columns import Column, Table
 from hil.record.durable import write_whole
 from hil.record.recording import Array, Complex
 from hil.record.show import data_frame, dataset, table_html
+from hil.signals.decibel import decibels, of_decibels
 from hil.units import convert
 
 _WORDS = {
@@ -207,7 +208,7 @@ def write_response_table(table: ResponseTable, path: Path) -> None:
     unit = "dB" if table.in_db else table.unit
     columns = {
         "frequency [Hz]": table.frequency_hz,
-        f"gain [{unit}]": 20.0 * np.log10(size) if table.in_db else size,
+        f"gain [{unit}]": decibels(size) if table.in_db else size,
         "phase [deg]": np.degrees(np.unwrap(np.angle(table.response))),
     }
     if table.gain_std is not None:
@@ -293,7 +294,7 @@ def _gain(name: str, column: Column, notes: list[str]) -> tuple[Array, str, bool
             f"{option('unit', f'{label}=1')}"
         )
     if unit.casefold() in _DECIBEL:
-        return 10.0 ** (values / 20.0), "1", True
+        return of_decibels(values), "1", True
     if np.nanmin(values) < 0.0:
         raise FileError(
             f"{name}: '{column.heading}' goes below 0; a gain does not, if it is in decibels say "

@@ -23,6 +23,7 @@ from hil.report.number import note_text, number, with_uncertainty
 from hil.report.page import write_page
 from hil.report.responses import bode
 from hil.report.section import Section, Table
+from hil.signals.decibel import decibels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -117,7 +118,7 @@ def _modelled(model: Model, table: ResponseTable) -> dict[str, Any]:
 
 def _in_db_and_deg(response: np.ndarray[Any, Any]) -> dict[str, Any]:
     return {
-        "magnitude_db": 20.0 * np.log10(np.abs(response)),
+        "magnitude_db": decibels(response),
         "phase_deg": np.degrees(np.unwrap(np.angle(response))),
     }
 

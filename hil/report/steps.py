@@ -28,6 +28,7 @@ from hil.report.figure import (
 )
 from hil.report.number import note_text, number
 from hil.report.section import Section, Table
+from hil.signals.decibel import decibels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -118,7 +119,7 @@ def _bode(name: str, curve: Curve) -> Picture:
         for k, one in enumerate(curve["models"]):
             response = _function(one).at(fine)
             style = {"color": SERIES[k % len(SERIES)], "ls": DASHES[k % len(DASHES)], "label": note_text(one["label"])}
-            above.plot(fine, 20.0 * np.log10(np.abs(response)), **style)
+            above.plot(fine, decibels(response), **style)
             below.plot(fine, np.degrees(np.unwrap(np.angle(response))), **style)
         above.set_xscale("log")
         plain_log(below)

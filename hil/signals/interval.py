@@ -9,6 +9,9 @@ from hil.errors import InputError
 COVERED = 1.96
 """Standard uncertainties on either side of a value within which 95 % of a normal distribution lie."""
 
+UNIFORM = 1.0 / math.sqrt(12.0)
+"""Standard deviation of what lies anywhere within a width, over that width."""
+
 CERTAIN = 4.0
 """Standard uncertainties below which the largest of many values stays by noise alone."""
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals.interval import UNIFORM
+
 Array = NDArray[np.float64]
 
 _SAME = 1e-6  # of the range: closer values are one code, calculated twice
@@ -47,7 +49,7 @@ def before_rounding(std: float, step: float) -> float:
     """Noise that was there before the converter added its own; 0 where two codes are all that it reaches."""
     if std < step / 2.0:
         return 0.0
-    return float(np.sqrt(max(std**2 - step**2 / 12.0, 0.0)))
+    return float(np.sqrt(max(std**2 - (UNIFORM * step) ** 2, 0.0)))
 
 
 def sine_rounding_std(noise_std: float, step: float, amplitude: float) -> float:

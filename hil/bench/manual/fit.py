@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.errors import SettingError
+from hil.signals.interval import UNIFORM
 
 _LEVEL = 0.95
 _ROUNDED = 1e-12  # of the largest reading: what is left is arithmetic
@@ -92,7 +93,7 @@ def fit_line(points: Sequence[Point], reference_std: float | None = None) -> Lin
     worst = max(float(row @ covariance @ row) for row in rows)
     scatter = math.sqrt(square / free) if not stated else 0.0
     bent = float(np.abs(residuals).max())
-    parts = (0.5 * factor * math.sqrt(worst), reference_std or scatter, bent / math.sqrt(3.0) if exceeds else 0.0)
+    parts = (0.5 * factor * math.sqrt(worst), reference_std or scatter, 2.0 * UNIFORM * bent if exceeds else 0.0)
     return Line(
         float(slope), float(offset), factor * math.sqrt(covariance[0, 0]), factor * math.sqrt(covariance[1, 1]),
         tuple(map(float, residuals)), bent, exceeds, 2.0 * math.hypot(*parts),

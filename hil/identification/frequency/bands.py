@@ -10,8 +10,7 @@ import numpy as np
 from hil.identification.frequency.rational import evaluate
 from hil.identification.frequency.transfer_function import TransferFunctionFit
 from hil.record.recording import Array, Complex
-
-_DB = 20.0 / math.log(10.0)
+from hil.signals.decibel import PER_NEPER, decibels
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +29,7 @@ def bode_band(fit: TransferFunctionFit, frequency_hz: Array) -> BodeBand:
     value, slope = _slope(fit, frequency_hz)
     std_log, std_rad = _std(slope.real, fit.covariance), _std(slope.imag, fit.covariance)
     phase = np.degrees(np.unwrap(np.angle(value)))
-    return BodeBand(frequency_hz, 20.0 * np.log10(np.abs(value)), _DB * std_log, phase, np.degrees(std_rad))
+    return BodeBand(frequency_hz, decibels(value), PER_NEPER * std_log, phase, np.degrees(std_rad))
 
 
 def _slope(fit: TransferFunctionFit, frequency_hz: Array) -> tuple[Complex, Complex]:

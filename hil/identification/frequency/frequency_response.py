@@ -12,6 +12,7 @@ import numpy as np
 from hil.errors import InputError
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array, Complex, Integers, Mask
+from hil.signals.decibel import PER_NEPER, decibels, of_decibels
 from hil.signals.sine_fit import SineFit
 
 DISTORTION_FLAG = 0.05  # customary limit of THD above which a response counts as distorted (5…10 %)
@@ -68,12 +69,12 @@ class FrequencyResponse:
     @property
     def gain_std(self) -> Array:
         """Standard uncertainty of the gain, in its unit, shape (n,)."""
-        return np.abs(self.response) * (10.0 ** (self.magnitude_std_db / 20.0) - 1.0)
+        return np.abs(self.response) * (of_decibels(self.magnitude_std_db) - 1.0)
 
     @property
     def magnitude_db(self) -> Array:
         """20·lg of the raw ratio."""
-        return 20.0 * np.log10(np.abs(self.response))
+        return decibels(self.response)
 
     @property
     def phase_deg(self) -> Array:
@@ -83,7 +84,7 @@ class FrequencyResponse:
     @property
     def magnitude_std_db(self) -> Array:
         """Standard uncertainty of the magnitude."""
-        return 20.0 / math.log(10.0) * self._std_along(self.response)
+        return PER_NEPER * self._std_along(self.response)
 
     @property
     def phase_std_deg(self) -> Array:
@@ -205,7 +206,7 @@ def from_table(
 ) -> FrequencyResponse:
     """A frequency response from a published Bode table; nothing is known of its noise."""
     order = np.argsort(frequency_hz)
-    response = np.asarray(10.0 ** (magnitude_db / 20.0) * np.exp(1j * np.radians(phase_deg)), dtype=np.complex128)
+    response = np.asarray(of_decibels(magnitude_db) * np.exp(1j * np.radians(phase_deg)), dtype=np.complex128)
     return from_polar(name, np.asarray(frequency_hz)[order], response[order], units=units)
 
 

@@ -19,6 +19,7 @@ from hil.identification.frequency.rational import Form
 from hil.identification.frequency.transfer_function import TransferFunctionFit, fit_form
 from hil.language.note import Note
 from hil.physics.transfer_function import TransferFunction
+from hil.signals.decibel import decibels
 
 _STEP_SAMPLES = 4000
 
@@ -66,7 +67,7 @@ def _note(fit: TransferFunctionFit, other: TransferFunctionFit, response: Freque
     zero = fit.model.right_half_plane_zeros[0]
     start = wrong_way(fit.model)
     ratio = other.model.at(response.frequency_hz) / fit.model.at(response.frequency_hz)
-    decibel, degrees = np.max(np.abs(20.0 * np.log10(np.abs(ratio)))), np.max(np.abs(np.degrees(np.angle(ratio))))
+    decibel, degrees = np.max(np.abs(decibels(ratio))), np.max(np.abs(np.degrees(np.angle(ratio))))
     apart, when = _steps_apart(fit.model, other.model)
     return Note(
         "zero at {zero!l} rad/s in the right half plane: a step would first go {share:.2g} % the wrong way (at "

@@ -16,6 +16,7 @@ from hil.identification.grey_box.estimate import Estimate
 from hil.language.note import Note
 from hil.physics.plant import Parameters
 from hil.record.recording import Array
+from hil.signals.interval import UNIFORM
 
 AwayWith = Callable[[int, float], Array | None]
 FitAt = Callable[[Parameters, Sequence[str]], Estimate]
@@ -24,7 +25,7 @@ FitAt = Callable[[Parameters, Sequence[str]], Estimate]
 _AS_GOOD = 9.0  # variances by which a fit may be worse and still be as good
 _CORNER = 0.3  # of a slope, by which it may bend over its step
 _FIRST_STEP, _DOUBLINGS = 4.0, 8  # standard uncertainties, and how often that is doubled
-_ASIDE = 1.0 / math.sqrt(3.0)  # standard deviation of what lies anywhere up to so far, to one side
+_ASIDE = 2.0 * UNIFORM  # standard deviation of what lies anywhere up to so far, to one side
 
 
 def alternative_optima(found: Estimate, at: Parameters, fit_at: FitAt) -> tuple[Array, tuple[Note, ...]]:

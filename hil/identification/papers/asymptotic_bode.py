@@ -18,6 +18,7 @@ from hil.errors import InputError
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.physics.transfer_function import TransferFunction, from_factors
 from hil.record.recording import Array
+from hil.signals.decibel import PER_NEPER
 
 _STARTS = 9  # corners that the search for a start chooses among
 _MOST_STARTS = 4000
@@ -51,7 +52,7 @@ class AsymptoticFit:
     @property
     def rms_db(self) -> float:
         """Root mean square error of the magnitude in dB."""
-        return 20.0 / math.log(10.0) * math.sqrt(2.0 * self.misfit)
+        return PER_NEPER * math.sqrt(2.0 * self.misfit)
 
 
 def log_corner(x: Array, corner: float, kind: int) -> Array:

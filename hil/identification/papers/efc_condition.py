@@ -25,7 +25,7 @@ from hil.cache import cached_arrays, stamp
 from hil.cores import spread
 from hil.errors import InputError
 from hil.identification.frequency.bandwidth import Crossing, magnitude_crossing
-from hil.identification.frequency.frequency_response import from_table
+from hil.identification.frequency.frequency_response import from_polar
 from hil.identification.frequency.sine_test import SineTest, sine_test
 from hil.identification.papers.classification import GaussianClasses, learn
 from hil.identification.steady.pressure_curve import PressureCurve, pressure_curve
@@ -263,8 +263,7 @@ def _bandwidth_hz(
     samples = _RATE_HZ * np.maximum(_SINE_S, _SINE_PERIODS / test.frequency_hz)
     stds = noise_psi * np.sqrt(2.0 / samples) / test.amplitude
     h = h + stds * (rng.normal(size=len(h)) + 1j * rng.normal(size=len(h)))
-    table = from_table("sines", test.frequency_hz, 20.0 * np.log10(np.abs(h)), np.degrees(np.unwrap(np.angle(h))))
-    return bandwidth_of(magnitude_crossing(table, -3.0))
+    return bandwidth_of(magnitude_crossing(from_polar("sines", test.frequency_hz, h), -3.0))
 
 
 @cache

@@ -13,6 +13,7 @@ from hil.physics.model import Model
 from hil.physics.plant import Parameters
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
+from hil.signals.interval import UNIFORM
 
 _LAGS = ("lag_time", "pair1_time", "pair2_time", "integrator_gain")
 _RISES_BY = 3.84  # of χ²: 95 %, one number
@@ -27,7 +28,7 @@ def responds_within_sample(values: Parameters) -> bool:
 
 def dead_time_std_s(experiments: Sequence[Experiment]) -> float:
     """How well such a one's dead time is told: between two samples all look the same, and it rests at either."""
-    return min(e.interval_s for e in experiments) / math.sqrt(3.0)
+    return 2.0 * UNIFORM * min(e.interval_s for e in experiments)
 
 
 def sub_sample_limits(model: Model, experiments: Sequence[Experiment]) -> tuple[Note, ...]:

@@ -14,6 +14,7 @@ from hil.identification.steady.sweep_estimate import BINS, LEVELS, SweepEstimate
 from hil.identification.uncertainty.parametric_bootstrap import about, draws_of
 from hil.record.recording import Array, Integers
 from hil.signals.crossing import crossing
+from hil.signals.interval import UNIFORM
 from hil.signals.rounding import rounding_of_means
 
 GAIN_FROM, GAIN_TO = 0.3, 0.9  # of the response at the end, between which a gain is read
@@ -86,7 +87,7 @@ def loop(estimate: SweepEstimate, certain: float, speeds: tuple[float, ...]) -> 
     lag_std_s = about(estimate.lags_s, estimate.lag_s)
     friction = width >= certain * width_std
     if friction:
-        granted = width * _STICTION / (1.0 + _STICTION) / math.sqrt(3.0)
+        granted = width * _STICTION / (1.0 + _STICTION) * 2.0 * UNIFORM
         width_std = math.hypot(width_std, _AT_REST * granted)
         lag_std_s = math.hypot(lag_std_s, _BETWEEN_SPEEDS * granted / (2.0 * (max(speeds) - min(speeds))))
     return Loop((estimate.lag_s, lag_std_s), (width, width_std), friction)
@@ -159,10 +160,10 @@ def largest_slope(estimate: SweepEstimate, speeds: Sequence[float]) -> tuple[Rea
     steepest = int(np.argmax(np.abs(estimate.slope)))
     sign = math.copysign(1.0, float(estimate.slope[steepest]))
     value, std = over_all(estimate, lambda _response, slope: float(np.max(sign * slope)))
-    reach = math.sqrt(3.0) * averaged_over(estimate, speeds)
+    reach = averaged_over(estimate, speeds) / (2.0 * UNIFORM)
     places = np.clip(estimate.command[steepest] + np.linspace(-reach, reach, _AVERAGED), *estimate.command[[0, -1]])
     lost = max(value - float(np.mean(np.interp(places, estimate.command, sign * estimate.slope))), 0.0)
-    return (sign * (value + lost / 2.0), math.hypot(std, lost / math.sqrt(12.0))), float(estimate.command[steepest])
+    return (sign * (value + lost / 2.0), math.hypot(std, UNIFORM * lost)), float(estimate.command[steepest])
 
 
 def averaged_over(estimate: SweepEstimate, speeds: Sequence[float]) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 
 from hil.errors import InputError
 from hil.record.recording import Array
+from hil.signals.interval import UNIFORM
 from hil.signals.runs import runs
 
 COPPER_PER_K = 0.00393  # at 20 °C
@@ -127,4 +128,4 @@ def _between(
     rest_v = readings.voltage_v[part] - low[1] - ohm * (readings.current_a[part] - low[2])
     area = float(np.trapezoid(rest_v, readings.time_s[part]))
     hidden = float(np.max(np.abs(np.diff(readings.voltage_v[part])) * np.diff(readings.time_s[part])))
-    return ohm, area / step_a, hidden / (2.0 * math.sqrt(3.0) * abs(step_a))
+    return ohm, area / step_a, UNIFORM * hidden / abs(step_a)

@@ -16,6 +16,7 @@ from hil.identification.steady.sweep_estimate import SweepEstimate
 from hil.identification.uncertainty.parametric_bootstrap import about
 from hil.record.recording import Array
 from hil.signals.crossing import crossing
+from hil.signals.interval import UNIFORM
 
 LINE_FROM, LINE_TO = 0.2, 0.8  # of the response at the end of a side
 FLAT = 0.5  # of the line's slope: a curve that stays below it is saturated
@@ -71,7 +72,7 @@ def _saturated(estimate: SweepEstimate, side: Array, sign: int) -> Read:
         _flat_from(estimate.command, steepness, sign, 0.5 * FLAT)
         - _flat_from(estimate.command, steepness, sign, 1.5 * FLAT)
     )
-    return value, math.hypot(std, fall / math.sqrt(12.0), estimate.mean_width_or_all / math.sqrt(12.0))
+    return value, math.hypot(std, UNIFORM * fall, UNIFORM * estimate.mean_width_or_all)
 
 
 def _read(values: Array) -> Read:

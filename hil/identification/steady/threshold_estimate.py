@@ -15,6 +15,7 @@ import numpy as np
 
 from hil.identification.steady.characteristic import Read
 from hil.record.recording import Array
+from hil.signals.interval import UNIFORM
 
 CLEAR = 3.0  # standard uncertainties that a change must exceed: the definition
 _PLACES = 8  # of a window
@@ -129,7 +130,7 @@ def threshold_of(ramps: Sequence[Ramp], reading: Reading, drift: Read, gain: flo
     low, high = (_crossing(places, pooled, counted + side * unsure, std) for side in (-1.0, 1.0))
     spread = (min(high, reach) - low) / 2.0
     late, late_std = _delay_at(counted / gain, lag[0])
-    value_std = math.hypot(spread, late_std, lag[1], window / _PLACES / math.sqrt(12.0))
+    value_std = math.hypot(spread, late_std, lag[1], UNIFORM * window / _PLACES)
     return Threshold((held - late, value_std), counted / gain, counted, places - lag[0], pooled)
 
 
@@ -203,4 +204,4 @@ def _delay_at(moved: float, lag: float) -> tuple[float, float]:
     if not lag > 0.0:
         return 0.0, 0.0
     short = lag * math.exp(-(moved + lag) / lag)
-    return lag - short / 2.0, short / math.sqrt(12.0)
+    return lag - short / 2.0, UNIFORM * short

@@ -17,6 +17,7 @@ from hil.errors import InputError
 from hil.identification.step.step_response import StepFigures, leaves, moves_once, step_figures
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
 from hil.record.recording import Array, Recording
+from hil.signals.interval import UNIFORM
 from hil.signals.products import one_blas_thread
 from hil.signals.rounding import before_rounding, rounded_again, rounding_step
 from hil.signals.smooth_curve import Smoother, coloured, whitener_of
@@ -247,7 +248,7 @@ def _sharper(
     for i, name in enumerate(_NAMES):
         value = getattr(figures, name)
         found = about(resampled[:, i], value) if name.endswith("_s") and math.isfinite(value) else math.inf
-        if found < interval_s / math.sqrt(12.0):
+        if found < UNIFORM * interval_s:
             figures = replace(figures, **{name: getattr(sharp[0], name)})
             std = replace(std, **{name: found})
     return figures, std

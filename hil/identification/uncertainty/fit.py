@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from hil.record.recording import Array, Complex
+from hil.signals.decibel import decibels
 
 
 def fit_percent(measured: Array | Complex, simulated: Array | Complex) -> float:
@@ -23,7 +24,7 @@ def rms(values: Array) -> float:
 def bode_errors(measured: Complex, modelled: Complex) -> tuple[float, float]:
     """Rms errors of a frequency response in dB and in degrees."""
     ratio = modelled / measured
-    return rms(20.0 * np.log10(np.abs(ratio))), rms(np.degrees(np.angle(ratio)))
+    return rms(decibels(ratio)), rms(np.degrees(np.angle(ratio)))
 
 
 def fit_ceiling(measured: Array, noise_std: float) -> float:

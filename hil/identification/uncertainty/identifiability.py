@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.record.recording import Array, Mask
+from hil.signals.interval import UNIFORM
 
-# Standard deviation of what lies anywhere within a width, over that width.
-_ANYWHERE = 1.0 / math.sqrt(12.0)
-_ASIDE = 1.0 / math.sqrt(3.0)  # of what lies anywhere up to a width away, to one side
 # Slopes from differences over a thousandth of a value's scale are good to this share of themselves: the square of that
 # step over the sixth part of the square of a scale that is a tenth as long, and what simulations round.
 _SLOPES_GOOD_TO = 1e-4
@@ -78,7 +76,7 @@ class Identifiability:
     @property
     def is_unidentifiable(self) -> Mask:
         """Which values are known no better than by their bounds, shape (k,)."""
-        return np.asarray(np.sqrt(np.diag(self.whole)) >= (1.0 - _ROUNDING) * _ANYWHERE * self.widths)
+        return np.asarray(np.sqrt(np.diag(self.whole)) >= (1.0 - _ROUNDING) * UNIFORM * self.widths)
 
     @property
     def is_shared(self) -> Mask:
@@ -117,7 +115,7 @@ def identifiability(
     for place in (place for place in fixed_at_bound if place in kept):
         direction = valley.compensated_step(place, kept)
         kept.remove(place)
-        unidentifiable.append(direction * _ASIDE * valley.widths[place])
+        unidentifiable.append(direction * 2.0 * UNIFORM * valley.widths[place])
     covariance = np.zeros((len(unit), len(unit)))
     covariance[np.ix_(kept, kept)] = variance * np.linalg.inv(valley.alike[np.ix_(kept, kept)])
     directions = np.array(unidentifiable).reshape(-1, len(unit)) / unit
@@ -168,7 +166,7 @@ class _Valley:
         """How far the bounds let it go, as a standard deviation."""
         parts = np.abs(direction)
         reach = float(np.min(self.widths[parts > 0.0] / parts[parts > 0.0]))
-        return _ANYWHERE * reach if math.isfinite(reach) else 1e150
+        return UNIFORM * reach if math.isfinite(reach) else 1e150
 
     def compensated_step(self, k: int, kept: Sequence[int]) -> Array:
         """A step of one value and those of the others that undo it best, shape (k,)."""
@@ -189,7 +187,7 @@ class _Valley:
         left = self._left(direction)
         bend = 0.0 if self.bent is None else math.sqrt(max(float(direction @ self.bent @ direction), 0.0))
         undone = max(1.0 - left**2, 0.0)
-        return left <= max(undone * bend, _SLOPES_GOOD_TO) or self.std / left >= _ANYWHERE * float(self.widths[k])
+        return left <= max(undone * bend, _SLOPES_GOOD_TO) or self.std / left >= UNIFORM * float(self.widths[k])
 
     def _costs_less(self, k: int, left: float, others: Sequence[int]) -> bool:
         """Whether a move of two standard deviations, others giving way, costs far less than the slopes promise."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.physics.model import Noise
 from hil.record.recording import Array
-from hil.signals.interval import COVERED
+from hil.signals.interval import COVERED, UNIFORM
 from hil.signals.recursion import filtered
 
 _LONGEST_MEMORY = 8
@@ -94,7 +94,7 @@ def channel_floor(values: Array) -> float:
 
 def rounding_of(values: Array) -> float:
     """What rounding adds: the standard deviation of a converter's, or of the number that a file has."""
-    return max(resolution(values) / float(np.sqrt(12.0)), 1e-6 * float(np.ptp(values)))
+    return max(UNIFORM * resolution(values), 1e-6 * float(np.ptp(values)))
 
 
 def channel_floors(recorded: Sequence[Mapping[str, Array]]) -> tuple[dict[str, float], ...]:
