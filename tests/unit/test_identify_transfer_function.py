@@ -134,7 +134,7 @@ def test_the_right_half_plane_zero_is_explained_and_the_alternative_offered():
     assert other.fit_percent > found.fit_percent
     note = " ".join(found.notes)
     assert "held-out lines prefer the dead time" in note
-    assert "a step response decides" in note and "Three poles with no zero and a dead time" in note
+    assert "a step response decides" in note and "poles 3, zeros 0 and a dead time" in note
 
 
 def test_a_good_zero_needs_no_explanation():

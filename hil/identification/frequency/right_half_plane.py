@@ -15,7 +15,6 @@ import numpy as np
 from hil.errors import InputError
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.frequency.held_out import held_out
-from hil.identification.frequency.rational import Form
 from hil.identification.frequency.transfer_function import TransferFunctionFit, fit_form
 from hil.language.note import Note
 from hil.physics.transfer_function import TransferFunction
@@ -71,13 +70,13 @@ def _note(fit: TransferFunctionFit, other: TransferFunctionFit, response: Freque
     apart, when = _steps_apart(fit.model, other.model)
     return Note(
         "zero at {zero!l} rad/s in the right half plane: a step would first go {share:.2g} % the wrong way (at "
-        "{time_ms:.0f} ms). {form} and a dead time of {dead_time_ms:.1f} ms fit {other_fit:.1f} % against {fit:.1f} %, "
-        "within {decibel:.2f} dB and {degrees:.1f}°, without it; {preference}. Their steps differ most {when!l} after "
-        "the step, by {apart:.1f} % of it: a step response decides",
-        zero=_signed(zero), share=100 * start.share, time_ms=1e3 * start.time_s, form=_words(other.form),
-        dead_time_ms=1e3 * other.model.dead_time_s, other_fit=other.fit_percent, fit=fit.fit_percent,
-        decibel=decibel, degrees=degrees, preference=_preference(fit, other, response), when=_duration(when),
-        apart=100 * apart,
+        "{time_ms:.0f} ms). Without it, poles {poles}, zeros {zeros} and a dead time of {dead_time_ms:.1f} ms fit "
+        "{other_fit:.1f} % against {fit:.1f} %, within {decibel:.2f} dB and {degrees:.1f}°; {preference}. Their steps "
+        "differ most {when!l} after the step, by {apart:.1f} % of it: a step response decides",
+        zero=_signed(zero), share=100 * start.share, time_ms=1e3 * start.time_s, poles=other.form.poles,
+        zeros=other.form.zeros, dead_time_ms=1e3 * other.model.dead_time_s, other_fit=other.fit_percent,
+        fit=fit.fit_percent, decibel=decibel, degrees=degrees, preference=_preference(fit, other, response),
+        when=_duration(when), apart=100 * apart,
     )  # fmt: skip
 
 
@@ -105,19 +104,6 @@ def _steps_apart(a: TransferFunction, b: TransferFunction) -> tuple[float, float
 def _horizon(model: TransferFunction) -> float:
     """Time by which a stable model has settled."""
     return model.dead_time_s + 8.0 / float(np.min(np.abs(model.poles.real)))
-
-
-_COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
-
-
-def _words(form: Form) -> str:
-    """`Three poles with one zero`."""
-    return f"{_counted(form.poles, 'pole').capitalize()} with {_counted(form.zeros, 'zero')}"
-
-
-def _counted(count: int, what: str) -> str:
-    number = _COUNTS[count] if count < len(_COUNTS) else str(count)
-    return f"{number} {what}{'s' if count > 1 else ''}"
 
 
 def _signed(root: complex) -> str:

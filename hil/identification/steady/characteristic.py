@@ -213,22 +213,11 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
     def residuals(p: Array) -> Array:
         return (law_at(opening, p) - part) * weight
 
-    def slopes(p: Array) -> Array:
-        over = np.maximum((opening - p[0]) / (top - p[0]), 0.0)
-        flows = over > 0.0
-        safe = np.where(flows, over, 1.0)
-        power = np.where(flows, safe ** p[1], 0.0)
-        moved = (opening - top) / (top - p[0]) ** 2
-        made = np.column_stack((
-            p[2] * p[1] * power / safe * moved, p[2] * power * np.log(safe), power, np.ones(len(opening)), opening / top
-        ))  # fmt: skip
-        return made * weight[:, None]
-
     # leakage beside a dead band makes its foot lean
     bounds = ([0.0, 0.3, 0.0, -0.5, -0.5], [0.98 * top, 5.0, 2.0, 0.5, 0.5])
     flowing = np.sort(opening[part > 0.02])
     start = float(flowing[0]) if len(flowing) else 0.0
-    fitted = partial(least_squares, residuals, jac=slopes, bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0, 1.0])
+    fitted = partial(least_squares, residuals, bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0, 1.0])
     found = fitted([min(0.9 * start, 0.9 * top), 1.2, float(part.max()), 0.0, 0.0])
     # a corner is no place for a linear uncertainty: the law is fitted again to noise about itself
     scale = math.sqrt(max(1.0, 2.0 * found.cost / max(len(opening) - 4, 1)))
