@@ -9,12 +9,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, get_args
 
 from hil.record.recording import Array, Recording
 
-ConditionRole = Literal["supply pressure", "load orifice", "tank pressure", "oil temperature"]
-"""What a bench may adjust beside the command. A load orifice at 0 blocks the ports A and B."""
+SwitchedRole = Literal["electronics supply", "feedback"]
+ConditionRole = Literal["supply pressure", "load orifice", "tank pressure", "oil temperature", SwitchedRole]
+"""What a bench may adjust beside the command. A load orifice at 0 blocks the ports A and B.
+
+A switched role is lost at the lower end of its range: a relay in a supply, or in a feedback, that has opened.
+"""
+SWITCHED: tuple[SwitchedRole, ...] = get_args(SwitchedRole)
 
 
 @dataclass(frozen=True, slots=True)

@@ -106,8 +106,8 @@ THRESHOLDS: Mapping[str, str] = {
 }
 FAIL_SAFES: Mapping[str, str] = {
     "closing_time": (
-        "From the command's jump to its safe value until the response stays for good within the band (in % of the "
-        f"change). Mean of the repeats. {_READING}"
+        "From the command's jump to its safe value, or a relay's opening, until the response stays for good within "
+        f"the band (in % of the change). Mean of the repeats. {_READING}"
     ),
     "left_open": "Mean of the second half of the time after the loss, less the response at neutral before the test.",
 }

@@ -1,7 +1,7 @@
-"""Fail-safe: the command goes to its safe value at once; in what time the valve closes, and what is left open.
+"""Fail-safe: command, supply of the electronics or feedback are lost; in what time the valve closes, and how far.
 
-It drives what a controller does that has lost its command. A broken wire, a lost supply of the electronics or a lost
-feedback are no commands: a bench cannot drive them through the valve's command.
+A lost command goes to its safe value at once. The others need an output with the role `electronics supply` or
+`feedback`, of a relay that opens while the command stands; it closes again at neutral.
 """
 
 from __future__ import annotations
@@ -9,21 +9,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Unit
 
-from hil.errors import InputError
+from hil.errors import InputError, SettingError
 from hil.identification.steady.characteristic import Read
 from hil.identification.steady.threshold_estimate import Stop, drift_of
 from hil.identification.step.step_estimate import measured_steps
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
-from hil.rig import Rig
+from hil.rig import SWITCHED, ConditionRole, Rig, RoleChannel, SwitchedRole
 from hil.session.allowed import Allowed
 from hil.signals.interval import CERTAIN
 from procedures._characteristic import steady
+from procedures._conditions import Values, adjusting, adjusting_s, usual
 from procedures._course import Course, joined
 from procedures._definitions import FAIL_SAFES, defined
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
@@ -31,15 +32,19 @@ from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, Percent, Positive, Twice
 from procedures._statistics import mean_of
 
-CLOSING = Measurement("closing_time", "ms", "from the loss of the command until the response stays at its final value")
-LEFT = Measurement("left_open", "", "response after the loss of the command, less that at neutral before")
+CLOSING = Measurement("closing_time", "ms", "from the loss until the response stays at its final value")
+LEFT = Measurement("left_open", "", "response after the loss, less that at neutral before")
 MEASUREMENTS = defined(FAIL_SAFES, CLOSING, LEFT)
 _HOLD_SETTLINGS = 2.0
+_COMMAND: Literal["command"] = "command"
+
+_Loss = Literal["command", SwitchedRole]
 
 
 def run(
     rig: Rig,
     *,
+    losses: tuple[_Loss, ...] | None = None,
     levels: tuple[Percent, ...] | None = None,
     band: Annotated[float, Allowed(above=0.0, below=50.0), Unit("%")] = 5.0,  # noqa: ARG001 — for the evaluation
     hold_s: Positive | None = None,
@@ -48,11 +53,12 @@ def run(
     full_command: Positive | None = None,
     rate_hz: Positive | None = None,
 ) -> None:
-    """Drive each level, and from there the safe value.
+    """Drive each level, and from there each loss.
 
     Args:
         rig: the bench.
-        levels: from which the command is lost, in % of full command from neutral; the ends of its range when not given.
+        losses: what is lost, one after another; the command, and all that the bench can switch off, when not given.
+        levels: from which it is lost, in % of full command from neutral; the ends of its range when not given.
         band: about the final response within which the valve counts as closed, in % of the change.
         hold_s: time at each level and after it, in s; twice the settling time of the valve when not given.
         repeats: how often each is driven.
@@ -66,14 +72,34 @@ def run(
     held = max(2, round((hold_s or _HOLD_SETTLINGS * rig.settling_s) * rate_hz))
     asked = scale.levels("levels", levels)
     pieces = [np.repeat([level, scale.neutral], held) for level in asked]
-    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, pieces * repeats), {"levels": asked})
+    if losses is None:
+        losses = (_COMMAND, *(role for role in SWITCHED if role in rig.adjustable))
+    if not losses or len(set(losses)) < len(losses):
+        raise SettingError(f"setting losses: {', '.join(losses) or 'none'}; at least one, and each once")
+    switched: dict[ConditionRole, RoleChannel]
+    switched = {role: adjusting(rig, role, f"the loss of the {role}") for role in SWITCHED if role in losses}
+    ways: Sequence[Values] = [{role: channel.low} for role, channel in switched.items()] * repeats * len(asked)
+    pieces *= repeats if _COMMAND in losses else 0
+    path = [*pieces, *[np.full(2 * held, level) for level in asked] * repeats * len(switched)]
+    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, path), {"levels": asked}, adjusting_s(rig, ways))
     course.play(np.full(held, scale.neutral), "neutral", {"kind": "neutral"})
     course.warm_up(asked[0], warm_up_s)
-    for _ in range(repeats):
-        for level, piece in zip(asked, pieces, strict=True):
+    for piece in pieces:
+        level = float(piece[0])
+        course.go_to(level)
+        part = {"kind": "fail-safe", "level": level, "held": held, "label": f"{level:.4g} {rig.command.unit}"}
+        course.play(piece, f"command lost at {part['label']}", part)
+    for role, channel in switched.items():
+        for level in asked * repeats:
             course.go_to(level)
-            part = {"kind": "fail-safe", "level": level, "held": held, "label": f"{level:.4g} {rig.command.unit}"}
-            course.play(piece, f"command lost at {level:.4g} {rig.command.unit}", part)
+            label = f"{level:.4g} {rig.command.unit}, {role} lost"
+            course.play(np.full(held, level), label, {"kind": "before a loss"})
+            opened = len(rig.adjust({role: channel.low}, rate_hz))
+            course.play(np.full(held, level), label, {"kind": "after a loss"})
+            part = {"kind": "fail-safe", "level": level, "held": held, "label": label, "lost": role}
+            rig.mark(2 * held + opened, part)
+            course.finish()
+            rig.adjust({role: usual(channel)}, rate_hz)
     course.finish()
 
 
@@ -114,18 +140,21 @@ def _without(recording: Recording, drift: Read) -> Recording:
 
 
 def _closing(recording: Recording, label: str, parts: Sequence[Mapping[str, Any]]) -> Measured:
-    command, response = roles_of(recording)
+    _, response = roles_of(recording)
     band = float(recording.meta["settings"]["band"]) / 100.0
     found = []
     for part in parts:
         rows = recording.rows(part["first"], part["count"])
         try:
-            (step,) = measured_steps(rows, command.name, response.name, band=band)
+            lost = recording.meta["roles"][part.get("lost", _COMMAND)]
+            (step,) = measured_steps(rows, lost, response.name, band=band)
         except InputError:
             return CLOSING.at(label).of(None)
         found.append((step.figures.settling_s, step.std.settling_s))
+    if not np.isfinite(found).all():
+        return CLOSING.at(label).of(None)
     value, std = mean_of(found)  # what a smooth estimate is off by is in every repeat
-    return CLOSING.at(label).of(1e3 * value, 1e3 * std) if math.isfinite(value + std) else CLOSING.at(label).of(None)
+    return CLOSING.at(label).of(1e3 * value, 1e3 * std)
 
 
 def _stop(recording: Recording, first: int, count: int) -> Stop:

@@ -42,11 +42,12 @@ class OutputStage:
 
     Attributes:
         signal: the plant's input that it drives; empty when it goes nowhere.
+        powers: the plant's input that acts only while this is not 0; empty for none.
         pwm: carrier and dither of a PWM current output, which may be changed while it drives.
     """
 
     def __init__(self, channel: OutputChannel, instrument: Instrument, line: Line | None, bits: int) -> None:
-        self.signal = line.signal if line else ""
+        self.signal, self.powers = line.signal if line else "", instrument.powers
         self._sensitivity = Sensitivity.of(instrument, line)
         self._converter = Converter.of(channel.kind, channel.low, channel.high, bits)
         self._low, self._high = channel.low, channel.high

@@ -74,4 +74,7 @@ class SimulatedRig:
         """What acts on the plant, tick by tick; what no output is connected to stays at zero."""
         driven = {stage.signal: stage.drive(outputs[name], every, first_tick, self._tick_s)
                   for name, stage in self.stages.items() if stage.signal}  # fmt: skip
+        for name, stage in self.stages.items():
+            if stage.powers in driven:
+                driven[stage.powers] *= stage.drive(outputs[name], every, first_tick, self._tick_s) != 0.0
         return driven | {signal: np.zeros(every * samples) for signal in self._idle}

@@ -73,6 +73,7 @@ class Instrument(_Strict):
         direction: `out` drives the plant, `in` reads it.
         signal: the plant's signal that it carries. An input may have a `value` instead, which just stands still;
             an output without a signal goes nowhere.
+        powers: of an output: the plant's input that acts only while this output is not 0, as a relay's in its supply.
         pressed_s: of a contact, an input with a `value`: from then on it reads 0, as if somebody had pressed an
             emergency stop; on the device's own time.
         unit: in which `slope`, `offset` and `noise` are given.
@@ -82,6 +83,7 @@ class Instrument(_Strict):
 
     direction: Literal["out", "in"] = "in"
     signal: str = ""
+    powers: str = ""
     value: FiniteFloat | None = None
     pressed_s: FiniteFloat | None = Field(None, ge=0.0)
     unit: str = "1"
@@ -174,6 +176,9 @@ def _instrument_faults(
         otherwise = 'signal = "" goes nowhere' if is_out else "value = … stands still"
         text = f"there is no signal '{instrument.signal}' of plant {plant.name} here, only {', '.join(known)}"
         yield place, f"{text}; in [simulation.{'.'.join(map(str, place))}] say which one it carries, or {otherwise}"
+    if instrument.powers and (not is_out or instrument.powers not in {signal.name for signal in plant.inputs}):
+        inputs = ", ".join(signal.name for signal in plant.inputs)
+        yield place, f"powers = '{instrument.powers}': an output powers an input of plant {plant.name}: {inputs}"
     if instrument.pressed_s is not None and instrument.value is None:
         yield place, "pressed_s opens a contact: an input with a value, closed until then (value = …)"
     if not is_out and bool(instrument.signal) == (instrument.value is not None):

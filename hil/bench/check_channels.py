@@ -8,7 +8,7 @@ from hil.bench.check_interlocks import known_channel
 from hil.bench.device import DeviceInUse
 from hil.bench.draft import Draft
 from hil.bench.fault import Fault
-from hil.bench.file import CONDITIONS, EMERGENCY_STOP, ChannelEntry
+from hil.bench.file import CONDITIONS, EMERGENCY_STOP, SET_BY_HAND, ChannelEntry
 from hil.daq.channel import Terminal
 from hil.errors import HilError
 from hil.units import check_unit
@@ -22,8 +22,8 @@ def channel_faults(
     yield from _dates(name, channel)
     yield from _limits(name, channel)
     yield from _witness(name, channel, draft)
-    if channel.by_hand is not None and (channel.is_output or channel.role not in CONDITIONS):
-        text = f"only an input has this, one with a role that is adjusted: {', '.join(CONDITIONS)}"
+    if channel.by_hand is not None and (channel.is_output or channel.role not in SET_BY_HAND):
+        text = f"only an input has this, one with a role that is adjusted: {', '.join(SET_BY_HAND)}"
         yield Fault(("channels", name, "by_hand"), text)
     yield from _connection(name, channel, draft, devices)
 

@@ -10,11 +10,12 @@ from typing_extensions import TypedDict
 
 from hil.daq.calibration import Calibration
 from hil.daq.channel import Pwm
-from hil.rig import ConditionRole
+from hil.rig import SWITCHED, ConditionRole
 from hil.safety.interlock import Action
 
 Role = Literal["command", "response", ConditionRole, "emergency stop", "other"]
 CONDITIONS: tuple[ConditionRole, ...] = get_args(ConditionRole)
+SET_BY_HAND = tuple(role for role in CONDITIONS if role not in SWITCHED)
 EMERGENCY_STOP: Role = "emergency stop"
 
 
@@ -151,8 +152,8 @@ class ChannelEntry(_Strict):
         device, terminal: where it is connected.
         role: `command` is what procedures drive, `response` what they look at; one of each. `supply pressure`, `load
             orifice`, `tank pressure`, `oil temperature` are outputs that procedures adjust, or inputs that read what
-            somebody sets `by_hand`. `emergency stop` is the
-            feedback contact of the hardware's own stop, closed while nobody has pressed it.
+            somebody sets `by_hand`. `electronics supply` and `feedback` are outputs of relays that `fail_safe` opens.
+            `emergency stop` is the feedback contact of the hardware's own stop, closed while nobody has pressed it.
         pressed_below: of an emergency stop: below it the contact is open. A digital line needs none.
         unit: of everything said about it. Other than the terminal's own it needs a `calibration`.
         range: narrower than the terminal's, in the terminal's unit: a smaller input range resolves more.

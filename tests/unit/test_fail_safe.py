@@ -7,6 +7,9 @@ import math
 import numpy as np
 import pytest
 
+import hil
+from hil.bench.fault import BenchError
+from hil.bench.read import read_bench
 from hil.errors import SettingError
 from hil.record.recording import Channel, Recording
 from hil.rig import RoleChannel
@@ -69,3 +72,51 @@ def test_levels_are_the_ends_of_the_range_and_none_is_neutral():
     assert scale.levels("levels", None, 0.5) == [40.0, -50.0]
     with pytest.raises(SettingError, match="levels"):
         scale.levels("levels", (50.0, 0.0))
+
+
+RELAY = """based_on = "four-way-lab"
+[channels.relay]
+role = "electronics supply"
+device = "daq"
+terminal = "do1"
+unit = "1"
+safe = 0.0
+on = 1.0
+settles_s = 0.05
+[simulation.instruments.relay]
+signal = ""
+"""
+
+
+@pytest.mark.parametrize("powers", [True, False])
+def test_a_supply_of_the_electronics_is_lost_by_its_relay(tmp_path, powers):
+    bench = tmp_path / "relay.toml"
+    bench.write_text(RELAY + 'powers = "command"\n' * powers, encoding="utf-8")
+    settings = {"levels": (80.0,), "repeats": 2, "losses": ("command", "electronics supply")}
+    measured = {m.name: m for m in hil.run("fail_safe", bench, tmp_path / "run", **settings).findings.measured}
+    closing, left = (measured[f"{name}, 80 %, electronics supply lost"] for name in ("closing_time", "left_open"))
+    if powers:  # the coil loses its current either way
+        command = measured["closing_time, 80 %"]
+        assert abs(closing.value - command.value) < 4.0 * math.hypot(closing.std, command.std) < 5.0
+        assert abs(left.value) < 0.1
+    else:  # the relay is not in the valve's supply
+        assert closing.value is None
+        assert left.value > 10.0
+    relay = hil.read(tmp_path / "run").values("relay")
+    assert np.count_nonzero(np.diff(relay) > 0.5) == 3  # on, and again after each loss
+
+
+@pytest.mark.parametrize("losses", [(), ("feedback",), ("command", "command")])
+def test_losses_that_cannot_be_driven_are_refused_by_name(tmp_path, losses):
+    with pytest.raises(SettingError, match=r'role = "feedback"|setting losses'):
+        hil.run("fail_safe", "four-way-lab", tmp_path / "run", losses=losses)
+
+
+def test_a_relay_of_a_supply_is_not_set_by_hand(tmp_path):
+    text = RELAY.partition("safe = ")[0].replace('"do1"', '"di0"')
+    text += (
+        "by_hand = { low = 0.0, high = 1.0, usual = 1.0, tolerance = 0.1 }\n[simulation.instruments.relay]\nvalue = 1.0"
+    )
+    (tmp_path / "relay.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(BenchError, match="by_hand: only an input has this"):
+        read_bench(tmp_path / "relay.toml")
