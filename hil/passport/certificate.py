@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,7 +52,8 @@ def certificate_of(
         "title": _("Valve passport: {valve}, {serial}").format(valve=unit.valve, serial=unit.serial),
         "date": [unit.dates[1].year, unit.dates[1].month, unit.dates[1].day],
         **whole,
-        "details": [with_minus(text) for text in details[:4]], "beside": _beside(boxes),
+        "details": [with_minus(text) for text in details[:4]],
+        "beside": list(dict.fromkeys(str(text) for box in boxes for text in box["beside"])),  # good units
         "facts": [*_facts(unit, names), *_origin(unit, trail)], "conditions": _conditions(unit),
         "limits": [_limit_row(m) for m in judged[:_ON_PAGE_ONE]],
         "more_limits": [_limit_row(m) for m in judged[_ON_PAGE_ONE:]],
@@ -66,28 +67,29 @@ def certificate_of(
     }  # fmt: skip
 
 
-def _beside(boxes: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The unit beside good ones, of every run that did not pass."""
-    return list(dict.fromkeys(str(text) for box in boxes for text in box["beside"]))
-
-
 def _facts(unit: Unit, names: bool) -> list[tuple[str, str]]:
     first, last = (local_text(run.started, "minutes") for run in (unit.runs[0], unit.runs[-1]))
     metas = [run.recording.meta for run in unit.runs]
-    operators = ", ".join(dict.fromkeys(str(meta.get("operator") or _("not stated")) for meta in metas))
+    operators = _each(meta.get("operator") for meta in metas)
     notes = {str(k): str(v) for meta in metas for k, v in (meta.get("notes") or {}).items()}
     return [
         (_("Valve"), unit.valve),
         (_("Serial"), unit.serial),
         (_("Date"), f"{first}" if first == last else _("{first} to {last}").format(first=first, last=last)),
         (_("Operator"), operators if names else _("left out")),
-        (_("Bench"), ", ".join(dict.fromkeys(str(meta.get("bench") or _("not stated")) for meta in metas))),
-        (
-            _("Tests"),
-            ", ".join(dict.fromkeys(_(quantity_words(str(meta.get("procedure") or "run"))) for meta in metas)),
-        ),
+        (_("Bench"), _each(meta.get("bench") for meta in metas)),
+        (_("Tests"), _each(_(quantity_words(str(meta.get("procedure") or "run"))) for meta in metas)),
         *((capital(_(name)), text) for name, text in notes.items()),
     ]
+
+
+def _each(values: Iterable[object]) -> str:
+    """What runs state, each once."""
+    return ", ".join(dict.fromkeys(_or_not_stated(value) for value in values))
+
+
+def _or_not_stated(value: object) -> str:
+    return str(value or _("not stated"))
 
 
 def _origin(unit: Unit, trail: Trail) -> list[tuple[str, str]]:
@@ -100,8 +102,8 @@ def _origin(unit: Unit, trail: Trail) -> list[tuple[str, str]]:
 
 
 def _programs(unit: Unit) -> str:
-    recorded = ", ".join(dict.fromkeys(str(run.recording.meta.get("program") or _("not stated")) for run in unit.runs))
-    evaluated = ", ".join(dict.fromkeys(run.evaluated_by or _("an earlier version, unsealed") for run in unit.runs))
+    recorded = _each(run.recording.meta.get("program") for run in unit.runs)
+    evaluated = _each(run.evaluated_by or _("an earlier version, unsealed") for run in unit.runs)
     text = recorded if recorded == evaluated else _("recorded: {one}; evaluated: {other}").format(
         one=recorded, other=evaluated
     )  # fmt: skip
@@ -129,12 +131,11 @@ def _conditions(unit: Unit) -> list[tuple[str, str]]:
 
 
 def _limit_row(m: Measured) -> list[str]:
-    return [_name(m), value_text(m), unit_text(m.unit), limits_text(m.low, m.high), accepted_within(m),
-            _(str(m.verdict))]  # fmt: skip
+    return [*_value_row(m), limits_text(m.low, m.high), accepted_within(m), _(str(m.verdict))]
 
 
 def _value_row(m: Measured) -> list[str]:
-    return [_name(m), value_text(m), unit_text(m.unit)]
+    return [name_words(m.name), value_text(m), unit_text(m.unit)]
 
 
 def accepted_within(m: Measured) -> str:
@@ -152,10 +153,6 @@ def accepted_within(m: Measured) -> str:
     return f"≥ {text[0]}" if text[1] is None else f"{text[0]} … {text[1]}"
 
 
-def _name(m: Measured) -> str:
-    return name_words(m.name)
-
-
 def name_words(name: str) -> str:
     """The name of a measured value, for a page."""
     quantity, _comma, place = name.partition(", ")
@@ -169,9 +166,8 @@ def _instruments(runs: Sequence[UnitRun]) -> list[list[str]]:
 
 def _devices(run: UnitRun) -> list[list[str]]:
     return [
-        [str(one.get("name") or ""), str(one.get("serial") or _("not stated")),
-         str(one.get("calibrated") or _("not stated")),
-         str(one.get("due") or _("not stated")), str(one.get("uncertainty") or _("not stated"))]
+        [str(one.get("name") or ""),
+         *(_or_not_stated(one.get(key)) for key in ("serial", "calibrated", "due", "uncertainty"))]
         for one in run.recording.meta.get("instruments", ()) if isinstance(one, Mapping)
     ]  # fmt: skip
 
@@ -183,8 +179,8 @@ def _channels(run: UnitRun) -> list[list[str]]:
         if line:
             width = line.get("uncertainty")
             found.append([
-                f"{channel.name}: {channel.source}", str(line.get("source") or _("not stated")),
-                str(line.get("date") or _("not stated")), str(line.get("due") or _("not stated")),
+                f"{channel.name}: {channel.source}",
+                *(_or_not_stated(line.get(key)) for key in ("source", "date", "due")),
                 _("not stated") if width is None else f"{number(width)} {unit_text(channel.unit)}".rstrip(),
             ])  # fmt: skip
     return found

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,45 +11,35 @@ from hil.record.conditions import measured_conditions
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Recording
 
-
-class _Condition(NamedTuple):
-    name: str
-    stage: str
-    stated: str
-    unit: str
-
-
 _CONDITIONS = (
-    _Condition("oil temperature", "oil", "fluid_temperature_c", "°C"),
-    _Condition("supply pressure", "supply", "supply_pressure_bar", "bar"),
+    ("oil temperature", "oil", "fluid_temperature_c", "°C"),
+    ("supply pressure", "supply", "supply_pressure_bar", "bar"),
 )
+"""Its name, the stage where it is, its name in the bench file, the unit of that name."""
 
 
 def condition_changes(old: Sequence[Recording], new: Sequence[Recording]) -> list[Change]:
     """Those that were measured or stated at both dates and differ beyond their uncertainty."""
     found = []
-    for one in _CONDITIONS:
-        was, now = _mean(old, one), _mean(new, one)
+    for name, stage, key, unit in _CONDITIONS:
+        was, now = _mean(old, key), _mean(new, key)
         if was is None or now is None:
             continue
-        width = COVERAGE_FACTOR * float(np.hypot(was[1] or 0.0, now[1] or 0.0))
-        if abs(now[0] - was[0]) > width:
-            found.append(Change(one.name, one.stage, "bench", one.name, Size(*was), Size(*now), one.unit, None, None))
+        width = COVERAGE_FACTOR * float(np.hypot(was.std or 0.0, now.std or 0.0))
+        if abs((now.value or 0.0) - (was.value or 0.0)) > width:
+            found.append(Change(name, stage, "bench", name, was, now, unit, None, None))
     return found
 
 
-def _mean(recordings: Sequence[Recording], one: _Condition) -> tuple[float, float | None] | None:
-    """(mean, standard uncertainty) over the recordings: measured where a channel measures it, else as stated."""
-    values = [value for recording in recordings if (value := _of(recording, one)) is not None]
-    if not values:
-        return None
-    known = [std for _, std in values if std is not None]
-    return float(np.mean([value for value, _ in values])), max(known) if known else None
-
-
-def _of(recording: Recording, one: _Condition) -> tuple[float, float | None] | None:
-    measured = measured_conditions(recording).get(one.stated)
-    if measured is not None:
-        return measured.mean, measured.std
-    stated = (recording.meta.get("conditions") or {}).get(one.stated)
-    return None if stated is None else (float(stated), None)
+def _mean(recordings: Sequence[Recording], key: str) -> Size | None:
+    """Over the recordings: measured where a channel measures it, else as stated."""
+    values, stds = [], []
+    for recording in recordings:
+        measured = measured_conditions(recording).get(key)
+        stated = (recording.meta.get("conditions") or {}).get(key)
+        if measured is not None:
+            values.append(measured.mean)
+            stds.append(measured.std)
+        elif stated is not None:
+            values.append(float(stated))
+    return Size(float(np.mean(values)), max(stds, default=None)) if values else None

@@ -23,6 +23,7 @@ from hil.passport.sources import Dated
 from hil.physics.compose import kernel
 from hil.physics.model import Model, ModelEffect
 from hil.record.measurement import COVERAGE_FACTOR
+from hil.record.plain import plain
 from hil.record.progress import Progress
 from hil.record.simulated import is_simulated
 from hil.session.diagnosis import bound_to
@@ -50,17 +51,9 @@ class DateDifference:
 
     def as_dict(self) -> dict[str, Any]:
         """`hil.diff/1`."""
-        return {
-            "schema": SCHEMA,
-            "changes": [change.as_dict() for change in self.changes],
-            "unchanged": [one.as_dict() for one in self.unchanged],
-            "cannot_tell": [one.as_dict() for one in self.cannot_tell],
-            "verdict": self.verdict,
-            "notes": list(self.notes),
-            "simulated": self.simulated,
-            "is_part": self.is_part,
-            "not_searched": list(self.not_searched),
-        }
+        lists = ("changes", "unchanged", "cannot_tell")
+        parts = {name: [one.as_dict() for one in getattr(self, name)] for name in lists}
+        return {"schema": SCHEMA, **plain(self), **parts}
 
 
 def difference(
@@ -173,17 +166,13 @@ def _of_finding(
     shares: Mapping[str, float],
 ) -> Change:  # fmt: skip
     parameter, after = next(iter(f.parameters.items()))
-    if parameter in reference.parameters:
-        was = Size(reference.parameters[parameter].value, reference.parameters[parameter].std)
-    elif before is not None and parameter in before.parameters:
-        was = Size(before.parameters[parameter].value, before.parameters[parameter].std)
-    elif after.was is not None:
-        upper = limits.get(f.name)
-        known = _std_in(reference, f, parameter) if upper is None else upper / _ONE_SIDED
-        was = Size(after.was, known)
+    known = reference.parameters.get(parameter) or (before.parameters.get(parameter) if before else None)
+    if known is not None:
+        was = Size(known.value, known.std)
     else:
-        upper = limits.get(f.name)
-        was = Size(_null(reference, f, parameter), None if upper is None else upper / _ONE_SIDED)
+        value = _null(reference, f, parameter) if after.was is None else after.was
+        std = None if after.was is None else _std_in(reference, f, parameter)
+        was = Size(value, limits[f.name] / _ONE_SIDED if f.name in limits else std)
     rivals = {name for names in diagnosis.not_separable if f.name in names for name in names}
     stages = {c.stage for c in diagnosis.candidates if c.name in rivals}
     of = owner_among(f.stage, stages)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import uuid
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hil.bench.audit import Audit, head, is_on_the_trail, issued_on_the_trail
 from hil.errors import InputError, SettingError, StorageError, option
@@ -31,21 +30,18 @@ from hil.passport.dcc import certificate_xml
 from hil.passport.figures import pictures
 from hil.passport.identified import Understood, understood
 from hil.passport.key import SigningKey, fingerprint, name_of
-from hil.passport.pdf import compiled
+from hil.passport.pdf import compiled, write_plain
 from hil.passport.power import Power, notes, power_of, rows
 from hil.passport.power import as_dict as power_dict
 from hil.passport.revoked import read_revocations
 from hil.passport.sign import signed
 from hil.passport.unit import Unit, read_unit_runs
 from hil.passport.verify import SignatureStatus, Trust, verify
+from hil.physics.model import Model, save_model
 from hil.physics.other_plant import other_plants
 from hil.record.durable import write_whole
-from hil.record.plain import plain, to_json
 from hil.record.progress import Progress, quiet
 from hil.version import PROGRAM
-
-if TYPE_CHECKING:
-    from hil.physics.model import Model
 
 SCHEMA = "hil.passport/1"
 
@@ -107,11 +103,12 @@ def issue(
         if not wanted.names:
             unit = nameless(unit, place / "nameless")
         progress(0.9, "setting the pages")
-        content = _sealed(unit, known, powers, signer, wanted, key, place, trail)
+        issued = Issued(out, unit, known, signer, powers)
+        content = _sealed(issued, wanted, key, place, trail)
     _written(content, out)
     issued_on_the_trail(out, hashlib.sha256(content).hexdigest(), unit.serial)
     progress(1.0, "done")
-    return Issued(out, unit, known, signer, powers)
+    return issued
 
 
 def _powers(unit: Unit, known: Understood, out: Path, progress: Progress) -> tuple[Power, ...]:
@@ -141,12 +138,10 @@ def trail_of(folders: Sequence[Path]) -> Trail:
     return Trail() if last is None else Trail(last.number, last.sha256, sum(held))
 
 
-def _sealed(
-    unit: Unit, known: Understood, powers: Sequence[Power], signer: Signer, wanted: Wanted, key: SigningKey,
-    place: Path, trail: Trail,
-) -> bytes:  # fmt: skip
-    page, drawn = _page_and_pictures(unit, known, powers, signer, wanted, trail)
-    inside = [*_made(unit, known, powers, signer, wanted, place / "made"), *attached_runs(unit)]
+def _sealed(issued: Issued, wanted: Wanted, key: SigningKey, place: Path, trail: Trail) -> bytes:
+    unit, known = issued.unit, issued.understood
+    page, drawn = _page_and_pictures(issued, wanted, trail)
+    inside = [*_made(issued, wanted, place / "made"), *attached_runs(unit)]
     content = {
         "schema": SCHEMA, "serial": unit.serial, "valve": unit.valve, "verdict": unit.verdict,
         "simulated": unit.simulated,
@@ -168,46 +163,35 @@ def _sealed(
 
 
 @in_page_language
-def _page_and_pictures(
-    unit: Unit, known: Understood, powers: Sequence[Power], signer: Signer, wanted: Wanted, trail: Trail
-) -> tuple[dict[str, Any], list[tuple[str, bytes]]]:
+def _page_and_pictures(issued: Issued, wanted: Wanted, trail: Trail) -> tuple[dict[str, Any], list[tuple[str, bytes]]]:
     """What the pages say and show; the files beside them are in English whatever the pages are in."""
-    page = certificate_of(unit, signer, known.says, names=wanted.names, trail=trail)
+    unit, known, powers = issued.unit, issued.understood, issued.powers
+    page = certificate_of(unit, issued.signer, known.says, names=wanted.names, trail=trail)
     page |= {"valve": unit.valve, "serial": unit.serial, "model_about": known.about,
              "parameters": known.parameters, "excluded": known.excluded,
              "power": rows(powers), "power_notes": [note.translated for note in notes(powers)]}  # fmt: skip
     return page, pictures(run.results for run in unit.runs)
 
 
-def _made(
-    unit: Unit, known: Understood, powers: Sequence[Power], signer: Signer, wanted: Wanted, place: Path
-) -> list[Attached]:
+def _made(issued: Issued, wanted: Wanted, place: Path) -> Iterator[Attached]:
     """The files that are made for this passport."""
+    unit, known = issued.unit, issued.understood
     place.mkdir()
-    xml = place / DCC_FILE
-    xml.write_bytes(
-        certificate_xml(unit, signer, f"{unit.serial}-{unit.dates[1]:%Y%m%d}-{_mark(unit)}", names=wanted.names)
-    )
-    found = [Attached(DCC_FILE, xml, "data", "Digital Calibration Certificate, PTB schema 3.2.1")]
-    if known.model is not None or wanted.model is not None:
-        from hil.physics.model import save_model
+    identifier = f"{unit.serial}-{unit.dates[1]:%Y%m%d}-{_mark(unit)}"
+    (place / DCC_FILE).write_bytes(certificate_xml(unit, issued.signer, identifier, names=wanted.names))
+    yield Attached(DCC_FILE, place / DCC_FILE, "data", "Digital Calibration Certificate, PTB schema 3.2.1")
     if known.model is not None:
         save_model(known.model, place / MODEL_FILE)
-        found.append(Attached(MODEL_FILE, place / MODEL_FILE, "data", "the model of this unit"))
+        yield Attached(MODEL_FILE, place / MODEL_FILE, "data", "the model of this unit")
     if wanted.model is not None:
         save_model(wanted.model, place / TYPE_MODEL_FILE)
-        found.append(Attached(TYPE_MODEL_FILE, place / TYPE_MODEL_FILE, "supplement", "the model of its type"))
+        yield Attached(TYPE_MODEL_FILE, place / TYPE_MODEL_FILE, "supplement", "the model of its type")
     if known.diagnosed is not None:
-        path = place / DIAGNOSIS_FILE
-        path.write_text(
-            json.dumps(plain(known.diagnosed.diagnosis.as_dict()), indent=1, ensure_ascii=False), encoding="utf-8"
-        )
-        found.append(Attached(DIAGNOSIS_FILE, path, "data", "the diagnosis against the model of its type"))
-    if powers:
-        path = place / POWER_FILE
-        path.write_text(to_json(power_dict(powers)), encoding="utf-8")
-        found.append(Attached(POWER_FILE, path, "data", "the least faults that break each limit"))
-    return found
+        write_plain(place / DIAGNOSIS_FILE, known.diagnosed.diagnosis.as_dict())
+        yield Attached(DIAGNOSIS_FILE, place / DIAGNOSIS_FILE, "data", "the diagnosis against the model of its type")
+    if issued.powers:
+        write_plain(place / POWER_FILE, power_dict(issued.powers))
+        yield Attached(POWER_FILE, place / POWER_FILE, "data", "the least faults that break each limit")
 
 
 def _mark(unit: Unit) -> str:

@@ -37,10 +37,10 @@ def compiled(page: Mapping[str, Any], pictures: Sequence[tuple[str, bytes]], ins
         for one, (_, svg) in zip(drawn, pictures, strict=True):
             (place / one["file"]).write_bytes(svg)
         listed = [one.as_dict() for one in inside]
-        _write(place / CONTENT_FILE, {**content, "files": listed})
+        write_plain(place / CONTENT_FILE, {**content, "files": listed})
         every = [*inside, Attached(CONTENT_FILE, place / CONTENT_FILE, "data", "what is inside, with checksums")]
         shown = [{**one.as_dict(), "at": _linked(one, place)} for one in every]
-        _write(place / "page.json", {**page, "pictures": drawn, "files": shown})
+        write_plain(place / "page.json", {**page, "pictures": drawn, "files": shown})
         template = files("hil.passport").joinpath("certificate.typ").read_bytes()
         (place / "certificate.typ").write_bytes(template)
         return typst.compile(place / "certificate.typ", root=place, pdf_standards=STANDARD, ignore_system_fonts=True)
@@ -59,5 +59,6 @@ def _linked(one: Attached, place: Path) -> str:
     return one.name
 
 
-def _write(path: Path, content: Mapping[str, Any]) -> None:
+def write_plain(path: Path, content: Mapping[str, Any]) -> None:
+    """Write values as indented JSON."""
     path.write_text(json.dumps(plain(content), ensure_ascii=False, indent=1) + "\n", encoding="utf-8")
