@@ -9,7 +9,7 @@ import shutil
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -224,21 +224,18 @@ def _pack(
         for path in sorted(work.glob("*.[ch]")):
             archive.write(path, f"sources/{path.name}")
         if version == "3":
-            archive.writestr("sources/buildDescription.xml", _build_description(identifier(variables)))
+            archive.writestr("sources/buildDescription.xml", _BUILD.format(name=identifier(variables)))
         for name, text in resources(variables).items():
             archive.writestr(name, text)
         for name, library in libraries.items():
             archive.write(library, f"binaries/{PLATFORMS[name].folder(version)}/{library.name}")
 
 
-def _build_description(name: str) -> str:
-    return "\n".join(_build_lines(name)) + "\n"
-
-
-def _build_lines(name: str) -> Iterator[str]:
-    yield '<?xml version="1.0" encoding="UTF-8"?>'
-    yield '<fmiBuildDescription fmiVersion="3.0">'
-    yield f'  <BuildConfiguration modelIdentifier="{name}">'
-    yield '    <SourceFileSet language="C99"><SourceFile name="fmi.c"/></SourceFileSet>'
-    yield "  </BuildConfiguration>"
-    yield "</fmiBuildDescription>"
+_BUILD = """\
+<?xml version="1.0" encoding="UTF-8"?>
+<fmiBuildDescription fmiVersion="3.0">
+  <BuildConfiguration modelIdentifier="{name}">
+    <SourceFileSet language="C99"><SourceFile name="fmi.c"/></SourceFileSet>
+  </BuildConfiguration>
+</fmiBuildDescription>
+"""

@@ -1,4 +1,4 @@
-"""Hold an FMU against this program's own simulation of the model, on a multisine."""
+"""An FMU and this program's own simulation of its model, on a multisine."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from hil.errors import InputError
 from hil.fmu.variables import Variables, variable_name
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array
@@ -16,25 +15,6 @@ ALLOWED = 1e-9  # of full scale
 _SAMPLES = 2000
 INTERVALS = 10  # internal steps to a sample
 _TONES = (1, 3, 7, 13, 29, 61)
-
-
-def examine(path: Path, variables: Variables) -> float:
-    """The largest difference between the FMU and `simulate`, over all outputs, as a share of their full scale.
-
-    Raises:
-        InputError: it is more than 1e-9, or the FMU does not run here.
-    """
-    inputs = excitation(variables)
-    expected = simulated(variables, inputs)
-    try:
-        found = played(path, variables, inputs)
-    except Exception as error:  # whatever FMPy or the binary says
-        raise InputError(f"{path}: the FMU does not run: {error}") from error
-    scales = np.array([[signal.full_scale] for signal in variables.outputs])
-    worst = float(np.max(np.abs(found - expected) / scales))
-    if not worst <= ALLOWED:
-        raise InputError(f"{path}: differs from `hil simulate` by {worst:.2g} of full scale; allowed {ALLOWED:g}")
-    return worst
 
 
 def excitation(variables: Variables) -> Array:

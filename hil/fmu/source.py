@@ -7,6 +7,7 @@ import hashlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.resources import files
 from typing import Any
 
@@ -86,7 +87,7 @@ def _coefficients(unit: Unit, variables: Variables, seen: dict[Any, Any]) -> Ite
     function = symbolic(unit, plant.coefficients, seen)
     for target, step_s in (("fine", variables.step_s), ("steady", math.inf)):
         places = [(name, f"{target}[{i}]") for i, name in enumerate(variables.kernel.coefficients)]
-        yield from _scope(written(_called(function, given, step_s), _to(places)))
+        yield from _scope(written(partial(function, given, step_s), _to(places)))
 
 
 def _fixed_coefficients(variables: Variables) -> Iterator[str]:
@@ -104,7 +105,7 @@ def _effect_coefficients(unit: Unit, variables: Variables, k: int, seen: dict[An
     if site.effect.coefficients is None:
         return [f"{place} = {given[name].text};" for name, place in places]
     function = symbolic(unit, site.effect.coefficients, seen)
-    return _scope(written(_called(function, given, variables.step_s), _to(places)))
+    return _scope(written(partial(function, given, variables.step_s), _to(places)))
 
 
 def _initial(unit: Unit, variables: Variables, seen: dict[Any, Any]) -> list[str]:
@@ -119,11 +120,7 @@ def _initial(unit: Unit, variables: Variables, seen: dict[Any, Any]) -> list[str
     for name, width in plant.states.items():
         places[name] = f"states[{at}]"
         at += width
-    return written(_called(function, given, inputs, output), lambda outcome: [(name, places[name]) for name in outcome])
-
-
-def _called(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
-    return lambda: function(*arguments)
+    return written(partial(function, given, inputs, output), lambda outcome: [(name, places[name]) for name in outcome])
 
 
 def _to(places: Sequence[tuple[str, str]]) -> Callable[[Any], Iterable[tuple[str, str]]]:

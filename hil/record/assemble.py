@@ -14,7 +14,7 @@ import numpy as np
 
 from hil.errors import FileError, UnitError, option
 from hil.language.note import Note
-from hil.record.columns import Column, Table, by_length
+from hil.record.columns import Column, Table, by_length, even_times
 from hil.record.heading import is_time, plain_name
 from hil.record.long_format import split_by_channel
 from hil.record.missing_values import Place, is_even, missing_values
@@ -210,7 +210,7 @@ def _pieces(name: str, table: Table, reading: Reading, origins: Mapping[str, Any
     if reading.interval_s:
         signals = [c for c in table.columns if c not in clocks and not (c.is_dated or c.counts_rows)]
         for columns in by_length(signals):
-            time_s = reading.interval_s * np.arange(len(columns[0].values), dtype=np.float64)
+            time_s = even_times(len(columns[0].values), reading.interval_s)
             yield table.name, time_s, columns, (even_note(reading.interval_s),)
         return
     if not clocks:

@@ -139,6 +139,11 @@ def numbers(properties: Mapping[str, Any]) -> dict[str, float]:
     return {key: float(value.item()) for key, value in single.items() if value.dtype.kind in "iuf"}
 
 
+def even_times(count: int, interval_s: float, start_s: float = 0.0) -> Array:
+    """The stamps of so many evenly spaced samples."""
+    return start_s + interval_s * np.arange(count, dtype=np.float64)
+
+
 def even_table(name: str, columns: Sequence[Column], numbers: Mapping[str, float]) -> Table:
     """A table, on an even time base when no column holds the time and one of the numbers is a known interval.
 
@@ -151,7 +156,7 @@ def even_table(name: str, columns: Sequence[Column], numbers: Mapping[str, float
     for key, value in numbers.items():
         interval_s = headings.interval_of(key, value)
         if interval_s > 0:
-            time_s = start_s + interval_s * np.arange(len(columns[0].values), dtype=np.float64)
+            time_s = even_times(len(columns[0].values), interval_s, start_s)
             return Table(name, columns, time_s, f"even time base from {key} = {value:g}")
     return Table(name, columns)
 

@@ -11,12 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
-from typing import Literal
-
-import numpy as np
 
 from hil.record import heading as headings
-from hil.record.columns import Column, Table
+from hil.record.columns import Column, Table, even_times
 from hil.record.layout import Kind, Layout, is_row_of_units, split
 from hil.record.text_file import Beginning
 from hil.record.tokens import decimal_and_thousands, is_blank, is_number, is_stamp
@@ -175,38 +172,32 @@ def _known(
     found = _columns(len(at), names, metadata, interval_s, _rises([row[at[0]] for row in samples]))
     if found is None:
         return None
-    called, units, form = found
+    called, units, timed = found
     by_place = {place: (name, unit) for place, name, unit in zip(at, called, units, strict=True)}
+    headings, of_columns = zip(*(by_place.get(i, ("", "")) for i in range(width)), strict=True)
     kinds: tuple[Kind, ...] = tuple("number" if i in by_place else "text" for i in range(width))
     decimal = "." if mark == "," else decimal_and_thousands([c for row in samples for c in row])[0]
-    made = Layout(
-        encoding, mark, decimal, "", tuple(by_place.get(i, ("", ""))[0] for i in range(width)),
-        tuple(by_place.get(i, ("", ""))[1] for i in range(width)), first + 1, kinds,
-    )  # fmt: skip
-    return Known(made, partial(_tables, form, (metadata.start_s, interval_s, words), at))
-
-
-_Form = Literal["with time", "in pairs", "evenly"]
+    made = Layout(encoding, mark, decimal, "", headings, of_columns, first + 1, kinds)
+    return Known(made, partial(_tables, at, (metadata.start_s, 0.0 if timed else interval_s, words)))
 
 
 def _columns(
     count: int, names: Sequence[str], metadata: _Metadata, interval_s: float, rises: bool
-) -> tuple[list[str], list[str], _Form] | None:
-    """What so many columns of samples are called, their units, and how they are tables; None where nothing fits."""
+) -> tuple[list[str], list[str], bool] | None:
+    """Names and units of so many columns of samples, and whether times are among them; None where nothing fits."""
     stated = metadata.units
-    if len(names) == count and not any(map(headings.is_time, names)) and not _timed_unit(stated, count):
-        return (list(names), _filled(stated, count), "evenly") if interval_s else None
     if len(names) == count:
-        return list(names), _filled(stated, count), "with time"
+        timed = any(map(headings.is_time, names)) or _timed_unit(stated, count)
+        return (list(names), _filled(stated, count), timed) if timed or interval_s else None
     channels = len(names) or len(stated) or (count - 1 if rises else count)
     names = list(names) or ([f"channel {i}" for i in range(1, channels + 1)] if channels > 1 else ["channel"])
+    units, of_time = _filled(stated, channels), metadata.time_unit or "s"
     if count == channels + 1 and rises:
-        return ["time", *names], [metadata.time_unit or "s", *_filled(stated, channels)], "with time"
-    if count == 2 * channels and rises:
+        return ["time", *names], [of_time, *units], True
+    if count == 2 * channels and rises:  # each at its own times
         called = [text for name in names for text in ("time", name)]
-        units = [text for unit in _filled(stated, channels) for text in (metadata.time_unit or "s", unit)]
-        return called, units, "in pairs"
-    return (names, _filled(stated, channels), "evenly") if count == channels and interval_s else None
+        return called, [text for unit in units for text in (of_time, unit)], True
+    return (names, units, False) if count == channels and interval_s else None
 
 
 def _timed_unit(stated: Sequence[str], count: int) -> bool:
@@ -217,15 +208,16 @@ def _filled(stated: Sequence[str], count: int) -> list[str]:
     return list(stated) if len(stated) == count else [""] * count
 
 
-def _tables(form: _Form, clock: tuple[float, float, str], at: Sequence[int], columns: Sequence[Column]) -> list[Table]:
-    """The columns at these places as tables; `clock`: where an even time base starts, its step in s, what says so."""
+def _tables(at: Sequence[int], clock: tuple[float, float, str], columns: Sequence[Column]) -> list[Table]:
+    """The columns at these places as one table; `clock`: where an even time base starts, its step in s, what says so.
+
+    A step of 0 stands for times among the columns.
+    """
     read = [columns[i] for i in at]
-    if form == "in pairs":
-        return [Table(channel.heading, [time, channel]) for time, channel in zip(read[::2], read[1::2], strict=True)]
-    if form == "with time":
-        return [Table("", read)]
     start_s, step_s, words = clock
-    time_s = start_s + step_s * np.arange(len(read[0].values), dtype=np.float64)
+    if not step_s:
+        return [Table("", read)]
+    time_s = even_times(len(read[0].values), step_s, start_s)
     return [Table("", [column for column in read if not column.counts_rows], time_s, words)]
 
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from hil.errors import FileError, SettingError, option
 from hil.language.note import Note
 from hil.record import heading as headings
-from hil.record.columns import Column, Table, from_texts
+from hil.record.columns import Column, Table, even_times, from_texts
 from hil.record.reading import AS_IT_IS, LEFT_OUT, Reading
 from hil.record.recording import Recording
 from hil.units import check_unit
@@ -140,6 +138,6 @@ def as_stated(recording: Recording, reading: Reading) -> Recording:
     units = {reading.renamed.get(name, name): unit for name, unit in reading.units.items()}
     time_s, meta = recording.time_s, recording.meta
     if reading.interval_s:
-        time_s = reading.interval_s * np.arange(len(recording), dtype=np.float64)
+        time_s = even_times(len(recording), reading.interval_s)
         meta = {**meta, "assumed": [*meta.get("assumed", ()), even_note(reading.interval_s)]}
     return replace(recording, time_s=time_s, channels=channels, meta=meta, own=own).with_units(units)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
@@ -166,14 +166,11 @@ def _is_block(rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _by_twos(about: dict[str, list[str]], columns: Sequence[Column]) -> list[Table]:
-    made = []
-    for k, name in enumerate(about["Name"]):
-        time_ms, values = columns[2 * k].values, columns[2 * k + 1].values
-        there = ~np.isnan(time_ms)
-        unit = about.get("Unit", [""] * (k + 1))[k].partition("(")[0].strip()
-        channel = Column(name, values[there], unit)
-        made.append(Table(name, [Column("time", time_ms[there], "ms"), channel], None, _scale(name, about, k)))
-    return made
+    """The columns with the units that the block states; each channel has its times before it."""
+    units = [unit.partition("(")[0].strip() for unit in about.get("Unit", [""] * len(about["Name"]))]
+    made = [replace(column, unit=units[i // 2] if i % 2 else "") for i, column in enumerate(columns)]
+    notes = (_scale(name, about, k) for k, name in enumerate(about["Name"]))
+    return [Table("", made, None, "; ".join(filter(None, notes)))]
 
 
 def _scale(name: str, about: dict[str, list[str]], k: int) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil.errors import SettingError, StorageError
+from hil.errors import InputError, SettingError, StorageError
 from hil.exports.texts import functions_text, model_text
 from hil.findings.results import FittedFunction, Results
 from hil.fmu.build import own_platform, write_c, write_fmu
@@ -145,16 +145,20 @@ def _simulated(source: Model | Results | str | Path, to: str, out: Path, how: Si
 
 def _fmu(variables: Variables, out: Path, how: Simulation) -> Exported:
     """Written under its name only when it has been held against the simulation, where it can run here."""
-    from hil.fmu.examine import examine
+    from hil.fmu.validation import validate
 
     if how.fmi not in ("2", "3"):
         raise SettingError(f"fmi {how.fmi}: there are 2 and 3")
     part = out.with_name(f".part-{out.name}")
     try:
         built = write_fmu(variables, part, "2" if how.fmi == "2" else "3", how.platforms)
-        difference = examine(part, variables) if own_platform() in built.platforms else None
+        found = validate(part) if own_platform() in built.platforms else None
+        if found is not None and found.faults:
+            raise InputError(f"{out}: {found.faults[0]}")
         part.replace(out)
     finally:
         part.unlink(missing_ok=True)
     count = len(variables.parameters)
-    return Exported("", out, variables.plant.title, count, built.platforms, difference, built.notes)
+    return Exported(
+        "", out, variables.plant.title, count, built.platforms, None if found is None else found.difference, built.notes
+    )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hil.errors import FileError, reason
 from hil.record.assemble import assemble
-from hil.record.columns import Column, Table
+from hil.record.columns import Column, Table, even_times
 from hil.record.extra import library
 from hil.record.heading import split as split_heading
 from hil.record.reading import AS_IT_IS, Reading
@@ -137,9 +137,8 @@ def _tables(name: str, timed: bool, segment: Mapping[str, Any]) -> list[Table]:
                 filled = np.flatnonzero(~np.isnan(values))
                 own = values[: int(filled[-1]) + 1 if filled.size else 0]
                 start_s = float(np.nan_to_num(_of(segment, "X0", i) or 0.0)) + late_s.get(i, 0.0)
-                time_s = start_s + step * np.arange(len(own), dtype=np.float64)
                 note = f"even time base, Delta_X = {step:g}"
-                made.append(Table(name, [replace(column, values=own)], time_s, note))
+                made.append(Table(name, [replace(column, values=own)], even_times(len(own), step, start_s), note))
     return [Table(name, columns)] if timed else made
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from hil.language.note import Note
 from hil.record.about import KEY, about, parse_about
-from hil.record.columns import Column, Contents, Table, by_length, even_table, numbers
+from hil.record.columns import Column, Contents, Table, by_length, even_table, even_times, numbers
 from hil.record.extra import library
 from hil.record.recording import Recording
 from hil.record.resampled import resampled
@@ -85,8 +85,7 @@ def _tables(
         for found in by_length([column for column, own in zip(columns, clocks, strict=True) if own == clock]):
             interval_s, start_s = clock
             if interval_s > 0:
-                time_s = start_s + interval_s * np.arange(len(found[0].values), dtype=np.float64)
-                yield Table(group.name, found, time_s)
+                yield Table(group.name, found, even_times(len(found[0].values), interval_s, start_s))
             else:
                 yield even_table(group.name, found, stated)
 
