@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from hil.errors import FileError
+from hil.record.columns import Column, Table
 from hil.record.plain import to_json
 from hil.record.recording import Recording
 from hil.untrusted import parse_json
@@ -23,20 +25,25 @@ def about(recording: Recording) -> str:
     return to_json({"meta": recording.meta, "channels": channels})
 
 
-def parse_about(text: str | bytes | None) -> tuple[dict[str, Any], Mapping[str, Mapping[str, Any]]]:
-    """`meta` and channels from such a line; nothing from a file of another program."""
+def described(tables: Sequence[Table], text: str) -> tuple[list[Table], dict[str, Any]]:
+    """The tables with source and calibration of each channel, and `meta`, as such a line says; else as they are."""
     try:
         found = parse_json(text or "{}", KEY)
     except FileError:
-        return {}, {}
+        found = {}
     meta, channels = (found.get("meta"), found.get("channels")) if isinstance(found, dict) else ({}, {})
-    return meta if isinstance(meta, dict) else {}, _known(channels) if isinstance(channels, dict) else {}
+    known = channels if isinstance(channels, dict) else {}
+    made = [replace(table, columns=[_described(column, known) for column in table.columns]) for table in tables]
+    return made, meta if isinstance(meta, dict) else {}
 
 
-def _known(channels: Mapping[Any, Any]) -> dict[str, dict[str, Any]]:
-    kinds = {"source": str, "calibration": dict}
-    return {
-        str(name): {key: stated[key] for key, kind in kinds.items() if isinstance(stated.get(key), kind)}
-        for name, stated in channels.items()
-        if isinstance(stated, dict)
-    }
+def _described(column: Column, channels: Mapping[Any, Any]) -> Column:
+    stated = channels.get(column.name_and_unit[0])
+    if not isinstance(stated, dict):
+        return column
+    source, calibration = stated.get("source"), stated.get("calibration")
+    return replace(
+        column,
+        source=source if isinstance(source, str) else "",
+        calibration=calibration if isinstance(calibration, dict) else {},
+    )

@@ -129,8 +129,8 @@ class Table:
     assumed: str = ""
 
 
-Contents = tuple[list[Table], dict[str, Any]]
-"""The tables of a file, and what it says besides."""
+Contents = tuple[list[Table], str]
+"""The tables of a file, and the line in which a file of this program says more (see `about`)."""
 
 
 def numbers(properties: Mapping[str, Any]) -> dict[str, float]:
@@ -176,11 +176,11 @@ def from_texts(column: Column) -> Column:
     return column
 
 
-def from_matrix(name: str, values: NDArray[Any], unit: str, **more: Any) -> list[Column]:
+def from_matrix(name: str, values: NDArray[Any], unit: str) -> list[Column]:
     """A vector as one column, a matrix as numbered ones along its longer side; anything else as none."""
     values = np.squeeze(values)
     if values.ndim == 1:
-        return [Column(name, values, unit, **more)]
+        return [Column(name, values, unit)]
     if values.ndim == 2 and min(values.shape) <= _MOST_COLUMNS:
         rows = values if values.shape[0] < values.shape[1] else values.T
         return [Column(f"{name} {i}", row, unit) for i, row in enumerate(rows, 1)]

@@ -80,7 +80,7 @@ def most_cpu_s(stored_bytes: int) -> int:
 
 def sent(contents: Contents, is_confined: bool) -> list[bytes | memoryview]:
     """Contents as bytes, for `confined_contents`."""
-    tables, meta = contents
+    tables, about = contents
     arrays: dict[int, int] = {}
     kept: list[NDArray[Any]] = []
 
@@ -95,13 +95,13 @@ def sent(contents: Contents, is_confined: bool) -> list[bytes | memoryview]:
     described = [
         {
             "name": table.name, "assumed": table.assumed, "time": number(table.time_s),
-            "columns": [[c.heading, number(c.values), c.unit, c.source, dict(c.calibration)] for c in table.columns],
+            "columns": [[c.heading, number(c.values), c.unit] for c in table.columns],
         }
         for table in tables
     ]  # fmt: skip
     plain = [_plain(values) for values in kept]
     shapes = [[values.dtype.str, list(values.shape)] for values in plain]
-    head = {"tables": described, "meta": meta, "arrays": shapes, "is_confined": is_confined}
+    head = {"tables": described, "about": about, "arrays": shapes, "is_confined": is_confined}
     return [*framed(head), *(values.view(np.uint8).reshape(-1).data for values in plain if values.size)]
 
 
@@ -141,16 +141,13 @@ def _received(answer: BinaryIO, path: Path, most: int) -> Contents:
     tables = [
         Table(
             table["name"],
-            [
-                Column(heading, arrays[at], unit, source, described)
-                for heading, at, unit, source, described in table["columns"]
-            ],
+            [Column(heading, arrays[at], unit) for heading, at, unit in table["columns"]],
             None if table["time"] is None else arrays[table["time"]],
             table["assumed"],
         )
         for table in head["tables"]
     ]
-    return tables, head["meta"]
+    return tables, head["about"]
 
 
 def _array(answer: BinaryIO, path: Path, kind: str, shape: Sequence[int], most: int) -> NDArray[Any]:

@@ -15,6 +15,7 @@ from typing import BinaryIO
 from hil.catalog import tables
 from hil.errors import FileError, StorageError, reason
 from hil.record import exchange
+from hil.record.about import described
 from hil.record.assemble import assemble
 from hil.record.foreign import check_read
 from hil.record.named import as_stated, with_stated_units
@@ -125,9 +126,9 @@ def _read_any(path: Path, reading: Reading) -> Recording | ResponseTable:
                     inside = confined_contents(form, path, gathered)
             else:
                 inside = confined_contents(form, path, file)
-            if not hasattr(form, "assembled"):
-                return assemble(str(path), *inside, reading)
-            return form.assembled(path, inside, reading)
+            if hasattr(form, "assembled"):
+                return form.assembled(path, inside, reading)
+            return assemble(str(path), *described(*inside), reading)
     return form.read(path, reading)
 
 

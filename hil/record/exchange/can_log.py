@@ -61,7 +61,7 @@ def contents(path: Path, file: BinaryIO) -> Contents:
     note = Note("signals by {dbc}, time from the first", dbc=name.decode())
     if unknown:
         note = Note("{note}; frames of {count} identifiers are not in it", note=note, count=len(unknown))
-    return list(_tables(samples, start_s, note)), {}
+    return list(_tables(samples, start_s, note)), ""
 
 
 def _reader(path: Path, log: bytes) -> str:

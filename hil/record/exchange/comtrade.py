@@ -58,4 +58,4 @@ def contents(path: Path, file: BinaryIO) -> Contents:
         Column(channel.name.strip(), np.array(values, dtype=np.float64), "1")
         for channel, values in zip(read.cfg.status_channels, read.status, strict=True)
     ]
-    return [Table(path.stem, columns, np.array(read.time))], {}
+    return [Table(path.stem, columns, np.array(read.time))], ""

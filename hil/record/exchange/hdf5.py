@@ -7,14 +7,14 @@ or in an attribute `unit` or `units`.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from hil.errors import FileError, reason
-from hil.record.about import KEY, about, parse_about
+from hil.record.about import KEY, about
 from hil.record.columns import Column, Contents, Table, by_length, even_table, from_matrix, numbers
 from hil.record.extra import library
 from hil.record.heading import interval_of
@@ -43,8 +43,7 @@ def contents(path: Path, file: BinaryIO) -> Contents:
     try:
         with h5py.File(file, "r") as opened:
             _check_inside(h5py, path, opened, os.fstat(file.fileno()).st_size)
-            meta, channels = parse_about(opened[KEY][()] if KEY in opened else None)
-            return list(tables(opened, path.stem, channels)), meta
+            return list(_tables(opened, path.stem)), _text(opened[KEY][()]) if KEY in opened else ""
     except (OSError, RuntimeError, KeyError) as error:
         raise FileError(f"{path}: cannot be read as HDF5: {reason(error)}") from None
 
@@ -62,22 +61,22 @@ def write(recording: Recording, path: Path) -> None:
             dataset.attrs["name"], dataset.attrs["unit"] = channel.name, channel.unit
 
 
-def tables(group: Any, name: str, channels: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
-    """The tables of a group and of all groups in it; `channels` says more about some of them (see `about`)."""
+def _tables(group: Any, name: str) -> Iterator[Table]:
+    """The tables of a group and of all groups in it."""
     columns: list[Column] = []
     stated = numbers(group.attrs)
     for key, item in _items(group):
         if _is_text(item):
             continue
         if hasattr(item, "items"):
-            yield from () if key in _MATLAB_INSIDES else tables(item, key, channels)
+            yield from () if key in _MATLAB_INSIDES else _tables(item, key)
         elif item.dtype.names:
             values = item[...]
             yield even_table(key, [Column(field, values[field]) for field in item.dtype.names], stated)
         elif item.size == 1 and item.dtype.kind in "iuf":
             stated[key] = float(item[...].item())
         else:
-            found = _columns(key, item, channels)
+            found = _columns(key, item)
             own = numbers(item.attrs)
             if any(interval_of(key, value) for key, value in own.items()):  # a channel that states a rate of its own
                 yield even_table(key, found, own)
@@ -102,7 +101,7 @@ def _is_hard(group: Any, key: str) -> bool:
     return type(group.get(key, getlink=True)).__name__ == "HardLink"
 
 
-def _columns(key: str, dataset: Any, channels: Mapping[str, Mapping[str, Any]]) -> list[Column]:
+def _columns(key: str, dataset: Any) -> list[Column]:
     name = _text(dataset.attrs.get("name")) or key
     unit = next((_text(dataset.attrs[key]) for key in _UNIT_KEYS if key in dataset.attrs), "").partition(" since ")[0]
     values, stated = dataset[...], numbers(dataset.attrs)
@@ -110,7 +109,7 @@ def _columns(key: str, dataset: Any, channels: Mapping[str, Mapping[str, Any]]) 
         values = np.where(values == fill, np.nan, values)
     if not stated.keys().isdisjoint(_PACKED):
         values = values * stated.get("scale_factor", 1.0) + stated.get("add_offset", 0.0)
-    return from_matrix(name, values, unit, **channels.get(name, {}))
+    return from_matrix(name, values, unit)
 
 
 def _is_text(item: Any) -> bool:

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from hil.errors import FileError
-from hil.record.about import about, parse_about
+from hil.record.about import about
 from hil.record.columns import Column, Contents, Table, by_length, even_table, from_matrix
 from hil.record.recording import Recording
 from hil.record.resampled import resampled
@@ -34,10 +34,10 @@ def contents(path: Path, file: BinaryIO) -> Contents:
     from scipy.io import loadmat
 
     content = loadmat(file, simplify_cells=True)  # type: ignore[arg-type]  # an open file is taken too
-    meta, channels = parse_about(content.pop(_ABOUT, None))
+    said = str(content.pop(_ABOUT, ""))
     known = _index(content)
     signals = {key: value for key, value in content.items() if not key.startswith("__") and key != _INDEX * bool(known)}
-    return list(_tables(path.stem, signals, known, channels)), meta
+    return list(_tables(path.stem, signals, known)), said
 
 
 def write(recording: Recording, path: Path) -> None:
@@ -77,24 +77,22 @@ def _index(content: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
     return {entry["variable"]: (str(entry["name"]), str(entry["unit"])) for entry in entries}
 
 
-def _tables(
-    name: str, struct: Mapping[str, Any], known: Mapping[str, tuple[str, str]], channels: Mapping[str, Any]
-) -> Iterator[Table]:
+def _tables(name: str, struct: Mapping[str, Any], known: Mapping[str, tuple[str, str]]) -> Iterator[Table]:
     columns: list[Column] = []
     numbers: dict[str, float] = {}
     stated = _stated(struct)
     arrays = [value for value in struct.values() if isinstance(value, np.ndarray) and value.size]
     for key, value in struct.items():
         if isinstance(value, dict):
-            yield from _tables(key, value, known, channels)
+            yield from _tables(key, value, known)
         elif isinstance(value, list):
             for i, item in enumerate(value, 1):
-                yield from _tables(f"{key} {i}", item if isinstance(item, dict) else {}, known, channels)
+                yield from _tables(f"{key} {i}", item if isinstance(item, dict) else {}, known)
         elif isinstance(value, int | float):
             numbers[key] = float(value)
         elif isinstance(value, np.ndarray) and value.size:
             label, unit = known.get(key, stated if len(arrays) == 1 else ("", ""))
-            columns += from_matrix(label or key, value, unit, **channels.get(label or key, {}))
+            columns += from_matrix(label or key, value, unit)
     yield from (even_table(name, found, numbers) for found in by_length(columns))
 
 

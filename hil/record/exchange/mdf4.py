@@ -5,7 +5,7 @@ Channel groups with time bases of their own are joined (see `assemble`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from hil.errors import FileError
-from hil.record.about import KEY, about, parse_about
+from hil.record.about import KEY, about
 from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
 from hil.record.recording import Recording
@@ -45,8 +45,7 @@ def contents(path: Path, file: BinaryIO) -> Contents:
     file.seek(0)
     # An unfinished file is mended while it is read: in memory, not where it lies.
     with asammdf.MDF(file if beginning == _FINISHED else BytesIO(file.read())) as opened:
-        meta, channels = parse_about(_attached(path, opened))
-        return list(_tables(opened, channels)), meta
+        return list(_tables(opened)), _attached(path, opened)
 
 
 class _Scratch(BytesIO):
@@ -72,19 +71,19 @@ def write(recording: Recording, path: Path) -> None:
         Path(saved).replace(path)
 
 
-def _attached(path: Path, file: Any) -> bytes | None:
+def _attached(path: Path, file: Any) -> str:
     if file.version < "4":
-        return None  # version 3 has no attachments
+        return ""  # version 3 has no attachments
     names = [Path(str(attachment.file_name)).name for attachment in file.attachments]
     if _ATTACHMENT not in names:
-        return None
+        return ""
     index = names.index(_ATTACHMENT)
     if not file.attachments[index].flags & _EMBEDDED:
         raise FileError(f"{path}: attachment '{_ATTACHMENT}' lies in another file; only an embedded one is read")
-    return bytes(file.extract_attachment(index=index)[0])
+    return bytes(file.extract_attachment(index=index)[0]).decode(errors="replace")
 
 
-def _tables(file: Any, channels: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
+def _tables(file: Any) -> Iterator[Table]:
     for index, group in enumerate(file.groups):
         masters = _MASTERS if file.version >= "4" else (1,)
         if any(c.channel_type in masters and getattr(c, "sync_type", 0) in _NO_TIME for c in group.channels):
@@ -92,10 +91,10 @@ def _tables(file: Any, channels: Mapping[str, Mapping[str, Any]]) -> Iterator[Ta
         name = getattr(group.channel_group, "acq_name", "") or f"group {index}"
         for i, channel in enumerate(group.channels):
             if channel.channel_type not in masters:
-                yield _table(file, index, i, name, channels)
+                yield _table(file, index, i, name)
 
 
-def _table(file: Any, index: int, i: int, name: str, channels: Mapping[str, Mapping[str, Any]]) -> Table:
+def _table(file: Any, index: int, i: int, name: str) -> Table:
     # one at a time: samples marked invalid are dropped, and with them their stamps
     signal = file.get(group=index, index=i)
     note = ""
@@ -103,8 +102,7 @@ def _table(file: Any, index: int, i: int, name: str, channels: Mapping[str, Mapp
         raw = file.get(group=index, index=i, raw=True)
         if raw.conversion is not None and raw.samples.ndim == 1 and raw.samples.dtype.kind in "biuf":
             signal, note = _numbers_of_texts(raw)
-    column = Column(signal.name, signal.samples, signal.unit, **channels.get(signal.name, {}))
-    return Table(name, [column], signal.timestamps, note)
+    return Table(name, [Column(signal.name, signal.samples, signal.unit)], signal.timestamps, note)
 
 
 def _numbers_of_texts(raw: Any) -> tuple[Any, str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from hil.errors import FileError
-from hil.record.about import KEY, about, parse_about
+from hil.record.about import KEY, about
 from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
 from hil.record.recording import Recording
@@ -35,12 +35,8 @@ def contents(path: Path, file: BinaryIO) -> Contents:
             f"{size / 1e9:.3g} GB; {unpacked_allowed(stored_bytes)}"
         )
     table = opened.read(use_threads=False)
-    meta, channels = parse_about((table.schema.metadata or {}).get(KEY.encode()))
-    columns = []
-    for heading, values in zip(table.column_names, table.columns, strict=True):
-        bare = Column(heading, values.to_numpy())
-        columns.append(Column(heading, bare.values, "", **channels.get(bare.name_and_unit[0], {})))
-    return [Table(path.stem, columns)], meta
+    columns = [Column(name, values.to_numpy()) for name, values in zip(table.column_names, table.columns, strict=True)]
+    return [Table(path.stem, columns)], (table.schema.metadata or {}).get(KEY.encode(), b"").decode(errors="replace")
 
 
 def write(recording: Recording, path: Path) -> None:

@@ -48,7 +48,7 @@ def contents(path: Path, file: BinaryIO) -> Contents:
         "sheet '{sheet}' is read, which has the most numbers; not read: {others}", sheet=name, others=others
     )
     column = Column(name, np.frombuffer(text.getvalue().encode(), dtype=np.uint8))
-    return [Table(name, [column], assumed=left_out if others else "")], {}
+    return [Table(name, [column], assumed=left_out if others else "")], ""
 
 
 def assembled(path: Path, found: Contents, reading: Reading) -> Recording | ResponseTable:

@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from hil.language.note import Note
-from hil.record.about import KEY, about, parse_about
+from hil.record.about import KEY, about
 from hil.record.columns import Column, Contents, Table, by_length, even_table, even_times, numbers
 from hil.record.extra import library
 from hil.record.recording import Recording
@@ -30,11 +30,10 @@ _NOT_SET = np.datetime64("1904-01-02")
 def contents(path: Path, file: BinaryIO) -> Contents:
     """The tables of an open file; an index beside it is not looked at."""
     opened = library("nptdms", path).TdmsFile.read(file)
-    meta, channels = parse_about(opened.properties.get(KEY))
     first = _first_start(opened)
     stated = [numbers({**opened.properties, **group.properties}) for group in opened.groups()]
     groups = zip(opened.groups(), stated, strict=True)
-    return [table for group, own in groups for table in _tables(group, channels, first, own)], meta
+    return [table for group, own in groups for table in _tables(group, first, own)], str(opened.properties.get(KEY, ""))
 
 
 def write(recording: Recording, path: Path) -> None:
@@ -71,12 +70,10 @@ def _clock(wave: Any, first: np.datetime64 | None) -> tuple[float, float]:
     return float(wave.properties.get("wf_increment", 0.0)), float(wave.properties.get("wf_start_offset", 0.0)) + late_s
 
 
-def _tables(
-    group: Any, channels: Mapping[str, Mapping[str, Any]], first: np.datetime64 | None, stated: Mapping[str, float]
-) -> Iterator[Table]:
+def _tables(group: Any, first: np.datetime64 | None, stated: Mapping[str, float]) -> Iterator[Table]:
     """The tables of a group; `stated`: numbers beside its channels, an interval or a rate perhaps among them."""
     waves = [channel for channel in group.channels() if len(channel)]
-    columns = [_column(channel, channels) for channel in waves]
+    columns = [_column(channel) for channel in waves]
     if any(column.is_time for column in columns):
         yield _cut_to_shortest(group.name, columns)
         return
@@ -90,9 +87,9 @@ def _tables(
                 yield even_table(group.name, found, stated)
 
 
-def _column(channel: Any, channels: Mapping[str, Mapping[str, Any]]) -> Column:
+def _column(channel: Any) -> Column:
     unit = next((str(channel.properties[key]) for key in _UNIT_KEYS if channel.properties.get(key)), "")
-    return Column(channel.name, channel[:], unit, **channels.get(channel.name, {}))
+    return Column(channel.name, channel[:], unit)
 
 
 def _cut_to_shortest(name: str, columns: list[Column]) -> Table:
@@ -100,7 +97,7 @@ def _cut_to_shortest(name: str, columns: list[Column]) -> Table:
     lengths = [len(column.values) for column in columns]
     if min(lengths) == max(lengths):
         return Table(name, columns)
-    cut = [Column(c.heading, c.values[: min(lengths)], c.unit, c.source, c.calibration) for c in columns]
+    cut = [Column(c.heading, c.values[: min(lengths)], c.unit) for c in columns]
     note = Note("channels of group '{group}' have {least} to {most} samples; cut to the shortest", group=name,
                 least=min(lengths), most=max(lengths))  # fmt: skip
     return Table(name, cut, assumed=note)

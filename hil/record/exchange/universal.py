@@ -42,13 +42,13 @@ def contents(path: Path, file: BinaryIO) -> Contents:
         raise FileError(f"{path}: cannot be read as a universal file: it holds no functions (data sets {_FUNCTIONS})")
     over = [one for one in found if int(one["abscissa_spec_data_type"]) == _FREQUENCY or np.iscomplexobj(one["data"])]
     if not over:
-        return _signals(found), {}
+        return _signals(found), ""
     if len(over) > 1:
         raise FileError(f"{path}: holds {len(over)} functions of frequency; export one frequency response")
     values = np.asarray(over[0]["data"], dtype=np.complex128)
     parts = [Column("re", values.real, "1"), Column("im", values.imag, "1")]
     frequency = Column("frequency", np.asarray(over[0]["x"], dtype=np.float64), "Hz")
-    return [Table(path.stem, [frequency, *parts], assumed=_unit_note(over[0]))], {}
+    return [Table(path.stem, [frequency, *parts], assumed=_unit_note(over[0]))], ""
 
 
 def _unit_note(one: Mapping[str, Any]) -> str:

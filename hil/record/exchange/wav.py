@@ -31,4 +31,4 @@ def contents(path: Path, file: BinaryIO) -> Contents:
         note = Note("{note}; values are shares of full scale", note=note)
     channels = values.astype(np.float64).reshape(len(values), -1).T
     columns = [Column(f"channel {number}", channel, "1") for number, channel in enumerate(channels, 1)]
-    return [Table(path.stem, columns, np.arange(len(values), dtype=np.float64) / rate_hz, note)], {}
+    return [Table(path.stem, columns, np.arange(len(values), dtype=np.float64) / rate_hz, note)], ""
