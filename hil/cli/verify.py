@@ -103,9 +103,9 @@ def _when(found: Verified) -> str:
 
 def _evaluated(file: Path, found: Verified) -> Evaluated:
     from hil.passport.evaluate import evaluate_passport
-    from hil.passport.verify import bytes_of
+    from hil.record.gathered import whole
 
-    return evaluate_passport(bytes_of(file), found.most_bytes)
+    return evaluate_passport(whole(file), found.most_bytes)
 
 
 def _lines(found: Evaluated) -> Iterator[str]:

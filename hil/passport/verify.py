@@ -18,9 +18,10 @@ from hil.passport.key import fingerprint, name_of, own_certificates
 from hil.passport.revoked import Revocations, fault_in_time, is_authority, read_revocations
 from hil.passport.seal import ChangedError, is_passport, seal_of
 from hil.passport.unpacked import STRANGERS_BYTES
+from hil.record.gathered import whole
 from hil.record.header import HEADER_FILE
 from hil.record.simulated import is_simulated
-from hil.untrusted import MOST_BYTES, most_bytes, parse_json, read_small
+from hil.untrusted import MOST_BYTES, parse_json
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
@@ -100,19 +101,7 @@ def verify_file(path: Path, trust: Trust) -> Verified:
     Raises:
         FileError: it cannot be read.
     """
-    return verify(bytes_of(path), trust)
-
-
-def bytes_of(path: Path) -> bytes:
-    """All of a file that may be a passport.
-
-    Raises:
-        FileError: it cannot be read, is no regular file, or larger than what is read.
-    """
-    try:
-        return read_small(path, most_bytes())
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
+    return verify(whole(path), trust)
 
 
 def verify(content: bytes, trust: Trust) -> Verified:
@@ -202,4 +191,4 @@ def opened(path: Path) -> tuple[bytes, Verified]:
         error = FileError(f"{path}: {found.sentence}; nothing was taken from it")
         marked(error, found.exit_status, "")
         raise error
-    return bytes_of(path), found
+    return whole(path), found

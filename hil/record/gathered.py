@@ -25,13 +25,18 @@ def parts_of(file: BinaryIO) -> list[bytes]:
     return [file.read(length) for length in json.loads(file.readline())]
 
 
-def whole(path: Path) -> bytes:
-    """A regular file no larger than what is read; raises `FileError` for any other."""
+def open_recording(path: Path) -> BinaryIO:
+    """A regular file no larger than what is read, open; raises `FileError` for any other."""
     try:
-        with open_small(path, most_bytes()) as file:
-            return file.read()
+        return open_small(path, most_bytes())
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def whole(path: Path) -> bytes:
+    """All of such a file."""
+    with open_recording(path) as file:
+        return file.read()
 
 
 def text_of(part: bytes) -> str:

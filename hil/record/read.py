@@ -18,11 +18,12 @@ from hil.record import exchange
 from hil.record.about import described
 from hil.record.assemble import assemble
 from hil.record.foreign import check_read
+from hil.record.gathered import open_recording
 from hil.record.named import as_stated, with_stated_units
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
+from hil.record.resampled import resampled
 from hil.record.response_table import ResponseTable
-from hil.untrusted import most_bytes, open_small
 
 _LONGEST_BEGINNING, _LONGEST_TEXT = 32, 4096
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
@@ -111,7 +112,7 @@ def _read_any(path: Path, reading: Reading) -> Recording | ResponseTable:
         return as_stated(with_blanks(read(path)), reading)
     if not path.exists():
         raise FileError(f"{path}: no such file or folder")
-    with _opened(path) as file:
+    with open_recording(path) as file:
         known = _by_content(file)
         if known is None:
             check_read(path, file, by_ending=not path.name.lower().endswith(tuple(formats())))
@@ -130,14 +131,6 @@ def _read_any(path: Path, reading: Reading) -> Recording | ResponseTable:
                 return form.assembled(path, inside, reading)
             return assemble(str(path), *described(*inside), reading)
     return form.read(path, reading)
-
-
-def _opened(path: Path) -> BinaryIO:
-    """A regular file no larger than what is read; raises `FileError` for any other."""
-    try:
-        return open_small(path, most_bytes())
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:
@@ -160,7 +153,7 @@ def write_recording(recording: Recording, path: str | Path) -> None:
         raise FileError(f"{path}: recordings of this kind are read but not written; write .csv, .tdms or .mf4 instead")
     part = path.with_name(f".part-{path.name}")
     try:
-        form.write(recording, part)
+        form.write(resampled(recording), part)  # one row for each sample
         part.replace(path)
     except OSError as error:
         raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -24,7 +24,6 @@ from hil.record.header_metadata import of_header_lines
 from hil.record.layout import Layout
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording, sample
-from hil.record.resampled import resampled
 from hil.record.response_table import ResponseTable
 from hil.record.text_file import beginning_of, open_text
 from hil.record.text_rows import columns, place
@@ -70,13 +69,12 @@ def write(recording: Recording, path: Path) -> None:
 
     Where a channel has no sample the field is empty.
     """
-    even = resampled(recording)
-    values = [even.time_s, *(channel.values for channel in even.channels.values())]
+    values = [recording.time_s, *(channel.values for channel in recording.channels.values())]
     with open_text(path, "utf-8", "wt") as file:
-        headings = ["time [s]", *(channel.heading for channel in even.channels.values())]
+        headings = ["time [s]", *(channel.heading for channel in recording.channels.values())]
         csv.writer(file, lineterminator="\n").writerow(headings)
         blanks = any(np.isnan(column).any() for column in values)
-        for start in range(0, len(even), _CHUNK_ROWS):
+        for start in range(0, len(recording), _CHUNK_ROWS):
             rows = np.stack([column[start : start + _CHUNK_ROWS] for column in values], axis=1).tolist()
             lines = (",".join(map(repr, row)) + "\n" for row in rows)
             file.writelines((line.replace("nan", "") for line in lines) if blanks else lines)

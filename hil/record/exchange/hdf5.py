@@ -19,7 +19,6 @@ from hil.record.columns import Column, Contents, Table, by_length, even_table, f
 from hil.record.extra import library
 from hil.record.heading import interval_of
 from hil.record.recording import Recording
-from hil.record.resampled import resampled
 from hil.untrusted import MOST_LEVELS, most_unpacked, unpacked_allowed
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")
@@ -50,7 +49,7 @@ def contents(path: Path, file: BinaryIO) -> Contents:
 
 def write(recording: Recording, path: Path) -> None:
     """Write a recording."""
-    h5py, recording = library("h5py", path), resampled(recording)
+    h5py = library("h5py", path)
     with h5py.File(path, "w", track_order=True) as file:
         file[KEY] = about(recording)
         file.create_dataset("time", data=recording.time_s).attrs["unit"] = "s"

@@ -17,7 +17,6 @@ from hil.errors import FileError
 from hil.record.about import about
 from hil.record.columns import Column, Contents, Table, by_length, even_table, from_matrix
 from hil.record.recording import Recording
-from hil.record.resampled import resampled
 
 SUFFIXES = (".mat",)
 KIND = "MAT"
@@ -48,7 +47,6 @@ def write(recording: Recording, path: Path) -> None:
     """
     from scipy.io import savemat
 
-    recording = resampled(recording)
     if recording.time_s.nbytes >= _MOST_BYTES:
         raise FileError(f"{path}: {len(recording)} samples; MATLAB 5 holds 2 GB per channel at most, write .h5 instead")
     variables: dict[str, Any] = {"time": recording.time_s}

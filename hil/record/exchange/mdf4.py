@@ -17,7 +17,6 @@ from hil.record.about import KEY, about
 from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
 from hil.record.recording import Recording
-from hil.record.resampled import resampled
 
 SUFFIXES = (".mf4", ".mdf")
 KIND = "MDF"
@@ -59,7 +58,7 @@ class _Scratch(BytesIO):
 
 def write(recording: Recording, path: Path) -> None:
     """Write a recording as one channel group."""
-    asammdf, recording = library("asammdf", path), resampled(recording)
+    asammdf = library("asammdf", path)
     signals = [
         asammdf.Signal(samples=channel.values, timestamps=recording.time_s, name=channel.name, unit=channel.unit)
         for channel in recording.channels.values()

@@ -11,7 +11,6 @@ from hil.record.about import KEY, about
 from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
 from hil.record.recording import Recording
-from hil.record.resampled import resampled
 from hil.untrusted import most_unpacked, unpacked_allowed
 
 SUFFIXES = (".parquet", ".pq")
@@ -42,7 +41,6 @@ def contents(path: Path, file: BinaryIO) -> Contents:
 def write(recording: Recording, path: Path) -> None:
     """Write a recording."""
     pyarrow, parquet = library("pyarrow", path), library("pyarrow.parquet", path)
-    recording = resampled(recording)
     columns = {"time [s]": recording.time_s, **{c.heading: c.values for c in recording.channels.values()}}
     table = pyarrow.table(columns).replace_schema_metadata({KEY: about(recording)})
     parquet.write_table(table, path)

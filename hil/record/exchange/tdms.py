@@ -16,7 +16,6 @@ from hil.record.about import KEY, about
 from hil.record.columns import Column, Contents, Table, by_length, even_table, even_times, numbers
 from hil.record.extra import library
 from hil.record.recording import Recording
-from hil.record.resampled import resampled
 
 SUFFIXES = (".tdms",)
 KIND = "TDMS"
@@ -38,7 +37,7 @@ def contents(path: Path, file: BinaryIO) -> Contents:
 
 def write(recording: Recording, path: Path) -> None:
     """Write a recording as one group."""
-    nptdms, recording = library("nptdms", path), resampled(recording)
+    nptdms = library("nptdms", path)
     with nptdms.TdmsWriter(path) as file:
         file.write_segment([
             nptdms.RootObject({KEY: about(recording)}),
