@@ -282,6 +282,8 @@ def _repeated(time_s: Array) -> str:
             f". {again} of {time_s.size} samples have the stamp of the one before; {option('gaps')} leaves them out, "
             f"{option('interval', 'S')} reads all of them as evenly spaced"
         )
+    if steps.size and steps.min() < 0.0 and np.unique(time_s).size == time_s.size:
+        return ". No two rows have the same time: they stand out of order; sort them by it"
     if not moves.size or moves.min() < 0.0 or moves.size > 0.8 * steps.size:
         return f". If the samples are evenly spaced, {option('interval', 'S')} gives their distance in seconds"
     apart_s = (time_s[-1] - time_s[0]) / steps.size

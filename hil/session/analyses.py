@@ -44,7 +44,7 @@ from hil.record.plain import plain
 from hil.record.read import read_recording
 from hil.record.recording import Array, Recording, split_heading
 from hil.record.response_table import ResponseTable
-from hil.signals.interval import COVERED
+from hil.signals.interval import rounded, width
 from hil.untrusted import read_text
 
 _LINEAR = "transfer-function"
@@ -160,7 +160,7 @@ class OnlineEstimate:
         directions = f"{excitation.informed} of {excitation.asked} directions identifiable"
         rows = [f"{found.samples} samples, noise {found.noise_std:.3g}, {directions}"]
         rows += [
-            f"  {name:4} {value:12.6g} ± {COVERED * std:.2g}"
+            f"  {name:4} {rounded(value, std):>12} {width(std)}"
             for name, value, std in zip(found.form.names, found.parameters, found.std, strict=True)
         ]
         largest = float(np.abs(found.poles).max()) if len(found.poles) else 0.0

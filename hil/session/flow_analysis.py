@@ -28,11 +28,10 @@ from hil.identification.steady.sweep_estimate import SweepEstimate, sweep_estima
 from hil.language.note import Note
 from hil.record.durable import write_whole
 from hil.record.invalid_samples import measured_rows
-from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain
 from hil.record.recording import Array, Recording, split_heading
 from hil.session.analyses import channels_of
-from hil.signals.interval import CERTAIN
+from hil.signals.interval import CERTAIN, rounded, width
 from hil.signals.rounding import rounding_step
 
 DEGREE = 9
@@ -48,7 +47,7 @@ class Figure:
     unit: str
 
     def __str__(self) -> str:
-        return f"{self.name:20} {self.value:12.5g} ± {COVERAGE_FACTOR * self.std:.2g} {self.unit}"
+        return f"{self.name:20} {rounded(self.value, self.std):>12} {width(self.std)} {self.unit}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,11 +15,11 @@ from hil.identification.frequency.sine_segments import frequency_responses
 from hil.identification.frequency.table_fit import as_table
 from hil.language.note import Note
 from hil.record.invalid_samples import measured_rows
-from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable, write_response_table
 from hil.session.analyses import channels_of
+from hil.signals.interval import rounded, width
 
 _RAW = Note("sensor, filter and hold of the command are in it: nothing of the measuring chain was taken out")
 
@@ -93,8 +93,8 @@ def _rows(one: FrequencyResponse, corners: Bandwidth) -> list[str]:
     rows = [f"{one.label}: {len(one)} frequencies", f"  {'Hz':>10} {over:>24} {'°':>20} {'distortion %':>14}"]
     for frequency, gain, gain_std, phase, phase_std, thd in _lines(one):
         rows.append(
-            f"  {frequency:10.5g} {gain:12.5g} ± {COVERAGE_FACTOR * gain_std:<9.2g} "
-            f"{phase:10.2f} ± {COVERAGE_FACTOR * phase_std:<7.2g} {100.0 * thd:14.3g}"
+            f"  {frequency:10.5g} {rounded(gain, gain_std):>12} {width(gain_std):11} "
+            f"{rounded(phase, phase_std):>10} {width(phase_std):9} {100.0 * thd:14.3g}"
         )
     return [*rows, f"  {corners.amplitude}; {corners.phase}"]
 

@@ -9,6 +9,7 @@ import hil
 from hil.errors import InputError
 from hil.identification.frequency.sine_segments import found_segments
 from hil.record.recording import recording
+from hil.session.flow_analysis import Figure
 from hil.session.known_signal import command_for
 from hil.signals.interval import exact_limits
 
@@ -210,3 +211,13 @@ def test_classes_of_a_table(tmp_path):
     found = hil.learn_classes(path)
     assert (found.good, found.bad) == ("good", "bad")
     assert found.accepted_bad.count == found.refused_good.count == 0
+
+
+def test_a_figure_has_the_digits_that_its_interval_leaves():
+    assert str(Figure("response_high", 188.2361, 0.2041, "psi")).split() == [
+        "response_high",
+        "188.24",
+        "±",
+        "0.40",
+        "psi",
+    ]

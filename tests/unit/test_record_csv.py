@@ -171,6 +171,14 @@ def test_stamps_since_1970_are_known_by_their_size(tmp_path: Path, factor: float
     assert any(words in text for text in found.meta["assumed"])
 
 
+def test_rows_out_of_order_are_said_to_be_so(tmp_path: Path) -> None:
+    path = tmp_path / "mixed.csv"
+    path.write_text("time [s],flow [l/min]\n0.3,1\n0.1,2\n0.2,3\n0,1\n", encoding="utf-8")
+    with pytest.raises(FileError, match=r"line 3: time 0.1 s does not come after 0.3 s.*sort them by it$") as told:
+        read_recording(path)
+    assert "--interval" not in str(told.value)
+
+
 def test_time_that_never_moves_is_told_as_such(tmp_path: Path) -> None:
     path = tmp_path / "stopped.csv"
     path.write_text("time [s],flow [l/min]\n" + "0,1\n" * 20)
