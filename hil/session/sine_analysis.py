@@ -11,9 +11,12 @@ from typing import Any
 from hil.errors import FileError
 from hil.identification.frequency.bandwidth import Bandwidth, bandwidth
 from hil.identification.frequency.frequency_response import FrequencyResponse
+from hil.identification.frequency.order_choice import fit_together
 from hil.identification.frequency.sine_segments import frequency_responses
 from hil.identification.frequency.table_fit import as_table
+from hil.identification.frequency.transfer_function import TransferFunctionFit
 from hil.language.note import Note
+from hil.physics.formula import formula
 from hil.record.invalid_samples import measured_rows
 from hil.record.plain import plain
 from hil.record.recording import Recording
@@ -30,11 +33,13 @@ class SineAnalysis:
 
     Attributes:
         responses: lines with covariance and harmonics. `bandwidths`: of each.
+        fits: a transfer function of each, all of one structure; None where too few lines lie above the noise.
         input, output: names of the channels.
     """
 
     responses: tuple[FrequencyResponse, ...]
     bandwidths: tuple[Bandwidth, ...]
+    fits: tuple[TransferFunctionFit | None, ...]
     input: str
     output: str
 
@@ -45,15 +50,15 @@ class SineAnalysis:
 
     def as_text(self) -> str:
         """Magnitude, phase and distortion of every line, for a terminal."""
-        each = zip(self.responses, self.bandwidths, strict=True)
-        return "\n".join([*(row for one, corners in each for row in _rows(one, corners)), f"  note: {_RAW}"])
+        each = zip(self.responses, self.bandwidths, self.fits, strict=True)
+        return "\n".join([*(row for one in each for row in _rows(*one)), f"  note: {_RAW}"])
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
-        each = zip(self.responses, self.bandwidths, strict=True)
+        each = zip(self.responses, self.bandwidths, self.fits, strict=True)
         return plain({
             "schema": "hil.sines/1", "input": self.input, "output": self.output,
-            "responses": [_entry(one, corners) for one, corners in each], "notes": [_RAW],
+            "responses": [_entry(*one) for one in each], "notes": [_RAW],
         })  # fmt: skip
 
     def files(self, out: Path) -> list[Path]:
@@ -84,11 +89,11 @@ def sine_analysis(recordings: Sequence[Recording], input_name: str = "", output_
     """
     names = channels_of(recordings[0], input_name, output_name)
     found = frequency_responses([measured_rows(one, names) for one in recordings], *names)
-    return SineAnalysis(found, tuple(bandwidth(one) for one in found), *names)
+    return SineAnalysis(found, tuple(bandwidth(one) for one in found), fit_together(found), *names)
 
 
-def _rows(one: FrequencyResponse, corners: Bandwidth) -> list[str]:
-    """A head, a line for each frequency, and where the response falls off."""
+def _rows(one: FrequencyResponse, corners: Bandwidth, fit: TransferFunctionFit | None) -> list[str]:
+    """A head, a line for each frequency, where the response falls off, and its transfer function."""
     over = f"{one.output_unit}/{one.input_unit}"
     rows = [f"{one.label}: {len(one)} frequencies", f"  {'Hz':>10} {over:>24} {'°':>20} {'distortion %':>14}"]
     for frequency, gain, gain_std, phase, phase_std, thd in _lines(one):
@@ -96,7 +101,8 @@ def _rows(one: FrequencyResponse, corners: Bandwidth) -> list[str]:
             f"  {frequency:10.5g} {rounded(gain, gain_std):>12} {width(gain_std):11} "
             f"{rounded(phase, phase_std):>10} {width(phase_std):9} {100.0 * thd:14.3g}"
         )
-    return [*rows, f"  {corners.amplitude}; {corners.phase}"]
+    fitted = [] if fit is None else [f"  {formula(fit.model)}, fit {fit.fit_percent:.2f} %"]
+    return [*rows, f"  {corners.amplitude}; {corners.phase}", *fitted]
 
 
 def _lines(one: FrequencyResponse) -> list[tuple[float, ...]]:
@@ -107,11 +113,15 @@ def _lines(one: FrequencyResponse) -> list[tuple[float, ...]]:
     return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
-def _entry(one: FrequencyResponse, corners: Bandwidth) -> dict[str, Any]:
+def _entry(one: FrequencyResponse, corners: Bandwidth, fit: TransferFunctionFit | None) -> dict[str, Any]:
     names = ("frequency_hz", "gain", "gain_std", "phase_deg", "phase_std_deg", "thd")
     lines = [list(column) for column in zip(*_lines(one), strict=True)]
     return {
         "label": one.label, "amplitude": one.amplitude, "bias": one.bias, "gain_unit": one.gain_unit,
         **dict(zip(names, lines, strict=True)), "bandwidth_3db_hz": corners.amplitude.frequency_hz,
         "bandwidth_90deg_hz": corners.phase.frequency_hz,
+        "transfer_function": fit and {
+            "numerator": fit.model.numerator, "denominator": fit.model.denominator,
+            "dead_time_s": fit.model.dead_time_s, "fit_percent": fit.fit_percent,
+        },
     }  # fmt: skip

@@ -59,6 +59,9 @@ def test_sines_of_two_files_are_one_response_for_each_level(command_noise):
     levels = [(one.bias, one.amplitude) for one in found.responses]
     assert levels == [pytest.approx((40.0, 5.0), rel=1e-3), pytest.approx((-30.0, 10.0), rel=1e-3)]
     assert len(found.tables) == 2
+    orders = [(len(fit.model.poles), len(fit.model.zeros)) for fit in found.fits]
+    assert orders[0] == orders[1] and all(fit.fit_percent > 95.0 for fit in found.fits)
+    assert [fit.model.dc_gain for fit in found.fits] == pytest.approx([0.9, 0.9], abs=0.05)
     for one in found.responses:
         np.testing.assert_allclose(one.frequency_hz, FREQUENCIES_HZ, rtol=1e-3)
         truth = true_response(one.frequency_hz)
@@ -145,6 +148,7 @@ def test_sines_at_the_prompt_leave_a_table_for_each_level(tmp_path, monkeypatch,
     status, out, _ = command_line("analyse", "sines", "a.csv", "b.csv", "--out", "own.csv")
     assert status == 0 and "next: hil identify own_+40_5.csv --plant transfer-function" in out
     assert len(hil.read("own_-30_10.csv")) == len(FREQUENCIES_HZ)
+    assert out.count(" / (s + ") == 2  # a transfer function of each, of one structure
 
 
 @pytest.mark.parametrize(("kind", "word"), [("sines", "no sine in channel"), ("flow", "no sweep in channel")])
