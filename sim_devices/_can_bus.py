@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any, Protocol
 
@@ -226,6 +226,11 @@ class CanServer:
 
         with suppress(can.CanError, OSError):
             self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=identifier > 0x7FF))
+
+
+def serve_node(node: Node, settings: Mapping[str, Any], side: Side, quirks: Quirks) -> CanServer:
+    """Serve a node on the bus that a driver's settings name."""
+    return CanServer(node, side, quirks, str(settings["address"]))
 
 
 def _hub_at(channel: str) -> tuple[str, str, int]:

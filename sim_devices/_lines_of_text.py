@@ -52,4 +52,9 @@ def serve_text(
     make: Callable[[Side], TextDevice], settings: Mapping[str, Any], side: Side, quirks: Quirks
 ) -> StreamServer:
     """Serve a device on a TCP port (`socket://host:port`) or a pseudo terminal of that name."""
-    return serve_stream(make(side), side, quirks, str(settings["address"]))
+    return serve_lines(make(side), settings, side, quirks)
+
+
+def serve_lines(device: TextDevice, settings: Mapping[str, Any], side: Side, quirks: Quirks) -> StreamServer:
+    """The same of a device that is made."""
+    return serve_stream(device, side, quirks, str(settings["address"]))

@@ -120,6 +120,29 @@ class Twin:
         return checked
 
 
+Make = Callable[[Mapping[str, Any], Side], Any]
+"""Makes a device of the settings of its driver and of its terminals."""
+
+
+def offered(
+    driver: str, serve: Callable[[Any, Mapping[str, Any], Side, Quirks], Served], make: Make, free: str
+) -> tuple[Any, Any, Any, Any, Serve, Callable[..., Quirks], Callable[..., Field]]:
+    """What the module of a twin offers: settings, faults, terminals, `open_daq`, `serve`, `quirks` and `world`.
+
+    Args:
+        driver: its name.
+        serve: a device where the settings of its driver say.
+        make: the device.
+        free: as in `Twin`; with a port in the place of 0 it is one that the driver takes.
+    """
+
+    def made(settings: Mapping[str, Any], side: Side, behave: Quirks) -> Served:
+        return serve(make(settings, side), settings, side, behave)
+
+    twin = Twin(driver, made, free.replace(":0", ":1502"), free)
+    return TwinSettings, twin.faults, twin.terminals, twin.open_daq, made, quirks, world
+
+
 def world(simulation: Simulation | Mapping[str, Any], wirings: Mapping[str, Wiring]) -> Field:
     """The plant behind the devices of a bench, by the name of each device.
 

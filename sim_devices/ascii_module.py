@@ -3,18 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from functools import partial
-from typing import Any
 
 from hil.description.ascii_module import ModuleDescription
 from sim_devices._field import Side
-from sim_devices._lines_of_text import TextDevice, serve_text
-from sim_devices._quirks import Quirks
-from sim_devices._stream import StreamServer
-from sim_devices._twin import Twin, TwinSettings, described_in, quirks, world
-
-__all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
+from sim_devices._lines_of_text import TextDevice, serve_lines
+from sim_devices._twin import described_in, offered
 
 _VALUE = r"[+-]\d{2}\.\d{3}"
 
@@ -98,11 +91,9 @@ class Module(TextDevice):
             self.side.drive(dict.fromkeys(self._outputs, 0.0))
 
 
-def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
-    """Serve the module where the driver will look for it."""
-    make = partial(Module, description=described_in(settings, "ascii_module"), at=int(settings.get("module", 1)))
-    return serve_text(make, settings, side, behave)
-
-
-_twin = Twin("ascii_module", serve, example="socket://127.0.0.1:4001", free="socket://127.0.0.1:0")
-Settings, faults, terminals, open_daq = TwinSettings, _twin.faults, _twin.terminals, _twin.open_daq
+Settings, faults, terminals, open_daq, serve, quirks, world = offered(
+    "ascii_module",
+    serve_lines,
+    lambda settings, side: Module(side, described_in(settings, "ascii_module"), int(settings.get("module", 1))),
+    "socket://127.0.0.1:0",
+)

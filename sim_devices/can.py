@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 from hil.description.can import CanDescription, CanTerminal
 from sim_devices._bits import Bits
-from sim_devices._can_bus import CanServer, Frame
+from sim_devices._can_bus import Frame, serve_node
 from sim_devices._field import Side
-from sim_devices._quirks import Quirks
-from sim_devices._twin import Twin, TwinSettings, described_in, quirks, world
-
-__all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
+from sim_devices._twin import described_in, offered
 
 _EVERY_S = 0.05  # between messages of which the description does not say it
 
@@ -175,10 +172,6 @@ def _sum(kind: str, data: bytes) -> int:
     return total ^ 0xFF if kind == "crc8" else total
 
 
-def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> CanServer:
-    """Serve the device on the bus where the driver will look for it."""
-    return CanServer(DescribedNode(side, described_in(settings, "can")), side, behave, str(settings["address"]))
-
-
-_twin = Twin("can", serve, example="virtual:hil", free="virtual:hil")
-Settings, faults, terminals, open_daq = TwinSettings, _twin.faults, _twin.terminals, _twin.open_daq
+Settings, faults, terminals, open_daq, serve, quirks, world = offered(
+    "can", serve_node, lambda settings, side: DescribedNode(side, described_in(settings, "can")), "virtual:hil"
+)

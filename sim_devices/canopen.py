@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
-from typing import Any
 
 from hil.description.canopen import CanopenDescription, CanopenTerminal
 from hil.description.terminal import counts_of
 from sim_devices._bits import Bits
-from sim_devices._can_bus import CanServer
+from sim_devices._can_bus import serve_node
 from sim_devices._canopen_node import CanopenNode, Place
 from sim_devices._eds import objects_of
 from sim_devices._field import Side, nearest_zero
-from sim_devices._quirks import Quirks
-from sim_devices._twin import Twin, TwinSettings, described_in, quirks, world
-
-__all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
+from sim_devices._twin import described_in, offered
 
 
 class DescribedNode(CanopenNode):
@@ -95,11 +90,9 @@ def _bits(terminal: CanopenTerminal, form: str) -> Bits:
     return Bits(places, form in "bhi" and width > 1, form == "f")
 
 
-def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> CanServer:
-    """Serve the node on the bus where the driver will look for it."""
-    node = DescribedNode(side, described_in(settings, "canopen"), int(settings.get("node") or 1))
-    return CanServer(node, side, behave, str(settings["address"]))
-
-
-_twin = Twin("canopen", serve, example="virtual:hil", free="virtual:hil")
-Settings, faults, terminals, open_daq = TwinSettings, _twin.faults, _twin.terminals, _twin.open_daq
+Settings, faults, terminals, open_daq, serve, quirks, world = offered(
+    "canopen",
+    serve_node,
+    lambda settings, side: DescribedNode(side, described_in(settings, "canopen"), int(settings.get("node") or 1)),
+    "virtual:hil",
+)

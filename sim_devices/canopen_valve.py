@@ -7,18 +7,13 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from sim_devices._can_bus import CanServer
+from sim_devices._can_bus import serve_node
 from sim_devices._canopen_node import Abort, CanopenNode, Place
 from sim_devices._eds import objects_of
 from sim_devices._field import Side
-from sim_devices._quirks import Quirks
-from sim_devices._twin import Twin, TwinSettings, quirks, world
-
-__all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
+from sim_devices._twin import offered
 
 _FULL = 16384
 _INIT, _DISABLED, _HOLD, _ACTIVE, _FAULT_HOLD = 0b1000, 0b1001, 0b1011, 0b1111, 0b0011
@@ -114,10 +109,6 @@ class Valve(CanopenNode):
             self._state = state
 
 
-def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> CanServer:
-    """Serve the valve on the bus where the driver will look for it."""
-    return CanServer(Valve(side, int(settings.get("node", 1))), side, behave, str(settings["address"]))
-
-
-_twin = Twin("canopen_valve", serve, example="virtual:hil", free="virtual:hil")
-Settings, faults, terminals, open_daq = TwinSettings, _twin.faults, _twin.terminals, _twin.open_daq
+Settings, faults, terminals, open_daq, serve, quirks, world = offered(
+    "canopen_valve", serve_node, lambda settings, side: Valve(side, int(settings.get("node", 1))), "virtual:hil"
+)

@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from sim_devices._can_bus import CanServer, Frame
+from sim_devices._can_bus import Frame, serve_node
 from sim_devices._field import Side
-from sim_devices._quirks import Quirks
-from sim_devices._twin import Twin, TwinSettings, quirks, world
-
-__all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
+from sim_devices._twin import offered
 
 _EVERY_S = 0.1
 _FUNCTION = 129  # auxiliary valve control
@@ -107,13 +104,11 @@ class Valve:
         )
 
 
-def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> CanServer:
-    """Serve the valve on the bus where the driver will look for it."""
+def _valve(settings: Mapping[str, Any], side: Side) -> Valve:
     number, address = int(settings.get("valve", 1)), int(settings.get("device", 0x80))
     valve = Valve(side, number, address, float(settings.get("watchdog_s", 0.3)))
     list(valve.tick())  # it has claimed its address before anybody listens
-    return CanServer(valve, side, behave, str(settings["address"]))
+    return valve
 
 
-_twin = Twin("j1939_valve", serve, example="virtual:hil", free="virtual:hil")
-Settings, faults, terminals, open_daq = TwinSettings, _twin.faults, _twin.terminals, _twin.open_daq
+Settings, faults, terminals, open_daq, serve, quirks, world = offered("j1939_valve", serve_node, _valve, "virtual:hil")

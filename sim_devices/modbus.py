@@ -13,11 +13,7 @@ from sim_devices._modbus_bank import Bank
 from sim_devices._modbus_described import DescribedBank
 from sim_devices._modbus_frames import COMMON, Refused
 from sim_devices._modbus_table import serve_registers
-from sim_devices._quirks import Quirks
-from sim_devices._stream import StreamServer
-from sim_devices._twin import Twin, TwinSettings, described_in, quirks, world
-
-__all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
+from sim_devices._twin import described_in, offered
 
 
 class Wago750(Bank):
@@ -95,11 +91,6 @@ class Wago750(Bank):
         self.side.drive({f"ao{i}": 0.0 for i in range(4)})
 
 
-def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
-    """Serve the device where the driver will look for it."""
-    return serve_registers(_bank(settings, side), settings, side, behave)
-
-
 def _bank(settings: Mapping[str, Any], side: Side) -> Bank:
     if settings.get("model") == "wago-750":
         return Wago750(side)
@@ -114,5 +105,4 @@ def _from_word(count: int) -> int:
     return count - 0x10000 if count >= 0x8000 else count
 
 
-_twin = Twin("modbus", serve, example="127.0.0.1:1502", free="127.0.0.1:0")
-Settings, faults, terminals, open_daq = TwinSettings, _twin.faults, _twin.terminals, _twin.open_daq
+Settings, faults, terminals, open_daq, serve, quirks, world = offered("modbus", serve_registers, _bank, "127.0.0.1:0")

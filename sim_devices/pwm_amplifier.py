@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from hil.daq.channel import Pwm
 from sim_devices._field import Side
 from sim_devices._modbus_described import DescribedBank
 from sim_devices._modbus_frames import Refused
 from sim_devices._modbus_table import serve_registers
-from sim_devices._quirks import Quirks
-from sim_devices._stream import StreamServer
-from sim_devices._twin import Twin, TwinSettings, described_in, quirks, world
-
-__all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
+from sim_devices._twin import described_in, offered
 
 _MOST = {0: 3000, 1: 5000, 2: 5000, 3: 500}  # of each holding register that has a limit
 _POWER_ON = {1: 1000, 2: 0, 3: 0}  # carrier, dither and its amplitude
@@ -71,10 +64,6 @@ class Amplifier(DescribedBank):
         self.side.modulate("current", Pwm(carrier_hz, 0.1 * tenths_hz if tenths_hz else None, 1e-3 * peak_ma))
 
 
-def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
-    """Serve the amplifier where the driver will look for it."""
-    return serve_registers(Amplifier(side), settings, side, behave)
-
-
-_twin = Twin("pwm_amplifier", serve, example="127.0.0.1:1502", free="127.0.0.1:0")
-Settings, faults, terminals, open_daq = TwinSettings, _twin.faults, _twin.terminals, _twin.open_daq
+Settings, faults, terminals, open_daq, serve, quirks, world = offered(
+    "pwm_amplifier", serve_registers, lambda _, side: Amplifier(side), "127.0.0.1:0"
+)

@@ -5,17 +5,12 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from hil.description.text import TextDescription
 from sim_devices._described_text import DescribedText
 from sim_devices._field import Side
-from sim_devices._lines_of_text import serve_text
-from sim_devices._quirks import Quirks
-from sim_devices._stream import StreamServer
-from sim_devices._twin import Twin, TwinSettings, described_in, quirks, world
-
-__all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
+from sim_devices._lines_of_text import serve_lines
+from sim_devices._twin import described_in, offered
 
 _QUEUE = 20
 _TEXTS = {
@@ -130,12 +125,6 @@ class Instrument(DescribedText):
             self.errors[-1] = -350
 
 
-def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
-    """Serve the instrument where the driver will look for it."""
-    described = described_in(settings, "scpi")
-    return serve_text(lambda terminals: Instrument(terminals, described), settings, side, behave)
-
-
 def _bare(done: Callable[[], str | None]) -> Callable[[str], str | None]:
     """A command that takes no parameters."""
 
@@ -170,5 +159,6 @@ def _number(text: str, low: float, high: float) -> float:
     return value
 
 
-_twin = Twin("scpi", serve, example="socket://127.0.0.1:5025", free="socket://127.0.0.1:0")
-Settings, faults, terminals, open_daq = TwinSettings, _twin.faults, _twin.terminals, _twin.open_daq
+Settings, faults, terminals, open_daq, serve, quirks, world = offered(
+    "scpi", serve_lines, lambda settings, side: Instrument(side, described_in(settings, "scpi")), "socket://127.0.0.1:0"
+)
