@@ -84,6 +84,7 @@ class PolledDaq:
         self._lock = system.lock()
         self._task: Task | None = None
         self._failed: HardwareError | None = None
+        self._not_safe: HardwareError | None = None  # why outputs could not be made safe when that was tried last
         self._made_safe, self._only_safe = False, not measured
         self._stand = True  # whether outputs are known to be at `levels`: a sample that failed leaves them anywhere
         self._ended = Flag()
@@ -134,7 +135,9 @@ class PolledDaq:
         return self._played(checked_task(waveforms, self.outputs, self.promises), ahead=1)
 
     def make_safe(self) -> None:
-        """Stop what plays, and put every output at its safe value, whatever the other links do.
+        """Stop what plays, and put every output at its safe value, whatever the other links do: each is told once.
+
+        Where that failed nothing is played until it has not.
 
         Raises:
             UnansweredError: opened for nothing else, every device was told, and one did not answer.
@@ -143,16 +146,21 @@ class PolledDaq:
         if self._ended.is_set():
             return
         self._stop_task()
+        left: list[Exception] = []
         with self._lock:
-            left = self._driven_safe(self._members)
-            left = self._driven_safe([member for member, _ in left])
-            self._made_safe, self._stand = True, not left
-            if left:  # said before the lock is given up: the keep-alive must not drive again what stood before
-                is_unanswered = self._only_safe and all(isinstance(failure, LinkError) for _, failure in left)
-                self._failed = (UnansweredError if is_unanswered else DeviceLostError)(
-                    "; ".join(str(failure) for _, failure in left)
-                )
-                raise self._failed
+            for member in self._members:
+                mine = {name: channel.safe for name, channel in member.wiring.outputs.items()}
+                try:
+                    member.drive(mine)
+                except Exception as error:
+                    left.append(error)
+                else:
+                    self.levels = {**self.levels, **mine}
+            self._made_safe, self._stand, self._not_safe = True, not left, None
+            if left:
+                is_unanswered = self._only_safe and all(isinstance(error, LinkError) for error in left)
+                self._not_safe = (UnansweredError if is_unanswered else DeviceLostError)("; ".join(map(str, left)))
+                raise self._not_safe
 
     def read_back(self) -> Mapping[str, ReadBack]:
         """Where the outputs stand, asked of each device by itself."""
@@ -185,19 +193,6 @@ class PolledDaq:
                 self.make_safe()
         finally:
             self._let_go()
-
-    def _driven_safe(self, members: Iterable[Member]) -> list[tuple[Member, Exception]]:
-        """Drive safe values, each link once; those that failed, and why. None waits for a second try of another."""
-        left: list[tuple[Member, Exception]] = []
-        for member in members:
-            mine = {name: channel.safe for name, channel in member.wiring.outputs.items()}
-            try:
-                member.drive(mine)
-            except Exception as error:
-                left.append((member, error))
-            else:
-                self.levels = {**self.levels, **mine}
-        return left
 
     @staticmethod
     def _standing(member: Member, measured: bool) -> dict[str, float]:
@@ -363,8 +358,8 @@ class PolledDaq:
                 self._task = None
 
     def _refuse_if_failed(self) -> None:
-        if self._failed is not None:
-            raise self._failed
+        if (failure := self._failed or self._not_safe) is not None:
+            raise failure
         if self._ended.is_set():
             raise DeviceLostError("the devices were let go of; open them again")
 
