@@ -13,7 +13,7 @@ from typing import Literal
 
 from pydantic import Field, PositiveFloat
 
-from drivers._address_claim import CLAIMED, REQUEST, AddressClaim, default_name
+from drivers._address_claim import CLAIMED, EVERYBODY, REQUEST, AddressClaim, default_name
 from drivers._can import bus_fault
 from drivers._can_frames import BusSettings, CanFrames
 from drivers._edge import edge
@@ -116,7 +116,8 @@ class J1939ValveLink(DeviceLink):
         self._settings = settings
         self._command_id = 3 << 26 | COMMAND + settings.valve << 8 | settings.source
         self._group = ESTIMATED + settings.valve
-        self._commanded_s, self._requests = system.now_s(), 0
+        self._commanded_s = system.now_s()
+        self._requested_s: list[float] = []  # for its claim, by whomever, and not answered yet
         self._latest: bytes | None = None
         self._came_s = 0.0
         self._names_device, self._restarted = "", False
@@ -162,8 +163,11 @@ class J1939ValveLink(DeviceLink):
         self._frames = CanFrames(settings, self._take, claim, driver="j1939_valve", key="source")
         if claim is not None:
             self._frames.send(_PRIORITY << 26 | REQUEST << 8 | settings.device << 8 | settings.source, CLAIMED_GROUP)
-            self._requests += 1
-        return ""
+            self._requested_s.append(until_s := system.now_s())
+            until_s += 0.0 if self._wiring.only_safe else settings.timeout_s
+            while not self._names_device and (left_s := until_s - system.now_s()) > 0.0:
+                self._frames.receive(left_s)
+        return self._names_device
 
     def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
         """Nothing acknowledges a command but the state and the flow that the valve then tells."""
@@ -207,19 +211,21 @@ class J1939ValveLink(DeviceLink):
     def _take(self, identifier: int, data: bytes, extended: bool) -> bool:
         """Take in a frame; tells whether it was an estimate of our valve.
 
-        One that claims its address, and was not asked for it, has restarted. It may obey again before it is missed.
+        One that claims its address, and was not asked for it of late, has restarted. It may obey again before it is
+        missed.
         """
-        group = identifier >> 8 & 0x3FF00
-        if extended and group == REQUEST and data == CLAIMED_GROUP:
-            self._requests += 1
+        group, to, now_s = identifier >> 8 & 0x3FF00, identifier >> 8 & 0xFF, system.now_s()
+        if extended and group == REQUEST and data == CLAIMED_GROUP and to in (self._settings.device, EVERYBODY):
+            self._requested_s.append(now_s)
         if not extended or identifier & 0xFF != self._settings.device or len(data) != 8:
             return False
         if group == CLAIMED:
             self._names_device = f"NAME {int.from_bytes(data, 'little'):#018x}"
-            self._restarted = self._restarted or (not self._requests and self._commanded != self._safe)
-            self._requests = max(0, self._requests - 1)
+            asked_s = [at_s for at_s in self._requested_s if now_s - at_s <= self._settings.longest_reply_s]
+            self._restarted = self._restarted or (not asked_s and self._commanded != self._safe)
+            self._requested_s = asked_s[1:]
         if is_mine := identifier >> 8 & 0x3FFFF == self._group:
-            self._latest, self._came_s = data, system.now_s()
+            self._latest, self._came_s = data, now_s
         return is_mine
 
     def _estimated(self, data: bytes) -> float:

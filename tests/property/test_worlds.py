@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from drivers._modbus_line import ModbusLine
+from drivers.j1939_valve import J1939ValveLink
 from hil.bench import heartbeat, rescue, watchdog
 from hil.bench.ending import Ending, LastWord
 from hil.daq.channel import Wiring
@@ -134,6 +135,12 @@ def test_a_witness_that_was_away_when_its_rest_was_read_is_doubted_and_no_fault(
     assert not ran.broken and ran.status == 3
 
 
+def test_a_valve_that_never_said_who_it_is_has_restarted_where_it_claims_its_address() -> None:
+    """That it was asked at the opening, and did not hear that, explains no claim of later."""
+    ran = of("8,0.01,plain,v|lose:opening:0.068:2:third|restart:driving:3.155:0.05:third")
+    assert not ran.broken and ran.status == 3
+
+
 @pytest.mark.parametrize("part", range(2))
 def test_drawn_worlds_hold(part: int) -> None:
     """Others with each commit; one that does not hold is printed as `python -m tests.worlds CODE` takes it."""
@@ -250,6 +257,10 @@ FAULTS: dict[str, tuple[Patches, str]] = {
     ),
     "causes_happened": ([(Operator, "stop_asked", property(lambda _operator: True))], "7,0.05,plain,-"),
     "is_heard": ([(Watches, "judge", lambda *_: [])], "7,0.05,plain,-|over:driving:1.3:5:aux"),
+    "restart_is_noticed": (
+        [(J1939ValveLink, "_look", lambda link: link._frames.receive(0.0))],
+        "7,0.05,plain,v|restart:driving:2:0.05:third",
+    ),
     "holds_are_events": ([(RunWriter, "event", lambda *_, **__: None)], "7,0.05,plain,-|low:driving:1.3:1:aux"),
     "witness_is_heard": ([(Witnesses, "driven", lambda *_: None)], "7,0.05,plain,-|sticks:driving:2.3:30:io"),
     "rescue_is_told": ([(rescue, "replace", lambda output, **_: output)], "7,0.05,plain,-|kill:driving:1.3:0:"),

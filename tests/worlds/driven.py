@@ -30,6 +30,7 @@ _OWN = (HilError, OSError, KeyboardInterrupt, SystemExit, GeneratorExit)
 _PYTHON = ("cannot access local variable", "is not defined", "has no attribute", "positional argument", "NoneType")
 _LOOKS_S = 0.1
 _IN_TIME_S = 0.005
+_NOTICED_S = 1.0  # so soon a device that restarted is noticed, once it is back
 _HOLDS_S = 2.5  # so long after a person asked for it a run is held: it ends what it plays
 _CLOCKS = {"sleep", "pause", "disk slow"}
 
@@ -183,6 +184,21 @@ def is_heard(world: World, ran: Ran) -> Iterator[str]:
             yield f"{fault.kind} came at {at_s:.3f} s, and it was driven until {end_s:.3f} s"
 
 
+def restart_is_noticed(world: World, ran: Ran) -> Iterator[str]:
+    """A device that restarts while it drives ends the run, also where it obeys again before anybody misses it."""
+    _, end_s = _drives_s(world)
+    for (fault, phase), at_s in zip(ran.took, ran.took_s, strict=True):
+        if fault.kind != "restart" or phase != "driving":
+            continue
+        others = [other for (other, _), other_s in zip(ran.took, ran.took_s, strict=True)
+                  if other is not fault and other.kind not in CALM and other_s + other.lasts_s + 1.0 > at_s]  # fmt: skip
+        patience_s = _NOTICED_S + fault.lasts_s + sum(other.lasts_s + 1.0 for other in others)
+        for output in (name for name, device in world.outputs.items() if device == fault.device):
+            stood = [percent for changed_s, percent in ran.changes[output] if changed_s < at_s][-1]
+            if abs(stood) > NEAR and at_s + patience_s < end_s:
+                yield f"{fault.device} restarted at {at_s:.3f} s, and it was driven until {end_s:.3f} s"
+
+
 def holds_are_events(world: World, ran: Ran) -> Iterator[str]:
     """A hold stands among the events; one that ended while it was driven with its end."""
     _, end_s = _drives_s(world)
@@ -231,5 +247,6 @@ def witness_is_heard(world: World, ran: Ran) -> Iterator[str]:
 
 LAWS = (
     begins_safe, errors_are_not_ours, connections_are_given_up, drives_what_is_asked, hands_back_what_is_recorded,
-    samples_are_in_time, own_watchdogs_rest, causes_happened, is_heard, holds_are_events, witness_is_heard,
+    samples_are_in_time, own_watchdogs_rest, causes_happened, is_heard, restart_is_noticed,
+    holds_are_events, witness_is_heard,
 )  # fmt: skip
