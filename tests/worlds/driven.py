@@ -190,8 +190,8 @@ def restart_is_noticed(world: World, ran: Ran) -> Iterator[str]:
     for (fault, phase), at_s in zip(ran.took, ran.took_s, strict=True):
         if fault.kind != "restart" or phase != "driving":
             continue
-        others = [other for (other, _), other_s in zip(ran.took, ran.took_s, strict=True)
-                  if other is not fault and other.kind not in CALM and other_s + other.lasts_s + 1.0 > at_s]  # fmt: skip
+        others = [other for (other, _), at in zip(ran.took, ran.took_s, strict=True)
+                  if other is not fault and other.kind not in CALM and at + other.lasts_s + 1.0 > at_s]  # fmt: skip
         patience_s = _NOTICED_S + fault.lasts_s + sum(other.lasts_s + 1.0 for other in others)
         for output in (name for name, device in world.outputs.items() if device == fault.device):
             stood = [percent for changed_s, percent in ran.changes[output] if changed_s < at_s][-1]
