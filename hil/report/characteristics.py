@@ -9,18 +9,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.language.words import _
-from hil.report.field import Curve, array, label_of, needed, unit_of
+from hil.report.field import Curve, label_of, needed, unit_of
 from hil.report.figure import (
     BLUE,
+    COMMAND,
+    FITTED,
     GREEN,
     GRID,
+    INK,
+    LEVEL,
     MARKERS,
+    MEASURED,
     RED,
     SERIES,
-    SKY,
     SOFT,
     drawn,
     legend_on_top,
+    line,
     small_multiples,
     thinned,
     titled,
@@ -36,7 +41,6 @@ LEVELS_NEEDED = ("command", "measured")
 DROPS_NEEDED = ("drop", "measured")
 CONDITIONS_NEEDED = ("condition", "measured", "std", "fitted")
 ANSWERS_NEEDED = ("time_s", "measured", "fitted", "before", "final")
-_MOST = 6
 _BAR_L_MIN_PER_KW = 600.0
 _ROOM = 0.05  # beside the outer points
 
@@ -46,29 +50,24 @@ def pressure_gain_section(curves: Sequence[Curve]) -> Section:
 
     def draw(axes: Axes, curve: Curve) -> None:
         axes.axhspan(-40.0, 40.0, color=GRID, lw=0.0)
-        axes.plot(needed(curve, "command"), needed(curve, "rising"), color=BLUE, lw=1.2, label=_("rising command"))
-        axes.plot(
-            needed(curve, "command"), needed(curve, "falling"), color=RED, lw=1.2, ls="--", label=_("falling command")
-        )
+        line(axes, curve, "command", "rising", {"color": BLUE}, _("rising command"))
+        line(axes, curve, "command", "falling", {"color": RED, "ls": "--"}, _("falling command"))
 
-    labels = _("command") + unit_of(curves[0], "command_unit"), _("load pressure [% of supply]")
+    x, y = (_("command"), "command_unit"), (_("load pressure [% of supply]"), "")
     caption = _("Ports A and B are blocked. Shaded: where the gain is read.")
-    return Section(
-        _("Pressure gain"), figures=(small_multiples("pressure-gain", curves[:1], 1, draw, labels, caption),)
-    )
+    picture = small_multiples("pressure-gain", curves[:1], 1, draw, x, y, caption)
+    return Section(_("Pressure gain"), figures=(picture,))
 
 
 def internal_leakage_section(curves: Sequence[Curve]) -> Section:
     """Flow from supply to tank over the command."""
 
     def draw(axes: Axes, curve: Curve) -> None:
-        axes.plot(needed(curve, "command"), needed(curve, "measured"), color=BLUE, lw=1.2)
-        titled(axes, label_of(curve))
+        line(axes, curve, "command", "measured", {"color": BLUE})
 
-    units = [unit_of(curves[0], key) for key in ("command_unit", "response_unit")]
-    labels = _("command") + units[0], _("leakage") + units[1]
+    x, y = (_("command"), "command_unit"), (_("leakage"), "response_unit")
     caption = _("Flow from supply to tank with ports A and B blocked; between the branches of each sweep.")
-    picture = small_multiples("internal-leakage", curves[:_MOST], 2, draw, labels, caption)
+    picture = small_multiples("internal-leakage", curves, 2, draw, x, y, caption)
     return Section(_("Internal leakage"), figures=(picture,))
 
 
@@ -76,17 +75,14 @@ def flow_over_pressure_drop_section(curves: Sequence[Curve]) -> Section:
     """Flow over the valve pressure drop, with the power law."""
 
     def draw(axes: Axes, curve: Curve) -> None:
-        drop, fitted = needed(curve, "drop"), array(curve, "fitted")
-        axes.plot(drop, needed(curve, "measured"), color=BLUE, ls="", marker="o", label=_("measured"))
-        if fitted is not None:
-            axes.plot(drop, fitted, color=RED, lw=1.0, label=_("power law"))
-        titled(axes, label_of(curve))
+        line(axes, curve, "drop", "measured", {"color": INK, "ls": "", "marker": "o"}, _("measured"))
+        if curve.get("fitted") is not None:
+            line(axes, curve, "drop", "fitted", FITTED, _("power law"))
         axes.margins(x=_ROOM)
 
-    units = [unit_of(curves[0], key) for key in ("drop_unit", "response_unit")]
-    labels = _("valve pressure drop") + units[0], _("flow") + units[1]
+    x, y = (_("valve pressure drop"), "drop_unit"), (_("flow"), "response_unit")
     caption = _("Each point is the steady flow at one supply pressure.")
-    picture = small_multiples("flow-pressure-drop", curves[:_MOST], 2, draw, labels, caption)
+    picture = small_multiples("flow-pressure-drop", curves, 2, draw, x, y, caption)
     return Section(_("Flow over pressure drop"), figures=(picture,))
 
 
@@ -120,7 +116,7 @@ def _equal_powers(axes: Axes, end_bar: float, low_l_min: float, high_l_min: floa
             flow = power_kw * _BAR_L_MIN_PER_KW / drop
             if flow[-1] > size:
                 continue
-            axes.plot(drop[flow <= size], sign * flow[flow <= size], color=SOFT, lw=0.8, ls=":")
+            axes.plot(drop[flow <= size], sign * flow[flow <= size], **LEVEL)
             axes.annotate(
                 f"{power_kw:g} kW", (end_bar, sign * flow[-1]), (3.0, 0.0), textcoords="offset points", color=SOFT,
                 va="center", fontsize=8,
@@ -132,17 +128,16 @@ def load_step_section(curves: Sequence[Curve]) -> Section:
 
     def draw(axes: Axes, curve: Curve) -> None:
         time_ms = 1e3 * needed(curve, "time_s")
-        axes.plot(*thinned(time_ms, needed(curve, "measured")), color=SKY, lw=2.6, label=_("measured"))
-        axes.plot(*thinned(time_ms, needed(curve, "fitted")), color=RED, lw=1.0, label=_("smooth curve"))
-        for place, dash in ((float(curve["before"]), ":"), (float(curve["final"]), "--")):
-            axes.axhline(place, color=SOFT, lw=0.8, ls=dash)
+        axes.plot(*thinned(time_ms, needed(curve, "measured")), **MEASURED, label=_("measured"))
+        axes.plot(*thinned(time_ms, needed(curve, "fitted")), **FITTED, label=_("smooth curve"))
+        axes.axhline(float(curve["before"]), **LEVEL)
+        axes.axhline(float(curve["final"]), **COMMAND)
         if curve.get("settled_s") is not None:
             axes.axvline(1e3 * float(curve["settled_s"]), color=GREEN, lw=1.0, ls="--", label=_("settling time"))
-        titled(axes, label_of(curve))
 
-    labels = _("time after the step [ms]"), _("response") + unit_of(curves[0], "response_unit")
+    x, y = (_("time after the step [ms]"), ""), (_("response"), "response_unit")
     caption = _("Mean of the repeats. Dotted: before the step; dashed: the final value.")
-    return Section(_("Load step"), figures=(small_multiples("load-step", curves[:_MOST], 2, draw, labels, caption),))
+    return Section(_("Load step"), figures=(small_multiples("load-step", curves, 2, draw, x, y, caption),))
 
 
 def null_shift_section(curves: Sequence[Curve]) -> Section:
@@ -150,11 +145,11 @@ def null_shift_section(curves: Sequence[Curve]) -> Section:
 
     def draw(axes: Axes, curve: Curve) -> None:
         condition, null, std, fitted = (needed(curve, key) for key in CONDITIONS_NEEDED)
-        axes.errorbar(condition, null, 2.0 * std, color=BLUE, ls="", marker="o", capsize=2.0, label=_("null ± U"))
-        axes.plot(condition, fitted, color=RED, lw=1.0, label=_("least-squares line"))
+        axes.errorbar(condition, null, 2.0 * std, color=INK, ls="", marker="o", capsize=2.0, label=_("null ± U"))
+        axes.plot(condition, fitted, **FITTED, label=_("least-squares line"))
         titled(axes, label_of(curve) + unit_of(curve, "condition_unit").replace("degC", "°C"))
         axes.margins(x=_ROOM)
 
-    labels = _("condition"), _("null") + unit_of(curves[0], "response_unit")
+    x, y = (_("condition"), ""), (_("null"), "response_unit")
     caption = _("Each null is that of a whole sweep. U is without the calibration, which moves all nulls alike.")
-    return Section(_("Null shift"), figures=(small_multiples("null-shift", curves[:_MOST], 3, draw, labels, caption),))
+    return Section(_("Null shift"), figures=(small_multiples("null-shift", curves, 3, draw, x, y, caption),))

@@ -9,11 +9,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hil.language.words import _
 from hil.record.recording import Array
+from hil.report.field import Curve, label_of, needed, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +31,12 @@ DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
 )  # fmt: skip
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
-T = TypeVar("T")
+# What is drawn alike on every page: samples, what was fitted to them and leaves what, the command, a level to read at.
+MEASURED: Mapping[str, Any] = {"color": "#8b949e", "lw": 1.8}
+FITTED: Mapping[str, Any] = {"color": BLUE, "lw": 1.0}
+LEFT: Mapping[str, Any] = {"color": INK, "lw": 0.7}
+COMMAND: Mapping[str, Any] = {"color": INK, "lw": 0.8, "ls": "--"}
+LEVEL: Mapping[str, Any] = {"color": SOFT, "lw": 0.8, "ls": ":"}
 
 WIDTH_IN = 8.4
 _NARROW_COLUMNS = 3  # so many drawings beside each other are lower than fewer
@@ -156,34 +163,42 @@ def _keep_ticks(axis: Axis) -> None:
 
 def small_multiples(
     name: str,
-    items: Sequence[T],
+    curves: Sequence[Curve],
     columns: int,
-    draw_one: Callable[[Axes, T], None],
-    labels: tuple[str, str],
+    draw_one: Callable[[Axes, Curve], None],
+    x: tuple[str, str],
+    y: tuple[str, str],
     caption: str,
+    most: int = 6,
 ) -> Picture:
-    """Drawings of a kind beside and below each other, with one legend over all of them.
+    """A drawing of each curve, beside and below each other, with one legend over all of them.
 
     Args:
         name: unlike any other on the page.
-        items: what is drawn, one in each.
+        curves: that are drawn.
         columns: beside each other, at most.
-        draw_one: draws an item.
-        labels: of the x axis, below the lowest of each column, and of the y axis, at the left.
+        draw_one: draws one, whose label stands over it.
+        x: what its x axis says, below the lowest of each column, and the key of its unit.
+        y: likewise of the y axis, at the left.
         caption: below the picture.
+        most: curves that are drawn; the caption says how many are not.
     """
-    columns = min(columns, len(items))
-    rows = -(-len(items) // columns)
+    shown = curves[:most]
+    if len(curves) > most:
+        caption += " " + _("{n} more are not drawn.").format(n=len(curves) - most)
+    columns = min(columns, len(shown))
+    rows = -(-len(shown) // columns)
 
     def draw(figure: Figure) -> None:
         grid = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes, item in zip(grid, items, strict=False):
-            draw_one(axes, item)
+        for axes, curve in zip(grid, shown, strict=False):
+            titled(axes, label_of(curve))
+            draw_one(axes, curve)
         for axes in grid[::columns]:
-            axes.set_ylabel(labels[1])
-        for axes in grid[max(0, len(items) - columns) : len(items)]:
-            axes.set_xlabel(labels[0])
-        for axes in grid[len(items) :]:
+            axes.set_ylabel(y[0] + unit_of(curves[0], y[1]))
+        for axes in grid[max(0, len(shown) - columns) : len(shown)]:
+            axes.set_xlabel(x[0] + unit_of(curves[0], x[1]))
+        for axes in grid[len(shown) :]:
             axes.set_visible(False)
         legend_on_top(grid[0])
 
@@ -201,6 +216,11 @@ def thinned(x: Array, y: Array, columns: int = _COLUMNS) -> tuple[Array, Array]:
         picked[i] = sorted((first + int(part.argmin()), first + int(part.argmax())))
     indices = np.unique(picked)
     return x[indices], y[indices]
+
+
+def line(axes: Axes, curve: Curve, x: str, y: str, style: Mapping[str, Any], label: str = "") -> None:
+    """One array of a curve over another."""
+    axes.plot(*thinned(needed(curve, x), needed(curve, y)), label=label, **style)
 
 
 def titled(axes: Axes, title: str) -> None:
@@ -225,7 +245,7 @@ def plain_log(axes: Axes, axis: str = "x") -> None:
 
 def legend_above(axes: Axes, columns: int = 4) -> None:
     """The legend on one line over one of several drawings beside each other, where it hides nothing."""
-    handles, _ = axes.get_legend_handles_labels()
+    handles = axes.get_legend_handles_labels()[0]
     if handles:
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.01), ncols=min(columns, len(handles)), borderpad=0.0,
                     columnspacing=1.4, handletextpad=0.5)  # fmt: skip

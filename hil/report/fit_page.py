@@ -18,7 +18,7 @@ from hil.physics.plants.transfer_function import PLANT as LINEAR
 from hil.physics.transfer_function import from_parameters
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.response_table import ResponseTable
-from hil.report.figure import BLUE, INK, SOFT, Picture, drawn, legend_on_top, thinned
+from hil.report.figure import COMMAND, FITTED, LEFT, MEASURED, Picture, drawn, legend_on_top, thinned
 from hil.report.number import note_text, number, with_uncertainty
 from hil.report.page import write_page
 from hil.report.responses import bode
@@ -130,12 +130,12 @@ def _samples(model: Model, e: Experiment, k: int) -> Picture:
 
     def draw(figure: Figure) -> None:
         command, above, below = figure.subplots(3, 1, sharex=True, height_ratios=(1.0, 2.0, 1.0))
-        command.plot(*thinned(e.time_s, e.on_grid_input()), color=SOFT, lw=0.9)
+        command.plot(*thinned(e.time_s, e.on_grid_input()), **COMMAND)
         command.set_ylabel(e.input)
-        above.plot(*thinned(e.time_s, e.output), color="#aeb6bf", lw=2.2, label=_("measured"))
-        above.plot(*thinned(e.time_s, simulated), color=BLUE, lw=0.9, label=_("model"))
+        above.plot(*thinned(e.time_s, e.output), **MEASURED, label=_("measured"))
+        above.plot(*thinned(e.time_s, simulated), **FITTED, label=_("model"))
         above.set_ylabel(e.output_heading)
-        below.plot(*thinned(e.time_s[e.valid], (shown - simulated)[e.valid]), color=INK, lw=0.6)
+        below.plot(*thinned(e.time_s[e.valid], (shown - simulated)[e.valid]), **LEFT)
         below.set_ylabel(_("measured − model"))
         below.set_xlabel(_("time [s]"))
         for axes in (command, above, below):

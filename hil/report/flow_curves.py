@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from hil.language.words import _, marked
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.report.field import Curve, array, needed, unit_of
-from hil.report.figure import AMBER, BLUE, FAINT, GREEN, INK, RED, SOFT, drawn, legend_on_top, thinned
+from hil.report.figure import AMBER, BLUE, FAINT, GREEN, INK, LEFT, LEVEL, RED, drawn, legend_on_top, line, thinned
 from hil.report.section import Listing, Section
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def _branches(axes: Axes, curve: Curve) -> None:
     command, std = needed(curve, "command"), array(curve, "std")
     for key, color, dash in ((marked("rising"), BLUE, "-"), (marked("falling"), RED, "--")):
         y = needed(curve, key)
-        axes.plot(*thinned(command, y), color=color, ls=dash, label=_(key))
+        line(axes, curve, "command", key, {"color": color, "ls": dash}, _(key))
         if std is not None:
             axes.fill_between(
                 command, y - COVERAGE_FACTOR * std, y + COVERAGE_FACTOR * std, color=color, alpha=0.2, lw=0
@@ -52,14 +52,12 @@ def _branches(axes: Axes, curve: Curve) -> None:
         ("spline", marked("monotone spline"), INK, ":"),
         ("polynomial", marked("polynomial"), GREEN, "-."),
     ):
-        law = array(curve, key)
-        if law is not None:
-            axes.plot(*thinned(command, law), color=color, ls=dash, lw=1.0, label=_(label))
+        if curve.get(key) is not None:
+            line(axes, curve, "command", key, {"color": color, "ls": dash, "lw": 1.0}, _(label))
     half = curve.get("half_speed")
     if half:
         for key, name in (("rising", _("at half speed")), ("falling", "")):
-            axes.plot(*thinned(needed(half, "command"), needed(half, key)), color=AMBER, lw=2.4, alpha=0.6,
-                      zorder=1.5, label=name)  # fmt: skip
+            line(axes, half, "command", key, {"color": AMBER, "lw": 2.4, "alpha": 0.6, "zorder": 1.5}, name)
     band = curve.get("dead_band")
     if band is not None:
         axes.axvspan(float(band[0]), float(band[1]), color=FAINT, lw=0.0, zorder=0)
@@ -71,8 +69,8 @@ def _branches(axes: Axes, curve: Curve) -> None:
 def _loop(axes: Axes, curve: Curve) -> None:
     command, width = needed(curve, "command"), needed(curve, "falling") - needed(curve, "rising")
     std = array(curve, "std")
-    axes.axhline(0.0, color=SOFT, lw=0.7)
-    axes.plot(*thinned(command, width), color=INK, lw=1.0)
+    axes.axhline(0.0, **LEVEL)
+    axes.plot(*thinned(command, width), **LEFT)
     if std is not None:
         expanded = COVERAGE_FACTOR * 2.0**0.5 * std
         axes.fill_between(command, width - expanded, width + expanded, color=INK, alpha=0.15, lw=0.0)

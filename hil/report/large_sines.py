@@ -7,7 +7,19 @@ from typing import TYPE_CHECKING
 
 from hil.language.words import _
 from hil.report.field import Curve, array, label_of, needed, unit_of
-from hil.report.figure import BLUE, INK, SOFT, Picture, drawn, legend_on_top, thinned, titled
+from hil.report.figure import (
+    COMMAND,
+    FITTED,
+    LEFT,
+    LEVEL,
+    MEASURED,
+    Picture,
+    drawn,
+    legend_on_top,
+    line,
+    thinned,
+    titled,
+)
 from hil.report.number import fixed
 from hil.report.section import Section, Table
 
@@ -33,8 +45,8 @@ def _picture(name: str, curves: Sequence[Curve]) -> Picture:
         for above, below, curve in zip(rows[0], rows[1], curves, strict=True):
             _sine(above, curve)
             left = needed(curve, "measured") - needed(curve, "fitted")
-            below.axhline(0.0, color=SOFT, lw=0.7)
-            below.plot(*thinned(needed(curve, "time_s"), left), color=INK, lw=0.7)
+            below.axhline(0.0, **LEVEL)
+            below.plot(*thinned(needed(curve, "time_s"), left), **LEFT)
             below.set_xlabel(_("time [s]"))
             below.margins(x=0.0)
         rows[0][0].set_ylabel(_("response") + unit_of(curves[0], "response_unit"))
@@ -49,12 +61,10 @@ def _picture(name: str, curves: Sequence[Curve]) -> Picture:
 
 
 def _sine(axes: Axes, curve: Curve) -> None:
-    time_s, command = needed(curve, "time_s"), array(curve, "command")
-    axes.plot(*thinned(time_s, needed(curve, "measured")), color="#8b949e", lw=1.8, label=_("measured"))
-    axes.plot(*thinned(time_s, needed(curve, "fitted")), color=BLUE, lw=1.0, label=_("fitted"))
-    if command is not None:
-        unit = unit_of(curve, "command_unit")
-        axes.plot(*thinned(time_s, command), color=INK, lw=0.8, ls="--", label=_("command") + unit)
+    line(axes, curve, "time_s", "measured", MEASURED, _("measured"))
+    line(axes, curve, "time_s", "fitted", FITTED, _("fitted"))
+    if curve.get("command") is not None:
+        line(axes, curve, "time_s", "command", COMMAND, _("command") + unit_of(curve, "command_unit"))
     titled(axes, label_of(curve))
 
 

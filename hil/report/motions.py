@@ -10,7 +10,7 @@ import numpy as np
 from hil.language.words import _
 from hil.record.recording import Array
 from hil.report.field import Curve, label_of, needed, unit_of
-from hil.report.figure import BLUE, GRID, Picture, small_multiples, thinned, titled
+from hil.report.figure import BLUE, FITTED, GRID, MEASURED, Picture, line, small_multiples, titled
 from hil.report.number import number
 from hil.report.section import Section, Table
 
@@ -51,13 +51,11 @@ def threshold_section(curves: Sequence[Curve]) -> Section:
     """How the response sets out after each kind of stop."""
 
     def draw(axes: Axes, curve: Curve) -> None:
-        axes.plot(*thinned(needed(curve, "command"), needed(curve, "measured")), color=BLUE, lw=1.0)
-        titled(axes, label_of(curve))
+        line(axes, curve, "command", "measured", {"color": BLUE})
 
     caption = _("Change of the response since a stop, mean of both directions and all repeats; its delay is taken out.")
-    units = [unit_of(curves[0], key) for key in ("command_unit", "response_unit")]
-    labels = _("change of command") + units[0], _("change of response") + units[1]
-    return Section(_("Threshold"), figures=(small_multiples("threshold", curves[:_MOST], 2, draw, labels, caption),))
+    x, y = (_("change of command"), "command_unit"), (_("change of response"), "response_unit")
+    return Section(_("Threshold"), figures=(small_multiples("threshold", curves, 2, draw, x, y, caption, _MOST),))
 
 
 def trend_section(curves: Sequence[Curve]) -> Section:
@@ -66,20 +64,27 @@ def trend_section(curves: Sequence[Curve]) -> Section:
     def draw(axes: Axes, curve: Curve) -> None:
         cycle, mean, std = (needed(curve, key) for key in TREND_NEEDED)
         axes.fill_between(cycle, mean - std, mean + std, color=GRID, lw=0.0)
-        axes.plot(cycle, mean, color=BLUE, lw=1.0, marker="o" if len(cycle) <= _MOST_DOTS else "")
+        axes.plot(cycle, mean, **FITTED, marker="o" if len(cycle) <= _MOST_DOTS else "")
         titled(axes, label_of(curve) + unit_of(curve, "response_unit"))
 
     caption = _("Means of blocks of cycles; shaded, one standard deviation of the single cycles.")
-    return Section(_("Trend"), figures=(small_multiples("trend", curves[:_MOST], 2, draw, (_("cycle"), ""), caption),))
+    picture = small_multiples("trend", curves, 2, draw, (_("cycle"), ""), ("", ""), caption, _MOST)
+    return Section(_("Trend"), figures=(picture,))
 
 
 def _picture(name: str, curves: Sequence[Curve], position: str, caption: str) -> Picture:
-    shown, left_out = curves[:_MOST], max(0, len(curves) - _MOST)
-    labels = _("time [s]"), _("position") + unit_of(shown[0], "response_unit")
-    more = " " + _("{n} more are not drawn.").format(n=left_out) if left_out else ""
-    return small_multiples(
-        name, shown, _COLUMNS, lambda axes, curve: _motion(axes, curve, position), labels, caption + more
-    )
+    def draw(axes: Axes, curve: Curve) -> None:
+        if "from_s" in curve:
+            from_s, to_s = float(curve["from_s"]), float(curve["to_s"])
+            axes.axvspan(from_s, to_s, color=GRID, lw=0.0)
+            axes.set_ylim(
+                *_span(needed(curve, "time_s"), needed(curve, position), needed(curve, "fitted"), from_s, to_s)
+            )
+        line(axes, curve, "time_s", position, MEASURED, _("measured"))
+        line(axes, curve, "time_s", "fitted", {**FITTED, "ls": "--"}, _("fitted line"))
+
+    x, y = (_("time [s]"), ""), (_("position"), "response_unit")
+    return small_multiples(name, curves, _COLUMNS, draw, x, y, caption, _MOST)
 
 
 def _span(time_s: Array, measured: Array, fitted: Array, from_s: float, to_s: float) -> tuple[float, float]:
@@ -89,15 +94,3 @@ def _span(time_s: Array, measured: Array, fitted: Array, from_s: float, to_s: fl
     low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
     room = _ROOM * (high - low) or 1.0
     return low - room, high + room
-
-
-def _motion(axes: Axes, curve: Curve, position: str) -> None:
-    time_s = needed(curve, "time_s")
-    if "from_s" in curve:
-        axes.axvspan(float(curve["from_s"]), float(curve["to_s"]), color=GRID, lw=0.0)
-    measured, fitted = needed(curve, position), needed(curve, "fitted")
-    axes.plot(*thinned(time_s, measured), color="#8b949e", lw=1.8, label=_("measured"))
-    axes.plot(*thinned(time_s, fitted), color=BLUE, lw=1.0, ls="--", label=_("fitted line"))
-    if "from_s" in curve:
-        axes.set_ylim(*_span(time_s, measured, fitted, float(curve["from_s"]), float(curve["to_s"])))
-    titled(axes, label_of(curve))

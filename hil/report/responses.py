@@ -14,8 +14,11 @@ from hil.report.figure import (
     AMBER,
     BLUE,
     DASHES,
+    FITTED,
     INK,
+    LEVEL,
     MARKERS,
+    MEASURED,
     RED,
     SERIES,
     SOFT,
@@ -24,6 +27,7 @@ from hil.report.figure import (
     legend_above,
     legend_on_top,
     thinned,
+    titled,
 )
 from hil.report.figure import plain_log as plain_log_axis
 from hil.report.number import fixed, number, with_uncertainty
@@ -131,14 +135,14 @@ def _thd(axes: Axes, group: Sequence[Curve]) -> None:
         if thd is not None:
             axes.plot(needed(curve, "frequency_hz"), thd, color=SERIES[k % len(SERIES)],
                       marker=MARKERS[k % len(MARKERS)], ms=2.8, lw=0.7)  # fmt: skip
-    axes.axhline(_DISTORTED_PERCENT, color=SOFT, lw=0.8, ls=":")
+    axes.axhline(_DISTORTED_PERCENT, **LEVEL)
 
 
 def _frame(column: Sequence[Axes], levels: Sequence[float], span_hz: tuple[float, float]) -> None:
     from matplotlib.ticker import MaxNLocator
 
     for axes, level in zip(column, levels, strict=False):
-        axes.axhline(level, color=SOFT, lw=0.8, ls=":")
+        axes.axhline(level, **LEVEL)
     for axes in column:
         axes.set_xscale("log")
         axes.set_xlim(*span_hz)
@@ -216,10 +220,9 @@ def _overlays(curves: Sequence[Curve]) -> list[Picture]:
 
 def _overlay(axes: Axes, overlay: Curve) -> None:
     time_s = needed(overlay, "time_s")
-    axes.plot(*thinned(time_s, needed(overlay, "measured"), _SMALL), color="#aeb6bf", lw=2.6, label=_("measured"))
-    axes.plot(*thinned(time_s, needed(overlay, "fitted"), _SMALL), color=BLUE, lw=0.9, label=_("fitted"))
-    axes.set_title(f"{number(float(overlay['frequency_hz']))} Hz", fontweight="normal", pad=2.0, loc="right")
-    axes.margins(x=0.0)
+    axes.plot(*thinned(time_s, needed(overlay, "measured"), _SMALL), **MEASURED, label=_("measured"))
+    axes.plot(*thinned(time_s, needed(overlay, "fitted"), _SMALL), **FITTED, label=_("fitted"))
+    titled(axes, f"{number(float(overlay['frequency_hz']))} Hz")
     axes.locator_params(nbins=4)
 
 

@@ -11,20 +11,22 @@ from hil.language.words import _
 from hil.physics.formula import formula
 from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Array
-from hil.report.field import Curve, array, label_of, needed, unit_of
+from hil.report.field import Curve, array, label_of, needed
 from hil.report.figure import (
-    BLUE,
+    COMMAND,
     DASHES,
+    FITTED,
     INK,
+    LEVEL,
+    MEASURED,
     SERIES,
-    SOFT,
     Picture,
     drawn,
     legend_above,
+    line,
     plain_log,
     small_multiples,
     thinned,
-    titled,
 )
 from hil.report.number import note_text, number
 from hil.report.section import Section, Table
@@ -46,33 +48,27 @@ def steps_section(curves: Sequence[Curve]) -> Section:
     shown = curves[:_MOST_STEPS]
     tables = [table for table in (_models(curves), _from_times(curves)) if table.rows]
     beside = [_bode(f"step-models-{k}", c) for k, c in enumerate(shown) if c.get("response") and c.get("models")]
-    figures = (_picture(shown, len(curves) - len(shown)), *beside)
-    return Section(_("Step response"), figures=figures, tables=tuple(tables))
-
-
-def _picture(curves: Sequence[Curve], left_out: int) -> Picture:
     caption = _(
         "Time counts from the step of the command, which is drawn to the scale of the response. Dotted: 10 % and "
         "90 % of the change."
     )
-    if left_out:
-        caption += " " + _("{n} more steps are among the results only.").format(n=left_out)
-    labels = _("time [s]"), _("response") + unit_of(curves[0], "response_unit")
-    return small_multiples("steps", curves, 2 if len(curves) <= _FEW else 3, _step, labels, caption)
+    x, y = (_("time [s]"), ""), (_("response"), "response_unit")
+    columns = 2 if len(curves) <= _FEW else 3
+    picture = small_multiples("steps", curves, columns, _step, x, y, caption, _MOST_STEPS)
+    return Section(_("Step response"), figures=(picture, *beside), tables=tuple(tables))
 
 
 def _step(axes: Axes, curve: Curve) -> None:
     time_s, start, final = needed(curve, "time_s"), float(curve["start"]), float(curve["final"])
-    axes.plot(*thinned(time_s, needed(curve, "measured")), color="#8b949e", lw=1.0, label=_("measured"))
-    fitted, command = array(curve, "fitted"), array(curve, "command")
-    if fitted is not None:
-        axes.plot(*thinned(time_s, fitted), color=BLUE, lw=1.2, label=_("fitted model"))
+    line(axes, curve, "time_s", "measured", MEASURED, _("measured"))
+    command = array(curve, "command")
+    if curve.get("fitted") is not None:
+        line(axes, curve, "time_s", "fitted", FITTED, _("fitted model"))
     if command is not None and (change := _step_of(time_s, command)):
         scaled = start + (command - command[0]) / change * (final - start)
-        axes.plot(*thinned(time_s, scaled), color=INK, lw=0.8, ls="--", label=_("command"))
+        axes.plot(*thinned(time_s, scaled), **COMMAND, label=_("command"))
     for share in (0.1, 0.9):
-        axes.axhline(start + share * (final - start), color=SOFT, lw=0.8, ls=":")
-    titled(axes, label_of(curve))
+        axes.axhline(start + share * (final - start), **LEVEL)
 
 
 def _step_of(time_s: Array, command: Array) -> float:
