@@ -29,6 +29,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Literal
 
 
@@ -113,6 +114,21 @@ class OverrunError(HardwareError):
 
 class StorageError(HardwareError):
     """The recording could not be written; what was flushed before is kept."""
+
+
+@contextmanager
+def storing(path: Path, refused: str = "cannot be written", kept: str = "") -> Iterator[None]:
+    """Turn what the operating system refuses of a file into a `StorageError` that says so.
+
+    Args:
+        path: of the file.
+        refused: what could not be done with it.
+        kept: the end of the message: what is not lost.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(f"{path}: {refused}: {error.strerror or error}{kept}") from error
 
 
 class StoppedError(HardwareError):

@@ -17,7 +17,7 @@ from typing import Any
 from filelock import FileLock
 
 from hil.bench.read import BenchFile
-from hil.errors import FileError, StorageError, marked
+from hil.errors import FileError, StorageError, marked, storing
 from hil.record.header import END_FILE, HEADER_FILE, read_end
 from hil.record.seal import SEAL_FILE, marks_of, read_seal
 from hil.safety.interrupt import Halted, Terminated
@@ -58,12 +58,10 @@ class Audit:
         Raises:
             StorageError: it is not on the disk; what it tells of must not be done unnoticed.
         """
-        try:
+        with storing(self.path, "the audit trail cannot be written"):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with self._lock, FileLock(self.path.with_suffix(".lock"), timeout=5.0):
                 self._add(account, act, details, operator)
-        except OSError as error:  # also of a lock that somebody keeps
-            raise StorageError(f"{self.path}: the audit trail cannot be written: {error.strerror or error}") from error
 
     def _add(self, account: str, act: str, details: Mapping[str, Any], operator: str) -> None:
         handle = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)

@@ -57,7 +57,7 @@ def _write_csv(found: InPopulation, path: Path) -> None:
 
     from hil.cli.places import check_file
     from hil.findings.batch import LimitOfBatch
-    from hil.findings.tables import write_table
+    from hil.record.csv_text import write_table
 
     if found.batch is None:
         raise typer.BadParameter("several runs with limits are needed", param_hint="--csv")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 from filelock import FileLock
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from hil.errors import FileError, SettingError, StorageError, UnknownNameError
+from hil.errors import FileError, SettingError, UnknownNameError, storing
 from hil.record.durable import write_whole
 from hil.safety.latch import state_path
 from hil.untrusted import read_json
@@ -107,10 +107,8 @@ class Accounts:
         return None
 
     def _locked(self) -> FileLock:
-        try:
+        with storing(self._path):
             self._path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise StorageError(f"{self._path}: cannot be written: {error.strerror}") from error
         return FileLock(self._path.with_suffix(".lock"), timeout=10.0)
 
     def _write(self, accounts: dict[str, Account]) -> None:
@@ -124,11 +122,9 @@ def write_private(path: Path, text: str) -> None:
     Raises:
         StorageError: it cannot be written.
     """
-    try:
+    with storing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, text, 0o600)
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 @cache

@@ -12,7 +12,7 @@ from typing import Any
 
 from hil.bench.manual.reading import Reading
 from hil.child import Process, child
-from hil.errors import StorageError
+from hil.errors import storing
 
 EVERY_S = 0.5
 _NOBODY_S = 15.0  # so long after the last page asked it ends
@@ -44,13 +44,11 @@ class Watching:
         with self._lock:
             if bench in self._watches and self._watches[bench].process.poll() is None:
                 return
-            try:
+            with storing(path, "its inputs cannot be watched"):
                 process = child(
                     "hil", ["watch", str(path), "--lines", "--every", str(EVERY_S)],
                     stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, bufsize=1,
                 )  # fmt: skip
-            except OSError as error:
-                raise StorageError(f"{path}: its inputs cannot be watched: {error.strerror or error}") from error
             watch = self._watches[bench] = _Watch(process, time.monotonic())
         threading.Thread(target=self._follow, args=(watch,), name="hil-console-watch", daemon=True).start()
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hil.errors import InputError
-from hil.findings.tables import csv_text
 from hil.identification.steady.flow_curve import monotone
+from hil.record.csv_text import csv_text
 from hil.record.recording import Array
 from hil.record.simulated import SIMULATED
 

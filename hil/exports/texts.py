@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from hil.errors import SettingError, option
 from hil.exports.function import PLANT, function_of
 from hil.findings.results import FittedFunction
-from hil.findings.tables import FUNCTION_HEADS, coefficient_rows, csv_text
+from hil.findings.tables import FUNCTION_HEADS, coefficient_rows
 from hil.physics.model import Model
 from hil.physics.transfer_function import TransferFunction
+from hil.record.csv_text import csv_text
 from hil.record.plain import plain
 from hil.record.simulated import SIMULATED, marked
 

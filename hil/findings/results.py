@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from hil.errors import FileError, StorageError
+from hil.errors import FileError, storing
 from hil.record.cause import Cause
 from hil.record.durable import write_whole
 from hil.record.measurement import RESULTS_FILE, Measured, Verdict
@@ -212,10 +212,8 @@ def write_results(results: Results, folder: Path) -> None:
         StorageError: it cannot be written.
     """
     path = folder / RESULTS_FILE
-    try:
+    with storing(path, kept="; the samples are kept"):
         write_whole(path, results.as_json())
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror}; the samples are kept") from error
 
 
 def read_results(path: Path) -> Results:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hil.errors import InputError, StorageError
+from hil.errors import InputError, storing
 from hil.extras import lacking
 from hil.findings.results import Curve, FittedFunction, Results
+from hil.record.csv_text import csv_text
 
 if TYPE_CHECKING:
     from openpyxl.worksheet.worksheet import Worksheet
@@ -34,15 +33,6 @@ def curve_csv(curve: Curve, *, simulated: bool | None) -> str:
     return csv_text((*_heads(curve), VALUE_HEADS[-1]), ((*row, simulated) for row in curve.rows))
 
 
-def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table as CSV text: one line of heads, then the rows."""
-    text = StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(heads)
-    writer.writerows(rows)
-    return text.getvalue()
-
-
 def write_csv(results: Results, path: Path) -> tuple[Path, ...]:
     """Write the values to a file and each curve beside it as STEM_NAME.csv; returns what was written.
 
@@ -53,17 +43,9 @@ def write_csv(results: Results, path: Path) -> tuple[Path, ...]:
     for name, curve in _by_file_name(results.curves).items():
         texts[path.with_name(f"{path.stem}_{name}.csv")] = curve_csv(curve, simulated=results.simulated)
     for target, text in texts.items():
-        _write(target, text.encode())
+        with storing(target):
+            target.write_bytes(text.encode())
     return tuple(texts)
-
-
-def write_table(heads: Sequence[str], rows: Iterable[Sequence[object]], path: Path) -> None:
-    """Write one table as CSV.
-
-    Raises:
-        StorageError: the file cannot be written.
-    """
-    _write(path, csv_text(heads, rows).encode())
 
 
 def write_xlsx(results: Results, path: Path) -> None:
@@ -84,10 +66,8 @@ def write_xlsx(results: Results, path: Path) -> None:
         _fill(book.create_sheet("transfer functions"), FUNCTION_HEADS, coefficient_rows(results.transfer_functions))
     for name, curve in _by_file_name(results.curves).items():
         _fill(book.create_sheet(_sheet_name(name, book.sheetnames)), _heads(curve), curve.rows)
-    try:
+    with storing(path):
         book.save(path)
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def coefficient_rows(functions: Iterable[FittedFunction]) -> Iterator[Row]:
@@ -139,10 +119,3 @@ def _sheet_name(name: str, taken: Sequence[str]) -> str:
         tail = f"~{number}"
         short, number = name[: _SHEET_NAME - len(tail)] + tail, number + 1
     return short
-
-
-def _write(path: Path, content: bytes) -> None:
-    try:
-        path.write_bytes(content)
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror}") from error

@@ -15,7 +15,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from hil.child import finished, python
-from hil.errors import InputError, StorageError
+from hil.errors import InputError, storing
 from hil.fmu.description import FmiVersion, description, identifier
 from hil.fmu.source import Source, source_of
 from hil.fmu.validation import resources
@@ -112,10 +112,8 @@ def write_c(variables: Variables, out: Path) -> None:
         title=variables.plant.title, file=out.name, inputs=inputs, outputs=outputs, names=names, step_s=variables.step_s
     )
     core = (files("hil.fmu") / "core.c").read_text(encoding="utf-8")
-    try:
+    with storing(out):
         out.write_text(head + source_of(variables).text + core, encoding="utf-8")
-    except OSError as error:
-        raise StorageError(f"{out}: cannot be written: {error.strerror}") from error
 
 
 def write_fmu(variables: Variables, out: Path, version: FmiVersion, platforms: Sequence[str] | None = None) -> Built:
@@ -141,10 +139,8 @@ def write_fmu(variables: Variables, out: Path, version: FmiVersion, platforms: S
         work = Path(folder)
         _write_sources(work, source)
         libraries = {name: _compiled(work, identifier(variables), name) for name in _checked(platforms, version)}
-        try:
+        with storing(out):
             _pack(out, variables, source, version, work, libraries)
-        except OSError as error:
-            raise StorageError(f"{out}: cannot be written: {error.strerror}") from error
     return Built(tuple(libraries), tuple(notes))
 
 

@@ -7,7 +7,6 @@ recordings and without the skeleton, and `validation.csv`: time, the inputs, and
 from __future__ import annotations
 
 import csv
-import io
 import tempfile
 import zipfile
 from collections.abc import Mapping
@@ -21,6 +20,7 @@ from hil.errors import FileError, InputError, reason
 from hil.fmu.examine import ALLOWED, INTERVALS, excitation, played, simulated
 from hil.fmu.variables import Variables, variables_of
 from hil.physics.model import Model, load_model
+from hil.record.csv_text import csv_text
 from hil.record.plain import plain, to_json
 from hil.record.recording import Array
 
@@ -83,11 +83,9 @@ def resources(variables: Variables) -> dict[str, str]:
     model = replace(variables.model, skeleton=None, origin=origin)
     inputs = excitation(variables)
     time_s = INTERVALS * variables.step_s * np.arange(inputs.shape[1])
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["time [s]", *(signal.heading for signal in (*variables.inputs, *variables.outputs))])
-    writer.writerows(np.vstack((time_s, inputs, simulated(variables, inputs))).T.tolist())
-    return {MODEL: to_json(model.as_dict()), TRAJECTORIES: text.getvalue()}
+    heads = ("time [s]", *(signal.heading for signal in (*variables.inputs, *variables.outputs)))
+    rows = np.vstack((time_s, inputs, simulated(variables, inputs))).T.tolist()
+    return {MODEL: to_json(model.as_dict()), TRAJECTORIES: csv_text(heads, rows)}
 
 
 def validate(path: Path) -> ValidatedFmu:

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from hil.bench.audit import Audit, head, is_on_the_trail, issued_on_the_trail
-from hil.errors import InputError, SettingError, StorageError, option
+from hil.errors import InputError, SettingError, option, storing
 from hil.language.choice import in_page_language
 from hil.language.note import Note
 from hil.passport.attached import (
@@ -105,7 +105,8 @@ def issue(
         progress(0.9, "setting the pages")
         issued = Issued(out, unit, known, signer, powers)
         content = _sealed(issued, wanted, key, place, trail)
-    _written(content, out)
+    with storing(out, "the passport cannot be written", "; the runs are as they were"):
+        write_whole(out, content)
     issued_on_the_trail(out, hashlib.sha256(content).hexdigest(), unit.serial)
     progress(1.0, "done")
     return issued
@@ -197,12 +198,3 @@ def _made(issued: Issued, wanted: Wanted, place: Path) -> Iterator[Attached]:
 def _mark(unit: Unit) -> str:
     """The same for the same runs: from their names and times."""
     return uuid.uuid5(uuid.NAMESPACE_OID, "\n".join(f"{run.results.run} {run.started}" for run in unit.runs)).hex[:12]
-
-
-def _written(content: bytes, out: Path) -> None:
-    try:
-        write_whole(out, content)
-    except OSError as error:
-        raise StorageError(
-            f"{out}: the passport cannot be written: {error.strerror}; the runs are as they were"
-        ) from error

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.catalog import entries, models
-from hil.errors import FileError, StorageError
+from hil.errors import FileError, storing
 from hil.physics.compose import effects as installed_effects
 from hil.physics.compose import kernel, plant
 from hil.physics.plant import Plant
@@ -185,10 +185,8 @@ def save_model(model: Model, path: Path) -> None:
     Raises:
         StorageError: it cannot be written.
     """
-    try:
+    with storing(path, "the model cannot be written"):
         path.write_text(json.dumps(model.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise StorageError(f"{path}: the model cannot be written: {error.strerror}") from error
 
 
 def load_model(path: Path) -> Model:

@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import BinaryIO
 
 from hil.catalog import tables
-from hil.errors import FileError, StorageError, reason
+from hil.errors import FileError, reason, storing
 from hil.record import exchange
 from hil.record.about import described
 from hil.record.assemble import assemble
@@ -153,9 +153,8 @@ def write_recording(recording: Recording, path: str | Path) -> None:
         raise FileError(f"{path}: recordings of this kind are read but not written; write .csv, .tdms or .mf4 instead")
     part = path.with_name(f".part-{path.name}")
     try:
-        form.write(resampled(recording), part)  # one row for each sample
-        part.replace(path)
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
+        with storing(path):
+            form.write(resampled(recording), part)  # one row for each sample
+            part.replace(path)
     finally:
         part.unlink(missing_ok=True)

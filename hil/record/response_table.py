@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import FileError, StorageError, UnitError, option
+from hil.errors import FileError, UnitError, option, storing
 from hil.record import heading as headings
 from hil.record.columns import Column, Table
+from hil.record.csv_text import csv_text
 from hil.record.durable import write_whole
 from hil.record.recording import Array, Complex
 from hil.record.show import data_frame, dataset, table_html
@@ -215,14 +214,8 @@ def write_response_table(table: ResponseTable, path: Path) -> None:
         columns[f"gain std [{unit}]"] = table.gain_std * (_DB if table.in_db else size)
     if table.phase_std_rad is not None:
         columns["phase std [deg]"] = np.degrees(table.phase_std_rad)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(np.column_stack(list(columns.values())).tolist())
-    try:
-        write_whole(path, text.getvalue())
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
+    with storing(path):
+        write_whole(path, csv_text(columns, np.column_stack(list(columns.values())).tolist()))
 
 
 def _parts(columns: Sequence[Column]) -> dict[str, Column]:

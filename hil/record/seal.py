@@ -14,7 +14,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from hil.errors import FileError, StorageError
+from hil.errors import FileError, storing
 from hil.record.durable import sync_folder, write_whole
 from hil.record.header import END_FILE, HEADER_FILE, read_end, read_stated, sha256_of
 from hil.record.measurement import FINDINGS_FILE, RESULTS_FILE, Limit
@@ -59,13 +59,9 @@ def seal_folder(folder: Path, limits: Mapping[str, Limit]) -> None:
     seal = Seal(
         limits=dict(limits), sha256={name: sha256_of(path) for name, path in files_of(folder) if name not in recorded}
     )
-    try:
+    with storing(folder / SEAL_FILE, kept="; the samples are kept"):
         write_whole(folder / SEAL_FILE, seal.model_dump_json(indent=1) + "\n")
         sync_folder(folder)
-    except OSError as error:
-        raise StorageError(
-            f"{folder / SEAL_FILE}: cannot be written: {error.strerror}; the samples are kept"
-        ) from error
 
 
 def read_seal(folder: Path) -> Seal | None:

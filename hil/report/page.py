@@ -9,7 +9,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from hil.errors import StorageError
+from hil.errors import storing
 from hil.language.words import _, plural, spoken
 from hil.record.durable import write_whole
 from hil.report.number import limits_text, number, unit_text, with_uncertainty
@@ -23,10 +23,8 @@ def write_page(template: str, path: Path, *, simulated: bool = False, **values: 
         StorageError: the page cannot be written.
     """
     text = render(template, simulated=simulated, **values)
-    try:
+    with storing(path, "the report cannot be written", "; the recording is kept"):
         write_whole(path, text)
-    except OSError as error:
-        raise StorageError(f"{path}: the report cannot be written: {error.strerror}; the recording is kept") from error
 
 
 def render(template: str, *, simulated: bool = False, **values: Any) -> str:

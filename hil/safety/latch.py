@@ -8,7 +8,7 @@ from pathlib import Path
 
 import platformdirs
 
-from hil.errors import FileError, StorageError, TrippedError, UnknownNameError, option
+from hil.errors import FileError, TrippedError, UnknownNameError, option, storing
 from hil.untrusted import read_json
 
 _ENDS = "find the cause; this trip ends with its run, as on every simulated bench, and needs no reset"
@@ -59,13 +59,11 @@ class Latch:
     def _keep(self) -> None:
         if self._path is None:
             return
-        try:
+        with storing(self._path, "the trips cannot be kept"):
             self._path.parent.mkdir(parents=True, exist_ok=True)
             part = self._path.with_suffix(".part")
             part.write_text(json.dumps(self._trips, indent=1, ensure_ascii=False), encoding="utf-8")
             part.replace(self._path)
-        except OSError as error:
-            raise StorageError(f"{self._path}: the trips cannot be kept: {error.strerror}") from error
 
 
 def latch_path(bench: str) -> Path:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hil.catalog import models
-from hil.errors import FileError, InputError, SettingError, StorageError, UnitError, option
+from hil.errors import FileError, InputError, SettingError, UnitError, option
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.frequency.table_fit import as_response
 from hil.identification.papers.asymptotic_bode import AsymptoticFit, asymptotic_bode
@@ -38,6 +38,7 @@ from hil.physics.published.tugsal import (
     error_memberships,
 )
 from hil.physics.transfer_function import TransferFunction, straight
+from hil.record.csv_text import write_table
 from hil.record.invalid_samples import INVALID_SAMPLES, measured_rows
 from hil.record.named import pairs
 from hil.record.plain import plain
@@ -174,13 +175,8 @@ class OnlineEstimate:
 
     def write_path(self, path: Path) -> None:
         """Write the parameters after each sample as CSV."""
-        try:
-            with path.open("w", encoding="utf-8", newline="") as file:
-                writer = csv.writer(file, lineterminator="\n")
-                writer.writerow(["time [s]", *(f"{name} [1]" for name in self.estimator.form.names)])
-                writer.writerows(np.column_stack((self.time_s, self.path)).tolist())
-        except OSError as error:
-            raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
+        heads = ("time [s]", *(f"{name} [1]" for name in self.estimator.form.names))
+        write_table(heads, np.column_stack((self.time_s, self.path)).tolist(), path)
 
 
 def estimated_online(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil.errors import InputError, SettingError, StorageError
+from hil.errors import InputError, SettingError, storing
 from hil.exports.texts import functions_text, model_text
 from hil.findings.results import FittedFunction, Results
 from hil.fmu.build import own_platform, write_c, write_fmu
@@ -86,7 +86,8 @@ def exported(
         return _simulated(source, to, out, how)
     text = _table(source, points) if to == TABLE else _text(source, to, part)
     if out is not None:
-        _write(out, text)
+        with storing(out):
+            out.write_text(text, encoding="utf-8")
     return Exported(text, out)
 
 
@@ -121,13 +122,6 @@ def _functions(results: Results, part: str) -> list[FittedFunction]:
 
 def _model(source: Model | str | Path) -> Model:
     return source if isinstance(source, Model) else load_model(Path(source))
-
-
-def _write(out: Path, text: str) -> None:
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise StorageError(f"{out}: cannot be written: {error.strerror}") from error
 
 
 def _simulated(source: Model | Results | str | Path, to: str, out: Path, how: Simulation) -> Exported:

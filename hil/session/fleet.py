@@ -22,7 +22,7 @@ from typing import Any
 from hil.child import over_processes, processes
 from hil.cores import cores, keep_to
 from hil.diagnosis.diagnose import Diagnosed, diagnose
-from hil.errors import FileError, HilError, InputError, StorageError, option
+from hil.errors import FileError, HilError, InputError, option, storing
 from hil.language.choice import choose, page_language
 from hil.language.note import Note
 from hil.physics.model import Model, load_model
@@ -342,7 +342,7 @@ def _written(made: _Made, out: Path) -> UnitAnswer:
         StorageError: they cannot be written.
     """
     answer, place = made.answer, out / made.answer.unit
-    try:
+    with storing(place, "the diagnosis cannot be written"):
         out.mkdir(parents=True, exist_ok=True)
         for name, content in made.files.items():
             place.mkdir(exist_ok=True)
@@ -351,8 +351,6 @@ def _written(made: _Made, out: Path) -> UnitAnswer:
             line = {"stamp": made.task.stamp, "unit": answer.unit, "error": answer.error, "line": answer.line}
             with (out / DONE_FILE).open("a", encoding="utf-8") as file:
                 file.write(json.dumps(line) + "\n")
-    except OSError as error:
-        raise StorageError(f"{place}: the diagnosis cannot be written: {error.strerror}") from error
     return replace(answer, folder=place if made.files else None)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import InputError, SettingError, StorageError
+from hil.errors import InputError, SettingError, storing
 from hil.identification.steady.characteristic import (
     largest_slope,
     level_at,
@@ -26,6 +24,7 @@ from hil.identification.steady.flow_curve import monotone, polynomial, polynomia
 from hil.identification.steady.own_sweeps import OwnSweeps, own_sweeps
 from hil.identification.steady.sweep_estimate import SweepEstimate, sweep_estimate, together
 from hil.language.note import Note
+from hil.record.csv_text import csv_text
 from hil.record.durable import write_whole
 from hil.record.invalid_samples import measured_rows
 from hil.record.plain import plain
@@ -106,14 +105,8 @@ class FlowAnalysis:
 
     def write(self, path: Path) -> None:
         """The curve as CSV. Raises `StorageError`."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(self.columns)
-        writer.writerows(np.column_stack(list(self.columns.values())).tolist())
-        try:
-            write_whole(path, text.getvalue())
-        except OSError as error:
-            raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
+        with storing(path):
+            write_whole(path, csv_text(self.columns, np.column_stack(list(self.columns.values())).tolist()))
 
 
 def flow_analysis(

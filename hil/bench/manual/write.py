@@ -13,7 +13,7 @@ from typing import Any
 from hil.bench.fault import BenchError
 from hil.bench.file import CalibrationLine
 from hil.bench.read import BenchFile, read_bench
-from hil.errors import FileError, StorageError
+from hil.errors import FileError, storing
 from hil.system import system
 from hil.untrusted import read_text
 
@@ -35,7 +35,7 @@ def write_calibration(file: BenchFile, channel: str, new: CalibrationLine) -> Be
     old = file.bench.channels[channel].calibration
     if old is not None and new.lag_s is None:
         new = new.model_copy(update={"lag_s": old.lag_s})
-    try:
+    with storing(path):
         text = read_text(path)
         if read_bench(path).text != file.text:
             raise FileError(f"{path}: has changed since it was read; calibrate again")
@@ -48,8 +48,6 @@ def write_calibration(file: BenchFile, channel: str, new: CalibrationLine) -> Be
         finally:
             with suppress(FileNotFoundError):
                 part.unlink()
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
     return read_bench(path)
 
 

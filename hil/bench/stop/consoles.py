@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from hil.errors import FileError, StorageError
+from hil.errors import FileError, storing
 from hil.record.durable import write_whole
 from hil.record.process_liveness import is_alive
 from hil.safety.latch import state_path
@@ -48,11 +48,9 @@ def announced(console: Console) -> Iterator[None]:
         StorageError: it cannot be written down.
     """
     path = state_path("consoles", str(console.pid), ".json")
-    try:
+    with storing(path, "the console cannot be announced to its runs"):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, console.model_dump_json())
-    except OSError as error:
-        raise StorageError(f"{path}: the console cannot be announced to its runs: {error.strerror}") from error
     try:
         yield
     finally:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from hil.errors import FileError, StorageError
+from hil.errors import FileError, storing
 from hil.language.note import Note
 from hil.record.durable import write_whole
 from hil.safety.interrupt import Halted
@@ -62,11 +62,9 @@ class StopSwitch:
         """
         made = Press(at_utc=datetime.now(UTC), account=account, runs=runs)
         path = self.folder / _FILE
-        try:
+        with storing(path):
             self.folder.mkdir(parents=True, exist_ok=True)
             write_whole(path, made.model_dump_json())
-        except OSError as error:
-            raise StorageError(f"{path}: cannot be written: {error.strerror}") from error
         return made
 
     def release(self) -> None:
@@ -75,10 +73,8 @@ class StopSwitch:
         Raises:
             StorageError: the file cannot be removed.
         """
-        try:
+        with storing(self.folder / _FILE, "cannot be removed"):
             (self.folder / _FILE).unlink(missing_ok=True)
-        except OSError as error:
-            raise StorageError(f"{self.folder / _FILE}: cannot be removed: {error.strerror}") from error
 
     def text(self, press: Press) -> Note:
         """What keeps a run from starting, in one line."""
