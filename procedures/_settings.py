@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from annotated_types import Unit
+from annotated_types import Interval, Unit
 
-from hil.session.allowed import Allowed
-
-Positive = Annotated[float, Allowed(above=0.0)]
-NotNegative = Annotated[float, Allowed(at_least=0.0)]
+Positive = Annotated[float, Interval(gt=0.0)]
+NotNegative = Annotated[float, Interval(ge=0.0)]
 Percent = Annotated[float, Unit("%")]
 PositivePercent = Annotated[Positive, Unit("%")]
 NotNegativePercent = Annotated[NotNegative, Unit("%")]
@@ -18,8 +16,8 @@ Ampere = Annotated[float, Unit("A")]
 PositiveAmpere = Annotated[Positive, Unit("A")]
 NotNegativeAmpere = Annotated[NotNegative, Unit("A")]
 Celsius = Annotated[float, Unit("°C")]
-Once = Annotated[int, Allowed(at_least=1, at_most=10_000)]
-Twice = Annotated[int, Allowed(at_least=2, at_most=10_000)]
-Seed = Annotated[int, Allowed(at_least=0)]
-Poles = Annotated[int, Allowed(at_least=1, at_most=5)]
-Zeros = Annotated[int, Allowed(at_least=0, at_most=5)]
+Once = Annotated[int, Interval(ge=1, le=10_000)]
+Twice = Annotated[int, Interval(ge=2, le=10_000)]
+Seed = Annotated[int, Interval(ge=0)]
+Poles = Annotated[int, Interval(ge=1, le=5)]
+Zeros = Annotated[int, Interval(ge=0, le=5)]

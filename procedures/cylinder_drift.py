@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Interval
 
 from hil.errors import SettingError
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
@@ -14,7 +15,6 @@ from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
-from hil.session.allowed import Allowed
 from hil.signals.colour import colour_factor
 from hil.signals.rounding import mean_rounding_std
 from hil.signals.smooth_curve import Smoother
@@ -45,7 +45,7 @@ def run(
     rig: Rig,
     *,
     levels: tuple[Percent, ...] | None = None,
-    duration_s: Annotated[float, Allowed(at_least=_LEAST_S)] = 60.0,
+    duration_s: Annotated[float, Interval(ge=_LEAST_S)] = 60.0,
     settle_s: Positive | None = None,
     full_command: Positive | None = None,
     rate_hz: Positive | None = None,

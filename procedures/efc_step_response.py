@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Interval
 
 from hil.errors import InputError
 from hil.identification.step.step_estimate import MeasuredStep, measured_steps
@@ -18,7 +19,6 @@ from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
-from hil.session.allowed import Allowed
 from hil.signals.colour import colour_factor
 from hil.signals.rounding import mean_rounding_std, rounding_step
 from procedures._definitions import STEPS, defined
@@ -46,7 +46,7 @@ def run(
     currents: tuple[PositiveAmpere, ...] = (1.2, 1.4, 1.6, 1.8, 2.0),
     repeats: Once = 3,
     from_current: NotNegativeAmpere = 0.0,
-    hold_s: Annotated[float, Allowed(at_least=0.2)] = 1.5,
+    hold_s: Annotated[float, Interval(ge=0.2)] = 1.5,
     rate_hz: Positive | None = None,
 ) -> None:
     """Drive the steps.

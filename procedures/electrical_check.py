@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import Interval
 
 from hil.errors import SettingError
 from hil.identification.steady.coil import COPPER_PER_K, Coil, CoilReadings, copper_factor, fit_coil
@@ -19,7 +20,6 @@ from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
-from hil.session.allowed import Allowed
 from hil.signals.ramps import ramp
 from hil.signals.rounding import mean_rounding_std
 from procedures._efc import (
@@ -61,7 +61,7 @@ def run(
     voltage: Literal["12", "24"] = "12",
     test_current: PositiveAmpere = 0.5,
     rise_s: Positive = 0.02,
-    hold_s: Annotated[float, Allowed(at_least=0.4)] = 0.6,
+    hold_s: Annotated[float, Interval(ge=0.4)] = 0.6,
     repeats: Twice = 5,
     coil_temperature: Celsius | None = None,
     rate_hz: Positive | None = None,

@@ -13,6 +13,7 @@ from itertools import chain
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
+from annotated_types import Interval
 
 from hil.errors import SettingError
 from hil.language.note import Note
@@ -20,7 +21,6 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.record.thinned import ROWS_KEPT
 from hil.rig import Rig
-from hil.session.allowed import Allowed
 from hil.signals.colour import colour_factor
 from hil.signals.straight_line import chance_beyond, weighted_line
 from procedures._course import Course, joined
@@ -77,15 +77,15 @@ class Change:
 def run(
     rig: Rig,
     *,
-    cycles: Annotated[int, Allowed(at_least=2, at_most=1_000_000_000)] = 10_000,
+    cycles: Annotated[int, Interval(ge=2, le=1_000_000_000)] = 10_000,
     pattern: Literal["sine", "triangle", "square"] = "sine",
     frequency_hz: Positive = 1.0,
     amplitude: PositivePercent = 40.0,
     bias: Percent | None = None,
-    keep_every: Annotated[int, Allowed(at_least=2, at_most=1_000_000)] = 1000,
+    keep_every: Annotated[int, Interval(ge=2, le=1_000_000)] = 1000,
     figures: tuple[_Figure, ...] = FIGURES,
     stop_at: NotNegativePercent | None = 10.0,
-    false_stop: Annotated[float, Allowed(above=0.0, below=1.0)] = 0.01,
+    false_stop: Annotated[float, Interval(gt=0.0, lt=1.0)] = 0.01,
     warm_up_s: NotNegative = 0.0,
     full_command: Positive | None = None,
     rate_hz: Positive | None = None,

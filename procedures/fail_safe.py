@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Unit
+from annotated_types import Interval, Unit
 
 from hil.errors import InputError, SettingError
 from hil.identification.steady.characteristic import Read
@@ -21,7 +21,6 @@ from hil.identification.step.step_estimate import measured_steps
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import SWITCHED, ConditionRole, Rig, RoleChannel, SwitchedRole
-from hil.session.allowed import Allowed
 from hil.signals.interval import CERTAIN
 from procedures._characteristic import steady
 from procedures._conditions import Values, adjusting, adjusting_s, usual
@@ -46,7 +45,7 @@ def run(
     *,
     losses: tuple[_Loss, ...] | None = None,
     levels: tuple[Percent, ...] | None = None,
-    band: Annotated[float, Allowed(above=0.0, below=50.0), Unit("%")] = 5.0,  # noqa: ARG001 — for the evaluation
+    band: Annotated[float, Interval(gt=0.0, lt=50.0), Unit("%")] = 5.0,  # noqa: ARG001 — for the evaluation
     hold_s: Positive | None = None,
     repeats: Twice = 3,
     warm_up_s: NotNegative = 0.0,

@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-from annotated_types import Unit
+from annotated_types import Interval, Unit
 
 from hil.errors import SettingError
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
-from hil.session.allowed import Allowed
 from hil.signals.crossing import crossing
 from hil.signals.interval import CERTAIN, UNIFORM
 from hil.signals.products import one_blas_thread
@@ -55,7 +54,7 @@ def run(
     *,
     commands: tuple[Percent, ...] | None = None,
     load: NotNegative | None = None,
-    band: Annotated[float, Allowed(above=0.0, below=50.0), Unit("%")] = 5.0,  # noqa: ARG001 — for the evaluation
+    band: Annotated[float, Interval(gt=0.0, lt=50.0), Unit("%")] = 5.0,  # noqa: ARG001 — for the evaluation
     hold_s: Positive | None = None,
     repeats: Twice = 5,
     warm_up_s: NotNegative = 0.0,

@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Unit
+from annotated_types import Interval, Unit
 
 from hil.errors import InputError, SettingError
 from hil.identification.frequency.table_fit import as_response
@@ -18,7 +18,6 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.record.response_table import ResponseTable
 from hil.rig import Rig
-from hil.session.allowed import Allowed
 from hil.session.sources import tables_of
 from hil.signals.colour import colour_factor
 from hil.signals.rounding import rounding_step
@@ -57,7 +56,7 @@ def run(
     levels: tuple[Percent, ...] | None = None,
     hold_s: Positive | None = None,
     repeats: Once = 1,
-    band: Annotated[float, Allowed(above=0.0, below=50.0), Unit("%")] = 2.0,  # noqa: ARG001 — for the evaluation
+    band: Annotated[float, Interval(gt=0.0, lt=50.0), Unit("%")] = 2.0,  # noqa: ARG001 — for the evaluation
     beside: str = "",
     warm_up_s: NotNegative = 0.0,
     full_command: Positive | None = None,

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
-from annotated_types import Unit
+from annotated_types import Interval, Unit
 
 from hil.identification.steady.threshold_estimate import (
     CLEAR,
@@ -26,7 +26,6 @@ from hil.identification.steady.threshold_estimate import (
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
-from hil.session.allowed import Allowed
 from hil.signals.colour import colour_factor
 from hil.signals.interval import CERTAIN
 from hil.signals.ramps import ramp
@@ -54,7 +53,7 @@ def run(
     *,
     biases: tuple[Percent, ...] | None = None,
     reach: PositivePercent = 3.0,
-    speed: Annotated[float, Allowed(above=0.0, at_most=1.0), Unit("%")] = 0.2,
+    speed: Annotated[float, Interval(gt=0.0, le=1.0), Unit("%")] = 0.2,
     repeats: Twice = 2,
     warm_up_s: NotNegative = 0.0,
     full_command: Positive | None = None,

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, get_args, get_origin
 
-from annotated_types import Unit
+from annotated_types import Ge, Gt, Interval, Le, Lt, Unit
 
 from hil.errors import FileError, SettingError
-from hil.session.allowed import Allowed, declared, numbers_in
 from hil.session.quantity import number_in
 from hil.untrusted import parse_json
 
+_OUTSIDE = ("finite_number", "greater_than", "greater_than_equal", "less_than", "less_than_equal")
 _ENDINGS = {"_rad_s": "rad/s", "_s": "s", "_hz": "Hz", "_mm": "mm", "_a": "A", "_v": "V", "_lpm": "l/min"}
 
 
@@ -32,40 +32,53 @@ class Setting:
         """Of its numbers, as its type (`Annotated[float, Unit("Hz")]`) or its name (`cycle_s`) says; else empty."""
         if not _has_numbers(self.type):
             return ""
-        if (stated := declared(self.type, Unit)) is not None:
+        if (stated := _declared(self.type, (Unit,))) is not None:
             return stated.unit
         return next((unit for ending, unit in _ENDINGS.items() if self.name.endswith(ending)), "")
 
     def parsed(self, given: Any) -> Any:
-        """A value of the declared type, from text (`5,10,20`, `yes`, `[[0, 1], [2, 3]]`) or from a value.
+        """A value of the declared type, from text (`5,10,20`, `yes`, `[[0, 1], [2, 3]]`) or from a value; all finite.
 
         Raises:
             SettingError: it is not one; says what was expected and what was found.
         """
-        from pydantic import TypeAdapter, ValidationError
+        from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-        adapter: TypeAdapter[Any] = TypeAdapter(self.type)
+        adapter: TypeAdapter[Any] = TypeAdapter(self.type, config=ConfigDict(allow_inf_nan=False))
         try:
-            value = adapter.validate_python(self._from_text(given) if isinstance(given, str) else given)
+            return adapter.validate_python(self._from_text(given) if isinstance(given, str) else given)
         except ValidationError as error:
             first = error.errors()[0]
+            if first["type"] in _OUTSIDE:
+                number = f"{float(first['input']):g}{self.unit and ' '}{self.unit}"
+                raise SettingError(f"setting {self.name}: {number}; {self._demand}") from None
             place = "".join(f"[{key}]" for key in first["loc"] if isinstance(key, int))
             raise SettingError(f"setting {self.name}{place}: {first['input']!r:.40}: {self._wanted(first)}") from None
-        return self._within(value)
 
     @property
     def allowed(self) -> str:
-        """The range of its numbers, as a reader has it (`≥ 1`); empty where any is taken."""
-        allowed = declared(self.type, Allowed)
-        return allowed.text if allowed else ""
+        """The range of its numbers, as a reader has it (`≥ 1`, `> 0, < 50`, `1 … 5`); empty where any is taken."""
+        ends = self._ends
+        if ends.keys() == {"ge", "le"}:
+            return "{ge} … {le}".format(**ends)
+        signs = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
+        return ", ".join(f"{signs[key]} {end}" for key, end in ends.items())
 
-    def _within(self, value: Any) -> Any:
-        """The value again, when each of its numbers is allowed."""
-        allowed = declared(self.type, Allowed)
-        for number in numbers_in(value) if allowed else ():
-            if allowed and (fault := allowed.fault(number)):
-                raise SettingError(f"setting {self.name}: {number:g}{self.unit and ' '}{self.unit}; {fault}")
-        return value
+    @property
+    def _demand(self) -> str:
+        """What its numbers must be, in words."""
+        ends = self._ends
+        if ends.keys() == {"ge", "le"}:
+            return "allowed are {ge} to {le}".format(**ends)
+        words = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
+        return f"it must be {' and '.join(f'{words[key]} {end}' for key, end in ends.items()) or 'finite'}"
+
+    @property
+    def _ends(self) -> dict[str, str]:
+        """Of the range that its type declares (`Annotated[int, Interval(ge=1)]`), the lower first."""
+        stated = _declared(self.type, (Interval, Ge, Gt, Le, Lt))
+        ends = {key: getattr(stated, key, None) for key in ("ge", "gt", "le", "lt")}
+        return {key: f"{end:g}" for key, end in ends.items() if end is not None}
 
     def _wanted(self, error: Mapping[str, Any]) -> str:
         """What was expected, in the words of this program where it has some."""
@@ -117,6 +130,15 @@ def parse_settings(known: Mapping[str, Setting], given: Mapping[str, Any]) -> di
             hint = f"; the nearest is '{close[0]}'" if close else ""
             raise SettingError(f"no setting '{name}'{hint}; there are: {', '.join(known) or 'none'}")
     return {name: s.parsed(given[name]) if name in given else s.default for name, s in known.items()}
+
+
+def _declared(kind: Any, what: tuple[type, ...]) -> Any:
+    """What a type declares of its numbers, alone, in a union or of each item of a sequence; None for nothing."""
+    arguments = get_args(kind)
+    if get_origin(kind) is typing.Annotated:
+        own = next((part for part in arguments[1:] if isinstance(part, what)), None)
+        return own or _declared(arguments[0], what)
+    return next((found for part in arguments if (found := _declared(part, what)) is not None), None)
 
 
 def _has_numbers(kind: Any) -> bool:
