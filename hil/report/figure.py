@@ -85,15 +85,14 @@ def drawn_alike(style: Mapping[str, Any]) -> Iterator[None]:
         yield
 
 
-def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: str = "", *, alt: str = "") -> Picture:
+def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: str = "") -> Picture:
     """A picture of the page's width.
 
     Args:
         name: unlike any other on the page.
         height_in: of the picture, in inches.
         draw: fills the empty figure.
-        caption: below the picture.
-        alt: what it shows, for those who cannot see it; the caption when not given.
+        caption: below the picture, and for those who cannot see it.
     """
     from matplotlib.figure import Figure
 
@@ -109,7 +108,7 @@ def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: 
         with_decimal_sign(figure)
         lay_out(figure)
         figure.savefig(file, transparent=True, metadata={"Date": None, "Creator": None})
-    return Picture(_inline(file.getvalue(), name, alt or caption), caption)
+    return Picture(_inline(file.getvalue(), name, caption), caption)
 
 
 def lay_out(figure: Figure) -> None:

@@ -96,7 +96,7 @@ class _Task:
 
     Attributes:
         folder: its recordings; `files` is a hash of them. `unit`: the recordings themselves, for who sees no folder.
-        model: of the type. `how`: the other arguments of `read_unit`. `budget_s`: see `diagnose_units`.
+        model: of the type. `how`: the other arguments of `read_unit`. `budget_s`: see `diagnose_unit`.
         language: of the pages that are made; none are where it is empty.
     """
 
@@ -215,31 +215,13 @@ def read_unit(
     return Unit(folder.resolve().name, known, read, tuple(inputs), output)
 
 
-def diagnose_units(
-    units: Sequence[Unit],
-    scheduler: str = "",
-    progress: Progress = quiet,
-    budget_s: float = math.inf,
-) -> Iterator[UnitAnswer]:
-    """Diagnose units that have been read; yields each answer when it is there.
+def diagnose_unit(unit: Unit, budget_s: float = math.inf) -> UnitAnswer:
+    """Diagnose one unit; what is wrong with its recordings is an answer too, so that the others go on.
 
     Args:
-        units: what to diagnose.
-        scheduler: address of a Dask scheduler, `tcp://host:port`; this machine's cores when empty.
-        progress: told how many are done.
-        budget_s: of each unit: after so many times 10 million simulated samples no further search is begun.
-
-    Raises:
-        InputError: no scheduler answers there.
+        unit: what to diagnose.
+        budget_s: after so many times 10 million simulated samples no further search is begun.
     """
-    tasks = (_Task(unit.name, Path(), budget_s=budget_s, unit=unit) for unit in units)
-    for done, made in enumerate(_over_workers(tasks, scheduler, min(cores(), len(units))), 1):
-        progress(done / len(units), made.answer.unit)
-        yield made.answer
-
-
-def diagnose_unit(unit: Unit, budget_s: float = math.inf) -> UnitAnswer:
-    """Diagnose one unit; what is wrong with its recordings is an answer too, so that the others go on."""
     notes: tuple[str | Note, ...] = tuple(notes_on(unit.recordings))
     try:
         experiments, left_out = bound_to(unit.model, unit.recordings, unit.inputs, unit.output, budget_s)

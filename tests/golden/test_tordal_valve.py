@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from response_fit import fit_responses
 
 from hil.identification.frequency.bandwidth import magnitude_crossing, phase_crossing
 from hil.identification.frequency.frequency_response import from_table
 from hil.identification.frequency.sine_test import sine_test
-from hil.identification.grey_box.response_fit import fit_responses
 from hil.identification.uncertainty.fit import fit_percent
 from hil.physics.model import load_model, save_model
 from hil.physics.published import tordal

@@ -15,7 +15,7 @@ from hil.physics.model import save_model
 from hil.physics.simulate import ActiveEffect
 from hil.record.read import write_recording
 from hil.session import fleet
-from hil.session.fleet import UnitAnswer, diagnose_unit, diagnose_units, read_unit
+from hil.session.fleet import UnitAnswer, diagnose_unit, diagnosed_fleet, read_unit
 from tests.concealed import nominal, records
 
 CLUSTER = """
@@ -68,13 +68,12 @@ def test_a_cluster_another_process_and_this_one_agree_bit_for_bit(
         diagnosis, corrected = (json.loads((out / unit.name / f"{n}.json").read_text()) for n in FILES)
         cluster.append(({**diagnosis, "seconds": 0}, corrected))
     monkeypatch.chdir(units[1].parent)
-    good, worn = (read_unit(unit, None) for unit in (seen, unseen))
     assert [diagnosis["verdict"] for diagnosis, _ in cluster] == ["consistent", "explained"]
-    (elsewhere,) = diagnose_units([good])
-    assert [answer(elsewhere), answer(diagnose_unit(worn))] == cluster
+    (elsewhere,) = diagnosed_fleet([seen])
+    assert [answer(elsewhere), answer(diagnose_unit(read_unit(unseen, None)))] == cluster
 
 
 def test_a_scheduler_that_is_not_there_is_said(units: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fleet, "_PATIENCE_S", 1)
     with pytest.raises(InputError, match="no Dask scheduler answers"):
-        list(diagnose_units([read_unit(units[0], None)], "tcp://127.0.0.1:9"))
+        diagnosed_fleet([units[0]], scheduler="tcp://127.0.0.1:9")

@@ -59,7 +59,7 @@ def test_text_becomes_a_value_of_the_declared_type(tiny: Procedure, name: str, t
     [
         ("levels", "5,x", r"setting levels\[1\]: .*number"),
         ("levels", "[1,", r"setting levels"),
-        ("hold_s", "0", "greater than 0"),
+        ("hold_s", "0", "it must be above 0"),
         ("repeat", "1.5", "a whole number was expected"),
         ("slow", "perhaps", "yes or no was expected"),
         ("kind", "jump", "expected is one of step | ramp"),

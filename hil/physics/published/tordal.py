@@ -96,7 +96,7 @@ DECLARED = {
     "amplitude": "5, 10 and 20 % of the same 100 %, about ±50 %",
 }
 
-# Fitted to tables 1 and 2 without the −5 % run (grey_box.response_fit): value and standard uncertainty.
+# Fitted to tables 1 and 2 without the −5 % run (tests/response_fit.py): value and standard uncertainty.
 # The −5 % run goes against the other two of its side: 2.19 Hz at −3 dB between 1.35 Hz (10 %) and 2.43 Hz (20 %).
 _ESTIMATED = {
     "dead_time": (0.01701, 0.0046),
