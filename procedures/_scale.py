@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hil.errors import SettingError
@@ -41,6 +41,14 @@ class Scale:
         """Neutral of a command that goes both ways, the middle of the range of one that does not."""
         return self.neutral if self.both_ways else (self.command.low + self.command.high) / 2.0
 
+    def percent(self, level: float) -> float:
+        """A level of the command in per cent, counted from neutral."""
+        return 100.0 * (level - self.neutral) / self.full
+
+    def label(self, level: float) -> str:
+        """The same as it names a part of a run: `+50 %`."""
+        return f"{self.percent(level):+.3g} %"
+
     def size(self, setting: str, percent: float) -> float:
         """A distance, an amplitude for example, in the unit of the command. Raises `SettingError` unless above 0."""
         if not percent > 0.0:
@@ -65,6 +73,16 @@ class Scale:
         if not found or self.neutral in found:
             raise SettingError(f"setting {setting}: each must differ from 0 %, and at least one is needed")
         return found
+
+    def swing(self, setting: str, percent: float, middle: float) -> float:
+        """An amplitude about a level, in the unit of the command.
+
+        Raises:
+            SettingError: it is not above 0, or the command may not go so far.
+        """
+        size = self.size(setting, percent)
+        self.within(setting, f"{percent:g} % about {self.percent(middle):g} %", middle - size, middle + size)
+        return size
 
     def middle(self, setting: str, percent: float) -> float:
         """A level to swing about. Raises `SettingError` where the response would run away from there."""
@@ -118,7 +136,7 @@ def _runs_away(scale: Scale) -> str:
 
 
 def about_levels(
-    scale: Scale, amplitudes: Iterable[float], biases: Iterable[float] | None
+    scale: Scale, amplitudes: Sequence[float], biases: Sequence[float] | None
 ) -> tuple[tuple[float, float], ...]:
     """Every (bias, amplitude) in the unit of the command, bias by bias.
 
@@ -128,25 +146,19 @@ def about_levels(
     Raises:
         SettingError: nothing given, an amplitude not above 0, or the command may not go there.
     """
-    sizes = [(percent, scale.size("amplitudes", percent)) for percent in amplitudes]
-    levels = _default_biases(scale) if biases is None else [(p, scale.middle("biases", p)) for p in biases]
-    if not sizes or not levels:
+    levels = _default_biases(scale) if biases is None else [scale.middle("biases", percent) for percent in biases]
+    found = tuple((bias, scale.swing("amplitudes", percent, bias)) for bias in levels for percent in amplitudes)
+    if not found:
         raise SettingError("settings amplitudes and biases: at least one of each is needed")
-    for percent, bias in levels:
-        for share, size in sizes:
-            scale.within("amplitudes", f"{share:g} % about {percent:g} %", bias - size, bias + size)
-    return tuple((bias, size) for _, bias in levels for _, size in sizes)
+    return found
 
 
-def _default_biases(scale: Scale) -> list[tuple[float, float]]:
-    point = scale.command.operating_point
-    if point is not None:
-        return [(100.0 * (point - scale.neutral) / scale.full, point)]
-    if scale.moving:
-        return [(0.0, scale.neutral)]
-    if scale.both_ways:
-        return [(percent, scale.level("biases", percent)) for percent in (50.0, -50.0)]
-    return [(100.0 * (scale.centre - scale.neutral) / scale.full, scale.centre)]
+def _default_biases(scale: Scale) -> list[float]:
+    if (point := scale.command.operating_point) is not None:
+        return [point]
+    if scale.both_ways and not scale.moving:
+        return [scale.level("biases", percent) for percent in (50.0, -50.0)]
+    return [scale.neutral if scale.moving else scale.centre]
 
 
 def check_above(setting: str, least: float, value: float, unit: str = "") -> None:

@@ -53,7 +53,7 @@ def drive_supplies(
                 course.warm_up(levels[0], warm_up_s)
             for level, piece in zip(levels, pieces, strict=True):
                 course.go_to(level)
-                label = f"{100.0 * (level - scale.neutral) / scale.full:+.3g} %"
+                label = scale.label(level)
                 part = {"kind": KIND, "label": label, "supply": f"supply {pressure:.4g} {supply.unit}"}
                 course.play(piece, f"{label} at {part['supply']}", part)
             course.finish()

@@ -130,7 +130,7 @@ def run(
     rig.tighten(min(0.0, rig.command.safe), max(top_current, rig.command.safe))
     parts_s = _expected_s(rig, top_current, sweep_s, normally_open, levels, frequencies, rate_hz)
     with rig.before(sum(parts_s)):
-        coil = electrical_check.drive(rig, voltage, rate_hz=rate_hz)
+        coil = electrical_check.run(rig, voltage=voltage, rate_hz=rate_hz)
     if not _usable(electrical_check.judged(coil, coil.meta["parts"][0], rig.conditions.get("conditions", {}))):
         rig.note(_ENDED, reason="the coil is not usable: see its resistance")
         return
@@ -142,7 +142,9 @@ def run(
     with rig.before(sum(parts_s[2:])):
         leakage_check.run(rig, closing_current=top_current if normally_open else 0.0, rate_hz=rate_hz)
     with rig.before(sum(parts_s[3:])):
-        pieces = pressure_current.drive(rig, top_current, sweep_s, normally_open, rate_hz)
+        pieces = pressure_current.run(
+            rig, top_current=top_current, cycle_s=sweep_s, normally_open=normally_open, rate_hz=rate_hz
+        )
     with rig.before(sum(parts_s[4:])):
         efc_step_response.run(rig, currents=_steps(top_current), rate_hz=rate_hz)
     curve = efc_frequency_response.curve_of(rig, pieces)

@@ -56,13 +56,15 @@ def run(
         rate_hz: sample rate; that of the bench when not given.
     """
     with rig.before(expected_s(rig, levels, frequencies, measure_periods, measure_s)):
-        pieces = pressure_current.drive(rig, top_current, cycle_s, normally_open, rate_hz)
+        pieces = pressure_current.run(
+            rig, top_current=top_current, cycle_s=cycle_s, normally_open=normally_open, rate_hz=rate_hz
+        )
     drive(rig, curve_of(rig, pieces), levels, frequencies, measure_periods, measure_s, rate_hz)
 
 
 def curve_of(rig: Rig, pieces: Sequence[Recording]) -> PressureCurve:
     """The curve of the sweeps that have just been driven."""
-    with_speed = [(float(piece.meta["sweep"]["speed_per_s"]), piece) for piece in pieces]
+    with_speed = [(float(piece.meta["parts"][0]["speed_per_s"]), piece) for piece in pieces]
     return pressure_current.curve_of("sweeps", with_speed, rig.command.name, rig.response.name)
 
 

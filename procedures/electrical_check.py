@@ -65,8 +65,8 @@ def run(
     repeats: Twice = 5,
     coil_temperature: Celsius | None = None,
     rate_hz: Positive | None = None,
-) -> None:
-    """Drive the steps.
+) -> Recording:
+    """Drive the steps; returns what was recorded, so that a sequence can decide whether to go on.
 
     Args:
         rig: the bench.
@@ -78,20 +78,6 @@ def run(
         coil_temperature: in °C; from the channel "coil temperature" or the fluid's when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
-    drive(rig, voltage, test_current, rise_s, hold_s, repeats, coil_temperature, rate_hz)
-
-
-def drive(
-    rig: Rig,
-    voltage: str = "12",
-    test_current: float = 0.5,
-    rise_s: float = 0.02,
-    hold_s: float = 0.6,
-    repeats: int = 5,
-    coil_temperature: float | None = None,
-    rate_hz: float | None = None,
-) -> Recording:
-    """The same; returns what was recorded, so that a sequence can decide whether to go on."""
     rate_hz = rig.actual_rate_hz(rate_hz)
     check_channels(rig, (COIL_CURRENT, COIL_VOLTAGE), "the electrical check")
     ohm, tolerance = SPECIFIED_OHM[voltage]

@@ -112,9 +112,8 @@ def run(
     rate_hz = rig.actual_rate_hz(rate_hz)
     scale = scale_of(rig, full_command)
     check_stands(scale, "an endurance run", "drive it in a closed loop")
-    percent = 100.0 * (scale.centre - scale.neutral) / scale.full if bias is None else bias
-    middle, size = scale.middle("bias", percent), scale.size("amplitude", amplitude)
-    scale.within("amplitude", f"{amplitude:g} % about {percent:g} %", middle - size, middle + size)
+    middle = scale.centre if bias is None else scale.middle("bias", bias)
+    size = scale.swing("amplitude", amplitude, middle)
     cycle = middle + size * _shape(pattern, _samples(frequency_hz, rate_hz))
     period_s = len(cycle) / rate_hz
     done = [block_of(part) for part in rig.finished if part["kind"] == "cycle"]

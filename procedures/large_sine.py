@@ -107,9 +107,7 @@ def _level(scale: Scale, amplitude: float | None, bias: float | None) -> tuple[f
         if not size > 0.0:
             raise SettingError(f"setting bias: {bias:g} % is an end of the range and leaves no room for an amplitude")
         return middle, size
-    size = scale.size("amplitude", amplitude)
-    scale.within("amplitude", f"{amplitude:g} %", middle - size, middle + size)
-    return middle, size
+    return middle, scale.swing("amplitude", amplitude, middle)
 
 
 def _creep_per_s(fit: SineFit, duration_s: float) -> float:

@@ -96,9 +96,7 @@ def run(
         course.go_to(level)
         rig.hold(held / rate_hz, rate_hz)
         for start, end in ((back, there), (there, back)) * repeats:
-            label = (
-                f"{100.0 * (level - scale.neutral) / scale.full:+.3g} %, load {start:.4g} → {end:.4g} {orifice.unit}"
-            )
+            label = f"{scale.label(level)}, load {start:.4g} → {end:.4g} {orifice.unit}"
             course.say(label)
             stepped = rig.adjust({LOAD: end}, rate_hz)
             after = rig.hold(held / rate_hz, rate_hz)

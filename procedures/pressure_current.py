@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -50,8 +49,8 @@ def run(
     cycle_s: Positive = 20.0,
     normally_open: bool = False,
     rate_hz: Positive | None = None,
-) -> None:
-    """Drive the sweeps.
+) -> list[Recording]:
+    """Drive the sweeps; returns them, so that a sequence can go on from the curve.
 
     Args:
         rig: the bench.
@@ -60,22 +59,8 @@ def run(
         normally_open: whether current closes the valve.
         rate_hz: sample rate; that of the bench when not given.
     """
-    drive(rig, top_current, cycle_s, normally_open, rate_hz)
-
-
-def drive(
-    rig: Rig,
-    top_current: float = 2.0,
-    cycle_s: float = 20.0,
-    normally_open: bool = False,
-    rate_hz: float | None = None,
-) -> list[Recording]:
-    """The same; returns the sweeps, so that a sequence can go on from the curve."""
     rate_hz = rig.actual_rate_hz(rate_hz)
-    sweeps = stages(top_current, cycle_s, normally_open, rate_hz)
-    made = play(rig, sweeps, rate_hz)
-    return [replace(piece, meta={**piece.meta, "sweep": stage.part})
-            for piece, stage in zip(made, sweeps, strict=True)]  # fmt: skip
+    return play(rig, stages(top_current, cycle_s, normally_open, rate_hz), rate_hz)
 
 
 def stages(top_current: float, cycle_s: float, normally_open: bool, rate_hz: float) -> list[Stage]:

@@ -142,10 +142,8 @@ def evaluate(recording: Recording) -> Findings:
 
 def _levels(scale: Scale, amplitude: float, offset: float) -> tuple[float, tuple[float, float]]:
     """Amplitude and the two middles in the unit of the command."""
-    size = scale.size("amplitude", amplitude)
     middles = (scale.level("offset", offset), scale.level("offset", -offset))
-    for middle in middles:
-        scale.within("amplitude", f"{amplitude:g} % about {offset:g} %", middle - size, middle + size)
+    size, _ = (scale.swing("amplitude", amplitude, middle) for middle in middles)
     return size, middles
 
 

@@ -33,7 +33,7 @@ from hil.signals.rounding import mean_rounding_std
 from procedures._course import Course, joined
 from procedures._definitions import THRESHOLDS, defined
 from procedures._recorded import calibration_share, departures, parts_of, reading_step, roles_of
-from procedures._scale import Scale, about_levels, check_stands, scale_of
+from procedures._scale import about_levels, check_stands, scale_of
 from procedures._settings import NotNegative, Percent, Positive, PositivePercent, Twice
 from procedures._statistics import rounded_up
 
@@ -83,13 +83,9 @@ def run(
     for (bias, _), legs in zip(levels, every, strict=True):
         course.go_to(float(legs[0][0][0]))
         for command, part in legs:
-            about = {**part, "bias": bias, "full": scale.full, "label": _label(scale, bias)}
+            about = {**part, "bias": bias, "full": scale.full, "label": scale.label(bias)}
             course.play(command, f"{part['way']} about {bias:.4g} {rig.command.unit}", about)
     course.finish()
-
-
-def _label(scale: Scale, bias: float) -> str:
-    return f"{100.0 * (bias - scale.neutral) / scale.full:+.3g} %"
 
 
 def _legs(

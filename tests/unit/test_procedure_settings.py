@@ -70,7 +70,7 @@ def asked(name, rig, settings):
         (STEP, {"levels": (0.0, 101.0)}, "setting levels: 101 % is outside"),
         (STEP, {"hold_s": 0.0}, "setting hold_s: 0 s; it must be above 0"),
         (STEP, {"band": 60.0}, "setting band: 60 %; it must be above 0 and below 50"),
-        (LARGE, {"amplitude": 101.0}, "setting amplitude: 101 % is -101 … 101 %, outside"),
+        (LARGE, {"amplitude": 101.0}, "setting amplitude: 101 % about 0 % is -101 … 101 %, outside"),
         (LARGE, {"bias": 100.0}, "setting bias: 100 % is an end of the range"),
         (LARGE, {"frequencies": (0.5, 0.1)}, "0.1 Hz must come before 0.5 Hz"),
         (LARGE, {"rate_hz": 5.0}, "5 Hz is below 20 × the top frequency 0.5 Hz"),
@@ -92,7 +92,7 @@ def test_refused_before_anything_moves(name, settings, says):
             "60 % about 50 % is -0.22 … 2.42 A, outside the range of 'current', 0 … 2.2 A (100 % is 2.2 A from",
         ),
         (STEP, {"sequence": "small"}, "setting sequence: -10 % is -0.22 A, outside"),
-        (LARGE, {"amplitude": 51.0}, "51 % is -0.022 … 2.222 A, outside"),
+        (LARGE, {"amplitude": 51.0}, "51 % about 50 % is -0.022 … 2.222 A, outside"),
     ],
 )
 def test_a_command_that_goes_one_way_is_asked_in_its_own_unit(name, settings, says):
