@@ -42,20 +42,17 @@ WIDTH_IN = 8.4
 _NARROW_COLUMNS = 3  # so many drawings beside each other are lower than fewer
 _COLUMNS = 900  # of a drawing of the page's width: more samples are drawn as the span of each column
 
+_TICKS = {"color": SOFT, "labelcolor": INK, "labelsize": 8, "major.width": 0.7, "minor.width": 0.5, "major.size": 3}
 _STYLE = {
     "svg.fonttype": "none", "text.parse_math": False, "font.family": "DejaVu Sans", "font.size": 8.5,
-    "axes.titlesize": 8.5, "axes.titleweight": "bold", "axes.titlelocation": "left", "axes.titlepad": 6.0,
-    "axes.titley": 1.0, "axes.labelsize": 8.5, "axes.labelcolor": INK, "axes.edgecolor": SOFT, "axes.linewidth": 0.7,
+    "axes.titlesize": "medium", "axes.titleweight": "bold", "axes.titlelocation": "left", "axes.titley": 1.0,
+    "axes.labelcolor": INK, "axes.edgecolor": SOFT, "axes.linewidth": 0.7,
     "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
-    "axes.formatter.use_mathtext": False, "axes.formatter.useoffset": False, "axes.unicode_minus": True,
-    "grid.color": GRID, "grid.linewidth": 0.6, "text.color": INK,
-    "xtick.color": SOFT, "ytick.color": SOFT, "xtick.labelsize": 8, "ytick.labelsize": 8,
-    "xtick.labelcolor": INK, "ytick.labelcolor": INK, "xtick.major.width": 0.7, "ytick.major.width": 0.7,
-    "xtick.minor.width": 0.5, "ytick.minor.width": 0.5, "xtick.major.size": 3, "ytick.major.size": 3,
-    "lines.linewidth": 1.3, "lines.markersize": 3.6, "lines.solid_joinstyle": "round",
+    "axes.formatter.useoffset": False, "grid.color": GRID, "grid.linewidth": 0.6, "text.color": INK,
+    "lines.linewidth": 1.3, "lines.markersize": 3.6,
     "legend.frameon": False, "legend.fontsize": 8, "legend.handlelength": 2.4, "legend.borderaxespad": 0.2,
-    "path.simplify": True, "savefig.format": "svg",
-}  # fmt: skip
+    "savefig.format": "svg",
+} | {f"{axis}tick.{key}": value for axis in "xy" for key, value in _TICKS.items()}  # fmt: skip
 _ABOUT = {"left": 0.05, "right": 0.99, "bottom": 0.08, "top": 0.94, "wspace": 0.08, "hspace": 0.2}
 _SIDE_PT, _EDGE_PT, _BETWEEN = 3.0, 4.32, 0.02  # beside and above every drawing; share of the page between columns
 _EDGE = 1e-9  # of what is in view: so near its edge a tick is in it

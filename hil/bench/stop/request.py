@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from http import HTTPStatus
 from typing import Any
 from urllib.parse import parse_qs
 
 LONGEST_HEAD, LONGEST_BODY = 8192, 1024
-_REASONS = {
-    200: "OK", 204: "No Content", 400: "Bad Request", 403: "Forbidden", 404: "Not Found", 405: "Method Not Allowed",
-    411: "Length Required", 413: "Content Too Large", 503: "Service Unavailable",
-}  # fmt: skip
 
 
 class BadRequestError(Exception):
@@ -62,7 +59,7 @@ def response(status: int, content: Any, origin: str = "") -> bytes:
     """An answer as it is sent; `origin`: of a page that may read it."""
     body = b"" if status == 204 else json.dumps(content, ensure_ascii=False).encode()
     head = [
-        f"HTTP/1.1 {status} {_REASONS[status]}", "Content-Type: application/json; charset=utf-8",
+        f"HTTP/1.1 {status} {HTTPStatus(status).phrase}", "Content-Type: application/json; charset=utf-8",
         f"Content-Length: {len(body)}", "Cache-Control: no-store", "X-Content-Type-Options: nosniff", "Vary: Origin",
         "Connection: close",
     ]  # fmt: skip
