@@ -281,8 +281,8 @@ def test_a_reset_that_cannot_be_written_down_is_not_done(site: Site, monkeypatch
 
 def test_the_form_says_how_far_each_output_may_go(site: Site) -> None:
     console = Console(site, Underway(site.runs))
-    assert run_routes._allowed(console, "own") == ["command −100 … 100 %"]
-    assert run_routes._allowed(console, "none") == []
+    assert run_routes._allowed(console.site.bench("own")) == ["command −100 … 100 %"]
+    assert run_routes._file(console, "none") is None
 
 
 @pytest.mark.parametrize(
@@ -348,5 +348,6 @@ def test_the_form_is_filled_with_a_preset_of_its_bench(site: Site) -> None:
     preset = '\n[presets.step_response.quick]\nlevels = [0, 50]\nhold_s = "3 s"\n'
     own.write_text(own.read_text(encoding="utf-8") + preset, encoding="utf-8")
     console, procedure = Console(site, Underway(site.runs)), load_procedure("step_response")
-    assert run_routes._presets(console, "own", procedure, "quick") == (["quick"], {"levels": "0,50", "hold_s": "3"})
-    assert run_routes._presets(console, "own", procedure, "of another procedure") == (["quick"], {})
+    file = console.site.bench("own")
+    assert run_routes._presets(file, procedure, "quick") == (["quick"], {"levels": "0,50", "hold_s": "3"})
+    assert run_routes._presets(file, procedure, "of another procedure") == (["quick"], {})

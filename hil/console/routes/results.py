@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from hil.archive.archive import Search, find_runs
-from hil.archive.entry import Entry
+from hil.archive.entry import UNFINISHED, Entry
 from hil.archive.pending import catch_up
 from hil.archive.trend import drift_of, points_of
 from hil.catalog import entries
@@ -27,7 +28,7 @@ from hil.console.site import NotHereError
 from hil.errors import ArchiveError, HilError, SettingError
 from hil.findings.results import Results, read_results
 from hil.record.header import meta_of
-from hil.record.measurement import RESULTS_FILE, Measured
+from hil.record.measurement import RESULTS_FILE
 from hil.record.simulated import is_simulated
 from hil.report.name import value_words
 from hil.session.run_comparison import RunComparison, compare_runs
@@ -52,7 +53,8 @@ def show(request: Request) -> Response:
         request,
         "results.html",
         wanted=wanted,
-        runs=[_row(console, entry) for entry in found[:_MOST]],
+        runs=found[:_MOST],
+        folder=console.site.runs.resolve(),
         count=len(found),
         most=_MOST,
         fault=fault,
@@ -72,7 +74,7 @@ def one(request: Request) -> Response:
         "result.html",
         name=name,
         results=results,
-        values=[_value(value) for value in results.values] if results else [],
+        value_words=value_words,
         meta=_facts(meta),
         reasons=reasons_of(results) if results else [],
         next_unit=next_unit(console.site, meta),
@@ -128,20 +130,11 @@ def trend(request: Request) -> Response:
     points = [point for point in points_of(runs, chosen) if point.value.name == chosen]
     shown = [
         {
-            "run": p.run,
-            "at": p.started_utc.isoformat(),
-            "local": f"{p.started_utc.astimezone():%Y-%m-%d %H:%M %z}",
-            "value": p.value.value,
-            "low": p.value.low,
-            "high": p.value.high,
-            "expanded": p.value.expanded,
-            "unit": p.value.unit,
-            "verdict": p.value.verdict,
-            "relation": p.value.relation,
-            "simulated": p.simulated,
+            **asdict(p.value), "expanded": p.value.expanded, "run": p.run, "simulated": p.simulated,
+            "at": p.started_utc.isoformat(), "local": f"{p.started_utc.astimezone():%Y-%m-%d %H:%M %z}",
         }
         for p in points
-    ]
+    ]  # fmt: skip
     return page(
         request,
         "trend.html",
@@ -171,37 +164,6 @@ def searched(
     return found[::-1], ""
 
 
-def _row(console: Console, entry: Entry) -> dict[str, Any]:
-    started = entry.started_utc.astimezone()
-    return {
-        "name": entry.folder.name,
-        "here": entry.folder.parent == console.site.runs.resolve(),
-        "serial": entry.serial,
-        "operator": entry.operator,
-        "procedure": entry.procedure,
-        "bench": entry.bench,
-        "verdict": entry.verdict,
-        "started": f"{started:%Y-%m-%d %H:%M}",
-        "offset": f"{started:%z}",
-        "simulated": entry.simulated,
-        "outcome": "" if entry.outcome in ("completed", "written") else entry.outcome,
-    }
-
-
-def _value(value: Measured) -> dict[str, Any]:
-    return {
-        "name": value_words(value.name),
-        "value": value.value,
-        "expanded": value.expanded,
-        "unit": value.unit,
-        "low": value.low,
-        "high": value.high,
-        "relation": "" if value.relation == "=" else value.relation,
-        "verdict": value.verdict,
-        "meaning": value.meaning,
-    }
-
-
 def _results(folder: Path) -> Results | None:
     try:
         return read_results(folder / RESULTS_FILE)
@@ -210,16 +172,8 @@ def _results(folder: Path) -> Results | None:
 
 
 def _facts(meta: Mapping[str, Any]) -> dict[str, str]:
-    valve = meta.get("valve") or {}
-    facts = {
-        "serial": valve.get("serial"),
-        "procedure": meta.get("procedure"),
-        "operator": meta.get("operator"),
-        "bench": meta.get("bench"),
-        "outcome": meta.get("outcome", "not closed"),
-        "started": meta.get("started_utc"),
-    }
-    return {name: str(text or "") for name, text in facts.items()}
+    facts = {"outcome": UNFINISHED, **meta, "serial": (meta.get("valve") or {}).get("serial")}
+    return {name: str(facts.get(name) or "") for name in ("serial", "procedure", "operator", "bench", "outcome")}
 
 
 def _serials(console: Console) -> list[str]:

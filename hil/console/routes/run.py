@@ -27,7 +27,6 @@ from hil.console.process import Started
 from hil.console.routes.results import searched
 from hil.console.uploads import form_of
 from hil.errors import HilError, InUseError, SettingError
-from hil.language.note import Note
 from hil.record.folder import read
 from hil.report.number import number
 from hil.session.labels import labelled, labels_of, new_folder
@@ -49,13 +48,14 @@ def show(request: Request) -> Response:
     procedure = load_procedure(asked.get("procedure") or _FIRST)
     given = {key.removeprefix("set."): value for key, value in asked.items() if key.startswith("set.")}
     bench = asked.get("bench") or kept_bench(request, files) or next(iter(files), "")
-    presets, preset = _presets(console, bench, procedure, asked.get("preset", ""))
+    file = _file(console, bench)
+    presets, preset = _presets(file, procedure, asked.get("preset", "")) if file else ([], {})
     given = {**preset, **given}
     fields = [{**asdict(field), "value": given.get(field.name, field.default)} for field in fields_of(procedure)]
     shown = page(
-        request, "run.html", benches=files, bench=bench, allowed=_allowed(console, bench),
-        overdue=_overdue(console, bench), today=_today(console), notes=NOTES, asked=asked,
-        measured=[one.name for one in procedure.measurements],
+        request, "run.html", benches=files, bench=bench, allowed=_allowed(file) if file else [],
+        overdue=[*overdue(file.bench, dt.date.today())] if file else [], today=_today(console), notes=NOTES,
+        asked=asked, measured=[one.name for one in procedure.measurements],
         procedures=_listed(), procedure=procedure, fields=fields,
         presets=presets, preset=asked.get("preset", ""), serial=asked.get("serial", ""),
         operator=asked.get("operator", ""), why=asked.get("why", ""),
@@ -63,35 +63,27 @@ def show(request: Request) -> Response:
     return keep_bench(shown, bench)
 
 
-def _presets(console: Console, bench: str, procedure: Procedure, name: str) -> tuple[list[str], dict[str, str]]:
-    """The presets of a bench for a procedure, and the settings of one as they would be typed."""
+def _file(console: Console, bench: str) -> BenchFile | None:
+    """The bench; None where its file cannot be read."""
     try:
-        file = console.site.bench(bench)
+        return console.site.bench(bench)
     except HilError:
-        return [], {}
+        return None
+
+
+def _presets(file: BenchFile, procedure: Procedure, name: str) -> tuple[list[str], dict[str, str]]:
+    """The presets of a bench for a procedure, and the settings of one as they would be typed."""
     names = preset_names(file, procedure)
     found = preset_settings(file, procedure, name if name in names else "")
     return names, {setting: value_text(value) for setting, value in found.items()}
 
 
-def _allowed(console: Console, bench: str) -> list[str]:
-    """The range of each output of a bench, as its file has it; nothing of a file that cannot be read."""
-    try:
-        file = console.site.bench(bench).bench
-        return [
-            f"{name} {number(limits.low, 6)} … {number(limits.high, 6)} {file.channels[name].unit}"
-            for name, limits in envelopes_of(file).items()
-        ]
-    except HilError:
-        return []
-
-
-def _overdue(console: Console, bench: str) -> list[Note]:
-    """The calibrations of a bench that were due before today; none of a file that cannot be read."""
-    try:
-        return [*overdue(console.site.bench(bench).bench, dt.date.today())]
-    except HilError:
-        return []
+def _allowed(file: BenchFile) -> list[str]:
+    """The range of each output of a bench, as its file has it."""
+    return [
+        f"{name} {number(limits.low, 6)} … {number(limits.high, 6)} {file.bench.channels[name].unit}"
+        for name, limits in envelopes_of(file.bench).items()
+    ]
 
 
 def _today(console: Console) -> list[dict[str, str | None]]:
