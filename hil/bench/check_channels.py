@@ -63,7 +63,7 @@ def emergency_stop_faults(
     if device is None or channel.terminal not in device.terminals:
         return
     terminal = device.terminals[channel.terminal]
-    low, high = channel.line.range_of(*(channel.range or (terminal.low, terminal.high)))
+    low, high = channel.range_at(terminal)
     if channel.pressed_below is None and terminal.kind != "digital":
         yield Fault(
             place, f"{channel.terminal} is no digital line: say pressed_below = …, in {channel.unit}, halfway between "
@@ -165,7 +165,7 @@ def _scale(name: str, channel: ChannelEntry, terminal: Terminal) -> Iterator[Fau
 def _reach(name: str, channel: ChannelEntry, terminal: Terminal) -> Iterator[Fault]:
     """Whether what is asked of a channel lies within what its terminal can give or take."""
     place = ("channels", name)
-    low, high = channel.range or (terminal.low, terminal.high)
+    low, high = channel.raw_range(terminal)
     if not terminal.low <= low < high <= terminal.high:
         yield Fault(
             (*place, "range"), f"{low:g} … {high:g} {terminal.unit} is not within {terminal.low:g} … {terminal.high:g}"

@@ -41,10 +41,10 @@ def _reach(
     if channel is None or device is None or channel.terminal not in device.terminals:
         return
     terminal = device.terminals[channel.terminal]
-    raw = channel.range or (terminal.low, terminal.high)
+    raw = channel.raw_range(terminal)
     asked = [("raw_low", raw, terminal.unit), ("raw_high", raw, terminal.unit)]
     if not interlock.minus:
-        read = channel.line.range_of(*raw)
+        read = channel.range_at(terminal)
         asked += [("low", read, channel.unit), ("high", read, channel.unit)]
     for key, (low, high), unit in asked:
         value = getattr(interlock, key)

@@ -70,14 +70,14 @@ class DeviceInUse:
 
     def _output(self, name: str, channel: ChannelEntry) -> OutputChannel:
         terminal = self.terminals[channel.terminal]
-        low, high = channel.range or (terminal.low, terminal.high)
+        low, high = channel.raw_range(terminal)
         safe = channel.line.raw_at(channel.safe or 0.0)
         pwm = channel.pwm.drive() if channel.pwm else None
         return OutputChannel(name, channel.terminal, terminal.kind, terminal.unit, low, high, safe, pwm)
 
     def _input(self, name: str, channel: ChannelEntry) -> InputChannel:
         terminal = self.terminals[channel.terminal]
-        low, high = channel.range or (terminal.low, terminal.high)
+        low, high = channel.raw_range(terminal)
         return InputChannel(
             name, channel.terminal, terminal.kind, terminal.unit, low, high, terminal.over, terminal.step
         )

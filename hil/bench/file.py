@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat, f
 from typing_extensions import TypedDict
 
 from hil.daq.calibration import Calibration
-from hil.daq.channel import Pwm
+from hil.daq.channel import Pwm, Terminal
 from hil.rig import SWITCHED, ConditionRole
 from hil.safety.interlock import Action
 
@@ -195,6 +195,14 @@ class ChannelEntry(_Strict):
     def open_below(self) -> float:
         """Of an emergency stop: below it the contact is open; half of what a closed digital line reads."""
         return 0.5 if self.pressed_below is None else self.pressed_below
+
+    def raw_range(self, terminal: Terminal) -> tuple[float, float]:
+        """What it can give or take at this terminal, in the terminal's unit."""
+        return self.range or (terminal.low, terminal.high)
+
+    def range_at(self, terminal: Terminal) -> tuple[float, float]:
+        """The same in the channel's unit."""
+        return self.line.range_of(*self.raw_range(terminal))
 
     @property
     def line(self) -> Calibration:

@@ -239,7 +239,7 @@ def _latch(file: BenchFile, resets: Iterable[str]) -> Latch:
 
 def _column(name: str, file: BenchFile) -> Column:
     entry = file.bench.channels[name]
-    raw_unit = file.devices[entry.device].terminals[entry.terminal].unit
+    raw_unit = file.terminal_of(entry).unit
     calibration = {} if entry.calibration is None else {**asdict(entry.line), "raw_unit": raw_unit}
     source = entry.source or f"{entry.device} {entry.terminal}"
     return Column(name=name, unit=entry.unit, source=source, calibration=calibration)

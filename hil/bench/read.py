@@ -11,9 +11,10 @@ from hil.bench.check import faults_of
 from hil.bench.device import DeviceInUse, device_in_use, open_devices, own_settings
 from hil.bench.draft import draft_of
 from hil.bench.fault import BenchError, Fault
-from hil.bench.file import Bench
+from hil.bench.file import Bench, ChannelEntry
 from hil.bench.files import kept
 from hil.bench.lines import line_at, lines_of
+from hil.daq.channel import Terminal
 from hil.daq.contract import Daq
 from hil.errors import FileError
 from hil.untrusted import read_text
@@ -42,6 +43,10 @@ class BenchFile:
     def open(self) -> Daq:
         """The devices as one DAQ, in raw units, the outputs where they were found. Raises `HardwareError`."""
         return open_devices(self.devices, self.bench.channels)
+
+    def terminal_of(self, channel: ChannelEntry) -> Terminal:
+        """Where a channel is connected."""
+        return self.devices[channel.device].terminals[channel.terminal]
 
     def of_unit(self, serial: str) -> BenchFile:
         """The same bench with another unit on it."""

@@ -69,8 +69,7 @@ def _not_simulated(file: BenchFile, place: str, text: str) -> SettingError:
 def _terminals(file: BenchFile) -> dict[str, Terminal]:
     """Every terminal in use, under a name that tells its device."""
     return {
-        f"{channel.device} {channel.terminal}": file.devices[channel.device].terminals[channel.terminal]
-        for channel in file.bench.channels.values()
+        f"{channel.device} {channel.terminal}": file.terminal_of(channel) for channel in file.bench.channels.values()
     }
 
 

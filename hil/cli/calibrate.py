@@ -130,7 +130,7 @@ def _described(found: Calibrated, *, reference_stated: bool) -> str:
 
     file, channel, points, line, new = found.file, found.channel, found.points, found.line, found.entry
     entry = file.bench.channels[channel]
-    raw_unit = file.devices[entry.device].terminals[entry.terminal].unit
+    raw_unit = file.terminal_of(entry).unit
     per = f"{entry.unit} per {raw_unit}"
     rows = [f"  {point.raw:12.6g} {raw_unit}  {point.reference:12.6g} {entry.unit}  residual {rest:+.3g} {entry.unit}"
             for point, rest in zip(points, line.residuals, strict=True)]  # fmt: skip

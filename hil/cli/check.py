@@ -151,8 +151,8 @@ def _as_json(found: BenchFile, warnings: list[str]) -> str:
 def _range(found: BenchFile, name: str) -> tuple[float, float]:
     """What a channel can show, in its unit."""
     entry = found.bench.channels[name]
-    terminal = found.devices[entry.device].terminals[entry.terminal]
-    low, high = entry.line.range_of(*(entry.range or (terminal.low, terminal.high)))
+    terminal = found.terminal_of(entry)
+    low, high = entry.range_at(terminal)
     return low, high
 
 

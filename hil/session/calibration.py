@@ -76,7 +76,7 @@ def certified(
         FileError: no such certificate or table, or a quantity that the channel does not have.
     """
     entry, certificate = file.bench.channels[channel], read_certificate(path)
-    raw_unit = file.devices[entry.device].terminals[entry.terminal].unit
+    raw_unit = file.terminal_of(entry).unit
     unit, stated = certificate.points(table, entry.unit, (raw_unit, entry.unit))
     points = [
         Point(p.indicated if unit == raw_unit else entry.line.raw_at(p.indicated), 0.0, p.reference) for p in stated
@@ -88,8 +88,8 @@ def certified(
 def targets_of(file: BenchFile, channel: str, count: int, between: tuple[float, float] | None) -> list[float]:
     """Places of an output, evenly from end to end: of its limits where not said."""
     entry = file.bench.channels[channel]
-    terminal = file.devices[entry.device].terminals[entry.terminal]
-    low, high = entry.line.range_of(*(entry.range or (terminal.low, terminal.high)))
+    terminal = file.terminal_of(entry)
+    low, high = entry.range_at(terminal)
     if entry.limits is not None:
         low, high = entry.limits.low, entry.limits.high
     return [float(target) for target in np.linspace(*(between or (low, high)), count)]

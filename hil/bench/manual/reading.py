@@ -60,7 +60,7 @@ class Followed:
     def __init__(self, name: str, file: BenchFile) -> None:
         self.name = name
         self.entry: ChannelEntry = file.bench.channels[name]
-        self.terminal: Terminal = file.devices[self.entry.device].terminals[self.entry.terminal]
+        self.terminal: Terminal = file.terminal_of(self.entry)
         stale = [i.stale_s for i in file.bench.interlocks.values() if i.channel == name and i.stale_s is not None]
         self._longest_s = min(stale, default=_UNCHANGED_S)
         self._samples: deque[tuple[float, float]] = deque()
@@ -146,7 +146,7 @@ class Followed:
 
     @property
     def _range(self) -> tuple[float, float]:
-        return self.entry.range or (self.terminal.low, self.terminal.high)
+        return self.entry.raw_range(self.terminal)
 
     @property
     def _raw_unit(self) -> str:

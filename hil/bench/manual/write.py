@@ -56,8 +56,8 @@ def narrowed(file: BenchFile, channel: str, new: CalibrationLine) -> Mapping[str
     entry = file.bench.channels[channel]
     if entry.limits is None:
         return {}
-    terminal = file.devices[entry.device].terminals[entry.terminal]
-    ends = [new.slope * raw + new.offset for raw in entry.range or (terminal.low, terminal.high)]
+    terminal = file.terminal_of(entry)
+    ends = [new.slope * raw + new.offset for raw in entry.raw_range(terminal)]
     low, high = math.ceil(min(ends) / _STEP) * _STEP, math.floor(max(ends) / _STEP) * _STEP
     ends_beyond = {"low": round(low, _PLACES)} if entry.limits.low < min(ends) else {}
     return ends_beyond | ({"high": round(high, _PLACES)} if entry.limits.high > max(ends) else {})

@@ -16,7 +16,7 @@ _LEAST, _MOST = 0.03, 0.3  # of a voltage range: 0.5 of 10 V … 1 of 5 V, 2.5 o
 def without_limits(file: BenchFile, _day: dt.date) -> Iterator[str]:
     """Outputs that may go anywhere; a digital line has but two places."""
     for name, channel in file.bench.channels.items():
-        if channel.is_output and channel.limits is None and _terminal(file, channel).kind != "digital":
+        if channel.is_output and channel.limits is None and file.terminal_of(channel).kind != "digital":
             yield (
                 f"channel '{name}': an output without limits may use the whole range of its terminal: say limits = "
                 f"{{ low = …, high = … }}"
@@ -37,7 +37,7 @@ def without_interlocks(file: BenchFile, _day: dt.date) -> Iterator[str]:
 def live_zeros(file: BenchFile, _day: dt.date) -> Iterator[str]:
     """Transmitters whose broken wire is taken for a reading (4 … 20 mA, 1 … 5 V): no interlock acts on it."""
     for name, channel in file.bench.channels.items():
-        terminal = _terminal(file, channel)
+        terminal = file.terminal_of(channel)
         if not channel.is_output and has_live_zero(channel, terminal) and not _is_noticed(file, name):
             dead = channel.line.value_at(0.0)
             yield (
@@ -49,7 +49,7 @@ def live_zeros(file: BenchFile, _day: dt.date) -> Iterator[str]:
 
 def has_live_zero(channel: ChannelEntry, terminal: Terminal) -> bool:
     """Whether the quantity is zero where the terminal is not: a reading near the terminal's zero is a broken wire."""
-    low, high = channel.range or (terminal.low, terminal.high)
+    low, high = channel.raw_range(terminal)
     share = zero_of(channel) / high if high > 0.0 else 0.0
     if terminal.kind == "current":
         return low <= 0.0 and _LEAST <= share <= 1.0
@@ -71,7 +71,3 @@ def _is_noticed(file: BenchFile, name: str) -> bool:
         if not allowed.low <= dead <= allowed.high:
             return True
     return False
-
-
-def _terminal(file: BenchFile, channel: ChannelEntry) -> Terminal:
-    return file.devices[channel.device].terminals[channel.terminal]

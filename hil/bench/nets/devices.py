@@ -106,7 +106,7 @@ def _watchdog_s(device: DeviceInUse) -> float | None:
 
 def _has_enable_line(file: BenchFile) -> bool:
     for channel in file.bench.channels.values():
-        kind = file.devices[channel.device].terminals[channel.terminal].kind
+        kind = file.terminal_of(channel).kind
         if kind == "digital" and channel.on is not None and channel.on != channel.safe:
             return True
     return False
