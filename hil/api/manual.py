@@ -59,7 +59,7 @@ def jog(
         RangeError: the value is outside the output's limits; nothing was driven.
     """
     from hil.session.by_hand import output_of, to_be_ended
-    from hil.session.labels import labelled, labels_of
+    from hil.session.labels import labels_of
     from hil.session.procedure import load_procedure
     from hil.session.run import run_procedure
 
@@ -67,7 +67,7 @@ def jog(
     output_of(file, channel)
     if not for_s > 0.0:
         raise SettingError(f"for_s {for_s:g}: a time longer than 0 s was expected")
-    file, labels = labelled(file, procedure, labels_of(serial, operator, [f"{k}={v}" for k, v in notes.items()]))
+    labels = labels_of(serial, operator, [f"{k}={v}" for k, v in notes.items()])
     return run_procedure(
         to_be_ended(procedure, wanted), file, {"value": value, "for_s": for_s}, Path(out), progress, several(resets),
         known=outputs, labels=labels, commanding=channel,

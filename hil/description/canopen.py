@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal, Self
 
-from pydantic import FiniteFloat, field_validator, model_validator
+from pydantic import FiniteFloat, field_validator
 
 from hil.bench.lines import Place
 from hil.description.eds import FORMS, Dictionary, Object, dictionary_in
@@ -52,12 +52,6 @@ class ObjectValue(InObject):
 
 class ObjectFlag(InObject, Flagged):
     """A flag in an object."""
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if self.bit is not None and (self.mask is not None or self.equals is not None):
-            raise ValueError("bit, or mask and equals, not both")
-        return self
 
 
 class CanopenTerminal(InObject, PartTerminal):
@@ -191,5 +185,5 @@ def _flag(found: Object | None, flag: ObjectFlag) -> Iterator[str]:
         yield f"{flag.object} is not in the file"
     elif form == "f" or not found.readable:
         yield f"{flag.object} is no whole number of 8 to 32 bits that can be read"
-    elif max(flag.bit or 0, (flag.mask or 0).bit_length() - 1) >= (bits := 8 * struct.calcsize(form)):
+    elif flag.highest_bit >= (bits := 8 * struct.calcsize(form)):
         yield f"{flag.object} has the bits 0 … {bits - 1}"

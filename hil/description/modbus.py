@@ -60,12 +60,6 @@ class Flag(Place, Flagged):
 
     step: int = Field(0, ge=0, le=1000)
 
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if self.bit is not None and self.mask is not None:
-            raise ValueError("bit or mask, not both")
-        return self
-
 
 class ModbusTerminal(PartTerminal):
     """A terminal in registers or coils: value = slope · count + offset, or `raw` counts at the ends of the range.

@@ -27,7 +27,7 @@ def modbus_faults(description: ModbusDescription) -> Iterator[Fault]:
             yield from _write(where, place, table, description.outputs)
         if isinstance(place, Flag) and place.bit and table in BITS:
             yield (*where, "bit"), f"a {table} is one bit; take this away"
-        elif isinstance(place, Flag) and max(place.bit or 0, (place.mask or 0).bit_length() - 1) > 15:
+        elif isinstance(place, Flag) and place.highest_bit > 15:
             yield where, "a register has the bits 0 … 15"
     yield from description.needless()
 

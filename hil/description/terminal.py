@@ -170,6 +170,17 @@ class Flagged(Strict):
     equals: int | None = Field(None, ge=0, le=0xFFFFFFFF)
     means: str = ""
 
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if self.bit is not None and self.mask is not None:
+            raise ValueError("bit or mask, not both")
+        return self
+
+    @property
+    def highest_bit(self) -> int:
+        """That is looked at."""
+        return max(self.bit or 0, (self.mask or 0).bit_length() - 1)
+
     def is_so(self, count: int) -> bool:
         """Whether a count says it."""
         seen = count >> self.bit & 1 if self.bit is not None else count & (self.mask or 0xFFFFFFFF)
