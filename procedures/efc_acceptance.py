@@ -31,7 +31,14 @@ from hil.identification.papers.efc_condition import (
 from hil.identification.steady.pressure_curve import PressureCurve, pressure_curve
 from hil.identification.steady.sweep_estimate import Sweep
 from hil.language.note import Note
-from hil.physics.published.tugsal import BURST_PSI, CLASSIFIED_CURRENT_A, OVERVOLTAGE, OVERVOLTAGE_H
+from hil.physics.published.tugsal import (
+    BURST_PSI,
+    CLASSIFIED_CURRENT_A,
+    OVERVOLTAGE,
+    OVERVOLTAGE_H,
+    STEP_CURRENTS_A,
+    SWEEPS_PSI,
+)
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.population_comparison import PopulationComparison
 from hil.record.recording import Array, Recording
@@ -97,7 +104,7 @@ _PARTS: tuple[tuple[str, str, Any], ...] = (
 )
 _ENDED, _LEFT_OUT = "ended early", "level left out"
 _OPENING_A, _FOLLOWS_PSI = 1.8, 50.0
-_CLASS_STEP_A, _CLASS_LEVEL = {"low": 1.4, "high": 1.6}, "medium"
+_CLASS_LEVEL = "medium"
 _THESIS_RATE_HZ = 1000.0  # at which `_step_samples` gives the pressure; the thesis does not state its own
 
 
@@ -243,7 +250,7 @@ def _rise(samples: Recording, command: str, response: str, normally_open: bool) 
 def _reached(rig: Rig, curve: PressureCurve, level: str) -> bool:
     """Whether the valve's curve goes through the pressures of a level; noted where it does not."""
     try:
-        for pressure in efc_frequency_response.LEVELS_PSI[level]:
+        for pressure in SWEEPS_PSI[level]:
             curve.current_at(pressure)
     except InputError as error:
         rig.note(_LEFT_OUT, level=level, reason=str(error))
@@ -262,7 +269,7 @@ def _function(recording: Recording) -> Measured | None:
 
 
 def _steps(top_current: float) -> tuple[float, ...]:
-    return tuple(current for current in (1.2, 1.4, 1.6, 1.8, 2.0) if current <= top_current)
+    return tuple(current for current in STEP_CURRENTS_A if current <= top_current)
 
 
 # -- condition ---------------------------------------------------------------------------------------------
@@ -378,8 +385,8 @@ def _valve_test(recording: Recording, done: dict[str, Findings]) -> ValveTest:
     command, response = roles_of(recording)
     sweeps = [Sweep(s.values(command.name, "A"), s.values(response.name, "psi"), float(part["speed_per_s"]))
               for part, s in part_recordings(recording, pressure_current.KIND)]  # fmt: skip
-    steps = {level: _step_samples(recording, current, command.name, response.name)
-             for level, current in _CLASS_STEP_A.items()}  # fmt: skip
+    steps: dict[str, Array] = {level: _step_samples(recording, current, command.name, response.name)
+             for level, current in CLASSIFIED_CURRENT_A.items()}  # fmt: skip
     bandwidth = efc_frequency_response.bandwidth_at(recording, done["frequency response"], _CLASS_LEVEL)
     return evaluated_test(pressure_curve("sweeps", sweeps), steps, leakage.value, bandwidth, reference_steps())
 

@@ -14,6 +14,7 @@ from typing import Any, Literal
 from hil.errors import InputError, SettingError
 from hil.identification.steady.pressure_curve import PressureCurve
 from hil.language.note import Note, changed
+from hil.physics.published.tugsal import SWEEPS_PSI
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
 from hil.rig import Rig
@@ -24,7 +25,6 @@ from procedures._settings import NotNegative, Positive, PositiveAmpere, Positive
 from procedures._steady_sine import Patience
 
 MEASUREMENTS = frequency_response.MEASUREMENTS
-LEVELS_PSI = {"low": (19.0, 21.0), "medium": (20.0, 140.0), "high": (133.0, 147.0)}
 
 _FREQUENCIES_HZ = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0)
 _AMPERE = 100.0  # % of a full command of 1 A
@@ -83,17 +83,17 @@ def drive(
         SettingError: no level, or one that is not known.
         InputError: the curve does not reach a level's pressures.
     """
-    unknown = [level for level in levels if level not in LEVELS_PSI]
+    unknown = [level for level in levels if level not in SWEEPS_PSI]
     if unknown or not levels:
-        raise SettingError(f"setting levels: {', '.join(unknown) or 'none'}; allowed are {', '.join(LEVELS_PSI)}")
+        raise SettingError(f"setting levels: {', '.join(unknown) or 'none'}; allowed are {', '.join(SWEEPS_PSI)}")
     swings = {}
     for level in levels:
-        low, high = sorted(pressure_current.checked_current(curve, p, "levels") for p in LEVELS_PSI[level])
+        low, high = sorted(pressure_current.checked_current(curve, p, "levels") for p in SWEEPS_PSI[level])
         swings[level] = (low, high)
     # the limits of the command only ever become narrower, so the level that goes highest comes first
     ordered = sorted(swings.items(), key=lambda item: -item[1][1])
     for i, (level, (low, high)) in enumerate(ordered, 1):
-        rig.note("level", level=level, low_a=round(low, 5), high_a=round(high, 5), psi=LEVELS_PSI[level])
+        rig.note("level", level=level, low_a=round(low, 5), high_a=round(high, 5), psi=SWEEPS_PSI[level])
         rest = [name for name, _ in ordered[i:]]
         with rig.before(expected_s(rig, rest, frequencies, measure_periods, measure_s)):
             frequency_response.run(
@@ -152,7 +152,7 @@ def _named(found: Findings, levels: Sequence[Mapping[str, Any]]) -> Findings:
 
 def level_name(level: str) -> str:
     """`high, 133…147 psi`: the same for every unit."""
-    low, high = LEVELS_PSI[level]
+    low, high = SWEEPS_PSI[level]
     return f"{level}, {low:g}…{high:g} psi"
 
 

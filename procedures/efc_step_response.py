@@ -16,6 +16,7 @@ from annotated_types import Interval
 from hil.errors import InputError
 from hil.identification.step.step_estimate import MeasuredStep, measured_steps
 from hil.language.note import Note
+from hil.physics.published.tugsal import STEP_CURRENTS_A
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
@@ -43,7 +44,7 @@ _LEAST_CHANGE = 6.0  # psi, below which a step tells no times
 def run(
     rig: Rig,
     *,
-    currents: tuple[PositiveAmpere, ...] = (1.2, 1.4, 1.6, 1.8, 2.0),
+    currents: tuple[PositiveAmpere, ...] = STEP_CURRENTS_A,
     repeats: Once = 3,
     from_current: NotNegativeAmpere = 0.0,
     hold_s: Annotated[float, Interval(ge=0.2)] = 1.5,

@@ -17,6 +17,7 @@ from annotated_types import Interval
 from hil.errors import SettingError
 from hil.identification.steady.coil import COPPER_PER_K, Coil, CoilReadings, copper_factor, fit_coil
 from hil.language.note import Note
+from hil.physics.published.tugsal import OVERVOLTAGE, RESISTANCE_OHM
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
@@ -45,14 +46,12 @@ MEASUREMENTS = (
     Measurement("coil_temperature", "degC", "temperature at which the resistance was measured"),
     Measurement("test_voltage", "V", "voltage at the test current"),
 )
-SPECIFIED_OHM = {"12": (2.1, 0.4), "24": (7.2, 0.4)}
 KIND = "coil"
 
 _PARTS = 40  # of the test: one of them stands still
 
 _REFERENCE_C = (72.0 - 32.0) / 1.8
 _STATED_TEMPERATURE_STD_K = 2.0
-_PROOF_VOLTAGE = 1.33
 
 
 def run(
@@ -80,8 +79,8 @@ def run(
     """
     rate_hz = rig.actual_rate_hz(rate_hz)
     check_channels(rig, (COIL_CURRENT, COIL_VOLTAGE), "the electrical check")
-    ohm, tolerance = SPECIFIED_OHM[voltage]
-    most = _PROOF_VOLTAGE * float(voltage) / (ohm + tolerance)
+    ohm, tolerance = RESISTANCE_OHM[int(voltage)]
+    most = OVERVOLTAGE * float(voltage) / (ohm + tolerance)
     if test_current > most:
         raise SettingError(
             f"setting test_current: {test_current:g} A; a {voltage} V coil takes {most:.3g} A at most (133 % of its "
@@ -126,7 +125,7 @@ def judged(samples: Recording, part: Mapping[str, Any], conditions: Mapping[str,
     )  # fmt: skip
     temperature_c, scatter_k, temperature_std, source = _temperature(samples, part, conditions)
     factor = copper_factor(temperature_c, _REFERENCE_C)
-    ohm, tolerance = SPECIFIED_OHM[str(part["voltage"])]
+    ohm, tolerance = RESISTANCE_OHM[int(part["voltage"])]
     resistance = replace(RESISTANCE, low=ohm - tolerance, high=ohm + tolerance)
     scale = math.hypot(
         calibration_std(current) / max(abs(coil.current_a), 1e-9),
@@ -199,8 +198,8 @@ def _notes(coil: Coil, ohm: float, voltage: str) -> list[Note]:
             "Coil or its wiring open: {current_a:.3g} A of {asked_a:g} A flow at {voltage_v:.3g} V.",
             current_a=coil.current_a, asked_a=coil.asked_a, voltage_v=coil.voltage_v,
         )]  # fmt: skip
-    nominal, _ = SPECIFIED_OHM[voltage]
-    other = "24" if voltage == "12" else "12"
+    nominal, _ = RESISTANCE_OHM[int(voltage)]
+    other = 24 if voltage == "12" else 12
     notes = []
     if ohm < 0.0:
         notes.append(Note("Voltage and current have opposite signs: the sense leads of one of them are swapped."))
@@ -209,6 +208,6 @@ def _notes(coil: Coil, ohm: float, voltage: str) -> list[Note]:
             "Coil or its wiring shorted: {voltage_v:.3g} V drive {current_a:.3g} A.",
             voltage_v=coil.voltage_v, current_a=coil.current_a,
         ))  # fmt: skip
-    elif abs(ohm - SPECIFIED_OHM[other][0]) <= SPECIFIED_OHM[other][1]:
+    elif abs(ohm - RESISTANCE_OHM[other][0]) <= RESISTANCE_OHM[other][1]:
         notes.append(Note("The resistance is that of a {other} V coil.", other=other))
     return notes

@@ -16,6 +16,7 @@ from hil.identification.steady.characteristic import averaged_over, largest_slop
 from hil.identification.steady.pressure_curve import PressureCurve, pressure_curve
 from hil.identification.steady.sweep_estimate import Sweep
 from hil.language.note import Note
+from hil.physics.published.tugsal import STEP_CURRENTS_A
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
@@ -38,8 +39,6 @@ HALF = Measurement("current_half", "A", "current at half of the change of pressu
 STEEPEST = Measurement("slope_largest", "psi/A", "steepest slope of the curve")
 MEASUREMENTS = defined(SWEEPS, PRESSURE, SPAN, HYSTERESIS, LAG, HALF, STEEPEST)
 KIND = "pressure-current"
-
-_POINTS_A = (1.2, 1.4, 1.6, 1.8, 2.0)
 
 
 def run(
@@ -107,7 +106,7 @@ def evaluate(recording: Recording) -> Findings:
                 *_pressure_at(curve, i, math.hypot(level_std, bent * _curvature(curve, i))),
                 calibration=calibration_std(response),
             )
-            for i in _POINTS_A
+            for i in STEP_CURRENTS_A
             if curve.current[0] <= i <= curve.current[-1] + 1e-9
         ]
         slope_share = math.hypot(share, calibration_share(command))
