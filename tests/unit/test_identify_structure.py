@@ -252,3 +252,12 @@ def test_orders_are_asked_of_a_transfer_function_alone():
         hil.identify(made, "brevini-hpv41", poles=2, inputs=["valve"], output="pressure")
     with pytest.raises(SettingError, match="lines of a frequency response"):
         hil.identify(made, "transfer-function", weights="relative", inputs=["valve"], output="pressure")
+
+
+def test_the_fit_of_unseen_data_is_that_of_another_recording():
+    model = transfer_function([2.0], [0.15, 1.0], 0.04)
+    sentence = str(chosen(measured(model, noise=0.2), FEW).sentence)
+    said = float(re.search(r"a fit of ([\d.]+) %", sentence)[1])
+    other = measured(model, noise=0.2, seed=3).values("pressure")
+    clean = measured(model, noise=0.0).values("pressure")
+    assert said == pytest.approx(100.0 * (1.0 - np.std(other - clean) / np.std(other)), abs=1.5)

@@ -71,10 +71,15 @@ class Tried:
 
 @dataclass(frozen=True, slots=True)
 class StructureChoice:
-    """The chosen structure and everything that was tried, best evidence first."""
+    """The chosen structure and everything that was tried, best evidence first.
+
+    `spread`: root mean square of the output about its mean, in noise standard deviations; NaN where nothing was
+    foretold.
+    """
 
     chosen: Tried
     tried: tuple[Tried, ...]
+    spread: float = float("nan")
 
     @property
     def probable(self) -> tuple[tuple[Tried, float], ...]:
@@ -107,9 +112,10 @@ class StructureChoice:
             return Note("structure '{name}' of {count} tried: no other comes near its evidence", name=name, count=count)
         best = min(rivals, key=lambda t: t.held_out)
         return Note(
-            "structure '{name}' of {count} tried: it predicts unseen data to {error:.3g} times the noise, '{other}' "
-            "to {others:.3g} times",
+            "structure '{name}' of {count} tried: it predicts unseen data to {error:.3g} times the noise, a fit of "
+            "{fit:.2f} %, '{other}' to {others:.3g} times",
             name=name, count=count, error=self.chosen.held_out, other=best.structure.name, others=best.held_out,
+            fit=100.0 * (1.0 - self.chosen.held_out / self.spread),
         )  # fmt: skip
 
 
@@ -259,7 +265,7 @@ def _judged(search: _Search, tried: list[Tried], fits: Mapping[str, Estimate]) -
         chosen = simplest_good(errors, plainest, COVERED)
     if shown[chosen]:
         near = [t if s else replace(t, bic=math.inf) for s, t in zip(shown, near, strict=True)]
-    return StructureChoice(near[chosen], (*near, *rest))
+    return StructureChoice(near[chosen], (*near, *rest), search.spread)
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,6 +292,12 @@ class _Search:
         """What a structure that is fitted from a start leaves from the first output as it was read."""
         fitted = self.fitted(structure, start, rough=True)
         return self._answers(self.values(structure, fitted)) - self._wanted()
+
+    @property
+    def spread(self) -> float:
+        """Root mean square of the outputs about their means, in noise standard deviations."""
+        about = self._weighted([e.output - np.mean(e.valid_output) for e in self.experiments])
+        return float(np.linalg.norm(about)) / math.sqrt(max(int(np.count_nonzero(about)), 1))
 
     def most_pliant(self) -> Estimate | None:
         """A coarse fit of the form that leaves least where samples show its poles, of those with many unknowns."""
