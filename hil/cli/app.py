@@ -5,8 +5,12 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import sys
+from collections.abc import Callable
+from functools import cache
+from typing import Any
 
 import typer
+from typer.main import get_command
 
 from hil import cli
 from hil.cli import error_message
@@ -53,6 +57,12 @@ def assembled() -> typer.Typer:
     return app
 
 
+@cache
+def _program() -> Callable[..., Any]:
+    """What typer makes of the commands, once for every command that is given in this process."""
+    return get_command(assembled())
+
+
 def main() -> int:
     """Run the command line; returns the exit status of the contract (0, 1, 2, 3)."""
     with printable_streams():
@@ -64,9 +74,9 @@ def _run() -> int:
     silent = len(sys.argv) == 1  # without a word the help is shown, and nothing was done
     error_message.ended = error_message.debug = False  # of an earlier command in this process
     try:
-        app = assembled()
+        program = _program()
         with options_of("prompt"):
-            status = app(["--help"] if silent else None, prog_name="hil", standalone_mode=False)
+            status = program(["--help"] if silent else None, prog_name="hil", standalone_mode=False)
         signalled = None if error_message.ended or status != _CTRL_C else raised()
         if signalled is not None and status_of(signalled) != _CTRL_C:
             return _stopped(signalled)  # typer takes every signal that was raised for Ctrl-C
