@@ -14,6 +14,7 @@ import pkgutil
 import sys
 import tokenize
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
@@ -101,13 +102,24 @@ def find(kind: Kind, name: str) -> Entry:
 
 def files_of(groups: Iterable[str], folder: str, pattern: str) -> dict[str, Path]:
     """Files that installed packages bring along in a folder of that name, by their stem: benches, models."""
-    found: dict[str, Path] = {}
+    found = {file.stem: file for home in _folders(groups, folder) for file in sorted(home.glob(pattern))}
+    return dict(sorted(found.items()))
+
+
+def file_of(groups: Iterable[str], folder: str, name: str) -> Path | None:
+    """The one among `files_of` of that whole name: looked for, where all of them would be listed for it."""
+    found = None
+    for file in (home / name for home in _folders(groups, folder)):
+        with suppress(OSError):  # of a name that is longer than any file's
+            found = file if file.name == name and file.is_file() else found
+    return found
+
+
+def _folders(groups: Iterable[str], folder: str) -> Iterator[Path]:
     for group in groups:
         for point in _points(group):
             spec = importlib.util.find_spec(point.value)
-            for home in (spec.submodule_search_locations or ()) if spec else ():
-                found |= {file.stem: file for file in sorted(Path(home, folder).glob(pattern))}
-    return dict(sorted(found.items()))
+            yield from (Path(home, folder) for home in (spec and spec.submodule_search_locations) or ())
 
 
 def models() -> dict[str, Path]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hil.catalog import files_of
+from hil.catalog import file_of, files_of
 from hil.errors import FileError, UnknownNameError
 
 _GROUPS = ("hil.drivers", "hil.sim_devices")
@@ -27,7 +27,7 @@ def description_file(model: str) -> Path:
         if not Path(model).is_file():
             raise FileError(f"{model}: no such description; it is looked for beside the bench file")
         return Path(model)
-    known = descriptions()
-    if model not in known:
-        raise UnknownNameError("description", model, known)
-    return known[model]
+    installed = file_of(_GROUPS, _FOLDER, f"{model}.toml")
+    if installed is None:
+        raise UnknownNameError("description", model, descriptions())
+    return installed

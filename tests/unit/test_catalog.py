@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from hil.catalog import KINDS, Entry, Kind, entries, find
+from hil.description.find import description_file, descriptions
 from hil.errors import FileError, UnknownNameError
 from hil.physics.compose import effects, kernel
 from tests.conftest import Install
@@ -131,3 +132,11 @@ def test_a_summary_is_read_without_importing(tmp_path: Path) -> None:
     path = tmp_path / "explosive.py"
     path.write_text('"""What it is.\n\nMore."""\nraise RuntimeError("imported")\n', encoding="utf-8")
     assert Entry("drivers", "explosive", "explosive", path).summary == "What it is."
+
+
+def test_description_is_found_by_its_whole_name_alone() -> None:
+    for name, path in descriptions().items():
+        assert description_file(name) == path
+    for name in ("../wago-750", "/etc/wago-750", "*", "wago\0750", "x" * 300, ""):
+        with pytest.raises(UnknownNameError, match="no description named"):
+            description_file(name)
