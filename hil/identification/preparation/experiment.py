@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -476,9 +477,14 @@ def for_model(
 
 def declared_read_at(recording: Recording) -> float | None:
     """The reading instant that the bench promised for this recording, None when it says nothing."""
-    promised = recording.meta.get("sampling", {})
-    value = promised.get("read_at") if isinstance(promised, Mapping) else None
+    value = _promised(recording).get("read_at")
     return None if value is None else float(value)
+
+
+def _promised(recording: Recording) -> Mapping[str, Any]:
+    """What the bench promised of the sampling; nothing where the header says nothing that can be read."""
+    sampling = recording.meta.get("sampling")
+    return sampling if isinstance(sampling, Mapping) else {}
 
 
 def _check_named(recording: Recording, plant: Plant, input_name: str, output_name: str) -> None:
@@ -503,33 +509,19 @@ def _input_units(plant: Plant, recording: Recording, first: str) -> list[str]:
 
 
 def _read_s(recording: Recording, output: str, plant: Plant) -> Array | None:
-    """When every sample was read that simulated ones are held against; None where that is the same in each sample.
-
-    A link that only says how long its readings take on the whole (`delay_s`) gives the same delay to every sample.
-    """
+    """When every sample was read that simulated ones are held against; None where that is the same in each sample."""
     names = [output, *(signal.name for signal in plant.observed)]
-    stamps = np.array([_stamps(recording, name) for name in names])
+    stamps = np.array([recording.stamps(n) if n in recording.channels else recording.time_s for n in names])
     return None if (stamps == recording.time_s).all() else stamps
 
 
 def _skew_s(recording: Recording, output: str, plant: Plant, read_at: float) -> tuple[float, ...]:
     """How much later than `read_at` says the output and the inner signals were read, as the header states it."""
-    sampling = recording.meta.get("sampling")
-    delays = sampling.get("delay_s") if isinstance(sampling, Mapping) else None
+    delays = _promised(recording).get("delay_s")
     if not isinstance(delays, Mapping):
         return ()
     at_s = read_at * recording.interval_s
     return tuple(float(delays.get(name, at_s)) - at_s for name in (output, *(signal.name for signal in plant.observed)))
-
-
-def _stamps(recording: Recording, name: str) -> Array:
-    if name not in recording.channels:
-        return recording.time_s
-    stamps = recording.stamps(name)
-    sampling = recording.meta.get("sampling")
-    if stamps is recording.time_s and isinstance(sampling, Mapping) and sampling.get("delays_s"):
-        return recording.time_s + float(sampling["delays_s"].get(name, 0.0))
-    return stamps
 
 
 def _even(recording: Recording, inputs: Array, read_s: Array | None) -> tuple[Array | None, Array, float]:
