@@ -52,6 +52,12 @@ def before_rounding(std: float, step: float) -> float:
     return float(np.sqrt(max(std**2 - (UNIFORM * step) ** 2, 0.0)))
 
 
+def _faded(noise_std: float, step: float) -> tuple[Array, Array]:
+    """(orders, what noise leaves of each) of the Fourier series in which rounding repeats from code to code."""
+    k = np.arange(1.0, 20.0)
+    return k, np.exp(-2.0 * (np.pi * k * before_rounding(noise_std, step) / step) ** 2)
+
+
 def sine_rounding_std(noise_std: float, step: float, amplitude: float) -> float:
     """Standard uncertainty that rounding leaves in the amplitude of a sine or of one of its harmonics.
 
@@ -59,8 +65,7 @@ def sine_rounding_std(noise_std: float, step: float, amplitude: float) -> float:
     """
     if step == 0.0:
         return 0.0
-    k = np.arange(1.0, 20.0)
-    faded = np.exp(-2.0 * (np.pi * k * before_rounding(noise_std, step) / step) ** 2)
+    k, faded = _faded(noise_std, step)
     steps = max(amplitude / step, 0.5)
     return float(step * np.sqrt(np.sum(4.0 * (faded / (np.pi * k)) ** 2 / (np.pi**2 * k * steps))))
 
@@ -72,8 +77,7 @@ def mean_rounding_std(noise_std: float, step: float) -> float:
     """
     if step == 0.0:
         return 0.0
-    k = np.arange(1.0, 20.0)
-    faded = np.exp(-2.0 * (np.pi * k * before_rounding(noise_std, step) / step) ** 2)
+    k, faded = _faded(noise_std, step)
     return float(step * np.sqrt(np.sum((faded / (np.pi * k)) ** 2 / 2.0)))
 
 

@@ -15,14 +15,10 @@ from dataclasses import replace
 import numpy as np
 
 from hil.identification.frequency.transfer_function import TransferFunctionFit
-from hil.identification.uncertainty.evidence import VERY_STRONG, odds
+from hil.identification.uncertainty.evidence import EXCLUDED, VERY_STRONG, odds
 from hil.language.note import Note
 from hil.record.recording import Array
 from hil.signals.interval import COVERED
-
-# A description with less than this share of the evidence is excluded as an interval of 95 % excludes a value.
-_EXCLUDED = 0.05
-_HALF = 0.5
 
 
 def with_other_forms(
@@ -42,10 +38,10 @@ def with_other_forms(
     by_zero = np.array([_is_by_zero(fit) for fit in rivals])
     if _is_by_zero(chosen):
         late = float(shares[[fit.form.dead_time for fit in rivals]].sum())
-        return _noted(chosen, late) if late > _EXCLUDED else chosen
+        return _noted(chosen, late) if late > EXCLUDED else chosen
     if not chosen.form.dead_time:
         return chosen
-    if (without := float(shares[by_zero].sum())) > _HALF:
+    if (without := float(shares[by_zero].sum())) > 0.5:
         return replace(_noted(chosen, 1.0 - without), form_std_s=math.inf)
     delayed = np.array([fit.form.dead_time for fit in rivals])
     return replace(chosen, form_std_s=_beyond_scatter(chosen, rivals, np.where(delayed, shares, 0.0)))

@@ -22,7 +22,7 @@ from hil.identification.grey_box.estimate import Estimate, Unknown, estimate, si
 from hil.identification.grey_box.linear_starts import poles_rad_s
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.initial_condition import start_slope, with_free_start
-from hil.identification.uncertainty.evidence import VERY_STRONG, bic, odds, simplest_good
+from hil.identification.uncertainty.evidence import EXCLUDED_BIC, VERY_STRONG, bic, odds, simplest_good
 from hil.language.note import Note
 from hil.physics.plant import Parameter, Parameters, Plant, Structure
 from hil.physics.transfer_function import from_parameters, pole_parameters
@@ -44,7 +44,6 @@ _POLES = {"lag_time": 1, "pair1_time": 2, "pair2_time": 2}
 # By so much noise alone lowers the sum of squares, in its own variance, with every unknown; fits end where a step
 # brings less than these parts of it.
 _BY_CHANCE, _COARSE, _FINE = 1.0, 0.5, 0.01
-_EXCLUDED = 2.0 * math.log(20.0)  # of BIC, beyond which a form or a start is excluded, as 95 % exclude a value
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +84,7 @@ class StructureChoice:
     def probable(self) -> tuple[tuple[Tried, float], ...]:
         """The forms that evidence does not exclude, each with its probability; the chosen one is always among them."""
         least = min(t.bic for t in self.tried)
-        near = [t for t in self.tried if t.bic <= least + _EXCLUDED or t is self.chosen]
+        near = [t for t in self.tried if t.bic <= least + EXCLUDED_BIC or t is self.chosen]
         return tuple(zip(near, odds([t.bic for t in near]).tolist(), strict=True))
 
     def form_std(self, name: str) -> float:
@@ -286,7 +285,7 @@ class _Search:
         From the start as it was read: where that is free, a wrong one costs nothing.
         """
         before, now = other.left(structure, start), self.left(structure, start)
-        return _fall(float(before @ before), float(now @ now)) * independent(now) > _EXCLUDED
+        return _fall(float(before @ before), float(now @ now)) * independent(now) > EXCLUDED_BIC
 
     def left(self, structure: Structure, start: Parameters) -> Array:
         """What a structure that is fitted from a start leaves from the first output as it was read."""

@@ -16,9 +16,8 @@ from hil.language.note import Note
 from hil.physics.plant import Parameters
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
+from hil.signals.interval import CERTAIN
 
-# Residuals are coloured beyond chance when their colour factor exceeds that of white noise by so many of its spreads.
-_BEYOND_CHANCE = 4.0
 _BLOCK = 200
 # Finer steps of the solver; rounds of following where it leads, until one moves nothing by this share of its scatter
 # and of the whole way.
@@ -81,7 +80,8 @@ def _by_solver(residuals: Residuals, found: Estimate, parameters: Parameters) ->
 
 def _is_coloured(values: Array) -> bool:
     blocks = max(len(values) / _BLOCK, 1.0)
-    return colour_factor(values, _BLOCK) > 1.0 + _BEYOND_CHANCE / math.sqrt(blocks)
+    # the colour factor of white noise spreads by one over the root of the blocks about 1
+    return colour_factor(values, _BLOCK) > 1.0 + CERTAIN / math.sqrt(blocks)
 
 
 def _structural_covariance(

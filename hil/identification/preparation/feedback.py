@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.identification.uncertainty.noise import white_floor
+from hil.identification.uncertainty.noise import MEDIAN_SHARE, white_floor
 from hil.record.recording import Array
 
 _PAST = 12
@@ -34,7 +34,7 @@ def runs_in_a_loop(command: Array, output: Array) -> bool:
         return False
     # a few jumps of a command outweigh everything else: each sample has one voice of limited size
     voices = [
-        np.clip(values / (1.4826 * np.median(np.abs(values)) or size), -3.0, 3.0)
+        np.clip(values / (np.median(np.abs(values)) / MEDIAN_SHARE or size), -3.0, 3.0)
         for values, size in zip(new, sizes, strict=True)
     ]
     return bool(abs(float(np.corrcoef(*voices)[0, 1])) > _FOLLOWS)

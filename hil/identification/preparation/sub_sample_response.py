@@ -13,12 +13,10 @@ from hil.physics.model import Model
 from hil.physics.plant import Parameters
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
-from hil.signals.interval import UNIFORM
+from hil.signals.interval import COVERED, UNIFORM
 
 _LAGS = ("lag_time", "pair1_time", "pair2_time", "integrator_gain")
-_RISES_BY = 3.84  # of χ²: 95 %, one number
 _SHORTEST, _LONGEST, _HALVINGS = 1e-2, 1e3, 12  # samples
-_SIGNIFICANT = 2.0  # standard deviations
 
 
 def responds_within_sample(values: Parameters) -> bool:
@@ -34,7 +32,7 @@ def dead_time_std_s(experiments: Sequence[Experiment]) -> float:
 def sub_sample_limits(model: Model, experiments: Sequence[Experiment]) -> tuple[Note, ...]:
     """What is said of a transfer function without dynamics: why none were seen, and how they would be."""
     gain = model.parameters["gain"]
-    if not responds_within_sample(model.values) or gain.std is None or not abs(gain.value) > _SIGNIFICANT * gain.std:
+    if not responds_within_sample(model.values) or gain.std is None or not abs(gain.value) > COVERED * gain.std:
         return ()
     interval_s, hidden_s = min(e.interval_s for e in experiments), _longest_hidden_s(model, experiments)
     late = Note("the gain at rest and, to one sample, the dead time")
@@ -65,7 +63,7 @@ def _longest_hidden_s(model: Model, experiments: Sequence[Experiment]) -> float:
         return [e.telling(e.respond(model.definition, values, model.active_effects)[0] - e.output) for e in experiments]
 
     plain = np.concatenate(errors(0.0))
-    allowed = float(plain @ plain) * (1.0 + _RISES_BY * colour_factor(plain) / int(np.count_nonzero(plain)))
+    allowed = float(plain @ plain) * (1.0 + COVERED**2 * colour_factor(plain) / int(np.count_nonzero(plain)))
     interval_s = min(e.interval_s for e in experiments)
 
     def shows(lag_s: float) -> bool:

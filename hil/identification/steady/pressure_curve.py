@@ -17,8 +17,7 @@ from hil.identification.steady.sweep_estimate import Sweep, SweepEstimate, sweep
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about
 from hil.record.recording import Array
 from hil.signals.crossing import crossing
-
-_CERTAIN = 4.0  # standard uncertainties from which the width of the loop is no noise
+from hil.signals.interval import CERTAIN
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,5 +103,5 @@ def pressure_curve(name: str, sweeps: Sequence[Sweep], draws: int = DRAWS) -> Pr
         raise InputError(f"{name}: a pressure curve needs sweeps at two speeds")
     estimate = sweep_estimate(name, sweeps, draws=draws)
     return PressureCurve(
-        estimate, loop(estimate, _CERTAIN, speeds), estimate.completed_branch(1), estimate.completed_branch(-1)
+        estimate, loop(estimate, CERTAIN, speeds), estimate.completed_branch(1), estimate.completed_branch(-1)
     )

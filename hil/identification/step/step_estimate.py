@@ -14,7 +14,7 @@ from dataclasses import astuple, dataclass, fields, replace
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.step.step_response import StepFigures, leaves, moves_once, step_figures
+from hil.identification.step.step_response import TAIL_SHARE, StepFigures, leaves, moves_once, step_figures
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
 from hil.record.recording import Array, Recording
 from hil.signals.interval import UNIFORM
@@ -23,7 +23,6 @@ from hil.signals.rounding import before_rounding, rounded_again, rounding_step
 from hil.signals.smooth_curve import Smoother, coloured, whitener_of
 from hil.signals.tone import Tone, standing_tone
 
-TAIL_SHARE = 0.15  # of the time after the step: its end gives the final value
 REST_SHARE = 0.25  # of the time before it: its end gives the value at the start
 _LEAST_JUMP = 0.01  # of the command's span
 _COEFFICIENTS = 80

@@ -12,7 +12,7 @@ from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Array, Complex, Mask
 from hil.signals.crossing import crossing
 
-_SETTLED_SHARE = 0.15  # of the samples after the step: its end gives the final value
+TAIL_SHARE = 0.15  # of what comes after the step: its end gives the final value
 MOVED = 0.02  # of the change: the response has begun to move
 
 
@@ -56,7 +56,7 @@ def step_figures(
     Raises:
         InputError: the response does not change, or does not reach 90 % of its final value.
     """
-    tail = max(1, round(_SETTLED_SHARE * len(response)))
+    tail = max(1, round(TAIL_SHARE * len(response)))
     first = float(response[0]) if start is None else start
     last = float(np.mean(response[-tail:])) if final is None else final
     change = last - first

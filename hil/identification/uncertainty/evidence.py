@@ -10,6 +10,8 @@ import numpy as np
 from hil.record.recording import Array
 
 VERY_STRONG = 10.0  # difference of BIC from which the evidence against a model is called very strong
+EXCLUDED = 0.05  # share of the evidence below which a model is excluded, as an interval of 95 % excludes a value
+EXCLUDED_BIC = -2.0 * math.log(EXCLUDED)  # difference of BIC that leaves this share
 _NEGLIGIBLE = 0.01
 _ROUNDED = 1.0 + 1e-9
 

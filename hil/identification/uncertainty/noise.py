@@ -13,6 +13,7 @@ from hil.record.recording import Array
 from hil.signals.interval import COVERED, UNIFORM
 from hil.signals.recursion import filtered
 
+MEDIAN_SHARE = 0.6745  # of the standard deviation of normal noise, that half of it does not exceed
 _LONGEST_MEMORY = 8
 # Noise is called coloured only when a longer memory makes this much of its variance predictable.
 _TELLING_SHARE = 0.01
@@ -74,7 +75,7 @@ def _of_fourth_differences(values: Array) -> float:
     if len(values) < 16:
         return 0.0
     fourth = np.diff(values, 4)
-    return float(np.median(np.abs(fourth)) / 0.6745 / np.sqrt(70.0))
+    return float(np.median(np.abs(fourth)) / MEDIAN_SHARE / np.sqrt(70.0))
 
 
 def resolution(values: Array) -> float:
