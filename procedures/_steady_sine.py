@@ -16,7 +16,7 @@ import numpy as np
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.sine_fit import SineFit, sine_fit, sine_phasor
-from hil.signals.steady import steadiness
+from hil.signals.steady import is_steady
 from procedures._course import Course
 
 _HARMONICS = 5
@@ -211,7 +211,7 @@ class _Ear:
             return
         self._fits.append(sine_fit(time_s, values, self._tone.frequency_hz, harmonics=_HARMONICS))
         self._phasors.append(self._fits[-1].phasor)
-        if steadiness(self._fits, self._patience.tolerance).steady:
+        if is_steady(self._fits, self._patience.tolerance):
             self._first = len(self._fits) - 2
         elif self._edge(len(self._fits)) / self._rate_hz >= self._patience.longest_wait_s:
             self._first, self._steady = len(self._fits) - 1, False

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from hil.errors import SettingError
 from hil.signals.colour import colour_factors
-from hil.signals.interval import COVERED
 from hil.signals.rounding import sine_rounding_std
 from hil.signals.sine_basis import sine_basis
 from hil.signals.sine_solution import Solved, solve
@@ -88,10 +87,9 @@ class SineFit:
         harmonics = float(np.linalg.norm(self.phasors[1:]))
         return harmonics / self.amplitude if self.amplitude else math.inf
 
-    def phasor_covariance(self, harmonic: int = 1) -> Array:
-        """Covariance of (Re, Im) of a phasor, shape (2, 2)."""
-        at = 2 * harmonic - 1
-        return self.covariance[at : at + 2, at : at + 2]
+    def phasor_covariance(self) -> Array:
+        """Covariance of (Re, Im) of the fundamental's phasor, shape (2, 2)."""
+        return self.covariance[1:3, 1:3]
 
     def at(self, time_s: Array) -> Array:
         """The fit at all the stamps that it was made of, shape (n,)."""
@@ -102,14 +100,6 @@ class SineFit:
     def left(self, time_s: Array, values: Array) -> Array:
         """What the fit leaves of the samples that it was made of, shape (n,)."""
         return values - self.at(time_s)
-
-    def describe(self, unit: str = "") -> str:
-        """One line: what was found and how sure."""
-        return (
-            f"{self.frequency_hz:.6g} Hz: amplitude {self.amplitude:.5g} ± {COVERED * self.amplitude_std:.2g} {unit}, "
-            f"phase {math.degrees(self.phase_rad):.2f} ± {math.degrees(COVERED * self.phase_std_rad):.2g}°, "
-            f"offset {self.offset:.5g}, THD {100 * self.distortion:.2g} %"
-        )
 
 
 def sine_fit(time_s: Array, values: Array, frequency_hz: float, *, harmonics: int = 5, drift_order: int = 0) -> SineFit:

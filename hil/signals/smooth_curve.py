@@ -30,12 +30,10 @@ class Curves:
     Attributes:
         coefficients: of each, shape (m, k).
         noise_std: of the whitened samples about each, shape (m,).
-        spent: how many coefficients each amounts to, shape (m,).
     """
 
     coefficients: Array
     noise_std: Array
-    spent: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,9 +108,8 @@ class Smoother:
         if self._twice:
             kept = kept * (2.0 - kept)
         rest = power - np.sum(loads**2 * (2.0 * kept - kept**2), axis=1)
-        spent = np.sum(kept, axis=1)
-        noise_std = np.sqrt(np.maximum(rest, 0.0) / (count - spent))
-        return Curves((loads * kept) @ self._turn.T, noise_std, spent)
+        noise_std = np.sqrt(np.maximum(rest, 0.0) / (count - np.sum(kept, axis=1)))
+        return Curves((loads * kept) @ self._turn.T, noise_std)
 
     def at(self, curves: Curves) -> Array:
         """The curves at the places, shape (m, n)."""
@@ -130,7 +127,7 @@ class Smoother:
         return values, slopes
 
 
-def whitener_of(rest: Array, orders: tuple[int, ...] = (1, 2, 4, 8, 16)) -> Array:
+def whitener_of(rest: Array) -> Array:
     """The filter that makes noise white, from a stretch of it: autoregression by Yule and Walker, order by evidence.
 
     [1] where white noise explains the stretch as well.
@@ -140,10 +137,10 @@ def whitener_of(rest: Array, orders: tuple[int, ...] = (1, 2, 4, 8, 16)) -> Arra
     n = len(rest)
     centred = rest - rest.mean()
     power = float(centred @ centred)
-    if n < 8 * orders[0] or power == 0.0:
+    if n < 8 or power == 0.0:
         return np.ones(1)
     best, score = np.ones(1), n * np.log(power)
-    for order in orders:
+    for order in (1, 2, 4, 8, 16):
         if n < 8 * order:
             break
         lagged = np.array([float(centred[: n - k] @ centred[k:]) for k in range(order + 1)])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -14,41 +13,25 @@ from hil.signals.sine_fit import SineFit
 _COVERAGE = 2.5  # standard deviations within which two periods of a steady response differ
 
 
-@dataclass(frozen=True, slots=True)
-class Steadiness:
-    """What two successive periods say.
-
-    Attributes:
-        steady: whether what is still to come is within tolerance, or below what noise lets anyone see.
-        remaining: the change of phasor or offset still to come, whichever is larger, as a share of the amplitude.
-        noise: how far two steady periods may differ by noise alone, in the same measure.
-    """
-
-    steady: bool
-    remaining: float
-    noise: float
-
-
-def steadiness(periods: Sequence[SineFit], tolerance: float = 0.005) -> Steadiness:
+def is_steady(periods: Sequence[SineFit], tolerance: float = 0.005) -> bool:
     """Judge the last of successive fits of one period (or the same number of periods) each.
 
-    A transient shrinks by the same ratio from period to period, so what is still to come is the last change
-    times r/(1 − r); with fewer than three periods r is taken as ½.
+    It is steady when what is still to come is within tolerance, or below what noise lets anyone see. A transient
+    shrinks by the same ratio from period to period, so what is still to come is the last change times r/(1 − r); with
+    fewer than three periods r is taken as ½.
 
     Args:
         periods: fits in order, phases referred to one zero of time.
         tolerance: allowed remaining change, as a share of the amplitude.
     """
     if len(periods) < 2:
-        return Steadiness(False, math.inf, math.inf)
-    amplitude = max(periods[-1].amplitude, 1e-300)
-    changes = [_changes(a, b) for a, b in pairwise(periods[-3:])]
+        return False
+    allowed = tolerance * periods[-1].amplitude
+    changes = zip(*(_changes(a, b) for a, b in pairwise(periods[-3:])), strict=True)
     noises = _noises(periods[-2], periods[-1])
-    verdicts = []
-    for series, noise in zip(zip(*changes, strict=True), noises, strict=True):
-        to_come = _to_come(series)
-        verdicts.append((series[-1] <= noise or to_come <= tolerance * amplitude, to_come / amplitude))
-    return Steadiness(all(ok for ok, _ in verdicts), max(rest for _, rest in verdicts), max(noises) / amplitude)
+    return all(
+        series[-1] <= noise or _to_come(series) <= allowed for series, noise in zip(changes, noises, strict=True)
+    )
 
 
 def _changes(a: SineFit, b: SineFit) -> tuple[float, float]:

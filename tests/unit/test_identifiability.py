@@ -36,7 +36,7 @@ def test_directions_that_no_sample_tells_are_told_from_those_that_samples_do() -
     found = estimate(residuals, unknowns)
     assert np.isinf(found.std[:2]).all()
     assert found.std[2] == pytest.approx(1.0 / 30.0 / np.sqrt(500 / 3.0), rel=0.2)
-    assert found.identifiability.is_shared.tolist() == [True, True, False]
+    assert found.identifiability.is_shared_beyond_noise.tolist() == [True, True, False]
     assert np.abs(found.identifiability.unidentifiable) == pytest.approx(
         np.array([[5.0, 5.0, 0.0]]) / np.sqrt(12.0), abs=1e-3
     )

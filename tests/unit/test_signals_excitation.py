@@ -6,7 +6,7 @@ from hil.signals.binary_sequence import binary_sequence
 from hil.signals.multisine import odd_multisine
 from hil.signals.ramps import ramp, triangle
 from hil.signals.sine_fit import sine_fit
-from hil.signals.steady import steadiness
+from hil.signals.steady import is_steady
 from hil.signals.stepped_sine import check_frequencies, reference_and_band, sine
 from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
 
@@ -92,17 +92,17 @@ def _periods(transient, noise=0.0, count=6, seed=0):
 
 def test_a_fading_transient_is_not_steady_until_it_has_faded():
     fits = _periods(transient=1.0)
-    verdicts = [steadiness(fits[: n + 1]).steady for n in range(len(fits))]
+    verdicts = [is_steady(fits[: n + 1]) for n in range(len(fits))]
     assert verdicts == [False, False, False, True, True, True]
     # what is called still to come is what comes
     left = max(abs(fits[2].phasor - 10), abs(fits[2].offset)) / 10
-    assert steadiness(fits[:3]).remaining == pytest.approx(left, rel=0.3)
+    assert not is_steady(fits[:3], 0.7 * left) and is_steady(fits[:3], 1.3 * left)
 
 
 def test_what_noise_hides_is_called_steady():
-    verdicts = [steadiness(_periods(transient=0.0, noise=3.0, seed=s)[:2]).steady for s in range(50)]
+    verdicts = [is_steady(_periods(transient=0.0, noise=3.0, seed=s)[:2]) for s in range(50)]
     assert sum(verdicts) >= 47
-    assert not steadiness(_periods(transient=30.0, noise=3.0)[:2]).steady
+    assert not is_steady(_periods(transient=30.0, noise=3.0)[:2])
 
 
 def test_a_reference_and_a_band_of_few_sines_end_at_the_top_frequency():

@@ -15,7 +15,7 @@ from hil.record.recording import Array, Mask, Recording
 from hil.signals.frequency_fit import frequency_fit
 from hil.signals.rounding import rounding_step
 from hil.signals.sine_fit import SineFit, sine_fit, with_rounding
-from hil.signals.steady import steadiness
+from hil.signals.steady import is_steady
 from hil.signals.tone import standing_tone
 
 _SAME_PERIOD = 0.015  # relative difference up to which two periods belong to one frequency
@@ -227,7 +227,7 @@ def _settled(time_s: Array, output: Array, segment: Segment) -> Segment:
         for first, stop in pairwise(edges.tolist())
     ]
     skip = 1
-    while skip < count - 2 and not steadiness(fits[: skip + 1]).steady:
+    while skip < count - 2 and not is_steady(fits[: skip + 1]):
         skip += 1
     first = int(edges[min(skip, count - 1)])
     return replace(segment, first=first, count=segment.first + segment.count - first)

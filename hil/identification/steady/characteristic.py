@@ -22,6 +22,7 @@ _GAIN_POINTS = 200
 _A_SIDE = 0.05  # of a sweep, which must lie beyond neutral
 _EVENLY = np.array([0.5, *[1.0] * (_GAIN_POINTS - 2), 0.5]) / (_GAIN_POINTS - 1)  # weights of an integral
 _EDGE_DRAWS = 12
+_SHOWN = 121  # levels of a curve on a page
 _STEEP = 0.3  # of the steepest slope: where the width of the loop can be read
 _AVERAGED = 101  # places at which a slope is averaged
 _CLEAR = 10.0  # times its standard uncertainty: a response that can be read
@@ -183,9 +184,9 @@ def reaches_both_sides(low: float, high: float, neutral: float) -> bool:
     return low < neutral - reach and high > neutral + reach
 
 
-def polyline(count: int = 121) -> Integers:
-    """Indices of so many levels of an estimate, evenly spread: a curve for the page."""
-    return np.linspace(0, LEVELS - 1, count).round().astype(np.int64)
+def polyline() -> Integers:
+    """Indices of some levels of an estimate, evenly spread: a curve for the page."""
+    return np.linspace(0, LEVELS - 1, _SHOWN).round().astype(np.int64)
 
 
 def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign: int, step: float) -> Read:

@@ -79,11 +79,6 @@ class Identifiability:
         return np.asarray(np.sqrt(np.diag(self.whole)) >= (1.0 - _ROUNDING) * UNIFORM * self.widths)
 
     @property
-    def is_shared(self) -> Mask:
-        """Which values are told only together with others, or not at all, shape (k,)."""
-        return np.asarray(np.any(self.unidentifiable != 0.0, axis=0))
-
-    @property
     def is_shared_beyond_noise(self) -> Mask:
         """Which values others that are not told leave less certain than noise does, shape (k,)."""
         own = np.sqrt(np.diag(self.covariance))
