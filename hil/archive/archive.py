@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +140,8 @@ def rebuild(place: Place, folders: Sequence[Path]) -> tuple[int, list[str]]:
         _forget(index, [key for key, path in known.items() if roots & {path, *path.parents}])
         entered: set[tuple[object, ...]] = set()
         count = 0
-        for batch in _batches(_readable(_below(sorted(roots)), left_out)):
+        entries = _readable(_below(sorted(roots)), left_out)
+        for batch in iter(lambda: list(islice(entries, _BATCH)), []):
             count += _add(index, place, batch, left_out)
             entered |= {entry.identity for entry in batch}
         _forget(index, _moved(index, entered))
@@ -193,24 +195,11 @@ def _readable(folders: Iterable[Path], left_out: list[str]) -> Iterator[Entry]:
             left_out.append(str(error))
 
 
-def _batches(entries: Iterator[Entry]) -> Iterator[list[Entry]]:
-    batch: list[Entry] = []
-    for entry in entries:
-        batch.append(entry)
-        if len(batch) == _BATCH:
-            yield batch
-            batch = []
-    if batch:
-        yield batch
-
-
 def _asked(search: Search) -> Select[Any]:
     asked = select(RUN)
-    for column, wanted in ((RUN.c.serial, search.serial), (RUN.c.procedure, search.procedure)):
-        if wanted:
-            asked = asked.where(column == wanted)
-    if search.verdict:
-        asked = asked.where(RUN.c.verdict == search.verdict)
+    for name in ("serial", "procedure", "verdict"):
+        if wanted := getattr(search, name):
+            asked = asked.where(RUN.c[name] == wanted)
     return asked if search.since is None else asked.where(RUN.c.started_utc >= search.since)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -66,17 +66,12 @@ def _each(found: PopulationComparison | None, as_wanted: Callable[[Measured], Me
 
 def functions_of(curves: Mapping[str, Any]) -> tuple[FittedFunction, ...]:
     """Every fitted transfer function in `Findings.curves`."""
-    return tuple(_functions(curves))
-
-
-def _functions(curves: Mapping[str, Any]) -> Iterator[FittedFunction]:
-    for name, mapping in mappings_of(curves):
-        if all(mapping.get(key) is not None for key in FUNCTION_KEYS):
-            yield FittedFunction(name=name, **{key: plain(mapping[key]) for key in _fields() if key in mapping})
-
-
-def _fields() -> list[str]:
-    return [name for name in FittedFunction.model_fields if name != "name"]
+    fields = FittedFunction.model_fields.keys() - {"name"}
+    return tuple(
+        FittedFunction(name=name, **{key: plain(mapping[key]) for key in fields & mapping.keys()})
+        for name, mapping in mappings_of(curves)
+        if all(mapping.get(key) is not None for key in FUNCTION_KEYS)
+    )
 
 
 def _number(value: float | None) -> float | None:

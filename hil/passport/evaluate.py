@@ -13,7 +13,7 @@ import math
 import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain, starmap
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from xml.etree.ElementTree import Element, ParseError, fromstring, tostring
@@ -113,7 +113,8 @@ def _missing(unit: Unit, known: Understood, pages: list[str], language: str) -> 
     for text in (*head, *map("".join, page["limits"])):
         if _squeezed(text) not in first:
             yield f"page one does not say what the results say: {text}"
-    for text in dict.fromkeys((*starmap(_row, page["conditions"]), *chain.from_iterable(page["instruments"]))):
+    conditions = (f"{label} {text}" for label, text in page["conditions"])
+    for text in dict.fromkeys(chain(conditions, *page["instruments"])):
         if _squeezed(text) not in whole:  # many instruments need more than a page
             yield f"page one does not say what the runs say: {text}"
     for row in parameters:
@@ -122,10 +123,6 @@ def _missing(unit: Unit, known: Understood, pages: list[str], language: str) -> 
     for row in (*page["more_limits"], *page["values"]):
         if _squeezed("".join(row)) not in whole:
             yield f"the annex does not say what the results say: {' '.join(row)}"
-
-
-def _row(label: str, text: str) -> str:
-    return f"{label} {text}"
 
 
 def _texts(content: bytes) -> list[str]:

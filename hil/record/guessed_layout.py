@@ -88,8 +88,8 @@ def _guessed(begun: Beginning, named: bool) -> Layout:
         raise FileError(
             f"{path}: {_unnamed(lines[:first], separator, count - _days_apart(rows[0], kinds), _rise(rows))}"
         )
-    if at and not any(units):
-        units = _units_above(lines[: at - 1], separator, cells)
+    if at and not any(units) and not any(headings.split(cell)[1] for cell in cells):
+        units = units_above(lines[: at - 1], separator, cells)
     inside = [_unit_in_cells([row[i] for row in rows if len(row) > i and not is_blank(row[i])]) for i in range(count)]
     inside = ["" if headings.split(cell)[1] else found for cell, found in zip(cells, inside, strict=True)]
     units = tuple(unit or found for unit, found in zip(units, inside, strict=True))
@@ -155,7 +155,7 @@ def _first_row(lines: Sequence[str], separator: str, count: int, kinds: Sequence
         cells = split(line, separator)
         if len(cells) == count + 1 and not cells[-1]:
             cells.pop()
-        if len(cells) != count or not any(is_quantity(c) or is_stamp(c) for c in cells):
+        if len(cells) != count or not any(map(_is_quantity_or_stamp, cells)):
             return [False]
         pairs = zip(cells, kinds, strict=True)
         return [
@@ -190,12 +190,6 @@ def _heading_cells(text: str, separator: str, count: int) -> list[str]:
     return next(
         (cells for cells in fitting if not any(is_number(c.strip("()[]")) for c in cells)), []
     )  # else a sentence
-
-
-def _units_above(above: Sequence[str], separator: str, cells: Sequence[str]) -> tuple[str, ...]:
-    if any(headings.split(cell)[1] for cell in cells):
-        return ("",) * len(cells)
-    return units_above(above, separator, cells)
 
 
 def _headings(above: list[tuple[int, list[str]]], count: int) -> tuple[int, tuple[str, ...], tuple[str, ...]]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from hil.errors import FileError
 from hil.language.note import Note
-from hil.record.parts import as_events, parts_of
+from hil.record.parts import moved
 from hil.record.recording import Array, Channel, Mask, Recording
 
 INVALID_SAMPLES = "unmeasured"
@@ -97,15 +97,8 @@ def measured_rows(recording: Recording, names: Iterable[str]) -> Recording:
         notes = [invalid_note(recording, name, mask) for name, mask in lacking.items() if mask.any()]
         raise FileError(f"{recording.name}: no two rows in which all that is used was measured: {'; '.join(notes)}")
     before = np.concatenate(([0], np.cumsum(rows)))  # rows that are left, before each
-
-    def moved(events: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-        return [{**event, "row": int(before[min(event["row"], len(recording))])} for event in events]
-
-    time_s, meta = recording.time_s[rows], dict(recording.meta)
-    if "events" in meta:
-        meta["events"] = moved(meta["events"])
-    if "parts" in meta:
-        meta["parts"] = parts_of(moved(as_events(meta["parts"])), time_s)
+    time_s = recording.time_s[rows]
+    meta = moved(recording.meta, lambda row: int(before[min(row, len(recording))]), time_s)
     channels = {name: replace(channel, values=channel.values[rows]) for name, channel in recording.channels.items()}
     return replace(recording, time_s=time_s, channels=channels, meta=meta)
 

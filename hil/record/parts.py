@@ -5,7 +5,7 @@ On disk a part is two events with one number in `part`: `part started` with its 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -49,16 +49,18 @@ def as_events(parts: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
         yield {"event": STOPPED, "row": end, "time_s": part["stop_s"], "part": number, "details": cut}
 
 
-def cut(meta: Mapping[str, Any], first: int, time_s: NDArray[np.float64]) -> dict[str, Any]:
-    """What `meta` says about the samples from `first` on that have the stamps `time_s`: its parts and events.
+def moved(meta: Mapping[str, Any], row_of: Callable[[int], int], time_s: NDArray[np.float64]) -> dict[str, Any]:
+    """What `meta` says when row k is row `row_of(k)` of samples with the stamps `time_s`: its parts and events.
 
-    A part that reaches over an end of them is cut there and marked unfinished.
+    Events of no such row are left out. A part that reaches over an end is cut there and marked unfinished.
     """
+
+    def at_their_rows(events: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+        return [{**event, "row": row_of(event["row"])} for event in events]
+
     kept = dict(meta)
     if "events" in meta:
-        within = range(first, first + len(time_s) + 1)
-        kept["events"] = [{**event, "row": event["row"] - first} for event in meta["events"] if event["row"] in within]
+        kept["events"] = [event for event in at_their_rows(meta["events"]) if 0 <= event["row"] <= len(time_s)]
     if "parts" in meta:
-        moved = [{**event, "row": event["row"] - first} for event in as_events(meta["parts"])]
-        kept["parts"] = parts_of(moved, time_s)
+        kept["parts"] = parts_of(at_their_rows(as_events(meta["parts"])), time_s)
     return kept

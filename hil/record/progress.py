@@ -58,35 +58,25 @@ def kept_progress(folder: Path, progress: Progress) -> Iterator[Progress]:
 
     A file that cannot be written hinders no run.
     """
-    kept = _Kept(folder / PROGRESS_FILE)
+    path, handle, written_s = folder / PROGRESS_FILE, -1, -_EVERY_S
 
     def report(share: float, text: str) -> None:
+        nonlocal handle, written_s
         progress(share, text)
-        kept.tell(share, text)
+        now_s = time.monotonic()
+        if now_s - written_s < _EVERY_S and share < 1.0:
+            return
+        written_s = now_s
+        written = {"schema": _SCHEMA, "share": round(share, 4), "text": text[:_LONGEST], "pid": os.getpid()}
+        with suppress(OSError):
+            if handle < 0:
+                handle = os.open(path, _FLAGS, 0o644)
+            os.pwrite(handle, json.dumps(written, ensure_ascii=False).encode().ljust(_BYTES), 0)
 
     try:
         yield report
     finally:
-        kept.withdraw()
-
-
-class _Kept:
-    def __init__(self, path: Path) -> None:
-        self._path, self._handle, self._written_s = path, -1, -_EVERY_S
-
-    def tell(self, share: float, text: str) -> None:
-        now_s = time.monotonic()
-        if now_s - self._written_s < _EVERY_S and share < 1.0:
-            return
-        self._written_s = now_s
-        written = {"schema": _SCHEMA, "share": round(share, 4), "text": text[:_LONGEST], "pid": os.getpid()}
         with suppress(OSError):
-            if self._handle < 0:
-                self._handle = os.open(self._path, _FLAGS, 0o644)
-            os.pwrite(self._handle, json.dumps(written, ensure_ascii=False).encode().ljust(_BYTES), 0)
-
-    def withdraw(self) -> None:
-        with suppress(OSError):
-            if self._handle >= 0:
-                os.close(self._handle)
-                self._path.unlink()
+            if handle >= 0:
+                os.close(handle)
+                path.unlink()

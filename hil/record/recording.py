@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import FileError, UnitError, option
-from hil.record.parts import cut
+from hil.record.parts import moved
 from hil.record.show import data_frame, dataset, figure_by_unit, table_html
 from hil.units import check_unit, convert
 
@@ -201,7 +201,8 @@ class Recording:
         channels = {name: replace(c, values=c.values[keep]) for name, c in self.channels.items()}
         time_s = self.time_s[keep]
         own = {name: _between(taken, time_s) for name, taken in self.own.items()} if len(time_s) else {}
-        return replace(self, time_s=time_s, channels=channels, meta=cut(self.meta, first, time_s), own=own)
+        meta = moved(self.meta, lambda row: row - first, time_s)
+        return replace(self, time_s=time_s, channels=channels, meta=meta, own=own)
 
     def with_units(self, units: Mapping[str, str]) -> Recording:
         """The same values with stated units for some channels, whatever the file said; nothing is converted.

@@ -146,13 +146,18 @@ def _behind(path: Path, found: Layout, column: int, texts: Any, reading: Reading
     return "", True
 
 
+def _numbered(path: Path, found: Layout) -> Iterator[tuple[int, str]]:
+    """Lines from the first with samples on, by their numbers."""
+    with open_text(path, found.encoding) as file:
+        yield from enumerate(islice(file, found.first_row - 1, None), found.first_row)
+
+
 def _texts(path: Path, found: Layout) -> Iterator[tuple[int, str]]:
     """Lines among the samples without a number or a stamp in them."""
-    with open_text(path, found.encoding) as file:
-        for number, line in enumerate(islice(file, found.first_row - 1, None), found.first_row):
-            text = line.strip()
-            if text and not any(is_number(cell) or is_stamp(cell) or is_blank(cell) for cell in found.split(line)):
-                yield number, text
+    for number, line in _numbered(path, found):
+        text = line.strip()
+        if text and not any(is_number(cell) or is_stamp(cell) or is_blank(cell) for cell in found.split(line)):
+            yield number, text
 
 
 def _left_out(path: Path, found: Layout) -> str:
@@ -209,10 +214,9 @@ def _skipped(found: Layout) -> int | list[int]:
 
 def _lines(path: Path, found: Layout) -> Iterator[tuple[int, list[str]]]:
     """Numbers and fields of the lines with samples."""
-    with open_text(path, found.encoding) as file:
-        for number, line in enumerate(islice(file, found.first_row - 1, None), found.first_row):
-            if line.replace(found.separator, ";").strip() and number not in found.remarks:
-                yield number, found.split(line)
+    for number, line in _numbered(path, found):
+        if line.replace(found.separator, ";").strip() and number not in found.remarks:
+            yield number, found.split(line)
 
 
 def _explained(path: Path, found: Layout) -> str:
