@@ -21,6 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hil` itself does; peer
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import max_len_seq
 from table import Row, milliseconds, show
 
 from hil.identification.frequency.frequency_response import FrequencyResponse, from_table
@@ -34,7 +35,6 @@ from hil.physics.model import typical_model
 from hil.physics.published.tordal import FREQUENCIES_HZ, RUNS
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Recording, recording
-from hil.signals.binary_sequence import binary_sequence
 from hil.signals.frequency_fit import frequency_fit
 from hil.signals.sine_fit import sine_fit
 
@@ -184,7 +184,7 @@ def transfer_function_rows(draws: int) -> Iterator[Row]:
 
 def bench_recording() -> Recording:
     """A second at rest, then 20 s of a binary sequence, at 100 S/s with 1 % noise."""
-    command = np.concatenate((np.zeros(100), binary_sequence(-1.0, 1.0, 0.08, 100.0, bits=8)[:2000]))
+    command = np.concatenate((np.zeros(100), np.repeat(2.0 * max_len_seq(8)[0] - 1.0, 8)[:2000]))
     model = TRUTH.model
     output = simulate(model.definition, model.values, Drive(command[None, :], math.nan, 0.01))[0]
     noisy = output + 0.01 * np.random.default_rng(3).normal(size=len(output))

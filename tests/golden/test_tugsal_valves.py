@@ -14,7 +14,7 @@ from hil.identification.papers.recursive_least_squares import ArxForm, Recursive
 from hil.physics.published.efc_population import CORNERS_HZ, valve
 from hil.physics.published.tugsal import FREQUENCY_MODELS
 from hil.physics.simulate import Drive, simulate
-from hil.signals.binary_sequence import binary_sequence
+from tests.binary_sequence import binary_sequence
 
 FREQUENCIES_HZ = np.array([0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0])
 # Bias and amplitude in A that swing between 19 and 21, 20 and 140, 133 and 147 psi.

@@ -14,7 +14,7 @@ from hil.physics.model import Model, Value, load_model, save_model, typical_mode
 from hil.physics.simulate import Drive, simulate
 from hil.record.read import read_recording, write_recording
 from hil.record.recording import Array, recording
-from hil.signals.binary_sequence import binary_sequence
+from tests.binary_sequence import binary_sequence
 
 RATE_HZ = 100.0
 Run = Callable[..., str]

@@ -13,8 +13,8 @@ from hil.identification.preparation.experiment import experiment
 from hil.physics.transfer_function import from_parameters
 from hil.record.read import write_recording
 from hil.record.recording import recording
-from hil.signals.binary_sequence import binary_sequence
 from hil.signals.steps import step_sequence
+from tests.binary_sequence import binary_sequence
 
 INTERVAL_S = 0.02
 FINE = 20

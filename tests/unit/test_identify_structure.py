@@ -17,8 +17,8 @@ from hil.physics.model import load_model, save_model
 from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import transfer_function
 from hil.record.recording import recording
-from hil.signals.binary_sequence import binary_sequence
 from hil.signals.recursion import filtered
+from tests.binary_sequence import binary_sequence
 
 PLANT = plant("transfer-function")
 FEW = replace(PLANT, structures=PLANT.structures[:8])  # where it is not the choice among all that is tried

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from hil.errors import SettingError
-from hil.signals.binary_sequence import binary_sequence
 from hil.signals.multisine import odd_multisine
 from hil.signals.ramps import ramp, triangle
 from hil.signals.sine_fit import sine_fit
 from hil.signals.steady import is_steady
 from hil.signals.stepped_sine import check_frequencies, reference_and_band, sine
 from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
+from tests.binary_sequence import binary_sequence
 
 
 def test_sine_has_whole_periods_bias_and_phase():
@@ -78,8 +78,6 @@ def test_steps_and_binary_sequences():
     assert np.ptp(spectrum) < 1e-9 * spectrum.max()  # flat: maximum length
     with pytest.raises(SettingError, match="0 levels"):
         step_sequence((), 1.0, 10.0)
-    with pytest.raises(SettingError, match="2…16 bits"):
-        binary_sequence(0.0, 1.0, 0.01, 1000.0, bits=20)
 
 
 def _periods(transient, noise=0.0, count=6, seed=0):

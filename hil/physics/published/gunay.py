@@ -66,11 +66,6 @@ class Cylinder:
         per_s = flow_lpm * 1e6 / 60.0
         return per_s / self.head_area_mm2, per_s / self.rod_area_mm2
 
-    def one_directional_stroke_mm(self, flow_lpm: float, frequency_rad_s: float) -> float:
-        """Way in one period when the flow is a sine between nothing and `flow_lpm`, into the head side."""
-        extending, _ = self.speeds_mm_per_s(flow_lpm)
-        return extending / 2.0 * 2.0 * math.pi / frequency_rad_s
-
 
 # The pipe is stated as 65/50 mm, the rod as 30 mm; the stroke is taken to be what the LVDT can measure.
 CYLINDER = Cylinder(50.0, 30.0, LVDT_RANGE_MM)

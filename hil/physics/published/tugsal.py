@@ -70,23 +70,6 @@ class FrequencyModel:
     tail_order: int
     quadratic_tail: bool = False
 
-    @property
-    def printed_order(self) -> int:
-        """Poles as printed, before anything cancels."""
-        return 1 + 4 + self.tail_order
-
-    @property
-    def printed_gain(self) -> float:
-        """Gain at rest over kdc."""
-        return self.lead[1] / self.lag[1]
-
-    def as_printed(self, damping: float = 0.5) -> TransferFunction:
-        """Every printed factor, gain at rest 1."""
-        square = np.convolve(_quadratic(self.cancelled, damping), _quadratic(self.cancelled, damping))
-        top = np.convolve(self._corner(self.lead), square)
-        below = np.convolve(np.convolve(self._corner(self.lag), square), self._tail(damping))
-        return transfer_function(top, below)
-
     def reduced(self, damping: float = 0.5) -> TransferFunction:
         """What is left when the equal factors have cancelled, gain at rest 1."""
         return transfer_function(self._corner(self.lead), np.convolve(self._corner(self.lag), self._tail(damping)))
@@ -123,11 +106,6 @@ class SampledModel:
         """In z, largest first."""
         found = np.roots(self.denominator).astype(np.complex128)
         return found[np.argsort(-np.abs(found), kind="stable")]
-
-    @property
-    def largest_pole(self) -> float:
-        """Modulus of the largest; above 1 the model runs away."""
-        return float(np.abs(self.poles[0]))
 
     @property
     def dc_gain(self) -> float:
@@ -224,11 +202,6 @@ def rms_error(measured: Array, simulated: Array) -> float:
     return float(np.linalg.norm(measured - simulated)) / math.sqrt(len(measured))
 
 
-def rms_of_error_4_1(error: float, duration_s: float, rate_hz: float) -> float:
-    """What an error of eq. 4.1 is as a root mean square: error·√(duration/rate)."""
-    return error * math.sqrt(duration_s / rate_hz)
-
-
 # -- membership functions, eqs 4.2 to 4.7 ------------------------------------------------------------------
 
 _CURRENT_A = (1.4, 1.45, 1.55, 1.6)
@@ -250,11 +223,6 @@ def error_memberships(error: float) -> tuple[float, float, float, float]:
         min(_share(error - x5, x7 - x5), _share(x9 - error, x9 - x7)),
         _share(error - x8, x10 - x8),
     )
-
-
-def strongest_set(error: float) -> int:
-    """Which of the four error sets an error belongs to most, 0 the leftmost."""
-    return int(np.argmax(error_memberships(error)))
 
 
 def _quadratic(corner: float, damping: float) -> Array:
