@@ -145,7 +145,7 @@ def null_shift_section(curves: Sequence[Curve]) -> Section:
 
     def draw(axes: Axes, curve: Curve) -> None:
         condition, null, std, fitted = (needed(curve, key) for key in CONDITIONS_NEEDED)
-        axes.errorbar(condition, null, 2.0 * std, color=INK, ls="", marker="o", capsize=2.0, label=_("null ± U"))
+        axes.errorbar(condition, null, 2.0 * std, color=INK, ls="", marker="o", label=_("null ± U"))
         axes.plot(condition, fitted, **FITTED, label=_("least-squares line"))
         titled(axes, label_of(curve) + unit_of(curve, "condition_unit").replace("degC", "°C"))
         axes.margins(x=_ROOM)

@@ -36,6 +36,7 @@ MEASURED: Mapping[str, Any] = {"color": "#8b949e", "lw": 1.8}
 FITTED: Mapping[str, Any] = {"color": BLUE, "lw": 1.0}
 LEFT: Mapping[str, Any] = {"color": INK, "lw": 0.7}
 COMMAND: Mapping[str, Any] = {"color": INK, "lw": 0.8, "ls": "--"}
+BAND: Mapping[str, Any] = {"alpha": 0.15, "lw": 0.0}  # of an uncertainty
 LEVEL: Mapping[str, Any] = {"color": SOFT, "lw": 0.8, "ls": ":"}
 
 WIDTH_IN = 8.4
@@ -49,7 +50,7 @@ _STYLE = {
     "axes.labelcolor": INK, "axes.edgecolor": SOFT, "axes.linewidth": 0.7,
     "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
     "axes.formatter.useoffset": False, "grid.color": GRID, "grid.linewidth": 0.6, "text.color": INK,
-    "lines.linewidth": 1.3, "lines.markersize": 3.6,
+    "lines.linewidth": 1.3, "lines.markersize": 3.6, "errorbar.capsize": 1.6,
     "legend.frameon": False, "legend.fontsize": 8, "legend.handlelength": 2.4, "legend.borderaxespad": 0.2,
     "savefig.format": "svg",
 } | {f"{axis}tick.{key}": value for axis in "xy" for key, value in _TICKS.items()}  # fmt: skip

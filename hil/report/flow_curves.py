@@ -7,7 +7,21 @@ from typing import TYPE_CHECKING
 from hil.language.words import _, marked
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.report.field import Curve, array, needed, unit_of
-from hil.report.figure import AMBER, BLUE, FAINT, GREEN, INK, LEFT, LEVEL, RED, drawn, legend_on_top, line, thinned
+from hil.report.figure import (
+    AMBER,
+    BAND,
+    BLUE,
+    FAINT,
+    GREEN,
+    INK,
+    LEFT,
+    LEVEL,
+    RED,
+    drawn,
+    legend_on_top,
+    line,
+    thinned,
+)
 from hil.report.section import Listing, Section
 
 if TYPE_CHECKING:
@@ -45,9 +59,7 @@ def _branches(axes: Axes, curve: Curve) -> None:
         y = needed(curve, key)
         line(axes, curve, "command", key, {"color": color, "ls": dash}, _(key))
         if std is not None:
-            axes.fill_between(
-                command, y - COVERAGE_FACTOR * std, y + COVERAGE_FACTOR * std, color=color, alpha=0.2, lw=0
-            )
+            axes.fill_between(command, y - COVERAGE_FACTOR * std, y + COVERAGE_FACTOR * std, color=color, **BAND)
     for key, label, color, dash in (
         ("spline", marked("monotone spline"), INK, ":"),
         ("polynomial", marked("polynomial"), GREEN, "-."),
@@ -73,5 +85,5 @@ def _loop(axes: Axes, curve: Curve) -> None:
     axes.plot(*thinned(command, width), **LEFT)
     if std is not None:
         expanded = COVERAGE_FACTOR * 2.0**0.5 * std
-        axes.fill_between(command, width - expanded, width + expanded, color=INK, alpha=0.15, lw=0.0)
+        axes.fill_between(command, width - expanded, width + expanded, color=INK, **BAND)
     axes.set_ylabel((_("falling − rising") + unit_of(curve, "response_unit")).replace(" [", "\n["))

@@ -12,6 +12,7 @@ from hil.record.measurement import COVERAGE_FACTOR
 from hil.report.field import Curve, array, label_of, needed, unit_of
 from hil.report.figure import (
     AMBER,
+    BAND,
     BLUE,
     DASHES,
     FITTED,
@@ -115,8 +116,8 @@ def _response(axes: Axes, curve: Curve, key: str, std_key: str, k: int) -> None:
     color, marker = SERIES[k % len(SERIES)], MARKERS[k % len(MARKERS)]
     std = array(curve, std_key)
     bars = None if std is None else COVERAGE_FACTOR * np.nan_to_num(std, posinf=0.0)
-    axes.errorbar(needed(curve, "frequency_hz"), needed(curve, key), bars, ls="", marker=marker, color=color, ms=3.4,
-                  elinewidth=0.8, capsize=1.6, capthick=0.8, label=label_of(curve))  # fmt: skip
+    axes.errorbar(needed(curve, "frequency_hz"), needed(curve, key), bars, ls="", marker=marker, color=color,
+                  label=label_of(curve))  # fmt: skip
     model = curve.get("model")
     if model:
         _model_line(axes, model, key, std_key, color, k)
@@ -126,7 +127,7 @@ def _model_line(axes: Axes, model: Curve, key: str, std_key: str, color: str, k:
     f, y, std = needed(model, "frequency_hz"), needed(model, key), array(model, std_key)
     axes.plot(f, y, color=color, ls=DASHES[k % len(DASHES)], lw=1.0)  # type: ignore[arg-type]
     if std is not None:
-        axes.fill_between(f, y - COVERED * std, y + COVERED * std, color=color, alpha=0.15, lw=0.0)
+        axes.fill_between(f, y - COVERED * std, y + COVERED * std, color=color, **BAND)
 
 
 def _thd(axes: Axes, group: Sequence[Curve]) -> None:
@@ -134,7 +135,7 @@ def _thd(axes: Axes, group: Sequence[Curve]) -> None:
         thd = array(curve, "thd_percent")
         if thd is not None:
             axes.plot(needed(curve, "frequency_hz"), thd, color=SERIES[k % len(SERIES)],
-                      marker=MARKERS[k % len(MARKERS)], ms=2.8, lw=0.7)  # fmt: skip
+                      marker=MARKERS[k % len(MARKERS)])  # fmt: skip
     axes.axhline(_DISTORTED_PERCENT, **LEVEL)
 
 
@@ -171,7 +172,7 @@ def _distortion(name: str, curves: Sequence[Curve]) -> Picture:
             for key, label, color, dash, marker in _LEVELS:
                 level = array(curve, key)
                 if level is not None:
-                    axes.plot(needed(curve, "frequency_hz"), level, color=color, ls=dash, marker=marker, ms=2.6, lw=1.1,
+                    axes.plot(needed(curve, "frequency_hz"), level, color=color, ls=dash, marker=marker,
                               label=_(label))  # fmt: skip
             axes.set_xscale("log")
             plain_log_axis(axes)
