@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +12,6 @@ import numpy as np
 from hil.errors import InputError
 from hil.identification.steady.characteristic import (
     Loop,
-    Read,
-    Side,
     largest_slope,
     level_at,
     loop,
@@ -21,6 +19,8 @@ from hil.identification.steady.characteristic import (
     polyline,
     reaches_both_sides,
     side,
+    symmetry,
+    worst_departure,
 )
 from hil.identification.steady.null import Null, null_of
 from hil.identification.steady.sweep_estimate import Standing, Sweep, SweepEstimate, settled, sweep_estimate, together
@@ -260,10 +260,8 @@ def _both_ways(
     for sign, word in ((1, "positive"), (-1, "negative")):
         value, std = sides[sign].gain
         found.append(of[f"gain_{word}"].at(unit=per).of(value, std, calibration=share * abs(value)))
-    weak, strong = sorted((sides[sign].gain for sign in (1, -1)), key=lambda gain: abs(gain[0]))
-    ratio = abs(weak[0] / strong[0])
-    found.append(at_most_one(of["symmetry"], ratio, ratio * math.hypot(weak[1] / weak[0], strong[1] / strong[0])))
-    found.append(extreme(of["linearity"], *(100.0 * one for one in _worse(sides.values()))))
+    found.append(at_most_one(of["symmetry"], *symmetry(sides.values())))
+    found.append(extreme(of["linearity"], *(100.0 * one for one in worst_departure(sides.values()))))
     return found, (sides[-1].edge[0], sides[1].edge[0])
 
 
@@ -333,13 +331,6 @@ def _edge(
     if expanded < sign * (value - neutral):
         return of.of(value, std, calibration=calibration)
     return of.of(value + sign * expanded, 0.0, relation="<" if sign > 0 else ">")
-
-
-def _worse(sides: Collection[Side]) -> Read:
-    """The worse departure of two sides; noise makes the worse of two equal ones larger, and no surer than either."""
-    value = max(one.departure[0] for one in sides)
-    resampled = np.max([one.departures for one in sides], axis=0)
-    return value, max(about(resampled, value), *(one.departure[1] for one in sides))
 
 
 def _one_way(swept_: Swept, part: Mapping[str, Any], of: Mapping[str, Measurement]) -> tuple[list[Measured], list[str]]:

@@ -19,6 +19,8 @@ from hil.identification.steady.characteristic import (
     polyline,
     reaches_both_sides,
     side,
+    symmetry,
+    worst_departure,
 )
 from hil.identification.steady.flow_curve import monotone, polynomial, polynomial_text
 from hil.identification.steady.own_sweeps import OwnSweeps, own_sweeps
@@ -215,12 +217,10 @@ def _both_ways(
     named = [(1, "positive"), (-1, "negative")]
     made = [Figure(f"dead_band_{word}", *sides[sign].edge, unit_in) for sign, word in named]
     made += [Figure(f"gain_{word}", *sides[sign].gain, f"{unit_out} per {unit_in}") for sign, word in named]
-    weak, strong = sorted((one.gain for one in sides.values()), key=lambda gain: abs(gain[0]))
-    ratio = abs(weak[0] / strong[0])
-    worse = max((one.departure for one in sides.values()), key=lambda read: read[0])
+    departure, departure_std = worst_departure(sides.values())
     return [
         *made,
-        Figure("symmetry", ratio, ratio * math.hypot(weak[1] / weak[0], strong[1] / strong[0]), "1"),
-        Figure("linearity", 100.0 * worse[0], 100.0 * worse[1], "%"),
+        Figure("symmetry", *symmetry(sides.values()), "1"),
+        Figure("linearity", 100.0 * departure, 100.0 * departure_std, "%"),
         Figure("leakage", zero, zero_std, unit_out),
     ]

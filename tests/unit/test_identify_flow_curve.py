@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identification.steady.characteristic import Side, largest_slope, loop, side
+from hil.identification.steady.characteristic import Side, largest_slope, loop, side, worst_departure
 from hil.identification.steady.flow_curve import polynomial, spline
 from hil.identification.steady.sweep_estimate import Sweep, sweep_estimate
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS
 from hil.record.measurement import Measurement
 from hil.signals.ramps import triangle
 from hil.signals.rounding import rounding_of_means
-from procedures._characteristic import _worse
 from procedures._statistics import at_most_one
 
 RATE_HZ = 100.0
@@ -75,11 +74,11 @@ def test_equal_gains_are_told_as_a_bound_and_unequal_ones_as_their_ratio():
 def test_the_worse_of_two_sides_is_no_surer_than_either():
     rng = np.random.default_rng(0)
     each = [Side((0.0, 1.0), (1.0, 1.0), (v, 0.1), v + 0.1 * rng.normal(size=64)) for v in (1.0, 1.02)]
-    value, std = _worse(each)
+    value, std = worst_departure(each)
     assert value == 1.02
     assert std >= 0.1  # the worse of both redrawn scatters by 0.08
     apart = [each[0], Side((0.0, 1.0), (1.0, 1.0), (2.0, 0.1), 2.1 + 0.1 * rng.normal(size=64))]
-    assert _worse(apart)[1] > 0.2  # what redrawn curves are off by counts twice
+    assert worst_departure(apart)[1] > 0.2  # what redrawn curves are off by counts twice
 
 
 def test_edges_are_as_uncertain_as_they_scatter():

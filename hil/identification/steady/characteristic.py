@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -128,6 +128,20 @@ def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign:
     resampled = np.array([line(one) for one in estimate.responses])
     gain, departure = ((value, about(again, value)) for value, again in zip(found, resampled.T, strict=True))
     return Side(_edge(estimate, neutral, zero, end, sign, step), gain, departure, resampled[:, 1])
+
+
+def symmetry(sides: Collection[Side]) -> Read:
+    """Gain of the weaker side over that of the stronger one."""
+    weak, strong = sorted((one.gain for one in sides), key=lambda gain: abs(gain[0]))
+    ratio = abs(weak[0] / strong[0])
+    return ratio, ratio * math.hypot(weak[1] / weak[0], strong[1] / strong[0])
+
+
+def worst_departure(sides: Collection[Side]) -> Read:
+    """The worse departure of two sides; noise makes the worse of two equal ones larger, and no surer than either."""
+    value = max(one.departure[0] for one in sides)
+    resampled = np.max([one.departures for one in sides], axis=0)
+    return value, max(about(resampled, value), *(one.departure[1] for one in sides))
 
 
 def line_through(command: Array, response: Array, first: float, last: float) -> tuple[float, float, float]:
