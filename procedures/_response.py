@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -254,9 +254,8 @@ def _model(fit: TransferFunctionFit, response: FrequencyResponse) -> dict[str, A
     reference_db = float(decibels(response.response[0]))
     return {
         "text": fit.summary(), "formula": formula(fit.model), "fit_percent": fit.fit_percent,
-        "numerator": fit.model.numerator, "denominator": fit.model.denominator, "unit": response.gain_unit,
+        **asdict(fit.model), "unit": response.gain_unit,
         "coefficients": fit.coefficient_names, "covariance": fit.coefficient_covariance,
-        "dead_time_s": fit.model.dead_time_s,
         "dead_time_std_s": float(fit.coefficient_std[-1]) if fit.form.dead_time else None, "frequency_hz": frequency_hz,
         "magnitude_db": band.magnitude_db - reference_db, "magnitude_std_db": band.magnitude_std_db,
         "phase_deg": band.phase_deg + _turns(band.phase_deg[0], response.phase_deg[0]),

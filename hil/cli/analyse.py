@@ -170,16 +170,16 @@ def compose(
 
 def _dynamics(model: Model) -> tuple[str, dict[str, Any]]:
     """The dynamics of a composed model, in words and as JSON values."""
+    from dataclasses import asdict
+
     from hil.physics.formula import formula
+    from hil.record.plain import plain
     from hil.session.analyses import linear_of
 
     if model.plant != "transfer-function":
         return f"dynamics of {model.plant}; `hil identify --plant` refines them", {"dynamics": model.plant}
     linear = linear_of(model, "the dynamics")
-    return f"dynamics {formula(linear)}", {
-        "numerator": linear.numerator.tolist(), "denominator": linear.denominator.tolist(),
-        "dead_time_s": linear.dead_time_s,
-    }  # fmt: skip
+    return f"dynamics {formula(linear)}", plain(asdict(linear))
 
 
 @group.command("corners")

@@ -23,6 +23,7 @@ def command(
 ) -> None:
     """Linearise a plant about a command: transfer function, K_q and K_c; eqs 3 to 6 of the SP08-47C paper."""
     import json
+    from dataclasses import asdict
 
     from hil import api
     from hil.cli.places import check_file
@@ -40,8 +41,7 @@ def command(
     if as_json:
         gains = {name: {"value": value, "unit": unit} for name, (value, unit) in found.gains.items()}
         content = {
-            "schema": "hil.linearised/1", "at": at, "output": found.output, "numerator": found.model.numerator,
-            "denominator": found.model.denominator, "dead_time_s": found.model.dead_time_s,
+            "schema": "hil.linearised/1", "at": at, "output": found.output, **asdict(found.model),
             "fit_percent": found.fit_percent, "gains": gains, "uneven": found.uneven,
         }  # fmt: skip
         typer.echo(json.dumps(plain(content), indent=1, ensure_ascii=False, allow_nan=False))

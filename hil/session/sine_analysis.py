@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -120,8 +120,5 @@ def _entry(one: FrequencyResponse, corners: Bandwidth, fit: TransferFunctionFit 
         "label": one.label, "amplitude": one.amplitude, "bias": one.bias, "gain_unit": one.gain_unit,
         **dict(zip(names, lines, strict=True)), "bandwidth_3db_hz": corners.amplitude.frequency_hz,
         "bandwidth_90deg_hz": corners.phase.frequency_hz,
-        "transfer_function": fit and {
-            "numerator": fit.model.numerator, "denominator": fit.model.denominator,
-            "dead_time_s": fit.model.dead_time_s, "fit_percent": fit.fit_percent,
-        },
+        "transfer_function": fit and {**asdict(fit.model), "fit_percent": fit.fit_percent},
     }  # fmt: skip
