@@ -25,6 +25,7 @@ _LEAVES_S = 12.0  # so soon a watchdog is gone that has nothing to do
 _ON_ITS_WAY_S = 0.005  # so soon a command arrives that another thread has just sent
 _TRIES_S = 80.0  # so long one tries at most
 _LASTING = {"claims", "swap"}  # what is never over
+_ANSWERS_S = 0.5  # so soon after it came to its safe value a device has said so
 SIGNALLED = {"int", "term", "hup", "stop"}
 
 
@@ -288,6 +289,12 @@ def rescue_is_told(world: World, ran: Ran) -> Iterator[str]:
         yield f"the watchdog wrote down outputs in {units}"
     if "safe_after_s" in report and report["safe_after_s"] > watchdog.ended_s - world.run.ended_s + 0.1:
         yield f"safe after {report['safe_after_s']:g} s, and the watchdog was gone sooner"
+    begun_s = next((at_s for at_s in watchdog.connected_s if at_s > world.run.ended_s), world.run.ended_s)
+    moves_s = [at_s for name in world.outputs for at_s, _ in ran.changes[name] if at_s < watchdog.ended_s]
+    safe_s, after_s = max(*moves_s, begun_s), report.get("safe_after_s", 0.0)
+    alone = kinds(ran) <= {"kill", "int", "term", "hup", "fork", "low", "over", "pressed"}
+    if alone and after_s > safe_s - world.run.ended_s + _ANSWERS_S:
+        yield f"safe after {after_s:g} s, and outputs moved last {safe_s - world.run.ended_s:.3f} s after the end"
 
 
 def word_comes_first(world: World, ran: Ran) -> Iterator[str]:
