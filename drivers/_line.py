@@ -118,7 +118,7 @@ class Line(RequestLine):
             return self.ask(request)
 
     def tell(self, request: str) -> None:
-        """Send what has no answer, at once: also while a late answer may still come.
+        """Send what has no answer after no more than a pause: also while a late answer may still come.
 
         Raises:
             DeviceLostError: the port is gone, or who answered last on it is another device.
@@ -128,6 +128,7 @@ class Line(RequestLine):
             with suppress(LinkError):  # nobody says what it is: on its own port a safe value is sent all the same
                 self.meeting.take_place()
         self.meeting.refuse_another()
+        system.sleep(max(0.0, self._rest_until_s - system.now_s()))
         self._send(request)
         self._rest_until_s = system.now_s() + self._pause_s
 

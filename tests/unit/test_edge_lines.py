@@ -194,6 +194,23 @@ def test_a_pause_between_frames_and_noise_around_them() -> None:
         module(lambda _came: b"", inputs("ai0")).__enter__()
 
 
+def test_what_has_no_answer_waits_for_the_pause_too() -> None:
+    came_s: list[float] = []
+
+    def device(came: bytes) -> bytes:
+        came_s.append(time.monotonic())
+        return b"1\n" if came == b"?\n" else b""
+
+    with ForeignLine(device, ended(b"\n")) as line:
+        settings = SerialSettings(address=f"socket://127.0.0.1:{line.port}", pause_s=0.3, **CALM)
+        port = Line(settings, "\n", "\n", driver="text")
+        assert port.ask("?") == "1"
+        port.tell("0")
+        assert port.ask("?") == "1"
+        port.close()
+    assert min(came_s[1] - came_s[0], came_s[2] - came_s[1]) > 0.29
+
+
 @pytest.mark.parametrize(
     ("said", "read"),
     [

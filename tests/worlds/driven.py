@@ -199,6 +199,13 @@ def restart_is_noticed(world: World, ran: Ran) -> Iterator[str]:
                 yield f"{fault.device} restarted at {at_s:.3f} s, and it was driven until {end_s:.3f} s"
 
 
+def pauses_are_kept(world: World, ran: Ran) -> Iterator[str]:
+    """A device that needs a pause after its answer is left alone for so long by one who has had the answer."""
+    rushed = getattr(world.third, "rushed", ())
+    if rushed and not kinds(ran) - CALM - {"poke"}:
+        yield f"third was asked at {rushed[0]:.4f} s, in the pause after its answer"
+
+
 def holds_are_events(world: World, ran: Ran) -> Iterator[str]:
     """A hold stands among the events; one that ended while it was driven with its end."""
     _, end_s = _drives_s(world)
@@ -247,6 +254,6 @@ def witness_is_heard(world: World, ran: Ran) -> Iterator[str]:
 
 LAWS = (
     begins_safe, errors_are_not_ours, connections_are_given_up, drives_what_is_asked, hands_back_what_is_recorded,
-    samples_are_in_time, own_watchdogs_rest, causes_happened, is_heard, restart_is_noticed,
+    samples_are_in_time, own_watchdogs_rest, causes_happened, is_heard, restart_is_noticed, pauses_are_kept,
     holds_are_events, witness_is_heard,
 )  # fmt: skip

@@ -60,8 +60,8 @@ class SerialLine:
             self._hub.at(leaves_s, lambda: self._arrive(data))
         return sent
 
-    def from_device(self, data: bytes) -> None:
-        """An answer, in one piece or in two."""
+    def from_device(self, data: bytes) -> float:
+        """An answer, in one piece or in two; when it is there."""
         cut = self._hub.draw.randrange(len(data)) if len(data) > 1 else 0
         for piece in filter(None, (data[:cut], data[cut:])):
             byte_s = self.ports[-1].byte_s if self.ports else 0.0
@@ -70,6 +70,7 @@ class SerialLine:
             self._here_s = max(self._hub.now_s, self._here_s) + takes_s
             arriving = self._spoiled(piece)
             self._hub.at(self._here_s, lambda arriving=arriving: self._arrive(arriving))  # type: ignore[misc]
+        return self._here_s
 
     def _arrive(self, data: bytes) -> None:
         if self.ports and not self.is_pulled:
@@ -173,15 +174,22 @@ class SerialPort:
 
 
 class OnALine(Device):
-    """A device at the end of a serial line; a new request takes the place of one that is not whole after a while."""
+    """A device at the end of a serial line; a new request takes the place of one that is not whole after a while.
+
+    Attributes:
+        pause_s: so long after an answer it does not listen; rushed: when something came in it, which is lost.
+    """
 
     whole: WholeRequest
     silence_s = float("inf")
+    pause_s = 0.0
 
     def __init__(self, hub: Hub) -> None:
         super().__init__(hub)
         self.line = SerialLine(hub, self._take)
         self._came, self._came_s = b"", 0.0
+        self._answered_s = -float("inf")
+        self.rushed = list[float]()
 
     @abstractmethod
     def answer(self, request: bytes) -> bytes:
@@ -196,6 +204,9 @@ class OnALine(Device):
     def _take(self, data: bytes) -> None:
         if self.deaf or not self.is_on:
             return
+        if self._hub.now_s < self._answered_s + self.pause_s:
+            self.rushed.append(self._hub.now_s)
+            return
         self._came = data if self._hub.now_s - self._came_s > self.silence_s else self._came + data
         self._came_s = self._hub.now_s
         whole = type(self).whole
@@ -209,7 +220,7 @@ class OnALine(Device):
             return
         answer = self.answer(request)
         if answer and not self.mute:
-            self.line.from_device(answer)
+            self._answered_s = self.line.from_device(answer)
 
 
 class Module(OnALine):
@@ -256,6 +267,7 @@ class Source(OnALine):
     """A current source in SCPI, 0 … 3 A, with an error queue and without a watchdog."""
 
     whole = staticmethod(ended(b"\n"))
+    pause_s = 0.004
 
     def __init__(self, hub: Hub) -> None:
         super().__init__(hub)

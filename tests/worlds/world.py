@@ -128,7 +128,7 @@ THIRD: dict[str, tuple[dict[str, object], str]] = {
     "module": ({"terminal": "ao0", "unit": "V", "on": 5.0, "high": 10.0, "address": PORT},
                'driver = "ascii_module"\nmodel = "adam-4024"\nmodule = 1\nbaud = 38400'),
     "source": ({"terminal": "current", "unit": "A", "on": 1.5, "high": 3.0, "address": PORT},
-               'driver = "scpi"\nmodel = "dc-source"'),
+               'driver = "scpi"\nmodel = "dc-source"\npause_s = 0.005'),
     "amplifier": ({"terminal": "ao", "unit": "V", "on": 5.0, "high": 10.0, "address": PORT},
                   """driver = "modbus"
 transport = "rtu"
