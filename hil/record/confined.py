@@ -158,12 +158,8 @@ def _array(answer: BinaryIO, path: Path, kind: str, shape: Sequence[int], most: 
     if not 0 <= size <= most:
         raise FileError(f"{path}: an array of {size / 1e9:.3g} GB; {most / 1e9:.3g} GB of it may still be read")
     found = np.empty(size, dtype=np.uint8)
-    space, filled = found.data, 0
-    while filled < size:
-        got = answer.readinto(space[filled:])  # type: ignore[attr-defined]
-        if not got:
-            raise EOFError
-        filled += got
+    if answer.readinto(found.data) != size:  # type: ignore[attr-defined]
+        raise EOFError
     return found.view(dtype).reshape(shape)
 
 

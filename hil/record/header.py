@@ -231,13 +231,17 @@ def check_sealed(folder: Path, end: End) -> None:
     for name, expected in end.sha256.items():
         if Path(name).name != name:
             raise FileError(f"{folder / END_FILE}: seals '{name}', which is no file of the run folder")
-        if name in _SAMPLES:
-            continue
-        found = sha256_of(folder / name)
-        if found != expected:
-            raise FileError(
-                f"{folder / name}: changed after the run was closed: SHA-256 {found[:12]}…, expected {expected[:12]}…"
-            )
+        if name not in _SAMPLES:
+            check_unchanged(folder / name, expected, "closed")
+
+
+def check_unchanged(path: Path, expected: str, since: str, remedy: str = "") -> None:
+    """Raise `FileError` unless a file of a run has this SHA-256, as when the run was `since` closed or sealed."""
+    found = sha256_of(path)
+    if found != expected:
+        raise FileError(
+            f"{path}: changed after the run was {since}: SHA-256 {found[:12]}…, expected {expected[:12]}…{remedy}"
+        )
 
 
 def sha256_of(path: Path) -> str:

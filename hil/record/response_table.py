@@ -82,7 +82,7 @@ class ResponseTable:
         above, below = figure.subplots(2, 1, sharex=True)
         tables = (self, *others)
         for table in tables:
-            gain_db, label = _DB * np.log(np.abs(table.response)), table.name.rsplit("/", 1)[-1]
+            gain_db, label = decibels(np.abs(table.response)), table.name.rsplit("/", 1)[-1]
             above.plot(table.frequency_hz, gain_db, ".-", label=label, linewidth=1.0)
             below.plot(table.frequency_hz, table.phase_deg, ".-", linewidth=1.0)
         units = ", ".join(dict.fromkeys(table.unit for table in tables))
@@ -95,19 +95,25 @@ class ResponseTable:
 
     def to_pandas(self) -> Any:
         """A pandas DataFrame: gain, phase and their uncertainty, indexed by `frequency [Hz]`."""
-        columns = {f"{name} [{unit}]": values for name, (values, unit) in self._variables.items()}
-        return data_frame(columns, "frequency [Hz]", self.frequency_hz)
+        return data_frame(self._headed(in_db=False), "frequency [Hz]", self.frequency_hz)
 
     def to_xarray(self) -> Any:
         """An xarray Dataset over `frequency`, units as attributes. Raises `InputError` without xarray."""
-        return dataset(self._variables, ("frequency", self.frequency_hz, "Hz"), self.name)
+        return dataset(self._variables(in_db=False), ("frequency", self.frequency_hz, "Hz"), self.name)
 
-    @property
-    def _variables(self) -> dict[str, tuple[Array, str]]:
-        gain = np.abs(self.response)
-        found = {"gain": (gain, self.unit), "phase": (self.phase_deg, "deg")}
+    def csv(self) -> str:
+        """As CSV: `frequency [Hz]`, `gain […]`, `phase [deg]`, and their standard uncertainties if known."""
+        columns = {"frequency [Hz]": self.frequency_hz, **self._headed(in_db=self.in_db)}
+        return csv_text(columns, np.column_stack(list(columns.values())).tolist())
+
+    def _headed(self, *, in_db: bool) -> dict[str, Array]:
+        return {f"{name} [{unit}]": values for name, (values, unit) in self._variables(in_db=in_db).items()}
+
+    def _variables(self, *, in_db: bool) -> dict[str, tuple[Array, str]]:
+        size, unit = np.abs(self.response), "dB" if in_db else self.unit
+        found = {"gain": (decibels(size) if in_db else size, unit), "phase": (self.phase_deg, "deg")}
         if self.gain_std is not None:
-            found["gain std"] = (gain * self.gain_std, self.unit)
+            found["gain std"] = (self.gain_std * (_DB if in_db else size), unit)
         if self.phase_std_rad is not None:
             found["phase std"] = (np.degrees(self.phase_std_rad), "deg")
         return found
@@ -196,26 +202,15 @@ def refuse_mislabelled(name: str, columns: Sequence[Column]) -> None:
 
 
 def write_response_table(table: ResponseTable, path: Path) -> None:
-    """Write a table as CSV: `frequency [Hz]`, `gain […]`, `phase [deg]`, and their standard uncertainties if known.
+    """Write a table as CSV.
 
     Raises:
         FileError: another ending than `.csv`. StorageError: it cannot be written.
     """
     if path.suffix.lower() != ".csv":
         raise FileError(f"{path}: a frequency response is written as .csv")
-    size = np.abs(table.response)
-    unit = "dB" if table.in_db else table.unit
-    columns = {
-        "frequency [Hz]": table.frequency_hz,
-        f"gain [{unit}]": decibels(size) if table.in_db else size,
-        "phase [deg]": np.degrees(np.unwrap(np.angle(table.response))),
-    }
-    if table.gain_std is not None:
-        columns[f"gain std [{unit}]"] = table.gain_std * (_DB if table.in_db else size)
-    if table.phase_std_rad is not None:
-        columns["phase std [deg]"] = np.degrees(table.phase_std_rad)
     with storing(path):
-        write_whole(path, csv_text(columns, np.column_stack(list(columns.values())).tolist()))
+        write_whole(path, table.csv())
 
 
 def _parts(columns: Sequence[Column]) -> dict[str, Column]:
@@ -263,14 +258,18 @@ def _real(column: Column) -> Array:
 def _frequency_hz(name: str, column: Column) -> Array:
     label, unit = column.name_and_unit
     if not unit:
-        raise FileError(
-            f"{name}: no unit is stated for '{label}'; say it with {option('unit', f'{label}=Hz')} or "
-            f"{option('unit', f'{label}=rad/s')}"
-        )
-    if unit == "rad/s":
-        return _real(column) / (2.0 * math.pi)
+        raise _unit_missing(name, label, "Hz", "rad/s")
+    return _real(column) / (2.0 * math.pi) if unit == "rad/s" else _converted(name, column, unit, "Hz")
+
+
+def _unit_missing(name: str, label: str, one: str, other: str) -> FileError:
+    says = f"{option('unit', f'{label}={one}')} or {option('unit', f'{label}={other}')}"
+    return FileError(f"{name}: no unit is stated for '{label}'; say it with {says}")
+
+
+def _converted(name: str, column: Column, unit: str, to: str) -> Array:
     try:
-        return convert(_real(column), unit, "Hz")
+        return convert(_real(column), unit, to)
     except UnitError as error:
         raise FileError(f"{name}: column '{column.heading}': {error}") from None
 
@@ -282,10 +281,7 @@ def _gain(name: str, column: Column, notes: list[str]) -> tuple[Array, str, bool
         notes.append(f"no unit is stated for '{label}', which goes below 0; taken as dB")
         unit = "dB"
     if not unit:
-        raise FileError(
-            f"{name}: no unit is stated for '{label}'; say it with {option('unit', f'{label}=dB')} or "
-            f"{option('unit', f'{label}=1')}"
-        )
+        raise _unit_missing(name, label, "dB", "1")
     if unit.casefold() in _DECIBEL:
         return of_decibels(values), "1", True
     if np.nanmin(values) < 0.0:
@@ -314,14 +310,8 @@ def _angle(name: str, column: Column, notes: list[str]) -> Array:
         )
         unit = "deg"
     if not unit:
-        raise FileError(
-            f"{name}: no unit is stated for '{label}'; say it with {option('unit', f'{label}=deg')} or "
-            f"{option('unit', f'{label}=rad')}"
-        )
-    try:
-        return convert(_real(column), {"°": "deg", "Deg": "deg"}.get(unit, unit), "rad")
-    except UnitError as error:
-        raise FileError(f"{name}: column '{column.heading}': {error}") from None
+        raise _unit_missing(name, label, "deg", "rad")
+    return _converted(name, column, {"°": "deg", "Deg": "deg"}.get(unit, unit), "rad")
 
 
 def _gain_std(column: Column | None, size: Array, in_db: bool) -> Array | None:

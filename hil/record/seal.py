@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from hil.errors import FileError, storing
 from hil.record.durable import sync_folder, write_whole
-from hil.record.header import END_FILE, HEADER_FILE, read_end, read_stated, sha256_of
+from hil.record.header import END_FILE, HEADER_FILE, check_unchanged, read_end, read_stated, sha256_of
 from hil.record.measurement import FINDINGS_FILE, RESULTS_FILE, Limit
 from hil.record.moment import Moment
 from hil.record.samples import ROWS_FILE
@@ -96,15 +96,11 @@ def check_seal(folder: Path, only: str = "") -> Seal | None:
             f"{folder / SEAL_FILE}: is gone, or was never written; `hil report {folder}` evaluates and seals"
         )
     for name, expected in {**recorded, **({} if seal is None else seal.sha256)}.items():
-        if only not in ("", name):
-            continue
-        found = sha256_of(folder / name)
-        if found != expected:
-            remedy = "" if name in recorded or name == END_FILE else f"; `hil report {folder}` evaluates the run again"
-            raise FileError(
-                f"{folder / name}: changed after the run was sealed: SHA-256 {found[:12]}…, "
-                f"expected {expected[:12]}…{remedy}"
+        if only in ("", name):
+            evaluated_again = (
+                "" if name in recorded or name == END_FILE else f"; `hil report {folder}` evaluates the run again"
             )
+            check_unchanged(folder / name, expected, "sealed", evaluated_again)
     return seal
 
 
