@@ -180,8 +180,8 @@ def played(width: float, lag_s: float) -> list[Sweep]:
 @pytest.mark.parametrize(("width", "lag_s"), [(0.0, 0.0), (0.05, 0.0), (0.0, 0.03), (0.05, 0.03)])
 def test_hysteresis_and_lag_are_told_apart(width: float, lag_s: float) -> None:
     curve = pressure_curve("played", played(width, lag_s))
-    assert curve.hysteresis_a == pytest.approx(width, abs=1e-3)
-    assert curve.lag_s == pytest.approx(lag_s, abs=1e-3)
+    assert curve.estimate.mean_width == pytest.approx(width, abs=1e-3)
+    assert curve.estimate.lag_s == pytest.approx(lag_s, abs=1e-3)
     assert curve.current_at(100.0) == pytest.approx(1.2, abs=5e-3)
     assert np.interp(1.2, curve.current, curve.nominal) == pytest.approx(100.0, abs=2.0)
 

@@ -12,7 +12,7 @@ from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.language.note import Note
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array
-from hil.signals.crossing import crossing
+from hil.signals.crossing import first_crossing
 from hil.signals.interval import COVERED
 
 if TYPE_CHECKING:
@@ -145,23 +145,13 @@ def _fall(frequency_hz: Array, values: Array, own: Array, shared: Array, level: 
         return Crossing(level, unit, float(frequency_hz[0]), math.nan, top)
     wide = COVERAGE_FACTOR * np.hypot(np.linalg.norm(weights * own, axis=1), weights @ shared)
     if not np.isfinite(wide).all():
-        at = _first_fall(grid, curve - level)
+        at = first_crossing(grid, level - curve, 0.0)
         return Crossing(level, unit, None if at is None else math.exp(at), math.nan, top)
-    low, high = (_first_fall(grid, curve + sign * wide - level) for sign in (-1.0, 1.0))
+    low, high = (first_crossing(grid, level - curve - sign * wide, 0.0) for sign in (-1.0, 1.0))
     if low is None or high is None:
         return Crossing(level, unit, None, math.nan, top if low is None else math.exp(low))
     least, most = math.exp(low), math.exp(high)
     return Crossing(level, unit, (least + most) / 2.0, (most - least) / (2.0 * COVERAGE_FACTOR), top)
-
-
-def _first_fall(places: Array, above: Array) -> float | None:
-    """Where values first fall to 0, between two places along a straight line; None where they do not."""
-    i = int(np.argmax(above <= 0.0))
-    if above[i] > 0.0:
-        return None
-    if i == 0:
-        return float(places[0])
-    return crossing(places, above, 0.0, i - 1, i)
 
 
 def _spline(frequency_hz: Array, values: Array) -> BSpline:

@@ -33,11 +33,6 @@ def moved(model: Model, values: Parameters, stds: Mapping[str, float] | None = N
     return replace(model, parameters=parameters, effects=effects)
 
 
-def moved_effects(model: Model, values: Parameters) -> tuple[ActiveEffect, ...]:
-    """The effects of a model with new values for `effect.parameter`s."""
-    return effects_at(model.active_effects, values)
-
-
 def effects_at(effects: Sequence[ActiveEffect], values: Parameters) -> tuple[ActiveEffect, ...]:
     """Effects with new values for `effect.parameter`s."""
     if not any("." in name for name in values):

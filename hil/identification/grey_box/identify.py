@@ -16,7 +16,7 @@ from hil.identification.frequency.table_fit import AS_THEY_SHOW, Orders
 from hil.identification.grey_box.alternative_optima import alternative_optima
 from hil.identification.grey_box.discrepancy import discrepancy_of, note_of
 from hil.identification.grey_box.estimate import Estimate, Unknown, estimate
-from hil.identification.grey_box.free import all_values, check_free, moved, moved_effects, unknown_of
+from hil.identification.grey_box.free import all_values, check_free, effects_at, moved, unknown_of
 from hil.identification.grey_box.lines import common_line, line_at
 from hil.identification.grey_box.multistart import multistart
 from hil.identification.grey_box.residuals import Residuals
@@ -40,7 +40,7 @@ from hil.identification.preparation.recording_quality import (
 )
 from hil.identification.preparation.start_in_motion import begins_at_rest, begun_in_motion
 from hil.identification.preparation.sub_sample_response import dead_time_std_s, responds_within_sample
-from hil.identification.uncertainty.fit import fit_percent
+from hil.identification.uncertainty.fit import fit_percent, rms
 from hil.identification.uncertainty.noise import Measured, channel_floor, measured_noise, resolution
 from hil.language.note import Note
 from hil.physics.model import Covariance, Model, Value, load_model, typical_model
@@ -257,7 +257,7 @@ def _fitted(
         found = _fit_from(near, task, _unknowns(model, names, _merged(model, found)))
     found = replace(found, fixed_at_bound=_driven_out(found))
     at = _merged(model, found)
-    about = Residuals(plant, used, weights, near.values, moved_effects(model, at))
+    about = Residuals(plant, used, weights, near.values, effects_at(model.active_effects, at))
     beside = systematic(about, found, {p.name: at[p.name] for p in plant.parameters})
 
     def fit_at(values: Parameters, names: Sequence[str]) -> Estimate:
@@ -422,7 +422,7 @@ def _residuals(model: Model, task: _Task, unknowns: Sequence[Unknown]) -> Callab
         task.tick()
         tried = dict(zip(names, values.tolist(), strict=True))
         parameters = base | {name: value for name, value in tried.items() if "." not in name}
-        return of_plant.at(parameters, moved_effects(model, tried))
+        return of_plant.at(parameters, effects_at(active, tried))
 
     return residuals
 
@@ -431,7 +431,7 @@ def _noise(
     model: Model, experiments: Sequence[Experiment], errors: Sequence[Array], simulated: Sequence[Array]
 ) -> Measured:
     """The noise of the output from what the model leaves, a tone that runs through everything apart."""
-    floor = float(np.sqrt(np.mean([channel_floor(e.valid_output) ** 2 for e in experiments])))
+    floor = rms(np.array([channel_floor(e.valid_output) for e in experiments]))
 
     def measured(outputs: Sequence[Array], errors: Sequence[Array]) -> Measured:
         outputs_there = [values[e.valid] for e, values in zip(experiments, outputs, strict=True)]
@@ -439,7 +439,7 @@ def _noise(
         return measured_noise(outputs_there, seen, errors, experiments[0].interval_s)
 
     outputs = [e.output for e in experiments]
-    is_noise = float(np.sqrt(np.mean([np.mean(error**2) for error in errors]))) < _MOST_OVER_FLOOR * floor
+    is_noise = rms(np.array([rms(error) for error in errors])) < _MOST_OVER_FLOOR * floor
     hum_hz = common_line(experiments, errors) if is_noise else None  # a misfit has lines that are no hum
     if hum_hz is None:
         return measured(outputs, errors)
@@ -549,7 +549,7 @@ def _result(
         p.name: Value(values[p.name], units[p.name], stds.get(p.name), by_calibration.get(p.name))
         for p in plant.parameters
     }
-    effects, active = moved(model, values, stds).effects, moved_effects(model, values)
+    effects, active = moved(model, values, stds).effects, effects_at(model.active_effects, values)
     plain = {p.name: values[p.name] for p in plant.parameters}
     fits, errors, answers = {}, [], []
     for e in experiments:

@@ -306,7 +306,7 @@ def evaluated_test(
         samples = min(runs.shape[1], len(reference[level]))
         errors[level] = float(np.mean([rms_error(run[:samples], reference[level][:samples]) for run in runs]))
     return ValveTest(
-        curve.hysteresis_a / 2.0,
+        curve.estimate.mean_width / 2.0,
         float(rises.mean()),
         leakage_ml_min,
         bandwidth[0],

@@ -13,7 +13,7 @@ from hil.errors import InputError
 from hil.identification.steady.sweep_estimate import BINS, LEVELS, SweepEstimate
 from hil.identification.uncertainty.parametric_bootstrap import about, draws_of
 from hil.record.recording import Array, Integers
-from hil.signals.crossing import crossing
+from hil.signals.crossing import first_crossing
 from hil.signals.interval import UNIFORM
 from hil.signals.rounding import rounding_of_means
 
@@ -158,11 +158,9 @@ def line_through(command: Array, response: Array, first: float, last: float) -> 
 
 def level_at(levels: Array, values: Array, wanted: float) -> float:
     """First level at which the values pass a wanted one; NaN where they do not."""
-    beyond = (values >= wanted) if values[-1] > values[0] else (values <= wanted)
-    i = int(np.argmax(beyond))
-    if not beyond[i] or i == 0:
-        return math.nan
-    return crossing(levels, values, wanted, i - 1, i)
+    sign = 1.0 if values[-1] > values[0] else -1.0
+    found = first_crossing(levels, sign * values, sign * wanted)
+    return math.nan if found is None or found == levels[0] else found
 
 
 def largest_slope(estimate: SweepEstimate, speeds: Sequence[float]) -> tuple[Read, float]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from hil.errors import InputError
 from hil.identification.steady.sweep_estimate import Standing, Sweep, settled
+from hil.identification.uncertainty.fit import rms
 from hil.record.recording import Array, Recording
 from hil.signals.runs import runs
 
@@ -117,7 +118,7 @@ def _moving(time_s: Array, command: Array, first: int, last: int, span: float) -
         return None
     moving = slice(first + int(inside[0]), first + int(inside[-1]) + 1)
     slope, level = np.polyfit(time_s[moving], command[moving], 1)
-    off = np.sqrt(np.mean((command[moving] - level - slope * time_s[moving]) ** 2))
+    off = rms(command[moving] - level - slope * time_s[moving])
     if off > _STRAIGHT * span or abs(slope) * np.ptp(time_s[moving]) < (1.0 - 2.0 * _TURN) * (high - low):
         return None
     ends_s = np.sort((np.array([part[0], part[-1]]) - level) / slope)

@@ -6,6 +6,7 @@ the rest.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,7 +17,7 @@ from hil.identification.steady.characteristic import Loop, loop
 from hil.identification.steady.sweep_estimate import Sweep, SweepEstimate, sweep_estimate
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about
 from hil.record.recording import Array
-from hil.signals.crossing import crossing
+from hil.signals.crossing import first_crossing
 from hil.signals.interval import CERTAIN
 
 
@@ -51,16 +52,6 @@ class PressureCurve:
         return np.std(self.estimate.responses, axis=0)
 
     @property
-    def hysteresis_a(self) -> float:
-        """Mean width of the loop along the current that no speed explains, in A."""
-        return self.estimate.mean_width
-
-    @property
-    def lag_s(self) -> float:
-        """What widens it with speed."""
-        return self.estimate.lag_s
-
-    @property
     def span(self) -> float:
         """Change of pressure from the lowest to the highest current; negative for a valve that current closes."""
         return float(self.nominal[-1] - self.nominal[0])
@@ -77,14 +68,13 @@ class PressureCurve:
         Raises:
             InputError: it does not.
         """
-        rising = self.nominal if self.span > 0.0 else -self.nominal
-        monotone = np.maximum.accumulate(rising)
-        wanted = pressure if self.span > 0.0 else -pressure
-        if not monotone[0] <= wanted <= monotone[-1]:
+        sign = math.copysign(1.0, self.span)
+        monotone = np.maximum.accumulate(sign * self.nominal)
+        found = first_crossing(self.current, monotone, sign * pressure)
+        if found is None or sign * pressure < monotone[0]:
             low, high = sorted((float(self.nominal[0]), float(self.nominal[-1])))
             raise InputError(f"pressure {pressure:g} psi: the curve goes from {low:.4g} to {high:.4g} psi")
-        i = max(int(np.argmax(monotone >= wanted)), 1)
-        return crossing(self.current, monotone, wanted, i - 1, i)
+        return found
 
 
 def pressure_curve(name: str, sweeps: Sequence[Sweep], draws: int = DRAWS) -> PressureCurve:

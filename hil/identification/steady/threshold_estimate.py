@@ -14,7 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.identification.steady.characteristic import Read
+from hil.identification.uncertainty.fit import rms
 from hil.record.recording import Array
+from hil.signals.crossing import crossing, first_crossing
 from hil.signals.interval import UNIFORM
 
 CLEAR = 3.0  # standard uncertainties that a change must exceed: the definition
@@ -141,7 +143,7 @@ def drift_of(stops: Sequence[Sequence[Stop]]) -> Read:
     power, free = float(late @ late), len(late) - len(stops) - 1
     rate = float(late @ off) / power
     left = off - rate * late
-    noise = float(np.sqrt(np.mean([stop.std**2 for same in stops for stop in same])))
+    noise = rms(np.array([stop.std for same in stops for stop in same]))
     return rate, max(noise, math.sqrt(float(left @ left) / max(free, 1))) / math.sqrt(power)
 
 
@@ -184,16 +186,10 @@ def _crossing(places: Array, values: Array, level: float, std: float) -> float:
     if last == len(places) - 1:
         return math.inf
     far = np.flatnonzero(values[: last + 1] < level - 2.0 * std)
-    since = int(far[-1]) + 1 if len(far) else 0
-    first = since + int(np.argmax(values[since:] >= level))
-    return float(_between(places, values, max(first - 1, 0), level) + _between(places, values, last, level)) / 2.0
-
-
-def _between(places: Array, values: Array, i: int, level: float) -> float:
-    """The place from `i` to the next at which a straight line between their values has a level."""
-    rise = values[i + 1] - values[i]
-    part = (level - values[i]) / rise if rise else 0.0
-    return float(places[i] + min(max(part, 0.0), 1.0) * (places[i + 1] - places[i]))
+    since = int(far[-1]) if len(far) else 0
+    first = first_crossing(places[since:], values[since:], level)
+    for_good = crossing(places, values, level, last, last + 1)
+    return for_good if first is None else (first + for_good) / 2.0
 
 
 def _delay_at(moved: float, lag: float) -> tuple[float, float]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from hil.errors import InputError
 from hil.identification.step.step_response import TAIL_SHARE, StepFigures, leaves, moves_once, step_figures
+from hil.identification.uncertainty.fit import rms
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
 from hil.record.recording import Array, Recording
 from hil.signals.interval import UNIFORM
@@ -183,7 +184,7 @@ def _overshoot(changed: Array, tail: slice) -> float:
     changes = np.mean(changed[:, tail], axis=1)
     farthest = np.where(changes > 0.0, np.max(changed, axis=1), np.min(changed, axis=1))
     over = farthest / changes - 1.0
-    return float(np.sqrt(np.mean(np.maximum(over, 0.0) ** 2)))
+    return rms(np.maximum(over, 0.0))
 
 
 def _read(

@@ -10,7 +10,7 @@ import numpy as np
 from hil.errors import InputError
 from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Array, Complex, Mask
-from hil.signals.crossing import crossing
+from hil.signals.crossing import crossing, first_crossing
 
 TAIL_SHARE = 0.15  # of what comes after the step: its end gives the final value
 MOVED = 0.02  # of the change: the response has begun to move
@@ -112,13 +112,10 @@ def dead_time_explaining(rise_s: float, settling_s: float, band: float = 0.02) -
 
 def _reaches(time_s: Array, share: Array, level: float) -> float:
     """First time at a level, between samples where it lies between them."""
-    over = share >= level
-    i = int(np.argmax(over))
-    if not over[i]:
+    found = first_crossing(time_s, share, level)
+    if found is None:
         raise InputError(f"step response: the output does not reach {100 * level:g} % of its change; record longer")
-    if i == 0:
-        return float(time_s[0])
-    return crossing(time_s, share, level, i - 1, i)
+    return found
 
 
 def moves_once(response: Array, start: float, final: float) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hil.identification.uncertainty.fit import rms
 from hil.physics.model import Noise
 from hil.record.recording import Array
 from hil.signals.interval import COVERED, UNIFORM
@@ -176,7 +177,7 @@ def measured_noise(
     floors = [
         max(min(channel_floor(y), white_floor(r)), rounding_of(y)) for y, r in zip(outputs, residuals, strict=True)
     ]
-    floor = float(np.sqrt(np.mean(np.square(floors))))
+    floor = rms(np.array(floors))
     noise = Noise(floor, std_uncertainty=_MEDIAN_SPREAD * floor / math.sqrt(sum(map(len, outputs))))
     seen, left = noise_of(_alike(witnesses, step_s), step_s), noise_of(residuals, step_s)
     if _exceeds(seen, noise):
