@@ -52,7 +52,7 @@ def alternative_optima(found: Estimate, at: Parameters, fit_at: FitAt) -> tuple[
 
 def _beyond_corners(found: Estimate, away_with: AwayWith) -> Iterator[tuple[Array, Note]]:
     """Values in a corner, held ever farther to both sides for as long as the fit stays as good."""
-    curvature = found.slopes.curvature
+    curvature = found.curvature
     if curvature.bent is None:
         return
     is_corner = np.diag(curvature.bent) > _CORNER**2 * np.diag(curvature.alike)

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from hil.cores import spread
-from hil.identification.uncertainty.identifiability import Curvature, Identifiability, Slopes, identifiability, products
+from hil.identification.uncertainty.identifiability import Curvature, Identifiability, identifiability, products
 from hil.physics.plant import Parameter
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
@@ -50,35 +50,38 @@ class Estimate:
         unknowns: what was estimated.
         values: shape (k,).
         residuals: weighted, shape (n,).
-        converged: whether the optimiser met its tolerance. `sentence`: what it said.
+        converged: whether the optimiser met its tolerance.
         fixed_at_bound: places of values that are not identifiable whatever their slopes say.
-        slopes_at_values: computes the `slopes`; most fits of a search are only compared, and none asks for them.
+        slopes_at_values: computes slopes and curvature; most fits of a search are only compared and ask for none.
     """
 
     unknowns: tuple[Unknown, ...]
     values: Array
     residuals: Array
     converged: bool
-    sentence: str
-    slopes_at_values: Callable[[], Slopes]
+    slopes_at_values: Callable[[], tuple[Array, Curvature]]
     fixed_at_bound: tuple[int, ...] = ()
 
     @cached_property
-    def slopes(self) -> Slopes:
-        """Of the residuals."""
+    def _at_values(self) -> tuple[Array, Curvature]:
         return self.slopes_at_values()
 
     @property
     def jacobian(self) -> Array:
-        """Of the residuals, shape (n, k)."""
-        return self.slopes.slopes
+        """Slopes of the residuals, shape (n, k)."""
+        return self._at_values[0]
+
+    @property
+    def curvature(self) -> Curvature:
+        """Of the sum of their squares."""
+        return self._at_values[1]
 
     @cached_property
     def identifiability(self) -> Identifiability:
         """What the data tell of the values; times residual variance and the loss of independent samples by colour."""
         variance = self.chi2 / max(self.count - len(self.unknowns), 1) * colour_factor(self.residuals)
         widths = np.array([u.high - u.low for u in self.unknowns])
-        return identifiability(self.slopes.curvature, variance, widths, sorted(self.fixed_at_bound))
+        return identifiability(self.curvature, variance, widths, sorted(self.fixed_at_bound))
 
     @property
     def count(self) -> int:
@@ -151,14 +154,14 @@ def estimate(
     values = np.clip([u.start for u in unknowns], low, high)
     r = residuals(values)
     if not len(unknowns):
-        return Estimate((), values, r, True, "nothing to estimate", lambda: _slopes_alone(np.zeros((len(r), 0))))
+        return Estimate((), values, r, True, lambda: _slopes_alone(np.zeros((len(r), 0))))
 
     def differences() -> Array:
         return jacobian(sketch or residuals, unknowns, values, sketch(values) if sketch else r)
 
     slopes, secants = differences(), 0
-    damping, evaluations, sentence = _FIRST_DAMPING, 1, ""
-    while not sentence:
+    damping, evaluations = _FIRST_DAMPING, 1
+    while True:
         moved = np.clip(values + _damped_step(slopes, r, values, low, high, scale, damping), low, high)
         step = (moved - values) / scale
         still = bool(np.all(np.abs(step) <= _STILL))
@@ -174,24 +177,22 @@ def estimate(
             damping = max(damping / 5.0, 1e-9)
         elif not secants:
             damping *= 4.0
-        if converged and not secants:
-            sentence = "no step improves any further" if still else "the misfit no longer falls"
-        elif evaluations >= max_evaluations:
-            sentence = f"stopped after {evaluations} evaluations"
-        elif fell and not converged and gain >= _AS_PROMISED * promise and secants < len(unknowns):
+        done = converged and not secants
+        if done or evaluations >= max_evaluations:
+            break
+        if fell and not converged and gain >= _AS_PROMISED * promise and secants < len(unknowns):
             _correct(slopes, step, scale, new - foretold)
             secants += 1
         elif fell or secants:
             del slopes  # before the next: they are by far the largest that a fit holds
             slopes, secants = differences(), 0
-    done = not sentence.startswith("stopped")
 
-    def slopes_there() -> Slopes:
+    def slopes_there() -> tuple[Array, Curvature]:
         if careful:
             return _slopes_both_ways(residuals, values, low, high, scale, r)
         return _slopes_alone(jacobian(residuals, unknowns, values, r))
 
-    return Estimate(tuple(unknowns), values, r, done, sentence, slopes_there)
+    return Estimate(tuple(unknowns), values, r, done, slopes_there)
 
 
 def _correct(slopes: Array, step: Array, scale: Array, missed: Array) -> None:
@@ -240,13 +241,13 @@ def jacobian(
     return made.T
 
 
-def _slopes_alone(slopes: Array) -> Slopes:
-    return Slopes(slopes, Curvature(products(slopes)))
+def _slopes_alone(slopes: Array) -> tuple[Array, Curvature]:
+    return slopes, Curvature(products(slopes))
 
 
 def _slopes_both_ways(
     residuals: Callable[[Array], Array], values: Array, low: Array, high: Array, scale: Array, base: Array
-) -> Slopes:
+) -> tuple[Array, Curvature]:
     """To second order, in all unknowns at once (in threads); near a bound from two steps away from it."""
 
     def at(k: int, step: float) -> Array:
@@ -275,4 +276,4 @@ def _slopes_both_ways(
         return float(new @ new - base @ base)
 
     spread(column, range(len(values)))
-    return Slopes(slopes.T, Curvature(products(slopes.T), products(bends.T), rise))
+    return slopes.T, Curvature(products(slopes.T), products(bends.T), rise)

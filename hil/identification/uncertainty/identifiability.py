@@ -38,14 +38,6 @@ class Curvature:
 
 
 @dataclass(frozen=True, slots=True)
-class Slopes:
-    """Slopes of residuals in the values, shape (n, k), and the curvature of their sum of squares."""
-
-    slopes: Array
-    curvature: Curvature
-
-
-@dataclass(frozen=True, slots=True)
 class Identifiability:
     """What data tell of k values together.
 
