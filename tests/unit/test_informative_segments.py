@@ -10,7 +10,7 @@ import pytest
 from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.identification.preparation import informative_segments as module
 from hil.identification.preparation.experiment import Experiment, experiment
-from hil.identification.preparation.informative_segments import Segment, experiments_of, informative_segments
+from hil.identification.preparation.informative_segments import experiments_of, informative_segments
 from hil.physics.model import Model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array, Recording, recording
@@ -47,13 +47,13 @@ def bound(start: Model, one: Recording) -> tuple[list[Experiment], tuple[str, ..
 
 def test_stretches_are_taken_where_the_command_tells() -> None:
     found = informative_segments(long_command(), 5000, 1000)
-    taken = {first for s in found for first in range(s.first, s.first + s.count, 1000)}
+    taken = {first for s in found for first in range(*s, 1000)}
     assert len(taken) == 5 and {30_000, 31_000, 32_000} <= taken
     assert all(8000 <= first < 12_000 or 30_000 <= first < 33_000 for first in taken)
 
 
 def test_a_command_that_is_short_enough_is_taken_whole() -> None:
-    assert informative_segments(long_command()[8000:8900], 1000, 100) == [Segment(0, 900)]
+    assert informative_segments(long_command()[8000:8900], 1000, 100) == [(0, 900)]
 
 
 def test_a_long_recording_is_identified_from_a_part_of_it_and_that_is_said(few: None) -> None:

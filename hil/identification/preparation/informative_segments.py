@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from hil.identification.uncertainty.noise import channel_floor
 from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array, Recording
+from hil.signals.runs import runs
 
 MOST_SAMPLES = 300_000
 """More are not fitted: what they would add to a fit is not worth their hours."""
@@ -39,14 +40,6 @@ _SETTLED_SHARE = 0.1  # of a stretch, where nobody knows a time constant
 _LAGS = (1, 10, 100, 1000)
 _BEYOND = 0.1  # of the commands' span, in which a level to begin at is looked for too
 _FELT = 1.0  # of χ²: what the rest of a stretch may differ by, so that it moves no parameter by its uncertainty
-
-
-@dataclass(frozen=True, slots=True)
-class Segment:
-    """So many samples from the first on."""
-
-    first: int
-    count: int
 
 
 def experiments_of(
@@ -82,9 +75,9 @@ def experiments_of(
 
 
 def _bound(
-    model: Model, one: Recording, found: Sequence[Segment], bind: Callable[[Recording], Experiment]
+    model: Model, one: Recording, found: Sequence[tuple[int, int]], bind: Callable[[Recording], Experiment]
 ) -> list[Experiment]:
-    cut = [_settling_left_out(model, bind(_named(one.rows(s.first, s.count)))) for s in found]
+    cut = [_settling_left_out(model, bind(_named(one.rows(first, stop - first)))) for first, stop in found]
     if not any(e.observed for e in cut):
         return cut
     whole = bind(one)
@@ -151,22 +144,25 @@ def _without_signal(e: Experiment, name: str) -> Experiment:
     return replace(e, observed=observed, invalid={n: samples for n, samples in e.invalid.items() if n != name})
 
 
-def informative_segments(command: Array, most: int, length: int) -> list[Segment]:
-    """The stretches of a command, shape (n,), that tell most; no more samples than asked for, in order of time."""
+def informative_segments(command: Array, most: int, length: int) -> list[tuple[int, int]]:
+    """(first, one past the last) sample of the stretches of a command, shape (n,), that tell most, in order of time.
+
+    No more samples than asked for.
+    """
     if len(command) <= most:
-        return [Segment(0, len(command))]
+        return [(0, len(command))]
     low, high = float(np.nanmin(command)), float(np.nanmax(command))
     informations = [
         _information(command[first : first + length], low, high - low or 1.0)
         for first in range(0, len(command) - length + 1, length)
     ]
     total = 1e-6 * np.eye(len(informations[0]))
-    left, chosen = dict(enumerate(informations)), []
+    left, chosen = dict(enumerate(informations)), np.zeros(len(informations), dtype=np.bool_)
     for _ in range(max(most // length, 1)):
         k = max(left, key=lambda i: float(np.linalg.slogdet(total + left[i])[1]))
         total += left.pop(k)
-        chosen.append(k)
-    return _joined(sorted(chosen), length)
+        chosen[k] = True
+    return [(first * length, stop * length) for first, stop in runs(chosen)]
 
 
 def _information(values: Array, low: float, span: float) -> Array:
@@ -176,16 +172,6 @@ def _information(values: Array, low: float, span: float) -> Array:
     moved += [np.zeros(len(u))] * (len(_LAGS) - len(moved))
     seen = np.stack([np.ones(len(u)), u, u * u, u * u * u, *moved])
     return seen @ seen.T / len(u)
-
-
-def _joined(chosen: Sequence[int], length: int) -> list[Segment]:
-    found: list[Segment] = []
-    for k in chosen:
-        if found and found[-1].first + found[-1].count == k * length:
-            found[-1] = replace(found[-1], count=found[-1].count + length)
-        else:
-            found.append(Segment(k * length, length))
-    return found
 
 
 def _length(model: Model, recording: Recording, bind: Callable[[Recording], Experiment], most: int) -> int:
@@ -211,9 +197,9 @@ def _named(recording: Recording) -> Recording:
     return replace(recording, name=f"{recording.name}, {start_s:.6g}…{stop_s:.6g} s")
 
 
-def _sentence(recording: Recording, found: Sequence[Segment]) -> Note:
-    samples, used = len(recording), sum(s.count for s in found)
-    if [s.count for s in found] == [samples]:
+def _sentence(recording: Recording, found: Sequence[tuple[int, int]]) -> Note:
+    samples, used = len(recording), sum(stop - first for first, stop in found)
+    if used == samples:
         return Note("used whole, {samples} samples", samples=samples).of(recording.name)
     return Note(
         "{samples} samples are more than a fit needs; {used} ({used_s:.4g} s) in informative segments ({count}) are "
