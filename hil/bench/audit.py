@@ -87,15 +87,6 @@ class Link:
     line: Mapping[str, Any]
 
 
-def read_audit(path: Path) -> Iterator[dict[str, Any]]:
-    """The lines of an audit trail, oldest first.
-
-    Raises:
-        FileError: as `chain`.
-    """
-    return (dict(link.line) for link in chain(path))
-
-
 def chain(path: Path) -> Iterator[Link]:
     """The lines of an audit trail with their hashes, oldest first. One that a power cut tore is passed over.
 

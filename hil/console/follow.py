@@ -121,21 +121,12 @@ class Follower:
 
 
 class Following:
-    """Followers by run, each alive while somebody looks on.
-
-    Attributes:
-        viewers: how many there are, by run.
-    """
+    """Followers by run, each alive while somebody looks on."""
 
     def __init__(self) -> None:
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._followers: dict[str, Follower] = {}
         self._queues: dict[str, list[asyncio.Queue[bytes | None]]] = {}
-
-    @property
-    def viewers(self) -> dict[str, int]:
-        """By run."""
-        return {name: len(queues) for name, queues in self._queues.items()}
 
     def close(self) -> None:
         """Tell everybody that no more comes."""

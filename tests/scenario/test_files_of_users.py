@@ -15,9 +15,9 @@ from zipfile import ZipFile
 import nbformat
 import numpy as np
 import pytest
+from audit_trail import read_audit
 
 import hil
-from hil.bench.audit import read_audit
 from hil.console.access_accounts import Accounts
 from hil.errors import TrippedError
 from hil.safety.latch import Latch, latch_path

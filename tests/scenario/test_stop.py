@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from audit_trail import read_audit
 
-from hil.bench.audit import read_audit
 from hil.bench.find import find_bench
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench

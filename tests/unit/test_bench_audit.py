@@ -6,8 +6,9 @@ import os
 from pathlib import Path
 
 import pytest
+from audit_trail import read_audit
 
-from hil.bench.audit import ACCOUNT, Audit, on_the_trail, read_audit
+from hil.bench.audit import ACCOUNT, Audit, on_the_trail
 from hil.bench.find import benches
 from hil.bench.lease import leased
 from hil.bench.read import BenchFile, read_bench

@@ -7,8 +7,9 @@ import os
 from pathlib import Path
 
 import pytest
+from audit_trail import read_audit
 
-from hil.bench.audit import Audit, head, read_audit
+from hil.bench.audit import Audit, head
 
 
 @pytest.fixture(autouse=True)

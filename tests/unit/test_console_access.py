@@ -15,13 +15,14 @@ from typing import Any
 from urllib.parse import urlencode
 
 import pytest
+from audit_trail import read_audit
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from hil.bench.audit import Audit, read_audit
+from hil.bench.audit import Audit
 from hil.bench.stop.press import StopSwitch
 from hil.clock import VirtualClock
 from hil.console import access
