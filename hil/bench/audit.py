@@ -230,17 +230,13 @@ def issued_on_the_trail(file: Path, sha256: str, serial: str) -> None:
         Audit().write(acting_account(), "issues", {"file": str(file.absolute()), "sha256": sha256, "serial": serial})
 
 
-def is_on_the_trail(folder: Path, path: Path | None = None) -> bool:
+def is_on_the_trail(folder: Path) -> bool:
     """Whether the trail of this computer holds a run as it lies there; False: it does not know it.
-
-    Args:
-        folder: of the run.
-        path: of another trail.
 
     Raises:
         FileError: the trail holds it otherwise, or is broken.
     """
-    path = path or Audit().path
+    path = Audit().path
     here, place = marks_of(folder), str(folder.absolute())
     closes, evaluates = [], []
     for link in chain(path) if path.exists() else ():

@@ -49,9 +49,7 @@ def judged_by(recording: Recording, folder: Path) -> dict[str, Limit]:
     return {**limits_of(recording.meta), **({} if seal is None else seal.limits)}
 
 
-def report_again(
-    folder: Path, limits: Mapping[str, Limit | TypedLimit] = MappingProxyType({}), archive: str = ""
-) -> Outcome:
+def report_again(folder: Path, limits: Mapping[str, Limit | TypedLimit] = MappingProxyType({})) -> Outcome:
     """Evaluate a run once more and write its results and report.
 
     A run that was broken off before anything could be evaluated gets a report that says so.
@@ -60,7 +58,6 @@ def report_again(
         folder: the run.
         limits: of measured quantities, by name; they go before those with which it was judged before, and are sealed
             with the run.
-        archive: where an earlier run of a unit that did not pass is looked for.
 
     Raises:
         FileError: not a run folder.
@@ -71,7 +68,7 @@ def report_again(
     procedure = procedure_of(recording)
     given = checked_limits(procedure.measurements, limits)
     every = {**judged_by(recording, folder), **given}
-    found = with_earlier(procedure, recording, evaluated(procedure, recording, every), folder, archive)
+    found = with_earlier(procedure, recording, evaluated(procedure, recording, every), folder, "")
     return write_outcome(recording, replace(found, cause=cause_found_before(folder)), folder, every)
 
 
