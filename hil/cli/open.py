@@ -25,8 +25,7 @@ def command(
     A passport that was changed is not opened; whether its signer is known, `hil verify` says.
     """
     from hil.cli.places import check_folder
-    from hil.passport.contents import lay_out
-    from hil.passport.unpacked import LargeError
+    from hil.passport.contents import LargeError, lay_out
     from hil.passport.verify import opened
 
     check_folder(out)

@@ -10,7 +10,7 @@ import math
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextvars import ContextVar
-from typing import Any
+from typing import Any, Literal
 
 from hil.fmu.c_types import UntranslatableError, indented, number
 from hil.fmu.translate import Unit
@@ -23,19 +23,19 @@ Given = Mapping[str, Any]
 class _Path:
     """One way through the branches: what was decided, and the lines on the way.
 
-    A line is ("let", name, text), ("if", test) or ("do", text).
+    A line is ("if", test) or ("do", text).
     """
 
     def __init__(self, decided: Sequence[bool]) -> None:
         self.decided = decided
         self.tests = 0
-        self.lines: list[tuple[str, ...]] = []
+        self.lines: list[tuple[Literal["if", "do"], str]] = []
         self.names = 0
 
     def let(self, text: str) -> Symbol:
         """A new name for what a text computes."""
         name = self.name()
-        self.lines.append(("let", name, text))
+        self.lines.append(("do", f"double {name} = {text};"))
         return Symbol(name)
 
     def name(self) -> str:
@@ -212,14 +212,14 @@ def _lines_after(
         _path.reset(token)
     lines: list[str] = []
     seen = 0
-    for kind, *content in path.lines:
+    for kind, text in path.lines:
         if kind == "if":
             seen += 1
             if seen > len(decided):
                 yes, no = (_lines_after(run, targets, [*decided, side], seen) for side in (True, False))
-                return [*lines, f"if ({content[0]}) {{", *indented(yes), "} else {", *indented(no), "}"]
+                return [*lines, f"if ({text}) {{", *indented(yes), "} else {", *indented(no), "}"]
         elif seen >= first:
-            lines.append(f"double {content[0]} = {content[1]};" if kind == "let" else content[0])
+            lines.append(text)
     return [*lines, *stored]
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
-from hil.passport.owner import Owner
 from hil.record.plain import plain
+
+Owner = Literal["valve", "bench", "open"]
+_VALVE = frozenset(("pilot", "spool", "coil", "rotor", "orifice", "torque motor", "lands", "linkage"))
+_BENCH = frozenset(("sensor", "recorder", "supply", "oil", "load cell"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,3 +64,14 @@ class Unchanged:
     def as_dict(self) -> dict[str, Any]:
         """As in `hil.diff/1`."""
         return {"name": self.name, "limit": self.limit, "unit": self.unit, "is_place": self.is_place}
+
+
+def owner_of(stage: str) -> Owner:
+    """Whose a stage is; open where a command, a load or a whole transfer function may be either's."""
+    return "valve" if stage in _VALVE else "bench" if stage in _BENCH else "open"
+
+
+def owner_among(stage: str, rivals: Iterable[str]) -> Owner:
+    """Whose it is when the data do not tell it from causes at other stages."""
+    own = owner_of(stage)
+    return own if all(owner_of(rival) == own for rival in rivals) else "open"

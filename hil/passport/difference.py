@@ -16,9 +16,8 @@ from hil.diagnosis.work import SAMPLES_PER_S, budget_notes
 from hil.errors import SettingError, option
 from hil.identification.preparation.experiment import Experiment
 from hil.language.note import Note
-from hil.passport.change import Change, Size, Unchanged
+from hil.passport.change import Change, Size, Unchanged, owner_among, owner_of
 from hil.passport.conditions import condition_changes
-from hil.passport.owner import owner_among, owner_of
 from hil.passport.sources import Dated
 from hil.physics.compose import kernel
 from hil.physics.model import Model, ModelEffect

@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.errors import FileError, marked
-from hil.passport.contents import files_inside
+from hil.passport.contents import STRANGERS_BYTES, files_inside
 from hil.passport.key import fingerprint, name_of, own_certificates
 from hil.passport.revoked import Revocations, fault_in_time, is_authority, read_revocations
 from hil.passport.seal import ChangedError, is_passport, seal_of
-from hil.passport.unpacked import STRANGERS_BYTES
 from hil.record.gathered import whole
 from hil.record.header import HEADER_FILE
 from hil.record.simulated import is_simulated

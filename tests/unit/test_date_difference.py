@@ -10,10 +10,9 @@ import pytest
 from hil.cli.diff import _text
 from hil.diagnosis.coverage import Limit
 from hil.errors import FileError, SettingError
-from hil.passport.change import Change, Size
+from hil.passport.change import Change, Size, owner_among, owner_of
 from hil.passport.conditions import condition_changes
 from hil.passport.difference import DateDifference, _excluded, _still, difference
-from hil.passport.owner import owner_among, owner_of
 from hil.passport.sources import Dated, read_dated
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Recording, recording

@@ -16,10 +16,9 @@ import pytest
 from hil.catalog import entries
 from hil.errors import FileError
 from hil.passport import verify as verifying
-from hil.passport.contents import files_inside, lay_out
+from hil.passport.contents import LargeError, files_inside, lay_out
 from hil.passport.issue import Wanted, issue
 from hil.passport.key import signing_key
-from hil.passport.unpacked import LargeError
 from tests.conftest import STRANGER
 from tests.passports import run_of
 
