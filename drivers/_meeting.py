@@ -189,6 +189,10 @@ class OnALine(DeviceLink):
         """What the device says that it is; empty where it does not, or has not on this connection."""
         return self._line.meeting.identity
 
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
     def renew(self) -> None:
         """Connect again where the device has closed an idle connection, if it is the same one; outputs are safe.
 

@@ -198,10 +198,5 @@ def turned(data: bytes, order: str) -> bytes:
     return b"".join(words)
 
 
-def float32(words: Sequence[int], order: WordOrder) -> float:
-    """Two registers as a floating-point number."""
-    return float(struct.unpack(">f", turned(struct.pack(">2H", *words), order))[0])
-
-
 def _words(data: bytes) -> list[int]:
     return list(struct.unpack(f">{len(data) // 2}H", data))

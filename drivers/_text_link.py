@@ -73,10 +73,6 @@ class SpokenLink(OnALine):
             raise self._line.failed(f"no number in where {', '.join(unknown)} stands")
         return stands
 
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
-
     def _asked(self, terminals: Mapping[str, TextTerminal]) -> dict[str, float]:
         """The values of terminals."""
         raise NotImplementedError

@@ -104,10 +104,6 @@ class AsciiModuleLink(OnALine):
         """What the outputs were told last, or have from power-on, read back."""
         return {name: self._commanded_last(name) for name in self._outputs}
 
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
-
     def _identified(self) -> str:
         self._line = Line(self._settings, "\r", "\r", driver="ascii_module")
         try:

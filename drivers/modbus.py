@@ -15,7 +15,7 @@ from drivers._modbus_link import ModbusLink
 from drivers._modbus_model import Model, levels_of, model_of
 from drivers._ports import host_and_port
 from drivers._register_blocks import RegisterBlock, register_blocks
-from drivers._registers import Register, WordOrder, float32
+from drivers._registers import Register, WordOrder
 from hil.daq.channel import Wiring
 from hil.description.modbus import TIMES
 from hil.description.modbus import Type as Format
@@ -23,7 +23,7 @@ from hil.description.named import Described, description_faults
 
 __all__ = [
     "Format", "LineSettings", "ModbusLink", "Model", "Register", "RegisterBlock", "Settings", "WordOrder",
-    "faults", "float32", "has_watchdog", "levels_of", "line_faults", "line_needs", "not_read_back",
+    "faults", "has_watchdog", "levels_of", "line_faults", "line_needs", "not_read_back",
     "open_link", "register_blocks", "terminals",
 ]  # fmt: skip
 PROBES = "modbus"

@@ -128,11 +128,6 @@ def test_checksum_and_frame_of_the_serial_line_guide() -> None:
     assert answer == bytes.fromhex("11 03 06 02 2B 00 00 00 64") + crc16(answer[:-2])
 
 
-def test_floats_in_both_word_orders() -> None:
-    assert modbus.float32([0x3F9E, 0x0651], "big") == pytest.approx(1.2345678, rel=1e-7)
-    assert modbus.float32([0x0651, 0x3F9E], "little") == pytest.approx(1.2345678, rel=1e-7)
-
-
 def test_full_scale_counts_of_the_coupler() -> None:
     register = model_of(description_of(Described(model="wago-750"), "modbus")).registers["ao0"]
     assert [register.count_of(volts) for volts in (10.0, 0.0, -10.0)] == [0x7FFF, 0, 0x8001]
