@@ -43,6 +43,7 @@ def command(
         content = {
             "schema": "hil.linearised/1", "at": at, "output": found.output, **asdict(found.model),
             "fit_percent": found.fit_percent, "gains": gains, "uneven": found.uneven,
+            "notes": list(found.notes),
         }  # fmt: skip
         typer.echo(json.dumps(plain(content), indent=1, ensure_ascii=False, allow_nan=False))
         return
@@ -51,3 +52,5 @@ def command(
     for name, (value, unit) in found.gains.items():
         typer.echo(f"  {name} {value:.5g} {unit}")
     typer.echo(f"  up and down differ by {100.0 * found.uneven:.2g} % of the answer")
+    for note in found.notes:
+        typer.echo(f"  note: {note}")

@@ -11,6 +11,7 @@ from typing import Any
 from hil.errors import FileError
 from hil.identification.frequency.bandwidth import Bandwidth, bandwidth
 from hil.identification.frequency.frequency_response import FrequencyResponse
+from hil.identification.frequency.linear_evidence import doubts
 from hil.identification.frequency.order_choice import fit_together
 from hil.identification.frequency.sine_segments import frequency_responses
 from hil.identification.frequency.table_fit import as_table
@@ -101,8 +102,10 @@ def _rows(one: FrequencyResponse, corners: Bandwidth, fit: TransferFunctionFit |
             f"  {frequency:10.5g} {rounded(gain, gain_std):>12} {width(gain_std):11} "
             f"{rounded(phase, phase_std):>10} {width(phase_std):9} {100.0 * thd:14.3g}"
         )
-    fitted = [] if fit is None else [f"  {formula(fit.model)}, fit {fit.fit_percent:.2f} %"]
-    return [*rows, f"  {corners.amplitude}; {corners.phase}", *fitted]
+    rows.append(f"  {corners.amplitude}; {corners.phase}")
+    if fit is not None:
+        rows += [f"  {formula(fit.model)}, fit {fit.fit_percent:.2f} %", *(f"  note: {one}" for one in doubts(fit))]
+    return rows
 
 
 def _lines(one: FrequencyResponse) -> list[tuple[float, ...]]:

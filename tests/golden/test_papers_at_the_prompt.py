@@ -182,6 +182,13 @@ def test_flow_gain_and_flow_pressure_gain_follow_equations_3_and_4(command_line)
     assert compensated["K_c"]["value"] == 0.0
 
 
+def test_a_plant_that_no_linear_model_fits_is_said_to_be_none(command_line):
+    sticking = json.loads(command_line("linearise", "hydraforce-open-loop", "--at", 1.0, "--json").out)
+    assert sticking["fit_percent"] < 0.0
+    assert sticking["notes"][-1] == "it fits no better than a constant, where 80 % are asked for"
+    assert json.loads(command_line("linearise", "brevini-hpv41", "--at", 30, "--json").out)["notes"] == []
+
+
 def test_what_does_not_answer_is_not_linearised(command_line):
     status, _, text = command_line("linearise", "hydraforce-open-loop", "--at", 0.1)
     assert status == 2

@@ -15,7 +15,9 @@ import numpy as np
 
 from hil.errors import InputError, option
 from hil.identification.frequency.frequency_response import from_polar
+from hil.identification.frequency.linear_evidence import doubts
 from hil.identification.frequency.order_choice import fit_transfer_function
+from hil.language.note import Note
 from hil.physics.model import Model
 from hil.physics.plant import Parameters
 from hil.physics.plants.brevini_hpv41 import metered
@@ -41,6 +43,7 @@ class Linearised:
         output: at the operating point, in its unit.
         gains: K_q and K_c with their units, for plants with metering edges.
         uneven: how far up and down differ, as a share of the answer: 0 for a linear plant.
+        notes: why the transfer function is no model of it; none where it is one.
     """
 
     model: TransferFunction
@@ -48,6 +51,7 @@ class Linearised:
     output: float
     gains: Mapping[str, tuple[float, str]]
     uneven: float
+    notes: tuple[Note, ...] = ()
 
 
 def linearised(
@@ -102,7 +106,8 @@ def linearised(
     if integrates:
         linear = transfer_function(linear.numerator, np.append(linear.denominator, 0.0), linear.dead_time_s)
     uneven = float(np.abs(up + down - 2.0 * stood).max() / np.abs(up - down).max())
-    return Linearised(linear, fit.fit_percent, float(stood[0]), _gains(model, at, load_pressure_bar), uneven)
+    return Linearised(linear, fit.fit_percent, float(stood[0]), _gains(model, at, load_pressure_bar), uneven,
+                      doubts(fit))  # fmt: skip
 
 
 def _settled(answer: Array) -> bool:
