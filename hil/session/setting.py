@@ -44,7 +44,8 @@ class Setting:
         """
         from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-        adapter: TypeAdapter[Any] = TypeAdapter(self.type, config=ConfigDict(allow_inf_nan=False))
+        finite = ConfigDict(allow_inf_nan=False) if _has_numbers(self.type) else None  # a table has its own
+        adapter: TypeAdapter[Any] = TypeAdapter(self.type, config=finite)
         try:
             return adapter.validate_python(self._from_text(given) if isinstance(given, str) else given)
         except ValidationError as error:

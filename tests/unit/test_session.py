@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated, Any
 
 import pytest
+from annotated_types import Interval
+from pydantic import BaseModel
 
 from hil.bench.find import benches
 from hil.bench.open import open_rig
@@ -18,7 +21,7 @@ from hil.record.read import read_recording
 from hil.rig import Rig
 from hil.session.procedure import Procedure, argument_lines, load_procedure
 from hil.session.run import run_procedure
-from hil.session.setting import parse_settings, split_assignments
+from hil.session.setting import Setting, parse_settings, split_assignments
 
 # on one worker: its run is made once
 pytestmark = [pytest.mark.xdist_group("session"), pytest.mark.usefixtures("unprinted")]
@@ -33,6 +36,28 @@ def tiny(stranger: Path) -> Procedure:
 @pytest.fixture(scope="module")
 def bench() -> BenchFile:
     return read_bench(benches()["brevini-hpv41"])
+
+
+class Point(BaseModel):
+    x: float
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "says"),
+    [
+        (float, "inf", "inf s; it must be finite"),
+        (Annotated[float, Interval(ge=1.0)], "nan", "nan s; it must be at least 1"),
+        (tuple[Annotated[float, Interval(ge=1.0, le=5.0)], ...], "2, 6", "6 s; allowed are 1 to 5"),
+        (Annotated[int, Interval(gt=0, lt=5)] | None, 5, "5; it must be above 0 and below 5"),
+    ],
+)
+def test_a_setting_out_of_its_range_says_the_range(kind: Any, given: Any, says: str) -> None:
+    with pytest.raises(SettingError, match=f"setting hold_s: {says}"):
+        Setting("hold_s", kind, None).parsed(given)
+
+
+def test_a_setting_may_be_a_table_of_its_own() -> None:
+    assert Setting("at", Point, None).parsed({"x": "2"}) == Point(x=2.0)
 
 
 @pytest.mark.parametrize(
