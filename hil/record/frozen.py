@@ -39,14 +39,22 @@ def frozen_channels(recording: Recording) -> tuple[Note, ...]:
 
 def _frozen(values: Array, at_rest: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """(first, one past the last) reading of each run that chance does not explain."""
-    finite = np.isfinite(values)
+    finite, found = np.isfinite(values), []
+    longest = longest_runs((values[1:] == values[:-1]) & finite[1:], _MOST)
+    longest = [run for run in longest if not _is_short(len(at_rest), *run)]
+    if not longest:
+        return []
     steps, code = np.diff(np.where(finite, values, np.nan)), rounding_step(values[finite])
-    found = []
-    for first, last in longest_runs(steps == 0.0, _MOST):
+    for first, last in longest:
         is_within = last < len(steps) and at_rest[first : last + 1].all()  # the reading behind it counts too
         if (is_within or _is_across(values, at_rest, first, last)) and _is_frozen(steps, code, at_rest, first, last):
             found.append((first, last + 1))
     return sorted(found)
+
+
+def _is_short(count: int, first: int, last: int) -> bool:
+    """Whether chance explains a run even where none of the readings that it is compared with (`_is_frozen`) repeats."""
+    return count * (_AROUND * (last - first) + 1.0) ** (first - last) >= _BY_CHANCE
 
 
 def _is_across(values: Array, at_rest: NDArray[np.bool_], first: int, last: int) -> bool:
