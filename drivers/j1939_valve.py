@@ -106,6 +106,9 @@ class J1939ValveLink(DeviceLink):
     Opened without its command it sends nothing. The valve tells its flow each 100 ms without being asked, so a reading
     is half as old on average.
 
+    Attributes:
+        identity: the NAME of the valve's controller, as it was heard last; empty until it has told it.
+
     Raises:
         LinkError: another controller has our address.
     """
@@ -120,7 +123,7 @@ class J1939ValveLink(DeviceLink):
         self._requested_s: list[float] = []  # for its claim, by whomever, and not answered yet
         self._latest: bytes | None = None
         self._came_s = 0.0
-        self._names_device, self._restarted = "", False
+        self._restarted = False
         super().__init__(
             wiring,
             settings.watchdog_s,
@@ -130,11 +133,6 @@ class J1939ValveLink(DeviceLink):
         )
         self.keep_alive_s = min(_EVERY_S, settings.watchdog_s / 3.0)
         self._open()
-
-    @property
-    def identity(self) -> str:
-        """The NAME of the valve's controller, as it was heard last; empty until it has told it."""
-        return self._names_device
 
     def standing(self) -> dict[str, float]:
         """What the valve says in its first message since the last command: blocked, or not, then nobody knows how far.
@@ -165,9 +163,9 @@ class J1939ValveLink(DeviceLink):
             self._frames.send(_PRIORITY << 26 | REQUEST << 8 | settings.device << 8 | settings.source, CLAIMED_GROUP)
             self._requested_s.append(until_s := system.now_s())
             until_s += 0.0 if self._wiring.only_safe else settings.timeout_s
-            while not self._names_device and (left_s := until_s - system.now_s()) > 0.0:
+            while not self._identity and (left_s := until_s - system.now_s()) > 0.0:
                 self._frames.receive(left_s)
-        return self._names_device
+        return self._identity
 
     def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
         """Nothing acknowledges a command but the state and the flow that the valve then tells."""
@@ -220,7 +218,7 @@ class J1939ValveLink(DeviceLink):
         if not extended or identifier & 0xFF != self._settings.device or len(data) != 8:
             return False
         if group == CLAIMED:
-            self._names_device = f"NAME {int.from_bytes(data, 'little'):#018x}"
+            self._identity = f"NAME {int.from_bytes(data, 'little'):#018x}"
             asked_s = [at_s for at_s in self._requested_s if now_s - at_s <= self._settings.longest_reply_s]
             self._restarted = self._restarted or (not asked_s and self._commanded != self._safe)
             self._requested_s = asked_s[1:]
