@@ -42,7 +42,7 @@ _KINDS = (
 # Atomic groups: a line of 100 kB is read once, whatever stands in it.
 _KEY = r"""(?>[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
-_MAYBE_HUGE = re.compile(r"\d{308}|[eE]\+?\d{3}")
+_MAYBE_HUGE = re.compile(r"[0-9]{308}|[eE]\+?[0-9]{3}")
 _DOTTED = re.compile(rf"(?<![A-Za-z0-9_-]){_KEY}(?:[ \t]*+\.[ \t]*+{_KEY}){{{MOST_LEVELS}}}")
 
 
