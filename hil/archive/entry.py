@@ -93,7 +93,7 @@ def _found(folder: Path) -> tuple[Verdict | None, tuple[Measured, ...]]:
     if (folder / RESULTS_FILE).exists():
         results = read_results(folder / RESULTS_FILE)
         return results.verdict, results.values
-    if not (folder / FINDINGS_FILE).exists():
+    if not older.exists():
         return None, ()
     try:
         content = read_untrusted_json(folder, FINDINGS_FILE)

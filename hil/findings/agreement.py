@@ -72,13 +72,9 @@ def _text(value: Measured | None) -> str:
     if value is None:
         return "none"
     width = "" if value.expanded is None else f" ± {value.expanded:.3g}"
-    limits = "" if value.low is None and value.high is None else f", limits {_edge(value.low)} … {_edge(value.high)}"
+    limits = f", limits {value.limits}" if value.limits else ""
     number = "not determined" if value.value is None else f"{value.relation.strip('=')}{value.value:.6g}{width}"
     return f"{number} {value.unit}{limits}{', ' + value.verdict if value.verdict else ''}"
-
-
-def _edge(edge: float | None) -> str:
-    return "" if edge is None else f"{edge:g}"
 
 
 def _curves(kept: Sequence[Curve], anew: Sequence[Curve]) -> Iterator[str]:

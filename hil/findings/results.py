@@ -169,7 +169,7 @@ class Results(_Strict):
         return found
 
     def _repr_html_(self) -> str:
-        rows = [(v.name, _value_text(v), v.unit, _limits_text(v), v.verdict or "") for v in self.values]
+        rows = [(v.name, _value_text(v), v.unit, v.limits, v.verdict or "") for v in self.values]
         caption = f"{self.run}: {self.procedure}, {self.verdict or 'no limits were given'}"
         return table_html(("quantity", "value", "unit", "limits", "verdict"), rows, caption)
 
@@ -197,12 +197,6 @@ def _value_text(value: Measured) -> str:
     sign = "" if value.relation == "=" else f"{value.relation} "
     expanded = f" ± {value.expanded:.2g}" if value.expanded else ""
     return f"{sign}{value.value:.6g}{expanded}"
-
-
-def _limits_text(value: Measured) -> str:
-    if value.low is None and value.high is None:
-        return ""
-    return f"{'' if value.low is None else f'{value.low:g}'} … {'' if value.high is None else f'{value.high:g}'}"
 
 
 def write_results(results: Results, folder: Path) -> None:

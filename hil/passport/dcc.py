@@ -100,8 +100,7 @@ def _result(m: Measured) -> Element:
     if m.verdict is None:
         judged = []
     else:
-        limits = " … ".join("" if edge is None else f"{edge:g}" for edge in (m.low, m.high))
-        declared = _dcc("declaration/content", f"limits {limits} {m.unit}: {m.verdict}")
+        declared = _dcc("declaration/content", f"limits {m.limits} {m.unit}: {m.verdict}")
         judged = [_dcc("measurementMetaData/metaData", declared, *_conformity(m.verdict))]
     return _dcc("result", _text("name", m.name), *meaning, _dcc("data/quantity", value, *judged))
 

@@ -185,9 +185,10 @@ def opened(path: Path) -> tuple[bytes, Verified]:
     Raises:
         FileError: no passport, or one that was changed (exit status 1).
     """
-    found = verify_file(path, own_trust())
+    content = whole(path)
+    found = verify(content, own_trust())
     if not found.is_as_signed:
         error = FileError(f"{path}: {found.sentence}; nothing was taken from it")
         marked(error, found.exit_status, "")
         raise error
-    return whole(path), found
+    return content, found

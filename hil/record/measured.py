@@ -44,6 +44,12 @@ class Measured:
         return None if self.std is None else COVERAGE_FACTOR * self.std
 
     @property
+    def limits(self) -> str:
+        """Where it must lie, as `1.5 … 2`; empty where there is no limit."""
+        edges = ("" if edge is None else f"{edge:g}" for edge in (self.low, self.high))
+        return "" if self.low is None and self.high is None else " … ".join(edges)
+
+    @property
     def is_known(self) -> bool:
         """Whether it is a number with its uncertainty, and no bound."""
         return self.relation == "=" and self.value is not None and self.std is not None

@@ -105,11 +105,11 @@ def test_html_of_a_recording_escapes_what_a_file_says():
     assert "&lt;script&gt;" in html
 
 
-def test_package_that_is_missing_is_named():
-    from hil.record.show import needed
-
-    with pytest.raises(InputError, match="to_nowhere needs no_such_package: pip install no_such_package"):
-        needed("no_such_package", "to_nowhere")
+def test_package_that_is_missing_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    found = Recording("x", np.arange(3.0), {"u": Channel("u", "V", np.arange(3.0))})
+    with pytest.raises(InputError, match=r"to_xarray needs the package 'xarray'.*pip install 'valve-hil\[notebook\]'"):
+        found.to_xarray()
 
 
 def test_bench_is_driven_by_hand_and_recorded(tmp_path):
