@@ -261,17 +261,31 @@ def _together(one: Column, other: Column) -> bool:
 
 
 def _without_twins(columns: Sequence[Column], clocks: Sequence[Column]) -> list[Column]:
-    """Clocks side by side, or one at the end, tell the same time: numbers are taken before dates."""
+    """Clocks side by side, or one at the end, tell the same time: numbers are taken before dates.
+
+    So does a date further on, unless it is of other instants than the one before it.
+    """
     kept: list[Column] = []
     for clock in clocks:
         beside = kept and columns.index(clock) - columns.index(kept[-1]) == 1
         at_end = kept and columns.index(clock) == len(columns) - 1
-        if beside or at_end or (kept and clock.is_dated):
+        if beside or at_end or (kept and clock.is_dated and not _of_other_instants(kept[-1], clock)):
             if kept[-1].is_dated and not clock.is_dated:
                 kept[-1] = clock
         else:
             kept.append(clock)
     return kept
+
+
+def _of_other_instants(one: Column, other: Column) -> bool:
+    """Whether stamps of two columns differ by more than they are rounded to."""
+    if one.values.dtype.kind != other.values.dtype.kind or len(one.values) != len(other.values):
+        return False
+    both = np.array(
+        [column.values.astype(f"{column.values.dtype.kind}8[ns]").astype(np.int64) for column in (one, other)]
+    )
+    rounding = [max(step for step in 10 ** np.arange(10) if not np.any(each % step)) for each in both]
+    return bool(np.any(np.abs(both[0] - both[1]) >= max(rounding)))
 
 
 def _seconds(name: str, clock: Column, reading: Reading, origin: Any) -> tuple[Array, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -244,6 +245,22 @@ def test_channels_of_a_historian_keep_how_far_their_first_stamps_lie_apart(tmp_p
     found = read_recording(tmp_path / "x.csv")
     assert found.samples("u").time_s.tolist() == found.samples("u").values.tolist() == [0.0, 1.0, 2.0, 3.0]
     assert found.samples("y").time_s.tolist() == found.samples("y").values.tolist() == [0.5, 1.5, 2.5, 3.5]
+
+
+@pytest.mark.parametrize(("late_s", "rounded"), [(0.5, False), (0.0, False), (0.0, True)])
+def test_a_date_further_on_is_a_clock_of_its_own_unless_it_says_the_same(
+    tmp_path: Path, late_s: float, rounded: bool
+) -> None:
+    def date(t: float, digits: int = 3) -> str:
+        return f"2026-11-25 10:00:{t:0{3 + digits if digits else 2}.{digits}f}"
+
+    own = [date(math.floor(t), 0) if rounded else date(t + late_s) for t in np.arange(10) / 10]
+    lines = [f"{date(i / 10)};{i};{one};{i}" for i, one in enumerate(own)]
+    (tmp_path / "x.csv").write_text("\n".join(["Time A;u;Time B;y", *lines]), encoding="utf-8")
+    found = read_recording(tmp_path / "x.csv")
+    for name, apart_s in (("u", 0.0), ("y", late_s)):
+        samples = found.samples(name)
+        assert samples.time_s == pytest.approx(samples.values / 10 + apart_s) and len(samples.values) >= 5
 
 
 def test_a_bad_quality_is_left_out_and_counted(tmp_path: Path) -> None:
