@@ -261,6 +261,7 @@ FAULTS: dict[str, tuple[Patches, str]] = {
         [(J1939ValveLink, "_look", lambda link: link._frames.receive(0.0))],
         "7,0.05,plain,v|restart:driving:2:0.05:third",
     ),
+    "contact_is_asked": ([(Guard, "_ask_witnesses", lambda *_: None)], "7,0.05,plain,-|deaf:driving:1.3:0.5:io"),
     "holds_are_events": ([(RunWriter, "event", lambda *_, **__: None)], "7,0.05,plain,-|low:driving:1.3:1:aux"),
     "witness_is_heard": ([(Witnesses, "driven", lambda *_: None)], "7,0.05,plain,-|sticks:driving:2.3:30:io"),
     "rescue_is_told": ([(rescue, "replace", lambda output, **_: output)], "7,0.05,plain,-|kill:driving:1.3:0:"),

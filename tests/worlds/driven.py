@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from hil.errors import HilError
+from hil.errors import DeviceLostError, HilError, LinkError
 from tests.worlds.devices import FULL
 from tests.worlds.left import end_of, kinds, recording_of
 from tests.worlds.world import NEAR, OUTPUTS, PILOT, RAMP_PER_S, RATE_HZ, Array, Ran, World
@@ -199,6 +199,20 @@ def restart_is_noticed(world: World, ran: Ran) -> Iterator[str]:
                 yield f"{fault.device} restarted at {at_s:.3f} s, and it was driven until {end_s:.3f} s"
 
 
+def contact_is_asked(world: World, ran: Ran) -> Iterator[str]:
+    """Where a link fails while it drives, the contact of the emergency stop says whether somebody pressed."""
+    begun_s, _ = _drives_s(world)
+    if not ran.errors or world.run.status != 3 or any(
+        at_s < begun_s or fault.device not in ("io", "third") or fault.kind in _ARRIVES_LATE
+        for (fault, _), at_s in zip(ran.took, ran.took_s, strict=True)
+    ):  # fmt: skip
+        return
+    kind, text = ran.errors[0]
+    said = " ".join(text for _, by, text in ran.said if by == "run")
+    if kind in (LinkError, DeviceLostError) and "emergency stop" not in said:
+        yield f"a link failed, and nobody asked whether the emergency stop was pressed: {text:.200}"
+
+
 def pauses_are_kept(world: World, ran: Ran) -> Iterator[str]:
     """A device that needs a pause after its answer is left alone for so long by one who has had the answer."""
     rushed = getattr(world.third, "rushed", ())
@@ -255,5 +269,5 @@ def witness_is_heard(world: World, ran: Ran) -> Iterator[str]:
 LAWS = (
     begins_safe, errors_are_not_ours, connections_are_given_up, drives_what_is_asked, hands_back_what_is_recorded,
     samples_are_in_time, own_watchdogs_rest, causes_happened, is_heard, restart_is_noticed, pauses_are_kept,
-    holds_are_events, witness_is_heard,
+    contact_is_asked, holds_are_events, witness_is_heard,
 )  # fmt: skip
