@@ -19,7 +19,7 @@ from hil.identification.preparation.time_base import (
 from hil.identification.uncertainty.noise import white_floor
 from hil.language.note import Note
 from hil.physics.model import Model
-from hil.physics.plant import Parameters, Plant
+from hil.physics.plant import Parameters, Plant, Signal
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.invalid_samples import across, measured_rows
 from hil.record.recording import Array, Channel, Mask, Recording, Samples, split_heading
@@ -296,13 +296,13 @@ def experiment(
     _check_named(recording, plant, names[0], output_name)
     recording = measured_rows(recording, names)
     stated = _gain_stds(recording, names[0], output_name, plant)
-    units = _input_units(plant, recording, names[0])
+    units = [_unit_in(recording, signal, name) for signal, name in zip(plant.inputs, names, strict=True)]
+    answer = recording.channel(output_name).name, _unit_in(recording, plant.output, output_name)
+    at = declared_read_at(recording) if read_at is None else read_at
     if any(name in recording.own for name in (*names, output_name, *(signal.name for signal in plant.observed))):
-        return replace(_on_own_stamps(recording, plant, names, units, output_name, read_at), gain_stds=stated)
+        return replace(_on_own_stamps(recording, plant, names, units, answer, at), gain_stds=stated)
     inputs = np.array([recording.values(name, unit) for name, unit in zip(names, units, strict=True)])
-    measured = recording.channel(output_name)
-    output_unit = measured.unit if plant.output.unit == "any" else plant.output.unit
-    channels = {OUTPUT: across(recording.values(measured.name, output_unit))}
+    channels = {OUTPUT: across(recording.values(*answer))}
     channels |= {
         signal.name: across(recording.values(signal.name, signal.unit))
         for signal in plant.observed
@@ -311,8 +311,7 @@ def experiment(
     invalid = {name: lacking for name, (_, lacking) in channels.items() if lacking.any()}
     observed = {name: values for name, (values, _) in channels.items()}
     output = observed.pop(OUTPUT)
-    read_s = _read_s(recording, measured.name, plant)
-    at = declared_read_at(recording) if read_at is None else read_at
+    read_s = _read_s(recording, answer[0], plant)
     if read_s is not None:
         at = 0.0
     grid_s, on_grid, interval_s = _even(recording, inputs, read_s)
@@ -322,13 +321,13 @@ def experiment(
         held = np.pad(on_grid, ((0, 0), (driven.shape[2] // FINER - sampled, 0)), mode="edge")
         ripples = driven - np.repeat(held, FINER, axis=1)
     drive = Drive(on_grid, _at_rest(inputs, output), interval_s, at or 0.0)
-    skew_s = () if read_s is not None else _skew_s(recording, measured.name, plant, at or 0.0)
+    skew_s = () if read_s is not None else _skew_s(recording, answer[0], plant, at or 0.0)
     if any(skew_s):
         late_s = dict(zip((signal.name for signal in plant.observed), skew_s[1:], strict=True))
         bent = {name: _bends(values, late_s[name] / interval_s) for name, values in observed.items()}
         invalid |= {name: samples | invalid.get(name, False) for name, samples in bent.items() if samples.any()}
     return Experiment(
-        recording.name, f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]",
+        recording.name, f"{names[0]} [{units[0]}]", f"{answer[0]} [{answer[1]}]",
         recording.time_s, drive, grid_s, output, observed, at is not None, invalid,
         read_s=read_s, gain_stds=stated,
         ripples=ripples, skew_s=skew_s, is_timed="sampling" in recording.meta,
@@ -372,19 +371,20 @@ def _input_names(plant: Plant, given: str | Sequence[str] | None) -> list[str]:
 
 
 def _on_own_stamps(
-    recording: Recording, plant: Plant, names: Sequence[str], units: Sequence[str], output_name: str,
-    read_at: float | None,
+    recording: Recording, plant: Plant, names: Sequence[str], units: Sequence[str], answer: tuple[str, str],
+    at: float | None,
 ) -> Experiment:  # fmt: skip
-    """An experiment of channels that were sampled at different times: commands are held, the output stays as it was."""
-    measured = recording.channel(output_name)
-    output_unit = measured.unit if plant.output.unit == "any" else plant.output.unit
+    """An experiment of channels that were sampled at different times: commands are held, the output stays as it was.
+
+    `answer`: name and unit of the output. `at`: the reading instant, None where nobody knows it.
+    """
     given = [recording.samples(name, unit) for name, unit in zip(names, units, strict=True)]
-    output = recording.samples(measured.name, output_unit)
+    output = recording.samples(*answer)
     first, last = max(one.time_s[0] for one in given), recording.time_s[-1]
     kept = (output.time_s >= first - 1e-9) & (output.time_s <= last + recording.interval_s)
     if np.count_nonzero(kept) < FEWEST_SAMPLES:
         raise FileError(
-            f"{recording.name}: '{output_name}' has {np.count_nonzero(kept)} samples while '{names[0]}' is known; at "
+            f"{recording.name}: '{answer[0]}' has {np.count_nonzero(kept)} samples while '{names[0]}' is known; at "
             f"least {FEWEST_SAMPLES} are needed"
         )
     output = Samples(output.time_s[kept], output.values[kept])
@@ -398,8 +398,7 @@ def _on_own_stamps(
         ignored = None  # nothing is missing once it has begun
     observed, left_out = _inner(recording, plant, output.time_s)
     notes = [note.of(recording.name) for note in left_out]
-    at = declared_read_at(recording) if read_at is None else read_at
-    headings = f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]"
+    headings = f"{names[0]} [{units[0]}]", f"{answer[0]} [{answer[1]}]"
     at_rest = _at_rest(np.array([one.held_at(output.time_s) for one in given]), output.values)
     drive = Drive(inputs, at_rest, interval_s, at or 0.0)
     bound = Experiment(
@@ -502,10 +501,9 @@ def _check_named(recording: Recording, plant: Plant, input_name: str, output_nam
         )
 
 
-def _input_units(plant: Plant, recording: Recording, first: str) -> list[str]:
-    if plant.inputs[0].unit == "any":
-        return [recording.channel(first).unit, *(signal.unit for signal in plant.inputs[1:])]
-    return [signal.unit for signal in plant.inputs]
+def _unit_in(recording: Recording, signal: Signal, name: str) -> str:
+    """The plant's unit of a signal, or that of its channel where the plant takes any."""
+    return recording.channel(name).unit if signal.unit == "any" else signal.unit
 
 
 def _read_s(recording: Recording, output: str, plant: Plant) -> Array | None:
