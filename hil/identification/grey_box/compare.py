@@ -18,7 +18,7 @@ from hil.identification.uncertainty.noise import channel_floor, noise_in
 from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.progress import Progress, quiet
-from hil.record.recording import Array
+from hil.record.recording import Array, split_heading
 from hil.record.simulated import marked
 
 _BLOCKS = 50
@@ -129,7 +129,7 @@ def compare(model: Model, experiment: Experiment) -> Comparison:
         notes = (*notes, constant.of(e.name))
     return Comparison(
         e.name,
-        e.output_heading.rpartition("[")[2].rstrip("]"),
+        split_heading(e.output_heading)[1],
         fit if moves else None,
         max(fit, fit_ceiling(measured, noise)) if moves else None,
         rms(error),

@@ -15,7 +15,7 @@ import numpy as np
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.noise import channel_floor
 from hil.language.note import Note
-from hil.record.recording import Array
+from hil.record.recording import Array, split_heading
 from hil.signals.colour import colour_factor
 from hil.signals.interval import CERTAIN, COVERED
 
@@ -62,7 +62,7 @@ def _differences(one: Experiment, other: Experiment) -> tuple[Note, ...]:
     values, stds = found / sizes, np.sqrt(np.diag(spread) * colour_factor(left)) / sizes
     notes = (
         Note("{value:+.3g} ± {width:.2g} {unit} of offset", value=values[0], width=COVERED * stds[0],
-             unit=one.output_heading.rpartition("[")[2].rstrip("]")),
+             unit=split_heading(one.output_heading)[1]),
         Note("{value:+.3g} ± {width:.2g} % of gain", value=100.0 * values[1], width=100.0 * COVERED * stds[1]),
         Note("{value:+.3g} ± {width:.2g} s of delay", value=-values[2], width=COVERED * stds[2]),
     )  # fmt: skip

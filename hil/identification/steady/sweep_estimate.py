@@ -35,8 +35,8 @@ _MOST_DROPPED = 0.2  # of the range, after each turn
 class Sweep:
     """Command and response over one sweep up and down, each of shape (n,); speed in the command's unit per second."""
 
-    current: Array
-    pressure: Array
+    command: Array
+    response: Array
     speed_per_s: float
 
 
@@ -156,8 +156,8 @@ def sweep_estimate(
     Raises:
         InputError: the command does not go both up and down over one range, or the response does not follow it.
     """
-    low = min(float(s.current.min()) for s in sweeps)
-    high = max(float(s.current.max()) for s in sweeps)
+    low = min(float(s.command.min()) for s in sweeps)
+    high = max(float(s.command.max()) for s in sweeps)
     if not high > low:
         raise InputError(f"{name}: the command does not move; a flow curve needs a sweep")
     speeds = np.array([sweep.speed_per_s for sweep in sweeps])
@@ -175,14 +175,14 @@ def _points(name: str, sweeps: Sequence[Sweep], low: float, high: float, drops_s
     found = []
     for number, (sweep, drop_s) in enumerate(zip(sweeps, drops_s, strict=True)):
         drop = min(drop_s * sweep.speed_per_s, _MOST_DROPPED * (high - low))
-        slope = np.gradient(sweep.current)
+        slope = np.gradient(sweep.command)
         for side in (1.0, -1.0):
-            begun = sweep.current - low if side > 0.0 else high - sweep.current
+            begun = sweep.command - low if side > 0.0 else high - sweep.command
             kept = (side * slope > 0.0) & (begun >= drop)
-            bins = np.clip(((sweep.current[kept] - low) / width).astype(np.int64), 0, BINS - 1)
+            bins = np.clip(((sweep.command[kept] - low) / width).astype(np.int64), 0, BINS - 1)
             count = np.bincount(bins, minlength=BINS)
             full = count >= max(2.0, 0.5 * float(np.median(count[count > 0]))) if count.any() else count > 0
-            sums = [np.bincount(bins, values[kept], BINS)[full] for values in (sweep.current, sweep.pressure)]
+            sums = [np.bincount(bins, values[kept], BINS)[full] for values in (sweep.command, sweep.response)]
             place = np.flatnonzero(full)
             alike = np.full(len(place), side), np.full(len(place), number)
             found.append((sums[0] / count[full], sums[1] / count[full], count[full], *alike, place))
