@@ -245,11 +245,12 @@ def average(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
     all of them at once.
 
     Raises:
-        InputError: no responses, or on different frequencies.
+        InputError: on different frequencies.
     """
-    if not responses or any(not np.array_equal(r.frequency_hz, responses[0].frequency_hz) for r in responses):
-        raise InputError("a mean needs at least one response, and all of them on the same frequencies")
-    first = responses[0]
+    first, *others = responses
+    for other in others:
+        if not np.array_equal(other.frequency_hz, first.frequency_hz):
+            raise InputError(f"{other.name}: other frequencies than {first.name}; a mean is taken line by line")
     return from_table(
         f"mean of {len(responses)} responses",
         first.frequency_hz,

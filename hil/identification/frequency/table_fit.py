@@ -117,12 +117,10 @@ def averaged(tables: Sequence[ResponseTable], *, normalised: bool = False) -> Re
         normalised: take each over its gain at the lowest frequency first, as eq. 1 of the HPV41 paper does.
 
     Raises:
-        FileError: other frequencies than those of the first, or gains of different units.
+        FileError: gains of different units. InputError: other frequencies than those of the first.
     """
     first = tables[0]
     for other in tables[1:]:
-        if not np.array_equal(other.frequency_hz, first.frequency_hz):
-            raise FileError(f"{other.name}: other frequencies than {first.name}; a mean is taken line by line")
         if other.unit != first.unit and not normalised:
             raise FileError(f"{other.name}: its gain is in {other.unit}, that of {first.name} in {first.unit}")
     one_each = [as_response([table]) for table in tables]

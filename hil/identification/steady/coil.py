@@ -90,8 +90,9 @@ def fit_coil(readings: CoilReadings) -> Coil:
     ])  # fmt: skip
     top = max(levels, key=lambda level: abs(level[0]))
     asked, voltage, current = top
-    if abs(current) < 0.2 * abs(asked):
-        return Coil(math.inf, 0.0, math.nan, math.inf, voltage, current, asked)
+    without_current = Coil(math.inf, 0.0, math.nan, math.inf, voltage, current, asked)
+    if without_current.is_open:
+        return without_current
     tops = [level[1] for level in levels if abs(level[0]) > 0.5 * abs(asked)]
     (ohm, henry), spread = found[:, :2].mean(axis=0), found[:, :2].std(axis=0, ddof=1) / math.sqrt(len(found))
     spread[0] *= math.sqrt(2.0)  # neighbouring changes share a rest
