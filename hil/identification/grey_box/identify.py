@@ -38,7 +38,7 @@ from hil.identification.preparation.recording_quality import (
     one_frequency,
     too_slow_hz,
 )
-from hil.identification.preparation.start_in_motion import begins_at_rest, begun_in_motion
+from hil.identification.preparation.start_in_motion import begins_at_rest, begun_in_motion, is_worth, levels_of
 from hil.identification.preparation.sub_sample_response import dead_time_std_s, responds_within_sample
 from hil.identification.uncertainty.fit import fit_percent, rms
 from hil.identification.uncertainty.noise import Measured, channel_floor, measured_noise, resolution
@@ -180,10 +180,13 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], asked: _Asked, p
     for _ in range(_STARTS):
         begun = [begun_in_motion(near, e.reading_as_in(near)) for e in even]
         moving = tuple(note for _, notes in begun for note in notes)
+        levels = sum(levels_of(e) for e, notes in begun if notes)
         if not moving:
             break
-        found = _fitted(model, [e for e, _ in begun], asked, (*still, *remarks, *moving), tick)
-        near = found.model
+        after = _fitted(model, [e for e, _ in begun], asked, (*still, *remarks, *moving), tick)
+        if not is_worth(_errors(found.model, even), _errors(after.model, [e for e, _ in begun]), levels):
+            break
+        found, near = after, after.model
     progress(1.0, "fitted")
     found = replace(found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.on_bound))))
     used = [e for e in experiments if not e.stands_still]
@@ -204,9 +207,15 @@ def _near(model: Model, found: GreyBoxFit, experiments: Sequence[Experiment], as
     return _fitted(model, late, asked, (), tick).model
 
 
+def _errors(model: Model, experiments: Sequence[Experiment]) -> Array:
+    """What a model leaves of the readings, shape (n,)."""
+    read = [e.reading_as_in(model) for e in experiments]
+    return np.concatenate([(e.simulated(model)[0] - e.output)[e.valid] for e in read])
+
+
 def _fails(model: Model, e: Experiment) -> bool:
     """Whether a model leaves more than the noise."""
-    error = (e.reading_as_in(model).simulated(model)[0] - e.output)[e.valid]
+    error = _errors(model, [e])
     return float(np.mean(error**2)) > MISFIT * max(channel_floor(e.valid_output), _resolution(e.output)) ** 2
 
 

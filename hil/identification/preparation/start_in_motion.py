@@ -40,6 +40,24 @@ def begins_at_rest(e: Experiment) -> bool:
     return abs(slope) <= COVERED * std and float(np.std(left)) <= COVERED * channel_floor(e.valid_output)
 
 
+def levels_of(e: Experiment) -> int:
+    """How many levels are taken before a recording."""
+    return int(math.log2(len(e.output)))
+
+
+def is_worth(plain: Array, after: Array, count: int) -> bool:
+    """Whether so many levels are worth their number, by the Bayesian criterion.
+
+    Args:
+        plain: errors of what begins at rest, shape (n,).
+        after: of what begins after the levels, shape (n,).
+        count: of the levels.
+    """
+    independent = len(after) / colour_factor(after)
+    gained = independent * math.log(float(plain @ plain) / float(after @ after)) if after.any() else 0.0
+    return gained > count * math.log(independent)
+
+
 def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note, ...]]:
     """The recording with the command before it that explains how it begins, and what was done, in words.
 
@@ -50,7 +68,7 @@ def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note
     is_even = e.grid_s is None and e.read_s is None and e.ripples is None and not e.is_late
     if not is_even or span == 0.0 or e.stands_still or not model.definition.forgets(model.values) or begins_at_rest(e):
         return e, ()
-    count = int(math.log2(len(e.output)))
+    count = levels_of(e)
 
     def errors(change: Array) -> Array:
         begun = _after(e, change)
@@ -62,25 +80,18 @@ def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note
     if not (plain.any() and left.any()):  # no noise, and nothing to explain
         return e, ()
 
-    def is_worth(after: Array) -> bool:
-        """Whether the levels are worth their number where they leave this error, shape (n,)."""
-        telling = after[e.valid]
-        independent = len(telling) / colour_factor(telling)
-        gained = independent * math.log(float(plain @ plain) / float(after @ after)) if after.any() else 0.0
-        return gained > count * math.log(independent)
-
     for _ in range(_ROUNDS):
         slopes = np.array([errors(change + _SLOPE * span * unit) - left for unit in np.eye(count)]).T / _SLOPE
         # a level lies about the first one as far as the command goes, and what is left says how much a sample tells
         power = float(np.mean(left**2))
         step = np.linalg.solve(slopes.T @ slopes + power * np.eye(count), -slopes.T @ left - power * change / span)
-        if not is_worth(left + slopes @ step):
+        if not is_worth(plain[e.valid], (left + slopes @ step)[e.valid], count):
             break
         tried = errors(change + span * step)
         if not float(tried @ tried) < float(left @ left):
             break
         change, left = change + span * step, tried
-    if not is_worth(left):
+    if not is_worth(plain[e.valid], left[e.valid], count):
         return e, ()
     fit = fit_percent(e.valid_output, e.valid_output + plain[e.valid])
     last = int(np.flatnonzero(np.abs(plain - left) > COVERED * float(np.std(left))).max(initial=0))
