@@ -217,4 +217,4 @@ def _resembles(noise: Noise, chi2: float, row: Row, best: Row) -> bool:
     if not (best.is_open and row.is_open and others) or names <= others:
         return False
     left = noise.left(row.hypothesis.chi2, chi2), noise.left(best.hypothesis.chi2, chi2)
-    return score(noise, left[0], 0, 0) < score(noise, left[1], 1, 0)
+    return score(noise, left[0], max(row.causes - best.causes, 0), 0) < score(noise, left[1], 1, 0)

@@ -66,6 +66,12 @@ def test_a_name_beside_something_unknown_stands_alone() -> None:
     assert of(1e8, both, other, law("friction", left=1e5)).first.label == "friction + something unknown"
 
 
+def test_table_a_rival_pays_for_every_cause_that_it_has_more() -> None:
+    one, more = law("friction", left=5_000.0), law("backlash", "dead_time", "leakage", left=6_000.0)
+    assert of(1e8, one, more).first.label == "friction + something unknown"
+    assert of(1e8, one, law("backlash", left=6_000.0)).first.label == "something unknown"
+
+
 def test_table_a_cause_more_must_leave_a_quarter() -> None:
     one = law("friction", left=500.0)
     assert of(1e6, one, law("friction", "leakage", left=250.0)).first.label == "friction"
