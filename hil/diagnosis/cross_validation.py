@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from hil.diagnosis.thresholds import FEW
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.language.note import Note
 from hil.record.recording import Array, Integers, Mask
+from hil.signals.colour import colour_factor
 
 # Every other stretch of this length is kept back. Long against the memory of a valve, or of a plant that is sampled as
 # slowly as it moves, so that the stretches are news; short against a recording, so that both halves see every kind of
@@ -82,33 +83,38 @@ class Folds:
         fold: of every residual the fold that it is in, shape (n,): it is predicted by a fit of the others.
         scored: which are judged, shape (n,).
         basis: what they are.
+        settles_s: after so long the explained plant has forgotten where it was; 0 where it does not settle.
     """
 
     fold: Integers
     scored: Mask
     basis: Note
+    settles_s: float
 
 
 def folds_of(problem: Problem, f: Fitted) -> Folds:
     """How the recordings are dealt: by recording where there are several, else in halves beyond the plant's memory.
 
-    Halves too where an explanation changes the recordings of one fold alone: no fit of the others can foretell it.
+    Halves too where no fit of the others can foretell a fold: an explanation changes it alone, or the others leave its
+    values open, as two laws of pressure at one pressure.
     """
     recordings = problem.experiments
     everything = np.ones(len(problem.nominal_residuals), dtype=np.bool_)
-    by_recording = Folds(_by_recording(problem), everything, OTHER_RECORDINGS)
-    if len(recordings) > 1 and not (f.terms and _shows_in_one(problem, f, by_recording.fold)):
+    settle_s = [FORGOTTEN * time_constant_s(problem.model, e, f.parameters, f.effects) for e in recordings]
+    by_recording = Folds(_by_recording(problem), everything, OTHER_RECORDINGS, max(settle_s))
+    is_foretold = not f.terms or not (_shows_in_one(problem, f, by_recording.fold) or _is_open(f, by_recording.fold))
+    if len(recordings) > 1 and is_foretold:
         return by_recording
     since = [e.time_s - e.time_s[0] for e in recordings]
     second = [t > 0.5 * e.duration_s for t, e in zip(since, recordings, strict=True)]
     fold = _tiled(problem, second).astype(np.int64)
-    if not problem.plant.forgets(problem.model.values):
-        return Folds(fold, _tiled(problem, second), SECOND_HALF)
-    forgotten = [t > 0.5 * e.duration_s + FORGOTTEN * time_constant_s(problem.model, e)
-                 for t, e in zip(since, recordings, strict=True)]  # fmt: skip
+    if not problem.plant.forgets(problem.model.values | f.parameters):
+        return replace(by_recording, fold=fold, scored=_tiled(problem, second), basis=SECOND_HALF)
+    forgotten = [t > 0.5 * e.duration_s + own for t, e, own in zip(since, recordings, settle_s, strict=True)]
     if any(map(np.any, forgotten)):
-        return Folds(fold, _tiled(problem, [~s | f for s, f in zip(second, forgotten, strict=True)]), OTHER_HALVES)
-    return Folds(fold, everything, NOTHING) if len(recordings) == 1 else by_recording
+        scored = _tiled(problem, [~s | f for s, f in zip(second, forgotten, strict=True)])
+        return replace(by_recording, fold=fold, scored=scored, basis=OTHER_HALVES)
+    return replace(by_recording, fold=fold, basis=NOTHING) if len(recordings) == 1 else by_recording
 
 
 def predicted(problem: Problem, f: Fitted, folds: Folds, refit: Callable[[Mask], Fitted] | None = None) -> Array:
@@ -135,6 +141,23 @@ def _shows_in_one(problem: Problem, f: Fitted, fold: Integers) -> bool:
     change = (f.residuals - problem.nominal_residuals) ** 2
     expected = problem.size / len(change)
     return any(float(np.mean(change[fold != k])) < CRITERIA.scale * expected for k in np.unique(fold))
+
+
+def _is_open(f: Fitted, fold: Integers) -> bool:
+    """Whether without some fold the values are known so little that its prediction is off by more than a sample is.
+
+    That is what leverage says: the variance of a prediction over that of a sample, here of independent ones.
+    """
+    if f.estimate is None:
+        return False
+    slopes, prior = np.split(f.estimate.jacobian, [len(fold)])
+    bounds = np.diag([1.0 / (u.high - u.low) for u in f.estimate.unknowns])
+    for k in np.unique(fold):
+        known, held = np.vstack([slopes[fold != k], prior, bounds]), slopes[fold == k]
+        leverage = np.sum(np.linalg.solve(np.linalg.qr(known).R.T, held.T) ** 2, axis=0)
+        if float(leverage.mean()) * colour_factor(f.residuals) > 1.0:
+            return True
+    return False
 
 
 def _tiled(problem: Problem, values: Sequence[Mask]) -> Mask:
@@ -164,9 +187,8 @@ def why_not_better(problem: Problem, nominal: Array, predicted: Array, folds: Fo
     if folds.basis == NOTHING:
         return Note("there is no part of the recordings that no fit has seen")
     # by how much the squared error falls in each block that has something to judge
-    settles_s = max(time_constant_s(problem.model, e) for e in problem.experiments)
     lasting_s = sum(e.duration_s for e in problem.experiments)
-    blocks = problem.block_labels(max(FORGOTTEN * settles_s, lasting_s / _MOST))[folds.scored]
+    blocks = problem.block_labels(max(folds.settles_s, lasting_s / _MOST))[folds.scored]
     gain = nominal[folds.scored] ** 2 - predicted[folds.scored] ** 2
     gains = np.bincount(blocks, gain).astype(np.float64)[np.bincount(blocks) > 0]
     if len(gains) < _FEWEST:

@@ -104,6 +104,28 @@ def test_what_shows_in_one_recording_alone_is_judged_within_it(changed: tuple[in
     assert len(kept.fold) == len(kept.scored) == len(without)
 
 
+@pytest.mark.parametrize(
+    ("pressures", "said"), [((3.0, 7.0), rooms.OTHER_HALVES), ((3.0, 3.5, 7.0, 6.5), rooms.OTHER_RECORDINGS)]
+)
+def test_values_that_only_both_recordings_tell_are_judged_within_each(pressures: Sequence[float], said: str) -> None:
+    """Friction with and without pressure: at one pressure nothing tells them apart, so that it foretells no other."""
+    cylinder = plant("pneumatic-cylinder")
+    friction = ActiveEffect("seal_friction", "seal", {"share": 0.05, "constant": 5.0, "presliding": 0.5})
+    time_s = np.arange(0.0, 20.0, 0.02)
+    made = []
+    for k, bar in enumerate(pressures):
+        moved, pressure = 15.0 * np.sin(2.0 * np.pi * 0.2 * time_s), np.full(len(time_s), bar)
+        drive = Drive(np.vstack([moved, pressure]), math.nan, 0.02)
+        force = simulate(cylinder, cylinder.typical, drive, [friction])[0]
+        force = force + np.random.default_rng(k).standard_normal(len(force))
+        channels = {"displacement [mm]": moved, "pressure [bar]": pressure, "force [N]": force}
+        made.append(experiment(recording(f"{bar:g} bar", time_s, channels), cylinder))
+    asked = pose(typical_model(cylinder.name), made)
+    term = next(t for t in all_terms(asked, asked.nominal_residuals) if t.name == "seal_friction")
+    found = fit(asked, replace(nothing(asked), terms=(term,), values=(term.starts[0],)))
+    assert folds_of(asked, found).basis == said
+
+
 def test_no_cause_is_excluded_that_would_do_as_well() -> None:
     friction = ActiveEffect("friction", "force", {"coulomb": 3.0, "stiction": 1.2, "stribeck": 5.0, "presliding": 0.05})
     asked = problem("throttle-flap", (10.0,), friction)

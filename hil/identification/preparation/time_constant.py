@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from hil.identification.preparation.experiment import Experiment
 from hil.physics.model import Model
-from hil.physics.simulate import Drive, simulate
+from hil.physics.plant import Parameters, Plant
+from hil.physics.simulate import ActiveEffect, Drive, simulate
 
 # Steps that are tried, as shares of full scale: a small one stays linear, but may end within a dead band.
 _STEPS = (0.05, 0.25, 0.6)
@@ -16,30 +19,34 @@ _SAMPLES = 4000
 _RESOLVED, _INSTANT, _LONGEST_S = 20.0, 1e-3, 0.1
 
 
-def time_constant_s(model: Model, e: Experiment) -> float:
+def time_constant_s(model: Model, e: Experiment, moved: Parameters | None = None,
+                    effects: Sequence[ActiveEffect] = ()) -> float:  # fmt: skip
     """Time after which a step of the command, as small as moves the output, has gone 63 % of its way.
 
-    0 for plants that do not settle.
+    0 for plants that do not settle. `moved`: parameters that are other than in the model; `effects`: beside its own.
     """
+    values, active = model.values | dict(moved or {}), [*model.active_effects, *effects]
     interval_s = e.interval_s
-    found_s = _time_constant_s(model, e, interval_s)
+    found_s = _time_constant_s(model.definition, values, active, e, interval_s)
     while found_s == 0.0 and (interval_s := _RESOLVED * interval_s) < _LONGEST_S:  # it may not have moved in time
-        found_s = _time_constant_s(model, e, interval_s)
+        found_s = _time_constant_s(model.definition, values, active, e, interval_s)
     while 0.0 < found_s <= _RESOLVED * interval_s and interval_s > _INSTANT * e.interval_s:
         interval_s /= _RESOLVED
-        found_s = _time_constant_s(model, e, interval_s)
+        found_s = _time_constant_s(model.definition, values, active, e, interval_s)
     return found_s
 
 
-def _time_constant_s(model: Model, e: Experiment, interval_s: float) -> float:
+def _time_constant_s(
+    plant: Plant, values: Parameters, effects: Sequence[ActiveEffect], e: Experiment, interval_s: float
+) -> float:
     for share in _STEPS:
         # how much further the output moves with a step from where the recording begins than without
-        rest, full = e.drive.inputs[:, :1], model.definition.inputs[0].full_scale
+        rest, full = e.drive.inputs[:, :1], plant.inputs[0].full_scale
         held = np.repeat(rest, _SAMPLES, axis=1)
         stepped = held.copy()
         stepped[0, 1:] += share * full * (-1.0 if rest[0, 0] > 0.5 * full else 1.0)
         drives = (Drive(inputs, e.drive.first_output, interval_s) for inputs in (held, stepped))
-        without, answer = (simulate(model.definition, model.values, d, model.active_effects)[0] for d in drives)
+        without, answer = (simulate(plant, values, d, effects)[0] for d in drives)
         change = np.abs(answer - without)
         if change[-1] > 0.0:
             settles = abs(change[-1] - change[3 * _SAMPLES // 4]) <= 0.01 * change[-1]
