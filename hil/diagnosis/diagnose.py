@@ -153,6 +153,14 @@ def _searched(
     known = [*(["dropout"] if stale else []), *(["quantisation"] if coarsely else [])]
     posed, choice = explained(problem, known)
     warnings: list[Note] = []
+    if stale and choice.verdict in OPEN and not (choice.chosen.terms or choice.events):  # they explain nothing
+        known.remove("dropout")
+        posed, choice = explained(problem, known)
+        harmless = Note(
+            "{times} × the recording repeats its last value; these samples are left out, and the misfit stays as it is",
+            times=len(stale),
+        )  # fmt: skip
+        stale, warnings = (), [harmless]
     if checked.clocks_set and choice.verdict in OPEN:  # one clock is less to believe than many lost commands
         set_right = posed_again(problem, without_stale(checked.clocks_set)[0])
         again, second = explained(set_right, known)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.events.repeats import held_outputs, without_stale
+from hil.diagnosis.events.repeats import held_outputs, misfit_while_stale, without_stale
 from hil.diagnosis.problem import pose
 from hil.diagnosis.search.fitted import nothing
 from hil.identification.uncertainty.noise import channel_floor, white_floor
@@ -99,6 +99,20 @@ def test_a_coarse_channel_that_catches_up_at_once_was_not_measured_anew() -> Non
     assert [round(s.start_s * SECOND) for s in found.intervals] == pytest.approx(lost, abs=3)
     assert problem.excess(problem.nominal_residuals @ problem.nominal_residuals) > 0.5
     assert problem.excess(found.chi2) < 1.0 / 12.0 + 0.05  # a twelfth is what rounding adds
+
+
+def test_samples_that_were_not_measured_anew_take_no_misfit_with_them() -> None:
+    """A model that is off at a constant output was explained by readings that repeat there."""
+    made = records(seed=24)
+    problem = pose(nominal(), bound(nominal(), made))
+    lost = np.zeros(len(problem.experiments[1].output), dtype=bool)
+    lost[500:540] = True
+    rest = [e.without(lost) if k == 1 else e for k, e in enumerate(problem.experiments)]
+    residuals = np.full(len(problem.nominal_residuals), 7.0)
+    counted = problem.outputs_of(misfit_while_stale(problem, rest, residuals))
+    assert np.flatnonzero(counted[1]).tolist() == list(range(500, 540))
+    assert np.all(counted[1][lost] == 7.0)
+    assert not any(other.any() for k, other in enumerate(counted) if k != 1)
 
 
 def test_a_spool_that_sticks_does_not_catch_up_at_once() -> None:

@@ -52,9 +52,21 @@ def held_outputs(problem: Problem, model: Fitted) -> Events | None:
     if len(intervals) < LEAST_INTERVALS:
         return None
     residuals = residuals_of(problem, model, experiments=rest)
-    for before, now, output in zip(problem.experiments, rest, problem.outputs_of(residuals), strict=True):
-        output[before.valid & ~now.valid] = 1.0  # as noise would be; nothing was measured there
-    return stale_outputs(intervals, problem, residuals, tuple(rest))
+    return stale_outputs(intervals, problem, residuals + misfit_while_stale(problem, rest, residuals), tuple(rest))
+
+
+def misfit_while_stale(problem: Problem, rest: Sequence[Experiment], residuals: Array) -> Array:
+    """What counts of samples that were not measured anew: the misfit of the last one that was, shape (n,).
+
+    It did not come with the loss: a model that is off at a constant output is as far off beside readings that repeat.
+    """
+    found = np.zeros(len(residuals))
+    outputs = zip(problem.experiments, rest, problem.outputs_of(residuals), problem.outputs_of(found), strict=True)
+    for before, now, own, carried in outputs:
+        last = np.maximum.accumulate(np.where(now.valid, np.arange(len(own)), 0))
+        is_lost = before.valid & ~now.valid
+        carried[is_lost] = own[last[is_lost]]
+    return found
 
 
 def stale_outputs(
