@@ -15,7 +15,7 @@ from hil.diagnosis.events.coarse import cuts_off
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.events.least_trimmed_squares import least_trimmed_squares
 from hil.diagnosis.events.lost_commands import comes_every_time, held_commands
-from hil.diagnosis.events.repeats import held_outputs
+from hil.diagnosis.events.repeats import held_outputs, misfit_while_stale
 from hil.diagnosis.events.tone import tone
 from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.refuted import is_another_effect, refuted
@@ -70,7 +70,7 @@ class Option:
         freed = len(self.freed)
         return Hypothesis(
             tuple(dict.fromkeys((*known, *events, *names))), self.chi2,
-            len(events) + len(names) + len(changed) + described + freed * (not self.problem.is_own),
+            len(events) + len(names) + len(changed) + described + freed,
             unknowns + self.fitted.unknowns - self.own.unknowns + _OF_EVENTS * len(events) + freed, changed,
             described > 0,
         )  # fmt: skip
@@ -173,13 +173,11 @@ class Explanation:
     # -- what is tried -----------------------------------------------------------------------------------
 
     def _keep(self, search: Search, events: tuple[Events, ...]) -> None:
-        """The sets of a search, given events that were taken out of the recordings.
-
-        Samples that were not measured are worth what noise is.
-        """
-        lost = self.problem.expected - search.problem.expected
-        sets = (nothing(search.problem), *search.fits.values())
-        self.options += [Option(search.problem, f, events, f.residuals, f.chi2 + lost) for f in sets]
+        """The sets of a search, given events that were taken out of the recordings."""
+        rest = search.problem.experiments
+        for f in (nothing(search.problem), *search.fits.values()):
+            lost = misfit_while_stale(self.problem, rest, f.residuals)
+            self.options.append(Option(search.problem, f, events, f.residuals, f.chi2 + float(lost @ lost)))
 
     @cached_property
     def _alone(self) -> list[tuple[Fitted, Events]]:

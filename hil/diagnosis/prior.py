@@ -30,10 +30,13 @@ class Prior:
     Attributes:
         model: the nominal model, with what was known of its parameters when it was identified.
         base: the parameters, those that its plant lets free; k of them.
+        is_own: whether the recordings in question are those that the model was identified from: what these tell of its
+            parameters is not known beside them, and would count twice.
     """
 
     model: Model
     base: tuple[Parameter, ...]
+    is_own: bool = False
 
     @cached_property
     def covariance(self) -> Array:
@@ -49,8 +52,10 @@ class Prior:
 
     @cached_property
     def _known(self) -> Array:
-        """How well they were known when the model was identified, shape (k, k)."""
+        """How well they were known before the recordings in question, shape (k, k)."""
         known = self.model.covariance
+        if self.is_own:
+            return np.diag(np.square([self._typed(p) or p.high - p.low for p in self.base]))
         if known is None:
             stds = [self.model.parameters[name].std or 0.0 for name in self._names]
             return np.diag(np.square(np.nan_to_num(stds, posinf=0.0)))
@@ -63,6 +68,11 @@ class Prior:
                 covariance[k, :] = covariance[:, k] = 0.0
                 covariance[k, k] = (self.model.parameters[name].std or 0.0) ** 2
         return covariance
+
+    def _typed(self, p: Parameter) -> float | None:
+        """The standard uncertainty that somebody typed into the model file."""
+        std = self.model.parameters[p.name].std
+        return std if self._is_typed(p.name, 0.0) else None
 
     def _is_typed(self, name: str, known: float) -> bool:
         """Whether somebody typed a standard uncertainty into the model file: identification stated another one.

@@ -77,7 +77,7 @@ class Problem:
     @cached_property
     def prior(self) -> Prior:
         """How far the base parameters may wander without being called changed."""
-        return Prior(self.model, self.base)
+        return Prior(self.model, self.base, self.is_own)
 
     @property
     def coarse_factor(self) -> float:
@@ -92,6 +92,13 @@ class Problem:
             for e, noise in zip(self.experiments, self.observed_noise, strict=True)
         )
         return len(self.nominal_residuals) - silent
+
+    @property
+    def explains_little(self) -> bool:
+        """Whether the nominal model leaves more than half of the outputs' variance."""
+        left = [self.errors(i, r) for i, r in enumerate(self.outputs_of(self.nominal_residuals))]
+        whole = sum(float(np.var(e.valid_output)) * len(e.valid_output) for e in self.experiments)
+        return 2.0 * sum(float(r @ r) for r in left) > whole
 
     def excess(self, chi2: float) -> float:
         """Variance beyond the noise, as a share of it."""

@@ -58,7 +58,7 @@ def test_its_description_predicts_what_nobody_has_seen() -> None:
     nominal = fit_plant(starting_model("hydraulic-actuator"), [first]).model
     found = diagnose(nominal, [first])
     told, closest = found.diagnosis, found.diagnosis.candidates[0]
-    assert closest.fit_held_out > max(70.0, told.held_out.nominal + 10.0)
+    assert closest.fit_held_out > max(70.0, told.held_out.nominal)
     assert not {"periodic_disturbance", "sensor_drift"} & set(closest.name.split(" + "))
     assert any("the closest description (" in w and "not named as the cause" in w for w in told.warnings)
     # a description is not believed: the file stays as it was, and no worse on what nobody has seen

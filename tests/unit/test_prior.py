@@ -40,3 +40,11 @@ def test_what_identification_printed_is_no_prior(std: float | None, origin: dict
 )
 def test_a_typed_std_takes_the_place_of_the_covariance(std: float, origin: dict[str, Any]) -> None:
     assert shape(prior(std, origin)) == pytest.approx(np.array([[std**2, 0.0], [0.0, 9.0]]))
+
+
+def test_what_the_recordings_in_question_told_is_not_known_beside_them() -> None:
+    widths = {p.name: p.high - p.low for p in AXIS.parameters}
+    own = replace(prior(None, {}), is_own=True)
+    assert shape(own) == pytest.approx(np.diag([widths["mass"] ** 2, widths["viscous"] ** 2]))
+    typed = replace(prior(50.0, {"std": {"mass": 5.0}}), is_own=True)
+    assert shape(typed)[0, 0] == pytest.approx(50.0**2)

@@ -17,10 +17,11 @@ def test_two_changes_take_as_much_as_bounded_least_squares_says(seed: int, alike
     common = rng.standard_normal(60)
     changes = (alike * common + (1.0 - alike) * rng.standard_normal((4, 60))).astype(np.float32)
     residuals = (rng.uniform(-4.0, 4.0, 4) @ changes + rng.standard_normal(60)).astype(np.float32)
-    most = np.array([3.0, 3.0, 1.0, 1.0])
-    gain, first, second = gains(changes, residuals, most)
+    least, most = np.array([0.0, -3.0, 0.0, 0.0]), np.array([3.0, 3.0, 1.0, 1.0])
+    gain, first, second = gains(changes, residuals, least, most)
     for i, j in ((0, 1), (0, 2), (2, 3)):
-        best = lsq_linear(changes[[i, j]].T.astype(float), -residuals.astype(float), (0.0, most[[i, j]]))
+        bounds = least[[i, j]], most[[i, j]]
+        best = lsq_linear(changes[[i, j]].T.astype(float), -residuals.astype(float), bounds)
         assert gain[i, j] == pytest.approx(float(residuals @ residuals) - 2.0 * best.cost, rel=1e-3, abs=1e-2)
         left = residuals + first[i, j] * changes[i] + second[i, j] * changes[j]
         assert float(residuals @ residuals - left @ left) == pytest.approx(gain[i, j], rel=1e-3, abs=1e-2)

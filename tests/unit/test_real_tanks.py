@@ -45,7 +45,7 @@ def test_an_overflow_is_found_and_no_valve_test_is_proposed():
 
 
 def test_a_recording_too_short_to_judge_a_prediction_names_and_corrects_nothing():
-    found = diagnosed(600)
+    found = diagnosed(250)
     assert found.diagnosis.verdict == "explained"
     assert [effect.name for effect in found.diagnosis.effects] == ["overflow"]
     assert abs(found.diagnosis.effects[0].parameters["brim"].value - 6.5) < 0.1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -12,12 +12,15 @@ from hil.cores import spread
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import finished, fit, fit_given
-from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
+from hil.diagnosis.search.fitted import Fitted, nothing, simulated
 from hil.diagnosis.search.linearization import Linearization, linearized
-from hil.diagnosis.search.probes import Keys, Probe, keys, pairs, predicted_probes, simulated_probes, sketch
+from hil.diagnosis.search.probes import Keys, Probe, Start, keys, pairs, predicted_probes, simulated_probes, sketch
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.diagnosis.thresholds import TINY
+from hil.identification.grey_box.estimate import Unknown
+from hil.identification.grey_box.multistart import multistart
 from hil.language.words import marked
+from hil.record.recording import Array
 
 
 class Scoring(Protocol):
@@ -98,12 +101,9 @@ class Search:
                 break
             self._unions(size + 1)
             self._drop_and_swap(size + 1)
-        if (
-            self.problem.is_short
-            and not self.problem.following
-            and not self._is_enough(1 + max(len(self.first.terms), 1))
-        ):
-            self._from_other_units()
+        is_affordable = self.problem.is_short and not self.problem.following
+        if is_affordable and not self._is_enough(1 + max(len(self.first.terms), 1)):
+            self._not_linearised(unit)
 
     @property
     def first(self) -> Fitted:
@@ -119,40 +119,48 @@ class Search:
     def _least(self) -> float:
         return min(f.chi2 for f in self.fits.values())
 
-    def _from_other_units(self) -> None:
-        """Sets that grow with nothing linearised, from the nominal unit and from one as they usually are.
+    def _not_linearised(self, unit: Fitted) -> None:
+        """Sets that grow with nothing linearised, an effect at a time.
 
         Where the nominal model is far off, a cause shows only after all else has moved; the model may even have bent so
         far to what it lacks that no cause has a way on from there. In short recordings that is affordable.
         """
-        nominal = nothing(self.problem)
-        usual = nominal.parameters | {p.name: p.typical for p in self.problem.base}
-        for unit in (nominal.parameters, usual)[: 1 + (usual != nominal.parameters)]:
-            level = [evaluated(self.problem, replace(nominal, parameters=unit))]
-            for _ in range(EFFORT.causes):
-                if self.problem.work.leaves_out(marked("starts from another unit")):
-                    return
-                children = [child for parent in level for child in self._children(parent)]
-                level = self._lowest(children)
+        level = [unit]
+        for _ in range(EFFORT.causes):
+            if self.problem.work.leaves_out(marked("fits with nothing linearised")):
+                return
+            grown = [child for parent in level for child in self._children(parent)]
+            found = spread(lambda f: fit(self.problem, f, from_here=True), grown)
+            level = _distinct(sorted(map(self.add, found), key=lambda f: f.chi2), keys)[: EFFORT.beam]
 
-    def _lowest(self, found: Iterable[Fitted]) -> list[Fitted]:
-        """The lowest few that are not the same terms."""
-        return _distinct(sorted(found, key=lambda f: f.chi2), keys)[: EFFORT.beam]
+    def _children(self, parent: Fitted) -> Iterator[Fitted]:
+        """A set with each effect more that it does not have yet, to be fitted: one from all starts, more from the best.
 
-    def _children(self, parent: Fitted) -> list[Fitted]:
-        """A set with each effect more that it does not have yet, fitted from where it is."""
+        Beside a model that explains little, one effect stands with base parameters from anywhere too.
+        """
         effects = [t for t in all_terms(self.problem, parent.residuals) if t.kind == "effect" and not t.by_clock]
-        jobs = [(t, start) for t in effects if t.key not in keys(parent) for start in t.starts]
-        best: dict[int, Probe] = {}
-        for probe in simulated_probes(linearized(self.problem, parent), jobs):
-            best.setdefault(id(probe.term), probe)
-        promising = [probe for probe in best.values() if np.isfinite(probe.chi2)]
-        grown = [
-            Fitted((*parent.terms, x.term), (*parent.values, x.at), parent.parameters, np.inf, parent.residuals)
-            for x in promising[: EFFORT.tried if parent.terms else EFFORT.alone]
-        ]
-        found = spread(lambda f: fit(self.problem, f, from_here=True), grown)
-        return [self.add(f) for f in found]
+        starts = [(t, start) for t in effects if t.key not in keys(parent) for start in t.starts]
+        if parent.terms:
+            probes = simulated_probes(linearized(self.problem, parent), starts)
+            promising = _by_term(probes)[: EFFORT.tried]
+            starts = [(x.term, x.at) for own in promising for x in own[: EFFORT.starts]]
+        for term, start in starts:
+            for at in (parent.parameters, *([] if parent.terms else self._units_from_afar(term, start))):
+                yield Fitted((*parent.terms, term), (*parent.values, start), at, np.inf, parent.residuals)
+
+    def _units_from_afar(self, term: Term, start: Start) -> list[dict[str, float]]:
+        """Base parameters from anywhere beside an effect, the best few, where the nominal model explains little."""
+        problem = self.problem
+        if not problem.explains_little:
+            return []
+        names, nominal = [p.name for p in problem.base], problem.model.values
+        usual = [Unknown(p.name, p.unit, p.typical, p.low, p.high, p.scale) for p in problem.base]
+
+        def residuals(values: Array) -> Array:
+            unit = nominal | dict(zip(names, values.tolist(), strict=True))
+            return simulated(problem, unit, (term,), (start,), problem.coarse_factor)
+
+        return [nominal | {u.name: u.start for u in unit} for unit in multistart(residuals, usual)]
 
     def _is_done(self, size: int) -> bool:
         """Whether larger sets than of this size are not looked for: the best is enough, or smaller already."""
@@ -202,13 +210,9 @@ class Search:
         self._grow(linear, simulated_probes(linear, jobs), EFFORT.tried, EFFORT.finished)
 
     def _grow(self, linear: Linearization, probes: Sequence[Probe], tried: int, finished: int) -> None:
-        starts: dict[tuple[str, str], list[Probe]] = {}
-        for probe in probes:
-            if np.isfinite(probe.chi2):
-                starts.setdefault(probe.term.key, []).append(probe)
         jobs = [
             probe
-            for rank, own in enumerate(list(starts.values())[:tried])
+            for rank, own in enumerate(_by_term(probes)[:tried])
             for probe in own[: EFFORT.starts if rank < finished or own[0].term.multimodal else 1]
         ]
         self._to_the_end(spread(lambda probe: fit_given(linear, probe.term, probe.at), jobs), finished)
@@ -267,6 +271,15 @@ class Search:
                 found = self.add(fit(self.problem, smaller, steps=EFFORT.fine))
                 if f is best[0] and (before is None or found.chi2 < EFFORT.again * before.chi2):
                     self._extend(found)
+
+
+def _by_term(probes: Sequence[Probe]) -> list[list[Probe]]:
+    """Those that may lead on, the terms and their starts best first."""
+    found: dict[tuple[str, str], list[Probe]] = {}
+    for probe in probes:
+        if np.isfinite(probe.chi2):
+            found.setdefault(probe.term.key, []).append(probe)
+    return list(found.values())
 
 
 def _away(f: Fitted, term: Term, value: float) -> float:

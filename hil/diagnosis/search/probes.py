@@ -39,6 +39,11 @@ class Probe:
         """The largest share of the change that is thought of."""
         return EFFORT.stronger if self.term.scales else 1.0
 
+    @property
+    def weakest(self) -> float:
+        """The least share of it: negative where the term may have either sign."""
+        return -self.strongest if self.term.is_signed else 0.0
+
 
 def simulated_probes(linear: Linearization, jobs: Sequence[tuple[Term, Start]]) -> list[Probe]:
     """Terms at starts beside what is accepted, all else adapting linearly; best first."""
@@ -93,9 +98,8 @@ def pairs(probes: Sequence[Probe], r: NDArray[np.float32], most: int) -> list[tu
     probes = [probe for probe in probes if probe.term.kind == "effect" and float(probe.change @ probe.change) > 1.0]
     if len(probes) < 2:
         return []
-    gain, share_i, share_j = gains(
-        np.stack([probe.change for probe in probes]), r, np.array([x.strongest for x in probes])
-    )
+    least, most_of = np.array([[x.weakest, x.strongest] for x in probes]).T
+    gain, share_i, share_j = gains(np.stack([probe.change for probe in probes]), r, least, most_of)
     first, second = np.triu_indices(len(probes), 1)
     found: dict[frozenset[str], tuple[Placed, Placed]] = {}
     for k in np.argsort(-gain[first, second], kind="stable"):
@@ -103,7 +107,7 @@ def pairs(probes: Sequence[Probe], r: NDArray[np.float32], most: int) -> list[tu
         names = frozenset((probes[i].term.reported_name, probes[j].term.reported_name))
         if gain[i, j] <= 0.0 or len(found) == most:
             break
-        if len(names) == 2 and names not in found and share_i[i, j] > 0.0 and share_j[i, j] > 0.0:
+        if len(names) == 2 and names not in found and share_i[i, j] != 0.0 != share_j[i, j]:
             a, b = probes[i], probes[j]
             found[names] = (
                 (a.term, a.term.scaled(a.start, share_i[i, j])),
@@ -112,8 +116,10 @@ def pairs(probes: Sequence[Probe], r: NDArray[np.float32], most: int) -> list[tu
     return list(found.values())
 
 
-def gains(changes: NDArray[np.float32], r: NDArray[np.float32], most: Array) -> tuple[Array, Array, Array]:
-    """How much χ² falls with each pair, and the shares, between 0 and `most`, of the first and of the second in it.
+def gains(
+    changes: NDArray[np.float32], r: NDArray[np.float32], least: Array, most: Array
+) -> tuple[Array, Array, Array]:
+    """How much χ² falls with each pair, and the shares, from `least` to `most`, of the first and of the second in it.
 
     Each of shape (k, k); [i, j] is the pair of i and j.
     """
@@ -122,10 +128,10 @@ def gains(changes: NDArray[np.float32], r: NDArray[np.float32], most: Array) -> 
     size = np.diag(products)
     with np.errstate(divide="ignore", invalid="ignore"):
         alone = (np.outer(pull, size) - products * pull) / (np.outer(size, size) - products**2)
-    first = np.clip(np.nan_to_num(alone), 0.0, most[:, None])
+    first = np.clip(np.nan_to_num(alone), least[:, None], most[:, None])
     # where one of them was clipped, the other one takes what is best beside it
-    second = np.clip((pull - products * first) / size, 0.0, most)
-    first = np.clip((pull[:, None] - products * second) / size[:, None], 0.0, most[:, None])
+    second = np.clip((pull - products * first) / size, least, most)
+    first = np.clip((pull[:, None] - products * second) / size[:, None], least[:, None], most[:, None])
     gain = 2.0 * (first * pull[:, None] + second * pull) - (
         first**2 * size[:, None] + second**2 * size + 2.0 * first * second * products
     )
@@ -136,10 +142,10 @@ def _on_line(
     term: Term, start: Start, kept: NDArray[np.float32], change: NDArray[np.floating], r: NDArray[np.floating]
 ) -> Probe:
     """A probe at the strength at which the straight line from nothing to it is lowest."""
-    length = float(change @ change)
-    share = float(np.clip(-(r @ change) / max(length, 1.0), 0.0, EFFORT.stronger)) if term.scales else 1.0
-    if length <= 1.0 or share <= 0.0:
-        return Probe(term, start, kept, start, np.inf)
+    length, found = float(change @ change), Probe(term, start, kept, start, np.inf)
+    share = float(np.clip(-(r @ change) / max(length, 1.0), found.weakest, found.strongest)) if term.scales else 1.0
+    if length <= 1.0 or share == 0.0:
+        return found
     there = r + share * change
     return Probe(term, start, kept, term.scaled(start, share), float(there @ there))
 

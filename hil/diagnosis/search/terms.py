@@ -82,6 +82,11 @@ class Term:
         """Whether it has strengths at which it does nothing, and beyond which it does ever more."""
         return bool(self.sizes)
 
+    @property
+    def is_signed(self) -> bool:
+        """Whether its strengths may have either sign."""
+        return self.scales and all(self.unknowns[k].low < self.nulls[k] < self.unknowns[k].high for k in self.sizes)
+
     def scaled(self, values: Sequence[float], share: float) -> tuple[float, ...]:
         """The values with this share of every strength, as far as it may go; as they are where it has none."""
         sized = list(values)
@@ -139,8 +144,10 @@ def all_terms(problem: Problem, left: Array) -> tuple[Term, ...]:
         for site in sites
         if site.key not in problem.refuted
     ]
-    parameters = [_parameter_term(p, problem.model.values[p.name], problem.plant.stage(p.name)) for p in problem.base]
-    return tuple(parameters + [term for term in effects if term.starts])
+    may_have_changed = () if problem.is_own else problem.base
+    values, stage = problem.model.values, problem.plant.stage
+    parameters = [_parameter_term(p, values[p.name], stage(p.name)) for p in may_have_changed]
+    return (*parameters, *(term for term in effects if term.starts))
 
 
 def _parameter_term(parameter: Parameter, value: float, stage: str) -> Term:
