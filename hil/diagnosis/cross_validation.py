@@ -102,8 +102,7 @@ def folds_of(problem: Problem, f: Fitted) -> Folds:
     everything = np.ones(len(problem.nominal_residuals), dtype=np.bool_)
     settle_s = [FORGOTTEN * time_constant_s(problem.model, e, f.parameters, f.effects) for e in recordings]
     by_recording = Folds(_by_recording(problem), everything, OTHER_RECORDINGS, max(settle_s))
-    is_foretold = not f.terms or not (_shows_in_one(problem, f, by_recording.fold) or _is_open(f, by_recording.fold))
-    if len(recordings) > 1 and is_foretold:
+    if len(recordings) > 1 and not (f.terms and _is_not_foretold(problem, f, by_recording.fold)):
         return by_recording
     since = [e.time_s - e.time_s[0] for e in recordings]
     second = [t > 0.5 * e.duration_s for t, e in zip(since, recordings, strict=True)]
@@ -143,11 +142,13 @@ def _shows_in_one(problem: Problem, f: Fitted, fold: Integers) -> bool:
     return any(float(np.mean(change[fold != k])) < CRITERIA.scale * expected for k in np.unique(fold))
 
 
-def _is_open(f: Fitted, fold: Integers) -> bool:
-    """Whether without some fold the values are known so little that its prediction is off by more than a sample is.
+def _is_not_foretold(problem: Problem, f: Fitted, fold: Integers) -> bool:
+    """Whether an explanation shows in one fold alone, or its values are so open without it that it is no prediction.
 
     That is what leverage says: the variance of a prediction over that of a sample, here of independent ones.
     """
+    if _shows_in_one(problem, f, fold):
+        return True
     if f.estimate is None:
         return False
     slopes, prior = np.split(f.estimate.jacobian, [len(fold)])
