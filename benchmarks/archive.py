@@ -29,7 +29,7 @@ from hil import api
 from hil.archive.begun import mark_begun
 from hil.archive.database import opened
 from hil.archive.place import Place, archive_place
-from hil.archive.tables import RunRow, ValueRow
+from hil.archive.tables import RUN, VALUE
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from tests.postgres import served, server_programs
@@ -54,13 +54,13 @@ def fill(place: Place, runs: int) -> None:
         for first in range(0, runs, BATCH):
             ids = range(first, min(first + BATCH, runs))
             with engine.begin() as connection:
-                connection.execute(insert(RunRow), [
+                connection.execute(insert(RUN), [
                     {"id": i + 1, "folder": f"/lab/runs/{i:06d}", "name": f"{i:06d}", "serial": f"SN-{units[i]:05d}",
                      "operator": f"op{i % OPERATORS}", "procedure": PROCEDURES[i % len(PROCEDURES)], "bench": "bench 3",
                      "started_utc": NOW - timedelta(seconds=float(ages_s[i])), "outcome": "completed",
                      "verdict": verdicts[i]} for i in ids
                 ])  # fmt: skip
-                connection.execute(insert(ValueRow), [
+                connection.execute(insert(VALUE), [
                     {"run_id": i + 1, "name": name, "value": float(k + rng.normal()), "std": 0.1,
                      "calibration_std": 0.05, "unit": "ms", "low": None, "high": 9.0, "relation": "=",
                      "verdict": "pass"} for i in ids for k, name in enumerate(VALUES)
