@@ -52,6 +52,13 @@ def test_a_model_that_explains_nothing_is_started_from_anywhere() -> None:
         assert found.corrected.values[name] == pytest.approx(value, rel=0.05)
 
 
+@pytest.mark.parametrize("seed", [5, 6])
+def test_a_model_that_explains_nothing_does_not_tell_what_was_before_the_recording(seed: int) -> None:
+    """Commands before it took what the model lacked: its first 12 s of 12 were said to answer to them."""
+    found = fit_plant(starting_model("coupled-drives"), [drives(seed)])
+    assert not [note for note in found.notes if "begins in motion" in note]
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_law_whose_strength_may_have_either_sign_is_found_with_the_signs_of_the_bench(sign: float) -> None:
     time_s = np.arange(0.0, 10.0, 0.005)

@@ -61,8 +61,8 @@ def is_worth(plain: Array, after: Array, count: int) -> bool:
 def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note, ...]]:
     """The recording with the command before it that explains how it begins, and what was done, in words.
 
-    As it is where the Bayesian criterion finds those levels not worth their number, where the plant never forgets, and
-    where the samples lie on no grid.
+    As it is where the Bayesian criterion finds those levels not worth their number, where even with them the model
+    leaves more than half of the output, where the plant never forgets, and where the samples lie on no grid.
     """
     span = float(np.ptp(e.drive.inputs[0]))
     is_even = e.grid_s is None and e.read_s is None and e.ripples is None and not e.is_late
@@ -91,7 +91,8 @@ def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note
         if not float(tried @ tried) < float(left @ left):
             break
         change, left = change + span * step, tried
-    if not is_worth(plain[e.valid], left[e.valid], count):
+    explains_little = 2.0 * float(left @ left) > float(np.sum((e.valid_output - e.valid_output.mean()) ** 2))
+    if explains_little or not is_worth(plain[e.valid], left[e.valid], count):
         return e, ()
     fit = fit_percent(e.valid_output, e.valid_output + plain[e.valid])
     last = int(np.flatnonzero(np.abs(plain - left) > COVERED * float(np.std(left))).max(initial=0))
