@@ -23,7 +23,7 @@ from hil.units import units_ready
 _LATER_ANYHOW = ("numpy.fft", "numpy.polynomial", "numpy.random")  # numpy imports them when they are asked for
 # Exports, pictures and text files of others, which nothing of ours wants while it drives, and libraries of links, which
 # are there once a bench is open, where it needs them: half a second to two each.
-_NEVER_WHILE_DRIVEN = frozenset({"can", "control", "matplotlib", "pandas", "serial"})
+_NEVER_WHILE_DRIVEN = frozenset({"can", "control", "matplotlib", "pandas", "serial", "xarray"})
 
 
 def preload(run: Callable[..., Any]) -> None:
