@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import InputError
+from hil.errors import FileError, InputError
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array, Complex, Integers, Mask
 from hil.signals.decibel import PER_NEPER, decibels, of_decibels
@@ -245,12 +245,12 @@ def average(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
     all of them at once.
 
     Raises:
-        InputError: on different frequencies.
+        FileError: on different frequencies.
     """
     first, *others = responses
     for other in others:
         if not np.array_equal(other.frequency_hz, first.frequency_hz):
-            raise InputError(f"{other.name}: other frequencies than {first.name}; a mean is taken line by line")
+            raise FileError(f"{other.name}: other frequencies than {first.name}; a mean is taken line by line")
     return from_table(
         f"mean of {len(responses)} responses",
         first.frequency_hz,

@@ -117,7 +117,7 @@ def averaged(tables: Sequence[ResponseTable], *, normalised: bool = False) -> Re
         normalised: take each over its gain at the lowest frequency first, as eq. 1 of the HPV41 paper does.
 
     Raises:
-        FileError: gains of different units. InputError: other frequencies than those of the first.
+        FileError: gains of different units, or other frequencies than those of the first.
     """
     first = tables[0]
     for other in tables[1:]:
