@@ -34,8 +34,8 @@ class ByDescription:
         watchdog = self.described(settings).watchdog
         if settings.watchdog_s is not None and watchdog is None:
             yield ("watchdog_s",), "its description has no [watchdog]: say it there, or take this away"
-        is_said = getattr(settings, "watchdog_level", None) is not None
-        if is_said and (settings.watchdog_s is None or (watchdog is not None and watchdog.arm)):
+        has_level = getattr(settings, "watchdog_level", None) is not None
+        if has_level and (settings.watchdog_s is None or (watchdog is not None and watchdog.arm)):
             yield ("watchdog_level",), "only for a watchdog that was set at the device itself; take this away"
 
     def is_sound(self, settings: Any) -> bool:

@@ -74,7 +74,7 @@ class Scale:
             raise SettingError(f"setting {setting}: each must differ from 0 %, and at least one is needed")
         return found
 
-    def swing(self, setting: str, percent: float, middle: float) -> float:
+    def amplitude_about(self, setting: str, percent: float, middle: float) -> float:
         """An amplitude about a level, in the unit of the command.
 
         Raises:
@@ -147,7 +147,9 @@ def about_levels(
         SettingError: nothing given, an amplitude not above 0, or the command may not go there.
     """
     levels = _default_biases(scale) if biases is None else [scale.middle("biases", percent) for percent in biases]
-    found = tuple((bias, scale.swing("amplitudes", percent, bias)) for bias in levels for percent in amplitudes)
+    found = tuple(
+        (bias, scale.amplitude_about("amplitudes", percent, bias)) for bias in levels for percent in amplitudes
+    )
     if not found:
         raise SettingError("settings amplitudes and biases: at least one of each is needed")
     return found

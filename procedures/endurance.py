@@ -113,7 +113,7 @@ def run(
     scale = scale_of(rig, full_command)
     check_stands(scale, "an endurance run", "drive it in a closed loop")
     middle = scale.centre if bias is None else scale.middle("bias", bias)
-    size = scale.swing("amplitude", amplitude, middle)
+    size = scale.amplitude_about("amplitude", amplitude, middle)
     cycle = middle + size * _shape(pattern, _samples(frequency_hz, rate_hz))
     period_s = len(cycle) / rate_hz
     done = [block_of(part) for part in rig.finished if part["kind"] == "cycle"]

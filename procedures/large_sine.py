@@ -107,7 +107,7 @@ def _level(scale: Scale, amplitude: float | None, bias: float | None) -> tuple[f
         if not size > 0.0:
             raise SettingError(f"setting bias: {bias:g} % is an end of the range and leaves no room for an amplitude")
         return middle, size
-    return middle, scale.swing("amplitude", amplitude, middle)
+    return middle, scale.amplitude_about("amplitude", amplitude, middle)
 
 
 def _creep_per_s(fit: SineFit, duration_s: float) -> float:

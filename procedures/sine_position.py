@@ -143,7 +143,7 @@ def evaluate(recording: Recording) -> Findings:
 def _levels(scale: Scale, amplitude: float, offset: float) -> tuple[float, tuple[float, float]]:
     """Amplitude and the two middles in the unit of the command."""
     middles = (scale.level("offset", offset), scale.level("offset", -offset))
-    size, _ = (scale.swing("amplitude", amplitude, middle) for middle in middles)
+    size, _ = (scale.amplitude_about("amplitude", amplitude, middle) for middle in middles)
     return size, middles
 
 

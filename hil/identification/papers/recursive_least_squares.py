@@ -164,12 +164,12 @@ class RecursiveLeastSquares:
 
     def _forget(self, psi: Array) -> None:
         """Forget what is known about the direction of a new sample, and nothing else; then it is known."""
-        told = self._information @ psi
-        if not (known := float(psi @ told)) > 0.0:
+        known_along = self._information @ psi
+        if not (known := float(psi @ known_along)) > 0.0:
             return
         lost = (1.0 - self.memory) / known
         self.gain_matrix = self.gain_matrix + lost / self.memory * np.outer(psi, psi)
-        self._information = self._information + np.outer(psi, psi) - lost * np.outer(told, told)
+        self._information = self._information + np.outer(psi, psi) - lost * np.outer(known_along, known_along)
 
     @property
     def noise_std(self) -> float:

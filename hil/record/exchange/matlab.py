@@ -33,10 +33,10 @@ def contents(path: Path, file: BinaryIO) -> Contents:
     from scipy.io import loadmat
 
     content = loadmat(file, simplify_cells=True)  # type: ignore[arg-type]  # an open file is taken too
-    said = str(content.pop(_ABOUT, ""))
+    about = str(content.pop(_ABOUT, ""))
     known = _index(content)
     signals = {key: value for key, value in content.items() if not key.startswith("__") and key != _INDEX * bool(known)}
-    return list(_tables(path.stem, signals, known)), said
+    return list(_tables(path.stem, signals, known)), about
 
 
 def write(recording: Recording, path: Path) -> None:
