@@ -25,8 +25,10 @@ def cells(outcome: Outcome) -> tuple[str, ...]:
     known = ", ".join(name.replace("_", " ") for name in outcome.real.left_out)
     if outcome.failure:
         return (outcome.real.name, known, f"failed: {outcome.failure}", "", "", "", reference, "")
+    named = ", ".join(outcome.named).replace("_", " ")
+    verdict = outcome.verdict.replace("_", " ") + (f": {named}" if named else "")
     return (
-        outcome.real.name, known, outcome.verdict.replace("_", " "), _effects(outcome), _fits(outcome.seen),
+        outcome.real.name, known, verdict, _effects(outcome), _fits(outcome.seen),
         _fits(outcome.unseen), reference, f"{outcome.seconds:.0f}",
     )  # fmt: skip
 
@@ -62,10 +64,10 @@ def parameters(outcome: Outcome) -> str:
 
 
 def markdown(outcomes: Sequence[Outcome]) -> str:
-    """Both tables for the documentation: verdicts with fits, and parameters."""
+    """Both tables for the documentation: verdicts with fits, and parameters of the models that were corrected."""
     lines = [_line(HEADINGS), _line(["---"] * len(HEADINGS)), *(_line(cells(o)) for o in outcomes), ""]
     lines += [_line(("set", "parameters ± standard uncertainty")), _line(["---"] * 2)]
-    lines += [_line((o.real.name, parameters(o))) for o in outcomes if not o.failure]
+    lines += [_line((o.real.name, parameters(o))) for o in outcomes if o.effects]
     return "\n".join(lines)
 
 
