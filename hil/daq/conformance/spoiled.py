@@ -96,7 +96,8 @@ def _spoiled(subject: Subject, **quirk: Any) -> None:
         else:
             raise Broken("the answer was spoiled, and a reading came nevertheless")
         spoil()
-        if commanded := subject.levels(0.1):
+        if commanded := subject.levels(0.1):  # as after any error: a watchdog of the device may have struck meanwhile
+            link.drive(subject.safe())
             link.drive(commanded)
         _recovered(subject, link, side, commanded)
 
