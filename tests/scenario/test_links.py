@@ -33,7 +33,7 @@ JUDGED = ("block_s = 0.1", "block_s = 0.5")  # how often inputs are is not what 
 IDLE = ("sample_rate_hz = 20", "sample_rate_hz = 5")  # between tests; a busy host may offer less than a test asks for
 SECONDS = 3.5
 SETTLE_S = 0.5
-STALLED_RAD = 0.04  # standard uncertainty beyond which the host, not the link, decides what is measured
+STALLED_RAD = 0.02  # standard uncertainty beyond which the host, not the link, decides what 20 ms (0.13 rad) are worth
 TRIES = 5
 UNEVEN = 0.2  # of the delay: a stamp lies in the middle of an exchange, the device acts somewhere within it
 LEVEL = 0.01  # of the response: converters
