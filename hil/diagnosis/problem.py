@@ -17,6 +17,7 @@ from hil.identification.grey_box.lines import line_at
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.initial_condition import start_slope, with_free_start
 from hil.identification.uncertainty.evidence import VERY_STRONG
+from hil.identification.uncertainty.fit import explains_little
 from hil.identification.uncertainty.noise import channel_floors, noise_in, whiten
 from hil.language.note import Note
 from hil.physics.compose import kernel
@@ -97,8 +98,7 @@ class Problem:
     def explains_little(self) -> bool:
         """Whether the nominal model leaves more than half of the outputs' variance."""
         left = [self.errors(i, r) for i, r in enumerate(self.outputs_of(self.nominal_residuals))]
-        whole = sum(float(np.var(e.valid_output)) * len(e.valid_output) for e in self.experiments)
-        return 2.0 * sum(float(r @ r) for r in left) > whole
+        return explains_little([e.valid_output for e in self.experiments], left)
 
     def excess(self, chi2: float) -> float:
         """Variance beyond the noise, as a share of it."""

@@ -40,7 +40,7 @@ from hil.identification.preparation.recording_quality import (
 )
 from hil.identification.preparation.start_in_motion import begins_at_rest, begun_in_motion, is_worth, levels_of
 from hil.identification.preparation.sub_sample_response import dead_time_std_s, responds_within_sample
-from hil.identification.uncertainty.fit import fit_percent, rms
+from hil.identification.uncertainty.fit import explains_little, fit_percent, rms
 from hil.identification.uncertainty.noise import Measured, channel_floor, measured_noise, resolution
 from hil.language.note import Note
 from hil.physics.model import Covariance, Model, Value, load_model, typical_model
@@ -57,8 +57,6 @@ _MOST_OVER_FLOOR = 2.0
 _TELLING_CHI2 = 25.0
 # Simulations after which a fit is usually half done, and the share that is done before it.
 _USUAL_SIMULATIONS, _BEFORE_FIT = 60.0, 0.1
-# A fit that explains no more than this share of the outputs' variance has begun in the wrong place.
-_LITTLE = 0.5
 # Units are taken for slower than the start says where this share more of samples is then left out.
 _LATE_SETTLING = 0.1
 _OF_DYNAMICS = ("s", "rad/s", "1")  # units of time constants, corners and dampings
@@ -180,11 +178,11 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], asked: _Asked, p
     for _ in range(_STARTS):
         begun = [begun_in_motion(near, e.reading_as_in(near)) for e in even]
         moving = tuple(note for _, notes in begun for note in notes)
-        levels = sum(levels_of(e) for e, notes in begun if notes)
         if not moving:
             break
-        after = _fitted(model, [e for e, _ in begun], asked, (*still, *remarks, *moving), tick)
-        if not is_worth(_errors(found.model, even), _errors(after.model, [e for e, _ in begun]), levels):
+        moved_before, levels = [e for e, _ in begun], sum(levels_of(e) for e, notes in begun if notes)
+        after = _fitted(model, moved_before, asked, (*still, *remarks, *moving), tick)
+        if not is_worth(_errors(found.model, even), _errors(after.model, moved_before), levels):
             break
         found, near = after, after.model
     progress(1.0, "fitted")
@@ -390,17 +388,11 @@ def _restarted(model: Model, task: _Task, first: Estimate) -> Estimate:
             for u in first.unknowns
         ]
         best = min(best, _fit_from(model, task, moved), key=lambda found: found.chi2)
-    if _explains(best, task) > _LITTLE:
+    swings = [w * e.valid_output for e, w in zip(task.experiments, task.weights, strict=True)]
+    if not explains_little(swings, [best.residuals]):
         return best
     starts = multistart(_residuals(model, task, first.unknowns), first.unknowns)
     return min([best, *(_fit_from(model, task, start) for start in starts)], key=lambda found: found.chi2)
-
-
-def _explains(found: Estimate, task: _Task) -> float:
-    """The share of the outputs' variance that a fit explains."""
-    swings = (w**2 * float(np.sum((e.valid_output - e.valid_output.mean()) ** 2)) for e, w in
-              zip(task.experiments, task.weights, strict=True))  # fmt: skip
-    return 1.0 - found.chi2 / max(sum(swings), 1e-300)
 
 
 def _unknowns(model: Model, names: Sequence[str], values: dict[str, float]) -> list[Unknown]:

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from hil.identification.preparation.experiment import Experiment
-from hil.identification.uncertainty.fit import fit_percent
+from hil.identification.uncertainty.fit import explains_little, fit_percent
 from hil.identification.uncertainty.noise import channel_floor
 from hil.language.note import Note
 from hil.physics.model import Model
@@ -91,8 +91,7 @@ def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note
         if not float(tried @ tried) < float(left @ left):
             break
         change, left = change + span * step, tried
-    explains_little = 2.0 * float(left @ left) > float(np.sum((e.valid_output - e.valid_output.mean()) ** 2))
-    if explains_little or not is_worth(plain[e.valid], left[e.valid], count):
+    if explains_little([e.valid_output], [left]) or not is_worth(plain[e.valid], left[e.valid], count):
         return e, ()
     fit = fit_percent(e.valid_output, e.valid_output + plain[e.valid])
     last = int(np.flatnonzero(np.abs(plain - left) > COVERED * float(np.std(left))).max(initial=0))
