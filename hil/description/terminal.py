@@ -174,6 +174,8 @@ class Flagged(Strict):
     def _one_way(self) -> Self:
         if self.bit is not None and self.mask is not None:
             raise ValueError("bit or mask, not both")
+        if self.bit is not None and (self.equals or 0) > 1:
+            raise ValueError("a bit equals 0 or 1")
         return self
 
     @property

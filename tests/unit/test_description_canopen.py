@@ -392,6 +392,7 @@ def test_bits_are_asked_for_by_sdo_where_nothing_is_driven(tmp_path: Path) -> No
         (IO, CHANNEL, CHANNEL + 'status = [{ object = "6999", bit = 1 }]\n', "6999 is not in the file"),
         (IO, CHANNEL, CHANNEL + 'status = [{ object = "1001", bit = 8 }]\n', "1001 has the bits 0 … 7"),
         (IO, CHANNEL, CHANNEL + 'status = [{ object = "1001", bit = 1, mask = 2 }]\n', "bit or mask, not both"),
+        (IO, CHANNEL, CHANNEL + 'status = [{ object = "1001", bit = 1, equals = 2 }]\n', "a bit equals 0 or 1"),
         (DIGITAL, "bit = 0\n", "bit = 1\n", "has the bits 0 … 7, the lowest first; this row of 8 would end at 8"),
         (DIGITAL, "bit = 0\n", "bit = 0\nbits = [0, 1]\n", "bit or bits, not both"),
         (DIGITAL, "bit = 0\n", "bits = [0, 1]\n", "this row of 8 would end at 15"),
