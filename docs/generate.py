@@ -28,6 +28,7 @@ from hil.description.read import Description, read_description
 from hil.physics.compose import effects, plant
 from hil.physics.effect import Effect, EffectParameter
 from hil.physics.plant import Parameter, Plant
+from hil.record.measured import RENAMED
 from hil.session.procedure import load_procedure
 
 REFERENCE = Path(__file__).parent / "reference"
@@ -91,7 +92,8 @@ def figures_page() -> Iterator[str]:
         "What each figure means and how it is read; `hil run NAME --describe` prints the same. *Of the reading*: the "
         "meter's lag and half a hold of the command are in it, while frequency responses are without them. *Bound*: "
         "`<` or `>` where noise alone could make it. [bench]: in the bench's unit. "
-        "[How often the stated intervals hold](../explanation/coverage.md)."
+        "[How often the stated intervals hold](../explanation/coverage.md). Names of earlier versions are read as "
+        f"those of today: {', '.join(f'`{old}` is `{new}`' for old, new in RENAMED.items())}."
     )
     tables: dict[str, list[str]] = {}
     for entry in entries("procedures"):

@@ -15,7 +15,7 @@ _READING = (
 )
 
 STEPS: Mapping[str, str] = {
-    "dead_time": f"From the command's jump until the response has made 2 % of its change. A "
+    "onset": f"From the command's jump until the response has made 2 % of its change. A "
     f"model's dead time is shorter: it is without the beginning of the lag. {_READING}",
     "rise": (
         "IEC 60469 transition duration, 10 % to 90 % of the change between the levels before and after. The meter's "
@@ -26,7 +26,7 @@ STEPS: Mapping[str, str] = {
         "IEC 60469 settling: from the command's jump until the response stays within the band (in % of the change) "
         f"about its final value for good. {_READING}"
     ),
-    "reaches": (
+    "band_entry": (
         "From the command's jump until the response first comes within the band. The HPV41 paper calls this settling "
         f"time; where the response overshoots it is shorter than `settling`. {_READING}"
     ),

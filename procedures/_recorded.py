@@ -28,7 +28,7 @@ _STATED = {
     "supply_pressure_bar": Note("the supply pressure"),
 }
 
-NO_DEAD_TIME = Note("noise alone reaches 2 % of the change; the dead time cannot be determined.")
+NO_ONSET = Note("noise alone reaches 2 % of the change; the onset cannot be determined.")
 
 
 def roles_of(recording: Recording) -> tuple[Channel, Channel]:

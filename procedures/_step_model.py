@@ -37,7 +37,7 @@ def step_model(time_s: Array, measured: Array, figures: StepFigures) -> StepMode
         return -np.expm1(-late / p[0])
 
     longest_s = float(time_s[-1])
-    first = [max(figures.rise_s / np.log(9.0), 1e-6), max(figures.dead_time_s, 0.0)]
+    first = [max(figures.rise_s / np.log(9.0), 1e-6), max(figures.onset_s, 0.0)]
 
     def residuals(p: Array) -> Array:
         return follow(p) - share

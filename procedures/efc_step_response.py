@@ -1,6 +1,6 @@
 """Step response of an EFC: 1.2, 1.4, 1.6, 1.8 and 2.0 A from no current, three repeats each.
 
-Dead time, rise, settling and overshoot of the rail pressure for every current; currents and repeats are those of the
+Onset, rise, settling and overshoot of the rail pressure for every current; currents and repeats are those of the
 EFC thesis, section 3.1.3.2. Repeats tell the scatter of a valve that sticks.
 """
 
@@ -24,17 +24,17 @@ from hil.signals.colour import colour_factor
 from hil.signals.rounding import mean_rounding_std, rounding_step
 from procedures._definitions import STEPS, defined
 from procedures._efc import Stage, held, part_recordings, play
-from procedures._recorded import NO_DEAD_TIME, calibration_std, roles_of
+from procedures._recorded import NO_ONSET, calibration_std, roles_of
 from procedures._scale import check_above
 from procedures._settings import NotNegativeAmpere, Once, Positive, PositiveAmpere
 from procedures._statistics import disagreement, extreme, mean_of
 
 FINAL = Measurement("step_pressure", "psi", "steady pressure at the end of the step")
 RISE = Measurement("rise", "ms", "from 10 % to 90 % of the change")
-DEAD_TIME = Measurement("dead_time", "ms", "until the pressure has moved")
+ONSET = Measurement("onset", "ms", "until the pressure has moved")
 SETTLING = Measurement("settling", "ms", "after which the pressure stays within 5 % of its change")
 OVERSHOOT = Measurement("overshoot", "%", "beyond the final pressure, of the change")
-MEASUREMENTS = defined(STEPS, FINAL, RISE, DEAD_TIME, SETTLING, OVERSHOOT)
+MEASUREMENTS = defined(STEPS, FINAL, RISE, ONSET, SETTLING, OVERSHOOT)
 KIND = "efc-step"
 
 _BAND = 0.05
@@ -107,8 +107,8 @@ def evaluate(recording: Recording) -> Findings:
             notes.append(Note("{n} of {all} steps move the pressure too little.", n=few, all=len(steps)).at(place))
         if usable:
             measured += _figures(place, usable, calibration_std(response), drift)
-            if not all(math.isfinite(step.std.dead_time_s) for step in usable):
-                notes.append(NO_DEAD_TIME.at(place))
+            if not all(math.isfinite(step.std.onset_s) for step in usable):
+                notes.append(NO_ONSET.at(place))
     return Findings(tuple(measured), {"steps": curves} if curves else {}, tuple(notes))
 
 
@@ -141,7 +141,7 @@ def _drift(found: list[tuple[Mapping[str, Any], Recording]], command: str, respo
 def _figures(place: str, steps: list[MeasuredStep], pressure_std: float, drift: float) -> list[Measured]:
     made = []
     for measurement, name, scale, floor in (
-        (FINAL, "final", 1.0, pressure_std), (RISE, "rise_s", 1e3, 0.0), (DEAD_TIME, "dead_time_s", 1e3, 0.0),
+        (FINAL, "final", 1.0, pressure_std), (RISE, "rise_s", 1e3, 0.0), (ONSET, "onset_s", 1e3, 0.0),
         (SETTLING, "settling_s", 1e3, 0.0), (OVERSHOOT, "overshoot", 100.0, 0.0),
     ):  # fmt: skip
         value, std = mean_of([(getattr(step.figures, name), getattr(step.std, name)) for step in steps])
@@ -166,8 +166,8 @@ def _curve(
     return {
         "label": f"{part['current']:g} A, {part['repeat'] + 1}", "time_s": samples.time_s - samples.time_s[first],
         "measured": samples.values(response), "command": samples.values(command),
-        "start": figures.start, "final": figures.final, "rise_s": figures.rise_s, "dead_time_s": figures.dead_time_s,
-        "response_s": figures.response_s, "settling_s": figures.settling_s, "reaches_s": figures.reaches_s,
+        "start": figures.start, "final": figures.final, "rise_s": figures.rise_s, "onset_s": figures.onset_s,
+        "response_s": figures.response_s, "settling_s": figures.settling_s, "band_entry_s": figures.band_entry_s,
         "overshoot_percent": 100.0 * figures.overshoot,
         "command_unit": samples.channel(command).unit, "response_unit": samples.channel(response).unit,
     }  # fmt: skip

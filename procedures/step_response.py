@@ -1,4 +1,4 @@
-"""Step response: dead time, rise, response and settling time, overshoot, first-order model with dead time."""
+"""Step response: onset, rise, response and settling time, overshoot, first-order model with dead time."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from hil.signals.rounding import rounding_step
 from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
 from procedures._course import Course, joined
 from procedures._definitions import STEPS, defined
-from procedures._recorded import NO_DEAD_TIME, calibration_share, departures, noted, parts_of, roles_of
+from procedures._recorded import NO_ONSET, calibration_share, departures, noted, parts_of, roles_of
 from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, Once, Percent, Positive
 from procedures._statistics import disagreement, extreme
 from procedures._step_model import step_model
 
-DEAD_TIME = Measurement("dead_time", "ms", "until the response has moved by more than noise and 2 % of its change")
+ONSET = Measurement("onset", "ms", "until the response has moved by more than noise and 2 % of its change")
 RISE = Measurement("rise", "ms", "from 10 % to 90 % of the change")
 RESPONSE = Measurement("response", "ms", "until 90 % of the change")
 SETTLING = Measurement("settling", "ms", "after which the response stays within the band about its final value")
-REACHES = Measurement(
-    "reaches", "ms", "until the response first comes within the band: the HPV41 paper's settling time"
+BAND_ENTRY = Measurement(
+    "band_entry", "ms", "until the response first comes within the band: the HPV41 paper's settling time"
 )
 OVERSHOOT = Measurement("overshoot", "%", "beyond the final value, in % of the change")
 CHANGE = Measurement("change", "", "final value minus the value before the step")
-MEASUREMENTS = defined(STEPS, DEAD_TIME, RISE, RESPONSE, SETTLING, REACHES, OVERSHOOT, CHANGE)
+MEASUREMENTS = defined(STEPS, ONSET, RISE, RESPONSE, SETTLING, BAND_ENTRY, OVERSHOOT, CHANGE)
 
 _BESIDE = "frequency response beside"
 _HOLD_SETTLINGS = 2.0
@@ -128,8 +128,8 @@ def evaluate(recording: Recording) -> Findings:
             continue
         _, response = roles_of(recording)
         measured += _measured(label, found, response)
-        if not np.isfinite(found.std.dead_time_s):
-            notes.append(NO_DEAD_TIME.at(label))
+        if not np.isfinite(found.std.onset_s):
+            notes.append(NO_ONSET.at(label))
         if found.tone_hz is not None:
             notes.append(Note(
                 "a tone of {tone_hz:.3g} Hz goes on before and after it and was taken out.", tone_hz=found.tone_hz
@@ -185,9 +185,9 @@ def _label(recording: Recording, part: Mapping[str, Any], number: int) -> str:
 def _measured(label: str, found: MeasuredStep, response: Channel) -> list[Measured]:
     value, std = found.figures, found.std
     times = [
-        (DEAD_TIME, value.dead_time_s, std.dead_time_s), (RISE, value.rise_s, std.rise_s),
+        (ONSET, value.onset_s, std.onset_s), (RISE, value.rise_s, std.rise_s),
         (RESPONSE, value.response_s, std.response_s), (SETTLING, value.settling_s, std.settling_s),
-        (REACHES, value.reaches_s, std.reaches_s),
+        (BAND_ENTRY, value.band_entry_s, std.band_entry_s),
     ]  # fmt: skip
     change = value.final - value.start
     return [

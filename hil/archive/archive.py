@@ -112,7 +112,7 @@ def _values_of(index: Connection, wanted: Select[Any]) -> dict[int, list[Measure
     asked = select(*VALUE.c["run_id", *OF_VALUE]).where(VALUE.c.run_id.in_(runs)).order_by(VALUE.c.id)
     found: dict[int, list[Measured]] = {}
     for run, *fields in index.execute(asked):
-        found.setdefault(run, []).append(Measured(**dict(zip(OF_VALUE, fields, strict=True))))
+        found.setdefault(run, []).append(Measured(**dict(zip(OF_VALUE, fields, strict=True))).renamed)
     return found
 
 

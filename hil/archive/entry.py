@@ -92,12 +92,13 @@ def _found(folder: Path) -> tuple[Verdict | None, tuple[Measured, ...]]:
     older = folder / FINDINGS_FILE
     if (folder / RESULTS_FILE).exists():
         results = read_results(folder / RESULTS_FILE)
-        return results.verdict, results.values
+        return results.verdict, tuple(value.renamed for value in results.values)
     if not older.exists():
         return None, ()
     try:
         content = read_untrusted_json(folder, FINDINGS_FILE)
-        return content["verdict"], TypeAdapter(tuple[Measured, ...]).validate_python(content["measured"])
+        found = TypeAdapter(tuple[Measured, ...]).validate_python(content["measured"])
+        return content["verdict"], tuple(value.renamed for value in found)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FileError(f"{older}: not what this program writes: {' '.join(str(error).split()):.120}") from None
 

@@ -11,7 +11,7 @@ import numpy as np
 from hil.archive.entry import Entry
 from hil.language.note import Note
 from hil.language.words import marked
-from hil.record.measurement import COVERAGE_FACTOR, Measured, names_of
+from hil.record.measurement import COVERAGE_FACTOR, Measured, names_of, present_name
 from hil.signals.straight_line import chance_beyond, weighted_line
 
 FALSE_ALARM_RATE = 0.01
@@ -67,7 +67,7 @@ class Drift:
 
 def points_of(runs: Sequence[Entry], measurement: str) -> list[Point]:
     """The values of one quantity, by its name and place, or its name alone for every place."""
-    found = []
+    found, measurement = [], present_name(measurement)
     for run in runs:
         named = [value for value in run.values if measurement in names_of(value.name)]
         found += [Point(run.folder.name, run.started_utc, one, run.simulated) for one in named if one.value is not None]

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from hil.errors import FileError, storing
 from hil.record.cause import Cause
 from hil.record.durable import write_whole
-from hil.record.measurement import RESULTS_FILE, Measured, Verdict
+from hil.record.measurement import RESULTS_FILE, Measured, Verdict, present_name
 from hil.record.moment import Moment
 from hil.record.population_comparison import PopulationComparison
 from hil.record.previous_run import PreviousRunComparison
@@ -158,12 +158,12 @@ class Results(_Strict):
         return self.population.figures if self.population else ()
 
     def __getitem__(self, name: str) -> Measured:
-        """A value by its full name (`bandwidth_3db, +50 ± 5 %`).
+        """A value by its full name (`bandwidth_3db, +50 ± 5 %`), of this version or an earlier one.
 
         Raises:
             KeyError: there is none; names those there are.
         """
-        found = next((value for value in self.values if value.name == name), None)
+        found = next((value for value in self.values if present_name(value.name) == present_name(name)), None)
         if found is None:
             raise KeyError(f"no value '{name}'; there are: {', '.join(value.name for value in self.values)}")
         return found

@@ -13,7 +13,7 @@ from hil.findings.collect import findings_of, results_of
 from hil.findings.results import Results
 from hil.record.folder import read
 from hil.record.header import stated
-from hil.record.measurement import RESULTS_FILE, Findings, Verdict, ended_as_planned
+from hil.record.measurement import RESULTS_FILE, Findings, Verdict, ended_as_planned, present_name
 from hil.record.recording import Recording
 from hil.record.seal import Seal, check_seal
 from hil.record.simulated import is_simulated
@@ -145,8 +145,8 @@ def _evaluator(seal: Seal | None, now: bool) -> str:
 
 
 def _late(recording: Recording, seal: Seal) -> tuple[str, ...]:
-    first = limits_of(recording.meta)
-    return tuple(name for name, limit in seal.limits.items() if first.get(name) != limit)
+    first = {present_name(name): limit for name, limit in limits_of(recording.meta).items()}
+    return tuple(name for name, limit in seal.limits.items() if first.get(present_name(name)) != limit)
 
 
 def _refusal(run: UnitRun, same_program: bool) -> str:

@@ -16,6 +16,8 @@ from hil.record.plain import plain
 Verdict = Literal["pass", "fail", "cannot tell"]
 Relation = Literal["=", ">", "<"]
 COVERAGE_FACTOR = 2.0
+RENAMED = {"dead_time": "onset", "reaches": "band_entry"}
+"""Quantities of earlier versions by their names of today: read wherever a name is read, never written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +69,11 @@ class Measured:
         return self.name.partition(", ")[0]
 
     @property
+    def renamed(self) -> Measured:
+        """The same by its name of today; for values that a file or an archive holds."""
+        return replace(self, name=present_name(self.name))
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Under which it may be asked for: the whole name, then without the last parts of its place."""
         return names_of(self.name)
@@ -107,6 +114,12 @@ class Measured:
 def _below(deviation: float) -> float:
     """The share of a normal distribution below so many standard deviations."""
     return 0.5 * math.erfc(-deviation / math.sqrt(2.0))
+
+
+def present_name(name: str) -> str:
+    """`onset, 0 → 80 %` from `dead_time, 0 → 80 %`."""
+    quantity, comma, place = name.partition(", ")
+    return f"{RENAMED.get(quantity, quantity)}{comma}{place}"
 
 
 def names_of(name: str) -> tuple[str, ...]:

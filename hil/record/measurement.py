@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from hil.record.measured import COVERAGE_FACTOR, Limit, Measured, Relation, Verdict, judge, names_of
+from hil.record.measured import COVERAGE_FACTOR, Limit, Measured, Relation, Verdict, judge, names_of, present_name
 
 if TYPE_CHECKING:  # named in annotations alone; since.py needs pydantic, and procedures do not
     from hil.record.cause import Cause
@@ -34,6 +34,7 @@ __all__ = [
     "is_accepted",
     "judge",
     "names_of",
+    "present_name",
     "unproven",
 ]  # fmt: skip
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from hil.bench.file import Bench
 from hil.errors import FileError, SettingError
-from hil.record.measurement import Limit, Measurement
+from hil.record.measurement import Limit, Measurement, present_name
 from hil.session.quantity import number_in
 
 
@@ -59,14 +59,14 @@ class TypedLimit:
 
 
 def checked_limits(measurements: Iterable[Measurement], limits: Mapping[str, Limit | TypedLimit]) -> dict[str, Limit]:
-    """The limits, each for something that the procedure measures.
+    """The limits, each for something that the procedure measures, by its name of today.
 
     Raises:
         SettingError: a name that it does not measure, or a lower limit above the upper one.
     """
     known = {measurement.name: measurement.unit for measurement in measurements}
     found: dict[str, Limit] = {}
-    for name, given in limits.items():
+    for name, given in by_present_names(known, limits).items():
         quantity = name.partition(", ")[0]
         if quantity not in known:
             raise SettingError(f"limit '{name}': not measured here; measured are: {', '.join(known) or 'nothing'}")
@@ -74,6 +74,14 @@ def checked_limits(measurements: Iterable[Measurement], limits: Mapping[str, Lim
         if limit.low is not None and limit.high is not None and limit.low > limit.high:
             raise SettingError(f"limit '{name}': {limit.low:g} is above {limit.high:g}")
     return found
+
+
+Allowed = TypeVar("Allowed", bound=Limit | TypedLimit)
+
+
+def by_present_names(measured: Container[str], limits: Mapping[str, Allowed]) -> dict[str, Allowed]:
+    """The limits by names of today; a procedure that measures a quantity of that old name keeps it."""
+    return {name if name.partition(", ")[0] in measured else present_name(name): one for name, one in limits.items()}
 
 
 def limits_of(meta: Mapping[str, Any]) -> dict[str, Limit]:

@@ -23,7 +23,7 @@ from hil.record.seal import read_seal, seal_folder
 from hil.record.simulated import is_simulated
 from hil.report.run_page import write_run_report
 from hil.safety.outputs import ending_words
-from hil.session.limit import TypedLimit, checked_limits, limits_of
+from hil.session.limit import TypedLimit, by_present_names, checked_limits, limits_of
 from hil.session.outcome import REPORT_FILE, Outcome
 from hil.session.previous_run import with_earlier
 from hil.session.procedure import Procedure, load_procedure
@@ -45,8 +45,9 @@ def evaluated_anew(recording: Recording, folder: Path) -> Findings:
 
 def judged_by(recording: Recording, folder: Path) -> dict[str, Limit]:
     """The limits of a run: those with which it was run, then those by which it was last judged."""
-    seal = read_seal(folder)
-    return {**limits_of(recording.meta), **({} if seal is None else seal.limits)}
+    seal, measured = read_seal(folder), [one.name for one in procedure_of(recording).measurements]
+    given = {**limits_of(recording.meta), **({} if seal is None else seal.limits)}
+    return by_present_names(measured, given)
 
 
 def report_again(folder: Path, limits: Mapping[str, Limit | TypedLimit] = MappingProxyType({})) -> Outcome:

@@ -29,9 +29,9 @@ def read_step(time_s: Array, response: Array, before: Array, band: float) -> Tru
     edge = 1.0 + np.copysign(band, share[outside] - 1.0)
     part = (edge - share[outside]) / (share[outside + 1] - share[outside])
     return {
-        "dead_time": until(0.02), "rise": until(0.9) - until(0.1), "response": until(0.9),
+        "onset": until(0.02), "rise": until(0.9) - until(0.1), "response": until(0.9),
         "settling": 1e3 * float(time_s[outside] + part * (time_s[outside + 1] - time_s[outside])),
-        "reaches": until(1.0 - band), "overshoot": 100.0 * max(float(share.max()) - 1.0, 0.0),
+        "band_entry": until(1.0 - band), "overshoot": 100.0 * max(float(share.max()) - 1.0, 0.0),
         "change": final - start, "final": final,
     }  # fmt: skip
 
@@ -82,7 +82,7 @@ def of_efc_steps(clean: Recording, _bench: str, _situation: Situation) -> Truths
         first, stop = (int(np.argmax(sign * np.diff(command) > 0.0)) + 1 for sign in (1.0, -1.0))
         time_s = clean.time_s[rows][first:stop] - clean.time_s[rows][first]
         figures = read_step(time_s, response[first:stop], response[:first], 0.05)
-        for name in ("final", "rise", "dead_time", "settling", "overshoot"):
+        for name in ("final", "rise", "onset", "settling", "overshoot"):
             quantity = "step_pressure" if name == "final" else name
             found[f"{quantity}, {part['current']:g} A"].append(figures[name])
     return {name: float(np.mean(np.asarray(values, dtype=np.float64))) for name, values in found.items()}

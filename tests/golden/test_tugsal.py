@@ -62,13 +62,13 @@ def test_definitions_of_a_step_of_the_three_sets(name, rise, within_5, within_2,
     assert 1e3 * five.rise_s == pytest.approx(rise, abs=0.06)
     assert 1e3 * five.settling_s == pytest.approx(within_5, abs=0.06)
     assert 1e3 * two.settling_s == pytest.approx(within_2, abs=0.06)
-    assert five.settling_s == five.reaches_s
+    assert five.settling_s == five.band_entry_s
     assert largest == pytest.approx(psi, abs=0.006) == five.final
 
 
 def test_definitions_of_a_step_part_where_it_overshoots():
     five, _, largest = stepped(typical_model("cummins-efc"), 1.6)
-    assert 1e3 * five.reaches_s == pytest.approx(76.5, abs=0.06)
+    assert 1e3 * five.band_entry_s == pytest.approx(76.5, abs=0.06)
     assert 1e3 * five.settling_s == pytest.approx(208.7, abs=0.06)
     assert (largest, five.final) == (pytest.approx(183.5, abs=0.06), pytest.approx(116.8, abs=0.06))
 

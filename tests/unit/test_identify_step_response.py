@@ -36,8 +36,8 @@ def test_figures_of_a_first_order_lag_with_dead_time():
     assert figures.rise_s == pytest.approx(0.1 * math.log(9), abs=2e-4)
     assert figures.response_s == pytest.approx(0.05 + 0.1 * math.log(10), abs=2e-4)
     assert figures.settling_s == pytest.approx(0.05 + 0.1 * math.log(50), abs=2e-4)
-    assert figures.reaches_s == pytest.approx(figures.settling_s, abs=1e-4)
-    assert figures.dead_time_s == pytest.approx(0.05 - 0.1 * math.log(0.98), abs=2e-4)
+    assert figures.band_entry_s == pytest.approx(figures.settling_s, abs=1e-4)
+    assert figures.onset_s == pytest.approx(0.05 - 0.1 * math.log(0.98), abs=2e-4)
     assert figures.overshoot == 0.0
 
 
@@ -46,7 +46,7 @@ def test_settling_counts_the_overshoot_and_reaching_does_not():
     time_s = np.arange(0, 4, 1e-3)
     figures = step_figures(time_s, ring.step(time_s), start=0.0, final=1.0)
     assert figures.overshoot == pytest.approx(math.exp(-math.pi * 0.2 / math.sqrt(0.96)), abs=1e-3)
-    assert figures.settling_s > 4 * figures.reaches_s
+    assert figures.settling_s > 4 * figures.band_entry_s
     wide = step_figures(time_s, ring.step(time_s), start=0.0, final=1.0, band=0.1)
     assert wide.settling_s < figures.settling_s
 
@@ -108,9 +108,9 @@ def test_a_dead_time_that_noise_alone_could_make_is_not_told():
         (told[noise],) = measured_steps(
             recording("steps", time_s, {"command [A]": command, "pressure [psi]": values}), "command", "pressure"
         )
-    assert told[0.02].figures.dead_time_s == pytest.approx(0.0606, abs=2.0 * told[0.02].std.dead_time_s)
-    assert told[0.02].std.dead_time_s < 3e-4
-    assert math.isinf(told[3.0].std.dead_time_s)
+    assert told[0.02].figures.onset_s == pytest.approx(0.0606, abs=2.0 * told[0.02].std.onset_s)
+    assert told[0.02].std.onset_s < 3e-4
+    assert math.isinf(told[3.0].std.onset_s)
 
 
 def test_a_foot_that_a_smooth_estimate_rounds_is_timed_as_well_as_is_said():
@@ -125,7 +125,7 @@ def test_a_foot_that_a_smooth_estimate_rounds_is_timed_as_well_as_is_said():
         (found,) = measured_steps(
             recording("steps", time_s, {"command [A]": command, "way [mm]": values}), "command", "way"
         )
-        off.append((found.figures.dead_time_s - truth) / found.std.dead_time_s)
+        off.append((found.figures.onset_s - truth) / found.std.onset_s)
     assert np.sqrt(np.mean(np.square(off))) < 1.6
     assert np.max(np.abs(off)) < 3.0
 

@@ -9,15 +9,19 @@ from pathlib import Path
 
 import pytest
 
+from hil.archive.archive import Search, find_runs, rebuild
 from hil.archive.entry import entry_of
+from hil.archive.place import archive_place
+from hil.archive.trend import points_of
 from hil.bench.read import read_bench
 from hil.errors import FileError
 from hil.findings.results import read_results
 from hil.physics.model import load_model
 from hil.record.folder import read
-from hil.record.measurement import Findings
+from hil.record.measurement import Findings, Measurement
+from hil.session.limit import checked_limits, split_limits
 from hil.session.procedure import load_procedure
-from hil.session.results import evaluated
+from hil.session.results import evaluated, report_again
 from hil.version import is_newer
 
 SAMPLES = [Path(__file__).parents[1] / "samples" / version for version in ("0.1.0",)]
@@ -79,3 +83,25 @@ def test_versions_are_compared_as_numbers() -> None:
     assert not is_newer("0.1.0")
     assert not is_newer("0.0.9")
     assert not is_newer("a copy")
+
+
+def test_quantities_are_found_by_their_old_names_and_none_is_written(tmp_path: Path) -> None:
+    run = shutil.copytree(SAMPLES[-1].parent / "8f99e50" / "runs" / "spring", tmp_path / "spring")
+    place = archive_place(str(tmp_path / "runs"))
+    rebuild(place, [run])
+    (entry,) = find_runs(place, Search(), values=True)
+    assert [p.value.name for p in points_of([entry], "dead_time")] == ["onset, 0 → 80 %"]
+    assert points_of([entry], "reaches") == points_of([entry], "band_entry") != []
+    limits = split_limits(["dead_time=..50", "reaches, 0 → 80 %=..1 s"])
+    report_again(run, limits)
+    report_again(run)
+    written = (run / "results.json").read_text("utf-8") + (run / "seal.json").read_text("utf-8")
+    assert "dead_time," not in written
+    assert "reaches," not in written
+    found = read_results(run / "results.json")
+    assert (found["dead_time, 0 → 80 %"].verdict, found["band_entry, 0 → 80 %"].high) == ("fail", 1000.0)
+
+
+def test_a_procedure_that_measures_a_quantity_of_an_old_name_keeps_it() -> None:
+    own = [Measurement("dead_time", "ms", "of another kind"), Measurement("band_entry", "ms", "as here")]
+    assert list(checked_limits(own, split_limits(["dead_time=1..", "reaches=..2"]))) == ["dead_time", "band_entry"]

@@ -35,7 +35,7 @@ _FOOT_LOOSER = 100.0
 _SURE = 0.95  # of resampled responses that must move once and for all
 _PARABOLA = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0  # Savitzky, Golay: Anal. Chem. 36(8), 1964
 _CLEAR = 2.0  # standard deviations from which the sharper reading tells more than noise
-_CROSSED = ("dead_time_s", "rise_s", "response_s")  # a level is passed once; bands are entered and left by noise
+_CROSSED = ("onset_s", "rise_s", "response_s")  # a level is passed once; bands are entered and left by noise
 _NAMES = tuple(field.name for field in fields(StepFigures))
 _MOVING = 2.0  # standard uncertainties of the final value by which the response still moves at its end
 
@@ -152,7 +152,7 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
     columns = np.array([astuple(one) for one in read if one is not None], dtype=np.float64)
     std = _spread(columns, figures, missing=len(read) - len(columns))
     std = _with_smoothing_difference(std, figures, _read(step, foot, start, figures.final, band))
-    figures = replace(figures, dead_time_s=_foot_time(step, foot, figures))
+    figures = replace(figures, onset_s=_foot_time(step, foot, figures))
     sharp = [
         _read(step, _sharp(one), first, last, band)
         for one, first, last in zip(
@@ -164,7 +164,7 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
         figures, std = _sharper(figures, std, sharp, float(np.median(np.diff(step.time_s))))
     once = moves_once(foot, start, figures.final)
     if not once or np.mean([moves_once(*one) for one in zip(feet, starts, finals, strict=True)]) < _SURE:
-        std = replace(std, dead_time_s=math.inf)
+        std = replace(std, onset_s=math.inf)
     changes = columns[:, 1] - columns[:, 0]
     change_std = about(changes, figures.final - figures.start)
     limit = np.minimum if figures.final > start else np.maximum
@@ -190,12 +190,12 @@ def _overshoot(changed: Array, tail: slice) -> float:
 def _read(
     step: _Step, curve: Array, start: float, final: float, band: float, foot: Array | None = None
 ) -> StepFigures | None:  # fmt: skip
-    """Figures of a resampled response, the dead time from a looser estimate if there is one; None where it has none."""
+    """Figures of a resampled response, the onset from a looser estimate if there is one; None where it has none."""
     try:
         figures = step_figures(step.time_s, curve, start=start, final=final, band=band)
     except InputError:
         return None
-    return figures if foot is None else replace(figures, dead_time_s=_foot_time(step, foot, figures))
+    return figures if foot is None else replace(figures, onset_s=_foot_time(step, foot, figures))
 
 
 def _foot_time(step: _Step, foot: Array, figures: StepFigures) -> float:

@@ -22,21 +22,21 @@ class StepFigures:
 
     Attributes:
         start, final: steady values before the step and at its end, in the output's unit.
-        dead_time_s: until the output has moved by 2 % of its change.
+        onset_s: until the output has moved by 2 % of its change.
         rise_s: from 10 % to 90 % of the change. `response_s`: until 90 %.
         settling_s: after which the output stays within `band` of the change.
-        reaches_s: until it first comes within `band`, as the HPV41 paper defines its settling time.
+        band_entry_s: until it first comes within `band`, as the HPV41 paper defines its settling time.
         overshoot: beyond the final value, as a share of the change.
         band: share of the change that counts as settled.
     """
 
     start: float
     final: float
-    dead_time_s: float
+    onset_s: float
     rise_s: float
     response_s: float
     settling_s: float
-    reaches_s: float
+    band_entry_s: float
     overshoot: float
     band: float
 
@@ -121,7 +121,7 @@ def _reaches(time_s: Array, share: Array, level: float) -> float:
 def moves_once(response: Array, start: float, final: float) -> bool:
     """Whether the response makes the first 2 % of its change once and for all.
 
-    Where noise takes it there before, what it does first tells nothing of a dead time.
+    Where noise takes it there before, what it does first tells nothing of its onset.
     """
     share = (response - start) / (final - start)
     half = int(np.argmax(share >= 0.5))
@@ -130,7 +130,7 @@ def moves_once(response: Array, start: float, final: float) -> bool:
 
 
 def leaves(time_s: Array, response: Array, start: float, final: float) -> float:
-    """The dead time alone, as `step_figures` reads it."""
+    """The onset alone, as `step_figures` reads it."""
     return _leaves(time_s, (response - start) / (final - start))
 
 
