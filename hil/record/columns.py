@@ -34,7 +34,7 @@ class Column:
     def name_and_unit(self) -> tuple[str, str]:
         """What it is called; the unit is empty when none is stated (see `heading.split`)."""
         heading, unit = headings.on_one_line(self.heading), headings.unit_text(headings.on_one_line(self.unit))
-        if unit and "[" not in heading:
+        if unit and ("[" not in heading or headings.is_indexed(heading)):
             return heading, unit
         name, stated = headings.split(heading)
         return name, unit or stated

@@ -15,6 +15,7 @@ from hil.units import check_unit
 Array = NDArray[Any]
 
 _SQUARE = re.compile(r"^\s*(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]\s*$")
+_INDEXED = re.compile(r"\S\[\d+(,\s*\d+)*\]\s*$")
 _ROUND = re.compile(r"^\s*(?P<name>.*\S)\s*\((?P<unit>[^()]+)\)\s*$")
 _SLASHED = re.compile(r"^\s*(?P<name>.*[^/\s])\s*/\s*\((?P<unit>[^()]+)\)\s*$")
 _CURLY = re.compile(r"^\s*(?P<name>.*\S)\s*[{<](?P<unit>[^{}<>]+)[}>]\s*$")
@@ -91,9 +92,9 @@ def split(heading: str) -> tuple[str, str]:
     """Name and unit; the unit is empty when none is stated.
 
     `flow [l/min]`, and where what stands there is a unit also `flow (l/min)`, `flow / l/min`, `flow, l/min` and
-    `flow in l/min`.
+    `flow in l/min`. A number right behind the name, `flow[2]`, is one of several channels; `flow[1]` has the unit 1.
     """
-    if match := _SQUARE.match(heading):
+    if (match := _SQUARE.match(heading)) and (match["unit"] == "1" or not is_indexed(heading)):
         return match["name"], unit_text(match["unit"])
     for pattern in (_SLASHED, _ROUND, _CURLY, _AFTER):
         match = pattern.match(heading)
@@ -101,6 +102,11 @@ def split(heading: str) -> tuple[str, str]:
             return match["name"], unit_text(match["unit"])
     alone = _UNIT_ALONE.match(heading)  # `in s`, beside `CH1 in V`
     return ("time", alone["unit"]) if alone and is_time_unit(alone["unit"]) else (heading.strip(), "")
+
+
+def is_indexed(heading: str) -> bool:
+    """Whether a number in square brackets stands right behind the name, which tells elements of an array apart."""
+    return bool(_INDEXED.search(heading))
 
 
 def is_loose(heading: str) -> bool:

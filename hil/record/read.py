@@ -46,7 +46,7 @@ def _by_content(file: BinaryIO) -> ModuleType | None:
     """The module of a file that says by its first bytes what it is, whatever its name says."""
     start = os.pread(file.fileno(), _LONGEST_BEGINNING, 0)
     for module in formats().values():
-        if hasattr(module, "BEGINNING") and re.match(module.BEGINNING, start):
+        if hasattr(module, "BEGINNING") and re.match(module.BEGINNING, start, re.DOTALL):
             return module
     return None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import struct
 import zipfile
@@ -10,10 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from hil.errors import FileError
-from hil.record.read import read_any, read_recording
+from hil.record.read import read_any, read_recording, write_recording
 from hil.record.reading import Reading
+from hil.record.recording import recording
 from hil.record.response_table import ResponseTable
 
 ROWS = [(0.01 * k, float(k % 7), 0.25 * k) for k in range(40)]
@@ -257,7 +260,6 @@ class TestUniversalFiles:
         ("x.pdf", b"%PDF-1.7", "is a PDF, which is not read; it shows samples"),
         ("x.dat", b"|CF,2,1,1;", "is a FAMOS file of imc, which is not read; export CSV or MDF4"),
         ("x.trc", b"#9000000346WAVEDESC", "is a waveform of LeCroy, which is not read; save it as ASCII"),
-        ("x.mcap", b"\x89MCAP0\r\n", "is an MCAP log, which is not read; export CSV"),
         ("x.dxd", b"\0\1\2", "is a recording of Dewesoft, which is not read; export CSV, MAT or MDF4"),
         ("x.tdm", b"<usi:tdm", "is a recording of DIAdem, which is not read; save it as TDMS"),
         ("x.zip", b"PK\x03\x04broken", "is a damaged ZIP archive"),
@@ -501,3 +503,92 @@ class TestTexts:
     def test_a_mark_of_the_end_is_no_sample(self, end: str, tmp_path: Path) -> None:
         (tmp_path / "x.csv").write_text("time [s],y [bar]\n" + "".join(f"{k},{2 * k}\n" for k in range(9)) + end)
         assert read_recording(tmp_path / "x.csv").values("y").tolist() == [2.0 * k for k in range(9)]
+
+
+class TestMcap:
+    def test_topics_in_json_are_tables_and_others_are_named(self, tmp_path: Path) -> None:
+        mcap = pytest.importorskip("mcap.writer")
+        with (tmp_path / "x.mcap").open("wb") as file:
+            writer = mcap.Writer(file)
+            writer.start()
+            topics = {name: writer.register_channel(name, kind, 0) for name, kind in
+                      (("/valve", "json"), ("/camera", "cdr"))}  # fmt: skip
+            for k in range(40):
+                stamp_ns = 1_700_000_000_000_000_000 + 10_000_000 * k
+                fields = {"spool": {"position": 0.5 * k, "limits": [k, -k]}, "state": "on"}
+                writer.add_message(topics["/valve"], stamp_ns, json.dumps(fields).encode(), stamp_ns)
+                writer.add_message(topics["/camera"], stamp_ns, b"\x00\x01", stamp_ns)
+            writer.finish()
+        found = read_recording(tmp_path / "x.mcap")
+        assert list(found.channels) == ["spool.position", "spool.limits.0", "spool.limits.1"]
+        np.testing.assert_allclose(found.time_s, 0.01 * np.arange(40), atol=1e-9)
+        np.testing.assert_array_equal(found.values("spool.position"), 0.5 * np.arange(40))
+        assert any("not JSON are left out: /camera" in str(note) for note in found.meta["assumed"])
+
+    def test_a_log_without_json_names_its_topics(self, tmp_path: Path) -> None:
+        mcap = pytest.importorskip("mcap.writer")
+        with (tmp_path / "x.mcap").open("wb") as file:
+            writer = mcap.Writer(file)
+            writer.start()
+            writer.add_message(writer.register_channel("/imu", "cdr", 0), 1, b"\x00", 1)
+            writer.finish()
+        with pytest.raises(
+            FileError, match=r"x.mcap: has no messages in JSON, which are read; its topics: /imu \(cdr\)"
+        ):
+            read_recording(tmp_path / "x.mcap")
+
+    def test_viewers_find_stamps_of_the_calendar_and_units(self, tmp_path: Path) -> None:
+        mcap = pytest.importorskip("mcap.reader")
+        made = recording("run", np.array([-0.5, 0.0, 0.5]), {"flow [l/min]": np.arange(3.0)},
+                         {"started_utc": "2026-11-28T10:00:00+00:00"})  # fmt: skip
+        write_recording(made, tmp_path / "x.mcap")
+        with (tmp_path / "x.mcap").open("rb") as file:
+            messages = list(mcap.make_reader(file).iter_messages())
+        began_ns = round(datetime.fromisoformat("2026-11-28T10:00:00+00:00").timestamp() * 1e9)
+        assert [message.log_time - began_ns for _, _, message in messages] == [0, 500_000_000, 1_000_000_000]
+        assert json.loads(messages[0][0].data)["properties"]["flow"]["unit"] == "l/min"
+        assert json.loads(messages[2][2].data) == {"time": 0.5, "flow": 2.0}
+
+
+def modelica(path: Path, transposed: bool, kind: str = "Atrajectory") -> Path:
+    """A result as Dymola and OpenModelica lay it out: constants in `data_1`, what changes in `data_2`."""
+    names = ["time", "mass", "tank.level", "flow", "x[1]", "x[2]"]
+    texts = ["Time in [s]", "[kg]", "Level [m|mm]", "Flow out of it [m3/s] :#(type=Real)", "", ""]
+    info = np.array([[0, 1, 0, -1], [1, 2, 0, 0], [2, 2, 0, -1], [2, -2, 0, -1], [2, 3, 0, -1], [2, 4, 0, -1]])
+    time_s = np.array([0.0, 1.0, 2.0, 2.0, 3.0])  # the model jumps at 2 s
+    data = np.array([time_s, 10.0 * time_s, [0.0, 0.0, 0.0, 5.0, 5.0], -time_s])
+    constant = np.array([[0.0, 3.0], [80.0, 80.0]])
+
+    def characters(rows: list[str]) -> np.ndarray:
+        wide = max(map(len, rows))
+        return np.array([row.ljust(wide) for row in rows])
+
+    def turned(rows: list[str]) -> np.ndarray:
+        return characters(["".join(row) for row in zip(*characters(rows), strict=True)] if transposed else rows)
+
+    content = {
+        "Aclass": characters([kind, "1.1", "", "binTrans" if transposed else "binNormal"]),
+        "name": turned(names), "description": turned(texts),
+        "dataInfo": info.T if transposed else info,
+        "data_1": constant if transposed else constant.T, "data_2": data if transposed else data.T,
+    }  # fmt: skip
+    savemat(path, content, format="4")
+    return path
+
+
+class TestModelica:
+    @pytest.mark.parametrize("transposed", [True, False])
+    def test_variables_have_names_units_and_signs(self, tmp_path: Path, transposed: bool) -> None:
+        found = read_recording(modelica(tmp_path / "x.mat", transposed))
+        assert [c.heading for c in found.channels.values()] == ["tank.level [m]", "flow [m3/s]", "x[1] [1]", "x[2] [1]"]
+        assert found.time_s.tolist() == [0.0, 1.0, 2.0, 3.0]
+        assert found.values("tank.level").tolist() == [0.0, 10.0, 20.0, 30.0]
+        assert found.values("flow").tolist() == [0.0, -10.0, -20.0, -30.0]
+        assert found.values("x[1]").tolist() == [0.0, 0.0, 5.0, 5.0]
+        said = " ".join(map(str, found.meta["assumed"]))
+        assert "no unit is stated for 2 of 4 variables" in said
+        assert "1 rows before a jump" in said
+
+    def test_another_kind_of_result_is_named(self, tmp_path: Path) -> None:
+        with pytest.raises(FileError, match=r"x.mat: is a file of AlinearSystem 1.1; results of a simulation"):
+            read_recording(modelica(tmp_path / "x.mat", True, "AlinearSystem"))
