@@ -8,7 +8,18 @@ from collections.abc import Mapping
 EXTRAS: Mapping[str, str] = {
     **dict.fromkeys(("pymodbus", "serial", "can", "canopen", "cantools"), "links"),
     **dict.fromkeys(
-        ("h5py", "asammdf", "nptdms", "pyarrow", "openpyxl", "python_calamine", "pyuff", "comtrade", "lvm_read"),
+        (
+            "h5py",
+            "asammdf",
+            "nptdms",
+            "pyarrow",
+            "openpyxl",
+            "python_calamine",
+            "pyuff",
+            "comtrade",
+            "lvm_read",
+            "mcap",
+        ),
         "formats",
     ),
     **dict.fromkeys(("dask", "distributed"), "cluster"),

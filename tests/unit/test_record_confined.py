@@ -391,7 +391,7 @@ def test_a_text_that_is_one_line_is_refused(folder: Path) -> None:
         read_recording(folder / "made.csv")
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".lvm", ".h5", ".mat", ".mf4", ".tdms", ".parquet"])
+@pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".lvm", ".h5", ".mat", ".mf4", ".tdms", ".parquet", ".mcap"])
 def test_what_is_no_file_is_not_waited_for(suffix: str, folder: Path) -> None:
     os.mkfifo(folder / f"pipe{suffix}")
     with pytest.raises(FileError, match=f"pipe{suffix}: is a pipe; only regular files"):
@@ -486,7 +486,7 @@ def test_what_is_shared_and_odd_comes_back(folder: Path) -> None:
     assert any("remark" in sentence for sentence in found.meta["assumed"])
 
 
-@pytest.mark.parametrize("suffix", [".csv.gz", ".csv", ".lvm", ".h5", ".mat", ".mf4", ".tdms", ".parquet"])
+@pytest.mark.parametrize("suffix", [".csv.gz", ".csv", ".lvm", ".h5", ".mat", ".mf4", ".tdms", ".parquet", ".mcap"])
 def test_a_damaged_file_is_refused_or_read(suffix: str, folder: Path) -> None:
     """Cut off, overwritten, and with large numbers where sizes stand: drawn, the same each time."""
     path, drawn = folder / f"made{suffix}", np.random.default_rng(7)

@@ -315,7 +315,7 @@ def test_an_empty_file_is_named(tmp_path: Path, ending: str) -> None:
         read_recording(tmp_path / f"x{ending}")
 
 
-@pytest.mark.parametrize("written", [".mat", ".tdms", ".h5", ".mf4", ".parquet"])
+@pytest.mark.parametrize("written", [".mat", ".tdms", ".h5", ".mf4", ".parquet", ".mcap"])
 @pytest.mark.parametrize("called", [".csv", ".bin"])
 def test_a_binary_file_is_known_by_its_first_bytes(tmp_path: Path, written: str, called: str) -> None:
     write_recording(recording("made", TIME, {"flow [l/min]": RAMP}), tmp_path / f"x{written}")
