@@ -19,6 +19,7 @@ from hil.daq.contract import Waveform
 from hil.daq.device_link import DeviceLink
 from hil.daq.link import Late
 from hil.daq.pin import Pin
+from hil.daq.polled import PolledDaq
 from hil.daq.polling import Taken
 from hil.record.run_writer import RunWriter
 from hil.safety import outputs
@@ -26,7 +27,7 @@ from hil.safety.guard import Guard
 from hil.safety.interlock import Watches
 from hil.safety.latch import Latch
 from hil.safety.operator import Operator
-from hil.safety.outputs import Outputs
+from hil.safety.outputs import Output, Outputs, State
 from hil.safety.witness import Witnesses
 from hil.system import tcp
 from tests.worlds.judge import judge
@@ -227,6 +228,27 @@ def _off(append: Any) -> Any:
     return lambda writer, time_s, values: append(writer, time_s, {**values, "flow": 1.001 * values["flow"]})
 
 
+def _each_alone(add: Any) -> Any:
+    def added(taken: Taken, *sample: Any) -> None:
+        add(taken, *sample)
+        taken.begun_s = None
+
+    return added
+
+
+def _looking_first(make_safe: Any) -> Any:
+    def made_safe(daq: PolledDaq) -> None:
+        for _ in range(20):
+            daq.look("flow")
+        make_safe(daq)
+
+    return made_safe
+
+
+def _elsewhere(as_dict: Any) -> Any:
+    return lambda output: as_dict(output) | ({"at": 0.5} if output.state is State.DRIVEN else {})
+
+
 def _when_asked_twice(say: Any) -> Any:
     asked = list[BaseException]()
 
@@ -257,6 +279,15 @@ FAULTS: dict[str, tuple[Patches, str]] = {
     ),
     "causes_happened": ([(Operator, "stop_asked", property(lambda _operator: True))], "7,0.05,plain,-"),
     "is_heard": ([(Watches, "judge", lambda *_: [])], "7,0.05,plain,-|over:driving:1.3:5:aux"),
+    "is_heard, on a slow line": (
+        [(Taken, "add", _each_alone(Taken.add))], "7,0.05,plain,b|over:driving:2:5:aux|slow:driving:1.3:10:io",
+    ),
+    "safe_comes_before_readings": (
+        [(PolledDaq, "make_safe", _looking_first(PolledDaq.make_safe))], "7,0.05,plain,-|int:driving:2:0:",
+    ),
+    "end_has_the_last_answer": (
+        [(Output, "as_dict", _elsewhere(Output.as_dict))], "7,0.05,plain,-|lies:driving:2:30:io",
+    ),
     "restart_is_noticed": (
         [(J1939ValveLink, "_look", lambda link: link._frames.receive(0.0))],
         "7,0.05,plain,v|restart:driving:2:0.05:third",

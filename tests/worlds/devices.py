@@ -79,6 +79,8 @@ class Coupler(Device, Tables):
         stuck: where the valve stands that sticks, in counts: the output obeys, and the flow does not.
         measured: each answer about inputs: (s, count that the output was told last, count of the first input).
         written: when something was written to it.
+        asked_s: when a request for its inputs has come; commanded_s: when one to move its output has.
+        read_back: each answer about where its output stands: (s, count).
         reused: when a connection was used again on which no answer had come in time.
         unasked: when a new connection began with a command other than the safe one.
     """
@@ -93,6 +95,9 @@ class Coupler(Device, Tables):
         self.stuck: int | None = None
         self.measured: list[tuple[float, int, int]] = []
         self.written: list[float] = []
+        self.asked_s: list[float] = []
+        self.commanded_s: list[float] = []
+        self.read_back: list[tuple[float, int]] = []
         self.unasked: list[float] = []
         self.reused: list[float] = []
         self._silent_s: WeakKeyDictionary[End, float] = WeakKeyDictionary()  # since when no answer comes
@@ -132,6 +137,10 @@ class Coupler(Device, Tables):
         waiting = bytes(end.received)
         while count := tcp_frame(waiting):
             request, waiting = waiting[:count], waiting[count:]
+            if request[7] == 4:
+                self.asked_s.append(self._hub.now_s)
+            elif _is_command(request[7:]):
+                self.commanded_s.append(self._hub.now_s)
             at_s = self.soon(1e-4, 6e-4)
             self._hub.at(at_s, lambda request=request: self._answer(end, request))  # type: ignore[misc]
         end.received[:] = waiting
@@ -150,13 +159,13 @@ class Coupler(Device, Tables):
 
     def _look_at(self, end: End, request: bytes) -> None:
         """The first command on a connection is the safe value, unless it was asked before where the output stands."""
-        is_command = request[0] in (6, 16) and request[1:3] == b"\0\0"
+        is_command = _is_command(request)
         count = int.from_bytes(request[-2:] if request[0] == 6 else request[6:8], "big", signed=True)
         if is_command:
             self._told = count
         if is_command and count and end not in self._asked:
             self.unasked.append(self._hub.now_s)
-        if is_command or (request[0] == 3 and request[1:3] == READ_BACK.to_bytes(2, "big")):
+        if is_command or _is_read_back(request):
             self._asked.add(end)
 
     def answered(self, request: bytes) -> bytes:
@@ -166,6 +175,8 @@ class Coupler(Device, Tables):
             self.written.append(self._hub.now_s)
         if request[0] == 4:
             self.measured.append((self._hub.now_s, self._told, _signed(self.inputs[0])))
+        if _is_read_back(request):
+            self.read_back.append((self._hub.now_s, _signed(self.holding[READ_BACK])))
         before = dict(self.holding)
         answer = super().answered(request)
         if self.lies and request[0] in (6, 16):
@@ -188,6 +199,14 @@ class Coupler(Device, Tables):
 
     def _moved(self) -> None:
         self.stands(100.0 * _signed(self.holding[0]) / FULL)
+
+
+def _is_command(request: bytes) -> bool:
+    return request[0] in (6, 16) and request[1:3] == b"\0\0"
+
+
+def _is_read_back(request: bytes) -> bool:
+    return request[0] == 3 and request[1:3] == READ_BACK.to_bytes(2, "big")
 
 
 def _signed(word: int) -> int:

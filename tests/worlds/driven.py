@@ -10,11 +10,9 @@ import numpy as np
 from hil.errors import DeviceLostError, HilError, LinkError
 from tests.worlds.devices import FULL
 from tests.worlds.left import end_of, kinds, recording_of
+from tests.worlds.schedule import BLOCK_S, CALM
 from tests.worlds.world import NEAR, OUTPUTS, PILOT, RAMP_PER_S, RATE_HZ, Array, Ran, World
 
-CALM = {"int", "term", "hup", "stop", "wd term", "wd kill", "wd pause", "fork", "second", "low", "over", "pressed",
-        "hold run"}  # fmt: skip
-"""Faults that touch no device and no way to one, and hold nobody up."""
 _ARRIVES_LATE = {"hold", "double", "slow line", "swap", "lose", "garble", "echo", "slow"}
 _ON = {"enable": 50.0, PILOT: 50.0}  # % of full scale
 _ON_VALVE = 40.0
@@ -33,6 +31,7 @@ _IN_TIME_S = 0.005
 _NOTICED_S = 1.0  # so soon a device that restarted is noticed, once it is back
 _HOLDS_S = 2.5  # so long after a person asked for it a run is held: it ends what it plays
 _CLOCKS = {"sleep", "pause", "disk slow"}
+_BEGUN_S = 0.02  # so soon a reading that was begun has arrived
 
 
 def _drives_s(world: World) -> tuple[float, float]:
@@ -128,7 +127,7 @@ def _place(kept: list[Array], handed: tuple[Array, Array], at: int) -> int | Non
 def samples_are_in_time(world: World, ran: Ran) -> Iterator[str]:
     """With its delay, the stamp of a sample is the instant at which its device measured it."""
     recording = recording_of(world)
-    if recording is None or any(fault.device == "io" or fault.kind in _CLOCKS for fault, _ in ran.took):
+    if recording is None or any(fault.device == "io" or fault.kind in _CLOCKS | {"switch"} for fault, _ in ran.took):
         return
     measured = np.array(sorted(world.couplers["io"].measured))
     pairs = [np.round(recording.channels[name].values / 100.0 * FULL) for name in ("command", "flow")]
@@ -173,8 +172,9 @@ def is_heard(world: World, ran: Ran) -> Iterator[str]:
     for (fault, phase), at_s in zip(ran.took, ran.took_s, strict=True):
         if phase != "driving" or fault.kind not in _HEARD_S or fault.lasts_s < _LEAST_S.get(fault.kind, 0.0):
             continue
-        others = [other for other, _ in ran.took if other.kind not in CALM]
-        if fault.kind in _LEAST_S and (others or blocks or "low" in kinds(ran)):
+        is_judged = fault.kind in _LEAST_S  # when a block is over, which ends by the clock where a device is slow
+        others = [other for other, _ in ran.took if other.kind not in CALM | ({"slow"} if is_judged else set())]
+        if is_judged and (others or blocks or "low" in kinds(ran)):
             continue
         patience_s = _HEARD_S[fault.kind] + sum(other.lasts_s + 1.0 for other in others)
         patience_s += 70.0 / RAMP_PER_S if ran.schedule.ramped else 0.0
@@ -213,6 +213,18 @@ def contact_is_asked(world: World, ran: Ran) -> Iterator[str]:
         yield f"a link failed, and nobody asked whether the emergency stop was pressed: {text:.200}"
 
 
+def safe_comes_before_readings(world: World, ran: Ran) -> Iterator[str]:
+    """A safe value waits for no reading that nobody has begun yet."""
+    begun_s = world.begun_s.get("making safe")
+    if begun_s is None or kinds(ran) - CALM - {"slow", "lies", "poke", "sticks", "disk full"}:
+        return
+    for name, device in world.couplers.items():
+        safe_s = next((at_s for at_s in device.commanded_s if at_s > begun_s), 0.0)
+        early = [at_s for at_s in device.asked_s if begun_s + _BEGUN_S < at_s < safe_s]
+        if early:
+            yield f"made safe from {begun_s:.3f} s on, and {name} was read at {early[0]:.3f} s before it was told"
+
+
 def pauses_are_kept(world: World, ran: Ran) -> Iterator[str]:
     """A device that needs a pause after its answer is left alone for so long by one who has had the answer."""
     rushed = getattr(world.third, "rushed", ())
@@ -234,6 +246,7 @@ def holds_are_events(world: World, ran: Ran) -> Iterator[str]:
         if phase != "driving" or fault.kind not in ("low", "hold run"):
             continue
         by, least_s = {"low": ("low-pressure", 0.5), "hold run": ("operator", _HOLDS_S)}[fault.kind]
+        least_s += ran.schedule.block_s - BLOCK_S
         if fault.lasts_s < least_s or at_s + least_s > end_s:
             continue
         if by == "operator" and ran.schedule.procedure == "leaves early":
@@ -269,5 +282,5 @@ def witness_is_heard(world: World, ran: Ran) -> Iterator[str]:
 LAWS = (
     begins_safe, errors_are_not_ours, connections_are_given_up, drives_what_is_asked, hands_back_what_is_recorded,
     samples_are_in_time, own_watchdogs_rest, causes_happened, is_heard, restart_is_noticed, pauses_are_kept,
-    contact_is_asked, holds_are_events, witness_is_heard,
+    safe_comes_before_readings, contact_is_asked, holds_are_events, witness_is_heard,
 )  # fmt: skip

@@ -14,10 +14,10 @@ import numpy as np
 from hil.errors import FileError
 from hil.record.folder import read
 from tests.worlds.devices import FULL
-from tests.worlds.driven import CALM
 from tests.worlds.driven import LAWS as DRIVEN
 from tests.worlds.left import LAWS as LEFT
 from tests.worlds.left import kinds as _kinds
+from tests.worlds.schedule import BLOCK_S, CALM
 from tests.worlds.system import BEGAN
 from tests.worlds.world import NEAR, Ran, Word, World
 
@@ -148,6 +148,7 @@ def _recorded(world: World, ran: Ran) -> Iterator[str]:
 _ASK_FIRST = CALM - {"second", "wd pause"} | {"swap", "kill", "sticks"}
 """Faults beside which who comes to an address says what it is before anything is written there."""
 _MEETS_S = 0.1  # so soon a device has said what it is on a new connection
+_ANSWERS_S = 0.002  # so soon one that asks for a connection hears that it has it, from who was there then
 
 
 def _strangers(world: World, ran: Ran) -> Iterator[str]:
@@ -158,7 +159,11 @@ def _strangers(world: World, ran: Ran) -> Iterator[str]:
             yield f"another device that has the address of {device} was driven"
         came_s = [at_s for (fault, _), at_s in zip(ran.took, ran.took_s, strict=True)
                   if fault.kind == "swap" and fault.device == device][-1]  # fmt: skip
-        met = any(came_s - _MEETS_S < at_s <= came_s for one in world.system.processes for at_s in one.connected_s)
+        met = any(
+            came_s - _MEETS_S < at_s <= came_s + _ANSWERS_S
+            for one in world.system.processes
+            for at_s in one.connected_s
+        )
         if not (came_early or met or _kinds(ran) - _ASK_FIRST or world.after) and stranger.written:
             yield f"another device that has the address of {device} was written to at {stranger.written[0]:.3f} s"
 
@@ -182,14 +187,21 @@ _ENDINGS: dict[str, tuple[int, float, str]] = {
     "stop": (138, 0.3, "stop was pressed"), "wd kill": (3, 0.5, "watchdog process ended"),
     "over": (3, 0.4, "over-pressure"), "pressed": (3, 0.4, "pressed at"), "disk full": (3, 0.4, "No space left"),
     "wd pause": (3, 2.5, "watchdog process gave no answer"), "pause": (-9, 2.0, ""), "sleep": (3, 1.5, "slept for"),
-    "reset": (3, 1.0, "connection is lost"), "restart": (3, 1.0, ""), "out": (3, 2.5, ""), "deaf": (3, 2.5, ""),
-    "mute": (3, 2.5, "no valid answer"),
+    "reset": (3, 1.0, "connection is lost"), "restart": (3, 1.0, ""), "out": (3, 2.5, ""), "switch": (3, 2.5, ""),
+    "deaf": (3, 2.5, ""), "mute": (3, 2.5, "no valid answer"),
 }  # fmt: skip
-_LEAST_S = {"wd pause": 2.0, "pause": 2.0, "sleep": 0.5, "over": 0.2, "pressed": 0.2, "out": 0.5, "deaf": 0.5,
-            "mute": 0.5, "disk full": 0.2, "reset": 0.2}  # fmt: skip
+_LEAST_S = {"wd pause": 2.0, "pause": 2.0, "sleep": 0.5, "over": 0.2, "pressed": 0.2, "out": 0.5, "switch": 0.5,
+            "deaf": 0.5, "mute": 0.5, "disk full": 0.2, "reset": 0.2}  # fmt: skip
 _NEVER_MATTERS = {"wd term", "fork", "second"}
 _CHANGE_NOTHING = {"wd term", "fork", "second", "disk slow", "double", "hold run", "low"}
-_WAITS = {"sleep", "restart", "out", "deaf", "reset"}  # what cannot be reached for so long cannot be made safe
+_WAITS = {
+    "sleep",
+    "restart",
+    "out",
+    "switch",
+    "deaf",
+    "reset",
+}  # what cannot be reached for so long cannot be made safe
 
 
 def _as_expected(world: World, ran: Ran) -> Iterator[str]:
@@ -223,6 +235,7 @@ def _as_expected(world: World, ran: Ran) -> Iterator[str]:
     elif fault.device != "third" and text not in said and ran.status != -9:
         yield f"{fault.kind} alone is not told: {said:.200}"
     within_s += (fault.lasts_s if fault.kind in _WAITS else 0.0) + (0.7 if ran.schedule.ramped else 0.0)
+    within_s += ran.schedule.block_s - BLOCK_S
     for output in world.outputs:
         late = [ends_s for _, ends_s in _away(world, ran, output) if ends_s > begun_s + within_s]
         if late:
@@ -231,6 +244,8 @@ def _as_expected(world: World, ran: Ran) -> Iterator[str]:
 
 def _held(ran: Ran, begun_s: float, lasts_s: float) -> Iterator[str]:
     """Nothing moves between the border at which a hold begins and its end."""
-    moved = [at_s for at_s, _ in ran.changes["command"] if begun_s + 2.2 < at_s < begun_s + lasts_s]
+    moved = [
+        at_s for at_s, _ in ran.changes["command"] if begun_s + 2.1 + ran.schedule.block_s < at_s < begun_s + lasts_s
+    ]
     if moved:
         yield f"held from {begun_s:.3f} s for {lasts_s:g} s, and the command moved at {moved[0]:.3f} s"

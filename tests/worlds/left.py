@@ -17,8 +17,9 @@ from hil.errors import FileError
 from hil.record.folder import read
 from hil.record.recording import Recording
 from tests.worlds.devices import FULL
+from tests.worlds.schedule import CALM
 from tests.worlds.system import BEGAN
-from tests.worlds.world import NEAR, RAMP_PER_S, Ran, World
+from tests.worlds.world import FULL_SCALE, NEAR, OUTPUTS, RAMP_PER_S, Ran, World
 
 _SAFE_S = 5.0  # so soon outputs are safe once whoever makes them safe reaches every device
 _LEAVES_S = 12.0  # so soon a watchdog is gone that has nothing to do
@@ -205,6 +206,23 @@ def samples_are_those(world: World, ran: Ran) -> Iterator[str]:
             return
 
 
+def end_has_the_last_answer(world: World, ran: Ran) -> Iterator[str]:
+    """What is written of an output at the end is what its device answered last, and no older."""
+    end = end_of(world)
+    if not end or world.run.status in (None, -9) or kinds(ran) - CALM - {"lies", "poke", "sticks"}:
+        return
+    for name, device in ((name, world.couplers[device]) for name, device in OUTPUTS.items()):
+        answers = [(at_s, count) for at_s, count in device.read_back if at_s < world.run.ended_s]
+        output = end["outputs"].get(name)
+        if not answers or output is None or "driving" not in world.begun_s:
+            continue
+        answered_s, count = answers[-1]
+        at = count / FULL * FULL_SCALE[name]
+        known_s = (datetime.fromisoformat(output["at_utc"]) - BEGAN).total_seconds()
+        if output["at"] is None or abs(output["at"] - at) > 0.01 or known_s < answered_s - _ANSWERS_S / 2:
+            yield f"{name} stood at {at:.2f} as it answered at {answered_s:.3f} s, and at the end it is {output}"
+
+
 def ramps_down(world: World, ran: Ran) -> Iterator[str]:
     """A run that ends in order goes down its ramp, where it has one."""
     begun_s, calm = (
@@ -229,9 +247,10 @@ def stays_safe(world: World, ran: Ran) -> Iterator[str]:
     for output, device in world.outputs.items():
         if device in late:
             continue
-        for (_, before), (at_s, after) in pairwise(ran.changes[output]):
+        for (before_s, before), (at_s, after) in pairwise(ran.changes[output]):
+            was_safe = before_s > begun_s and abs(before) <= NEAR and not kinds(ran) & {"restart", "poke"}
             if (
-                begun_s + _ON_ITS_WAY_S < at_s < world.run.ended_s
+                begun_s + _ON_ITS_WAY_S * (not was_safe) < at_s < world.run.ended_s
                 and abs(after) > abs(before) + NEAR
                 and at_s not in ran.pokes[device]
             ):
@@ -308,5 +327,6 @@ def word_comes_first(world: World, ran: Ran) -> Iterator[str]:
 
 LAWS = (
     word_comes_first, end_is_true, told, nothing_is_left, in_time, doubts_end, watchdog_keeps_off, reads_first,
-    samples_are_those, ramps_down, stays_safe, events_tell, opens, rescue_is_told,
+    samples_are_those, end_has_the_last_answer, ramps_down, stays_safe, events_tell, opens,
+    rescue_is_told,
 )  # fmt: skip

@@ -18,6 +18,8 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from tests.worlds.schedule import drawn
 
 if TYPE_CHECKING:
@@ -129,7 +131,8 @@ def reach(worlds: int, jobs: int) -> Path:
                     for place in places:
                         found[place].append(int(seed))
         alone = {seed for seed in range(worlds) if len(drawn(seed).faults) == 1}
-        seeds = {place: _mixed(seeds, alone) for place, seeds in found.items()}
+        turn = {seed: at for at, seed in enumerate(_rarest_first(found, worlds))}
+        seeds = {place: _mixed(sorted(seeds, key=turn.__getitem__), alone) for place, seeds in found.items()}
         kept.write_text(json.dumps({"seeds": seeds, "courses": courses}), encoding="utf-8")
     return kept
 
@@ -141,6 +144,20 @@ def reached_in(kept: Path) -> Reached:
         (place.partition(":")[0], int(place.partition(":")[2])): seeds for place, seeds in content["seeds"].items()
     }
     return Reached(seeds, {int(seed): digest for seed, digest in content["courses"].items()})
+
+
+def _rarest_first(found: Mapping[str, list[int]], worlds: int) -> list[int]:
+    """Every world, the one first that reaches most of what was reached least so far: each time counts half as much."""
+    reaches = np.zeros((worlds, len(found)), dtype=np.float32)
+    for at, seeds in enumerate(found.values()):
+        reaches[seeds, at] = 1.0
+    worth, left, order = np.ones(len(found), dtype=np.float32), np.ones(worlds, dtype=bool), list[int]()
+    for _ in range(worlds):
+        best = int(np.argmax(np.where(left, reaches @ worth, -1.0)))
+        order.append(best)
+        left[best] = False
+        worth *= 1.0 - 0.5 * reaches[best]
+    return order
 
 
 def _mixed(seeds: list[int], those_with_one: set[int]) -> list[int]:

@@ -13,10 +13,10 @@ PHASES = ("opening", "driving", "making safe", "closing")
 PROCEDURES = ("plain", "steps", "swallows", "raises", "exits", "blocks", "leaves early")
 KINDS = {
     "out": "network", "hold": "network", "double": "network", "slow line": "network", "reset": "network",
-    "lose": "network", "garble": "network", "echo": "network", "fails": "device", "claims": "device",
-    "deaf": "device", "mute": "device", "slow": "device", "lies": "device", "restart": "device", "poke": "device",
+    "switch": "network", "lose": "network", "garble": "network", "echo": "network", "fails": "device",
+    "claims": "device", "deaf": "device", "mute": "device", "slow": "device", "lies": "device", "restart": "device",
     "over": "device", "low": "device", "pressed": "device", "swap": "device",
-    "sticks": "device",
+    "sticks": "device", "poke": "device",
     "int": "signal", "term": "signal", "hup": "signal", "kill": "process", "pause": "process",
     "wd term": "process", "wd kill": "process", "wd pause": "process", "fork": "process",
     "stop": "person", "hold run": "person", "second": "person",
@@ -27,8 +27,12 @@ _OF_THIRD = {
     "amplifier": {"lose", "garble", "echo", "fails"}, "valve": {"lose", "fails", "claims"}, "": set[str](),
 }  # fmt: skip
 _OF_COUPLERS = {"swap", "over", "low", "pressed", "sticks"}
-_WITH_DEVICE = {kind for kind, of in KINDS.items() if of in ("network", "device")}
+_WITH_DEVICE = {kind for kind, of in KINDS.items() if of in ("network", "device")} - {"switch"}
 _AT_ONCE = {"poke", "claims", "swap", "int", "term", "hup", "kill", "wd term", "wd kill", "stop"}
+CALM = {"int", "term", "hup", "stop", "wd term", "wd kill", "wd pause", "fork", "second", "low", "over", "pressed",
+        "hold run"}  # fmt: skip
+"""Faults that touch no device and no way to one, and hold nobody up."""
+BLOCK_S, _LONG_BLOCK_S = 0.1, 0.5
 _TIMES_S = (0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 
 
@@ -71,6 +75,7 @@ class Schedule:
         armed: whether devices have watchdogs of their own.
         ramped: whether the command goes down a ramp.
         away: whether outputs are found away from their safe values.
+        long: whether a block is of half a second, and not of a tenth.
         third: a device beside the couplers, of `THIRDS`; empty: none.
         faults: what happens.
     """
@@ -81,6 +86,7 @@ class Schedule:
     armed: bool = False
     ramped: bool = False
     away: bool = False
+    long: bool = False
     third: str = ""
     faults: tuple[Fault, ...] = field(default=())
 
@@ -88,16 +94,21 @@ class Schedule:
     def code(self) -> str:
         """All of it, on one line."""
         third = "".join(mark for mark, name in THIRDS.items() if name == self.third)
-        marks = "w" * self.armed + "r" * self.ramped + "a" * self.away + third or "-"
+        marks = "w" * self.armed + "r" * self.ramped + "a" * self.away + "b" * self.long + third or "-"
         head = f"{self.seed},{self.hurry:g},{self.procedure},{marks}"
         return "|".join((head, *(fault.code for fault in self.faults)))
+
+    @property
+    def block_s(self) -> float:
+        """So long a block lasts."""
+        return _LONG_BLOCK_S if self.long else BLOCK_S
 
     @classmethod
     def of(cls, code: str) -> Schedule:
         head, *faults = code.split("|")
         seed, hurry, procedure, marks = head.split(",")
         third = "".join(name for mark, name in THIRDS.items() if mark in marks)
-        return cls(int(seed), float(hurry), procedure, "w" in marks, "r" in marks, "a" in marks, third,
+        return cls(int(seed), float(hurry), procedure, "w" in marks, "r" in marks, "a" in marks, "b" in marks, third,
                    tuple(map(Fault.of, faults)))  # fmt: skip
 
 
@@ -118,7 +129,7 @@ def drawn(seed: int) -> Schedule:
             Fault(kind, phase, round(after_s, 4), 0.0 if kind in _AT_ONCE else draw.choice(_TIMES_S),
                   draw.choice(_devices(kind, third)) if kind in _WITH_DEVICE else "")
         )  # fmt: skip
-    marks = [draw.random() < 0.3 for _ in range(3)]
+    marks = [draw.random() < 0.3 for _ in range(4)]
     return Schedule(seed, draw.choice((0.01, 0.05, 0.2)), draw.choice(PROCEDURES), *marks, third, tuple(faults))
 
 

@@ -42,7 +42,7 @@ def _with_fewer_faults(schedule: Schedule) -> Iterator[Schedule]:
 
 
 def _easier(schedule: Schedule) -> Iterator[Schedule]:
-    for mark in ("armed", "ramped", "away"):
+    for mark in ("armed", "ramped", "away", "long"):
         if getattr(schedule, mark):
             yield replace(schedule, **{mark: False})
     if schedule.third and all(fault.device != THIRD for fault in schedule.faults):

@@ -106,7 +106,7 @@ low = 40.0
 for_s = 0.02
 action = "hold"
 [protection]
-block_s = 0.1
+block_s = {block}
 patience_s = 20.0
 watchdog_s = {watchdog}
 """
@@ -165,6 +165,7 @@ THIRD_READS = {"source": ("coil current", "A"), "amplifier": ("ai", "V"), "valve
 OUTPUTS = {"command": "io", "enable": "aux"}
 PILOT = "pilot"
 UNITS = {"command": "%", "enable": "V"}
+FULL_SCALE = {"command": 100.0, "enable": 10.0}
 SIGNALS = {"int": signal.SIGINT, "term": signal.SIGTERM, "hup": signal.SIGHUP, "kill": signal.SIGKILL}
 
 
@@ -223,7 +224,7 @@ _files: dict[str, BenchFile] = {}
 def _bench(schedule: Schedule) -> BenchFile:
     """The bench as a process reads it: its devices are not known yet."""
     text = BENCH.format(
-        armed="\nwatchdog_s = 1.0" if schedule.armed else "", watchdog=WATCHDOG_S, rate=RATE_HZ,
+        armed="\nwatchdog_s = 1.0" if schedule.armed else "", watchdog=WATCHDOG_S, rate=RATE_HZ, block=schedule.block_s,
         ramp=f"\nramp_to_safe_per_s = {RAMP_PER_S}" if schedule.ramped else "",
     )  # fmt: skip
     text += _third(schedule) if schedule.third else ""
@@ -435,6 +436,9 @@ class World:
             self._fork(fault.lasts_s)
         elif kind in ("disk full", "disk slow"):
             self._disk(kind, fault.lasts_s)
+        elif kind == "switch":
+            for cable in self.cables.values():
+                self._for_a_while(fault, cable, "is_out", True, False)
         elif fault.device == "third":
             self._to_third(fault)
         else:
