@@ -240,11 +240,9 @@ class PolledDaq:
             for member in self._members:
                 member.renew()
         self._made_safe = False
-        task = self._task = Task()
-        thread = system.thread(self._poll, task, name="hil-poll")
-        task.thread = thread
+        task = self._task = Task(self._poll)
         failure: Exception | None = None
-        thread.start()
+        task.thread.start()
         try:
             asked, exhausted = 0, False
             while True:
@@ -263,7 +261,7 @@ class PolledDaq:
                 asked -= is_whole
                 yield block
         finally:
-            self._stop_task(task)
+            task.end()
         if failure is not None:
             raise failure
 
@@ -350,12 +348,9 @@ class PolledDaq:
         delays = [member.delay_name for member in self._members if member.wiring.inputs]
         return Taken(self.outputs, self.inputs, delays)
 
-    def _stop_task(self, task: Task | None = None) -> None:
-        task = task or self._task
-        if task is not None:
-            task.end()
-            if task is self._task:
-                self._task = None
+    def _stop_task(self) -> None:
+        if self._task is not None:
+            self._task.end()
 
     def _refuse_if_failed(self) -> None:
         if (failure := self._failed or self._not_safe) is not None:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from queue import Empty, SimpleQueue
-from threading import Thread
 
 import numpy as np
 
@@ -24,14 +23,17 @@ class Task:
 
     With each block comes whether it is the last one of its waveform. `judged` is set as long as the reader waits for
     a block: it has done with the last one.
+
+    Args:
+        poll: what the polling thread does with it, once that is started.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, poll: Callable[[Task], None]) -> None:
         self.todo: SimpleQueue[Waveform | None] = system.queue()
         self.done: SimpleQueue[tuple[Block, bool] | BaseException | None] = system.queue()
         self.pace = Pace()
         self.judged, self.stop = Flag(), Flag()
-        self.thread: Thread | None = None
+        self.thread = system.thread(poll, self, name="hil-poll")
 
     def next(self) -> Waveform | None:
         """The next waveform, None at the end.
@@ -52,7 +54,7 @@ class Task:
         """Stop, and wait for the sample that is under way."""
         self.stop.set()
         self.judged.set()
-        if self.thread is not None and not system.is_this_thread(self.thread) and self.thread.is_alive():
+        if not system.is_this_thread(self.thread) and self.thread.is_alive():
             self.thread.join()
 
 

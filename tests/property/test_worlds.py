@@ -298,7 +298,7 @@ FAULTS: dict[str, tuple[Patches, str]] = {
     "rescue_is_told": ([(rescue, "replace", lambda output, **_: output)], "7,0.05,plain,-|kill:driving:1.3:0:"),
     "rescue_is_told, at its time": (
         [(watchdog, "GIVE_UP_S", 0.0)],
-        "702308,0.2,blocks,-|out:making safe:0.0526:10:aux|second:making safe:0:0.05:",
+        "702301,0.2,blocks,-|out:making safe:0.0526:10:aux|second:making safe:0:0.05:",
     ),
     "errors_are_not_ours, nor told": ([(rescue, "replace", _undefined)], "7,0.05,plain,-|kill:driving:1.3:0:"),
 }  # fmt: skip
