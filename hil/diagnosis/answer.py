@@ -83,7 +83,8 @@ class Answer:
         self.judged = self._judged()
         self.alike = choice.alike if self.verdict == "unexplained" else ()
         self.named = choice.chosen if self.verdict != "unexplained" else choice.baseline
-        self.folds = folds_of(self.problem, self.choice.chosen)
+        of_fit = {} if changed is None else {"of_fit": changed.folds}
+        self.folds = folds_of(self.problem, self.choice.chosen, **of_fit)
         self.used, self.held_out, self.why_nominal = self._used()
 
     def _used(self) -> tuple[Fitted, Fit, Note | None]:

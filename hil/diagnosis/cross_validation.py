@@ -92,17 +92,23 @@ class Folds:
     settles_s: float
 
 
-def folds_of(problem: Problem, f: Fitted) -> Folds:
+def folds_of(problem: Problem, f: Fitted, of_fit: Callable[[Integers], Integers] = lambda fold: fold) -> Folds:
     """How the recordings are dealt: by recording where there are several, else in halves beyond the plant's memory.
 
     Halves too where no fit of the others can foretell a fold: an explanation changes it alone, or the others leave its
     values open, as two laws of pressure at one pressure.
+
+    Args:
+        problem: the question.
+        f: its explanation.
+        of_fit: the folds of what the explanation was fitted to, from those of the residuals, where it is not these.
     """
     recordings = problem.experiments
     everything = np.ones(len(problem.nominal_residuals), dtype=np.bool_)
     settle_s = [FORGOTTEN * time_constant_s(problem.model, e, f.parameters, f.effects) for e in recordings]
     by_recording = Folds(_by_recording(problem), everything, OTHER_RECORDINGS, max(settle_s))
-    if len(recordings) > 1 and not (f.terms and _is_not_foretold(problem, f, by_recording.fold)):
+    fold = by_recording.fold
+    if len(recordings) > 1 and not (f.terms and (_shows_in_one(problem, f, fold) or _is_left_open(f, of_fit(fold)))):
         return by_recording
     since = [e.time_s - e.time_s[0] for e in recordings]
     second = [t > 0.5 * e.duration_s for t, e in zip(since, recordings, strict=True)]
@@ -142,21 +148,20 @@ def _shows_in_one(problem: Problem, f: Fitted, fold: Integers) -> bool:
     return any(float(np.mean(change[fold != k])) < CRITERIA.scale * expected for k in np.unique(fold))
 
 
-def _is_not_foretold(problem: Problem, f: Fitted, fold: Integers) -> bool:
-    """Whether an explanation shows in one fold alone, or its values are so open without it that it is no prediction.
+def _is_left_open(f: Fitted, fold: Integers) -> bool:
+    """Whether the values of an explanation are so open without some fold of its fit that it is no prediction there.
 
     That is what leverage says: the variance of a prediction over that of a sample, here of independent ones.
     """
-    if _shows_in_one(problem, f, fold):
-        return True
     if f.estimate is None:
         return False
     slopes, prior = np.split(f.estimate.jacobian, [len(fold)])
     bounds = np.diag([1.0 / (u.high - u.low) for u in f.estimate.unknowns])
+    colour = colour_factor(f.estimate.residuals[: len(fold)])
     for k in np.unique(fold):
         known, held = np.vstack([slopes[fold != k], prior, bounds]), slopes[fold == k]
         leverage = np.sum(np.linalg.solve(np.linalg.qr(known).R.T, held.T) ** 2, axis=0)
-        if float(leverage.mean()) * colour_factor(f.residuals) > 1.0:
+        if float(leverage.mean()) * colour > 1.0:
             return True
     return False
 

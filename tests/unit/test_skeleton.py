@@ -130,8 +130,10 @@ def test_the_diagnosis_of_an_unchanged_unit_names_nothing(lacking: Model) -> Non
     assert said.as_dict()["table"] is None
 
 
-def test_the_diagnosis_of_a_worn_unit_is_an_alarm(lacking: Model) -> None:
-    said = asked(lacking, recorded("later", WORN, 7), recorded("again", WORN, 8))
+@pytest.mark.parametrize("samples", [1, 4])
+def test_the_diagnosis_of_a_worn_unit_is_an_alarm(lacking: Model, samples: int) -> None:
+    """Recordings may be sampled finer than the rows of the table are."""
+    said = asked(lacking, recorded("later", WORN, 7, samples=samples), recorded("again", WORN, 8, samples=samples))
     assert said.verdict == "explained"
     assert "friction" in {name for names in said.not_separable for name in names}
     printed = said.as_dict()["table"]
