@@ -26,7 +26,7 @@ _LEAVES_S = 12.0  # so soon a watchdog is gone that has nothing to do
 _ON_ITS_WAY_S = 0.005  # so soon a command arrives that another thread has just sent
 _TRIES_S = 80.0  # so long one tries at most
 _LASTING = {"claims", "swap"}  # what is never over
-_ANSWERS_S = 0.5  # so soon after it came to its safe value a device has said so
+_ANSWERS_S, _ON_A_LINE_S = 0.5, 0.5  # so soon after it came to its safe value a device has said so; more on a line
 SIGNALLED = {"int", "term", "hup", "stop"}
 
 
@@ -312,7 +312,8 @@ def rescue_is_told(world: World, ran: Ran) -> Iterator[str]:
     moves_s = [at_s for name in world.outputs for at_s, _ in ran.changes[name] if at_s < watchdog.ended_s]
     safe_s, after_s = max(*moves_s, begun_s), report.get("safe_after_s", 0.0)
     alone = kinds(ran) <= {"kill", "int", "term", "hup", "fork", "low", "over", "pressed"}
-    if alone and after_s > safe_s - world.run.ended_s + _ANSWERS_S:
+    patience_s = _ANSWERS_S + _ON_A_LINE_S * (world.third is not None)
+    if alone and after_s > safe_s - world.run.ended_s + patience_s:
         yield f"safe after {after_s:g} s, and outputs moved last {safe_s - world.run.ended_s:.3f} s after the end"
 
 

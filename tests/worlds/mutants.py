@@ -11,8 +11,9 @@ Each is drawn by one of five operators over all lines of `planted.ROOMS`. How it
 - One that *changes nothing* does not count either, and their share is told: every world of its budget takes the same
   course as without it (`planted.course`), to the last digit and millisecond. It changes words for people, or a value
   that nobody uses, or only what no drawn world brings about; no law could notice it.
-- All others count. One is *found* when an invariant is broken in a drawn world within its processor time. Worlds
-  that reach its lines come first; which those are was found once, in the code without a fault.
+- All others count. One is *found* when an invariant is broken in a drawn world within its processor time, and holds
+  there in the code without a fault. Worlds that reach its lines come first, with rare lines before others; which those
+  are was found once, in the code without a fault.
 """
 
 from __future__ import annotations
@@ -114,9 +115,17 @@ def _status(mutant: tuple[str, str, str], options: argparse.Namespace) -> tuple[
     except subprocess.TimeoutExpired:  # it goes round and round, and no seam stops it
         return DOES_NOT_COUNT, "does not end"
     lines = done.stdout.splitlines() or [""]
+    if done.returncode == FOUND and _breaks_without(lines[-1].rpartition("(")[2].removesuffix(")")):
+        return MISSED, f"{lines[-1]}, as without the fault"
     if done.returncode not in _HOW:  # what does not even begin is no mutant
         return DOES_NOT_COUNT, (done.stderr.splitlines() or [""])[-1]
     return done.returncode, lines[-1]
+
+
+def _breaks_without(code: str) -> bool:
+    """Whether a world breaks a law in the code as it is."""
+    words = [sys.executable, "-m", "tests.worlds", code]
+    return subprocess.run(words, cwd=ROOT, stdout=subprocess.DEVNULL, check=False).returncode != 0
 
 
 def _try(room: str, operator: str, number: str, options: argparse.Namespace) -> int:
