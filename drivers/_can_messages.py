@@ -9,8 +9,8 @@ from functools import reduce
 from typing import Any
 
 from drivers._edge import message_of
+from drivers._part import Part
 from hil.description.can import CanDescription, CanTerminal, Message
-from hil.description.terminal import counts_of
 from hil.errors import LinkError
 
 _LAST_VALID = 0xFA  # of the highest byte, in SAE J1939; above it are errors and "not available"
@@ -64,11 +64,10 @@ class Sent:
         signal = self.message.get_signal_by_name(name)
         if signal.is_float:
             return float((value - signal.offset) / signal.scale)
-        low = -(1 << signal.length - 1) if signal.is_signed else 0
-        high = low + (1 << signal.length) - 1
+        count = Part(0, signal.length, signal.is_signed).nearest((value - signal.offset) / signal.scale)
         if self.is_j1939 and not signal.is_signed and signal.length >= 8:
-            high = (_LAST_VALID + 1 << signal.length - 8) - 1
-        return int(max(low, min(high, round((value - signal.offset) / signal.scale))))
+            count = min(count, (_LAST_VALID + 1 << signal.length - 8) - 1)
+        return count
 
     def set(self, terminal: CanTerminal, value: float) -> float:
         """Put a terminal's value in; returns the value that then stands there."""
@@ -161,10 +160,8 @@ class Received:
         """Why what came last is no measurement, in words; empty where it is one."""
         count = self.counts.get(terminal.signal, 0)
         signal = self.message.get_signal_by_name(terminal.signal)
-        named = {} if signal.is_float else counts_of(getattr(terminal, "invalid", {}))
-        if count in named:
-            return named[int(count)]
-        return "the device says that it has none" if self._is_none(signal, count) else ""
+        why = Part(0, signal.length).why_none(count, getattr(terminal, "invalid", {}))
+        return why or "the device says that it has none" * self._is_none(signal, count)
 
     def _fault(self, data: bytes) -> str:
         if len(data) < self.message.length:

@@ -143,8 +143,8 @@ class ModbusLink(OnALine):
             )
 
     def _reading(self, name: str, register: Register, words: Sequence[int], flags: Mapping[Flag, bool]) -> float:
-        why = register.why_invalid(words, self._order)
-        why = why or next((flag.means or "its status says so" for flag in register.status if flags[flag]), None)
+        why = register.why_none(words, self._order)
+        why = why or next((flag.means or "its status says so" for flag in register.status if flags[flag]), "")
         number = register.value_of(words, self._order)
         value = math.nan if why else register.measured(number, self._before.get(name))
         self._before[name] = value

@@ -19,7 +19,6 @@ from hil.description.modbus import (
     Write,
     safe_of,
 )
-from hil.description.terminal import counts_of, nan_of
 from hil.errors import SettingError
 
 
@@ -91,8 +90,8 @@ def _register(described: ModbusTerminal) -> Register:
         port.direction, port.kind, port.unit, port.low, port.high, described.table or "holding", described.address,
         described.type or "u16", *described.scale,
         back.address if back else None, back.table if back else None, described.byte_order, described.field,
-        described.write or 0, back is not None or port.direction == "in", described.close, counts_of(described.invalid),
-        nan_of(described.invalid), described.status,
+        described.write or 0, back is not None or port.direction == "in", described.close, described.invalid,
+        described.status,
     )  # fmt: skip
 
 

@@ -7,9 +7,9 @@ import struct
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from drivers._part import Part
 from hil.description.canopen import CanopenTerminal
 from hil.description.eds import FORMS, Dictionary
-from hil.description.terminal import counts_of, nan_of
 from hil.errors import DeviceLostError, LinkError
 
 
@@ -78,27 +78,17 @@ class NodeObjects:
         number, form = (value - terminal.offset) / terminal.slope, self.form(terminal.place)[1:]
         if form == "f":
             return number
-        _, bits = terminal.field or (0, 8 * struct.calcsize(form))
-        low = -(1 << bits - 1) if form.islower() and bits > 1 else 0
-        return max(low, min(low + (1 << bits) - 1, round(number)))
+        return self._part(terminal).nearest(number)
 
     def part(self, terminal: CanopenTerminal, count: float) -> float:
         """The terminal's number in what its object says."""
-        if terminal.field is None:
-            return count
-        lowest, bits = terminal.field
-        part = int(count) >> lowest & (1 << bits) - 1
-        signed = self.form(terminal.place)[1:].islower() and bits > 1
-        return part - (1 << bits) if signed and part >> bits - 1 else part
+        return count if terminal.field is None else self._part(terminal).of(int(count))
 
     def with_part(self, terminal: CanopenTerminal, count: float, part: float) -> float:
         """What its object says with another number in the terminal's part, the rest as it is."""
         if terminal.field is None:
             return part
-        form, (lowest, bits) = self.form(terminal.place)[1:], terminal.field
-        mask, width = (1 << bits) - 1 << lowest, 8 * struct.calcsize(form)
-        whole = (int(count) & ~mask | int(part) << lowest & mask) & (1 << width) - 1
-        return whole - (1 << width) if form.islower() and whole >> width - 1 else whole
+        return self._whole(terminal).of(self._part(terminal).put(int(part), int(count)))
 
     def value(self, terminal: CanopenTerminal, count: float) -> float:
         """The terminal's value by what its object says."""
@@ -116,13 +106,9 @@ class NodeObjects:
 
     def why_none(self, terminal: CanopenTerminal, counts: Mapping[tuple[int, int], float]) -> str:
         """Why what an input's object says is no measurement, in words; empty where it is one."""
-        count, named = self.part(terminal, counts[terminal.place]), counts_of(terminal.invalid)
-        if math.isnan(count):
-            return nan_of(terminal.invalid) or "not a number"
-        _, width = terminal.field or (0, 8 * struct.calcsize(self.form(terminal.place)))
-        for key in (count,) if isinstance(count, float) else (count, count & (1 << width) - 1):
-            if key in named:
-                return named[int(key)] or f"count {int(key):#x}"
+        count = self.part(terminal, counts[terminal.place])
+        if why := self._part(terminal).why_none(count, terminal.invalid) or "not a number" * math.isnan(count):
+            return why
         flags = (flag for flag in terminal.status if flag.is_so(int(counts[flag.place])))
         return next((flag.means or f"object {flag.object} says so" for flag in flags), "")
 
@@ -145,6 +131,14 @@ class NodeObjects:
     def form(self, place: tuple[int, int]) -> str:
         """Of an object's bytes, as `struct` writes it."""
         return "<" + FORMS[self._file[place].data_type]
+
+    def _whole(self, terminal: CanopenTerminal) -> Part:
+        form = self.form(terminal.place)
+        return Part(0, 8 * struct.calcsize(form), form[1:].islower())
+
+    def _part(self, terminal: CanopenTerminal) -> Part:
+        whole = self._whole(terminal)
+        return whole if terminal.field is None else Part(*terminal.field, whole.is_signed)
 
     def _sdo(self, kind: str, index: int, sub: int, *data: bytes) -> bytes:
         answer: bytes = self._network.transfer(self._node, kind, index, sub, *data)

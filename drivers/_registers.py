@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from drivers._part import Part
 from hil.daq.channel import Direction, Kind
 from hil.description.modbus import Flag
 from hil.description.modbus import Type as Format
@@ -40,8 +41,7 @@ class Register:
         write: function that an output is written by; 5 for a coil and 16 for registers if it is 0.
         can_be_read: whether an output can be read back.
         close: how far an output may stand from where it was driven; exactly there if not said.
-        invalid: what counts mean that are no measurement.
-        nan: what it means when a float is no number.
+        invalid: numbers that are no measurement, and what they mean (see `hil.description.terminal.Invalid`).
         status: flags that say that it is none.
 
     Raises:
@@ -65,8 +65,7 @@ class Register:
     write: int = 0
     can_be_read: bool = True
     close: float | None = None
-    invalid: Mapping[int, str] = field(default_factory=dict)
-    nan: str = ""
+    invalid: Mapping[str, str] = field(default_factory=dict)
     status: tuple[Flag, ...] = ()
 
     def __post_init__(self) -> None:
@@ -111,16 +110,13 @@ class Register:
         return FUNCTIONS[there], self.address if self.read_back is None else self.read_back
 
     @property
-    def field(self) -> tuple[int, int]:
-        """Lowest bit and number of bits of its count."""
-        return self.bits or (0, 1 if self.is_bit else 16 * self.words)
+    def part(self) -> Part:
+        """Where its number stands in its registers, the first of which is the highest."""
+        return Part(*self.bits or (0, 1 if self.is_bit else 16 * self.words), self.format.startswith("s"))
 
     def count_of(self, value: float) -> int:
-        """A value as a field of whole numbers takes it, the end of the format where it is beyond; not negative."""
-        width = self.field[1]
-        least = -(1 << width - 1) if self.format.startswith("s") and not self.is_bit else 0
-        count = max(least, min(least + (1 << width) - 1, round((value - self.offset) / self.slope)))
-        return count & (1 << width) - 1
+        """The bits of a value as a whole number, the end of the format where it is beyond; not negative."""
+        return self.part.nearest((value - self.offset) / self.slope) & (1 << self.part.width) - 1
 
     def words_of(self, value: float, order: WordOrder) -> list[int]:
         """A value as the registers take it, first register first; 0 in bits that are none of its own."""
@@ -129,42 +125,31 @@ class Register:
         if self.format in ("f32", "f64"):
             data = struct.pack(f">{_LETTERS[self.format]}", (value - self.offset) / self.slope)
         else:
-            data = (self.count_of(value) << self.field[0]).to_bytes(2 * self.words, "big")
+            data = self.part.put(self.count_of(value)).to_bytes(2 * self.words, "big")
         return _words(self._turned(data, order))
 
     def mask(self, order: WordOrder) -> list[int]:
         """The bits of the registers that are its own."""
-        lowest, width = self.field
         if self.is_bit:
             return [1]
-        return _words(self._turned(((1 << width) - 1 << lowest).to_bytes(2 * self.words, "big"), order))
+        return _words(self._turned(self.part.mask.to_bytes(2 * self.words, "big"), order))
 
     def raw_of(self, words: Sequence[int], order: WordOrder) -> float | int:
         """The count that registers say, signed where its format is; of a float the number."""
         if self.is_bit:
             return int(words[0])
         data = self._turned(struct.pack(f">{len(words)}H", *words), order)
-        if self.bits is None:
-            (count,) = struct.unpack(f">{_LETTERS[self.format]}", data)
-            return float(count) if self.format in ("f32", "f64") else int(count)
-        lowest, width = self.bits
-        raw = int.from_bytes(data, "big") >> lowest & (1 << width) - 1
-        return raw - (1 << width) if self.format.startswith("s") and raw >> width - 1 else raw
+        if self.format in ("f32", "f64"):
+            return float(struct.unpack(f">{_LETTERS[self.format]}", data)[0])
+        return self.part.of(int.from_bytes(data, "big"))
 
     def value_of(self, words: Sequence[int], order: WordOrder) -> float:
         """What registers say."""
         return float(self.slope * self.raw_of(words, order) + self.offset)
 
-    def why_invalid(self, words: Sequence[int], order: WordOrder) -> str | None:
-        """What the description says of a count that is no measurement; None for one that may be."""
-        raw = self.raw_of(words, order)
-        if isinstance(raw, float):
-            return self.nan or "not a number" if math.isnan(raw) and self.nan else None
-        width = self.field[1]
-        for count in (raw, raw & (1 << width) - 1):
-            if count in self.invalid:
-                return self.invalid[count] or f"count {count:#x}"
-        return None
+    def why_none(self, words: Sequence[int], order: WordOrder) -> str:
+        """What the description says of a number that is no measurement; empty for one that may be."""
+        return self.part.why_none(self.raw_of(words, order), self.invalid)
 
     def measured(self, value: float, before: float | None) -> float:
         """The value, or NaN when it is none: not a number, or a float that only bytes in the wrong order explain.

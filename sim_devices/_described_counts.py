@@ -33,7 +33,7 @@ class Counts:
         self._slope, self._offset = terminal.scale
         lowest, width = terminal.field or (0, 1 if form == "bit" else 16 * self.words)
         self._bits, self._swapped = (
-            Bits(_places(one, self.words, range(lowest, lowest + width)), form[0] == "s", form[0] == "f")
+            Bits(_places(one, self.words, range(lowest, lowest + width)), form[0] == "s" and width > 1, form[0] == "f")
             for one in (order, _SWAPPED.get(order, order))
         )
         self._none = next(iter(counts_of(terminal.invalid)), 0)
