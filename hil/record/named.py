@@ -11,7 +11,6 @@ from hil.record import heading as headings
 from hil.record.columns import Column, Table, even_times, from_texts
 from hil.record.reading import AS_IT_IS, LEFT_OUT, Reading
 from hil.record.recording import Recording
-from hil.units import check_unit
 
 
 def named(name: str, tables: Sequence[Table], reading: Reading) -> list[Table]:
@@ -19,10 +18,7 @@ def named(name: str, tables: Sequence[Table], reading: Reading) -> list[Table]:
 
     Raises:
         FileError: another number of columns than there are names, or no column of a name.
-        UnitError: a unit is unknown.
     """
-    for unit in reading.units.values():
-        check_unit(unit)
     tables = [replace(table, columns=[from_texts(column) for column in table.columns]) for table in tables]
     found = _called(name, tables, reading.columns) if reading.columns else [_loosely(table) for table in tables]
     _check_known(name, found, reading)

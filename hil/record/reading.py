@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from hil.errors import UnitError, option
+from hil.units import check_unit
+
 LEFT_OUT = "-"
 
 
@@ -19,6 +22,9 @@ class Reading:
         renamed: new names of channels by their old ones.
         gaps: whether a single field that is empty, or a line that is cut off, is a sample that was not taken.
         columns: names of the columns in their order, for files without headings; `-` leaves one out.
+
+    Raises:
+        UnitError: a unit is unknown.
     """
 
     time: str = ""
@@ -27,6 +33,14 @@ class Reading:
     renamed: Mapping[str, str] = field(default_factory=dict)
     columns: tuple[str, ...] = ()
     gaps: bool = False
+
+    def __post_init__(self) -> None:
+        """Name the option whose unit is unknown."""
+        for name, unit in self.units.items():
+            try:
+                check_unit(unit)
+            except UnitError as error:
+                raise UnitError(f"{option('unit', f'{name}={unit}')}: {error}") from None
 
 
 AS_IT_IS = Reading()

@@ -61,7 +61,7 @@ def test_what_was_assumed_is_said(tmp_path: Path, command_line) -> None:
         (("made.csv", "x.docx"), "x.docx: unknown kind of recording"),
         (("made.csv", "x.h5", "--unit", "flow"), "--unit flow: NAME=VALUE was expected, as in 'flow=l/min'"),
         (("made.csv", "x.h5", "--unit", "p=bar"), "--unit p: no channel 'p'; it has: time [s], u [1], flow [l/min]"),
-        (("made.csv", "x.h5", "--unit", "u=furlong per"), "unknown unit 'furlong per'"),
+        (("made.csv", "x.h5", "--unit", "u=furlong per"), "--unit 'u=furlong per': unknown unit 'furlong per'"),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(
