@@ -81,6 +81,20 @@ def test_the_worse_of_two_sides_is_no_surer_than_either():
     assert worst_departure(apart)[1] > 0.2  # what redrawn curves are off by counts twice
 
 
+@pytest.mark.parametrize("lead", [0.0, 1.0, 2.0, 8.0])
+def test_a_side_that_is_clearly_the_lesser_takes_no_part_in_the_uncertainty_of_the_worse(lead):
+    rng, held, stds = np.random.default_rng(1), 0, []
+    for _ in range(600):
+        drawn = ((lead, 1.0), (0.0, 2.0))  # the lesser side is twice as uncertain
+        found = [(true + std * rng.normal(), std) for true, std in drawn]
+        each = [Side((0.0, 1.0), (1.0, 1.0), one, one[0] + one[1] * rng.normal(size=64)) for one in found]
+        value, std = worst_departure(each)
+        held += abs(value - lead) <= 1.96 * std
+        stds.append(std)
+    assert 0.93 <= held / 600 <= 0.985
+    assert lead < 8.0 or np.mean(stds) < 1.1
+
+
 def test_edges_are_as_uncertain_as_they_scatter():
     edges = [sides(estimate(noise=1.0, seed=s))[0].edge for s in range(12)]
     assert np.mean([std for _, std in edges]) == pytest.approx(np.std([value for value, _ in edges]), rel=0.6)

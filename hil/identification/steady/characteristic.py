@@ -138,10 +138,10 @@ def symmetry(sides: Collection[Side]) -> Read:
 
 
 def worst_departure(sides: Collection[Side]) -> Read:
-    """The worse departure of two sides; noise makes the worse of two equal ones larger, and no surer than either."""
-    value = max(one.departure[0] for one in sides)
+    """The worse departure of two sides; the other one counts as far as noise may make it the worse."""
+    value, std = max(one.departure for one in sides)
     resampled = np.max([one.departures for one in sides], axis=0)
-    return value, max(about(resampled, value), *(one.departure[1] for one in sides))
+    return value, max(about(resampled, value), std)  # of two that contend, resampled ones spread less than the error
 
 
 def line_through(command: Array, response: Array, first: float, last: float) -> tuple[float, float, float]:
