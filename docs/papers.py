@@ -86,7 +86,7 @@ def _section_7() -> Iterator[Row]:
 def _gunay() -> Iterator[Row]:
     for at, side in ((0.75, "extending"), (-0.75, "retracting")):
         command = f"hil linearise hydraforce-open-loop --at {at:g} {_CYLINDER}"
-        for gain, unit in (("K_q", "l/min per %"), ("K_c", "l/min per bar")):
+        for gain, unit in (("K_q", "l/min per %"), ("K_q per A", "l/min per A"), ("K_c", "l/min per bar")):
             yield Row(f"eqs 3 and 4, {side}: {gain}, {unit}", command, "no number", _gain(gain))
         yield Row(f"eqs 6 and 8, before the loop is closed, {side}: b₀, a₂, a₁, a₀", command, "no number", _function)
     yield Row("eq. 12: b₀, a₁, a₀", _LOOP, "0.7837, 3.853, −0.78368989", _function)
@@ -94,6 +94,8 @@ def _gunay() -> Iterator[Row]:
 
 
 def _tugsal() -> Iterator[Row]:
+    command = "hil linearise efc-drive --at 1.5 --json"
+    yield Row("eqs 2.15 to 2.17 at 1.5 A: K₁/K₂, psi/A", command, "470 between its steps", _gain("K_1/K_2"))
     command = "hil analyse corners good.csv --poles 3 --zeros 1 --json"
     yield Row("eqs 3.1 to 3.6, good valve: poles, rad/s", command, "6.125, 10, 10", lambda f: _list(f["poles_rad_s"]))
     yield Row("the same: zero, rad/s", command, "13.125", lambda f: _list(f["zeros_rad_s"]))

@@ -21,7 +21,7 @@ def command(
     out: Path | None = typer.Option(None, "--out", metavar="MODEL.json", help="Model to write; `hil export` takes it."),
     as_json: Json = False,
 ) -> None:
-    """Linearise a plant about a command: transfer function, K_q and K_c; eqs 3 to 6 of the SP08-47C paper."""
+    """Linearise a plant about a command: transfer function, K_q and K_c of its edges, K_1/K_2 of an EFC."""
     import json
     from dataclasses import asdict
 

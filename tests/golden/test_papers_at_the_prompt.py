@@ -1,12 +1,14 @@
 """The papers' own calculations at the prompt: their printed numbers go in, or come out."""
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import hil
+from hil.physics.model import typical_model
 from hil.physics.published import gunay, tordal, tugsal
 from hil.physics.transfer_function import from_parameters
 from hil.record.recording import recording
@@ -178,8 +180,23 @@ def test_flow_gain_and_flow_pressure_gain_follow_equations_3_and_4(command_line)
     assert gains["K_q"]["value"] == pytest.approx(0.114 * (60 / 70) ** 0.5, rel=1e-4)
     assert gains["K_c"]["value"] == pytest.approx(11.4 * 0.5 * (60 / 70) ** 0.5 / 120, rel=1e-4)
     assert gains["K_c"]["unit"] == "(l/min)/bar"
+    # the spool travels 100 % over the current's range beyond the first flow
+    spool = 100.0 / typical_model("hydraforce-open-loop").values["flow_range"]
+    assert gains["K_q per A"] == {"value": pytest.approx(gains["K_q"]["value"] * spool), "unit": "(l/min)/A"}
     compensated = linear(command_line, "brevini-hpv41", "--at", 50)["gains"]
     assert compensated["K_c"]["value"] == 0.0
+
+
+@pytest.mark.parametrize(("plant", "at"), [("cummins-efc", 1.6), ("efc-drive", 1.5)])
+def test_a_blocked_efc_has_the_pressure_gain_of_equations_2_15_to_2_17(command_line, plant, at):
+    found = linear(command_line, plant, "--at", at, "--step", 1e-3)
+    values = typical_model(plant).values
+    if plant == "cummins-efc":  # P = span / (1 + e^(-(x - centre) / width))
+        share = 1.0 / (1.0 + math.exp(-(at - values["curve_centre"]) / values["curve_width"]))
+        slope = values["pressure_span"] * share * (1.0 - share) / values["curve_width"]
+        assert found["gains"]["K_1/K_2"] == {"value": pytest.approx(slope, rel=1e-3), "unit": "psi/A"}
+    at_rest = found["numerator"][-1] / found["denominator"][-1]  # x is the current itself there
+    assert found["gains"]["K_1/K_2"]["value"] == pytest.approx(at_rest, rel=0.01)
 
 
 def test_a_plant_that_no_linear_model_fits_is_said_to_be_none(command_line):

@@ -1,8 +1,9 @@
-"""A plant about an operating point as a transfer function, and the gains K_q and K_c of its metering edges.
+"""A plant about an operating point as a transfer function, and the gains of its metering edges or its blocked port.
 
 The command stands, then steps up or down by a little; half the difference of the two answers is the step response of
 the linear plant. What is the same in both (a piston that travels on, copper that warms) falls out. Eqs 3 to 6 of the
-SP08-47C paper are this for a spool with friction and leakage left out.
+SP08-47C paper are this for a spool with friction and leakage left out. The port of an EFC is blocked: its rotor at x
+answers with a pressure, and eqs 2.7 to 2.17 of the thesis leave K_1/K_2 = dP/dx.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class Linearised:
         model: the transfer function; an integrator is a pole at 0.
         fit_percent: of it to the linear plant's own frequency response.
         output: at the operating point, in its unit.
-        gains: K_q and K_c with their units, for plants with metering edges.
+        gains: K_q and K_c with their units, for plants with metering edges; K_1/K_2 of a valve on a blocked port.
         uneven: how far up and down differ, as a share of the answer: 0 for a linear plant.
         notes: why the transfer function is no model of it; none where it is one.
     """
@@ -106,7 +107,7 @@ def linearised(
     if integrates:
         linear = transfer_function(linear.numerator, np.append(linear.denominator, 0.0), linear.dead_time_s)
     uneven = float(np.abs(up + down - 2.0 * stood).max() / np.abs(up - down).max())
-    return Linearised(linear, fit.fit_percent, float(stood[0]), _gains(model, at, load_pressure_bar), uneven,
+    return Linearised(linear, fit.fit_percent, float(stood[0]), _gains(model, at, size, load_pressure_bar), uneven,
                       doubts(fit))  # fmt: skip
 
 
@@ -133,17 +134,31 @@ def _response(answer: Array, frequency_hz: Array) -> Complex:
     return np.asarray(made, dtype=np.complex128)
 
 
-def _gains(model: Model, at: float, load_bar: float) -> dict[str, tuple[float, str]]:
-    """K_q = ∂q/∂x and K_c = −∂q/∂P_L of eq. 3, where the plant's metering law is known."""
+def _gains(model: Model, at: float, size: float, load_bar: float) -> dict[str, tuple[float, str]]:
+    """K_q = ∂q/∂x and K_c = −∂q/∂P_L of eq. 3, where a metering law is known; K_1/K_2 of a blocked port."""
+    observed = {signal.name: row for row, signal in enumerate(model.definition.observed, 1)}
+
+    def settled(command: float, row: int) -> float:
+        return float(_answer(model, command, 0.0, _INTERVAL_S, 2.0, row)[-1])
+
+    def slope_at_rest(row: int) -> float:
+        return (settled(at + size, row) - settled(at - size, row)) / (2.0 * size)
+
+    of, unit = model.definition.inputs[0], split_heading(model.output)[1]
+    if model.plant in _ON_BLOCKED_PORTS:
+        stroke = slope_at_rest(observed[_ON_BLOCKED_PORTS[model.plant]])
+        return {"K_1/K_2": (slope_at_rest(0) / stroke, f"{unit}/A")} if stroke else {}
     law = _LAWS.get(model.plant)
     if law is None:
         return {}
-    observed = [signal.name for signal in model.definition.observed]
-    spool = _answer(model, at, 0.0, _INTERVAL_S, 2.0, 1 + observed.index("spool position"))[-1]
-    unit = split_heading(model.output)[1] if model.plant == "brevini-hpv41" else "l/min"
+    spool = settled(at, observed["spool position"])
+    unit = unit if model.plant == "brevini-hpv41" else "l/min"
     slope = (law(model.values, spool + _STEP, load_bar) - law(model.values, spool - _STEP, load_bar)) / (2.0 * _STEP)
     softness = (law(model.values, spool, load_bar - _STEP) - law(model.values, spool, load_bar + _STEP)) / (2.0 * _STEP)
-    return {"K_q": (float(slope), f"({unit})/%"), "K_c": (float(softness), f"({unit})/bar")}
+    made = {"K_q": (float(slope), f"({unit})/%")}
+    if of.unit != "%":
+        made[f"K_q per {of.unit}"] = (float(slope) * slope_at_rest(observed["spool position"]), f"({unit})/{of.unit}")
+    return {**made, "K_c": (float(softness), f"({unit})/bar")}
 
 
 def _four_edges(p: Parameters, spool: float, load_bar: float) -> float:
@@ -160,3 +175,8 @@ def _compensated(p: Parameters, spool: float, _load_bar: float) -> float:
 _LAWS: Mapping[str, Callable[[Parameters, float, float], float]] = {
     "hydraforce-open-loop": _four_edges, "brevini-hpv41": _compensated,
 }  # fmt: skip
+_ON_BLOCKED_PORTS = {
+    "cummins-efc": "rotor position", "efc-measured": "rotor position", "efc-drive": "coil current",
+    "efc-duty": "coil current",
+}  # fmt: skip
+"""What holds the valve open, in A of the current that would hold it there at rest."""
