@@ -66,7 +66,8 @@ class OutputChannel:
     @property
     def driven(self) -> dict[str, float]:
         """How what it is told reaches the valve, as a recording keeps it: lowest and highest level, step, dither."""
-        made = {"low": self.low, "high": self.high - self.step, "step": self.step, "dither_amplitude": 0.0}
+        highest = self.high if self.kind == "digital" else self.high - self.step
+        made = {"low": self.low, "high": highest, "step": self.step, "dither_amplitude": 0.0}
         if self.pwm is None or self.pwm.dither_hz is None:
             return made
         return made | {"dither_amplitude": self.pwm.dither_amplitude, "dither_hz": self.pwm.dither_hz}

@@ -34,6 +34,14 @@ def test_a_command_acts_as_the_nearest_level_of_the_converter() -> None:
     assert acted.max() == pytest.approx(0.9)
 
 
+@pytest.mark.parametrize("high", [1.0, 0.0], ids=["as recorded now", "as versions before recorded it"])
+def test_a_digital_line_acts_at_both_its_ends(high: float) -> None:
+    line = OutputChannel("load orifice", "do0", "digital", "A", 0.0, 1.0, step=1.0)
+    assert line.driven["high"] == 1.0
+    acted = as_driven(recorded(**{**line.driven, "high": high})).values("current")
+    assert (acted[0], acted[-1]) == (0.0, 1.0)
+
+
 def test_a_current_drive_that_cannot_pull_adds_the_mean_of_what_its_dither_lacks() -> None:
     acted = as_driven(recorded(low=0.0, high=3.0, dither_amplitude=0.2)).values("current")
     turns = np.linspace(0.0, 2.0 * np.pi, 20_000, endpoint=False)

@@ -91,7 +91,7 @@ def _is_carried(how: Mapping[str, Any], recording: Recording) -> bool:
 def _applied_input(command: Array, how: Mapping[str, Any], wave: Array | None = None) -> Array:
     low, high = float(how.get("low", -math.inf)), float(how.get("high", math.inf))
     dither, step = float(how.get("dither_amplitude", 0.0)), float(how.get("step", 0.0))
-    exact = not step > 0.0 or not math.isfinite(low)
+    exact = not step > 0.0 or not math.isfinite(low) or high <= low  # versions before had a digital line end at its low
     rounded = command if exact else np.clip(low + step * np.rint((command - low) / step), low, high)
     if dither <= 0.0:
         return rounded
