@@ -6,13 +6,17 @@ At rest by integrating oil that is compressed until it has come to rest, or by a
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq, root
+from scipy.signal import cont2discrete
 
 from hil.physics.compose import plant
+from hil.signals.recursion import filtered
 
 BAR, L_MIN = 1e5, 1e-3 / 60.0
 DENSITY = 870.0
@@ -32,7 +36,7 @@ def edge_flow(drop_pa, past_m, radius_m, clearance_m, width_m, viscosity_pa_s):
 
 
 class Valve:
-    """Parameters in SI; those given differ from the plant's values."""
+    """Parameters in SI; those given differ from the plant's values. `open_pa`: share of an edge's width left open."""
 
     def __init__(self, **changed):
         p = self.p = plant("four-way-valve").typical | changed
@@ -46,6 +50,21 @@ class Valve:
         moved += p["null_tank"] * tank / (0.1 * p["rated_supply"]) + p["null_temperature"] * (oil_c - 40.0) / 40.0
         return command - moved
 
+    def followed(self, command, interval_s, gain=1.0, play=0.0):
+        """The spool's way from its null in %, shape (n,): a third-order lag of held commands, then the play."""
+        p = self.p
+        w, pilot = p["motor_frequency"], p["pilot_rate"] * math.sqrt(68.0 / p["rated_supply"])
+        parts = [w * w * pilot], np.polymul([1.0, 2.0 * p["motor_damping"] * w, w * w], [1.0, pilot])
+        above, below, _ = cont2discrete(parts, interval_s)
+        spool = filtered(above[0], below, self.spool(gain * command) - self.spool(0.0)) + self.spool(0.0)
+        if not play:
+            return spool
+        held, reached = 0.0, []
+        for one in spool.tolist():
+            held = min(max(held, one - play), one + play)
+            reached.append(held)
+        return np.array(reached)
+
     def flows(self, pressures, spool, supply=70.0, load=100.0, tank=2.0, oil_c=40.0):
         """(P to A, A to T, P to B, B to T, A to B) in m³/s, given the pressures of both chambers in Pa."""
         p, (a, b) = self.p, pressures
@@ -54,7 +73,8 @@ class Valve:
 
         def edge(name, way, drop):
             past = way * travel - 1e-6 * (p[f"lap_{name}"] - p[f"radius_{name}"])
-            return edge_flow(drop, past, 1e-6 * p[f"radius_{name}"], 1e-6 * p["clearance"], self.width_m, viscosity)
+            width_m = self.width_m * p.get(f"open_{name}", 1.0)
+            return edge_flow(drop, past, 1e-6 * p[f"radius_{name}"], 1e-6 * p["clearance"], width_m, viscosity)
 
         drop_bar = (a - b) / BAR  # a throttle is a root of the drop, and straight below a tenth of a bar
         through_load = load / 100.0 * p["load_flow"] * L_MIN * drop_bar / math.sqrt(35.0 * math.hypot(drop_bar, 0.1))
@@ -83,8 +103,12 @@ class Valve:
 
     def balanced(self, command, **conditions):
         """The same for a command, by a root of what is left of the flows."""
+        stands = {key: conditions[key] for key in ("supply", "tank", "oil_c") if key in conditions}
+        return self.balanced_at(self.spool(command, **stands), **conditions)
+
+    def balanced_at(self, spool, **conditions):
+        """The same for a place of the spool."""
         supply, tank = conditions.get("supply", 70.0), conditions.get("tank", 2.0)
-        spool = self.spool(command, supply, tank, conditions.get("oil_c", 40.0))
 
         def left(pressures_bar):
             pa, at, pb, bt, out = self.flows(np.asarray(pressures_bar) * BAR, spool, **conditions)
@@ -97,6 +121,50 @@ class Valve:
             tried = [root(left, half + np.array([1.0, -1.0]) * apart, tol=1e-10) for apart in (0.1, 1.0, -1.0)]
             found = min(tried, key=lambda one: float(np.abs(one.fun).max())).x
         return self.seen(np.asarray(found) * BAR, spool, **conditions)
+
+
+_NEAR = (*np.linspace(-110.0, -6.0, 40), *np.linspace(-5.0, 5.0, 41), *np.linspace(6.0, 110.0, 40))
+_FAR = (-110.0, -105.0, -100.0, -95.0, -90.0, 0.0, 90.0, 95.0, 100.0, 105.0, 110.0)
+_SEEN = {"flow": "flow", "load pressure": "load_pressure", "return flow": "returned"}
+
+
+def recorded(clean, gain=1.0, play=0.0, **changed):
+    """The recording of a bench without noise, its readings as this valve would have left them.
+
+    Torque motor and pilot are one lag of the third order, chambers and edges at rest at each moment. Between the
+    pressures at which a procedure stands, readings are interpolated: nothing is evaluated there.
+    """
+    valve = Valve(**changed)
+    interval_s = float(np.median(np.diff(clean.time_s)))
+    spool = valve.followed(clean.values("command"), interval_s, gain, play)
+    supply, opened = clean.values("supply pressure"), clean.values("load orifice") / 100.0
+    spool = spool + (valve.spool(0.0, 71.0) - valve.spool(0.0, 70.0)) * (supply - 70.0)
+    settings, samples = np.unique(clean.values("supply setting"), return_counts=True)
+    stood = [float(one) for one in settings[samples > 2000] if one > 0.0]
+    read = {}
+    for name, key in _SEEN.items():
+        tables = [_table(key, s, 100.0, tuple(changed.items()))(spool) for s in stood]
+        over = np.interp(supply, stood, np.arange(len(stood)))
+        low = np.minimum(over.astype(int), max(len(stood) - 2, 0))
+        every = np.array(tables)
+        rows = np.arange(len(spool))
+        open_ = every[low, rows] + (over - low) * (every[np.minimum(low + 1, len(stood) - 1), rows] - every[low, rows])
+        blocked = _table(key, 70.0, 0.0, tuple(changed.items()))(spool)
+        read[name] = opened * open_ + (1.0 - opened) * blocked
+    keep = math.exp(-interval_s / valve.p["sensor_lag"])
+    late = (1.0 - keep) * valve.p["sensor_lag"] / interval_s  # of a flow that goes straight from sample to sample
+    read["flow"] = filtered([1.0 - late, late - keep], [1.0, -keep], read["flow"])
+    read["spool position"] = spool
+    channels = {name: replace(one, values=read.get(name, one.values)) for name, one in clean.channels.items()}
+    return replace(clean, channels=channels)
+
+
+@lru_cache(maxsize=64)
+def _table(key, supply, load, changed):
+    """One reading at rest over places of the spool."""
+    places = _NEAR if supply == 70.0 else _FAR
+    valve = Valve(**dict(changed))
+    return PchipInterpolator(places, [valve.balanced_at(one, supply=supply, load=load)[key] for one in places])
 
 
 @lru_cache(maxsize=64)
