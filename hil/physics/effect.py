@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any, Literal, TypeVar, cast
 
 from hil.kernel import Compiled
@@ -134,6 +135,22 @@ class Seen:
 
 
 Start = Mapping[str, float]
+Values = Callable[[Seen], Sequence[float]]
+
+
+def shares(of: Literal["size", "amplitude", "duration_s"], *values: float) -> Values:
+    """Values as shares of what is seen."""
+    return lambda seen: [value * getattr(seen, of) for value in values]
+
+
+def grid(**values: Sequence[float] | Values) -> Callable[[Seen], list[Start]]:
+    """Starts of fits: every combination of values of these parameters."""
+
+    def starts(seen: Seen) -> list[Start]:
+        found = [one(seen) if callable(one) else one for one in values.values()]
+        return [dict(zip(values, point, strict=True)) for point in product(*found)]
+
+    return starts
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +166,7 @@ class Effect:
         transform: compiled; returns what leaves the hook.
         memory: words of state, or how many for (parameter bounds at the hook, sub-step).
         settle: compiled; like transform, for the steady state before the first sample.
-        starts: where fits start, given what the model shows at the hook: a limit that nothing reaches has no
+        starts: where fits start, given what the model shows at the hook (`grid`): a limit that nothing reaches has no
             slope to follow. Parameters that are left out start at their typical value.
         coefficients: (parameters, step_s) → what `transform` takes, when that is not the parameters.
         equation: for the engineer; `signature`: what it looks like in data; `source`: literature.

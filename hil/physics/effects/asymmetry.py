@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid
 
 
 @compiled
@@ -11,11 +11,6 @@ def transform(value: float, ratio: float, gain: float) -> float:
     if value < 0.0:
         return value * ratio * gain
     return value * gain
-
-
-def starts(_seen: Seen) -> list[dict[str, float]]:
-    """Either side weaker."""
-    return [{"ratio": ratio} for ratio in (0.7, 0.9, 1.1, 1.4)]
 
 
 EFFECT = Effect(
@@ -27,7 +22,7 @@ EFFECT = Effect(
         EffectParameter("gain", "1", None, 1.0, 0.3, 3.0, "gain of the positive side over what it should be"),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(ratio=(0.7, 0.9, 1.1, 1.4)),
     equation="y = g·u for u ≥ 0, g·r·u for u < 0",
     signature="even harmonics and a shift of the mean when the sign changes; another gain on either side",
     source="Merritt: Hydraulic Control Systems, 1967, ch. 6",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
 
 
 @compiled
@@ -17,18 +17,13 @@ def transform(value: float, state: Any, half_width: float) -> float:
     return state[0]
 
 
-def starts(seen: Seen) -> list[dict[str, float]]:
-    """Small to large against the amplitude."""
-    return [{"half_width": share * seen.amplitude} for share in (0.02, 0.07, 0.2, 0.5)]
-
-
 EFFECT = Effect(
     name="backlash",
     title="backlash",
     hooks=("opening", "position"),
     parameters=(EffectParameter("half_width", "{value}", 0.0, 0.01, 0.0, 0.2, "half of the play"),),
     transform=transform,
-    starts=starts,
+    starts=grid(half_width=shares("amplitude", 0.02, 0.07, 0.2, 0.5)),
     memory=1,
     equation="y stays until |u − y| > b, then follows at distance b",
     signature="a loop of constant width at any speed, flat tops after each reversal, odd harmonics",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
 
 
 @compiled
@@ -32,15 +32,6 @@ def settle(value: float, displacement: float, state: Any) -> float:
     return value
 
 
-def starts(seen: Seen) -> list[dict[str, float]]:
-    """Weak and strong against what passes without it, stiff and soft."""
-    return [
-        {"coulomb": level * seen.size, "presliding": give, "backwards": 1.0}
-        for level in (0.5, 3.0)
-        for give in (0.02, 0.1, 0.3)
-    ]
-
-
 EFFECT = Effect(
     name="band_friction",
     known_as="friction",
@@ -54,7 +45,7 @@ EFFECT = Effect(
         EffectParameter("backwards", "1", None, 1.0, 0.1, 10.0, "friction backwards over that forwards"),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(coulomb=shares("size", 0.5, 3.0), presliding=(0.02, 0.1, 0.3)),
     memory=2,
     settle=settle,
     equation="F = F_C·z;  dz/dx = (s − z·sgn v)/x_0,  s = 1 forwards, r backwards",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid
 
 
 @compiled
@@ -13,18 +13,13 @@ def transform(value: float, share: float) -> float:
     return value
 
 
-def starts(_seen: Seen) -> list[dict[str, float]]:
-    """All pulses, and half of them."""
-    return [{"share": share} for share in (1.0, 0.6)]
-
-
 EFFECT = Effect(
     name="blind_to_sign",
     title="sensor that is blind to the direction",
     hooks=("pickup",),
     parameters=(EffectParameter("share", "1", 0.0, 1.0, 0.0, 1.0, "share of the pulses that are read forwards"),),
     transform=transform,
-    starts=starts,
+    starts=grid(share=(1.0, 0.6)),
     equation="y = v for v ≥ 0, (1 − 2s)·v for v < 0",
     signature="the reading never falls below nothing, and bounces off it where the shaft turns round",
     source="Wigren, Schoukens: Coupled Electric Drives Data Set and Reference Models, 2017",

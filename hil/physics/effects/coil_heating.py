@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
 
 
 @compiled
@@ -32,12 +32,6 @@ def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, fl
     }
 
 
-def starts(seen: Seen) -> list[dict[str, float]]:
-    """Weak and strong, warming within or beyond the recording."""
-    times = (0.05 * seen.duration_s, 0.3 * seen.duration_s, 2.0 * seen.duration_s)
-    return [{"loss": loss, "warming": warming} for loss in (0.03, 0.15, 0.5) for warming in times]
-
-
 EFFECT = Effect(
     name="coil_heating",
     title="heating of the coil",
@@ -47,7 +41,7 @@ EFFECT = Effect(
         EffectParameter("warming", "s", None, 30.0, 1.0, 3000.0, "time constant of warming"),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(loss=(0.03, 0.15, 0.5), warming=shares("duration_s", 0.05, 0.3, 2.0)),
     memory=1,
     settle=settle,
     coefficients=coefficients,

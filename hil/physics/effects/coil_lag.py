@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, Seen, Start, compiled
+from hil.physics.effects.sensor_lag import EFFECT as SENSOR_LAG
 from hil.physics.effects.sensor_lag import second_order_shape
-from hil.physics.effects.sensor_lag import starts as lags
 from hil.physics.linear import free_motion, held_first_order
 
 
@@ -45,9 +45,9 @@ def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, fl
     return given | dict(zip(names, free_motion(frequency, damping * frequency, step_s), strict=True))
 
 
-def starts(seen: Seen) -> list[dict[str, float]]:
+def starts(seen: Seen) -> list[Start]:
     """As for a sensor, and one with a part that goes at once."""
-    return [*lags(seen), {"lag": 0.05, "second": 0.0, "direct": 0.1}]
+    return [*SENSOR_LAG.starts(seen), {"lag": 0.05, "second": 0.0, "direct": 0.1}]
 
 
 EFFECT = Effect(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
 
 
 @compiled
@@ -22,18 +22,13 @@ def settle(value: float, pressure: float, state: Any) -> float:
     return value
 
 
-def starts(seen: Seen) -> list[dict[str, float]]:
-    """Small and large against the flow of a second."""
-    return [{"swell": share * seen.size} for share in (0.0005, 0.003, 0.015)]
-
-
 EFFECT = Effect(
     name="compliance",
     title="compliance of oil and hoses",
     hooks=("chamber",),
     parameters=(EffectParameter("swell", "{motion}/bar", 0.0, 0.002, 0.0, 0.2, "volume taken up per bar, as travel"),),
     transform=transform,
-    starts=starts,
+    starts=grid(swell=shares("size", 0.0005, 0.003, 0.015)),
     memory=1,
     settle=settle,
     equation="q_C = C·dp/dt",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
 
 
 @compiled
@@ -13,11 +13,6 @@ def transform(value: float, width: float, ratio: float) -> float:
     if value < -width * ratio:
         return value + width * ratio
     return 0.0
-
-
-def starts(seen: Seen) -> list[dict[str, float]]:
-    """Small to large against the largest value."""
-    return [{"width": share * seen.size} for share in (0.01, 0.04, 0.12, 0.3)]
 
 
 EFFECT = Effect(
@@ -31,7 +26,7 @@ EFFECT = Effect(
         EffectParameter("ratio", "1", None, 1.0, 0.2, 5.0, "band on the negative side over that on the positive"),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(width=shares("size", 0.01, 0.04, 0.12, 0.3)),
     equation="y = max(u − d, 0) for u > 0, min(u + r·d, 0) for u < 0",
     signature="gain and odd harmonics without phase, residual around zero opening",
     source="Merritt: Hydraulic Control Systems, 1967, ch. 5",

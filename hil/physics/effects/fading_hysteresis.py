@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
 from hil.physics.effects.hysteresis import narrowing
 
 
@@ -27,15 +27,6 @@ def settle(value: float, state: Any) -> float:
     return value
 
 
-def starts(seen: Seen) -> list[dict[str, float]]:
-    """Small and large against the amplitude, quickly and slowly filled loops."""
-    return [
-        {"width": share * seen.amplitude, "reach": reach * seen.amplitude}
-        for share in (0.03, 0.15)
-        for reach in (0.05, 0.2, 0.8)
-    ]
-
-
 EFFECT = Effect(
     name="fading_hysteresis",
     known_as="hysteresis",
@@ -48,7 +39,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     settle=settle,
-    starts=starts,
+    starts=grid(width=shares("amplitude", 0.03, 0.15), reach=shares("amplitude", 0.05, 0.2, 0.8)),
     memory=2,
     equation="y = u − w·z/(1 + (c·u/U)²),  dz = (du − |du|·z)/r",
     signature="a loop that does not depend on speed, rounded after reversals; small motions wear the memory off",

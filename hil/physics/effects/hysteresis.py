@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
 
 PLAYS = 8
 
@@ -35,15 +35,6 @@ def transform(
     return value - width * lag / 8.0 / narrowing(value, full_scale, closing)
 
 
-def starts(seen: Seen) -> list[dict[str, float]]:
-    """Small to large against the amplitude, quickly and slowly filled loops."""
-    return [
-        {"width": share * seen.amplitude, "reach": reach * seen.amplitude}
-        for share in (0.02, 0.08, 0.25)
-        for reach in (0.1, 0.4, 1.5)
-    ]
-
-
 EFFECT = Effect(
     name="hysteresis",
     title="magnetic hysteresis",
@@ -57,7 +48,7 @@ EFFECT = Effect(
         EffectParameter("closing", "1", None, 1.0, 0.0, 5.0, "full scale over where the loop is half as wide"),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(width=shares("amplitude", 0.02, 0.08, 0.25), reach=shares("amplitude", 0.1, 0.4, 1.5)),
     memory=PLAYS,
     equation="y = u − w·mean_k[(u − play_{r_k}(u))/r_k] / (1 + (c·u/U)²),  r_k evenly from l·r to r",
     signature="a loop that does not depend on speed, rounded after reversals, minor loops that close",

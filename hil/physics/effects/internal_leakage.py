@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import math
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
 
 
 @compiled
 def transform(value: float, pressure: float, leak: float, power: float) -> float:
     """Take away what leaks; `leak` is at 10 bar, so that it means the same for every exponent."""
     return value - math.copysign(leak * (0.1 * abs(pressure)) ** power, pressure)
-
-
-def starts(seen: Seen) -> list[dict[str, float]]:
-    """Small and large, laminar and through gaps that open with pressure."""
-    return [{"leak": share * seen.size, "power": power} for share in (0.002, 0.01, 0.04) for power in (1.0, 2.0)]
 
 
 EFFECT = Effect(
@@ -29,7 +24,7 @@ EFFECT = Effect(
         ),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(leak=shares("size", 0.002, 0.01, 0.04), power=(1.0, 2.0)),
     equation="q_L = k·sgn(Δp)·|Δp/10 bar|^m",
     signature="the part creeps under load with the drive at rest; slower against a load, faster with it",
     source="Merritt: Hydraulic Control Systems, 1967, ch. 4",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid
 
 
 @compiled
@@ -11,11 +11,6 @@ def transform(value: float, supply: float, softness: float) -> float:
     if softness <= 0.02:
         return value
     return value / (1.0 + abs(value / supply) ** (1.0 / softness)) ** softness
-
-
-def starts(_seen: Seen) -> list[dict[str, float]]:
-    """Tight and worn edges."""
-    return [{"softness": softness} for softness in (0.1, 0.3, 0.6, 1.0)]
 
 
 EFFECT = Effect(
@@ -28,7 +23,7 @@ EFFECT = Effect(
         ),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(softness=(0.1, 0.3, 0.6, 1.0)),
     equation="p_L = p_v/(1 + |p_v/p_S|^(1/s))^s,  p_v = K_p·x",
     signature="the pressure curve bends before it reaches the supply, the same way on both sides",
     source="Merritt: Hydraulic Control Systems, 1967, ch. 5",

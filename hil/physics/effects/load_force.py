@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
 
 
 @compiled
@@ -11,18 +11,13 @@ def transform(force: float) -> float:
     return force
 
 
-def starts(seen: Seen) -> list[dict[str, float]]:
-    """Small and large, either way."""
-    return [{"force": share * seen.amplitude} for share in (-0.3, -0.05, 0.05, 0.3)]
-
-
 EFFECT = Effect(
     name="load_force",
     title="load force",
     hooks=("force",),
     parameters=(EffectParameter("force", "{value}", 0.0, 0.02, -0.5, 0.5, "the force as the command it equals"),),
     transform=transform,
-    starts=starts,
+    starts=grid(force=shares("amplitude", -0.3, -0.05, 0.05, 0.3)),
     equation="F = F_L",
     signature="a shift of the working point that the sensor does not have; one direction faster than the other",
     source="Merritt: Hydraulic Control Systems, 1967, ch. 6",

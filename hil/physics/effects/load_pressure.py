@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid
 
 
 @compiled
 def transform(value: float, travel: float, pressure: float, rise: float) -> float:
     """Load pressure at this place of the stroke: steady, rising like that of a spring, or between."""
     return value + pressure * (1.0 + rise * (travel - 1.0))
-
-
-def starts(_seen: Seen) -> list[dict[str, float]]:
-    """Pulling and pushing, steady and like a spring."""
-    return [{"pressure": share * 100.0, "rise": rise} for share in (-0.2, -0.05, 0.05, 0.2) for rise in (0.0, 1.0)]
 
 
 EFFECT = Effect(
@@ -26,7 +21,7 @@ EFFECT = Effect(
         EffectParameter("rise", "1", None, 0.0, -4.0, 4.0, "0: the same everywhere; 1: nothing at zero, as a spring"),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(pressure=(-20.0, -5.0, 5.0, 20.0), rise=(0.0, 1.0)),
     equation="v ∝ √(p_s − sgn(v)·p_L),  p_L = p·(1 + r·(x/x_N − 1))",
     signature="one direction faster than the other, by an amount that changes along the stroke",
     source="Merritt: Hydraulic Control Systems, 1967, ch. 6",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid
 
 
 @compiled
@@ -14,18 +14,13 @@ def transform(value: float, load_pressure: float, share: float) -> float:
     return value * math.sqrt(max(1.0 - against, 0.0))
 
 
-def starts(_seen: Seen) -> list[dict[str, float]]:
-    """A supply well above, and near, the load pressure."""
-    return [{"share": share} for share in (0.05, 0.15, 0.3, 0.6)]
-
-
 EFFECT = Effect(
     name="orifice",
     title="orifice law of the metering edge",
     hooks=("edge",),
     parameters=(EffectParameter("share", "1", 0.0, 0.2, 0.0, 2.0, "load pressure of one over the supply pressure"),),
     transform=transform,
-    starts=starts,
+    starts=grid(share=(0.05, 0.15, 0.3, 0.6)),
     equation="q = q_0·√(1 − sgn(q_0)·p_L/p_S)",
     signature="gain falls where the load holds against the motion and rises where it helps; open valves damp",
     source="Merritt: Hydraulic Control Systems, 1967, ch. 5",

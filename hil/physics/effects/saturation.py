@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
 
 
 @compiled
@@ -22,11 +22,6 @@ def transform(value: float, limit: float, knee: float, slope: float) -> float:
     return math.copysign(passed + slope * (size - passed), value)
 
 
-def starts(seen: Seen) -> list[dict[str, float]]:
-    """From just below the largest value down, sharp and round."""
-    return [{"limit": share * seen.size, "knee": knee} for share in (0.97, 0.9, 0.8, 0.65, 0.5) for knee in (0.02, 0.2)]
-
-
 EFFECT = Effect(
     name="saturation",
     title="saturation",
@@ -37,7 +32,7 @@ EFFECT = Effect(
         EffectParameter("slope", "1", None, 0.02, 0.0, 0.5, "gain that is left beyond the limit"),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(limit=shares("size", 0.97, 0.9, 0.8, 0.65, 0.5), knee=(0.02, 0.2)),
     equation="y = sgn(u)·[min(|u|, L) + s·max(|u| − L, 0)], rounded over L·(1 ± k)",
     signature="flat tops at large amplitude, odd harmonics without phase, nothing at small amplitude",
     source="Slotine, Li: Applied Nonlinear Control, 1991, ch. 5",

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid
 from hil.physics.linear import first_order
 from hil.physics.steps import spring_step
 
@@ -52,11 +52,6 @@ def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, fl
     return spring_step(*shape, step_s)
 
 
-def starts(_seen: Seen) -> list[dict[str, float]]:
-    """From milliseconds to a tenth of a second, of first and of second order."""
-    return [{"lag": lag, "second": second} for lag in (0.004, 0.012, 0.035, 0.1) for second in (0.0, 0.9)]
-
-
 EFFECT = Effect(
     name="sensor_lag",
     title="lag of the sensor",
@@ -66,7 +61,7 @@ EFFECT = Effect(
         EffectParameter("second", "1", None, 0.0, 0.0, 2.0, "0: one time constant, 1: two equal ones, above: inertia"),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(lag=(0.004, 0.012, 0.035, 0.1), second=(0.0, 0.9)),
     memory=3,
     settle=settle,
     coefficients=coefficients,

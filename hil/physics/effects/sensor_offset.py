@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
 
 
 @compiled
@@ -11,18 +11,13 @@ def transform(value: float, offset: float) -> float:
     return value + offset
 
 
-def starts(seen: Seen) -> list[dict[str, float]]:
-    """Small, of either sign."""
-    return [{"offset": share * seen.size} for share in (0.01, -0.01)]
-
-
 EFFECT = Effect(
     name="sensor_offset",
     title="offset of the sensor",
     hooks=("sensor", "recorder"),
     parameters=(EffectParameter("offset", "{value}", 0.0, 0.01, -0.5, 0.5, "what it reads beside the truth"),),
     transform=transform,
-    starts=starts,
+    starts=grid(offset=shares("size", 0.01, -0.01)),
     equation="y = u + o",
     signature="the same shift at any command and any speed",
     source="JCGM 100:2008 (GUM)",

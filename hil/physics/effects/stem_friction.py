@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
 
 
 @compiled
@@ -21,11 +21,6 @@ def transform(value: float, state: Any, band: float, jump: float) -> float:
     return state[0]
 
 
-def starts(seen: Seen) -> list[dict[str, float]]:
-    """Small to large against the amplitude, with a small and a large jump."""
-    return [{"band": share * seen.amplitude, "jump": jump} for share in (0.05, 0.2, 0.5) for jump in (0.2, 0.9)]
-
-
 EFFECT = Effect(
     name="stem_friction",
     known_as="friction",
@@ -36,7 +31,7 @@ EFFECT = Effect(
         EffectParameter("jump", "1", None, 0.5, 0.0, 1.0, "share of that band by which it jumps when it breaks loose"),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(band=shares("amplitude", 0.05, 0.2, 0.5), jump=(0.2, 0.9)),
     memory=1,
     equation="x stays while |u − x| ≤ S, then goes to u ∓ S·(1 − j)",
     signature="the process value steps while the controller output ramps; the loop cycles by itself",

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid
 
 
 @compiled
@@ -41,11 +41,6 @@ def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, fl
     return {**{name: parameters[name] for name in ("droop", "power", "line", "lean")}, "gain": gain}
 
 
-def starts(_seen: Seen) -> list[dict[str, float]]:
-    """Weak and strong, quick and slow recovery."""
-    return [{"droop": droop, "recovery": recovery} for droop in (0.05, 0.2, 0.5) for recovery in (0.1, 0.4, 2.0)]
-
-
 EFFECT = Effect(
     name="supply_droop",
     title="drooping supply pressure",
@@ -60,7 +55,7 @@ EFFECT = Effect(
         EffectParameter("lean", "1", None, 0.0, -0.5, 0.5, "how much more one direction draws, as into one port"),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(droop=(0.05, 0.2, 0.5), recovery=(0.1, 0.4, 2.0)),
     memory=1,
     settle=settle,
     coefficients=coefficients,

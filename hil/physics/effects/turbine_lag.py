@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid
 
 
 @compiled
@@ -25,11 +25,6 @@ def transform(
     return state[0]
 
 
-def starts(_seen: Seen) -> list[dict[str, float]]:
-    """From hundredths to a tenth of a second."""
-    return [{"lag": lag} for lag in (0.01, 0.03, 0.1)]
-
-
 EFFECT = Effect(
     name="turbine_lag",
     known_as="sensor_lag",
@@ -41,7 +36,7 @@ EFFECT = Effect(
         EffectParameter("falling", "1", None, 1.2, 0.8, 3.0, "time constant of falling over that of rising"),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(lag=(0.01, 0.03, 0.1)),
     memory=2,
     equation="ẏ = (u − y)·(k₀ + (1 − k₀)·|y|/Q)/T, T larger while |y| falls",
     signature="phase and gain fall with frequency, the more the smaller the flow; spool position is on time",

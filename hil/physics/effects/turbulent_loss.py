@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid
 
 
 @compiled
@@ -26,11 +26,6 @@ def settle(value: float, mobility: float, state: Any, loss: float) -> float:
     return transform(value, mobility, state, loss)
 
 
-def starts(_seen: Seen) -> list[dict[str, float]]:
-    """Small to large against the pressure at full speed."""
-    return [{"loss": loss} for loss in (0.1, 0.5, 2.0, 10.0)]
-
-
 EFFECT = Effect(
     name="turbulent_loss",
     title="turbulent loss in the lines",
@@ -39,7 +34,7 @@ EFFECT = Effect(
     transform=transform,
     settle=settle,
     memory=1,
-    starts=starts,
+    starts=grid(loss=(0.1, 0.5, 2.0, 10.0)),
     equation="Δp = R·v·|v|",
     signature="much damping in fast motion, hardly any in slow motion: ringing goes on at standstill",
     source="Merritt: Hydraulic Control Systems, 1967, ch. 3",

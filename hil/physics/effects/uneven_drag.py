@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid
 
 
 @compiled
 def transform(value: float, difference: float) -> float:
     """The speed that the drag is as large as: less than it is forwards, more than it is backwards, or the reverse."""
     return value - difference * abs(value)
-
-
-def starts(_seen: Seen) -> list[dict[str, float]]:
-    """Either way harder."""
-    return [{"difference": difference} for difference in (-0.3, -0.1, 0.1, 0.3)]
 
 
 EFFECT = Effect(
@@ -27,7 +22,7 @@ EFFECT = Effect(
         ),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(difference=(-0.3, -0.1, 0.1, 0.3)),
     equation="F = b·(v − δ·|v|),  δ = (b₋ − b₊)/(b₋ + b₊)",
     signature="an offset of the force that grows with speed and is gone at rest; one direction faster than the other",
     source="Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994; "

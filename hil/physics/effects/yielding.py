@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
 
 
 @compiled
@@ -28,11 +28,6 @@ def settle(value: float, velocity: float, state: Any, strength: float) -> float:
     return value + strength * state[0]
 
 
-def starts(seen: Seen) -> list[dict[str, float]]:
-    """Weak and strong against what passes without it, stiff and soft."""
-    return [{"strength": level * seen.size, "give": give} for level in (0.2, 0.7) for give in (0.02, 0.1, 0.5)]
-
-
 EFFECT = Effect(
     name="yielding",
     known_as="hysteresis",
@@ -45,7 +40,7 @@ EFFECT = Effect(
         EffectParameter("give", "{motion}", None, 0.1, 0.001, 10.0, "travel in which most of the force builds up"),
     ),
     transform=transform,
-    starts=starts,
+    starts=grid(strength=shares("size", 0.2, 0.7), give=(0.02, 0.1, 0.5)),
     memory=1,
     settle=settle,
     equation="F = F_y·z;  ż = (v − |v|·z)/x_0",
