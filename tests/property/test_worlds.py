@@ -10,7 +10,9 @@ from typing import Any
 
 import pytest
 
+from drivers import _can_frames
 from drivers._modbus_line import ModbusLine
+from drivers._modbus_model import Model
 from drivers.j1939_valve import J1939ValveLink
 from hil.bench import heartbeat, rescue, watchdog
 from hil.bench.ending import Ending, LastWord
@@ -20,7 +22,7 @@ from hil.daq.device_link import DeviceLink
 from hil.daq.link import Late
 from hil.daq.pin import Pin
 from hil.daq.polled import PolledDaq
-from hil.daq.polling import Taken
+from hil.daq.polling import Pace, Taken
 from hil.record.run_writer import RunWriter
 from hil.safety import outputs
 from hil.safety.guard import Guard
@@ -175,6 +177,7 @@ def test_signals_and_serial_ports_of_the_world_are_those_of_linux(part: int) -> 
         assert port_on_linux(port) == port_in_world(port), port
 
 
+plan = Pace.planned
 Patches = list[tuple[object, str, Any]]
 MENDS: dict[str, tuple[Patches, str]] = {
     "what was not acknowledged goes out again": (
@@ -281,6 +284,12 @@ FAULTS: dict[str, tuple[Patches, str]] = {
     "is_heard": ([(Watches, "judge", lambda *_: [])], "7,0.05,plain,-|over:driving:1.3:5:aux"),
     "is_heard, on a slow line": (
         [(Taken, "add", _each_alone(Taken.add))], "7,0.05,plain,b|over:driving:2:5:aux|slow:driving:1.3:10:io",
+    ),
+    "own_watchdogs_are_armed": ([(Model, "arming", property(lambda _model: ()))], "7,0.05,plain,w"),
+    "claims_are_waited_for": ([(_can_frames, "CLAIM_WAIT_S", 0.0)], "7,0.05,plain,v"),
+    "_as_expected": (
+        [(Pace, "planned", lambda pace, _block_s, interval_s: plan(pace, 0.0, interval_s))],
+        "7,0.05,plain,b|slow:driving:1:5:io",
     ),
     "safe_comes_before_readings": (
         [(PolledDaq, "make_safe", _looking_first(PolledDaq.make_safe))], "7,0.05,plain,-|int:driving:2:0:",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -15,6 +16,7 @@ _EVERY_S, _PATIENCE_S = 0.1, 0.3
 _COMMAND, _ESTIMATED, _CLAIMED, _REQUEST = 0xFE31, 0xFE11, 0xEE00, 0xEA00
 _OURS, _NAME, _ERROR = 0x80, 2 << 60 | 129 << 40 | 1, 14
 _PER_BIT = 0.4
+_CONTENDED_S = 0.25  # so long after a claim another one may come (SAE J1939-81, 4.5.2)
 
 
 class CanBus:
@@ -25,6 +27,7 @@ class CanBus:
         is_off: the controller of this computer is off the bus: nothing is taken from it.
         loses, doubles: chance of each frame.
         delay_s: least and greatest time of a frame.
+        rushed_s: when somebody commanded who had just claimed his address, and not heard yet whose it is.
     """
 
     def __init__(self, hub: Hub, hear: Callable[[int, bytes], None]) -> None:
@@ -33,6 +36,7 @@ class CanBus:
         self.loses = self.doubles = 0.0
         self.delay_s = DELAY_S
         self.ends: list[BusEnd] = []
+        self.rushed_s: list[float] = []
         self._last_s = 0.0
 
     def send(self, identifier: int, data: bytes, by: BusEnd | None) -> None:
@@ -61,6 +65,7 @@ class BusEnd:
         self._hub, self._bus, self._process, self._call = hub, bus, process, call
         self._received: deque[tuple[int, bytes]] = deque()
         self._changed = Waiters(hub)
+        self._claimed_s = -math.inf
         self.holders = 1
         bus.ends.append(self)
         process.connected_s.append(hub.now_s)
@@ -71,6 +76,11 @@ class BusEnd:
         self._check()
         if self._bus.is_off:
             raise OSError(errno.ENOBUFS, "No buffer space available")
+        group, now_s = message.arbitration_id >> 8 & 0x3FFFF, self._hub.now_s
+        if group & 0x3FF00 == _CLAIMED:
+            self._claimed_s = now_s
+        elif group == _COMMAND and now_s < self._claimed_s + _CONTENDED_S:
+            self._bus.rushed_s.append(now_s)
         self._bus.send(message.arbitration_id, bytes(message.data), self)
 
     def recv(self, wait_s: float) -> Any:

@@ -27,6 +27,7 @@ class Device:
         is_on: whether it has power.
         watchers: called when the output moves.
         expired_s: when its own watchdog found the output away from its safe value.
+        unwatched_s: when something was said to it while that was not armed.
     """
 
     def __init__(self, hub: Hub) -> None:
@@ -36,6 +37,7 @@ class Device:
         self.is_on, self.slow_s = True, 0.0
         self.watchers: list[Callable[[], None]] = []
         self.expired_s: list[float] = []
+        self.unwatched_s: list[float] = []
         self._free_s, self._heard_s = 0.0, 0.0
 
     @property
@@ -60,6 +62,8 @@ class Device:
         self._heard_s = self._hub.now_s
         if watchdog_s:
             self._hub.after(watchdog_s, lambda: self._expired(watchdog_s))
+        else:
+            self.unwatched_s.append(self._hub.now_s)
 
     def _expired(self, watchdog_s: float) -> None:
         if self.is_on and self._hub.now_s - self._heard_s >= watchdog_s - 1e-9:

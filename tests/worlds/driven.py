@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from hil.errors import DeviceLostError, HilError, LinkError
+from tests.worlds.can_bus import Valve
 from tests.worlds.devices import FULL
 from tests.worlds.left import end_of, kinds, recording_of
 from tests.worlds.schedule import BLOCK_S, CALM
@@ -154,6 +155,23 @@ def own_watchdogs_rest(world: World, ran: Ran) -> Iterator[str]:
             yield f"the watchdog of {name} expired at {early[0]:.3f} s, while it was driven"
 
 
+def own_watchdogs_are_armed(world: World, ran: Ran) -> Iterator[str]:
+    """While it is driven a device has its own watchdog, where the bench file says so."""
+    begun_s, end_s = _drives_s(world)
+    if not ran.schedule.armed or kinds(ran) - CALM - {"slow", "sticks", "poke"}:
+        return
+    for name, device in world.devices.items():
+        bare = [at_s for at_s in device.unwatched_s if begun_s < at_s < end_s]
+        if bare and (name, ran.schedule.third) != ("third", "source"):
+            yield f"{name} was driven at {bare[0]:.3f} s, and its watchdog was not armed"
+
+
+def claims_are_waited_for(world: World, ran: Ran) -> Iterator[str]:
+    """Who has claimed an address on J1939 commands nothing before another one could have defended it."""
+    if isinstance(world.third, Valve) and world.third.line.rushed_s:
+        yield f"the valve was commanded at {world.third.line.rushed_s[0]:.3f} s, just after a claim"
+
+
 def causes_happened(world: World, ran: Ran) -> Iterator[str]:
     """What is told as the cause of an end has happened."""
     status = world.run.status
@@ -282,5 +300,6 @@ def witness_is_heard(world: World, ran: Ran) -> Iterator[str]:
 LAWS = (
     begins_safe, errors_are_not_ours, connections_are_given_up, drives_what_is_asked, hands_back_what_is_recorded,
     samples_are_in_time, own_watchdogs_rest, causes_happened, is_heard, restart_is_noticed, pauses_are_kept,
-    safe_comes_before_readings, contact_is_asked, holds_are_events, witness_is_heard,
+    own_watchdogs_are_armed, claims_are_waited_for, safe_comes_before_readings, contact_is_asked, holds_are_events,
+    witness_is_heard,
 )  # fmt: skip

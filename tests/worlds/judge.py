@@ -218,7 +218,8 @@ def _as_expected(world: World, ran: Ran) -> Iterator[str]:
         return
     (((fault, _), begun_s),) = both
     said = " ".join(text for _, _, text in ran.said)
-    if fault.kind in _CHANGE_NOTHING and fault.device != "third" and ran.status != own:
+    changes_nothing = fault.kind in _CHANGE_NOTHING or (fault.kind == "slow" and ran.schedule.long)
+    if changes_nothing and fault.device != "third" and ran.status != own:
         yield f"{fault.kind} alone changes nothing, and the exit status is {ran.status}: {said:.200}"
     if fault.kind == "second" and any(one.name == "second" and one.status == 0 for one in world.system.processes):
         yield "a second program had the bench while it was driven"
