@@ -35,7 +35,8 @@ json_values = st.recursive(
 # Names that mean something to one of the formats.
 AWKWARD = Recording("awkward", np.array([0.0, 1.0]), {
     name: Channel(name, "V", np.zeros(2))
-    for name in ("valve-hil", "valve_hil", "channels", "t", "#refs#", "a/b", "a∕b", "a.b", ".", "flow (l)", "x / V")
+    for name in ("valve-hil", "valve_hil", "channels", "t", "#refs#", "a/b", "a∕b", "a.b", ".", "flow (l)", "x / V",
+                 'a; "b", c')
 })  # fmt: skip
 
 

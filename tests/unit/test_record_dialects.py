@@ -69,6 +69,9 @@ HEADINGS = {
     "powers in a row": ("Time,command,flow\nSek.,Prozent,l min-1\n", comma),
     "a row above the names": ("s,%,l/min\nTime,command,flow\n", comma),
     "behind a remark's sign": ("# rig 7\n#time [s],command [%],flow [l/min]\n", comma),
+    "in quotes behind blanks": ('"time [s]", "command [%]", "flow [l/min]"\n',
+                                lambda *values: comma(*values).replace(",", ", ")),
+    "below empty lines": ("\n\n\ntime [s],command [%],flow [l/min]\n", comma),
     "behind each number": ("time,command,flow\n", lambda t, u, y: f"{t:.3f} s,{u} %,{y} l/min"),
 }  # fmt: skip
 
@@ -119,6 +122,7 @@ def test_two_columns_of_time_without_the_name_time_each_keep_their_samples(tmp_p
 
 NUMBERS = {
     "decimal commas in quotes": lambda t, u, y: ",".join(f'"{v}"'.replace(".", ",") for v in (f"{t:.3f}", u, y)),
+    "decimal commas in quotes beside points": lambda t, u, y: f"{t:.3f}," + f'"{u}","{y}"'.replace(".", ","),
     "a typographic minus": lambda *values: comma(*values).replace("-", "\u2212"),
     "exponents after D": lambda t, u, y: f"{t:.6e},{u:.6e},{y:.6e}".replace("e", "D"),
 }  # fmt: skip
@@ -288,11 +292,6 @@ def test_units_of_toa5_stand_though_cells_between_them_are_blank(tmp_path: Path)
     )
     found = read(tmp_path, head + "".join(f'\n"2021-06-19 00:00:{i:02d}",{i},12.9{i},20.{i},' for i in range(9)))
     assert {name: one.unit for name, one in found.channels.items()} == {"battery": "Volts", "PTemp": "oC"}
-
-
-def test_empty_lines_above_the_headings_do_no_harm(tmp_path):
-    (tmp_path / "x.csv").write_text("\n\n\ntime [s],u [V]\n" + "".join(f"{k},{2 * k}\n" for k in range(5)))
-    assert read_recording(tmp_path / "x.csv").values("u").tolist() == [0.0, 2.0, 4.0, 6.0, 8.0]
 
 
 @pytest.mark.parametrize(
