@@ -7,12 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from hil.bench.find import benches
-from hil.bench.read import read_bench
-from hil.errors import SettingError
 from hil.record.recording import Channel, Recording
-from hil.session.procedure import load_procedure
-from hil.session.run import rehearse_procedure
 from procedures.load_step import KIND, evaluate
 
 RATE_HZ, HELD, REPEATS, LABEL = 1000.0, 300, 5, "+50 %, load 100 → 0 %"
@@ -95,25 +90,3 @@ def test_the_meters_calibration_is_in_the_departure_and_not_in_the_time():
     assert one["load_settling"].std == one["load_settling"].repeatability
     (curve,) = findings.curves["load_step"]
     assert (curve["before"], curve["final"]) == (pytest.approx(20.0, abs=0.02), pytest.approx(0.0, abs=0.03))
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"load": "100"}, "setting load: 100 % is where 'load orifice' stands already"),
-        ({"load": "120"}, "setting load: 120 % is outside the range of 'load orifice', 0 … 100 %"),
-        ({"commands": "0"}, "setting commands: each must differ from 0 %"),
-    ],
-)
-def test_what_is_no_step_of_the_load_is_refused(given, message):
-    with pytest.raises(SettingError, match=message):
-        rehearse_procedure(load_procedure("load_step"), read_bench(benches()["four-way-lab"]), given)
-
-
-def test_a_load_that_somebody_sets_by_hand_is_no_step(tmp_path):
-    text = benches()["brevini-hpv41"].read_text(encoding="utf-8")
-    hand = 'role = "load orifice"\nby_hand = { low = 0.0, high = 210.0, usual = 100.0, tolerance = 2.0 }\n'
-    file = tmp_path / "bench.toml"
-    file.write_text(text.replace('[channels."supply pressure"]\n', f'[channels."supply pressure"]\n{hand}', 1))
-    with pytest.raises(SettingError, match="a load step needs an output that steps the load; 'supply pressure' is set"):
-        rehearse_procedure(load_procedure("load_step"), read_bench(file), {})

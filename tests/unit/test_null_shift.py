@@ -6,11 +6,6 @@ import numpy as np
 import pytest
 from swept_recording import swept_recording
 
-from hil.bench.find import benches
-from hil.bench.read import read_bench
-from hil.errors import SettingError
-from hil.session.procedure import load_procedure
-from hil.session.run import rehearse_procedure
 from procedures.null_shift import KIND, evaluate
 
 USUAL = {"supply pressure": 70.0, "tank pressure": 2.0, "oil temperature": 40.0}
@@ -66,19 +61,3 @@ def test_the_line_and_the_nulls_over_a_condition_go_to_the_page():
 def test_a_condition_that_was_never_adjusted_has_no_shift():
     one = found(ways=[{}])[1]
     assert one["null_shift_supply"].value is None and one["flow_shift_temperature, high"].value is None
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        (
-            {"supply_change": "250"},
-            "setting supply_change: -105 bar is outside the range of 'supply setting', 0 … 210 bar",
-        ),
-        ({"temperature_change": "50"}, "setting temperature_change: -10 degC"),
-        ({"conditions": "supply pressure,supply pressure"}, "each once"),
-    ],
-)
-def test_what_the_bench_cannot_adjust_is_refused_before_anything_moves(given, message):
-    with pytest.raises(SettingError, match=message):
-        rehearse_procedure(load_procedure("null_shift"), read_bench(benches()["four-way-lab"]), given)

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
 
+from hil.bench.read import read_bench
 from hil.catalog import entries
 from hil.cli import error_message
 from hil.errors import SettingError
 from hil.rig import RoleChannel
 from hil.session.procedure import load_procedure
+from hil.session.run import rehearse_procedure
 from hil.session.setting import parse_settings
+from tests.bench_files import bench_file
 from tests.still_rig import Refusing, Still
 
 BOTH_WAYS = RoleChannel("command", "%", -100.0, 100.0)
@@ -21,6 +25,7 @@ FLOWING = RoleChannel("flow", "l/min", -100.0, 100.0)
 TRAVELLING = RoleChannel("position", "mm", -130.0, 130.0, integrates=True)
 
 
+LAB = "four-way-lab"
 SINES, MULTISINE, FLOW, STEP, LARGE = (
     "frequency_response", "multisine_response", "flow_curve", "step_response", "large_sine",
 )  # fmt: skip
@@ -116,6 +121,33 @@ def test_a_response_that_moves_on_is_not_driven_to_its_end(name, settings, says)
     with pytest.raises(SettingError) as refused:
         asked(name, Still(BOTH_WAYS, TRAVELLING), settings)
     assert says in str(refused.value)
+
+
+NO_FLOW = {"flow": {"role": None}, "spool position": {"role": "response"}, "command": {"witness": None}}
+BY_HAND = {"low": 0.0, "high": 210.0, "usual": 100.0, "tolerance": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("name", "bench", "channels", "given", "says"),
+    [
+        ("proof_pressure", LAB, {}, {"pressure": "400"}, "280 bar is outside the range of 'supply setting'"),
+        ("load_step", LAB, {}, {"load": "100"}, "setting load: 100 % is where 'load orifice' stands already"),
+        ("load_step", LAB, {}, {"load": "120"}, "120 % is outside the range of 'load orifice', 0 … 100 %"),
+        ("load_step", LAB, {}, {"commands": "0"}, "setting commands: each must differ from 0 %"),
+        ("load_step", "brevini-hpv41", {"supply pressure": {"role": "load orifice", "by_hand": BY_HAND}}, {},
+         "a load step needs an output that steps the load; 'supply pressure' is set"),
+        ("null_shift", LAB, {}, {"supply_change": "250"},
+         "setting supply_change: -105 bar is outside the range of 'supply setting', 0 … 210 bar"),
+        ("null_shift", LAB, {}, {"temperature_change": "50"}, "setting temperature_change: -10 degC"),
+        ("null_shift", LAB, {}, {"conditions": "supply pressure,supply pressure"}, "each once"),
+        ("limiting_power", LAB, {}, {"supplies": "50,100"}, "supplies: 2 given; a limiting power needs 3 at least"),
+        ("limiting_power", LAB, NO_FLOW, {}, "'spool position' is in %; a limiting power needs a flow"),
+    ],
+)  # fmt: skip
+def test_what_the_bench_cannot_do_is_refused_in_the_rehearsal(name, bench, channels, given, says, tmp_path):
+    file = read_bench(bench_file(tmp_path / "bench.toml", bench, channels=channels))
+    with pytest.raises(SettingError, match=re.escape(says)):
+        rehearse_procedure(load_procedure(name), file, given)
 
 
 @pytest.mark.parametrize("name", [SINES, MULTISINE])

@@ -6,11 +6,6 @@ import numpy as np
 import pytest
 from swept_recording import swept_recording
 
-from hil.bench.find import benches
-from hil.bench.read import read_bench
-from hil.errors import SettingError
-from hil.session.procedure import load_procedure
-from hil.session.run import rehearse_procedure
 from procedures.proof_pressure import KIND, evaluate
 
 LABELS = ("before", "held", "held", "after")
@@ -34,9 +29,3 @@ def test_what_the_valve_leaks_more_afterwards_is_held_by_its_interval(grown: flo
         assert one["leakage_change"].std < 0.002
         assert one["leakage_before"].value == pytest.approx(0.4, abs=3.5 * one["leakage_before"].std)
         assert one["proof_pressure"].value == pytest.approx(91.0, abs=0.1)  # the end that had less
-
-
-def test_a_pressure_that_the_bench_may_not_have_is_refused() -> None:
-    given = {"pressure": "400"}
-    with pytest.raises(SettingError, match=r"setting pressure: 280 bar is outside the range of 'supply setting'"):
-        rehearse_procedure(load_procedure("proof_pressure"), read_bench(benches()["four-way-lab"]), given)
