@@ -16,9 +16,12 @@ from four_way_simulator import recorded
 import hil
 from hil.bench.find import benches
 from hil.bench.read import read_bench
+from hil.passport.power import power_of
+from hil.passport.unit import read_unit_runs
 from hil.physics.model import Model, typical_model
 from hil.record.measurement import Limit
 from hil.record.recording import Recording
+from hil.session.limit import limit_text
 from hil.session.procedure import load_procedure
 from hil.session.results import evaluated
 from tests.coverage_study.recordings import driven, noisy
@@ -98,3 +101,27 @@ def test_a_fault_leaves_the_limits_that_it_touches_and_a_healthy_unit_none(
         assert ({one.verdict for one in judged.values()}, said.verdict) == ({"pass"}, "consistent")
     else:
         assert said.verdict != "consistent"
+
+
+@pytest.mark.slow
+def test_units_with_half_more_than_the_least_fault_fail_and_with_half_of_it_pass(tmp_path: Path) -> None:
+    """What `hil passport --power` says by the plant's equations, asked of units that share none of them."""
+    limits = {"rise, 0 → 25 %": Limit(high=25.0), "change, 0 → 25 %": Limit(6.3, 7.7)}
+    given = [limit_text(name, one) for name, one in limits.items()]
+    hil.run("step_response", BENCH, tmp_path / "run", levels=(0.0, 25.0, 0.0), serial="7", limits=given)
+    model = replace(healthy_model(), input="command [%]", output="flow [l/min]")
+    power = power_of(read_unit_runs([tmp_path / "run"]).runs[0], model, lambda _done, _text: None)
+    planted = [fault for fault in power.faults if fault.parameter in model.parameters]
+    assert {fault.limit for fault in planted} == set(limits)
+    steps = load_procedure("step_response")
+    still = driven(steps, BENCH, {"levels": "0,25,0"}, Situation("as installed"), tmp_path / "driven")
+    for fault in planted:
+        failed = []
+        for share in (0.5, 1.5):
+            size = fault.nominal + share * (fault.size - fault.nominal)
+            unit = recorded(still, **{**own(), fault.parameter: size})
+            runs = [noisy(unit, BENCH, Situation("as installed"), seed) for seed in range(7000, 7020)]
+            found = [{one.name: one.verdict for one in evaluated(steps, one, limits).measured} for one in runs]
+            failed.append(sum(verdicts[fault.limit] == "fail" for verdicts in found))
+        assert failed[0] <= 4
+        assert failed[1] >= 18
