@@ -18,6 +18,7 @@ from importlib import import_module
 NAMES = (
     "cold_start",
     "identification",
+    "black_box",
     "plant",
     "population",
     "fleet",

@@ -53,7 +53,6 @@ def main() -> None:
         ("estimator variance over the bound (2000 samples, harmonics 1 to 5)", variance_rows(50 * draws)),
         ("transfer function from 25 lines", transfer_function_rows(draws)),
         ("transfer function from 20 s in time", time_rows(3)),
-        ("transfer function from 5 000 samples, processor time", black_box_rows(3)),
     ):
         show(title, rows)
 
@@ -219,57 +218,6 @@ def time_rows(repeats: int) -> Iterator[Row]:
     ):
         error = np.linalg.norm(fit() - exact) / np.linalg.norm(exact)
         yield Row(name, milliseconds(fit, repeats), f"{100 * error:.2f} % of the response")
-
-
-_STEP_S, _COUNT, _HOLD, _NOISE = 0.005, 5000, 20, 0.05
-_PLANTS = {
-    "first order": ([2.0], [0.3, 1.0], 0),
-    "second order": ([25.0], [1.0, 4.0, 25.0], 0),
-    "second order, three samples late": ([25.0], [1.0, 4.0, 25.0], 3),
-}
-
-
-def black_box_rows(repeats: int) -> Iterator[Row]:
-    """Our choice of a form from nothing, beside an output-error fit that is told the true order, from three starts."""
-    from scipy.signal import cont2discrete, lfilter
-
-    definition = plant("transfer-function")
-    for name, (numerator, denominator, late) in _PLANTS.items():
-        rng = np.random.default_rng(0)
-        command = np.repeat(rng.choice([-1.0, 1.0], _COUNT // _HOLD), _HOLD)
-        above, below, _ = cont2discrete((numerator, denominator), _STEP_S)
-        clean = lfilter(np.r_[np.zeros(late), np.ravel(above)], below, command)
-        output = clean + _NOISE * np.std(clean) * rng.normal(size=_COUNT)
-        made = recording("bench", _STEP_S * np.arange(_COUNT), {"u [1]": command, "y [1]": output})
-        order = len(denominator) - 1
-
-        def ours(made: Recording = made) -> Any:
-            return fit_plant(typical_model("transfer-function"), [experiment(made, definition, "u", "y")])
-
-        def peer(command: Array = command, output: Array = output, order: int = order, late: int = late) -> Any:
-            return _output_error(command, output, order, late)
-
-        ours_ms, peer_ms = milliseconds(ours, repeats), milliseconds(peer, repeats)
-        share = float(np.sqrt(2.0 * peer().cost) / np.linalg.norm(output - output.mean()))
-        fit = ours().model.origin["fit_percent"]["bench"]
-        yield Row(f"hil identify, {name}", ours_ms, f"fit {fit:.2f} %; {ours_ms / peer_ms:.0f} × the next row, bar 20")
-        yield Row("least_squares over lfilter, order given", peer_ms, f"fit {100.0 * (1.0 - share):.2f} %")
-
-
-def _output_error(command: Array, output: Array, order: int, late: int) -> Any:
-    """The best of three output-error fits, starting from poles at random."""
-    from scipy.optimize import least_squares
-    from scipy.signal import lfilter
-
-    def error(values: Array) -> Array:
-        answer = lfilter(np.r_[np.zeros(1 + late), values[:order]], np.r_[1.0, values[order:]], command)
-        return np.nan_to_num(answer - output, nan=1e3, posinf=1e3, neginf=-1e3)
-
-    starts = []
-    for seed in range(3):
-        below = np.poly(np.random.default_rng(seed).uniform(0.5, 0.98, order))[1:]
-        starts.append(np.r_[np.full(order, (1.0 + below.sum()) / order), below])
-    return min((least_squares(error, start, max_nfev=200) for start in starts), key=lambda found: found.cost)
 
 
 if __name__ == "__main__":

@@ -235,8 +235,9 @@ def sections(roots: Complex) -> tuple[list[float], list[tuple[float, float]]]:
 
 
 def pole_parameters(poles: Complex) -> dict[str, float]:
-    """Times and dampings of the plant `transfer-function` that has these stable poles; a time of 0 is no pole."""
+    """Times and dampings of the plant `transfer-function` with these stable poles, the slower pair first; 0 is none."""
     lag, pairs = sections(poles)
+    pairs = sorted(pairs, key=lambda pair: -pair[1])
     made = {"lag_time": lag[0] if lag else 0.0}
     for i in range(2):
         first, square = pairs[i] if i < len(pairs) else (0.0, 0.0)

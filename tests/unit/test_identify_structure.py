@@ -234,6 +234,16 @@ def test_samples_that_are_read_late_are_no_pole_that_nobody_sees():
     assert not any("is no measurement" in note for note in found.notes)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_the_slower_of_two_pairs_is_the_first_in_every_run(seed):
+    """Else parameters of one valve's runs, compared by name, are those of two poles: two of these three came turned."""
+    model = transfer_function([10000.0], np.polymul([1.0, 4.0, 25.0], [1.0, 8.0, 400.0]))
+    made = experiment(measured(model, 0.05, seed, bits=7), PLANT, "valve", "pressure")
+    found = fit_plant(starting_model("transfer-function"), [made], orders=Orders(poles=4)).model.parameters
+    for name, true in (("pair1_time", 0.2), ("pair1_damping", 0.4), ("pair2_time", 0.05), ("pair2_damping", 0.2)):
+        assert abs(found[name].value - true) < 3.5 * found[name].std
+
+
 def test_asked_orders_leave_forms_that_have_them_alone():
     made = experiment(measured(transfer_function([2.0], [0.15, 1.0], 0.04)), PLANT, "valve", "pressure")
     start = starting_model("transfer-function")

@@ -374,7 +374,11 @@ class _Search:
         return side_by_side(errors_of, len(self.experiments))
 
     def _at(self, structure: Structure, values: Array) -> dict[str, float]:
-        return {**self.off, **structure.fixed, **dict(zip(structure.free, values.tolist(), strict=True))}
+        made = {**self.off, **structure.fixed, **dict(zip(structure.free, values.tolist(), strict=True))}
+        if made.get("pair2_time", 0.0) > made.get("pair1_time", 0.0):  # the slower is the first, in every run and form
+            for of in ("time", "damping"):
+                made[f"pair1_{of}"], made[f"pair2_{of}"] = made[f"pair2_{of}"], made[f"pair1_{of}"]
+        return made
 
     def _starts(self, structure: Structure, before: Parameters) -> Iterator[dict[str, float]]:
         for time_s in self._times(before):
