@@ -276,5 +276,7 @@ def _trimmed(row: Sequence[str]) -> list[str]:
 
 
 def _rises(texts: Sequence[str]) -> bool:
+    """Whether values go on as a time does: never back, and on in most rows; a command that steps up stands."""
     values = [_number(text) for text in texts if text]
-    return len(values) > 1 and all(later >= before for before, later in pairwise(values))
+    steps = [later - before for before, later in pairwise(values)]
+    return bool(steps) and min(steps) >= 0.0 and 2 * sum(step > 0.0 for step in steps) > len(steps)

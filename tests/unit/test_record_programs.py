@@ -186,6 +186,15 @@ def test_a_scope_without_times_starts_where_it_says(tmp_path: Path) -> None:
     assert found.meta["assumed"] == ["even time base of 0.002 s, as line 4 says"]
 
 
+def test_a_command_that_steps_up_is_no_time_where_lines_above_state_the_interval(tmp_path: Path) -> None:
+    steps = "".join(f"{5.0 * (k > 30)}\t{0.1 * k:.3f}\n" for k in range(60))
+    (tmp_path / "x.txt").write_text(f"[Header]\nSamplingTime=10.000 ms\n[Data]\n{steps}", encoding="utf-8")
+    found = read_recording(tmp_path / "x.txt")
+    assert found.time_s == pytest.approx(0.01 * np.arange(60))
+    assert found.values("channel 1").tolist() == [5.0 * (k > 30) for k in range(60)]
+    assert found.values("channel 2")[-1] == 5.9
+
+
 def test_counts_of_a_converter_are_not_said_to_be_volts(tmp_path: Path) -> None:
     fast = SAYS_ABOVE["GW Instek"].split("Waveform Data")[0].replace("Detail", "Fast") + "Waveform Data,\n"
     (tmp_path / "x.csv").write_text(fast + rows(lambda i, t, u, y: f"{i % 50},"), encoding="utf-8")
