@@ -80,7 +80,7 @@ def label_text(label: str) -> str:
 
 def unit_text(unit: str) -> str:
     """The unit as it is shown: nothing for a pure number."""
-    return {"1": "", "deg": "°"}.get(unit, unit)
+    return {"1": "", "deg": "°", "degC": "°C"}.get(unit, unit)
 
 
 def limits_text(low: float | None, high: float | None) -> str:

@@ -76,13 +76,13 @@ def channel_table(channels: Iterable[Channel]) -> Table:
 
 
 def _channel(channel: Channel) -> tuple[str, ...]:
-    line = channel.calibration
+    line, unit = channel.calibration, unit_text(channel.unit)
     if not line:
-        return (channel.name, channel.unit, channel.source, _("none"), "", "", "", "")
-    unit, raw = unit_text(channel.unit), line.get("raw_unit", _("raw unit"))
+        return (channel.name, unit, channel.source, _("none"), "", "", "", "")
+    raw = line.get("raw_unit", _("raw unit"))
     uncertainty = line.get("uncertainty")
     return (
-        channel.name, channel.unit, channel.source,
+        channel.name, unit, channel.source,
         f"{number(line.get('slope'), 6)} {unit}/{raw}".replace(" /", " 1/"),
         f"{number(line.get('offset'), 6)} {unit}".rstrip(),
         _("not stated") if uncertainty is None else f"{number(uncertainty)} {unit}".rstrip(),
