@@ -62,7 +62,8 @@ class Column:
     def may_be_time(self) -> bool:
         """Whether it holds a time of its own: by its name's first word, its unit, and values that increase."""
         name, unit = self.name_and_unit
-        return self.is_number and headings.may_be_time(name) and headings.is_time_unit(unit or "s") and self.rises
+        called = headings.may_be_time(name) and headings.is_time_unit(unit or "s")
+        return self.is_number and called and self.rises and not self.counts_rows
 
     @property
     def is_like_time(self) -> bool:

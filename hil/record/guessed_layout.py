@@ -185,11 +185,18 @@ def _heading_cells(text: str, separator: str, count: int) -> list[str]:
     if separator != WHITESPACE:
         cells = split(text, separator)
         return cells if len(cells) != count + 1 or cells[-1] else cells[:-1]
-    tries = (re.split(r"\t|\s{2,}", text.strip()), re.split(r"\s+(?![\[(])", text.strip()), text.split())
-    fitting = (cells for cells in tries if len(cells) == count)
-    return next(
-        (cells for cells in fitting if not any(is_number(c.strip("()[]")) for c in cells)), []
-    )  # else a sentence
+    tries = (
+        re.findall(r'"([^"]+)"', text), re.split(r"\t|\s{2,}", text.strip()),
+        re.split(r"\s+(?![\[(])", text.strip()), text.split(),
+    )  # fmt: skip
+    fitting = (cells for cells in tries if len(cells) == count and not any(c.count('"') % 2 for c in cells))
+    return next((cells for cells in fitting if not _is_prose(cells)), [])
+
+
+def _is_prose(cells: Sequence[str]) -> bool:
+    """Whether words are a sentence, or say something of the file: `# type: matrix`, `title = u,y`."""
+    labels = [cell in ("=", "#") or cell.endswith(":") for cell in cells]
+    return any(is_number(cell.strip("()[]")) for cell in cells) or (any(labels) and not all(labels))
 
 
 def _headings(above: list[tuple[int, list[str]]], count: int) -> tuple[int, tuple[str, ...], tuple[str, ...]]:

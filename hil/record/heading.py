@@ -15,6 +15,7 @@ from hil.units import check_unit
 Array = NDArray[Any]
 
 _SQUARE = re.compile(r"^\s*(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]\s*$")
+_IN_FRONT = re.compile(r"^\s*\[(?P<unit>[^\[\]]+)\]\s*(?P<name>[^\[\]]*\S)\s*$")
 _INDEXED = re.compile(r"\S\[\d+(,\s*\d+)*\]\s*$")
 _ROUND = re.compile(r"^\s*(?P<name>.*\S)\s*\((?P<unit>[^()]+)\)\s*$")
 _SLASHED = re.compile(r"^\s*(?P<name>.*[^/\s])\s*/\s*\((?P<unit>[^()]+)\)\s*$")
@@ -49,6 +50,7 @@ _COUNTERS = frozenset(
         "",
         "index",
         "idx",
+        "time step",
         "no",
         "nr",
         "#",
@@ -91,12 +93,13 @@ def on_one_line(text: str) -> str:
 def split(heading: str) -> tuple[str, str]:
     """Name and unit; the unit is empty when none is stated.
 
-    `flow [l/min]`, and where what stands there is a unit also `flow (l/min)`, `flow / l/min`, `flow, l/min` and
-    `flow in l/min`. A number right behind the name, `flow[2]`, is one of several channels; `flow[1]` has the unit 1.
+    `flow [l/min]`, and where what stands there is a unit also `flow (l/min)`, `flow / l/min`, `flow, l/min`,
+    `[l/min] flow` and `flow in l/min`. A number right behind the name, `flow[2]`, is one of several channels, but
+    `flow[1]` has the unit 1.
     """
     if (match := _SQUARE.match(heading)) and (match["unit"] == "1" or not is_indexed(heading)):
         return match["name"], unit_text(match["unit"])
-    for pattern in (_SLASHED, _ROUND, _CURLY, _AFTER):
+    for pattern in (_SLASHED, _ROUND, _CURLY, _AFTER, _IN_FRONT):
         match = pattern.match(heading)
         if match and is_unit(match["unit"]) and not (pattern is _ROUND and match["unit"] in _LETTERS):
             return match["name"], unit_text(match["unit"])

@@ -15,11 +15,11 @@ from hil.record.heading import plain_name
 _NAMES = frozenset({
     "name", "tag", "tagname", "tag name", "varname", "var name", "channel", "channel name", "signal", "signal name",
     "variable", "sensor", "parameter", "point", "point name", "measurement", "metric", "item", "quantity", "kanal",
-    "field",
+    "field", "nodeid", "node id",
 })  # fmt: skip
 _VALUES = frozenset({"value", "varvalue", "val", "wert", "valeur", "valor", "reading", "measured value", "messwert"})
 _UNITS = frozenset({"unit", "units", "uom", "einheit", "eu", "engunit", "eng unit"})
-_QUALITY = frozenset({"quality", "validity", "status", "opcquality", "q"})
+_QUALITY = frozenset({"quality", "validity", "status", "statuscode", "status code", "opcquality", "q"})
 _BAD = ("bad", "invalid", "uncertain")
 _GOOD_OPC = 192  # of an OPC quality, and above
 _SYSTEM = "$"  # begins the name of what a panel writes about itself: $RT_OFF$

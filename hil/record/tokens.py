@@ -23,7 +23,7 @@ _DAYS = (
 _DATE = re.compile(rf"{_DAYS}$", re.IGNORECASE)
 _STAMP = re.compile(rf"({_DAYS})[ T_,-]+\d{{1,2}}(:|\.\d\d\.)\d{{2}}", re.IGNORECASE)
 _CLOCK = re.compile(
-    r"(\d+ days?,? )?(\d{1,3}:\d{2}(:\d{2})?([.,]\d+)?|\d{1,2}:\d{2}:\d{2}:\d{1,3}|\d{1,2}\.\d{2}\.\d{2}[.,]\d+)"
+    r"(\d+ days?,? )?(\d{1,3}:\d{2}(:\d{2})?([.,;]\d+)?|\d{1,2}:\d{2}:\d{2}:\d{1,3}|\d{1,2}\.\d{2}\.\d{2}[.,]\d+)"
     r"( ?[AP]M)?$",
     re.IGNORECASE,
 )
@@ -31,7 +31,7 @@ _PREFIXES = {"p": "e-12", "n": "e-9", "u": "e-6", "µ": "e-6", "μ": "e-6", "m":
              "G": "e9", "T": "e12"}  # fmt: skip
 _PREFIXED = re.compile(rf"([+\-\u2212]?[\d.,]+)([{''.join(_PREFIXES)}])$")
 _QUANTITY = re.compile(r"([+\-\u2212]?[\d.,]+([eE][+-]?\d+)?)\s*([^\d\s.,:;+-][^\s:]*)$")
-_HMS = re.compile(r"(?<![\d:])(\d{1,3})([:.])(\d\d)\2(\d\d)(?:([:.,])(\d+))?(?![\d:.])")
+_HMS = re.compile(r"(?<![\d:])(\d{1,3})([:.])(\d\d)\2(\d\d)(?:([:.,;])(\d+))?(?![\d:.])")
 _DOTTED = re.compile(r"(\d{1,2})\.(\d\d)\.(\d\d)$")
 _FRAMES = re.compile(r"\d:\d\d:\d\d:\d\d$")
 _TWO_WAYS = re.compile(r"\s*(\d{1,2})[-/](\d{1,2})[-/](\d{2,4})")

@@ -256,6 +256,11 @@ def test_asked_orders_leave_forms_that_have_them_alone():
     assert grown == {"4 poles, 1 zero, dead time": "", "4 poles, 2 zeros, dead time": ""}
 
 
+def test_an_output_that_stands_still_has_no_fit_in_percent():
+    tried = [Tried(PLANT.structures[k], PLANT.typical, float(k), 1.0, 1.0 + k) for k in range(2)]
+    assert "to 1 times the noise, a fit of nan %" in StructureChoice(tried[0], tuple(tried), 0.0).sentence
+
+
 def test_orders_are_asked_of_a_transfer_function_alone():
     made = measured(transfer_function([2.0], [0.15, 1.0]))
     with pytest.raises(SettingError, match="brevini-hpv41 has its form already"):

@@ -195,6 +195,33 @@ def test_a_command_that_steps_up_is_no_time_where_lines_above_state_the_interval
     assert found.values("channel 2")[-1] == 5.9
 
 
+@pytest.mark.parametrize(
+    ("above", "row"),
+    [
+        ("Header:,Date,Time,u,y\n", "Data:,03/04/2026,13:05:07;{ms:03d},{u},{y}"),  # Rockwell's trends
+        ("NodeId,SourceTimestamp,Value,StatusCode\n",
+         "u,2026-03-04T13:05:07.{ms:03d}Z,{u},Good\ny,2026-03-04T13:05:07.{ms:03d}Z,{y},Good"),  # OPC UA
+        ('"report-rfile"\n"Time Step" "y etc.."\n("Time Step" "u" "y" "flow-time")\n', "{k} {u} {y} {t}"),  # Fluent
+        ("Datum;Zeit;[V] u;[bar] y\n", "04.03.2026;13:05:07,{ms:03d};{u};{y}"),  # Testo
+    ],
+)  # fmt: skip
+def test_stamps_and_names_of_a_panel_a_solver_and_a_meter_are_read(tmp_path: Path, above: str, row: str) -> None:
+    lines = [row.format(k=k, t=0.01 * k, ms=10 * k, u=k // 7, y=0.5 * k) for k in range(60)]
+    (tmp_path / "x.csv").write_text(above + "\n".join(lines) + "\n", encoding="utf-8")
+    found = read_recording(tmp_path / "x.csv")
+    assert list(found.channels) == ["u", "y"]
+    np.testing.assert_allclose(found.time_s, 0.01 * np.arange(60), atol=1e-9)
+    assert found.values("y").tolist() == [0.5 * k for k in range(60)]
+
+
+@pytest.mark.parametrize("remark", ["# type: matrix", "# title = time,u,y"])
+def test_words_of_a_remark_are_no_headings(tmp_path: Path, remark: str) -> None:
+    rows_of = "".join(f" {0.01 * k} {k // 7} {0.5 * k}\n" for k in range(60))
+    (tmp_path / "x.txt").write_text(f"# Created by a program\n{remark}\n{rows_of}", encoding="utf-8")
+    with pytest.raises(FileError, match=r"name the 3 columns with --columns"):
+        read_recording(tmp_path / "x.txt")
+
+
 def test_counts_of_a_converter_are_not_said_to_be_volts(tmp_path: Path) -> None:
     fast = SAYS_ABOVE["GW Instek"].split("Waveform Data")[0].replace("Detail", "Fast") + "Waveform Data,\n"
     (tmp_path / "x.csv").write_text(fast + rows(lambda i, t, u, y: f"{i % 50},"), encoding="utf-8")
