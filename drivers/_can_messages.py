@@ -71,7 +71,7 @@ class Sent:
 
     def set(self, terminal: CanTerminal, value: float) -> float:
         """Put a terminal's value in; returns the value that then stands there."""
-        number = (value - terminal.offset) / terminal.slope
+        number = terminal.raw_at(value)
         sign = self.about.sign
         size = abs(number) if sign is not None else number
         count = self.raw[terminal.signal] = self.counted(terminal.signal, size)
@@ -81,7 +81,7 @@ class Sent:
             way = 0 if stands == 0.0 else math.copysign(1, number)
             self.raw[sign.signal] = {0: sign.zero, 1: sign.above, -1: sign.below}[int(way)]
             stands *= way
-        return stands * terminal.slope + terminal.offset
+        return terminal.value_at(stands)
 
     def frame(self) -> bytes:
         """Its bytes now, with the next count and a checksum that fits."""

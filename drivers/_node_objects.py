@@ -75,7 +75,7 @@ class NodeObjects:
 
     def counted(self, terminal: CanopenTerminal, value: float) -> float:
         """A value as the terminal's object, or its part of it, takes it; where it is beyond, the end."""
-        number, form = (value - terminal.offset) / terminal.slope, self.form(terminal.place)[1:]
+        number, form = terminal.raw_at(value), self.form(terminal.place)[1:]
         if form == "f":
             return number
         return self._part(terminal).nearest(number)
@@ -92,7 +92,7 @@ class NodeObjects:
 
     def value(self, terminal: CanopenTerminal, count: float) -> float:
         """The terminal's value by what its object says."""
-        return float(terminal.slope * self.part(terminal, count) + terminal.offset)
+        return float(terminal.value_at(self.part(terminal, count)))
 
     def count(self, place: tuple[int, int]) -> float:
         """The number in an object; raises `LinkError` for one of another length than its file says."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from drivers._part import Part
+from hil.daq.calibration import Scale
 from hil.daq.channel import Direction, Kind
 from hil.description.modbus import Flag
 from hil.description.modbus import Type as Format
@@ -26,7 +27,7 @@ _NEAR = 1e-2  # of full scale: only from so near a reading comes that close to z
 
 
 @dataclass(frozen=True, slots=True)
-class Register:
+class Register(Scale):
     """Where a terminal stands in the registers of a device: value = slope · count + offset.
 
     Attributes:
@@ -116,14 +117,14 @@ class Register:
 
     def count_of(self, value: float) -> int:
         """The bits of a value as a whole number, the end of the format where it is beyond; not negative."""
-        return self.part.nearest((value - self.offset) / self.slope) & (1 << self.part.width) - 1
+        return self.part.nearest(self.raw_at(value)) & (1 << self.part.width) - 1
 
     def words_of(self, value: float, order: WordOrder) -> list[int]:
         """A value as the registers take it, first register first; 0 in bits that are none of its own."""
         if self.is_bit:
             return [self.count_of(value)]
         if self.format in ("f32", "f64"):
-            data = struct.pack(f">{_LETTERS[self.format]}", (value - self.offset) / self.slope)
+            data = struct.pack(f">{_LETTERS[self.format]}", self.raw_at(value))
         else:
             data = self.part.put(self.count_of(value)).to_bytes(2 * self.words, "big")
         return _words(self._turned(data, order))
@@ -145,7 +146,7 @@ class Register:
 
     def value_of(self, words: Sequence[int], order: WordOrder) -> float:
         """What registers say."""
-        return float(self.slope * self.raw_of(words, order) + self.offset)
+        return float(self.value_at(self.raw_of(words, order)))
 
     def why_none(self, words: Sequence[int], order: WordOrder) -> str:
         """What the description says of a number that is no measurement; empty for one that may be."""

@@ -78,11 +78,7 @@ class SpokenLink(OnALine):
         raise NotImplementedError
 
     def _line_of(self, name: str, value: float) -> str:
-        return filled(self._outputs[name].tell, self._numbers, value=self._number_of(name, value))
-
-    def _number_of(self, name: str, value: float) -> float:
-        terminal = self._outputs[name]
-        return (value - terminal.offset) / terminal.slope
+        return filled(self._outputs[name].tell, self._numbers, value=self._outputs[name].raw_at(value))
 
     def _values(self, terminals: Mapping[str, TextTerminal], ask: Callable[[str], str]) -> dict[str, float]:
         """The values of terminals; those that share a question have it asked once.
@@ -102,7 +98,7 @@ class SpokenLink(OnALine):
                     f"'{answers[terminal.ask]}' is no answer to {terminal.ask}; it should be '{terminal.answer}'"
                     f"{remedy(part, self._numbers)}"
                 )
-            found[name] = terminal.slope * number + terminal.offset
+            found[name] = terminal.value_at(number)
         return found
 
     def _part_of(self, answer: str, terminal: TextTerminal) -> str:
@@ -144,7 +140,7 @@ class TextLink(SpokenLink):
     def _make_ready(self) -> None:
         for line in self._talk.setup:
             self._tell(line, "")
-        numbers = {name: self._number_of(name, value) for name, value in self._safe.items()}
+        numbers = {name: self._outputs[name].raw_at(value) for name, value in self._safe.items()}
         armed = self._description.watchdog if self.watchdog_s is not None else None
         for line in armed.arm if armed is not None else ():
             if armed is not None and all(name in numbers for name in names_safe(line)):
@@ -164,7 +160,7 @@ class TextLink(SpokenLink):
         for name, line in lines.items():
             terminal = self._outputs[name]
             sent = matched(terminal.tell, line, self._numbers)  # as it was rounded
-            yield name, values[name] if sent is None else terminal.slope * sent + terminal.offset
+            yield name, values[name] if sent is None else terminal.value_at(sent)
 
     def _measured(self) -> dict[str, float]:
         readings = self._asked(self._inputs)

@@ -172,7 +172,7 @@ class CanLink(DeviceLink):
         return {name: self._received_value(self._outputs[name], back) for name, back in came.items()}
 
     def _received_value(self, terminal: Any, signal: Any) -> float:
-        return float(terminal.slope * self._received[signal.message].value(signal, system.now_s()) + terminal.offset)
+        return float(terminal.value_at(self._received[signal.message].value(signal, system.now_s())))
 
     def _forget(self) -> None:
         self._frames.receive(0.0)

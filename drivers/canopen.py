@@ -152,11 +152,7 @@ class CanopenLink(NodeLink):
         for pdo in self._received:
             if set(pdo.places) <= driven:
                 self._send(pdo.identifier, pdo.packed(self._objects_held))
-        return [
-            (n, terminal.slope * self._counts[n] + terminal.offset)
-            for n, terminal in self._outputs.items()
-            if n in values
-        ]
+        return [(n, terminal.value_at(self._counts[n])) for n, terminal in self._outputs.items() if n in values]
 
     def _measured(self) -> dict[str, float]:
         """Those of this SYNC; by SDO of a node that is not ours to command, or that sends none with SYNC."""

@@ -104,7 +104,7 @@ class DescribedText(TextDevice):
                 if name in TIMES:
                     self._armed_s = number / TIMES[name] or None
                 elif name.startswith("safe:"):
-                    self._safe[name[5:]] = self._value(self._whole[name[5:]], number)
+                    self._safe[name[5:]] = self._whole[name[5:]].value_at(number)
             return self._whole_line(watchdog.reply) if watchdog else None
         return None
 
@@ -112,7 +112,7 @@ class DescribedText(TextDevice):
         for name, terminal in self._outputs():
             if (found := self._found(terminal.tell, line)) is None:
                 continue
-            value = self._value(terminal, dict(found)["value"])
+            value = terminal.value_at(dict(found)["value"])
             low, high = terminal.range
             if not low - 1e-9 <= value <= high + 1e-9:
                 raise ValueError(f"{value} is beyond its range")
@@ -130,7 +130,7 @@ class DescribedText(TextDevice):
     def _answer_part(self, name: str, terminal: TextTerminal) -> str:
         readings = {} if terminal.direction == "out" else self.side.read()
         value = self.side.standing(name) if terminal.direction == "out" else readings.get(name, 0.0)
-        return self._whole_line(terminal.answer, (value - terminal.offset) / terminal.slope)
+        return self._whole_line(terminal.answer, terminal.raw_at(value))
 
     def _whole_line(self, template: str, value: float = 0.0) -> str:
         """A template with its holes filled."""
@@ -158,7 +158,3 @@ class DescribedText(TextDevice):
                     zip(holes, found.groups(), strict=True)]  # fmt: skip
         except ValueError:
             return None
-
-    @staticmethod
-    def _value(terminal: TextTerminal, number: float) -> float:
-        return number * terminal.slope + terminal.offset

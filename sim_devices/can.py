@@ -84,7 +84,7 @@ class DescribedNode:
             value *= {sign.above: 1, sign.below: -1}.get(
                 int(bits_of(message.get_signal_by_name(sign.signal)).taken(data)), 0
             )
-        return float(value * terminal.slope + terminal.offset)
+        return float(terminal.value_at(value))
 
     def _read_backs(self) -> list[str]:
         return sorted({t.read_back.message for t in self._outputs.values() if t.read_back})
@@ -116,7 +116,7 @@ class DescribedNode:
         if math.isnan(value):
             bits_of(signal).put(data, (1 << signal.length) - 1)
             return
-        number = (value - terminal.offset) / terminal.slope
+        number = terminal.raw_at(value)
         if sign is not None:
             bits_of(message.get_signal_by_name(sign.signal)).put(data,
                 sign.zero if number == 0 else sign.above if number > 0 else sign.below)  # fmt: skip

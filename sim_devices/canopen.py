@@ -73,7 +73,7 @@ def laid(terminal: CanopenTerminal, form: str, held: float, value: float) -> flo
     """What an object of a form says with its terminal at a value, other bits as it `held` them."""
     data = bytearray(struct.pack("<" + form, held if form == "f" else int(held)))
     none = next(iter(counts_of(terminal.invalid)), 0)
-    _bits(terminal, form).put(data, (value - terminal.offset) / terminal.slope, none)
+    _bits(terminal, form).put(data, terminal.raw_at(value), none)
     (says,) = struct.unpack("<" + form, data)
     return float(says) if form == "f" else int(says)
 
@@ -81,7 +81,7 @@ def laid(terminal: CanopenTerminal, form: str, held: float, value: float) -> flo
 def taken(terminal: CanopenTerminal, form: str, held: float) -> float:
     """The terminal's value by what its object says."""
     data = struct.pack("<" + form, held if form == "f" else int(held))
-    return _bits(terminal, form).taken(data) * terminal.slope + terminal.offset
+    return terminal.value_at(_bits(terminal, form).taken(data))
 
 
 def _bits(terminal: CanopenTerminal, form: str) -> Bits:

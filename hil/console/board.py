@@ -196,7 +196,7 @@ class RunReader:
         late = new.time_s >= new.time_s[-1] - _KEPT_S
         for name, channel in new.channels.items():
             if name in self._followed:
-                raw = self._file.bench.channels[name].line.to_raw(channel.values[late])
+                raw = self._file.bench.channels[name].line.raw_at(channel.values[late])
                 self._followed[name].take(new.time_s[late], raw)
             elif name in self._file.bench.channels:
                 self._levels[name] = float(channel.values[-1])

@@ -3,17 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 from hil.record.recording import Array
 
+_Number = TypeVar("_Number", float, Array)
+
+
+class Scale:
+    """A straight line: value = slope · raw + offset, of a number or of an array of them. The slope is not zero."""
+
+    __slots__ = ()
+    slope: float
+    offset: float
+
+    def value_at(self, raw: _Number) -> _Number:
+        """What raw readings say."""
+        return self.slope * raw + self.offset
+
+    def raw_at(self, value: _Number) -> _Number:
+        """What values need."""
+        return (value - self.offset) / self.slope
+
 
 @dataclass(frozen=True, slots=True)
-class Calibration:
-    """A straight line from raw (V, A, counts) to engineering units: value = slope · raw + offset.
+class Calibration(Scale):
+    """A straight line from raw (V, A, counts) at the terminal to engineering units.
 
     Attributes:
         unit: of the value.
-        slope, offset: `unit` per raw unit, and `unit`. The slope is not zero.
+        slope, offset: `unit` per raw unit, and `unit`.
         uncertainty: expanded uncertainty (k = 2) of the value, in `unit`; None when nobody stated one.
         date: ISO 8601 day of the calibration; `due` the day until which it holds; `source` the certificate.
         lag_s: the instrument's own time constant, where it is known.
@@ -27,22 +46,6 @@ class Calibration:
     due: str = ""
     source: str = ""
     lag_s: float | None = None
-
-    def to_value(self, raw: Array) -> Array:
-        """Raw readings in engineering units."""
-        return self.slope * raw + self.offset
-
-    def to_raw(self, value: Array) -> Array:
-        """Engineering units as the output must be driven."""
-        return (value - self.offset) / self.slope
-
-    def value_at(self, raw: float) -> float:
-        """One raw reading in engineering units."""
-        return self.slope * raw + self.offset
-
-    def raw_at(self, value: float) -> float:
-        """What one value in engineering units needs at the terminal."""
-        return (value - self.offset) / self.slope
 
     def range_of(self, low: float, high: float) -> tuple[float, float]:
         """The engineering range of a raw range, lower end first whatever the slope's sign."""

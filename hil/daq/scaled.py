@@ -97,15 +97,15 @@ class Scaled:
         self._daq.close()
 
     def _raw(self, waveform: Waveform) -> Waveform:
-        raw = {name: self._calibrations[name].to_raw(values) for name, values in waveform.outputs.items()}
+        raw = {name: self._calibrations[name].raw_at(values) for name, values in waveform.outputs.items()}
         return Waveform(waveform.rate_hz, raw, waveform.count)
 
     def _values(self, block: Block) -> Block:
         channels = self._daq.inputs
         inputs = {
-            name: self._calibrations[name].to_value(measured(raw, channels[name])) for name, raw in block.inputs.items()
+            name: self._calibrations[name].value_at(measured(raw, channels[name])) for name, raw in block.inputs.items()
         }
-        outputs = {name: self._calibrations[name].to_value(raw) for name, raw in block.outputs.items()}
+        outputs = {name: self._calibrations[name].value_at(raw) for name, raw in block.outputs.items()}
         return replace(block, inputs=inputs, outputs=outputs)
 
     def _scaled_answer(self, name: str, answer: ReadBack) -> ReadBack:

@@ -9,6 +9,7 @@ from typing import Annotated, Generic, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, field_validator, model_validator
 
+from hil.daq.calibration import Scale
 from hil.daq.channel import Direction, Kind, Terminal
 from hil.errors import UnitError
 from hil.units import check_unit
@@ -104,7 +105,7 @@ class DescribedTerminal(Strict):
         return self.model_copy(update={"count": 1, "first": self.first + i})
 
 
-class ScaledTerminal(DescribedTerminal):
+class ScaledTerminal(DescribedTerminal, Scale):
     """A terminal whose values are slope · number + offset, the number as the device has it."""
 
     slope: FiniteFloat = 1.0
