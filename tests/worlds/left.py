@@ -209,7 +209,7 @@ def samples_are_those(world: World, ran: Ran) -> Iterator[str]:
 def end_has_the_last_answer(world: World, ran: Ran) -> Iterator[str]:
     """What is written of an output at the end is what its device answered last, and no older."""
     end = end_of(world)
-    if not end or world.run.status in (None, -9) or kinds(ran) - CALM - {"lies", "poke", "sticks"}:
+    if not end or world.run.status in (None, -9) or kinds(ran) - CALM - {"lies", "sticks"}:
         return
     for name, device in ((name, world.couplers[device]) for name, device in OUTPUTS.items()):
         answers = [(at_s, count) for at_s, count in device.read_back if at_s < world.run.ended_s]
