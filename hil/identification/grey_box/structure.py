@@ -114,7 +114,7 @@ class StructureChoice:
             "structure '{name}' of {count} tried: it predicts unseen data to {error:.3g} times the noise, a fit of "
             "{fit:.2f} %, '{other}' to {others:.3g} times",
             name=name, count=count, error=self.chosen.held_out, other=best.structure.name, others=best.held_out,
-            fit=100.0 * (1.0 - self.chosen.held_out / self.spread) if self.spread else math.nan,
+            fit=100.0 * (1.0 - self.chosen.held_out / self.spread),
         )  # fmt: skip
 
 
