@@ -22,7 +22,7 @@ from hil.language.note import Note, translated
 from hil.language.words import _
 from hil.record.recording import Recording
 from hil.record.tail import Tail
-from hil.report.number import label_text, note_text
+from hil.report.number import label_text, note_text, unit_text
 from hil.safety.interlock import Interlock
 from hil.safety.latch import Latch, latch_path
 
@@ -68,7 +68,7 @@ def lines_of(file: BenchFile, readings: Iterable[Reading], levels: Mapping[str, 
     found = []
     for name, entry in channels:
         source = entry.source or f"{entry.device} {entry.terminal}"
-        head = (name, "" if entry.unit == "1" else entry.unit, source)
+        head = (name, unit_text(entry.unit), source)
         if entry.is_output:
             found.append(_output(head, levels.get(name), limits.get(name, "")))
         else:
