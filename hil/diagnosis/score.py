@@ -4,7 +4,8 @@
 
 χ₀² is the least χ² of any hypothesis, held within what is known of the noise; N says how much noise leaves, n how many
 independent samples that is; c causes, k unknowns, T names searched. Laws of a library are not those of nature: beyond m
-what is left counts by its logarithm. Something unknown stands beside every set of causes, also beside none.
+what is left counts by its logarithm. Something unknown stands beside every set of causes, also beside none. One name
+beside it must divide what any other name leaves by what a cause costs: laws that come nearly as near only resemble it.
 """
 
 from __future__ import annotations
@@ -105,12 +106,12 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """All rows, the best first.
+    """All rows, the best first; something unknown where it looks like several names.
 
     Attributes:
         noise: what it leaves alone. `chi2`: χ₀².
         rows: the first one is the verdict.
-        ambiguous: those within the stated odds of the first, and itself.
+        ambiguous: the first, those within the stated odds of the best, and those that resemble it.
     """
 
     noise: Noise
@@ -200,5 +201,19 @@ def _ranked(noise: Noise, chi2: float, rows: Iterable[Row]) -> Table:
     ranked = sorted(rows, key=lambda r: r.score)
     weights = np.exp(-np.array([r.score - ranked[0].score for r in ranked]) / (2.0 * CRITERIA.temper))
     found = [replace(r, probability=float(w)) for r, w in zip(ranked, weights / weights.sum(), strict=True)]
-    near = (r for r in found if r.probability * CRITERIA.odds >= found[0].probability)
+    best = found[0]
+    resembling = [r for r in found if _resembles(noise, chi2, r, best)]
+    near = [r for r in found if r.probability * CRITERIA.odds >= best.probability]
+    if resembling:
+        found.sort(key=lambda r: bool(r.hypothesis.named) or not r.is_open)
+        near = [found[0], *(r for r in found[1:] if r in near or r in resembling)]
     return Table(noise, chi2, tuple(found), tuple(near))
+
+
+def _resembles(noise: Noise, chi2: float, row: Row, best: Row) -> bool:
+    """Whether something unknown may look like this as well as like the one name that is best beside it."""
+    names, others = set(best.hypothesis.named), set(row.hypothesis.named)
+    if not (best.is_open and row.is_open and others) or len(names) != 1 or names <= others:
+        return False
+    left = noise.left(row.hypothesis.chi2, chi2), noise.left(best.hypothesis.chi2, chi2)
+    return score(noise, left[0], max(row.causes - best.causes, 0), 0) < score(noise, left[1], 1, 0)

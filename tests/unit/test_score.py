@@ -55,7 +55,22 @@ def test_verdict_where_more_than_600_is_left_something_unknown_stands_beside() -
     assert told == ["explained", "partly_explained"]
 
 
-def test_names_that_leave_nearly_the_same_beside_something_unknown_are_told_as_a_set() -> None:
+def test_a_name_beside_something_unknown_stands_alone() -> None:
+    near, far = law("backlash", left=12_000.0), law("backlash", left=25_000.0)
+    friction = law("friction", left=5_000.0)
+    assert verdict(of(1e6, friction, far)) == "partly_explained"
+    resembles = of(1e6, friction, near)
+    assert verdict(resembles) == "unexplained"
+    assert resembles.alike == ("friction", "backlash")
+
+
+def test_table_a_rival_pays_for_every_cause_that_it_has_more() -> None:
+    one, more = law("friction", left=5_000.0), law("backlash", "dead_time", "leakage", left=6_000.0)
+    assert of(1e8, one, more).first.label == "friction + something unknown"
+    assert of(1e8, one, law("backlash", left=6_000.0)).first.label == "something unknown"
+
+
+def test_names_that_come_as_near_in_a_set_of_several_are_told_as_alternatives() -> None:
     found = of(1e8, law("friction", "leakage", left=5_000.0), law("backlash", "leakage", left=6_000.0))
     assert verdict(found) == "partly_explained"
     assert found.alternatives == (("friction", "backlash"),)
