@@ -40,6 +40,14 @@ def hold_first(value: float, state: Any) -> float:
     return value
 
 
+@compiled
+def at_rest(value: float, state: Any) -> float:
+    """To settle where the second word is a speed: at rest at the first value."""
+    state[:] = value
+    state[1] = 0.0
+    return value
+
+
 @dataclass(frozen=True, slots=True)
 class EffectParameter:
     """A parameter of an effect. Where `unit` contains `{value}`, size and bounds are shares of full scale.

@@ -142,14 +142,14 @@ class Plant:
     title: str
     inputs: tuple[Signal, ...]
     output: Signal
-    observed: tuple[Signal, ...]
     parameters: tuple[Parameter, ...]
     hooks: tuple[Hook, ...]
-    states: Mapping[str, int]
-    lines_s: Mapping[str, float]
     equations: Callable[..., Any]
     coefficients: Callable[[Mapping[str, float], float], Mapping[str, float | Array]]
     sub_step_s: float
+    observed: tuple[Signal, ...] = ()
+    states: Mapping[str, int] = field(default_factory=dict)
+    lines_s: Mapping[str, float] = field(default_factory=dict)
     initial: Callable[[Mapping[str, float], tuple[float, ...], float], Mapping[str, float]] = field(
         default=lambda _parameters, _inputs, _output: {}
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hil.physics.effect import at_rest
 from hil.physics.effects import fading_hysteresis
 from hil.physics.effects.hysteresis import PLAYS, transform
 
@@ -38,7 +39,7 @@ def test_it_does_not_depend_on_speed() -> None:
 
 def test_a_memory_that_fades_is_worn_off_by_small_motions() -> None:
     state = np.zeros(2)
-    fading_hysteresis.settle(0.0, state)
+    at_rest(0.0, state)
 
     def behind(command: np.ndarray) -> float:
         return [v - fading_hysteresis.transform(v, state, 100.0, WIDTH, REACH, 0.0) for v in command][-1]

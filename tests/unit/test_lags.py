@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hil.physics.effect import at_rest
 from hil.physics.effects import coil_lag, sensor_lag, turbine_lag
 
 STEP_S = 0.001
@@ -13,7 +14,7 @@ STEP_S = 0.001
 def sensed(values: np.ndarray, lag_s: float, second: float) -> np.ndarray:
     coefficients = sensor_lag.coefficients({"lag": lag_s, "second": second}, STEP_S)
     state = np.zeros(3)
-    sensor_lag.settle(values[0], state)
+    at_rest(values[0], state)
     given = [coefficients[name] for name in ("xx", "xv", "x0", "x1", "vx", "vv", "v0", "v1")]
     return np.array([sensor_lag.transform(v, state, *given) for v in values])
 
@@ -28,7 +29,7 @@ def built(values: np.ndarray, saturating: float) -> np.ndarray:
     given = coil_lag.coefficients(parameters, STEP_S)
     names = ("xx", "xv", "vx", "vv", "direct", "saturating")
     state = np.zeros(2)
-    coil_lag.settle(values[0], state)
+    at_rest(values[0], state)
     return np.array([coil_lag.transform(v, state, 100.0, *(given[name] for name in names)) for v in values])
 
 

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
+from hil.physics.effects.seal_friction import settle
 
 
 @compiled
@@ -22,14 +23,6 @@ def transform(
         slip = 1.0 if step > 0.0 else -backwards
         state[0] = slip + (state[0] - slip) * math.exp(-abs(step) / presliding)
     return value + coulomb * state[0]
-
-
-@compiled
-def settle(value: float, displacement: float, state: Any) -> float:
-    """Relaxed at the first displacement."""
-    state[0] = 0.0
-    state[1] = displacement
-    return value
 
 
 EFFECT = Effect(

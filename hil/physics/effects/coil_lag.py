@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, Start, compiled
+from hil.physics.effect import Effect, EffectParameter, Seen, Start, at_rest, compiled
 from hil.physics.effects.sensor_lag import EFFECT as SENSOR_LAG
 from hil.physics.effects.sensor_lag import second_order_shape
 from hil.physics.linear import free_motion, held_first_order
@@ -25,13 +25,6 @@ def transform(
     state[1] = vx * away + vv * speed
     share = state[0] / full_scale
     return state[0] + min(direct + saturating * share * share, 1.0) * (value - state[0])
-
-
-@compiled
-def settle(value: float, state: Any) -> float:
-    """At rest at the first value."""
-    state[0], state[1] = value, 0.0
-    return value
 
 
 def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, float]:
@@ -63,7 +56,7 @@ EFFECT = Effect(
     transform=transform,
     starts=starts,
     memory=2,
-    settle=settle,
+    settle=at_rest,
     coefficients=coefficients,
     equation="F = (e + k·(F₂/U)²)·F(i) + (1 − e − k·(F₂/U)²)·F₂, (r·T²/4·s² + T·s + 1)·F₂ = F(i)",
     signature="phase and gain fall with frequency before the metering edge, no distortion of its own",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, compiled, grid, shares
+from hil.physics.effect import Effect, EffectParameter, at_rest, compiled, grid, shares
 from hil.physics.effects.hysteresis import narrowing
 
 
@@ -20,13 +20,6 @@ def transform(value: float, state: Any, full_scale: float, width: float, reach: 
     return value - width * state[1] / narrowing(value, full_scale, closing)
 
 
-@compiled
-def settle(value: float, state: Any) -> float:
-    """Without a history."""
-    state[0], state[1] = value, 0.0
-    return value
-
-
 EFFECT = Effect(
     name="fading_hysteresis",
     known_as="hysteresis",
@@ -38,7 +31,7 @@ EFFECT = Effect(
         EffectParameter("closing", "1", None, 1.0, 0.0, 5.0, "full scale over where the loop is half as wide"),
     ),
     transform=transform,
-    settle=settle,
+    settle=at_rest,
     starts=grid(width=shares("amplitude", 0.03, 0.15), reach=shares("amplitude", 0.05, 0.2, 0.8)),
     memory=2,
     equation="y = u − w·z/(1 + (c·u/U)²),  dz = (du − |du|·z)/r",

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effect import Effect, EffectParameter, Seen, at_rest, compiled
 from hil.physics.steps import spring_step
 
 
@@ -31,15 +31,6 @@ def transform(
     state[1] = speed
     state[2] = value
     return value + share * (place - value)
-
-
-@compiled
-def settle(value: float, state: Any) -> float:
-    """At rest at the first value."""
-    state[0] = value
-    state[1] = 0.0
-    state[2] = value
-    return value
 
 
 def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, float]:
@@ -69,7 +60,7 @@ EFFECT = Effect(
     transform=transform,
     starts=starts,
     memory=3,
-    settle=settle,
+    settle=at_rest,
     coefficients=coefficients,
     equation="ÿ/ω² + 2ζ·ẏ/ω + y = u",
     signature="ringing of one period after steps, a peak in the frequency response, no distortion",

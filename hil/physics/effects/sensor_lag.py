@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hil.physics.effect import Effect, EffectParameter, compiled, grid
+from hil.physics.effect import Effect, EffectParameter, at_rest, compiled, grid
 from hil.physics.linear import first_order
 from hil.physics.steps import spring_step
 
@@ -25,13 +25,6 @@ def transform(
     state[1] = vx * reading + vv * speed + v0 * before + v1 * value
     state[2] = value
     return state[0]
-
-
-@compiled
-def settle(value: float, state: Any) -> float:
-    """At rest at the first value."""
-    state[0], state[1], state[2] = value, 0.0, value
-    return value
 
 
 def second_order_shape(parameters: Mapping[str, float]) -> tuple[float, float] | None:
@@ -63,7 +56,7 @@ EFFECT = Effect(
     transform=transform,
     starts=grid(lag=(0.004, 0.012, 0.035, 0.1), second=(0.0, 0.9)),
     memory=3,
-    settle=settle,
+    settle=at_rest,
     coefficients=coefficients,
     equation="(r·T²/4·s² + T·s + 1)·y = u",
     signature="phase and gain fall with frequency, no distortion; an inner signal such as spool position is on time",

@@ -56,7 +56,6 @@ PLANT = Plant(
     title="measured flow curve and transfer function",
     inputs=(Signal("input", "any"),),
     output=Signal("output", "any"),
-    observed=(),
     parameters=(
         Parameter("dead_time", "s", 0.0, 0.0, 10.0, "pure delay", growth="dead_time", hook="command"),
         Parameter("lag_time", "s", 0.1, 0.0, 1e4, "time constant of the real pole", hook="position"),

@@ -65,7 +65,6 @@ PLANT = Plant(
         Hook("sensor", "sensor", "mm", 50.0),
     ),
     states={"place": 1},
-    lines_s={},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.01,

@@ -300,7 +300,6 @@ PLANT = Plant(
         Hook("sensor", "sensor", "l/min", 40.0),
     ),
     states=dict.fromkeys(_STATES, 1),
-    lines_s={},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.001,

@@ -65,7 +65,6 @@ PLANT = Plant(
     title="hydraulic actuator of a crane",
     inputs=(Signal("valve opening", "1", 1.0),),
     output=Signal("oil pressure", "1", 3.0),
-    observed=(),
     parameters=(
         Parameter("oil_frequency", "rad/s", 0.25, 0.01, 5.0, "natural frequency of the arm on the oil", hook="force"),
         Parameter(
@@ -90,7 +89,6 @@ PLANT = Plant(
         Hook("sensor", "sensor", "1", 3.0, slower=_SLOWER),
     ),
     states={"oil": 1, "speed": 1},
-    lines_s={},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.05,

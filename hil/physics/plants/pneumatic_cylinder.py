@@ -26,7 +26,6 @@ PLANT = Plant(
     title="pneumatic cylinder under test",
     inputs=(Signal("displacement", "mm", 40.0), Signal("pressure", "bar", 10.0)),
     output=Signal("force", "N", 400.0),
-    observed=(),
     parameters=(
         Parameter("piston_area", "mm^2", 500.0, 1.0, 1e5, "area that the pressure acts on", hook="seal"),
         Parameter(
@@ -43,8 +42,6 @@ PLANT = Plant(
         Hook("seal", "seal", "N", 400.0, extra="displacement"),
         Hook("sensor", "load cell", "N", 400.0),
     ),
-    states={},
-    lines_s={},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.01,

@@ -33,7 +33,6 @@ PLANT = Plant(
     title="servo valve without load",
     inputs=(Signal("current", "mA", 25.0),),
     output=Signal("flow", "l/min", 10.0),
-    observed=(),
     parameters=(
         Parameter("flow_gain", "l/min/mA", 0.4, -20.0, 20.0, "flow per current", hook="flow"),
         Parameter("null", "mA", 0.0, -10.0, 10.0, "current at which nothing flows", hook="opening"),
@@ -46,8 +45,6 @@ PLANT = Plant(
         Hook("flow", "orifice", "l/min", 10.0, extra="opening"),
         Hook("sensor", "sensor", "l/min", 10.0),
     ),
-    states={},
-    lines_s={},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=1.0,

@@ -31,7 +31,6 @@ PLANT = Plant(
     title="servo valve with blocked ports",
     inputs=(Signal("current", "mA", 25.0),),
     output=Signal("load pressure", "bar", 200.0),
-    observed=(),
     parameters=(
         Parameter(
             "pressure_gain", "bar/mA", 200.0, -5000.0, 5000.0, "load pressure per current at null", hook="blocked"
@@ -45,8 +44,6 @@ PLANT = Plant(
         Hook("blocked", "lands", "bar", 200.0, extra="supply"),
         Hook("sensor", "sensor", "bar", 200.0),
     ),
-    states={},
-    lines_s={},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=1.0,

@@ -232,7 +232,6 @@ PLANT = Plant(
     title="linear transfer function",
     inputs=(Signal("input", "any"),),
     output=Signal("output", "any"),
-    observed=(),
     parameters=(
         Parameter("gain", "[{output}]/[{input}]", 1.0, -1e6, 1e6, "output over input at rest", hook="position"),
         Parameter("offset", "{output}", 0.0, -1e6, 1e6, "output at zero input", hook="flow"),

@@ -79,7 +79,6 @@ PLANT = Plant(
         Hook("sensor", "sensor", "V", 10.0, slower=_SLOWER),
     ),
     states={"upper": 1, "lower": 1, "spill": 2},
-    lines_s={},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=1.0,

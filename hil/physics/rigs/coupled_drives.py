@@ -52,7 +52,6 @@ PLANT = Plant(
     title="coupled drives with a pulley on a spring",
     inputs=(Signal("drive voltage", "V", 1.5),),
     output=Signal("pulley speed", "V", 6.0),
-    observed=(),
     parameters=(
         Parameter("gain", "1", 4.0, 0.05, 100.0, "speed per voltage", hook="command"),
         Parameter("motor_lag", "s", 0.4, 0.01, 10.0, "time constant of motors and belt", hook="command"),

@@ -30,7 +30,6 @@ PLANT = Plant(
     title="control loop with a valve",
     inputs=(Signal("controller output", "%", 100.0),),
     output=Signal("process value", "1", 100.0),
-    observed=(),
     parameters=(
         Parameter("gain", "1/%", 1.0, -1e3, 1e3, "process value per controller output", hook="process"),
         Parameter("lag", "s", 10.0, 0.1, 1e4, "time constant of valve, process and transmitter", hook="process"),
@@ -41,7 +40,6 @@ PLANT = Plant(
         Hook("process", "process", "1", 100.0, slower=100.0),
     ),
     states={"flow": 1},
-    lines_s={},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=5.0,

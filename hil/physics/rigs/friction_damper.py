@@ -29,7 +29,6 @@ PLANT = Plant(
     title="rotary friction damper under test",
     inputs=(Signal("displacement", "mm", 25.0), Signal("velocity", "mm/s", 100.0)),
     output=Signal("force", "kN", 20.0),
-    observed=(),
     parameters=(
         Parameter("stiffness", "kN/mm", 0.1, 0.0, 100.0, "force per displacement", hook="band"),
         Parameter("viscous", "kN*s/mm", 0.1, 0.0, 100.0, "force per speed", hook="band"),
@@ -40,8 +39,6 @@ PLANT = Plant(
         Hook("band", "band", "kN", 20.0, extra="displacement", motion_unit="mm", motion_scale=25.0),
         Hook("sensor", "load cell", "kN", 20.0),
     ),
-    states={},
-    lines_s={},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.01,

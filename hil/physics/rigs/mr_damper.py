@@ -34,7 +34,6 @@ PLANT = Plant(
     title="magneto-rheological damper under test",
     inputs=(Signal("velocity", "cm/s", 15.0),),
     output=Signal("force", "N", 80.0),
-    observed=(),
     parameters=(
         Parameter("viscous", "N*s/cm", 5.0, -1e3, 1e3, "force per speed, with the signs of the bench", hook="opening"),
         Parameter("spring", "N/cm", 0.0, -100.0, 1e3, "force of the gas per travel", hook="field"),
@@ -46,7 +45,6 @@ PLANT = Plant(
         Hook("sensor", "load cell", "N", 80.0),
     ),
     states={"travel": 1},
-    lines_s={},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.005,

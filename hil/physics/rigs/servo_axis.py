@@ -93,7 +93,6 @@ PLANT = Plant(
         Hook("sensor", "sensor", "N", 500.0),
     ),
     states={"speed": 1, "place": 1, "voltage": 1, "due": 1},
-    lines_s={},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.001,

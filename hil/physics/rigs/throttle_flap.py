@@ -56,7 +56,6 @@ PLANT = Plant(
     title="motor-driven throttle flap with return spring",
     inputs=(Signal("motor command", "V", 50.0),),
     output=Signal("flap angle", "V", 5.0),
-    observed=(),
     parameters=(
         Parameter("gain", "1", 0.1, -10.0, 10.0, "angle per command against the spring alone", hook="command"),
         Parameter("frequency", "rad/s", 20.0, 0.5, 500.0, "natural frequency of the flap on its spring", hook="force"),
@@ -70,7 +69,6 @@ PLANT = Plant(
         Hook("sensor", "sensor", "V", 5.0),
     ),
     states={"angle": 1, "speed": 1},
-    lines_s={},
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.001,
