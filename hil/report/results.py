@@ -8,13 +8,11 @@ from itertools import groupby
 from typing import Any
 
 from hil.language.words import _, marked
-from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_of, is_accepted, judge, present_name
+from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_of, judge, present_name
 from hil.record.previous_run import PreviousRunComparison
-from hil.report.cause import cause_sentences
+from hil.report.beside import beside_good
 from hil.report.name import capital, quantity_words
 from hil.report.number import label_text, limits_text, number, rounded, unit_text, with_uncertainty
-from hil.report.population_comparison import population_sentences
-from hil.report.previous_run import previous_run_sentences
 
 _WORDS = {
     "pass": ("good", marked("Pass"), marked("Every limit is met for certain.")),
@@ -52,18 +50,6 @@ def verdict_box(findings: Findings, meta: Mapping[str, Any]) -> dict[str, Any]:
     words = verdict_words(findings.verdict, finished=not details)
     details += reasons(findings)
     return {**words, "details": details, "next": next_step(findings.open_or_missed), "beside": beside_good(findings)}
-
-
-def beside_good(findings: Findings) -> list[str]:
-    """The unit beside itself before and beside good ones, where something was missed or cannot be told.
-
-    No part of the verdict.
-    """
-    if is_accepted(findings.verdict):
-        return []
-    cause = [] if findings.cause is None else cause_sentences(findings.cause)
-    since = [] if findings.since is None else previous_run_sentences(findings.since)
-    return [*cause, *since, *([] if findings.population is None else population_sentences(findings.population))]
 
 
 def value_text(m: Measured, unit: str = "") -> str:

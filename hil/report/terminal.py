@@ -21,8 +21,9 @@ def findings_text(findings: Findings, *, simulated: bool = False) -> str:
     """
     from hil.findings.collect import functions_of
     from hil.record.simulated import marked
+    from hil.report.beside import beside_good
     from hil.report.number import limits_text
-    from hil.report.results import beside_good, reasons, value_text
+    from hil.report.results import reasons, value_text
 
     rows = [
         (m.name, typed(value_text(m)), m.unit, typed(limits_text(m.low, m.high)), m.verdict or "", _beside(m))

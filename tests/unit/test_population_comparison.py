@@ -8,7 +8,8 @@ from hil.findings.collect import findings_of, results_of
 from hil.identification.papers.efc_condition import GoodRange, GoodRanges, ValveTest
 from hil.record.measurement import Findings, Measurement
 from hil.record.population_comparison import PopulationComparison
-from hil.report.results import beside_good, verdict_box
+from hil.report.beside import beside_good
+from hil.report.results import verdict_box
 from procedures.efc_acceptance import beside_good as against_good
 from tests.unit.test_report_run import a_recording
 

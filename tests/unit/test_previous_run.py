@@ -16,7 +16,8 @@ from hil.record.folder import read
 from hil.record.measurement import Findings, Measurement
 from hil.record.population_comparison import PopulationComparison
 from hil.record.recording import Recording
-from hil.report.results import beside_good, reasons
+from hil.report.beside import beside_good
+from hil.report.results import reasons
 from hil.session.previous_run import with_earlier
 from hil.session.procedure import Procedure, load_procedure
 from tests.kept_runs import kept_run
