@@ -125,34 +125,27 @@ def test_archive_rebuild_leaves_bad_folders_out(folder: Path, command_line) -> N
 
 
 @pytest.mark.parametrize(
-    ("key", "found"),
+    ("file", "key", "found"),
     [
-        *[((key,), ["x"]) for key in ("valve", "conditions", "limits", "settings", "roles", "sampling")],
-        (("valve",), None), (("instruments",), None), (("instruments",), [1]), (("roles", "command"), [1]),
-        (("sampling", "delay_channels"), True), (("conditions", "fluid_temperature_c"), {"a": None}),
+        *[("run", (key,), ["x"]) for key in ("valve", "conditions", "limits", "settings", "roles", "sampling")],
+        *[("run", ("valve",), None), ("run", ("instruments",), None), ("run", ("instruments",), [1])],
+        ("run", ("roles", "command"), [1]), ("run", ("sampling", "delay_channels"), True),
+        ("run", ("conditions", "fluid_temperature_c"), {"a": None}),
+        ("end", ("outputs",), ["x"]), ("end", ("outputs", "command"), 1), ("end", ("instruments",), "x"),
+        ("end", ("deviations",), {}), ("end", ("notes",), 1),
     ],
 )  # fmt: skip
-def test_meta_of_another_kind_is_named(key: tuple[str, ...], found: object, folder: Path, command_line) -> None:
-    path = folder / "run/run.json"
+def test_meta_of_another_kind_is_named(
+    file: str, key: tuple[str, ...], found: object, folder: Path, command_line
+) -> None:
+    path = folder / f"run/{file}.json"
     content = json.loads(path.read_text())
     *tables, last = key
     reduce(lambda table, name: table.setdefault(name, {}), tables, content["meta"])[last] = found
     path.write_text(json.dumps(content))
     status, _, err = command_line("convert", "run", "x.csv")
-    assert status == 2 and f"run.json: field 'meta.{'.'.join(key)}" in err and "found" in err
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [("outputs", ["x"]), ("outputs", {"command": 1}), ("instruments", "x"), ("deviations", {}), ("notes", 1)],
-)
-def test_end_of_another_kind_is_named(key: str, value: object, folder: Path, command_line) -> None:
-    path = folder / "run/end.json"
-    content = json.loads(path.read_text())
-    content["meta"][key] = value
-    path.write_text(json.dumps(content))
-    status, _, err = command_line("convert", "run", "x.csv")
-    assert status == 2 and f"end.json: field 'meta.{key}" in err and "Input should be a valid" in err
+    assert status == 2 and f"{file}.json: field 'meta.{'.'.join(key)}" in err
+    assert "found" in err if file == "run" else "Input should be a valid" in err
 
 
 @pytest.mark.parametrize(

@@ -14,56 +14,47 @@ def block(flow: list[float], command: list[float] | None = None, start: int = 0)
     return Block(time_s, {"flow": np.array(flow)}, {"command": np.array(command or [0.0] * len(flow))})
 
 
-def test_a_range_with_two_sides() -> None:
-    lock = Interlock("flow", "trip", Band("flow", -1.0, 1.0))
-    assert Watch(lock).judge(block([0.0, 1.0, -1.0])) is None
-    assert Watch(lock).judge(block([0.0, 1.1])).time_s == pytest.approx(0.1)
-    assert Watch(lock).judge(block([0.0, -1.1])).time_s == pytest.approx(0.1)
+HIGH = Band("flow", high=1.0)
+RANGE = Interlock("flow", "trip", Band("flow", -1.0, 1.0))
+LASTS = Interlock("flow", "trip", HIGH, for_s=0.3)
+LEAK = Interlock("leak", "trip", Band("flow", -1.0, 1.0), only_while=Band("command", -5.0, 5.0))
+ERROR = Interlock("error", "stop", Band("flow", -1.0, 1.0, minus="command"))
+STALE = Interlock("dead", "stop", Band("flow"), stale_s=0.3)
 
 
-def test_it_must_last_also_across_blocks() -> None:
-    watch = Watch(Interlock("flow", "trip", Band("flow", high=1.0), for_s=0.3))
-    assert watch.judge(block([2.0, 2.0, 0.0, 2.0, 2.0])) is None
-    assert watch.judge(block([2.0, 2.0], start=5)).time_s == pytest.approx(0.6)
+@pytest.mark.parametrize(
+    ("lock", "blocks", "command", "broken_s", "says"),
+    [
+        (RANGE, [[0.0, 1.0, -1.0]], None, None, ""),
+        (RANGE, [[0.0, 1.1]], None, 0.1, ""),
+        (RANGE, [[0.0, -1.1]], None, 0.1, ""),
+        (LASTS, [[2.0, 2.0, 0.0, 2.0, 2.0], [2.0, 2.0]], None, 0.6, ""),  # across blocks
+        (LASTS, [[2.0, 2.0], [0.0, 0.0], [2.0, 2.0]], None, None, ""),
+        (LEAK, [[9.0, 9.0]], [50.0, 50.0], None, ""),
+        (LEAK, [[9.0, 9.0]], [50.0, 0.0], 0.1, ""),
+        (ERROR, [[9.0, 9.5]], [9.0, 9.0], None, ""),
+        (ERROR, [[9.0, 9.5]], [9.0, 7.0], 0.1, "flow − command"),
+        (STALE, [[1.0, 1.0, 1.0, 2.0, 2.0], [2.0, 2.0, 2.0]], None, 0.7, "dead sensor"),
+    ],
+)
+def test_it_is_broken_in_the_last_block_or_not_at_all(lock, blocks, command, broken_s, says) -> None:
+    watch, start = Watch(lock), 0
+    for values in blocks[:-1]:
+        assert watch.judge(block(values, command, start)) is None
+        start += len(values)
+    found = watch.judge(block(blocks[-1], command, start))
+    assert (found and found.time_s) == pytest.approx(broken_s)
+    assert says in (found.text if found else "")
 
 
 def test_what_is_broken_lasts_until_the_next_reading_can_come() -> None:
-    lock = Interlock("flow", "trip", Band("flow", high=1.0), for_s=0.3)
-    assert Watch(lock).judge(block([0.0, 2.0]), blind_s=0.2) is None
-    assert Watch(lock).judge(block([0.0, 2.0]), blind_s=0.3).time_s == pytest.approx(0.1)
-    assert Watch(lock).judge(block([2.0, 0.0]), blind_s=0.3) is None
-
-
-def test_a_block_in_order_ends_what_lasted() -> None:
-    watch = Watch(Interlock("flow", "trip", Band("flow", high=1.0), for_s=0.3))
-    assert watch.judge(block([2.0, 2.0])) is None
-    assert watch.judge(block([0.0, 0.0], start=2)) is None
-    assert watch.judge(block([2.0, 2.0], start=4)) is None
-
-
-def test_flow_without_command_is_asked_for_only_without_command() -> None:
-    lock = Interlock("leak", "trip", Band("flow", -1.0, 1.0), only_while=Band("command", -5.0, 5.0))
-    assert Watch(lock).judge(block([9.0, 9.0], [50.0, 50.0])) is None
-    assert Watch(lock).judge(block([9.0, 9.0], [50.0, 0.0])).time_s == pytest.approx(0.1)
-
-
-def test_difference_of_two_channels() -> None:
-    lock = Interlock("error", "stop", Band("flow", -1.0, 1.0, minus="command"))
-    assert Watch(lock).judge(block([9.0, 9.5], [9.0, 9.0])) is None
-    assert "flow − command" in Watch(lock).judge(block([9.0, 9.5], [9.0, 7.0])).text
-
-
-def test_reading_that_stands_still_is_stale() -> None:
-    lock = Interlock("dead", "stop", Band("flow"), stale_s=0.3)
-    watch = Watch(lock)
-    assert watch.judge(block([1.0, 1.0, 1.0, 2.0, 2.0])) is None
-    found = watch.judge(block([2.0, 2.0, 2.0], start=5))
-    assert found.time_s == pytest.approx(0.7)
-    assert "dead sensor" in found.text
+    assert Watch(LASTS).judge(block([0.0, 2.0]), blind_s=0.2) is None
+    assert Watch(LASTS).judge(block([0.0, 2.0]), blind_s=0.3).time_s == pytest.approx(0.1)
+    assert Watch(LASTS).judge(block([2.0, 0.0]), blind_s=0.3) is None
 
 
 def test_what_goes_on_is_told_once_and_what_ended_is_not_broken() -> None:
-    watch = Watch(Interlock("flow", "indicate", Band("flow", high=1.0)))
+    watch = Watch(Interlock("flow", "indicate", HIGH))
     assert watch.judge(block([2.0, 2.0])) is not None
     assert watch.judge(block([2.0, 2.0], start=2)) is None
     assert watch.broken
