@@ -8,7 +8,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from types import TracebackType
 from typing import Self
 
@@ -113,6 +113,17 @@ class ForeignLine:
             pass
         finally:
             client.close()
+
+
+class BrokenPort:
+    """A port of which every use raises."""
+
+    def __init__(self, error: Exception) -> None:
+        self._error = error
+        self.quiet_until_s, self.line = 0.0, nullcontext()
+
+    def __getattr__(self, name: str) -> object:
+        raise self._error
 
 
 def crc(data: bytes) -> bytes:

@@ -13,6 +13,8 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
+from tests.foreign_line import crc
+
 FULL = 0x7FFF  # of a WAGO output: 10 V, 100 %
 _AO0_READ_BACK = 0x0200
 _ANSWER_S = 0.5
@@ -90,16 +92,6 @@ class Line:
             end.close()
 
 
-def crc16(frame: bytes) -> bytes:
-    """The checksum of Modbus RTU."""
-    register = 0xFFFF
-    for byte in frame:
-        register ^= byte
-        for _ in range(8):
-            register = register >> 1 ^ 0xA001 if register & 1 else register >> 1
-    return struct.pack("<H", register)
-
-
 class _Asking:
     """A connection on which one question is asked at a time; opened again after a failure."""
 
@@ -145,8 +137,8 @@ def modbus_rtu(port: int) -> Callable[[], float]:
     question = struct.pack(">BBHH", 1, 3, _AO0_READ_BACK, 1)
 
     def look() -> float:
-        answer = line.ask(question + crc16(question), lambda a: len(a) >= 7)
-        if crc16(answer[:5]) != answer[5:7]:
+        answer = line.ask(question + crc(question), lambda a: len(a) >= 7)
+        if crc(answer[:5]) != answer[5:7]:
             raise OSError(f"garbled: {answer.hex()}")
         return float(100.0 * struct.unpack(">h", answer[3:5])[0] / FULL)
 

@@ -6,8 +6,6 @@ import threading
 import time
 from typing import Any
 
-import nidaqmx
-import nidaqmx.system
 import numpy as np
 import pytest
 from nidaqmx.constants import AcquisitionType, RegenerationMode
@@ -28,7 +26,7 @@ from hil.errors import (
 from hil.safety.guard import Guard
 from hil.safety.outputs import Outputs
 from hil.safety.protection import Protection
-from tests.ni_board import Board, Device, Task
+from tests.ni_board import Board, Task, plugged_in
 
 RATE_HZ = 1000.0
 PWM = {"duty": OutputChannel("duty", "ctr0", "value", "%", 0.0, 100.0)}
@@ -43,12 +41,7 @@ WIRING = Wiring(
 
 @pytest.fixture
 def board(monkeypatch: pytest.MonkeyPatch) -> Board:
-    made = Board()
-    monkeypatch.setattr(Task, "board", made, raising=False)
-    monkeypatch.setattr(Device, "board", made, raising=False)
-    monkeypatch.setattr(nidaqmx, "Task", Task)
-    monkeypatch.setattr(nidaqmx.system, "Device", Device)
-    return made
+    return plugged_in(monkeypatch)
 
 
 @pytest.fixture

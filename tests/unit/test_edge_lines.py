@@ -8,7 +8,7 @@ import struct
 import termios
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
@@ -17,7 +17,7 @@ from drivers import ascii_module, scpi
 from drivers._line import Line, SerialSettings
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, HardwareError, LinkError
-from tests.foreign_line import ForeignLine, ended
+from tests.foreign_line import BrokenPort, ForeignLine, ended
 from tests.links import free_port
 from tests.waits import side_by_side
 
@@ -278,17 +278,6 @@ def test_answers_with_cr_lf_need_no_setting() -> None:
         assert [link.read()["coil current"] for _ in range(3)] == [1.5] * 3
 
 
-class Broken:
-    """A port of which every use raises."""
-
-    def __init__(self, error: Exception) -> None:
-        self._error = error
-        self.quiet_until_s, self.line = 0.0, nullcontext()
-
-    def __getattr__(self, name: str) -> Any:
-        raise self._error
-
-
 @pytest.mark.parametrize(
     "error",
     [OSError(5, "Input/output error"), termios.error(5, "gone"), TypeError("None"), struct.error("short"), ValueError(),
@@ -304,7 +293,7 @@ def test_whatever_the_port_raises_is_a_named_error(make: str, error: Exception) 
             if make == "module" and call == link.read:
                 continue  # it has no inputs to ask for
             link._line.close()
-            link._line._port = Broken(error)
+            link._line._port = BrokenPort(error)
             with pytest.raises(DeviceLostError, match=r"socket://127\.0\.0\.1:.*the line is gone"):
                 call()
 

@@ -7,7 +7,7 @@ import math
 import struct
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import closing, contextmanager
 from typing import Any
 
 import pytest
@@ -19,7 +19,7 @@ from drivers import modbus
 from drivers.modbus import LineSettings, ModbusLink, Model, Register
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import HardwareError, LinkError, SettingError
-from tests.foreign_line import ForeignLine, Tables, crc, serial_frame, tcp_frame
+from tests.foreign_line import BrokenPort, ForeignLine, Tables, crc, serial_frame, tcp_frame
 from tests.waits import side_by_side
 
 ORDERS = {
@@ -247,20 +247,6 @@ def test_whatever_comes_back_is_a_reading_or_a_link_error(transport: str) -> Non
     side_by_side(reads, SPOILED)
 
 
-class Broken:
-    """A port of which every use raises."""
-
-    def __init__(self, error: BaseException) -> None:
-        self._error = error
-        self.quiet_until_s, self.line = 0.0, nullcontext()
-
-    def __getattr__(self, name: str) -> Any:
-        def use(*_args: Any, **_more: Any) -> Any:
-            raise self._error
-
-        return use
-
-
 ANYTHING = (
     OSError(5, "Input/output error"), ConnectionResetError(), struct.error("unpack requires a buffer of 4 bytes"),
     ValueError("garbled"), KeyError("x"), IndexError(), AttributeError("gone"), TypeError("None"), EOFError(),
@@ -275,7 +261,7 @@ def test_whatever_the_library_raises_is_a_named_error(error: Exception) -> None:
     with linked(device.on_tcp, model) as link:
         link._line.close()
         for call in (link.read, link.standing, lambda: link.drive({"q": 1.0})):
-            link._line._port = Broken(error)
+            link._line._port = BrokenPort(error)
             with pytest.raises(HardwareError) as told:
                 call()
             assert str(told.value)
