@@ -58,7 +58,7 @@ class Program:
 
     def told(self, name: str) -> dict[str, Any] | None:
         """What stands in a file of the run, or of its state folder where the run folder is gone."""
-        for path in (self.run / name, *(self.folder / "state").rglob(f"watchdog/*{name}*")):
+        for path in (self.run / name, *(self.folder / "state").glob(f"{Path(name).stem}/*.json")):
             with suppress(OSError, ValueError):
                 content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
                 return content
