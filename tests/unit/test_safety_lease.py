@@ -56,16 +56,6 @@ def test_a_second_program_is_told_who_drives(file: BenchFile, holder: subprocess
     assert (told.value.pid, told.value.exit_status) == (holder.pid, 2)
 
 
-def test_a_copy_under_another_name_drives_the_same_device(
-    file: BenchFile, holder: subprocess.Popen[str], tmp_path: Path
-) -> None:
-    copy = tmp_path / "copy.toml"
-    copy.write_text(file.text.replace("HPV41 on Modbus TCP", "another name"), encoding="utf-8")
-    says = rf"device at 127.0.0.1:15502: in use by process {holder.pid}"
-    with pytest.raises(InUseError, match=says), leased(read_bench(copy)):
-        pass
-
-
 def test_a_device_is_one_under_every_name_of_this_computer(
     file: BenchFile, holder: subprocess.Popen[str], tmp_path: Path
 ) -> None:
