@@ -1,6 +1,6 @@
 """Six faults of a four-way valve at two sizes each: which figures leave their limits, and what the diagnosis says.
 
-The units are of `tests/four_way_simulator.py`, which shares no equation with the plant that the diagnosis searches.
+The units are of `tests/four_way_simulator.py`, whose pilot, play and solver are others than those of the plant.
 """
 
 from __future__ import annotations
