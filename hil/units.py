@@ -10,13 +10,12 @@ import re
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hil.errors import UnitError
 
 if TYPE_CHECKING:
+    import numpy as np
     import pint
+    from numpy.typing import NDArray
 
 # Spellings that benches and loggers use and pint does not know, or takes for something else.
 _SPELLINGS = {"1": "dimensionless", "": "dimensionless", "gpm": "gallon/minute", "GPM": "gallon/minute",

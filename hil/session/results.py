@@ -44,10 +44,15 @@ def evaluated_anew(recording: Recording, folder: Path) -> Findings:
 
 
 def judged_by(recording: Recording, folder: Path) -> dict[str, Limit]:
-    """The limits of a run: those with which it was run, then those by which it was last judged."""
-    seal, measured = read_seal(folder), [one.name for one in procedure_of(recording).measurements]
+    """The limits of a run: those with which it was run, then those by which it was last judged.
+
+    Names are those of today; as they are where its procedure is not installed here.
+    """
+    seal = read_seal(folder)
     given = {**limits_of(recording.meta), **({} if seal is None else seal.limits)}
-    return by_present_names(measured, given)
+    with suppress(HilError):
+        return by_present_names([one.name for one in procedure_of(recording).measurements], given)
+    return given
 
 
 def report_again(folder: Path, limits: Mapping[str, Limit | TypedLimit] = MappingProxyType({})) -> Outcome:
