@@ -67,9 +67,9 @@ def _of_modelica(path: Path, content: Mapping[str, Any]) -> Table:
     longest = max(rows, key=lambda block: rows[block].shape[1])
     time_s = rows[longest][0].astype(np.float64)
     last = np.append(np.diff(time_s) > 0.0, True)
-    said = [match["unit"].strip() if (match := _MODELICA_UNIT.search(text)) else "" for text in texts]
+    stated = [match["unit"].strip() if (match := _MODELICA_UNIT.search(text)) else "" for text in texts]
     varying = [
-        place for place in zip(names, said, places, strict=True) if place[2][0] == longest and abs(place[2][1]) > 1
+        place for place in zip(names, stated, places, strict=True) if place[2][0] == longest and abs(place[2][1]) > 1
     ]
     columns = [
         Column(name, np.sign(row) * rows[longest][abs(row) - 1][last], unit or "1") for name, unit, (_, row) in varying

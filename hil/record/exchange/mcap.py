@@ -52,8 +52,8 @@ def contents(path: Path, file: BinaryIO) -> Contents:
             f"{path}: has no messages in JSON, which are read; its topics: {kinds}. Export CSV from a viewer"
         )
     first_ns = min(one[0][0] for one in messages.values())
-    said = f"topics whose messages are not JSON are left out: {', '.join(others)}" if others else ""
-    tables = [_table(topic, found, units[topic], first_ns, said) for topic, found in messages.items()]
+    assumed = f"topics whose messages are not JSON are left out: {', '.join(others)}" if others else ""
+    tables = [_table(topic, found, units[topic], first_ns, assumed) for topic, found in messages.items()]
     notes = {record.name: record.metadata for record in reader.iter_metadata()}
     return tables, notes.get(KEY, {}).get(KEY, "")
 
@@ -99,7 +99,7 @@ def _units(schema: bytes) -> Mapping[str, str]:
 
 
 def _table(
-    topic: str, messages: list[tuple[int, dict[str, float]]], units: Mapping[str, str], first_ns: int, said: str
+    topic: str, messages: list[tuple[int, dict[str, float]]], units: Mapping[str, str], first_ns: int, assumed: str
 ) -> Table:
     names = dict.fromkeys(name for _, fields in messages for name in fields)
     columns = [
@@ -107,5 +107,5 @@ def _table(
         for name in names
     ]
     if any(column.is_time for column in columns):
-        return Table(topic, columns, assumed=said)
-    return Table(topic, columns, (np.array([stamp for stamp, _ in messages]) - first_ns) / _NS, said)
+        return Table(topic, columns, assumed=assumed)
+    return Table(topic, columns, (np.array([stamp for stamp, _ in messages]) - first_ns) / _NS, assumed)
