@@ -177,7 +177,8 @@ class OnALine(Device):
     """A device at the end of a serial line; a new request takes the place of one that is not whole after a while.
 
     Attributes:
-        pause_s: so long after an answer it does not listen; rushed: when something came in it, which is lost.
+        pause_s: so long after an answer it does not listen; rushed: when something came in it, which is lost, as what
+            comes while it answers is.
     """
 
     whole: WholeRequest
@@ -204,8 +205,9 @@ class OnALine(Device):
     def _take(self, data: bytes) -> None:
         if self.deaf or not self.is_on:
             return
-        if self._hub.now_s < self._answered_s + self.pause_s:
-            self.rushed.append(self._hub.now_s)
+        if (now_s := self._hub.now_s) < self._answered_s + self.pause_s:
+            if now_s >= self._answered_s:  # before, who asks has had no answer: he breaks off
+                self.rushed.append(now_s)
             return
         self._came = data if self._hub.now_s - self._came_s > self.silence_s else self._came + data
         self._came_s = self._hub.now_s
