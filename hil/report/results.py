@@ -10,7 +10,7 @@ from typing import Any
 from hil.language.words import _, marked
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_of, judge, present_name
 from hil.record.previous_run import PreviousRunComparison
-from hil.report.beside import beside_good
+from hil.report.comparisons import comparison_sentences
 from hil.report.name import capital, quantity_words
 from hil.report.number import label_text, limits_text, number, rounded, unit_text, with_uncertainty
 
@@ -49,7 +49,12 @@ def verdict_box(findings: Findings, meta: Mapping[str, Any]) -> dict[str, Any]:
         details.append(_("The recording is incomplete: {missing}.").format(missing=missing))
     words = verdict_words(findings.verdict, finished=not details)
     details += reasons(findings)
-    return {**words, "details": details, "next": next_step(findings.open_or_missed), "beside": beside_good(findings)}
+    return {
+        **words,
+        "details": details,
+        "next": next_step(findings.open_or_missed),
+        "beside": comparison_sentences(findings),
+    }
 
 
 def value_text(m: Measured, unit: str = "") -> str:

@@ -21,7 +21,7 @@ def findings_text(findings: Findings, *, simulated: bool = False) -> str:
     """
     from hil.findings.collect import functions_of
     from hil.record.simulated import marked
-    from hil.report.beside import beside_good
+    from hil.report.comparisons import comparison_sentences
     from hil.report.number import limits_text
     from hil.report.results import reasons, value_text
 
@@ -35,7 +35,7 @@ def findings_text(findings: Findings, *, simulated: bool = False) -> str:
     verdict = (
         f"verdict: {findings.verdict}" if findings.verdict else "verdict: none; no limit was given, nothing was judged"
     )
-    why = map(typed, (*reasons(findings), *beside_good(findings)))
+    why = map(typed, (*reasons(findings), *comparison_sentences(findings)))
     last = marked(verdict, simulated=simulated)
     return "\n".join([*aligned(rows), *map(typed, functions), *notes, *deviations, *why, last])
 

@@ -26,7 +26,7 @@ from hil.record.cause import ANSWER, Cause, Found
 from hil.record.folder import read, write
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Channel, Recording
-from hil.report.beside import beside_good
+from hil.report.comparisons import comparison_sentences
 from hil.session import cause
 from hil.session.cause import with_cause
 from hil.session.outcome import Outcome
@@ -136,7 +136,7 @@ def test_ctrl_c_during_the_search_keeps_the_verdict(
 
 def test_a_search_that_fails_says_why(tmp_path: Path, certifies: Procedure) -> None:
     made = with_cause(certifies, missed(tmp_path), str(tmp_path), 600.0, lambda _d, _t: None)
-    (said,) = beside_good(made.findings)
+    (said,) = comparison_sentences(made.findings)
     assert said.startswith("The cause is not known:") and "no channel 'current'" in said
 
 
@@ -182,7 +182,7 @@ FRICTION = Found("friction", "valve", 2.1, 0.1, 4.8, 0.1, "%", share=0.97)
     ],
 )  # fmt: skip
 def test_a_cause_is_said_as_far_as_it_is_known(told: Cause, says: str) -> None:
-    (said,) = beside_good(Findings((RISE.of(170.0, 2.0),), cause=told))
+    (said,) = comparison_sentences(Findings((RISE.of(170.0, 2.0),), cause=told))
     assert says in said and "`hil diff A B --model M` looks again" in said
 
 

@@ -8,7 +8,7 @@ from hil.findings.collect import findings_of, results_of
 from hil.identification.papers.efc_condition import GoodRange, GoodRanges, ValveTest
 from hil.record.measurement import Findings, Measurement
 from hil.record.population_comparison import PopulationComparison
-from hil.report.beside import beside_good
+from hil.report.comparisons import comparison_sentences
 from hil.report.results import verdict_box
 from procedures.efc_acceptance import beside_good as against_good
 from tests.unit.test_report_run import a_recording
@@ -23,7 +23,7 @@ COMPARED = against_good(TEST, 1.0, GOOD)
 
 
 def test_every_figure_stands_in_its_own_part_of_the_sentence():
-    said, rests = beside_good(Findings((MISSED,), population=COMPARED))
+    said, rests = comparison_sentences(Findings((MISSED,), population=COMPARED))
     differs, like, either = said.split("; ")
     assert "friction 20.0 ± 2.0 mA (good 2 … 12 mA: above by 8 mA)" in differs
     assert "bandwidth 3 dB 3.00 ± 0.20 Hz (good 4 … 9 Hz: below by 1 Hz)" in differs
@@ -46,7 +46,7 @@ def test_it_is_silent_after_a_pass_and_leaves_every_verdict_as_it_is():
 
 
 def test_what_cannot_be_said_is_one_sentence():
-    (said,) = beside_good(Findings((MISSED,), population=PopulationComparison(reason="not measured: steps")))
+    (said,) = comparison_sentences(Findings((MISSED,), population=PopulationComparison(reason="not measured: steps")))
     assert said == "What differs from good units of its type is not known: not measured: steps."
 
 

@@ -16,7 +16,7 @@ from hil.record.folder import read
 from hil.record.measurement import Findings, Measurement
 from hil.record.population_comparison import PopulationComparison
 from hil.record.recording import Recording
-from hil.report.beside import beside_good
+from hil.report.comparisons import comparison_sentences
 from hil.report.results import reasons
 from hil.session.previous_run import with_earlier
 from hil.session.procedure import Procedure, load_procedure
@@ -47,7 +47,7 @@ def test_what_changed_since_the_run_that_passed_is_said(lab: Path, certifies: Pr
     made(lab / "good", 0, 60.0)
     made(lab / "worse", 1, 170.0)
     recording, found = made(lab / "now", 2, 180.0)
-    said, rests = beside_good(with_earlier(certifies, recording, found, lab / "now", str(lab)))
+    said, rests = comparison_sentences(with_earlier(certifies, recording, found, lab / "now", str(lab)))
     assert "(pass): rise 60.0 ± 4.0 → 180.0 ± 4.0 ms." in said
     assert "gain" not in said
     assert rests.startswith("1 other values did not change beyond their uncertainty, 0 cannot be compared.")

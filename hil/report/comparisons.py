@@ -20,7 +20,7 @@ _WHOSE = {
 }
 
 
-def beside_good(findings: Findings) -> list[str]:
+def comparison_sentences(findings: Findings) -> list[str]:
     """The unit beside itself before and beside good ones, where something was missed or cannot be told.
 
     No part of the verdict.
@@ -28,8 +28,8 @@ def beside_good(findings: Findings) -> list[str]:
     if is_accepted(findings.verdict):
         return []
     cause = [] if findings.cause is None else _cause(findings.cause)
-    since = [] if findings.since is None else _since(findings.since)
-    return [*cause, *since, *([] if findings.population is None else _population(findings.population))]
+    before = [] if findings.since is None else _previous_run(findings.since)
+    return [*cause, *before, *([] if findings.population is None else _population(findings.population))]
 
 
 def _cause(cause: Cause) -> list[str]:
@@ -110,7 +110,7 @@ def _size(value: float | None, std: float | None, unit: str) -> str:
     return "" if value is None else with_uncertainty(value, None if std is None else COVERAGE_FACTOR * std, unit)
 
 
-def _since(found: PreviousRunComparison) -> list[str]:
+def _previous_run(found: PreviousRunComparison) -> list[str]:
     """What changed and how much did not; then on what that rests and how to ask for the cause."""
     when = local_text(found.started_utc)
     if found.moved:
