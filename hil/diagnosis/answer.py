@@ -83,8 +83,7 @@ class Answer:
         self.judged = self._judged()
         self.alike = choice.alike if self.verdict == "unexplained" else ()
         self.named = choice.chosen if self.verdict != "unexplained" else choice.baseline
-        of_fit = {} if changed is None else {"of_fit": changed.folds}
-        self.folds = folds_of(self.problem, self.choice.chosen, **of_fit)
+        self.folds = folds_of(self.problem, self.choice.chosen, None if changed is None else changed.folds)
         self.used, self.held_out, self.why_nominal = self._used()
 
     def _used(self) -> tuple[Fitted, Fit, Note | None]:

@@ -92,7 +92,7 @@ class Folds:
     settles_s: float
 
 
-def folds_of(problem: Problem, f: Fitted, of_fit: Callable[[Integers], Integers] = lambda fold: fold) -> Folds:
+def folds_of(problem: Problem, f: Fitted, of_fit: Callable[[Integers], Integers] | None = None) -> Folds:
     """How the recordings are dealt: by recording where there are several, else in halves beyond the plant's memory.
 
     Halves too where no fit of the others can foretell a fold: an explanation changes it alone, or the others leave its
@@ -101,14 +101,15 @@ def folds_of(problem: Problem, f: Fitted, of_fit: Callable[[Integers], Integers]
     Args:
         problem: the question.
         f: its explanation.
-        of_fit: the folds of what the explanation was fitted to, from those of the residuals, where it is not these.
+        of_fit: the folds of the rows that it was fitted to, from those of the residuals, where it was not these.
     """
     recordings = problem.experiments
     everything = np.ones(len(problem.nominal_residuals), dtype=np.bool_)
     settle_s = [FORGOTTEN * time_constant_s(problem.model, e, f.parameters, f.effects) for e in recordings]
     by_recording = Folds(_by_recording(problem), everything, OTHER_RECORDINGS, max(settle_s))
     fold = by_recording.fold
-    if len(recordings) > 1 and not (f.terms and (_shows_in_one(problem, f, fold) or _is_left_open(f, of_fit(fold)))):
+    fitted = fold if of_fit is None else of_fit(fold)
+    if len(recordings) > 1 and not (f.terms and (_shows_in_one(problem, f, fold) or _is_left_open(f, fitted))):
         return by_recording
     since = [e.time_s - e.time_s[0] for e in recordings]
     second = [t > 0.5 * e.duration_s for t, e in zip(since, recordings, strict=True)]

@@ -390,8 +390,8 @@ def _restarted(model: Model, task: _Task, first: Estimate) -> Estimate:
             for u in first.unknowns
         ]
         best = min(best, _fit_from(model, task, moved), key=lambda found: found.chi2)
-    swings = [w * e.valid_output for e, w in zip(task.experiments, task.weights, strict=True)]
-    if not explains_little(swings, [best.residuals]):
+    weighted = [w * e.valid_output for e, w in zip(task.experiments, task.weights, strict=True)]
+    if not explains_little(weighted, [best.residuals]):
         return best
     starts = multistart(_residuals(model, task, first.unknowns), first.unknowns)
     return min([best, *(_fit_from(model, task, start) for start in starts)], key=lambda found: found.chi2)
