@@ -79,7 +79,7 @@ def entry_of(folder: Path) -> Entry:
         started_utc=header.started_utc,
         outcome=UNFINISHED if end is None else end.outcome,
         verdict=verdict,
-        values=values,
+        values=tuple(value.renamed for value in values),
         instruments=instruments_mark(header),
         calibrations=calibrations_of(header),
         host=this_host(),
@@ -92,13 +92,12 @@ def _found(folder: Path) -> tuple[Verdict | None, tuple[Measured, ...]]:
     older = folder / FINDINGS_FILE
     if (folder / RESULTS_FILE).exists():
         results = read_results(folder / RESULTS_FILE)
-        return results.verdict, tuple(value.renamed for value in results.values)
+        return results.verdict, results.values
     if not older.exists():
         return None, ()
     try:
         content = read_untrusted_json(folder, FINDINGS_FILE)
-        found = TypeAdapter(tuple[Measured, ...]).validate_python(content["measured"])
-        return content["verdict"], tuple(value.renamed for value in found)
+        return content["verdict"], TypeAdapter(tuple[Measured, ...]).validate_python(content["measured"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FileError(f"{older}: not what this program writes: {' '.join(str(error).split()):.120}") from None
 
