@@ -256,8 +256,8 @@ def holds_are_events(world: World, ran: Ran) -> Iterator[str]:
     recording = recording_of(world)
     if recording is None or kinds(ran) - CALM or ran.schedule.procedure == "blocks":
         return
-    if kinds(ran) >= {"low", "hold run"}:
-        return  # one of them held it already
+    if "low" in kinds(ran) and kinds(ran) & {"hold run", "over"}:
+        return  # the other held it already, or ended the low pressure
     events = [(event["event"], event["details"].get("interlock", event["details"].get("by", "")))
               for event in recording.meta["events"]]  # fmt: skip
     for (fault, phase), at_s in zip(ran.took, ran.took_s, strict=True):
