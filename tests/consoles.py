@@ -84,7 +84,7 @@ def console(folder: Path, port: int = 0) -> Iterator[Lab]:
 
 
 def _end_all(folder: Path) -> None:
-    """Runs and devices outlive a console: end those that are left."""
-    for path in [*folder.glob("runs/*/control.json"), *folder.glob("state/console/devices/*.json")]:
+    """Runs outlive a console: end those that are left."""
+    for path in folder.glob("runs/*/control.json"):
         with suppress(OSError, ValueError, KeyError):
             os.kill(int(json.loads(path.read_text(encoding="utf-8"))["pid"]), signal.SIGKILL)

@@ -27,7 +27,7 @@ def console(
     proxy: list[str] = typer.Option([], "--proxy", metavar="ADDRESS", help="A proxy that is believed who calls."),
     open_page: bool = typer.Option(False, "--open", help="Show it in the browser."),
 ) -> None:
-    """Serve the operator's console: bench, run, results, diagnosis and devices as pages. Ctrl-C ends it.
+    """Serve the operator's console: bench, run, results and diagnosis as pages. Ctrl-C ends it.
 
     It holds nothing that a run needs: a run goes on when the console ends, and its stop button reaches it directly.
     SIGTERM, as a service is ended, ends its runs too, with safe outputs; the console leaves after them.

@@ -21,7 +21,7 @@ from hil.console.access_where import Where
 from hil.console.console import Console
 from hil.console.headers import Headers
 from hil.console.page import refusal
-from hil.console.routes import bench, devices, diagnose, jobs, live, passports, results, run, stop
+from hil.console.routes import bench, diagnose, jobs, live, passports, results, run, stop
 from hil.console.site import Site
 from hil.console.underway import Underway
 from hil.errors import HilError
@@ -45,7 +45,7 @@ def application(site: Site, where: Where, accounts: Accounts, audit: Audit) -> S
     app = Starlette(
         routes=[
             Route("/", _first), *bench.ROUTES, *run.ROUTES, *stop.ROUTES, *live.ROUTES, *passports.ROUTES,
-            *results.ROUTES, *jobs.ROUTES, *diagnose.ROUTES, *devices.ROUTES,
+            *results.ROUTES, *jobs.ROUTES, *diagnose.ROUTES,
             Mount("/static", StaticFiles(packages=[("hil.console", "static")])),
         ],
         middleware=[

@@ -176,6 +176,6 @@ class Console:
         return Leaving({self.site.runs / name: one for name, one in self.started.items() if name not in self.products})
 
     def close(self) -> None:
-        """Let go of what reads, and of who looks on; runs and devices go on."""
+        """Let go of what reads, and of who looks on; runs go on."""
         self.following.close()
         self.watching.close()

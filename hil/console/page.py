@@ -31,7 +31,7 @@ _YEAR_S = 31_536_000
 _FOR_A_STOP = ("run", "state", "outcome", "is_safe", "by", "listener", "stop_url", "stop_urls", "token")
 PAGES = (
     ("bench", marked("Bench")), ("run", marked("Run")), ("results", marked("Results")),
-    ("diagnose", marked("Diagnose")), ("devices", marked("Devices")),
+    ("diagnose", marked("Diagnose")),
 )  # fmt: skip
 
 

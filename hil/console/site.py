@@ -81,21 +81,16 @@ class Site:
 
 def _is_bench(path: Path) -> bool:
     try:
-        return path.is_file() and _says(path, path.stat().st_mtime_ns, "[channels")
+        return path.is_file() and _has_channels(path, path.stat().st_mtime_ns)
     except OSError:
         return False
 
 
-def names_driver(path: Path) -> bool:
-    """Whether a bench file, or what it is based on, may have a device with a driver."""
-    return _says(path, path.stat().st_mtime_ns, "driver")
-
-
 @lru_cache(maxsize=256)
-def _says(path: Path, _changed_ns: int, what: str) -> bool:
+def _has_channels(path: Path, _changed_ns: int) -> bool:
     try:
         text = read_small(path, MOST_TOML_BYTES).decode("utf-8")
-        return what in text or "based_on" in text
+        return "[channels" in text or "based_on" in text
     except (OSError, UnicodeDecodeError, FileError):
         return False
 

@@ -22,7 +22,7 @@ SAID = {
     "body": b"POST /login HTTP/1.1\r\nHost: %s\r\nOrigin: http://%s\r\nContent-Length: 1000000\r\n"
     b"Content-Type: application/x-www-form-urlencoded\r\n\r\na",
 }  # fmt: skip
-PAGES = ("/bench", "/run", "/results", "/diagnose", "/devices", "/controls")
+PAGES = ("/bench", "/run", "/results", "/diagnose", "/controls")
 
 
 @contextmanager

@@ -23,7 +23,7 @@ from tests.waits import PATIENCE_S, until
 
 pytestmark = pytest.mark.xdist_group("console")
 PAGES = ("/bench?bench=real", "/run?bench=real", "/results", "/results/{run}", "/results/trend?serial=SN-1",
-         "/live/{run}", "/diagnose", "/devices")  # fmt: skip
+         "/live/{run}", "/diagnose")  # fmt: skip
 _PATIENCE_MS = 1000.0 * PATIENCE_S
 SHORT = {"frequencies": "4,5", "amplitudes": "10", "biases": "50", "measure_s": "300 ms"}
 
@@ -280,21 +280,6 @@ def test_pages_speak_german_and_remember_it(page: Page) -> None:
     expect(page.locator("#rehearse")).to_have_text("Proben")
     page.goto("/run?bench=real&lang=en")
     expect(page.locator("#rehearse")).to_have_text("Rehearse")
-
-
-def test_devices_are_served_with_quirks_and_ended(page: Page, lab: Lab) -> None:
-    port = free_port()
-    installed = Path(__file__).parents[2] / "sim_devices" / "benches" / "hpv41-modbus-tcp.toml"
-    text = installed.read_text(encoding="utf-8").replace("15502", str(port))
-    (lab.folder / "served.toml").write_text(text, encoding="utf-8")
-    page.goto("/devices?bench=served")
-    page.fill('input[name$=".late_s"]', "0.01")
-    page.get_by_role("button", name="Serve").click()
-    row = page.locator("#served tr", has_text="served").first
-    expect(row).to_contain_text(f"127.0.0.1:{port}")
-    expect(row).to_contain_text("late_s=0.01")
-    row.get_by_role("button", name="End").click()
-    expect(page.locator("#served .tag")).to_have_text("ended")
 
 
 def test_a_latched_trip_is_named_and_reset(page: Page, lab: Lab) -> None:

@@ -123,7 +123,15 @@ def console(
     """A small application behind the door; its login page is a word."""
     audit = audit or Audit()
     told = where or Where("127.0.0.1", 8123)
-    paths = ("/bench", "/run/start", "/run/check", "/devices/start", "/diagnose/upload", "/controls", "/static/stop.js")
+    paths = (
+        "/bench",
+        "/run/start",
+        "/run/check",
+        "/diagnose/accept",
+        "/diagnose/upload",
+        "/controls",
+        "/static/stop.js",
+    )
     app = Starlette(
         routes=[Route(path, _who, methods=["GET", "POST"]) for path in paths],
         middleware=[Middleware(Access, where=told, accounts=accounts, audit=audit, lock=lock)],
@@ -138,18 +146,18 @@ def plain_login(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_on_this_computer_without_accounts_whoever_started_it_is_an_engineer(tmp_path: Path) -> None:
-    status, text, told = Browser(console(Accounts(tmp_path / "none"))).ask("/devices/start", {"a": "1"})
+    status, text, told = Browser(console(Accounts(tmp_path / "none"))).ask("/diagnose/accept", {"a": "1"})
     assert status == 200 and json.loads(text)["role"] == "engineer" and json.loads(text)["account"]
     assert "HttpOnly" in told["set-cookie"] and "SameSite=strict" in told["set-cookie"]
 
 
 @pytest.mark.parametrize(
     ("name", "allowed"),
-    [("vera", ["/bench"]), ("otto", ["/bench", "/run/start"]), ("emil", ["/bench", "/run/start", "/devices/start"])],
+    [("vera", ["/bench"]), ("otto", ["/bench", "/run/start"]), ("emil", ["/bench", "/run/start", "/diagnose/accept"])],
 )
 def test_role_says_what_an_account_may(name: str, allowed: list[str], accounts: Accounts) -> None:
     browser = Browser(console(accounts)).logged_in(name)
-    asked = {"/bench": None, "/run/start": {"a": "1"}, "/devices/start": {"a": "1"}}
+    asked = {"/bench": None, "/run/start": {"a": "1"}, "/diagnose/accept": {"a": "1"}}
     answers = {path: browser.ask(path, fields)[0] for path, fields in asked.items()}
     assert answers == {path: 200 if path in allowed else 403 for path in asked}
 

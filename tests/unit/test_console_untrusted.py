@@ -38,7 +38,7 @@ from tests.unit.test_console_access import Browser
 
 DEEP = "[" * 100_000
 CONTROL = {"schema": "hil.control/1", "pid": os.getpid(), "listener": "run", "token": "t", "hold_token": "h"}
-PAGES = ("/bench", "/run", "/results", "/results/trend", "/diagnose", "/devices", "/controls", "/live/one",
+PAGES = ("/bench", "/run", "/results", "/results/trend", "/diagnose", "/controls", "/live/one",
          "/live/one/state", "/results/one", "/results/one/report", "/passports/a.pdf")  # fmt: skip
 
 
@@ -282,9 +282,9 @@ def test_large_files_about_a_run_are_not_read_for_every_page(lab: Path, monkeypa
         run_of(run)
 
 
-@pytest.mark.parametrize("path", ["/devices/serve", "/run/check", "/seat"])
+@pytest.mark.parametrize("path", ["/run/check", "/seat"])
 def test_null_character_in_a_form_is_refused(path: str, lab: Path) -> None:
-    status, text, _ = browser(lab).ask(path, {"bench": "one", "quirk.a": "\0"})
+    status, text, _ = browser(lab).ask(path, {"bench": "one", "note": "\0"})
     assert (status, "null character" in text) == (400, True), text
 
 
