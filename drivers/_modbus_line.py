@@ -51,7 +51,11 @@ class ModbusLine(RequestLine):
             raise DeviceLostError(f"{self._address}: cannot be reached") from error
 
     def identity(self) -> str:
-        """What the device says of itself; most that say nothing refuse the question at once."""
+        """What the device says of itself; most that say nothing refuse the question at once.
+
+        Raises:
+            DeviceLostError: it hung up on the question, which is no answer to it.
+        """
         from pymodbus.exceptions import ModbusException
         from pymodbus.pdu.mei_message import ReadDeviceInformationRequest
 
@@ -60,7 +64,9 @@ class ModbusLine(RequestLine):
             self.connect()
             answer = self.exchange(ReadDeviceInformationRequest(dev_id=self._settings.unit_id))
             objects: Mapping[int, bytes] = {} if answer.isError() else answer.information
-        except (ModbusException, OSError, AttributeError):  # none, or one to another question
+        except OSError as error:
+            self._fail(error, DeviceLostError, "the connection is lost")
+        except (ModbusException, AttributeError):  # none, or one to another question
             self._give_up()  # the next question begins on a new connection
             return ""
         self._rest_until_s = system.now_s() + self._pause_s

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 
 from drivers._edge import edge
 from drivers._meeting import OnALine
@@ -16,7 +17,7 @@ from drivers._registers import Register, WordOrder
 from drivers._start_up import once_started
 from hil.daq.channel import Wiring
 from hil.description.modbus import Flag
-from hil.errors import LinkError
+from hil.errors import DeviceLostError, LinkError
 
 
 @edge
@@ -95,7 +96,10 @@ class ModbusLink(OnALine):
             self._go_safe()
 
     def _opened(self, identity: str) -> None:
-        self._line.meeting.met(identity if self._wiring.known_as else self._line.identity(), self._line.identity)
+        if not self._wiring.known_as:
+            with suppress(DeviceLostError):  # some hang up on a question that they do not know
+                identity = self._line.identity()
+        self._line.meeting.met(identity, self._line.identity)
 
     def _go_safe(self) -> None:
         for block, words in self._words(self._safe):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from drivers.modbus import LineSettings, ModbusLink
 from hil.daq.channel import OutputChannel, Wiring
 from hil.daq.link import Link
 from hil.daq.polled import PolledDaq
-from hil.errors import DeviceLostError, HardwareError
+from hil.errors import DeviceLostError, HardwareError, LinkError
 from tests.described import written
 from tests.foreign_line import ForeignLine, Tables, ended, serial_frame, tcp_frame
 from tests.modbus_pair import MODEL
@@ -226,6 +226,27 @@ def test_a_question_that_a_module_leaves_unanswered_keeps_no_safe_value_waiting(
         link.drive({"ao0": 0.0})
         assert place.at == 0.0 and not any(request.startswith(b"$018C") for _, request in line.heard)
         link.close()
+
+
+@pytest.mark.parametrize("known_as", ["one", ""])
+def test_who_hangs_up_when_it_is_asked_who_it_is_is_written_nothing_where_that_matters(known_as: str) -> None:
+    place, asked = Place(who="another", at=5.0), list[bytes]()
+
+    def answer(frame: bytes) -> bytes | None:
+        if frame[7] != 43:
+            return place.coupler(frame)
+        asked.append(frame)
+        return None if len(asked) == 1 else place.coupler(frame)
+
+    with ForeignLine(answer) as line:
+        wiring = Wiring(Q.outputs, {}, only_safe=True, known_as=known_as)
+        settings = LineSettings.model_validate({"address": f"127.0.0.1:{line.port}", **CALM})
+        for again in range(2):
+            with pytest.raises(DeviceLostError) if known_as else nullcontext(), suppress(LinkError):
+                link = ModbusLink(settings, wiring, MODEL)
+                link.close()
+                assert again or not link.identity
+        assert (place.writes > 0) == (not known_as)
 
 
 def test_what_a_serial_adapter_holds_goes_when_its_bus_is_given_up() -> None:
