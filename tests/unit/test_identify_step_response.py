@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
+from hil.identification.papers.step_models import step_models
 from hil.identification.step.step_estimate import measured_steps
 from hil.identification.step.step_response import second_order_from_step, step_figures
 from hil.physics.transfer_function import transfer_function
@@ -63,6 +64,22 @@ def test_every_step_of_a_recording_is_measured_with_honest_uncertainty():
         assert 0.7 < stated / np.std(rises) < 2.2  # on the safe side: noise of the base and of the draw both count
         assert found[0][i].figures.final == pytest.approx(levels[i + 1], abs=0.1)
         assert found[0][i].figures.overshoot < 0.02
+
+
+def test_noise_is_no_motion_at_the_end_of_a_step_and_creep_is():
+    levels = (0.0, 50.0, 20.0, -40.0)
+    steps = [one for seed in range(12) for one in measured_steps(bench(FIRST, levels, 0.2, seed), "command", "flow")]
+    assert sum(one.moving != 0.0 for one in steps) <= 1
+    slow = transfer_function([0.15, 1.0], [0.2 * 0.02, 0.22, 1.0])  # three quarters at once, the rest in 1 s
+    for seed in range(4):
+        (creeping,) = measured_steps(bench(slow, (0.0, 50.0), 0.02, seed, hold_s=0.6), "command", "flow")
+        assert creeping.moving > 0.0
+
+
+def test_a_dead_time_is_said_only_where_settling_is_known_so_well():
+    assert "dead time of 0.109 s" in str(step_models(0.2, 0.465, std_s=(0.01, 0.01)).notes[0])
+    for std_s in ((0.01, 0.1), (0.1, 0.01), (0.01, math.inf)):
+        assert not step_models(0.2, 0.465, std_s=std_s).notes
 
 
 @pytest.mark.parametrize("corner_hz", [100.0, 40.0, 15.0])

@@ -29,6 +29,7 @@ from hil.identification.uncertainty.fit import bode_errors, fit_percent
 from hil.language.note import Note
 from hil.physics.formula import formula
 from hil.physics.transfer_function import TransferFunction, coefficient_names
+from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain
 from hil.record.recording import Array, Complex
 
@@ -150,7 +151,8 @@ def step_models(
     except InputError as error:
         notes.append(Note("{why}", why=str(error)))
     lag_s, late_s = dead_time_explaining(rise_s, settling_s, band)
-    if late_s > _LEAST_DELAY * settling_s:
+    late_std_s = math.hypot(std_s[1], std_s[0] * (settling_s - late_s) / rise_s) if std_s else 0.0
+    if late_s > max(_LEAST_DELAY * settling_s, COVERAGE_FACTOR * late_std_s):
         notes.append(Note(
             "settling is longer than a lag of this rise settles; a lag of {lag_s:.3g} s and a dead time of "
             "{late_s:.3g} s have both times",

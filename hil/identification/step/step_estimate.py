@@ -37,7 +37,7 @@ _PARABOLA = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0  # Savitzky, Golay: 
 _CLEAR = 2.0  # standard deviations from which the sharper reading tells more than noise
 _CROSSED = ("onset_s", "rise_s", "response_s")  # a level is passed once; bands are entered and left by noise
 _NAMES = tuple(field.name for field in fields(StepFigures))
-_MOVING = 2.0  # standard uncertainties of the final value by which the response still moves at its end
+_MOVING = 3.0  # standard uncertainties of its move at the end: a run of twelve steps that stand says so in 3 %
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,11 +170,12 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
     limit = np.minimum if figures.final > start else np.maximum
     stopped = rounded_again(limit(curve, figures.final) + noise, step.grid, shifts[0])
     never = smoother.at(smoother.curves(stopped - start))
-    moved = float(curve[-1] - curve[step.tail][0])
+    ends = np.vstack((curve, again))[:, step.tail]
+    moved, *moves = (ends[:, -1] - ends[:, 0]).tolist()
     return MeasuredStep(
         figures, replace(std, band=band), change_std,
         float(np.std(step.response - curve)), _overshoot(never, step.tail),
-        moved if abs(moved) > _MOVING * std.final else 0.0,
+        moved if abs(moved) > _MOVING * about(np.array(moves), moved) else 0.0,
         from_command, to_command, None if tone is None else tone.frequency_hz,
     )  # fmt: skip
 
