@@ -14,6 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from hil.kernel import kernel
 from hil.physics.transfer_function import sections
 from hil.record.recording import Array, Complex
 
@@ -124,20 +125,32 @@ def evaluate(form: Form, parameters: Array, s: Complex) -> tuple[Complex, Comple
 
 def _model(form: Form, parameters: Array, s: Complex) -> tuple[Complex, Complex]:
     """Model values (n,) and their derivatives, shape (p, n); no number where a factor is zero."""
-    at = 1
     dead_time = parameters[-1] if form.dead_time else form.dead_time_s
-    powers, slopes = np.stack((s, s * s)), np.empty((len(parameters), len(s)), np.complex128)
-    shape: Complex = np.exp(-s * dead_time)
-    for order in (*form.lags, *(-order for order in form.leads)):
-        those = slice(at, at := at + abs(order))
-        terms = powers[: abs(order)]
-        factor = 1.0 + parameters[those] @ terms
-        slopes[those] = (terms if order < 0 else -terms) / factor
-        shape = shape * factor if order < 0 else shape / factor
-    values = shape * parameters[0]
-    slopes[1:at] *= values
-    slopes[0] = shape
-    slopes[at:] = -s * values
+    return _factored(np.array(form.lags + form.leads), len(form.lags), np.array(parameters), dead_time, s)
+
+
+@kernel(error_model="numpy")
+def _factored(orders: Array, lags: int, parameters: Array, dead_time: float, s: Complex) -> tuple[Complex, Complex]:
+    values, slopes = np.empty(len(s), np.complex128), np.empty((len(parameters), len(s)), np.complex128)
+    for line, at_line in enumerate(s):
+        shape = np.exp(-at_line * dead_time)
+        first = 1
+        for place, order in enumerate(orders):
+            factor = 1.0 + parameters[first] * at_line
+            if order == 2:
+                factor += parameters[first + 1] * at_line * at_line
+            square = factor.real**2 + factor.imag**2  # numba refuses to divide by a complex zero
+            inverse = complex(factor.real / square, -factor.imag / square)
+            share = at_line * inverse if place >= lags else -at_line * inverse
+            shape *= factor if place >= lags else inverse
+            for power in range(order):
+                slopes[first + power, line] = share
+                share *= at_line
+            first += order
+        values[line] = shape * parameters[0]
+        slopes[0, line] = shape
+        slopes[1:first, line] *= values[line]
+        slopes[first:, line] = -at_line * values[line]
     return values, slopes
 
 
