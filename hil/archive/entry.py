@@ -79,7 +79,7 @@ def entry_of(folder: Path) -> Entry:
         started_utc=header.started_utc,
         outcome=UNFINISHED if end is None else end.outcome,
         verdict=verdict,
-        values=tuple(value.renamed for value in values),
+        values=values,
         instruments=instruments_mark(header),
         calibrations=calibrations_of(header),
         host=this_host(),
