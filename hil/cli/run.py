@@ -36,7 +36,10 @@ def command(
     ),
     settings: list[str] = typer.Option([], "--set", metavar="NAME=VALUE", help="A setting; may be given again."),
     preset: str = typer.Option(
-        "", "--preset", metavar="NAME", help="Settings by their name in the bench file; those given here go before."
+        "",
+        "--preset",
+        metavar="NAME",
+        help="Settings by their name in the bench file, else its `default`; those given here go before.",
     ),
     limits: Limits = [],  # noqa: B006 — typer makes a new one
     out: Path | None = typer.Option(None, "--out", help="Run folder; default: runs/PROCEDURE-<time>."),

@@ -9,6 +9,8 @@ from hil.errors import SettingError
 from hil.session.procedure import Procedure
 from hil.session.setting import parse_settings
 
+DEFAULT = "default"
+
 
 def preset_names(bench: BenchFile, procedure: Procedure) -> list[str]:
     """The presets that a bench file has for a procedure."""
@@ -16,15 +18,16 @@ def preset_names(bench: BenchFile, procedure: Procedure) -> list[str]:
 
 
 def preset_settings(bench: BenchFile, procedure: Procedure, name: str) -> dict[str, Any]:
-    """The settings of a preset as they were understood; nothing for no name.
+    """The settings of a preset as they were understood; for no name those of `default`, where the bench has one.
 
     Raises:
         SettingError: the bench file has no such preset, or a setting of it cannot be taken; names file and preset.
     """
-    if not name:
-        return {}
     known = bench.bench.presets.get(procedure.name, {})
+    name = name or DEFAULT
     if name not in known:
+        if name == DEFAULT:
+            return {}
         there = ", ".join(known) or "none"
         raise SettingError(f"{bench.path}: no preset '{name:.60}' of {procedure.name}; there are: {there}")
     try:

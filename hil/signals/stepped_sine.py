@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 # Twenty samples per period keep the steps of a held output 26 dB below the sine and harmonic 5 well inside.
 SAMPLES_PER_PERIOD = 20
+_LEAST_REFERENCE_HZ, _REFERENCE_RATIO = 0.1, 49.0  # of the HPV41 paper: 0.1 … 4.9 Hz
 
 
 def sine(
@@ -51,13 +52,13 @@ def even_frequencies(first_hz: float, last_hz: float, step_hz: float) -> tuple[f
     return tuple(round(first_hz + i * step_hz, 12) for i in range(count))
 
 
-def reference_and_band(
-    top_hz: float, lowest_hz: float = 0.1, lines: int = 6, octaves: float = 2.75
-) -> tuple[float, ...]:
+def reference_and_band(top_hz: float, lines: int = 6, octaves: float = 2.75) -> tuple[float, ...]:
     """A reference far below, and a few frequencies in equal ratios up to the top one, where bandwidths lie.
 
-    The reference is at half the lowest of the others at most.
+    The reference is a 49th of the top one, at least 0.1 Hz, and at half the lowest of the others at most. A curve over
+    a wider gap scatters so much in it that a bandwidth could lie there.
     """
     ratios = 2.0 ** (-octaves * np.arange(lines - 1, 0, -1) / (lines - 1))
     band = [float(f"{top_hz * ratio:.3g}") for ratio in ratios]
-    return (min(lowest_hz, band[0] / 2.0), *band, top_hz)
+    reference_hz = float(f"{max(_LEAST_REFERENCE_HZ, top_hz / _REFERENCE_RATIO):.3g}")
+    return (min(reference_hz, band[0] / 2.0), *band, top_hz)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.errors import SettingError
 from hil.record.header import read_header
@@ -30,6 +31,9 @@ def test_a_preset_is_understood_as_typed_settings_are(bench: Path) -> None:
     assert preset_names(file, STEP) == ["quick", "wrong"]
     assert preset_settings(file, STEP, "quick") == {"levels": (0.0, 50.0), "hold_s": 3.0}
     assert preset_settings(file, STEP, "") == {}
+    assert preset_settings(read_bench(benches()["four-way-lab"]), load_procedure("iso_10770_1"), "") == {
+        "high_hz": 50.0
+    }
 
 
 @pytest.mark.parametrize(

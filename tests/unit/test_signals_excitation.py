@@ -106,4 +106,5 @@ def test_what_noise_hides_is_called_steady():
 def test_a_reference_and_a_band_of_few_sines_end_at_the_top_frequency():
     assert reference_and_band(4.9) == (0.1, 0.728, 1.07, 1.56, 2.29, 3.35, 4.9)
     assert reference_and_band(0.5)[0] == pytest.approx(0.0743 / 2.0)
+    assert reference_and_band(50.0)[:2] == (1.02, 7.43)
     check_frequencies(reference_and_band(10.0), 200.0)

@@ -31,7 +31,7 @@ from hil.record.folder import read
 from hil.report.number import number
 from hil.session.labels import labelled, labels_of, new_folder
 from hil.session.limit import checked_limits, split_limits
-from hil.session.preset import preset_names, preset_settings
+from hil.session.preset import DEFAULT, preset_names, preset_settings
 from hil.session.procedure import Procedure, load_procedure
 from hil.session.rehearsal import is_of_rehearsal
 from hil.session.setting import value_text
@@ -57,7 +57,7 @@ def show(request: Request) -> Response:
         overdue=[*overdue(file.bench, dt.date.today())] if file else [], today=_today(console), notes=NOTES,
         asked=asked, measured=[one.name for one in procedure.measurements],
         procedures=_listed(), procedure=procedure, fields=fields,
-        presets=presets, preset=asked.get("preset", ""), serial=asked.get("serial", ""),
+        presets=presets, preset=asked.get("preset") or DEFAULT, serial=asked.get("serial", ""),
         operator=asked.get("operator", ""), why=asked.get("why", ""),
     )  # fmt: skip
     return keep_bench(shown, bench)
