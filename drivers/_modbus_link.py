@@ -10,19 +10,25 @@ from drivers._edge import edge
 from drivers._meeting import OnALine
 from drivers._modbus_client import LineSettings
 from drivers._modbus_line import ModbusLine
-from drivers._modbus_model import Model
+from drivers._modbus_model import Model, described_by
 from drivers._modbus_ready import Readiness
 from drivers._register_blocks import RegisterBlock, register_blocks, written
-from drivers._registers import Register, WordOrder
+from drivers._registers import Encoding, encodings
 from drivers._start_up import once_started
 from hil.daq.channel import Wiring
-from hil.description.modbus import Flag
+from hil.description.modbus import Flag, ModbusDescription
 from hil.errors import DeviceLostError, LinkError
 
 
 @edge
 class ModbusLink(OnALine):
     """A device on Modbus (see `hil.daq.link.Link`).
+
+    Args:
+        settings: how it is reached.
+        wiring: the channels in use.
+        model: what it is.
+        expires_to: where its watchdog puts outputs, as it was set; by the description if not given.
 
     Attributes:
         identity: maker, product and version as the device tells them (function 43/14), empty when it does not.
@@ -34,30 +40,37 @@ class ModbusLink(OnALine):
 
     _line: ModbusLine
 
-    def __init__(self, settings: LineSettings, wiring: Wiring, model: Model) -> None:
-        if not model.watchdog:
+    def __init__(
+        self, settings: LineSettings, wiring: Wiring, model: ModbusDescription | Model,
+        expires_to: float | None = None,
+    ) -> None:  # fmt: skip
+        described = described_by(model)
+        wire, watchdog = described.modbus, described.watchdog
+        if watchdog is None or not watchdog.arm:
             self._remedy += "set that at the device and say so with watchdog_level, or "
-        self._order: WordOrder = settings.word_order or model.word_order
+        if expires_to is None and watchdog is not None:
+            expires_to = watchdog.expires_to
+        self._order = settings.word_order or wire.byte_order
+        registers = encodings(described, self._order)
         used = {c.terminal for c in wiring.outputs.values()} | {c.terminal for c in wiring.inputs.values()}
-        chosen = {name: register for name, register in model.registers.items() if name in used}
-        outputs = {name: r for name, r in chosen.items() if r.direction == "out"}
-        self._inputs = {name: r for name, r in chosen.items() if r.direction == "in"}
-        wire = model.wire
+        chosen = {name: register for name, register in registers.items() if name in used}
+        outputs = {name: r for name, r in chosen.items() if r.terminal.direction == "out"}
+        self._inputs = {name: r for name, r in chosen.items() if r.terminal.direction == "in"}
         self._out = written(outputs, wire.longest_write)
         self._back = register_blocks({name: r for name, r in outputs.items() if r.can_be_read}, 0, wire.longest_read)
         self._in = register_blocks(self._inputs, wire.gap, wire.longest_read)
         self._words_sent: dict[str, tuple[int, ...]] = {}
         self._around: dict[int, list[int]] = {}
         self._before: dict[str, float] = {}
-        close = {name: register.close or 0.0 for name, register in outputs.items()}
-        super().__init__(wiring, settings.watchdog_s, expires_to=model.expires_to, close=close)
+        close = {name: register.terminal.close or 0.0 for name, register in outputs.items()}
+        super().__init__(wiring, settings.watchdog_s, expires_to=expires_to, close=close)
         settings = settings.model_copy(
             update={"echo": settings.echo or (wire.echo and settings.transport == "rtu"),
                     "pause_s": max(settings.pause_s, wire.pause_s)}
         )  # fmt: skip
         self._startup_s = 0.0 if wiring.only_safe else settings.startup_s
         self._line = ModbusLine(settings, self._watchdog.heard)
-        self._ready = Readiness(self._line, model, self._order, self._safe, self.watchdog_s, self._out)
+        self._ready = Readiness(self._line, described, registers, self._safe, self.watchdog_s, self._out)
         self._open()
 
     def standing(self) -> dict[str, float]:
@@ -65,7 +78,7 @@ class ModbusLink(OnALine):
         found: dict[str, float] = {}
         for block in self._back:
             words = block.split(self._ask(block.read_back_function, block.read_back, count=block.count))
-            found |= {name: register.value_of(words[name], self._order) for name, register in block.terminals.items()}
+            found |= {name: register.value_of(words[name]) for name, register in block.terminals.items()}
         return found
 
     def close(self) -> None:
@@ -121,13 +134,13 @@ class ModbusLink(OnALine):
             self._ask(block.writing, block.first, values=words)
             for name, mine in block.split(words).items():
                 self._words_sent[name] = mine
-                yield name, block.terminals[name].value_of(mine, self._order)
+                yield name, block.terminals[name].value_of(mine)
 
     def _measured(self) -> dict[str, float]:
         words: dict[str, tuple[int, ...]] = {}
         for block in self._in:
             words |= block.split(self._ask(block.function, block.first, count=block.count))
-        flags = self._ready.flags(flag for register in self._inputs.values() for flag in register.status)
+        flags = self._ready.flags(flag for one in self._inputs.values() for flag in one.terminal.status)
         self._line.has_read = True
         return {name: self._reading(name, r, words[name], flags) for name, r in self._inputs.items()}
 
@@ -135,9 +148,9 @@ class ModbusLink(OnALine):
         """What to write; an output that is not given keeps what was driven before."""
         for block in self._out:
             words = {name: self._words_sent.get(name, (0,) * r.words) for name, r in block.terminals.items()}
-            words |= {name: tuple(r.words_of(values[name], self._order)) for name, r in block.terminals.items()
+            words |= {name: tuple(r.words_of(values[name])) for name, r in block.terminals.items()
                       if name in values}  # fmt: skip
-            yield block, block.joined(words, self._around.get(block.first, [0] * block.count), self._order)
+            yield block, block.joined(words, self._around.get(block.first, [0] * block.count))
 
     def _look_at_outputs(self) -> None:
         self._ready.no_fault()
@@ -146,15 +159,15 @@ class ModbusLink(OnALine):
                 f"{', '.join(safe)}: the device itself has made it safe; its watchdog expired, or it was told to"
             )
 
-    def _reading(self, name: str, register: Register, words: Sequence[int], flags: Mapping[Flag, bool]) -> float:
-        why = register.why_none(words, self._order)
-        why = why or next((flag.means or "its status says so" for flag in register.status if flags[flag]), "")
-        number = register.value_of(words, self._order)
+    def _reading(self, name: str, register: Encoding, words: Sequence[int], flags: Mapping[Flag, bool]) -> float:
+        why = register.why_none(words)
+        why = why or next((flag.means or "its status says so" for flag in register.terminal.status if flags[flag]), "")
+        number = register.value_of(words)
         value = math.nan if why else register.measured(number, self._before.get(name))
         self._before[name] = value
         if math.isnan(value):
             cause = why or f"a dead sensor, or check word_order (now {self._order})"
-            return self._none(name, why or f"reads {number:.3g} {register.unit}: {cause}")
+            return self._none(name, why or f"reads {number:.3g} {register.terminal.unit}: {cause}")
         return value
 
     def _ask(self, function: int, address: int, *, count: int = 1, values: Sequence[int] = ()) -> list[int]:

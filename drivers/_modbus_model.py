@@ -1,32 +1,49 @@
-"""A kind of Modbus device: its registers, and what its description says of watchdog, enabling and faults."""
+"""A Modbus device by the table of its manual, in a driver of its own: the same as a description says."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from typing import Any
 
-from drivers._registers import Register, WordOrder
-from hil.daq.channel import Terminal
-from hil.description.modbus import (
-    TIMES,
-    Enable,
-    Faults,
-    ModbusDescription,
-    ModbusTerminal,
-    Place,
-    SafeMode,
-    Wire,
-    Write,
-    safe_of,
-)
-from hil.errors import SettingError
+from drivers._registers import WordOrder, encodings
+from hil.daq.channel import Direction, Kind
+from hil.description.modbus import ModbusDescription, Type, Write
+from hil.description.modbus_place import BITS, Table
+from hil.description.named import Described, description_of
 
 
-@dataclass(frozen=True, slots=True)
+def Register(
+    direction: Direction, kind: Kind, unit: str, low: float, high: float, table: Table, address: int,
+    format: Type = "u16", slope: float = 1.0, offset: float = 0.0, *, bits: tuple[int, int] | None = None, **more: Any,
+) -> dict[str, Any]:  # fmt: skip
+    """Where a terminal stands in the registers of a device: value = slope · count + offset.
+
+    Args:
+        direction: `in` is read, `out` is driven.
+        kind: as in `hil.daq.channel.Terminal`.
+        unit: of its values, and of `low` and `high`.
+        low: the lowest value.
+        high: the highest one.
+        table: `input` (read by function 4), `holding` (3), `coil` (1) or `discrete` (2).
+        address: counted from 0, as it stands on the wire.
+        format: `u16`, `s16`; in two registers `u32`, `s32`, `f32`, in four `u64`, `s64`, `f64`, whose value is the
+            number itself. In coils and discrete inputs it is a bit, whatever is said.
+        slope: value of one count.
+        offset: value of the count 0.
+        bits: lowest bit and number of bits, where the rest of the register is something else.
+        more: what else a description says of a terminal (`hil.description.modbus.ModbusTerminal`).
+    """
+    return {
+        "direction": direction, "kind": kind, "unit": unit, "range": (low, high), "table": table, "address": address,
+        "type": None if table in BITS else format, "slope": slope, "offset": offset,
+        "bits": bits and (bits[0], bits[0] + bits[1] - 1), **more,
+    }  # fmt: skip
+
+
 class Model:
     """A kind of device.
 
-    Attributes:
+    Args:
         registers: by terminal.
         watchdog: how its watchdog is armed over Modbus: registers and what is written to them in this order, numbers
             or `{tenths}`, `{seconds}`, `{ms}` (its time in that unit) and `{safe:TERMINAL}` (the count of the safe
@@ -34,75 +51,39 @@ class Model:
             by other means, and the bench file then only says how it was set.
         expires_to: where the device puts its outputs when its watchdog expires, if it is always the same; it is
             armed only where that is every channel's safe value.
-        enable, faults, safe_mode, wire: as in `hil.description.modbus`, with addresses as they stand on the wire.
+        word_order: of numbers in several registers.
+        sections: `enable`, `faults` and `safe_mode`, as in `hil.description.modbus`, with addresses on the wire.
+
+    Attributes:
+        described: the same as a description.
+        registers: its numbers in them, by terminal; terminals: what a bench connects to.
+
+    Raises:
+        SettingError: what makes no sense in it, all of it.
     """
 
-    registers: Mapping[str, Register]
-    watchdog: Sequence[tuple[int, int | str] | Write] = ()
-    expires_to: float | None = None
-    word_order: WordOrder = "big"
-    enable: Enable | None = None
-    faults: Faults | None = None
-    safe_mode: SafeMode | None = None
-    wire: Wire = field(default_factory=lambda: Wire.model_validate({"addresses": "wire"}))
-
-    def __post_init__(self) -> None:
-        for step in self.arming:
-            if isinstance(step.value, str):
-                _check_placeholder(step.address, step.value, self.outputs)
-
-    @property
-    def arming(self) -> tuple[Write, ...]:
-        """What is written to arm its watchdog."""
-        return tuple(
-            step if isinstance(step, Write) else Write.model_construct(table="holding", address=step[0], value=step[1])
-            for step in self.watchdog
-        )
-
-    @property
-    def outputs(self) -> dict[str, Register]:
-        """Registers of outputs by terminal."""
-        return {name: register for name, register in self.registers.items() if register.direction == "out"}
-
-    @property
-    def terminals(self) -> dict[str, Terminal]:
-        """The register map as terminals."""
-        return {
-            name: Terminal(r.direction, r.kind, r.unit, r.low, r.high, step=r.step)
-            for name, r in self.registers.items()
-        }
+    def __init__(
+        self, registers: Mapping[str, Mapping[str, Any]], watchdog: Sequence[tuple[int, int | str] | Write] = (),
+        expires_to: float | None = None, word_order: WordOrder = "big", **sections: Any,
+    ) -> None:  # fmt: skip
+        order = {"big": "ABCD", "little": "CDAB"}.get(word_order, word_order)
+        arm = [step if isinstance(step, Write) else {"address": step[0], "value": step[1]} for step in watchdog]
+        has_one = arm or expires_to is not None
+        stated = {
+            "summary": "by its driver", "terminals": registers, "modbus": {"addresses": "wire", "byte_order": order},
+            "watchdog": {"arm": arm, "expires_to": expires_to} if has_one else None, **sections,
+        }  # fmt: skip
+        self.described: ModbusDescription = description_of(Described(description=stated), "modbus")
+        self.registers, self.terminals = encodings(self.described), self.described.ports
 
 
-def model_of(description: ModbusDescription) -> Model:
-    """The model that a description says."""
-    described = description.on_the_wire
-    arm, expires_to = (described.watchdog.arm, described.watchdog.expires_to) if described.watchdog else ((), None)
-    return Model(
-        {name: _register(terminal) for name, terminal in described.terminals.items()}, arm, expires_to,
-        described.modbus.byte_order, described.enable, described.faults, described.safe_mode, described.modbus,
-    )  # fmt: skip
+def described_by(model: ModbusDescription | Model) -> ModbusDescription:
+    """What a device is, with addresses as they stand on the wire."""
+    return (model.described if isinstance(model, Model) else model).on_the_wire
 
 
-def _register(described: ModbusTerminal) -> Register:
-    port = described.terminal
-    back = described.read_back if isinstance(described.read_back, Place) else None
-    return Register(
-        port.direction, port.kind, port.unit, port.low, port.high, described.table or "holding", described.address,
-        described.type or "u16", *described.scale,
-        back.address if back else None, back.table if back else None, described.byte_order, described.field,
-        described.write or 0, back is not None or port.direction == "in", described.close, described.invalid,
-        described.status,
-    )  # fmt: skip
-
-
-def levels_of(model: Model) -> dict[str, float]:
+def levels_of(model: ModbusDescription | Model) -> dict[str, float]:
     """Where the watchdog of a device of this model puts its outputs, if that is always the same."""
-    return {} if model.expires_to is None else dict.fromkeys(model.outputs, model.expires_to)
-
-
-def _check_placeholder(address: int, text: str, outputs: Mapping[str, Register]) -> None:
-    if text not in TIMES and safe_of(text) not in outputs:
-        raise SettingError(
-            f"Model.watchdog: '{text}' for register {address:#06x}: a number, {', '.join(TIMES)} or "
-            f"{{safe:TERMINAL}} with the name of an output"
-        )
+    described = described_by(model)
+    level = described.watchdog.expires_to if described.watchdog else None
+    return {} if level is None else dict.fromkeys(described.outputs, level)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from drivers._modbus_line import ModbusLine
-from drivers._modbus_model import Model
 from drivers._register_blocks import RegisterBlock
-from drivers._registers import FUNCTIONS, WordOrder
-from hil.description.modbus import TIMES, Flag, Place, Write, safe_of
+from drivers._registers import FUNCTIONS, Encoding
+from hil.description.modbus import TIMES, Flag, ModbusDescription, Place, Write, safe_of
 from hil.errors import LinkError
 from hil.system import system
 
@@ -16,22 +15,22 @@ _LOOK_S = 0.02  # how often a flag is looked at that is waited for
 
 
 class Readiness:
-    """What a device's model says of it, asked and told on its line.
+    """What a device's description says of it, asked and told on its line.
 
     Args:
         line: to the device.
-        model: what it has.
-        order: of the bytes of its numbers.
+        described: what it has, with addresses on the wire.
+        registers: its terminals in them, by name.
         safe: where the bench has its outputs safe, by terminal.
         watchdog_s: time of its watchdog; None where it has none.
         out: its outputs as they are written.
     """
 
     def __init__(
-        self, line: ModbusLine, model: Model, order: WordOrder, safe: Mapping[str, float], watchdog_s: float | None,
-        out: Sequence[RegisterBlock],
+        self, line: ModbusLine, described: ModbusDescription, registers: Mapping[str, Encoding],
+        safe: Mapping[str, float], watchdog_s: float | None, out: Sequence[RegisterBlock],
     ) -> None:  # fmt: skip
-        self._line, self._model, self._order = line, model, order
+        self._line, self._described, self._registers = line, described, registers
         self._safe, self._watchdog_s, self._out = safe, watchdog_s, out
         self._enabled = False
 
@@ -46,8 +45,8 @@ class Readiness:
             LinkError: it reports a fault that cannot be cleared, or does not get ready.
         """
         self._clear_faults()
-        if self._watchdog_s is not None:
-            self._do(self._model.arming)
+        if self._watchdog_s is not None and (watchdog := self._described.watchdog) is not None:
+            self._do(watchdog.arm)
         self.no_fault()
         look_around()
         self._leave_safe_mode(go_safe)
@@ -57,7 +56,7 @@ class Readiness:
         """Outputs that were enabled are so no longer, where the device has that."""
         if self._enabled:
             self._enabled = False
-            self._do(self._model.enable.disable if self._model.enable else ())
+            self._do(self._described.enable.disable if self._described.enable else ())
 
     def no_fault(self) -> None:
         """Raise `LinkError` for a fault that the device reports."""
@@ -67,7 +66,7 @@ class Readiness:
     def in_safe_mode(self) -> list[str]:
         """Outputs that the device itself has made safe."""
         flagged: list[str] = []
-        if (mode := self._model.safe_mode) is None:
+        if (mode := self._described.safe_mode) is None:
             return flagged
         for block in self._out:
             flags = self._line.ask(1, self._of_output(mode.status, block.first), count=block.count)
@@ -100,11 +99,7 @@ class Readiness:
         if value in TIMES:
             return [max(1, round(TIMES[value] * (self._watchdog_s or 0.0)))]
         terminal = safe_of(value)
-        return (
-            self._model.registers[terminal].words_of(self._safe[terminal], self._order)
-            if terminal in self._safe
-            else []
-        )
+        return self._registers[terminal].words_of(self._safe[terminal]) if terminal in self._safe else []
 
     def _clear_faults(self) -> None:
         """Clear what the device reports, and see that it is gone.
@@ -112,7 +107,7 @@ class Readiness:
         Raises:
             LinkError: it is not.
         """
-        faults = self._model.faults
+        faults = self._described.faults
         if faults is None or not faults.clear or not (reported := self._reported()):
             return
         self._do(faults.clear)
@@ -125,7 +120,7 @@ class Readiness:
         Raises:
             LinkError: the device does not get ready.
         """
-        enable = self._model.enable
+        enable = self._described.enable
         if enable is None:
             return
         ready = enable.ready
@@ -141,7 +136,7 @@ class Readiness:
 
     def _leave_safe_mode(self, go_safe: Callable[[], None]) -> None:
         """A device that made its outputs safe in an earlier run takes commands again, from the safe values on."""
-        mode = self._model.safe_mode
+        mode = self._described.safe_mode
         if mode is None or not self.in_safe_mode():
             return
         go_safe()
@@ -151,11 +146,11 @@ class Readiness:
 
     def _of_output(self, first: Place, address: int) -> int:
         """The coil of the output at an address, in a row of coils that begins with that of the first output."""
-        return first.address + address - min(r.address for r in self._model.outputs.values())
+        return first.address + address - min(self._registers[name].address for name in self._described.outputs)
 
     def _reported(self) -> list[str]:
         """What of its faults the device reports, in words."""
-        reports = self._model.faults.flags if self._model.faults else ()
+        reports = self._described.faults.flags if self._described.faults else ()
         flags = self.flags(reports)
         return [flag.means or f"{flag.table} {flag.address:#06x}" for flag in reports if flags[flag]]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from drivers._registers import Register, WordOrder
+from drivers._registers import Encoding
 
 _MOST_BITS, _MOST_WRITTEN_BITS = 2000, 1968
 
@@ -15,7 +15,7 @@ class RegisterBlock:
     """Registers of one table, by terminal, in the order of their addresses."""
 
     first: int
-    terminals: dict[str, Register] = field(default_factory=dict)
+    terminals: dict[str, Encoding] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -50,22 +50,22 @@ class RegisterBlock:
     @property
     def has_parts(self) -> bool:
         """Whether registers hold more than the terminals here, which a write must leave as it is."""
-        return any(r.bits is not None for r in self.terminals.values())
+        return any(r.terminal.field is not None for r in self.terminals.values())
 
     def split(self, words: Sequence[int]) -> dict[str, tuple[int, ...]]:
         """The words of each terminal, of those that one request brought."""
         return {name: tuple(words[r.address - self.first :][: r.words]) for name, r in self.terminals.items()}
 
-    def joined(self, words: Mapping[str, Sequence[int]], around: Sequence[int], order: WordOrder) -> list[int]:
+    def joined(self, words: Mapping[str, Sequence[int]], around: Sequence[int]) -> list[int]:
         """What a request writes: the words of each terminal, and `around` in bits that are nobody's."""
         whole = list(around)
         for name, register in self.terminals.items():
-            for i, (word, mask) in enumerate(zip(words[name], register.mask(order), strict=True)):
+            for i, (word, mask) in enumerate(zip(words[name], register.mask, strict=True)):
                 at = register.address - self.first + i
                 whole[at] = whole[at] & ~mask & 0xFFFF | word & mask
         return whole
 
-    def takes(self, register: Register, gap: int, longest: int) -> bool:
+    def takes(self, register: Encoding, gap: int, longest: int) -> bool:
         """Whether a register goes on where these end, also in its read-back."""
         one, last = self._one, self.first + self.count
         alike = (register.table, register.writing, register.can_be_read, register.read_back_at[0]) == (
@@ -76,11 +76,11 @@ class RegisterBlock:
         return alike and same and near and max(last, register.address + register.words) - self.first <= longest
 
     @property
-    def _one(self) -> Register:
+    def _one(self) -> Encoding:
         return next(iter(self.terminals.values()))
 
 
-def register_blocks(registers: Mapping[str, Register], gap: int = 0, longest: int = 125) -> list[RegisterBlock]:
+def register_blocks(registers: Mapping[str, Encoding], gap: int = 0, longest: int = 125) -> list[RegisterBlock]:
     """Registers in as few requests as possible without asking for more than `gap` between them (some devices refuse).
 
     Args:
@@ -91,7 +91,7 @@ def register_blocks(registers: Mapping[str, Register], gap: int = 0, longest: in
     return _grouped(registers, gap, longest, _MOST_BITS)
 
 
-def written(registers: Mapping[str, Register], longest: int = 123) -> list[RegisterBlock]:
+def written(registers: Mapping[str, Encoding], longest: int = 123) -> list[RegisterBlock]:
     """Outputs in as few requests as their functions allow, nothing between them."""
     together = _grouped(registers, 0, longest, _MOST_WRITTEN_BITS)
     return [part for block in together for part in _alone(block)]
@@ -107,7 +107,7 @@ def _alone(block: RegisterBlock) -> Iterable[RegisterBlock]:
     return by_address.values()
 
 
-def _grouped(registers: Mapping[str, Register], gap: int, longest: int, most_bits: int) -> list[RegisterBlock]:
+def _grouped(registers: Mapping[str, Encoding], gap: int, longest: int, most_bits: int) -> list[RegisterBlock]:
     found: list[RegisterBlock] = []
     for name, register in sorted(registers.items(), key=lambda item: (item[1].table, item[1].address)):
         most = most_bits if register.is_bit else longest

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 from pydantic import FiniteFloat
@@ -12,12 +11,12 @@ from drivers._described import ByDescription
 from drivers._edge import reply_faults
 from drivers._modbus_client import LineSettings
 from drivers._modbus_link import ModbusLink
-from drivers._modbus_model import Model, levels_of, model_of
+from drivers._modbus_model import Model, Register, described_by, levels_of
 from drivers._ports import host_and_port
 from drivers._register_blocks import RegisterBlock, register_blocks
-from drivers._registers import Register, WordOrder
+from drivers._registers import WordOrder
 from hil.daq.channel import Wiring
-from hil.description.modbus import TIMES
+from hil.description.modbus import TIMES, ModbusDescription
 from hil.description.modbus import Type as Format
 from hil.description.named import Described, description_faults
 
@@ -48,19 +47,21 @@ class Settings(LineSettings, Described):
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beyond the types."""
     yield from description_faults(settings, "modbus")
-    yield from line_faults(settings, _model(settings)) if _devices.is_sound(settings) else ()
+    yield from line_faults(settings, _devices.described(settings)) if _devices.is_sound(settings) else ()
     yield from _devices.watchdog_faults(settings)
 
 
-def line_faults(settings: LineSettings, model: Model) -> Iterator[tuple[tuple[str, ...], str]]:
+def line_faults(settings: LineSettings, model: ModbusDescription | Model) -> Iterator[tuple[tuple[str, ...], str]]:
     """What is wrong with the settings of a device of this model."""
+    described = described_by(model)
+    arm = described.watchdog.arm if described.watchdog else ()
     if settings.transport == "tcp" and host_and_port(settings.address) is None:
         yield ("address",), f"'{settings.address}' is not host:port, such as 192.168.1.10:502"
-    if settings.watchdog_s is not None and not model.outputs:
+    if settings.watchdog_s is not None and not described.outputs:
         yield ("watchdog_s",), "this model has no outputs that a watchdog could make safe; take this away"
-    times = [step.value for step in model.arming if step.value in TIMES]
+    times = [step.value for step in arm if step.value in TIMES]
     per_second = TIMES[str(times[0])] if times else 10.0
-    if settings.watchdog_s is not None and not _counted(settings.watchdog_s * per_second, bool(model.watchdog)):
+    if settings.watchdog_s is not None and not _counted(settings.watchdog_s * per_second, bool(arm)):
         steps = f"{1.0 / per_second:g} … {0xFFFF / per_second:g} s in steps of {1.0 / per_second:g} s"
         yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the device counts {steps}"
     if settings.echo and settings.transport == "tcp":
@@ -98,9 +99,4 @@ def line_needs(settings: LineSettings) -> tuple[str, ...]:
 
 def open_link(settings: Settings, wiring: Wiring) -> ModbusLink:
     """The device, connected, its watchdog armed."""
-    return ModbusLink(settings, wiring, _model(settings))
-
-
-def _model(settings: Settings) -> Model:
-    """The model, its watchdog as this device was set."""
-    return replace(model_of(_devices.described(settings)), expires_to=_devices.level(settings))
+    return ModbusLink(settings, wiring, _devices.described(settings), _devices.level(settings))

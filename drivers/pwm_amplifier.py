@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from drivers._edge import edge
-from drivers._modbus_model import Model, model_of
 from drivers.modbus import LineSettings, ModbusLink, line_faults, line_needs
 from hil.daq.channel import OutputChannel, Terminal, Wiring
+from hil.description.modbus import ModbusDescription
 from hil.description.named import Described, description_of
 from hil.errors import SettingError
 
@@ -30,12 +30,12 @@ class Settings(LineSettings):
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
     """What is wrong beyond the types."""
-    yield from line_faults(settings, _model())
+    yield from line_faults(settings, _described())
 
 
 def terminals(_settings: Settings) -> dict[str, Terminal]:
     """The current that it drives, and what it measures at the coil: means over a period of the PWM."""
-    return _model().terminals
+    return _described().ports
 
 
 def needs(settings: Settings) -> tuple[str, ...]:
@@ -58,7 +58,7 @@ class PwmAmplifierLink(ModbusLink):
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
         self._modulation = [count for channel in wiring.outputs.values() for count in modulation(channel)]
-        super().__init__(settings, wiring, _model())
+        super().__init__(settings, wiring, _described())
 
     def _opened(self, identity: str) -> None:
         super()._opened(identity)
@@ -105,5 +105,6 @@ def modulation(channel: OutputChannel) -> list[int]:
     return [round(pwm.carrier_hz), round(10.0 * dither_hz), round(1000.0 * amplitude)]
 
 
-def _model() -> Model:
-    return model_of(description_of(Described(model=DESCRIPTION), "modbus"))
+def _described() -> ModbusDescription:
+    found: ModbusDescription = description_of(Described(model=DESCRIPTION), "modbus")
+    return found

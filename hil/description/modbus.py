@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, FiniteFloat, PositiveFloat, field_validator, model_validator
 
-from hil.daq.channel import Kind
+from hil.daq.channel import Kind, Terminal
 from hil.description.modbus_place import BITS, Addresses, Table, on_the_wire
 from hil.description.terminal import DescribedDevice, Flagged, PartTerminal, Strict, each
 
@@ -94,6 +95,12 @@ class ModbusTerminal(PartTerminal):
         if self.direction == "in" and (self.write is not None or self.read_back is not None or self.close is not None):
             raise ValueError("write, read_back and close belong to an output")
         return self
+
+    @property
+    def terminal(self) -> Terminal:
+        """As a bench connects to it: readings lie one count apart where it is counted."""
+        is_counted = self.is_of != "digital" and (self.type or "")[:1] in ("u", "s")
+        return replace(super().terminal, step=abs(self.scale[0]) if is_counted else 0.0)
 
     @property
     def is_read_back(self) -> bool:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers._modbus_model import model_of
+from drivers._registers import encodings
 from hil.description.modbus import ModbusDescription
 from sim_devices._described_counts import Counts
 
@@ -42,7 +42,7 @@ def both_of(form: str, order: str, scale: int) -> tuple[Any, Counts, tuple[float
     """The driver's register, its twin, slope and offset; neither remembers anything."""
     told = described(form, order, SCALES[scale])
     twin = Counts(told.by_name["x"], told.modbus.byte_order)
-    return model_of(told).registers["x"], twin, told.terminals["x"].scale
+    return encodings(told)["x"], twin, told.terminals["x"].scale
 
 
 def on_the_wire(form: str, order: str, count: float) -> list[int]:
@@ -65,12 +65,12 @@ def test_registers_are_those_of_struct(form: str, order: str, scale: dict[str, A
         low, high = (0, (1 << 8 * size) - 1) if form[0] == "u" else (-(1 << 8 * size - 1), (1 << 8 * size - 1) - 1)
         count = max(low, min(high, round(count)))
     expected = on_the_wire(form, order, count)
-    assert register.words_of(value, order) == expected  # type: ignore[arg-type]
+    assert register.words_of(value) == expected
     assert twin.encoded(value) == expected
 
     (any_count,) = struct.unpack(">" + CODES[form], bits.to_bytes(8, "big")[:size])
     words = on_the_wire(form, order, any_count)
-    for read in (register.value_of(words, order), twin.decoded(words)):  # type: ignore[arg-type]
+    for read in (register.value_of(words), twin.decoded(words)):
         assert read == slope * any_count + offset or (math.isnan(read) and math.isnan(any_count)) or math.isinf(read)
 
 
@@ -85,12 +85,12 @@ def test_a_part_of_a_register_leaves_the_rest(lowest: int, width: int, word: int
         "terminals": {"x": {"direction": "out", "range": [-1e5, 1e5], "table": "holding", "address": 0,
                             "type": "s16" if signed else "u16", "bits": [lowest, lowest + width - 1]}},
     })  # fmt: skip
-    register, twin = model_of(told).registers["x"], Counts(told.by_name["x"], "ABCD")
+    register, twin = encodings(told)["x"], Counts(told.by_name["x"], "ABCD")
     field = int(f"{word:016b}"[16 - lowest - width : 16 - lowest], 2)
     count = field - (1 << width) if signed and width > 1 and field >> width - 1 else field  # one bit has no sign
-    assert register.value_of([word], "ABCD") == twin.decoded([word]) == count
-    (mask,) = register.mask("ABCD")
+    assert register.value_of([word]) == twin.decoded([word]) == count
+    (mask,) = register.mask
     assert mask == int("0" * (16 - lowest - width) + "1" * width + "0" * lowest, 2)
-    (written,) = register.words_of(count, "ABCD")
+    (written,) = register.words_of(count)
     assert [written] == twin.encoded(count) == [word & mask]
     assert twin.encoded(count, around=[around]) == [around & ~mask | written]

@@ -12,7 +12,7 @@ import pytest
 
 from drivers import _can_frames
 from drivers._modbus_line import ModbusLine
-from drivers._modbus_model import Model
+from drivers._modbus_ready import Readiness
 from drivers.j1939_valve import J1939ValveLink
 from hil.bench import heartbeat, rescue, watchdog
 from hil.bench.ending import Ending, LastWord
@@ -285,7 +285,7 @@ FAULTS: dict[str, tuple[Patches, str]] = {
     "is_heard, on a slow line": (
         [(Taken, "add", _each_alone(Taken.add))], "7,0.05,plain,b|over:driving:2:5:aux|slow:driving:1.3:10:io",
     ),
-    "own_watchdogs_are_armed": ([(Model, "arming", property(lambda _model: ()))], "7,0.05,plain,w"),
+    "own_watchdogs_are_armed": ([(Readiness, "_do", lambda *_: None)], "7,0.05,plain,w"),
     "claims_are_waited_for": ([(_can_frames, "CLAIM_WAIT_S", 0.0)], "7,0.05,plain,v"),
     "_as_expected": (
         [(Pace, "planned", lambda pace, _block_s, interval_s: plan(pace, 0.0, interval_s))],

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from drivers import _modbus_client, modbus
 from drivers._modbus_line import ModbusLine
-from drivers._modbus_model import model_of
+from drivers._registers import encodings
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Waveform
 from hil.daq.polled import PolledDaq
@@ -129,9 +129,9 @@ def test_checksum_and_frame_of_the_serial_line_guide() -> None:
 
 
 def test_full_scale_counts_of_the_coupler() -> None:
-    register = model_of(description_of(Described(model="wago-750"), "modbus")).registers["ao0"]
+    register = encodings(description_of(Described(model="wago-750"), "modbus"))["ao0"]
     assert [register.count_of(volts) for volts in (10.0, 0.0, -10.0)] == [0x7FFF, 0, 0x8001]
-    assert register.value_of([0x8001], "big") == pytest.approx(-10.0)
+    assert register.value_of([0x8001]) == pytest.approx(-10.0)
 
 
 SERVER = {"transport": "rtu", "address": "socket://127.0.0.1:0"}
@@ -258,7 +258,8 @@ def test_watchdog_is_told_its_time_in_its_own_unit_and_where_the_output_is_safe(
 @pytest.mark.parametrize("text", ["{minutes}", "2", "{safe:ao1}", "{safe}", "{safe:}", ""])
 def test_watchdog_with_an_unknown_placeholder_is_no_model(text: str) -> None:
     with pytest.raises(
-        SettingError, match=r"for register 0x008c: a number, \{tenths\}, \{seconds\}, \{ms\} or \{safe:"
+        SettingError,
+        match=r"watchdog\.arm\.0\.value: .*(a number, \{tenths\}, \{seconds\}, \{ms\} or \{safe:|no output 'ao1')",
     ):
         modbus.Model(SECONDS, watchdog=((140, text),))
 

@@ -38,7 +38,7 @@ def float_at(address: int, value: float) -> dict[int, int]:
     return dict(enumerate(struct.unpack(">HH", struct.pack(">f", value)), address))
 
 
-def gauge(form: Any = "f32", table: Any = "input", at: int = 0, slope: float = 1.0) -> Register:
+def gauge(form: Any = "f32", table: Any = "input", at: int = 0, slope: float = 1.0) -> dict[str, Any]:
     return Register("in", "value", "degC", -50.0, 200.0, table, at, form, slope)
 
 
@@ -53,7 +53,7 @@ def linked(
     with ForeignLine(answer, FRAMES[transport]) as line:
         address = f"{'socket://' if transport == 'rtu' else ''}127.0.0.1:{line.port}"
         told = {"timeout_s": 1.0, "longest_reply_s": 1.0, "transport": transport, "address": address, **more}
-        ins, outs = ([n for n, r in model.registers.items() if r.direction == way] for way in ("in", "out"))
+        ins, outs = ([n for n, t in model.terminals.items() if t.direction == way] for way in ("in", "out"))
         wiring = Wiring(
             {name: OutputChannel(name, name, "value", "bar", -500.0, 500.0) for name in outs},
             {name: InputChannel(name, name, "value", "degC", -50.0, 200.0) for name in ins},
@@ -84,7 +84,7 @@ def test_a_float_in_another_byte_order_is_no_measurement(data: str) -> None:
         assert link.read()["t"] == pytest.approx(45.3, rel=1e-6)
         device.inputs.update(enumerate(registers(data)))
         assert math.isnan(link.read()["t"]) and math.isnan(link.read()["t"])
-    says = r"t reads no measurement .* degC: .* check word_order \(now big\)"
+    says = r"t reads no measurement .* degC: .* check word_order \(now ABCD\)"
     with linked(device.on_tcp, DEG_C) as link, pytest.raises(LinkError, match=says):
         link.read()
 
@@ -117,12 +117,12 @@ def test_formats_of_whole_numbers(form: Any, words: list[int], value: float) -> 
         assert link.read()["t"] == pytest.approx(value)
 
 
-@pytest.mark.parametrize(("key", "said"), [("format", "f16"), ("format", "int16"), ("table", "coils")])
+@pytest.mark.parametrize(("key", "said"), [("type", "f16"), ("type", "int16"), ("table", "coils")])
 def test_an_unknown_format_or_table_is_no_register(key: str, said: str) -> None:
-    with pytest.raises(SettingError, match=rf"register 0x0004: {key} '{said}' is not known: "):
-        gauge(**{"at": 4, "form" if key == "format" else key: said})
-    with pytest.raises(SettingError, match="an output is a holding register"):
-        Register("out", "value", "bar", 0.0, 9.0, "input", 4)
+    with pytest.raises(SettingError, match=rf"terminals\.t\.{key}: "):
+        Model({"t": gauge(**{"at": 4, "form" if key == "type" else key: said})})
+    with pytest.raises(SettingError, match="an output stands in a coil or a holding register"):
+        Model({"q": Register("out", "value", "bar", 0.0, 9.0, "input", 4)})
 
 
 @pytest.mark.parametrize("form", ["f32", "s32"])
@@ -146,8 +146,9 @@ def test_outputs_in_two_registers_are_driven_and_read_back(form: Any) -> None:
 
 @given(value=st.floats(-500.0, 500.0, width=32), order=st.sampled_from(list(ORDERS)))
 def test_what_is_written_is_what_is_read(value: float, order: Any) -> None:
-    register = Register("out", "value", "bar", -500.0, 500.0, "holding", 0, "f32")
-    assert register.value_of(register.words_of(value, order), order) == value
+    model = Model({"q": Register("out", "value", "bar", -500.0, 500.0, "holding", 0, "f32")}, word_order=order)
+    register = model.registers["q"]
+    assert register.value_of(register.words_of(value)) == value
 
 
 def test_a_gateway_that_numbers_by_itself_is_told_apart_from_silence() -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from drivers._can_messages import Received
-from drivers._modbus_model import model_of
 from drivers._pdo_mapping import pdos_for
 from hil.bench.fault import BenchError
 from hil.description.can import database
@@ -299,6 +298,6 @@ def test_a_dbc_without_signals_says_so(tmp_path: Path) -> None:
 
 
 def test_each_input_of_a_row_has_a_flag_of_its_own() -> None:
-    model = model_of(read_description(descriptions()["adam-6024"]))  # type: ignore[arg-type]
-    assert {flag.address for flag in model.registers["ai0"].status} == {20}
-    assert {flag.address for flag in model.registers["ai5"].status} == {25}, "40026, as the manual has it"
+    terminals = read_description(descriptions()["adam-6024"]).by_name
+    assert {flag.address for flag in terminals["ai0"].status} == {20}
+    assert {flag.address for flag in terminals["ai5"].status} == {25}, "40026, as the manual has it"

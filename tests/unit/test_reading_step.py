@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers._registers import Register
+from drivers import modbus
+from drivers.modbus import Model, Register
 from hil.record.recording import Recording, recording
 from procedures import cylinder_drift
 from procedures._recorded import reading_step
@@ -62,9 +63,12 @@ def test_codes_that_are_seen_count_more_than_what_is_said_and_nothing_is_made_up
 
 
 def test_a_register_says_what_one_count_more_means() -> None:
-    def register(**more: Any) -> Register:
-        return Register("in", "value", "bar", 0.0, 400.0, more.pop("table", "input"), 0, **more)
+    def step(**more: Any) -> float:
+        model = Model({"x": Register("in", "value", "bar", 0.0, 400.0, more.pop("table", "input"), 0, **more)})
+        return model.terminals["x"].step
 
-    assert register(slope=-0.1).step == pytest.approx(0.1)
-    assert register(format="f32", slope=0.1).step == 0.0
-    assert register(table="discrete").step == 0.0
+    assert step(slope=-0.1) == pytest.approx(0.1)
+    assert step(format="f32", slope=0.1) == 0.0
+    assert step(table="discrete") == 0.0
+    described = modbus.terminals(modbus.Settings(address="127.0.0.1:502", model="wago-750"))
+    assert all(port.step == pytest.approx(20.0 / 65534.0) for port in described.values())
