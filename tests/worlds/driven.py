@@ -191,7 +191,8 @@ def is_heard(world: World, ran: Ran) -> Iterator[str]:
         if phase != "driving" or fault.kind not in _HEARD_S or fault.lasts_s < _LEAST_S.get(fault.kind, 0.0):
             continue
         is_judged = fault.kind in _LEAST_S  # when a block is over, which ends by the clock where a device is slow
-        others = [other for other, _ in ran.took if other.kind not in CALM | ({"slow"} if is_judged else set())]
+        calm = CALM - ({"wd pause"} if fault.kind == "stop" else set()) | ({"slow"} if is_judged else set())
+        others = [other for other, _ in ran.took if other.kind not in calm]  # a stop is heard by the watchdog
         if is_judged and (others or blocks or "low" in kinds(ran)):
             continue
         patience_s = _HEARD_S[fault.kind] + sum(other.lasts_s + 1.0 for other in others)
