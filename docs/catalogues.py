@@ -30,6 +30,7 @@ from hil.findings.difference import Meaning
 from hil.physics.compose import effects, plant
 from hil.record.measurement import Verdict
 from hil.report.name import quantity_words, split_unit
+from hil.rig import SWITCHED, ConditionRole
 from hil.session.procedure import load_procedure
 
 ROOT = Path(__file__).parent.parent
@@ -110,6 +111,8 @@ def declared() -> Iterator[str]:
             yield measurement.meaning
         for setting in procedure.settings:
             yield split_unit(setting)[0]
+    yield from get_args(ConditionRole)
+    yield from (f"{role} lost" for role in SWITCHED)
     for effect in effects():
         yield effect.name.replace("_", " ")
         yield effect.title

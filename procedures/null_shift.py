@@ -14,6 +14,7 @@ import numpy as np
 
 from hil.errors import SettingError
 from hil.identification.steady.null import null_of
+from hil.language.words import marked
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import ConditionRole, Rig
@@ -91,7 +92,7 @@ def run(
             label = ", ".join(
                 f"{role} {value:.4g} {rig.adjustable[role].unit.replace('degC', '°C')}" for role, value in way.items()
             )
-            part = {"kind": KIND, "label": label or "as the bench stands", "at": {
+            part = {"kind": KIND, "label": label or marked("as the bench stands"), "at": {
                 role: way.get(role, usual(rig.adjustable[role])) for role in conditions
             }}  # fmt: skip
             course.play(path, f"null, {part['label']}", {**part, **sweep_part(rig, scale, bottom, top, cycle_s)})

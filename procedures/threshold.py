@@ -23,6 +23,7 @@ from hil.identification.steady.threshold_estimate import (
     gain_and_lag,
     threshold_of,
 )
+from hil.language.words import marked
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
@@ -37,7 +38,7 @@ from procedures._scale import about_levels, check_stands, scale_of
 from procedures._settings import NotNegative, Percent, Positive, PositivePercent, Twice
 from procedures._statistics import rounded_up
 
-ONWARD, REVERSAL = "onward", "reversal"
+ONWARD, REVERSAL = marked("onward"), marked("reversal")
 COUNTED = Measurement("counted_change", "", "change of the response that counts: three standard uncertainties")
 OF = {
     ONWARD: Measurement("threshold_onward", "%", "least change of command that moves the response on after a stop"),

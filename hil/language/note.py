@@ -8,7 +8,7 @@ from string import Formatter
 from typing import Any
 
 from hil.language.figures import localised
-from hil.language.words import ENGLISH, _, spoken
+from hil.language.words import ENGLISH, _, place_words, spoken
 
 OF = "{recording}: {note}"
 _AT = "{place!l}: {note}"
@@ -141,7 +141,9 @@ class _Put(Formatter):
         self._is_page = is_page
 
     def get_field(self, field_name: str, _args: Any, kwargs: Any) -> Any:
-        return kwargs[field_name], field_name
+        value = kwargs[field_name]
+        is_place = self._is_page and field_name == "place" and isinstance(value, str)
+        return place_words(value) if is_place else value, field_name
 
     def convert_field(self, value: Any, conversion: Any) -> Any:
         if conversion is None:

@@ -7,6 +7,7 @@ has another order. Every `.mo` file of a language is read: a room that says much
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from importlib.resources.abc import Traversable
 
 ENGLISH = "en"
+_LEADING = re.compile(r"^[^\W\d_]+(?: [^\W\d_]+)*(?=$| \W?\d)")
 _Text = TypeVar("_Text", bound=str)
 _spoken: ContextVar[str] = ContextVar("language", default=ENGLISH)
 
@@ -45,6 +47,11 @@ def plural(one: str, many: str, count: int) -> str:
 def marked(text: _Text) -> _Text:
     """The text itself, for the catalogues; `_` says it in the language of a page."""
     return text
+
+
+def place_words(place: str) -> str:
+    """`Versorgung 50 bar` from `supply 50 bar`: words before numbers are translated; numbers and units stay."""
+    return ", ".join(_LEADING.sub(lambda found: _(found[0]), part) for part in place.split(", "))
 
 
 def spoken() -> str:

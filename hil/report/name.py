@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from hil.language.figures import localised
 from hil.language.words import ENGLISH, _, spoken
+from hil.report.number import label_text
 
 _UNITS = {
     "_s": "s", "_hz": "Hz", "_db": "dB", "_deg": "°", "_c": "°C", "_bar": "bar", "_mm": "mm", "_l_min": "l/min",
@@ -40,7 +40,7 @@ def quantity_words(name: str) -> str:
 def value_words(name: str) -> str:
     """`dead time, 0 → 80 %` from `dead_time, 0 → 80 %`, in the language that is spoken."""
     quantity, comma, place = name.partition(", ")
-    return f"{_(quantity_words(quantity))}{comma}{localised(place)}"
+    return f"{_(quantity_words(quantity))}{comma}{label_text(place)}"
 
 
 def picture_name(*texts: str) -> str:

@@ -7,6 +7,7 @@ import re
 
 from hil.language.figures import localised
 from hil.language.note import translated
+from hil.language.words import place_words
 
 MINUS = "\N{MINUS SIGN}"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -74,8 +75,8 @@ def note_text(note: str) -> str:
 
 
 def label_text(label: str) -> str:
-    """A label with numbers in it, `-50 ± 2.5 %`, with its minus and the decimal sign of the language."""
-    return localised(with_minus(label))
+    """A label with numbers in it, `supply 52.5 bar`, with minus, words and the decimal sign of the language."""
+    return localised(with_minus(place_words(label)))
 
 
 def unit_text(unit: str) -> str:

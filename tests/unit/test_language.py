@@ -19,10 +19,10 @@ from hil.console.board import interlocks_of, lines_of
 from hil.errors import SettingError
 from hil.language.choice import choose, page_language
 from hil.language.figures import localised
-from hil.language.note import translated
+from hil.language.note import Note, translated
 from hil.language.words import _, languages, plural, speaking, spoken
 from hil.record.measurement import Findings, Measurement
-from hil.report.number import fixed, number, with_uncertainty
+from hil.report.number import fixed, label_text, number, with_uncertainty
 from hil.report.run_page import write_run_report
 from hil.report.terminal import findings_text
 from hil.session.procedure import load_procedure
@@ -166,3 +166,21 @@ def test_the_board_of_a_bench_is_german_and_keeps_the_names_of_channels() -> Non
     assert asked["flow-without-command"].startswith("flow zwischen −10 … 10, solange command zwischen −5 … 5, ")
     assert asked["dead-flow-meter"] == "flow ändert sich innerhalb von 0,5 s"
     assert next(line.limit for line in lines if line.name == "command") == "−100 … 100"
+
+
+@pytest.mark.parametrize(
+    ("place", "german"),
+    [
+        ("+100 %, supply 52.5 bar", "+100 %, Versorgung 52,5 bar"),
+        ("as the bench stands", "wie der Prüfstand steht"),
+        ("-50 %, load 100 → 0 %", "−50 %, Last 100 → 0 %"),
+        ("100 %, feedback lost", "100 %, ohne Rückführung"),
+        ("a stranger's 1.2 A, -3 Hz", "a stranger's 1,2 A, −3 Hz"),
+    ],
+)
+def test_where_a_value_was_measured_is_said_in_the_language_of_the_page(place: str, german: str) -> None:
+    with speaking("de"):
+        assert label_text(place) == german
+        note = Note("no figures: {why}.", why="?").at(place).translated
+    assert note.startswith(german.replace("−", "-"))
+    assert str(Note("no figures: {why}.", why="?").at(place)).startswith(place)

@@ -34,7 +34,7 @@ BURST_PSI = 400.0
 OVERVOLTAGE, OVERVOLTAGE_H = 1.33, 48.0
 
 # Section 3.1.3.1: pressures between which each sweep swings. The names are levels: "high" is the smallest but one.
-SWEEPS_PSI = {"low": (19.0, 21.0), "medium": (20.0, 140.0), "high": (133.0, 147.0)}
+SWEEPS_PSI = {"low": (19.0, 21.0), marked("medium"): (20.0, 140.0), "high": (133.0, 147.0)}
 
 # Section 3.1.3.2: step currents and the mean largest pressure that each reaches.
 STEP_CURRENTS_A = (1.2, 1.4, 1.6, 1.8, 2.0)
