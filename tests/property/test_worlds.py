@@ -303,6 +303,7 @@ FAULTS: dict[str, tuple[Patches, str]] = {
     ),
     "contact_is_asked": ([(Guard, "_ask_witnesses", lambda *_: None)], "7,0.05,plain,-|deaf:driving:1.3:0.5:io"),
     "holds_are_events": ([(RunWriter, "event", lambda *_, **__: None)], "7,0.05,plain,-|low:driving:1.3:1:aux"),
+    "holds_are_events, of nobody": ([(Guard, "_wait_for_holds", Guard._wait_for_operator)], "7,0.05,plain,-"),
     "witness_is_heard": ([(Witnesses, "driven", lambda *_: None)], "7,0.05,plain,-|sticks:driving:2.3:30:io"),
     "rescue_is_told": ([(rescue, "replace", lambda output, **_: output)], "7,0.05,plain,-|kill:driving:1.3:0:"),
     "rescue_is_told, at its time": (

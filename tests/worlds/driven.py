@@ -252,15 +252,18 @@ def pauses_are_kept(world: World, ran: Ran) -> Iterator[str]:
 
 
 def holds_are_events(world: World, ran: Ran) -> Iterator[str]:
-    """A hold stands among the events; one that ended while it was driven with its end."""
+    """A hold stands among the events, and no other; one that ended while it was driven with its end."""
     _, end_s = _drives_s(world)
     recording = recording_of(world)
     if recording is None or kinds(ran) - CALM or ran.schedule.procedure == "blocks":
         return
-    if "low" in kinds(ran) and kinds(ran) & {"hold run", "over"}:
-        return  # the other held it already, or ended the low pressure
     events = [(event["event"], event["details"].get("interlock", event["details"].get("by", "")))
               for event in recording.meta["events"]]  # fmt: skip
+    for kind, by in (("low", "low-pressure"), ("hold run", "operator")):
+        if kind not in kinds(ran) and ("hold", by) in events:
+            yield f"nobody held the run, and events say that {by} did"
+    if "low" in kinds(ran) and kinds(ran) & {"hold run", "over"}:
+        return  # the other held it already, or ended the low pressure
     for (fault, phase), at_s in zip(ran.took, ran.took_s, strict=True):
         if phase != "driving" or fault.kind not in ("low", "hold run"):
             continue
