@@ -133,7 +133,7 @@ def open_small(path: Path, most_bytes: int = MOST_BYTES) -> BufferedReader:
         FileError: it is no regular file, or larger than allowed.
     """
     try:
-        handle = os.open(path, _FILE_FLAGS & ~os.O_NOFOLLOW)
+        handle = os.open(path, _FILE_FLAGS & ~os.O_NOFOLLOW)  # noqa: TID251
     except OSError as error:
         if error.errno != errno.ENXIO:
             raise
@@ -221,7 +221,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 
 def _opened(root: Path, name: str | Path, where: Path) -> int:
     *folders, last = _parts(name, where)
-    place = os.open(root, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+    place = os.open(root, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)  # noqa: TID251
     try:
         for folder in folders:
             inner = _open_at(place, folder, _PATH_FLAGS, where)
@@ -246,7 +246,7 @@ def _parts(name: str | Path, where: Path) -> tuple[str, ...]:
 
 def _open_at(place: int, name: str, flags: int, where: Path) -> int:
     try:
-        return os.open(name, flags, dir_fd=place)
+        return os.open(name, flags, dir_fd=place)  # noqa: TID251
     except OSError as error:
         if error.errno not in (errno.ELOOP, errno.ENOTDIR, errno.ENXIO):
             raise OSError(error.errno, error.strerror, str(where)) from None

@@ -46,7 +46,7 @@ def mark_begun(place: Place, folder: Path) -> None:
         content = {"archive": str(place), "run": str(folder.resolve()), "pid": os.getpid()}
         path = _mark(folder)
         path.parent.mkdir(parents=True, exist_ok=True)
-        with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as file:
+        with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as file:  # noqa: TID251
             file.write(json.dumps(content))
 
 

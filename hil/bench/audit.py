@@ -64,7 +64,7 @@ class Audit:
                 self._add(account, act, details, operator)
 
     def _add(self, account: str, act: str, details: Mapping[str, Any], operator: str) -> None:
-        handle = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
+        handle = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)  # noqa: TID251
         try:
             last, whole = _last_line(handle)
             line = {

@@ -38,7 +38,7 @@ def write_whole(path: Path, content: bytes | str, mode: int = 0o666) -> None:
     part = path.with_name(f"{path.name}.{system.pid()}-{system.thread_id()}.part")  # two threads write one name
     part.unlink(missing_ok=True)
     try:
-        descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), mode)
+        descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), mode)  # noqa: TID251
         with FileIO(descriptor, "wb") as file:
             write_at(file, 0, content.encode() if isinstance(content, str) else content)
             sync_file(descriptor)
@@ -82,7 +82,7 @@ def sync_folder(folder: Path) -> None:
     if sys.platform == "win32":  # folders cannot be opened there; NTFS journals its entries
         return
     try:
-        descriptor = os.open(folder, os.O_RDONLY)
+        descriptor = os.open(folder, os.O_RDONLY)  # noqa: TID251
     except OSError as error:
         if error.errno in (errno.EMFILE, errno.ENFILE):  # the entries come to the disk a little later
             return

@@ -12,7 +12,7 @@ def is_alive(pid: int) -> bool:
     if pid <= 0:  # a group of processes
         return False
     try:
-        os.kill(pid, 0)
+        os.kill(pid, 0)  # noqa: TID251
     except PermissionError:
         return True
     except (OSError, OverflowError):  # no number of a process

@@ -70,7 +70,7 @@ def kept_progress(folder: Path, progress: Progress) -> Iterator[Progress]:
         written = {"schema": _SCHEMA, "share": round(share, 4), "text": text[:_LONGEST], "pid": os.getpid()}
         with suppress(OSError):
             if handle < 0:
-                handle = os.open(path, _FLAGS, 0o644)
+                handle = os.open(path, _FLAGS, 0o644)  # noqa: TID251
             os.pwrite(handle, json.dumps(written, ensure_ascii=False).encode().ljust(_BYTES), 0)
 
     try:

@@ -69,7 +69,7 @@ class Parent(Generic[_Asked]):
             if self._program is not None:
                 signal.pidfd_send_signal(self._program, signal.SIGKILL)
             else:
-                os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+                os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))  # noqa: TID251
 
 
 def _process(pid: int) -> int | None:
