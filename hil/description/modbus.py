@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import Field, FiniteFloat, PositiveFloat, field_validator, model_validator
 
@@ -16,7 +16,7 @@ from hil.description.terminal import DescribedDevice, Flagged, PartTerminal, Str
 
 Type = Literal["bit", "u16", "s16", "u32", "s32", "f32", "u64", "s64", "f64"]
 Order = Literal["ABCD", "CDAB", "BADC", "DCBA"]
-WORDS: Mapping[Type, int] = {"bit": 1, "u16": 1, "s16": 1, "u32": 2, "s32": 2, "f32": 2, "u64": 4, "s64": 4, "f64": 4}
+WORDS: Mapping[Type, int] = {form: 1 if form == "bit" else int(form[1:]) // 16 for form in get_args(Type)}
 TIMES: Mapping[str, float] = {"{tenths}": 10.0, "{seconds}": 1.0, "{ms}": 1000.0}
 """What a watchdog's time is written as, and its counts in a second."""
 _SAFE = re.compile(r"\{safe:(.+)\}")

@@ -78,10 +78,11 @@ RATES = frozenset({
 })  # fmt: skip
 """Names of the number of samples a second."""
 _STARTS = frozenset({"t0", "x0", "t_0", "start_time", "starttime", "time_offset", "t_start", "tstart"})
-_YEAR_2000_DAYS, _YEAR_2100_DAYS = 36_526.0, 73_050.0  # of a spreadsheet
+_YEARS_S = tuple(float(np.datetime64(year, "s").astype(np.int64)) for year in ("2000", "2100"))  # since 1970
+SPREADSHEET_DAYS = tuple(since_s / 86_400.0 + 25_569.0 for since_s in _YEARS_S)
+"""The beginnings of 2000 and 2100, in days since 1899-12-30."""
 _MATLAB_DAYS = 693_960.0  # what its day numbers are ahead of a spreadsheet's
 _FINE = 2e-5  # days, 1.7 s; seconds that fine, without a unit, count from the start of a recording
-_YEAR_2000_S, _YEAR_2100_S = 946_684_800.0, 4_102_444_800.0  # after the beginning of 1970
 _NO_UNIT = frozenset({"-", "--", "none", "n/a", "no unit", "no_units", "unitless", "dimensionless"})
 
 
@@ -197,11 +198,11 @@ def unit_of_stamps(values: Array) -> tuple[str, str]:
     """The unit of stamps that state none, and what they are taken for: seconds, or parts of one since 1970."""
     first = float(values[0]) if len(values) else 0.0
     for origin, words in ((0.0, "days of a spreadsheet"), (_MATLAB_DAYS, "MATLAB's days")):
-        since = _YEAR_2000_DAYS + origin < first < _YEAR_2100_DAYS + origin
+        since = SPREADSHEET_DAYS[0] + origin < first < SPREADSHEET_DAYS[1] + origin
         if since and 0.0 < float(np.median(np.diff(values))) < _FINE:
             return "day", words
     for unit, size, words in (("s", 1.0, "s"), ("ms", 1e3, "ms"), ("us", 1e6, "µs"), ("ns", 1e9, "ns")):
-        if _YEAR_2000_S * size < first < _YEAR_2100_S * size:
+        if _YEARS_S[0] * size < first < _YEARS_S[1] * size:
             return unit, f"{words} since 1970"
     return "s", "seconds"
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.record.columns import Column, Table
-from hil.record.heading import plain_name
+from hil.record.heading import SPREADSHEET_DAYS, plain_name
 
 _NAMES = frozenset({
     "name", "tag", "tagname", "tag name", "varname", "var name", "channel", "channel name", "signal", "signal name",
@@ -25,7 +25,7 @@ _GOOD_OPC = 192  # of an OPC quality, and above
 _SYSTEM = "$"  # begins the name of what a panel writes about itself: $RT_OFF$
 _MOST = 256
 # A panel of Siemens writes its `Time_ms` as days since 1899, times 10⁶, beside a clock of whole seconds.
-_PANEL_CLOCK, _PANEL_DAY, _YEARS = "time ms", 1e6, (36_526.0, 73_050.0)
+_PANEL_CLOCK, _PANEL_DAY = "time ms", 1e6
 
 
 def split_by_channel(tables: Sequence[Table]) -> tuple[Sequence[Table], bool]:
@@ -83,7 +83,11 @@ def _panel_clock(column: Column) -> Column:
     if plain_name(column.heading) != _PANEL_CLOCK or not column.is_number or not len(column.values):
         return column
     days = column.values / _PANEL_DAY
-    return replace(column, values=86_400.0 * (days - days[0]), unit="s") if _YEARS[0] < days[0] < _YEARS[1] else column
+    return (
+        replace(column, values=86_400.0 * (days - days[0]), unit="s")
+        if SPREADSHEET_DAYS[0] < days[0] < SPREADSHEET_DAYS[1]
+        else column
+    )
 
 
 def _clocks(columns: Sequence[Column], by_name: dict[str, Column], others: Sequence[Column]) -> list[Column]:

@@ -18,7 +18,7 @@ from hil.record.csv_text import csv_text
 from hil.record.durable import write_whole
 from hil.record.recording import Array, Complex
 from hil.record.show import data_frame, dataset, table_html
-from hil.signals.decibel import decibels, of_decibels
+from hil.signals.decibel import PER_NEPER, decibels, of_decibels
 from hil.units import convert
 
 _WORDS = {
@@ -35,7 +35,6 @@ _FREQUENCY_UNITS = frozenset({"Hz", "kHz", "mHz", "MHz", "rad/s", "hertz", "1/s"
 _ANGLES = frozenset({"deg", "°", "rad", "mrad", "degree", "degrees", "grad", "Deg"})
 _GERMAN_DEGREES = ("Grad", "grad")  # 1/360 of a turn there, 1/400 in English, where nobody measures phases in it
 _DECIBEL = frozenset({"db", "decibel"})
-_DB = 20.0 / math.log(10.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +112,7 @@ class ResponseTable:
         size, unit = np.abs(self.response), "dB" if in_db else self.unit
         found = {"gain": (decibels(size) if in_db else size, unit), "phase": (self.phase_deg, "deg")}
         if self.gain_std is not None:
-            found["gain std"] = (self.gain_std * (_DB if in_db else size), unit)
+            found["gain std"] = (self.gain_std * (PER_NEPER if in_db else size), unit)
         if self.phase_std_rad is not None:
             found["phase std"] = (np.degrees(self.phase_std_rad), "deg")
         return found
@@ -322,4 +321,4 @@ def _gain_std(column: Column | None, size: Array, in_db: bool) -> Array | None:
     unit = column.name_and_unit[1]
     if unit == "%":
         return values / 100.0
-    return values / _DB if unit.casefold() in _DECIBEL or (not unit and in_db) else values / size
+    return values / PER_NEPER if unit.casefold() in _DECIBEL or (not unit and in_db) else values / size

@@ -23,13 +23,12 @@ from hil.report.number import note_text, number, with_uncertainty
 from hil.report.page import write_page
 from hil.report.responses import bode
 from hil.report.section import Section, Table
-from hil.signals.decibel import decibels
+from hil.signals.decibel import PER_NEPER, decibels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LINE = 400  # points of a drawn transfer function
-_DB_PER_NEPER = 20.0 / np.log(10.0)
 
 
 @in_page_language
@@ -101,7 +100,7 @@ def _table(model: Model, table: ResponseTable, k: int) -> Picture:
         "model": _modelled(model, table) if _is_linear(model) else None,
     }  # fmt: skip
     if table.gain_std is not None and table.phase_std_rad is not None:
-        curve["magnitude_std_db"] = _DB_PER_NEPER * table.gain_std
+        curve["magnitude_std_db"] = PER_NEPER * table.gain_std
         curve["phase_std_deg"] = np.degrees(table.phase_std_rad)
     caption = _("Points: the table, bars: ±U (k = 2) where it states one. Line: the model. 0 dB is a gain of {one}.")
     one = "1" if table.unit == "1" else f"1 {table.unit}"

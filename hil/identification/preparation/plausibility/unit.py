@@ -42,7 +42,7 @@ _CONFUSED = (
 _BARE = ("%", "rad", "rpm")  # kinds that arithmetic of units does not tell from other numbers
 _LARGEST_FACTOR = 2000.0
 # Decimals that were lost.
-_DECIMALS = (1000.0, 100.0, 10.0, 0.1, 0.01, 0.001)
+_DECIMALS = frozenset(10.0**power for power in range(-3, 4) if power)
 _FACTOR_TOLERANCE = 0.08
 _MUCH_LESS, _SAME_FIT = 0.2, 0.1
 _ALSO_MOVES = 0.5
