@@ -11,15 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from hil.identification.preparation.criteria import CRITERIA, EFFORT
 from hil.identification.preparation.experiment import Experiment
 from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array
-
-# Of so many values slopes in a dozen parameters take some megabytes: fewer are compared one by one.
-_MANY = 1 << 16
-# Of the power of the plant's motion that means may lose: estimates move by its root, a twentieth of their std, or less.
-_LOST = 0.05**2
 
 
 def means(errors: Array, count: int) -> Array:
@@ -45,12 +41,14 @@ def with_means(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Ex
 
 
 def _count(model: Model, e: Experiment) -> int:
-    if len(e.output) < 2 * _MANY:
+    if len(e.output) < 2 * EFFORT.means_from:
         return 1
     motion = [np.diff(row) for row in e.simulated(model)]
     moving = [row for row in motion if float(row @ row) > 0.0]
     count = 1
-    while len(e.output) >= 2 * count * _MANY and all(_power_lost(row, 2 * count) <= _LOST for row in moving):
+    while len(e.output) >= 2 * count * EFFORT.means_from and all(
+        _power_lost(row, 2 * count) <= CRITERIA.lost_power for row in moving
+    ):
         count *= 2
     return count
 

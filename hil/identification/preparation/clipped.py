@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from hil.identification.preparation.criteria import CRITERIA
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.noise import NOISE_OVER_RESOLUTION, resolution, white_floor
 from hil.language.note import Note
 from hil.record.recording import Array, Mask
 from hil.signals.runs import runs
-
-_LEAST_CLIPPED = 0.002
-_LEAST_RUN, _FEW_BELOW = 5, 50
 
 
 def without_clipped(e: Experiment) -> tuple[Experiment, list[Note]]:
@@ -50,11 +48,11 @@ def clipped_samples(values: Array) -> tuple[Mask | None, float]:
         return None, 0.0
     # a coarse channel is at its extreme again and again, and nothing in between is wrong
     fine = floor >= NOISE_OVER_RESOLUTION * resolution(values)
-    few_below = _FEW_BELOW if fine else 0
+    few_below = CRITERIA.clipped_gap if fine else 0
     clipped = np.zeros(len(values), dtype=np.bool_)
     for extreme in (float(values.max()), float(values.min())):
         clipped |= _at_the_end(values == extreme, few_below)
-    if clipped.mean() < _LEAST_CLIPPED:
+    if clipped.mean() < CRITERIA.clipped_share:
         return None, 0.0
     at = values[clipped & ((values == values.max()) | (values == values.min()))]
     return clipped, float(at[0])
@@ -74,6 +72,6 @@ def _at_the_end(at_extreme: Mask, few_below: int) -> Mask:
         if stop - start <= few_below:
             together[start:stop] = True
     for start, stop in runs(together):
-        if any(last - first >= _LEAST_RUN for first, last in runs(at_extreme[start:stop])):
+        if any(last - first >= CRITERIA.clipped_run for first, last in runs(at_extreme[start:stop])):
             kept[start:stop] = True
     return kept

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from hil.identification.preparation.criteria import CRITERIA
 from hil.record.recording import Array, Recording
 
 PHASES = 8  # of a dither, whose own is not known: two for what is the same at any, eight for its second harmonic
 FINER = 2  # so much finer than its command is a dither driven: held over a whole sample, it would be cut off too little
 _STOOD_S = 1.0  # longer than the coil of a valve remembers, L/R being 0.06 s at most in those that ship
-_SAMPLES_PER_PERIOD = 4.0  # below which the samples of a command cannot carry its dither
 
 
 def as_driven(recording: Recording) -> Recording:
@@ -85,7 +85,7 @@ def _outputs(recording: Recording) -> dict[str, Mapping[str, Any]]:
 def _is_carried(how: Mapping[str, Any], recording: Recording) -> bool:
     if not float(how.get("dither_amplitude", 0.0)) > 0.0 or "dither_hz" not in how or not recording.is_even():
         return False
-    return _SAMPLES_PER_PERIOD * float(how["dither_hz"]) * recording.interval_s <= 1.0 + 1e-9
+    return CRITERIA.carried * float(how["dither_hz"]) * recording.interval_s <= 1.0 + 1e-9
 
 
 def _applied_input(command: Array, how: Mapping[str, Any], wave: Array | None = None) -> Array:

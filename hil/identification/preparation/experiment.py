@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from hil.errors import FileError, SettingError, option
+from hil.identification.preparation.criteria import CRITERIA, EFFORT
 from hil.identification.preparation.driven import FINER, PHASES, as_driven, stood_before, with_dither
 from hil.identification.preparation.time_base import (
-    GRID_PER_UNEVEN_SAMPLE,
     held_grid,
     is_known_throughout,
     missing_of_even,
@@ -24,12 +24,8 @@ from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.invalid_samples import across, measured_rows
 from hil.record.recording import Array, Channel, Mask, Recording, Samples, split_heading
 
-_FELT_BEND = 0.5  # of the noise, as an error
 OUTPUT = "output"  # among the names of a plant's inner signals
 DEAD = Note("a dead sensor, no supply or a wrong column")
-# A rest of fewer samples tells no more than its first; halves that differ by more than this moved.
-_FEWEST_AT_REST, _NO_MOTION_SIGMAS = 8, 3.0
-FEWEST_SAMPLES = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -342,7 +338,7 @@ def _bends(values: Array, late: float) -> Mask:
     """
     bend = np.abs(np.diff(values, 2, prepend=values[0], append=values[-1]))
     within = (values > values.min()) & (values < values.max())  # at the end of a range there is no noise
-    beyond = bend * abs(late) > _FELT_BEND * white_floor(values[within])
+    beyond = bend * abs(late) > CRITERIA.felt_bend * white_floor(values[within])
     beyond[:-1] |= beyond[1:].copy()
     return beyond
 
@@ -382,10 +378,10 @@ def _on_own_stamps(
     output = recording.samples(*answer)
     first, last = max(one.time_s[0] for one in given), recording.time_s[-1]
     kept = (output.time_s >= first - 1e-9) & (output.time_s <= last + recording.interval_s)
-    if np.count_nonzero(kept) < FEWEST_SAMPLES:
+    if np.count_nonzero(kept) < CRITERIA.fewest_samples:
         raise FileError(
             f"{recording.name}: '{answer[0]}' has {np.count_nonzero(kept)} samples while '{names[0]}' is known; at "
-            f"least {FEWEST_SAMPLES} are needed"
+            f"least {CRITERIA.fewest_samples} are needed"
         )
     output = Samples(output.time_s[kept], output.values[kept])
     # a loop that adds up starts at its first reading; what went before tells nobody where it stood
@@ -434,10 +430,10 @@ def _at_rest(inputs: Array, output: Array) -> float:
     """
     moved = np.flatnonzero((inputs != inputs[:, :1]).any(axis=0))
     count = int(moved[0]) if moved.size else len(output)
-    while count >= _FEWEST_AT_REST:
+    while count >= CRITERIA.fewest_at_rest:
         early, late = output[: count // 2], output[count // 2 : count]
         uncertainty = np.hypot(np.std(early), np.std(late)) / np.sqrt(count / 2.0)
-        if abs(early.mean() - late.mean()) <= _NO_MOTION_SIGMAS * uncertainty:
+        if abs(early.mean() - late.mean()) <= CRITERIA.significant * uncertainty:
             return float(output[:count].mean())
         count //= 2
     return float(output[0])
@@ -526,7 +522,7 @@ def _even(recording: Recording, inputs: Array, read_s: Array | None) -> tuple[Ar
     if read_s is None and recording.is_even():
         return None, np.ascontiguousarray(inputs), recording.interval_s
     # Uneven stamps: inputs are held on a finer even grid, outputs are read at the stamps they really had.
-    interval_s = recording.interval_s / GRID_PER_UNEVEN_SAMPLE
+    interval_s = recording.interval_s / EFFORT.grid_per_sample
     start, stop = (
         recording.time_s[0],
         recording.time_s[-1] if read_s is None else max(recording.time_s[-1], read_s.max()),
@@ -552,9 +548,9 @@ def require_excitation(experiments: Sequence[Experiment]) -> None:
     """Raise `FileError` when a recording is too short to tell anything, or no output or its input moves."""
     for e in experiments:
         count = int(np.count_nonzero(e.valid))
-        if count < FEWEST_SAMPLES:
+        if count < CRITERIA.fewest_samples:
             of = "" if count == len(e.output) else f" of '{e.output_heading}' that were measured"
-            raise FileError(f"{e.name}: {count} samples{of}; at least {FEWEST_SAMPLES} are needed to identify")
+            raise FileError(f"{e.name}: {count} samples{of}; at least {CRITERIA.fewest_samples} are needed to identify")
     telling = [e for e in experiments if not e.stands_still] or experiments
     if all(np.ptp(e.drive.inputs[0]) == 0.0 for e in telling):
         names = ", ".join(e.name for e in telling)

@@ -10,21 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import FileError
-from hil.identification.preparation.experiment import FEWEST_SAMPLES, Experiment
+from hil.identification.preparation.criteria import CRITERIA
+from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.identification.uncertainty.noise import resolution, white_floor
 from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array, Mask
 from hil.signals.runs import runs
-
-# A hole of fewer intervals is bridged: the command hardly moves in it.
-_GAP = 5.0
-_OFF_GRID = 0.05
-_MOST_TIMES_LONGER = 10
-_SETTLED_AFTER = 5.0
-# A command that rises so many times as steeply through a hole as beside it, by this share of its span, has jumped.
-_STEEPER, _LEAST_JUMP = 3.0, 1e-3
 
 
 def bridged(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], tuple[Note, ...]]:
@@ -73,7 +66,7 @@ def filled(e: Experiment, constant_s: float, forgets: bool) -> tuple[Experiment,
         used = Note("{seen}; only {duration_s:.4g} s from {start_s:.4g} s are used", seen=seen,
                     duration_s=kept.duration_s, start_s=kept.time_s[0])  # fmt: skip
         return kept, [used.of(e.name)]
-    settling_s = _SETTLED_AFTER * constant_s
+    settling_s = CRITERIA.settled_after * constant_s
     unsettled = np.zeros_like(missing)
     for start, stop in unknown:
         unsettled[start : stop + int(np.ceil(settling_s / even.drive.interval_s))] = True
@@ -86,10 +79,10 @@ def filled(e: Experiment, constant_s: float, forgets: bool) -> tuple[Experiment,
 
 def _enough(kept: Experiment, seen: Note) -> Experiment:
     left = int(kept.valid.sum())
-    if left < FEWEST_SAMPLES:
+    if left < CRITERIA.fewest_samples:
         raise FileError(
             Note("{seen}: {left} samples are left; at least {least} are needed",
-                 seen=seen, left=left, least=FEWEST_SAMPLES).of(kept.name)
+                 seen=seen, left=left, least=CRITERIA.fewest_samples).of(kept.name)
         )  # fmt: skip
     return kept
 
@@ -97,7 +90,7 @@ def _enough(kept: Experiment, seen: Note) -> Experiment:
 def _long_gaps(e: Experiment) -> list[tuple[float, float]]:
     """When they begin, and how long they are."""
     steps = np.diff(e.time_s)
-    return [(float(e.time_s[k]), float(steps[k])) for k in np.flatnonzero(steps > _GAP * e.interval_s)]
+    return [(float(e.time_s[k]), float(steps[k])) for k in np.flatnonzero(steps > CRITERIA.gap * e.interval_s)]
 
 
 def _counted(gaps: list[tuple[float, float]]) -> Note:
@@ -113,10 +106,10 @@ def _places(e: Experiment) -> NDArray[np.intp] | None:
     if e.read_s is not None:
         return None
     at = np.concatenate(([0], np.cumsum(np.rint(np.diff(e.time_s) / e.interval_s).astype(np.intp))))
-    if np.diff(at).min() < 1 or at[-1] > _MOST_TIMES_LONGER * len(at):
+    if np.diff(at).min() < 1 or at[-1] > CRITERIA.most_times_longer * len(at):
         return None
     from_grid = e.time_s - e.time_s[0] - at * e.duration_s / at[-1]
-    return at if np.abs(from_grid).max() <= _OFF_GRID * e.interval_s else None
+    return at if np.abs(from_grid).max() <= CRITERIA.off_grid * e.interval_s else None
 
 
 def _bridged(e: Experiment, grid_s: Array, at: NDArray[np.intp], missing: Mask) -> Experiment:
@@ -161,7 +154,7 @@ def _as_noisy(drawn: Array, recorded: Array, missing: Mask) -> Array:
 
 def _unknown(inputs: Array, missing: Mask) -> list[tuple[int, int]]:
     """The holes in which nobody knows what was commanded: long ones, and those in which a command has jumped."""
-    least = _LEAST_JUMP * np.ptp(inputs, axis=1)
+    least = CRITERIA.least_jump * np.ptp(inputs, axis=1)
     found = []
     for start, stop in runs(missing):
         before, after = max(start - 2, 0), min(stop + 1, len(missing) - 1)
@@ -169,8 +162,8 @@ def _unknown(inputs: Array, missing: Mask) -> list[tuple[int, int]]:
             np.abs(inputs[:, start - 1] - inputs[:, before]), np.abs(inputs[:, after] - inputs[:, stop])
         )
         rise = np.abs(inputs[:, stop] - inputs[:, start - 1])
-        jumps = rise > least + _STEEPER * (stop - start + 1) * beside
-        if stop - start >= _GAP or jumps.any():
+        jumps = rise > least + CRITERIA.steeper * (stop - start + 1) * beside
+        if stop - start >= CRITERIA.gap or jumps.any():
             found.append((start, stop))
     return found
 

@@ -4,9 +4,8 @@ A stretch tells by how it moves the command: over levels, and from sample to sam
 information matrix of such regressors; stretches are taken one after another, each time the one that adds most to the
 determinant of the sum (D-optimal; Fedorov: Theory of Optimal Experiments, 1972).
 
-Where a stretch begins nobody knows what moves still. What comes to rest with the output is left out until it has. What
-comes to rest more slowly and shows in an inner signal (the warmth of a coil) is as in the model of the whole recording:
-the stretch begins at rest at the level that brings the model there.
+Where a stretch begins nobody knows what moves still. What comes to rest with the output is left out until it has, and
+so is an inner signal that comes to rest more slowly (the warmth of a coil), by the model of the whole recording.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hil.identification.preparation.criteria import CRITERIA, EFFORT
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.plausibility.suspicion import can_be_held_against
 from hil.identification.preparation.time_constant import time_constant_s
@@ -26,19 +26,6 @@ from hil.physics.model import Model
 from hil.record.recording import Array, Recording
 from hil.signals.runs import runs
 
-MOST_SAMPLES = 300_000
-"""More are not fitted: what they would add to a fit is not worth their hours."""
-
-_SAMPLES = 30_000  # of a stretch, or as many as these time constants take
-_CONSTANTS = 40.0
-_SEVERAL, _FEW = 8, 4  # stretches that are taken where nobody knows a time constant, and where one is known
-_SETTLED_AFTER, _AT_MOST = 10.0, 0.5  # time constants (e^-10 is less than any noise), and a share of the stretch
-_ANSWERS = 10_000  # of the model, that a diagnosis takes at most: 3000 to 10 000 where they were counted
-_FEWEST_SAMPLES = 12_000  # less time than these take is not asked for: a diagnosis of fewer tells little
-_SAMPLES_PER_S = 10e6  # simulated samples that a second of a budget stands for
-_SETTLED_SHARE = 0.1  # of a stretch, where nobody knows a time constant
-_LAGS = (1, 10, 100, 1000)
-_BEYOND = 0.1  # of the commands' span, in which a level to begin at is looked for too
 _FELT = 1.0  # of χ²: what the rest of a stretch may differ by, so that it moves no parameter by its uncertainty
 
 
@@ -58,16 +45,16 @@ def experiments_of(
         bind: makes a recording an experiment.
         computing_s: budget of a diagnosis: too long is what would take more.
     """
-    total, most = sum(len(one) for one in recordings), MOST_SAMPLES
-    if math.isfinite(computing_s) and total > _FEWEST_SAMPLES:
-        affordable = computing_s * _SAMPLES_PER_S / _ANSWERS  # by the simulations that diagnoses take
-        most = int(np.clip(affordable, _FEWEST_SAMPLES, MOST_SAMPLES))
+    total, most = sum(len(one) for one in recordings), EFFORT.most_samples
+    if math.isfinite(computing_s) and total > EFFORT.fewest_samples:
+        affordable = computing_s * EFFORT.samples_per_s / EFFORT.answers  # by the simulations that diagnoses take
+        most = int(np.clip(affordable, EFFORT.fewest_samples, EFFORT.most_samples))
     if total <= most:
         return [bind(one) for one in recordings], ()
     made: list[Experiment] = []
     notes = []
     for one in recordings:
-        own = max(int(most * len(one) / total), min(len(one), _SAMPLES, most))
+        own = max(int(most * len(one) / total), min(len(one), EFFORT.segment_samples, most))
         found = informative_segments(one.values(command(one)), own, _length(model, one, bind, own))
         made += _bound(model, one, found, bind)
         notes.append(_sentence(one, found))
@@ -82,60 +69,25 @@ def _bound(
         return cut
     whole = bind(one)
     rows = whole.simulated(model)
-    command = whole.drive.inputs[0]
-    beyond = _BEYOND * float(np.ptp(command))
-    reach = float(command.min()) - beyond, float(command.max()) + beyond
-    return [_begun_as(model, e, rows[:, np.searchsorted(whole.time_s, e.time_s)], reach) for e in cut]
+    return [_as_in_the_whole(model, e, rows[:, np.searchsorted(whole.time_s, e.time_s)]) for e in cut]
 
 
-def _begun_as(model: Model, e: Experiment, rows: Array, reach: tuple[float, float]) -> Experiment:
-    """A stretch that begins at rest at the level from which the model comes nearest to what it is there in the whole.
-
-    What is still not as in the whole is left out of inner signals, until it is.
+def _as_in_the_whole(model: Model, e: Experiment, rows: Array) -> Experiment:
+    """A stretch without inner signals for as long as the model is not yet in them what it is there in the whole.
 
     Args:
         model: as it is before anything is fitted.
         e: the stretch.
         rows: the model's answer there to the whole recording, shape (1 + observed, n).
-        reach: between which levels it may begin.
     """
-    found = _from_level(model, e, rows, reach)
-    apart = _apart(model, found, rows)
-    for name, felt in apart.items():
-        moving = np.cumsum(felt[::-1])[::-1] > _FELT
-        informs = (found.valid_in(name) & ~moving).any()
-        found = found.without(moving, name) if informs else _without_signal(found, name)
-    return found
-
-
-def _from_level(model: Model, e: Experiment, rows: Array, reach: tuple[float, float]) -> Experiment:
-    """Begun at rest at another level, where that is nearer to the whole."""
-    if sum(float(felt.sum()) for felt in _apart(model, e, rows).values()) <= _FELT:
-        return e
-
-    def apart(level: float) -> float:
-        return sum(float(felt.sum()) for felt in _apart(model, _resting_at(e, level), rows).values())
-
-    from scipy.optimize import minimize_scalar
-
-    best = minimize_scalar(apart, bounds=reach, method="bounded")
-    nearer = _resting_at(e, float(best.x))
-    return nearer if best.fun < apart(float(e.drive.inputs[0, 0])) else e
-
-
-def _resting_at(e: Experiment, level: float) -> Experiment:
-    inputs = e.drive.inputs.copy()
-    inputs[0, 0] = level
-    return e.driven(inputs)
-
-
-def _apart(model: Model, e: Experiment, rows: Array) -> dict[str, Array]:
-    """What the model begun at the stretch differs by from the model of the whole, in χ² of each sample of a signal."""
-    begun = e.simulated(model)
-    found = {}
+    begun, found = e.simulated(model), e
     for signal, known, unknown in zip(model.definition.observed, rows[1:], begun[1:], strict=True):
-        if signal.name in e.observed and (floor := channel_floor(e.observed[signal.name])):
-            found[signal.name] = np.where(e.valid_in(signal.name), (known - unknown) / floor, 0.0) ** 2
+        if signal.name not in e.observed or not (floor := channel_floor(e.observed[signal.name])):
+            continue
+        felt = np.where(e.valid_in(signal.name), (known - unknown) / floor, 0.0) ** 2
+        moving = np.cumsum(felt[::-1])[::-1] > _FELT
+        informs = (e.valid_in(signal.name) & ~moving).any()
+        found = found.without(moving, signal.name) if informs else _without_signal(found, signal.name)
     return found
 
 
@@ -168,27 +120,29 @@ def informative_segments(command: Array, most: int, length: int) -> list[tuple[i
 def _information(values: Array, low: float, span: float) -> Array:
     """Sum of squares and products of what a stretch moves a plant by, per sample."""
     u = np.nan_to_num(2.0 * (values - low) / span - 1.0)
-    moved = [np.concatenate((np.zeros(lag), u[lag:] - u[:-lag])) for lag in _LAGS if lag < len(u)]
-    moved += [np.zeros(len(u))] * (len(_LAGS) - len(moved))
+    moved = [np.concatenate((np.zeros(lag), u[lag:] - u[:-lag])) for lag in EFFORT.lags if lag < len(u)]
+    moved += [np.zeros(len(u))] * (len(EFFORT.lags) - len(moved))
     seen = np.stack([np.ones(len(u)), u, u * u, u * u * u, *moved])
     return seen @ seen.T / len(u)
 
 
 def _length(model: Model, recording: Recording, bind: Callable[[Recording], Experiment], most: int) -> int:
-    beginning = recording.rows(0, min(len(recording), _SAMPLES))
+    beginning = recording.rows(0, min(len(recording), EFFORT.segment_samples))
     constant_s = time_constant_s(model, bind(beginning)) if can_be_held_against(model) else 0.0
     if not constant_s:
-        return min(_SAMPLES, most)
-    wanted = int(_CONSTANTS * constant_s / recording.interval_s)
-    longest = max(most // _FEW, wanted // 2, 1)  # half of that is enough where few samples are asked for
-    return min(int(np.clip(wanted, min(_SAMPLES, most // _SEVERAL), longest)), most)
+        return min(EFFORT.segment_samples, most)
+    wanted = int(EFFORT.segment_constants * constant_s / recording.interval_s)
+    longest = max(
+        most // EFFORT.timed_segments, wanted // 2, 1
+    )  # half of that is enough where few samples are asked for
+    return min(int(np.clip(wanted, min(EFFORT.segment_samples, most // EFFORT.segments), longest)), most)
 
 
 def _settling_left_out(model: Model, e: Experiment) -> Experiment:
     """Where a stretch begins nobody knows what moves still."""
     constant_s = time_constant_s(model, e) if can_be_held_against(model) else 0.0
-    settling_s = _SETTLED_AFTER * constant_s or _SETTLED_SHARE * e.duration_s
-    until_s = e.time_s[0] + min(settling_s, _AT_MOST * e.duration_s)
+    settling_s = CRITERIA.forgotten_after * constant_s or CRITERIA.settling_share * e.duration_s
+    until_s = e.time_s[0] + min(settling_s, CRITERIA.unsettled_share * e.duration_s)
     return e.without_all(e.time_s < until_s)
 
 

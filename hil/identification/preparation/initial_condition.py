@@ -12,15 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from hil.identification.preparation.criteria import CRITERIA
 from hil.identification.preparation.experiment import Experiment
 from hil.physics.plant import Parameters, Plant
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
-
-# How far off a start may be, in standard deviations of the noise: coloured noise and a sample that is read while the
-# plant moves are worse than white noise. An offset of the sensor is in the start too, and is not lost by this.
-_START_SIGMAS = 10.0
-_FELT = 0.1
 
 
 def start_slope(
@@ -39,7 +35,7 @@ def start_slope(
     """
     known = plant.integrates is None or not plant.integrates(parameters)
     # a linear integrator is as much off as it has moved before its first sample, of which nobody knows
-    step = _START_SIGMAS * noise_std if known else max(_START_SIGMAS * noise_std, float(np.ptp(e.output)))
+    step = CRITERIA.start * noise_std if known else max(CRITERIA.start * noise_std, float(np.ptp(e.output)))
     inputs = tuple(e.drive.inputs[:, 0].tolist())
     first = e.drive.first_output
     if plant.initial(parameters, inputs, first) == plant.initial(parameters, inputs, first + step):
@@ -49,7 +45,7 @@ def start_slope(
         plain = e.respond(plant, parameters, effects, factor=factor)[0]
     changed = moved.respond(plant, parameters, effects, factor=factor)[0]
     slope = e.telling((changed - plain) / noise_std)
-    return slope if float(slope @ slope) > _FELT**2 else None
+    return slope if float(slope @ slope) > CRITERIA.felt_start**2 else None
 
 
 def with_free_start(residuals: Array, slope: Array | None) -> Array:

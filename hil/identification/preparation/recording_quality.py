@@ -11,6 +11,7 @@ import numpy as np
 from hil.errors import FileError
 from hil.identification.preparation.clipped import without_clipped
 from hil.identification.preparation.content import is_of_its_origin
+from hil.identification.preparation.criteria import CRITERIA
 from hil.identification.preparation.disagreement import disagreement
 from hil.identification.preparation.experiment import Experiment, power_of
 from hil.identification.preparation.feedback import runs_in_a_loop
@@ -26,10 +27,6 @@ from hil.physics.plant import Parameters, Plant
 from hil.physics.transfer_function import from_parameters
 from hil.record.recording import Array
 
-_SAME_FREQUENCY, _LEAST_PERIODS, _LINE_WIDTH, _ALL_POWER = 1.05, 3, 3, 0.999  # of a command that is one sine
-_GROWS, _LEAST_GROWN = 2.0, 40  # times from quarter to quarter: an integrator's grows by 3/2 or less; samples
-_SIGNIFICANT = 3.0  # standard deviations
-_RISE_SAMPLES = 10.0  # within 10 … 90 % of a step's response
 LINEAR = "transfer-function"
 
 
@@ -108,14 +105,14 @@ def doubts(model: Model, experiments: Sequence[Experiment], fits: Mapping[str, f
 
 def _runs_away(model: Model, e: Experiment) -> list[Note]:
     """What is said of a response that grows and grows while its command does not: faster than any integrator's."""
-    if model.plant != LINEAR or len(e.output) < _LEAST_GROWN:
+    if model.plant != LINEAR or len(e.output) < CRITERIA.grown_samples:
         return []
 
     def sizes(values: Array) -> Array:
         return np.array([float(np.abs(part - values[0]).max()) for part in np.array_split(values, 4)])
 
     out, given = sizes(e.output), sizes(e.on_grid_input())
-    if not np.all(out[1:] > _GROWS * out[:-1]) or given[-1] > _GROWS * given[:-1].max():
+    if not np.all(out[1:] > CRITERIA.grows * out[:-1]) or given[-1] > CRITERIA.grows * given[:-1].max():
         return []
     unstable = Note(
         "the output grows ever faster while the input does not: the plant is unstable, and no stable form fits it. "
@@ -140,7 +137,7 @@ def _too_slow(model: Model, e: Experiment) -> list[Note]:
 def one_frequency(experiments: Sequence[Experiment]) -> list[Note]:
     """What is said where every command holds the same single frequency."""
     found_hz = [single_frequency_hz(e.on_grid_input(), e.interval_s) for e in experiments]
-    if not found_hz or not all(found_hz) or max(found_hz) > _SAME_FREQUENCY * min(found_hz):
+    if not found_hz or not all(found_hz) or max(found_hz) > CRITERIA.same_frequency * min(found_hz):
         return []
     one = Note(
         "one frequency, {frequency_hz:.4g} Hz, determines a gain and a phase. The gain at rest and the order are not "
@@ -154,10 +151,10 @@ def single_frequency_hz(values: Array, interval_s: float) -> float:
     """The frequency of a steady sine, 0 for anything else."""
     power = power_of(values)
     at, total = int(np.argmax(power)), float(power.sum())
-    if at < _LEAST_PERIODS or total == 0.0:
+    if at < CRITERIA.sine_periods or total == 0.0:
         return 0.0
-    near = float(power[max(at - _LINE_WIDTH, 0) : at + _LINE_WIDTH + 1].sum())
-    return at / (len(values) * interval_s) if near > _ALL_POWER * total else 0.0
+    near = float(power[max(at - CRITERIA.line_width, 0) : at + CRITERIA.line_width + 1].sum())
+    return at / (len(values) * interval_s) if near > CRITERIA.all_power * total else 0.0
 
 
 def _in_a_loop(e: Experiment) -> list[Note]:
@@ -211,7 +208,7 @@ def enough_hz(corner_rad_s: float) -> float:
 
     Åström and Wittenmark, Computer-Controlled Systems, take four to ten.
     """
-    return float(f"{_RISE_SAMPLES * corner_rad_s / math.log(9.0):.2g}")
+    return float(f"{CRITERIA.rise_samples * corner_rad_s / math.log(9.0):.2g}")
 
 
 def too_slow_hz(model: Model, experiments: Sequence[Experiment]) -> float:
@@ -231,7 +228,7 @@ def _rate_hz(model: Model, corner_rad_s: float, limit_rad_s: float) -> float:
 def runs_the_other_way(model: Model) -> tuple[Note, ...]:
     """What is said of a transfer function with a gain below zero, beyond its uncertainty."""
     gains = [model.parameters[name] for name in ("gain", "integrator_gain")] if model.plant == LINEAR else []
-    if not any(gain.value < -_SIGNIFICANT * gain.std for gain in gains if gain.std):
+    if not any(gain.value < -CRITERIA.significant * gain.std for gain in gains if gain.std):
         return ()
     return (Note("the output falls where the input rises: is its sign right, or that of the input?"),)
 

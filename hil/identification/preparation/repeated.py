@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hil.identification.preparation.criteria import CRITERIA
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.noise import NOISE_OVER_RESOLUTION, resolution, white_floor
 from hil.language.note import Note
@@ -15,11 +16,7 @@ Run = tuple[int, int]
 # A noisy channel shows the same value so often in a row only when nobody has measured it anew: chance would make
 # such a run in one of so many recordings.
 STALE_RUN = 4
-_CHANCE_RUNS = 1e-4
-_BESIDE = 50  # samples on either side of a run: a channel with few levels shows its value there too
 LEAST_INTERVALS = 3  # fewer may be anything
-_LONE_S, _LONE_SAMPLES = 1.0, 50  # a single run so long is a recorder that stopped
-_SAME_RUN, _FEWEST_RUNS = 0.95, 20  # share of equal runs of repeats, of a channel held between slower samples
 
 
 def without_stale(e: Experiment) -> tuple[Experiment, list[Run]]:
@@ -51,12 +48,12 @@ def without_held(e: Experiment) -> tuple[Experiment, list[Note]]:
     """The experiment without samples that only repeat one of a slower channel, and that in words."""
     starts = np.flatnonzero(np.diff(e.output, prepend=np.nan) != 0.0)
     lengths = np.diff(starts)
-    if len(lengths) < _FEWEST_RUNS:
+    if len(lengths) < CRITERIA.fewest_runs:
         return e, []
     usual = int(np.median(lengths))
     fresh = e.output[starts]
     noisy = white_floor(fresh) >= NOISE_OVER_RESOLUTION * resolution(fresh) > 0.0
-    if usual < 2 or not noisy or np.mean(lengths == usual) < _SAME_RUN:
+    if usual < 2 or not noisy or np.mean(lengths == usual) < CRITERIA.same_run:
         return e, []
     repeated = np.ones(len(e.output), dtype=np.bool_)
     repeated[starts] = False
@@ -70,7 +67,7 @@ def without_held(e: Experiment) -> tuple[Experiment, list[Note]]:
 
 def longer_than_by_chance(steps: Array, floor: float) -> int:
     """So many identical values in a row are more than chance makes anywhere in a recording."""
-    longest = 1.0 + np.log(_CHANCE_RUNS / (len(steps) + 1)) / np.log(same_again(steps, floor))
+    longest = 1.0 + np.log(CRITERIA.chance_runs / (len(steps) + 1)) / np.log(same_again(steps, floor))
     return max(STALE_RUN, int(np.ceil(longest)))
 
 
@@ -87,7 +84,7 @@ def _first_move(e: Experiment) -> int:
 
 
 def _is_long(e: Experiment, start: int, stop: int) -> bool:
-    return bool(stop - start >= _LONE_SAMPLES and e.time_s[stop - 1] - e.time_s[start] >= _LONE_S)
+    return bool(stop - start >= CRITERIA.lone_samples and e.time_s[stop - 1] - e.time_s[start] >= CRITERIA.lone_s)
 
 
 def _stale_runs(values: Array) -> list[Run]:
@@ -108,6 +105,8 @@ def _stale_runs(values: Array) -> list[Run]:
 
 def _by_itself(values: Array, start: int, stop: int) -> bool:
     """Whether chance may make a run, the values beside it being what they are."""
-    beside = np.concatenate([values[max(start - _BESIDE, 0) : start], values[stop + 1 : stop + 1 + _BESIDE]])
+    beside = np.concatenate(
+        [values[max(start - CRITERIA.beside, 0) : start], values[stop + 1 : stop + 1 + CRITERIA.beside]]
+    )
     chance = float(np.mean(beside == values[start])) if beside.size else 0.0
-    return bool(len(values) * chance ** (stop - start) > _CHANCE_RUNS)
+    return bool(len(values) * chance ** (stop - start) > CRITERIA.chance_runs)

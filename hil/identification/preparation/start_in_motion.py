@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hil.identification.preparation.criteria import CRITERIA, EFFORT
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.fit import explains_little, fit_percent
 from hil.identification.uncertainty.noise import channel_floor
@@ -22,16 +23,12 @@ from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 from hil.signals.interval import COVERED
 
-_ROUNDS = 3
-_FEWEST = 8  # samples that show a slope
-_SLOPE = 0.1  # of the command's range, for the slope in a level
-
 
 def begins_at_rest(e: Experiment) -> bool:
     """Whether the output is noise about a level before the command first moves; False where too few samples tell."""
     moved = np.diff(e.on_grid_input()) != 0.0
     still = e.output[: int(np.argmax(moved)) + 1]
-    if len(still) < _FEWEST:
+    if len(still) < CRITERIA.fewest_at_rest:
         return False
     time = np.linspace(-1.0, 1.0, len(still))
     slope = float(time @ still) / float(time @ time)
@@ -80,8 +77,11 @@ def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note
     if not (plain.any() and left.any()):  # no noise, and nothing to explain
         return e, ()
 
-    for _ in range(_ROUNDS):
-        slopes = np.array([errors(change + _SLOPE * span * unit) - left for unit in np.eye(count)]).T / _SLOPE
+    for _ in range(EFFORT.rounds):
+        slopes = (
+            np.array([errors(change + EFFORT.level_step * span * unit) - left for unit in np.eye(count)]).T
+            / EFFORT.level_step
+        )
         # a level lies about the first one as far as the command goes, and what is left says how much a sample tells
         power = float(np.mean(left**2))
         step = np.linalg.solve(slopes.T @ slopes + power * np.eye(count), -slopes.T @ left - power * change / span)

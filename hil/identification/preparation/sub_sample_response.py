@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hil.identification.preparation.criteria import EFFORT
 from hil.identification.preparation.experiment import Experiment
 from hil.language.note import Note
 from hil.physics.model import Model
@@ -16,7 +17,6 @@ from hil.signals.colour import colour_factor
 from hil.signals.interval import COVERED, UNIFORM
 
 _LAGS = ("lag_time", "pair1_time", "pair2_time", "integrator_gain")
-_SHORTEST, _LONGEST, _HALVINGS = 1e-2, 1e3, 12  # samples
 
 
 def responds_within_sample(values: Parameters) -> bool:
@@ -70,10 +70,10 @@ def _longest_hidden_s(model: Model, experiments: Sequence[Experiment]) -> float:
         other = np.concatenate(errors(lag_s))
         return float(other @ other) > allowed
 
-    low, high = math.log(_SHORTEST * interval_s), math.log(_LONGEST * interval_s)
+    low, high = math.log(EFFORT.shortest * interval_s), math.log(EFFORT.longest * interval_s)
     if not shows(math.exp(high)):
         return math.inf
-    for _ in range(_HALVINGS):
+    for _ in range(EFFORT.halvings):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if shows(math.exp(middle)) else (middle, high)
     return math.exp(high)

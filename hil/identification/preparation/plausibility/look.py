@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from hil.identification.preparation.content import is_of_its_origin
+from hil.identification.preparation.criteria import CRITERIA
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.plausibility.suspicion import (
-    GOOD_FIT,
-    POOR_FIT,
     Suspicion,
     can_be_held_against,
     expected,
@@ -28,9 +27,6 @@ from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.invalid_samples import across
 from hil.record.recording import Array
-
-# Where columns are swapped a model fits the one way hardly better than a mean does, and the other way well.
-_HOPELESS, _FITS_BETTER = 35.0, 20.0
 
 
 def suspicions(model: Model, experiments: Sequence[Experiment]) -> Iterator[Suspicion]:
@@ -61,7 +57,7 @@ def implausible(model: Model, e: Experiment) -> Iterator[Suspicion]:
 def reversed_sign(model: Model, e: Experiment, simulated: Array) -> Suspicion | None:
     """An output that is what the model expects but for its sign; `simulated` of `expected`."""
     before, turned = fit_percent(e.output, simulated), _turned(model, e, simulated)
-    if not (before < 0.0 and turned > POOR_FIT) or _has_either_sign(model, e, simulated):
+    if not (before < 0.0 and turned > CRITERIA.poor_fit) or _has_either_sign(model, e, simulated):
         return None
     reversed_ = Note(
         "the output '{channel}' runs the other way: where {model} rises, it falls; is its sign right, or that of the "
@@ -95,14 +91,14 @@ def swapped_columns(model: Model, e: Experiment, simulated: Array) -> Suspicion 
     # What is commanded has no noise, unless a position loop that keeps an integrating plant in its stroke commands it.
     by_a_loop = model.definition.observer is not None
     noisy = _noise_share(white_floor(command), command) > 10.0 * _noise_share(channel_floor(e.output), e.output)
-    if before > _HOPELESS and not by_a_loop and not noisy:
+    if before > CRITERIA.hopeless and not by_a_loop and not noisy:
         return None
     inputs = e.drive.inputs.copy()
     inputs[0] = across(e.to_follow)[0]
     turned = replace(e, drive=replace(e.drive, inputs=inputs, first_output=float(command[0])), output=command)
-    enough = good_fit(model) if before <= _HOPELESS else GOOD_FIT
+    enough = good_fit(model) if before <= CRITERIA.hopeless else CRITERIA.good_fit
     fit = fit_but_for_gain(model, turned)
-    if not fit > max(enough, before + _FITS_BETTER):
+    if not fit > max(enough, before + CRITERIA.fits_better):
         return None
     cause = Note(
         "the columns '{first}' and '{second}' look swapped: {model} fits the other way round",

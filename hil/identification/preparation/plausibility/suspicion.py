@@ -6,16 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hil.identification.preparation.criteria import CRITERIA
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.fit import fit_percent
 from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array
-
-GOOD_FIT, POOR_FIT = 80.0, 50.0
-HALF = 0.5
-_LESS_THAN_OWN = 10.0
-_CHANGED_GAIN = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +33,7 @@ class Suspicion:
 
         `at_bounds`: that fit drove parameters as far as any unit of the plant goes, and has no credit for it.
         """
-        return not fit >= POOR_FIT or self.fit >= (fit if at_bounds else 100.0 - HALF * (100.0 - fit))
+        return not fit >= CRITERIA.poor_fit or self.fit >= (fit if at_bounds else 100.0 - CRITERIA.half * (100.0 - fit))
 
 
 def can_be_held_against(model: Model) -> bool:
@@ -63,7 +59,11 @@ def good_fit(model: Model) -> float:
     Never a poor fit: a recording that the model cannot follow in any unit says nothing of its units.
     """
     own = [] if model.definition.observer else list((model.origin.get("fit_percent") or {}).values())
-    return max(min(GOOD_FIT, float(np.median(own)) - _LESS_THAN_OWN), POOR_FIT) if own else GOOD_FIT
+    return (
+        max(min(CRITERIA.good_fit, float(np.median(own)) - CRITERIA.less_than_own), CRITERIA.poor_fit)
+        if own
+        else CRITERIA.good_fit
+    )
 
 
 def fit_but_for_gain(model: Model, e: Experiment) -> float:
@@ -73,8 +73,8 @@ def fit_but_for_gain(model: Model, e: Experiment) -> float:
     if model.definition.observer is not None:
         return fit
     (gain, of_moves), (of_level, _) = moves(simulated, e.output), times(simulated, e.output)
-    likely = all(1.0 / _CHANGED_GAIN < found < _CHANGED_GAIN for found in (gain, of_level))
-    return max(fit, of_moves) if likely and of_moves > GOOD_FIT else fit
+    likely = all(1.0 / CRITERIA.changed_gain < found < CRITERIA.changed_gain for found in (gain, of_level))
+    return max(fit, of_moves) if likely and of_moves > CRITERIA.good_fit else fit
 
 
 def times(simulated: Array, measured: Array) -> tuple[float, float]:

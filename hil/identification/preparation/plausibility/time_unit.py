@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from hil.errors import option
+from hil.identification.preparation.criteria import CRITERIA
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.plausibility.suspicion import (
-    HALF,
-    POOR_FIT,
     Suspicion,
     expected,
     good_fit,
@@ -24,7 +23,6 @@ from hil.physics.model import Model
 
 # Minutes and milliseconds: no unit of time is ten times another. Stamps are exact where the unit is all that is wrong.
 _TIME_FACTORS = (1000.0, 60.0, 1 / 60.0, 0.001)
-_TIME_TOLERANCE = 0.01
 
 
 def wrong_time(model: Model, experiments: Sequence[Experiment]) -> list[Suspicion]:
@@ -92,7 +90,7 @@ def _fit(model: Model, e: Experiment) -> float:
 def _vote(recorded: float, divided: float) -> int:
     """1 where the model fits much better with the time divided by a factor, −1 where much worse, 0 where neither."""
     lost = [100.0 - fit if np.isfinite(fit) else np.inf for fit in (recorded, divided)]
-    if min(lost) > 100.0 - POOR_FIT or min(lost) > HALF * max(lost):
+    if min(lost) > 100.0 - CRITERIA.poor_fit or min(lost) > CRITERIA.half * max(lost):
         return 0
     return 1 if lost[1] < lost[0] else -1
 
@@ -100,9 +98,9 @@ def _vote(recorded: float, divided: float) -> int:
 def _time_factor(interval_s: float, known: Sequence[float]) -> float | None:
     """How many times too far apart the samples are if the unit of time is wrong; None if they are as they were."""
     times = [interval_s / other for other in known]
-    if any(abs(np.log(ratio)) < _TIME_TOLERANCE for ratio in times):
+    if any(abs(np.log(ratio)) < CRITERIA.same_interval for ratio in times):
         return None
-    return next((f for f in _TIME_FACTORS for ratio in times if abs(np.log(ratio / f)) < _TIME_TOLERANCE), None)
+    return next((f for f in _TIME_FACTORS for ratio in times if abs(np.log(ratio / f)) < CRITERIA.same_interval), None)
 
 
 def _quicker(e: Experiment, factor: float) -> Experiment:

@@ -7,11 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hil.errors import UnitError, option
+from hil.identification.preparation.criteria import CRITERIA
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.plausibility.suspicion import (
-    GOOD_FIT,
-    HALF,
-    POOR_FIT,
     Suspicion,
     fit_but_for_gain,
     good_fit,
@@ -40,15 +38,8 @@ _CONFUSED = (
     ("rpm", "rad/s", "Hz"),
 )
 _BARE = ("%", "rad", "rpm")  # kinds that arithmetic of units does not tell from other numbers
-_LARGEST_FACTOR = 2000.0
 # Decimals that were lost.
 _DECIMALS = frozenset(10.0**power for power in range(-3, 4) if power)
-_FACTOR_TOLERANCE = 0.08
-_MUCH_LESS, _SAME_FIT = 0.2, 0.1
-_ALSO_MOVES = 0.5
-# Below and above so many times what is expected, in level and moves alike, no effect makes an output of the same shape;
-# an effect beside a wrong unit hides how many times exactly.
-_TOO_SMALL, _TOO_LARGE = 0.12, 5.0
 
 
 def unit_factors(unit: str) -> tuple[float, ...]:
@@ -59,10 +50,10 @@ def unit_factors(unit: str) -> tuple[float, ...]:
             sizes = [scale_and_offset(other, unit)[0] for other in group]
         except UnitError:
             continue
-        belongs = any(abs(np.log(size)) < _FACTOR_TOLERANCE for size in sizes)
+        belongs = any(abs(np.log(size)) < CRITERIA.same_factor for size in sizes)
         if belongs or group[0] not in _BARE:
             both = {factor for size in sizes for factor in (size, 1.0 / size)}
-            large = {f for f in both if _FACTOR_TOLERANCE < abs(np.log(f)) < np.log(_LARGEST_FACTOR)}
+            large = {f for f in both if CRITERIA.same_factor < abs(np.log(f)) < np.log(CRITERIA.largest_factor)}
             factors |= {f for f in large if all(abs(np.log(f / known)) > 1e-6 for known in factors)}
     return tuple(sorted(factors, key=lambda f: float(f"{f:.12g}")))
 
@@ -70,17 +61,17 @@ def unit_factors(unit: str) -> tuple[float, ...]:
 def wrong_unit(model: Model, e: Experiment, simulated: Array) -> Suspicion | None:
     """A channel that is what the model expects but for the factor of a unit; `simulated` of `suspicion.expected`."""
     before, led_back = fit_percent(e.output, simulated), model.definition.observer is not None
-    if not (before < POOR_FIT or led_back):  # led back, a model fits half of anything
+    if not (before < CRITERIA.poor_fit or led_back):  # led back, a model fits half of anything
         return None
     of_moves, fit_of_moves = moves(simulated, e.output)
     level, fit_of_level = times(simulated, e.output)  # small moves may be smaller for a reason, a level hardly is
-    also_moves = abs(of_moves / level - 1.0) < _ALSO_MOVES if level else False
+    also_moves = abs(of_moves / level - 1.0) < CRITERIA.also_moves if level else False
     name = split_heading(e.output_heading)[0]
     slopes = ((of_moves, fit_of_moves), (level, fit_of_level if also_moves else 0.0))
     for slope, fit in () if name in e.stated_units else slopes:
-        beyond_effects = also_moves and not led_back and not _TOO_SMALL < slope < _TOO_LARGE
-        factor = _unit_factor(e.output_heading, slope, np.inf if beyond_effects else _FACTOR_TOLERANCE)
-        if factor and fit > GOOD_FIT:
+        beyond_effects = also_moves and not led_back and not CRITERIA.too_small < slope < CRITERIA.too_large
+        factor = _unit_factor(e.output_heading, slope, np.inf if beyond_effects else CRITERIA.same_factor)
+        if factor and fit > CRITERIA.good_fit:
             found = Note(
                 "channel '{channel}' is {slope:.3g} times what {model} gives; a factor near {factor:.4g} looks like a "
                 "wrong unit. {if_right}",
@@ -108,7 +99,9 @@ def _fits_in_another_unit(model: Model, e: Experiment, before: float) -> Suspici
     best = max(tried, key=lambda found: np.nan_to_num(found.fit, nan=-np.inf))
     if not best.fit > _enough(model, max(before, _undriven(model, e)), best.factor):
         return None
-    first, *others = [found for found in tried if found.factor == best.factor and found.fit >= best.fit - _SAME_FIT]
+    first, *others = [
+        found for found in tried if found.factor == best.factor and found.fit >= best.fit - CRITERIA.same_fit
+    ]
     found = Note(
         "channel '{channel}' fits {model} only when {how} by {factor:.4g}; it looks like a wrong unit. {if_right}",
         channel=first.channel, model=spoken_of(model), how=how(first), factor=first.factor,
@@ -156,12 +149,12 @@ def _enough(model: Model, before: float, factor: float) -> float:
 
     What integrates does not move many times as much as expected for any reason: friction stops it from moving.
     """
-    halved = 100.0 - HALF * (100.0 - before)
+    halved = 100.0 - CRITERIA.half * (100.0 - before)
     if model.definition.observer is None:
         return max(halved, good_fit(model))
-    if factor > _TOO_LARGE:
+    if factor > CRITERIA.too_large:
         return halved
-    return GOOD_FIT if before < POOR_FIT else 100.0 - _MUCH_LESS * (100.0 - before)
+    return CRITERIA.good_fit if before < CRITERIA.poor_fit else 100.0 - CRITERIA.much_less * (100.0 - before)
 
 
 def _unit_factor(heading: str, slope: float, tolerance: float) -> float | None:
