@@ -73,9 +73,8 @@ bench: $(VENV)/.bench-installed  ## every benchmark beside its peers, one table 
 acceptance-risk: $(STAMP)  ## what the EFC's acceptance test risks (WHOLE=200, JUDGED=1000 drawn valves)
 	$(BIN)/python benchmarks/acceptance_risk.py --whole $(or $(WHOLE),200) --judged $(or $(JUDGED),1000)
 
-papers: $(STAMP)  ## the papers' numbers beside those of the commands: pages, picture and notebooks in docs
+papers: $(STAMP)  ## the papers' numbers beside those of the commands: pages and notebooks in docs
 	$(BIN)/python docs/papers.py
-	$(BIN)/python docs/dither.py
 	$(BIN)/python docs/notebooks.py
 
 notebooks: $(STAMP)  ## whether the notebooks still print what is kept in them
