@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_BY_CHANCE = 1e-6  # of a line as strong in noise of the same power
+BY_CHANCE = 1e-6  # of a line as strong in noise of the same power
 _LEAST_PERIODS = 4.0
 _FINE = 10  # frequencies tried within what the whole time resolves
 
@@ -43,7 +43,7 @@ def standing_tone(segments: Sequence[tuple[Array, Array]]) -> Tone | None:
     lines = np.arange(len(power)) >= _LEAST_PERIODS
     peak = int(np.argmax(np.where(lines, power, 0.0)))
     beside = power[lines & (np.abs(np.arange(len(power)) - peak) > 2)]
-    if not len(beside) or power[peak] < math.log(n / _BY_CHANCE) * float(np.mean(beside)):
+    if not len(beside) or power[peak] < math.log(n / BY_CHANCE) * float(np.mean(beside)):
         return None
     resolved_hz = 1.0 / float(time_s[-1] - time_s[0])
     whole_s = max(float(t[-1]) for t, _ in segments) - min(float(t[0]) for t, _ in segments)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from hil.identification.grey_box.criteria import CRITERIA, EFFORT
 from hil.identification.grey_box.estimate import Estimate
 from hil.language.note import Note
 from hil.physics.plant import Parameters
@@ -22,9 +23,6 @@ AwayWith = Callable[[int, float], Array | None]
 FitAt = Callable[[Parameters, Sequence[str]], Estimate]
 """Fits the named parameters, the others held, from these values."""
 
-_AS_GOOD = 9.0  # variances by which a fit may be worse and still be as good
-_CORNER = 0.3  # of a slope, by which it may bend over its step
-_FIRST_STEP, _DOUBLINGS = 4.0, 8  # standard uncertainties, and how often that is doubled
 _ASIDE = 2.0 * UNIFORM  # standard deviation of what lies anywhere up to so far, to one side
 
 
@@ -55,10 +53,10 @@ def _beyond_corners(found: Estimate, away_with: AwayWith) -> Iterator[tuple[Arra
     curvature = found.curvature
     if curvature.bent is None:
         return
-    is_corner = np.diag(curvature.bent) > _CORNER**2 * np.diag(curvature.alike)
+    is_corner = np.diag(curvature.bent) > CRITERIA.corner**2 * np.diag(curvature.alike)
     for k in np.flatnonzero(is_corner).tolist():
         for sign in (1.0, -1.0):
-            farthest = _walked(found, away_with, k, sign * _FIRST_STEP * float(found.std[k]))
+            farthest = _walked(found, away_with, k, sign * EFFORT.first_step * float(found.std[k]))
             if farthest is not None:
                 note = Note(
                     "parameter '{name}' rests where a range ends at a driven level. Its interval reaches as far as the "
@@ -71,7 +69,7 @@ def _beyond_corners(found: Estimate, away_with: AwayWith) -> Iterator[tuple[Arra
 def _walked(found: Estimate, away_with: AwayWith, k: int, step: float) -> Array | None:
     """How far all values lie away at the farthest, in steps that double; None where the first is too far."""
     u, farthest = found.unknowns[k], None
-    for doubled in range(_DOUBLINGS):
+    for doubled in range(EFFORT.doublings):
         value = float(found.values[k]) + step * 2.0**doubled
         if not (math.isfinite(value) and u.low <= value <= u.high):
             break
@@ -121,4 +119,4 @@ def _exchanged(found: Estimate, at: Parameters, fit_at: FitAt) -> Iterator[tuple
 
 
 def _as_good(found: Estimate, again: Estimate) -> bool:
-    return again.chi2 - found.chi2 <= _AS_GOOD * found.identifiability.variance
+    return again.chi2 - found.chi2 <= CRITERIA.as_good * found.identifiability.variance

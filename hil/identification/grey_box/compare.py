@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hil.identification.grey_box.criteria import EFFORT
 from hil.identification.preparation.experiment import DEAD, Experiment
 from hil.identification.preparation.gaps import bridged
 from hil.identification.preparation.plausibility.look import suspicions
@@ -21,8 +22,6 @@ from hil.record.progress import Progress, quiet
 from hil.record.recording import Array, split_heading
 from hil.record.simulated import marked
 
-_BLOCKS = 50
-_WORST = 3
 _STILL = 1e-9  # of its size: what a simulation at rest moves by rounding
 
 
@@ -143,9 +142,9 @@ def compare(model: Model, experiment: Experiment) -> Comparison:
 
 
 def _worst(time_s: Array, error: Array) -> tuple[Interval, ...]:
-    parts = np.array_split(np.arange(len(error)), min(_BLOCKS, len(error)))
+    parts = np.array_split(np.arange(len(error)), min(EFFORT.compared_blocks, len(error)))
     found = [Interval(float(time_s[p[0]]), float(time_s[p[-1]]), rms(error[p])) for p in parts]
-    return tuple(sorted(found, key=lambda i: -i.rms)[:_WORST])
+    return tuple(sorted(found, key=lambda i: -i.rms)[: EFFORT.worst])
 
 
 def _by_level(simulated: Array, error: Array) -> tuple[float, float, float]:

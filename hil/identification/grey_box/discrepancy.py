@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from hil.identification.grey_box.criteria import CRITERIA
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.identification.uncertainty.noise import Measured
@@ -13,8 +14,6 @@ from hil.language.note import Note
 from hil.language.words import marked
 from hil.physics.model import Model
 from hil.record.recording import Array, Mask
-
-_MOST = 0.5
 
 
 def discrepancy_of(
@@ -58,7 +57,7 @@ def _mostly(model: Model, experiments: Sequence[Experiment], errors: Sequence[Ar
     shares = {
         name: (float(power[at].sum()) / float(power.sum()), float(at.mean())) for name, at in times.items() if at.any()
     }
-    most = {name: part / time for name, (part, time) in shares.items() if part > _MOST > time}
+    most = {name: part / time for name, (part, time) in shares.items() if part > CRITERIA.mostly > time}
     return max(most, key=lambda name: most[name]) if most else ""
 
 

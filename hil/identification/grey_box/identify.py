@@ -14,13 +14,14 @@ import numpy as np
 from hil.catalog import entries, models
 from hil.identification.frequency.table_fit import AS_THEY_SHOW, Orders
 from hil.identification.grey_box.alternative_optima import alternative_optima
+from hil.identification.grey_box.criteria import CRITERIA, EFFORT
 from hil.identification.grey_box.discrepancy import discrepancy_of, note_of
 from hil.identification.grey_box.estimate import Estimate, Unknown, estimate
 from hil.identification.grey_box.free import all_values, check_free, effects_at, moved, unknown_of
 from hil.identification.grey_box.lines import common_line, line_at
 from hil.identification.grey_box.multistart import multistart
 from hil.identification.grey_box.residuals import Residuals
-from hil.identification.grey_box.structure import MISFIT, StructureChoice, choose_structure, with_orders
+from hil.identification.grey_box.structure import StructureChoice, choose_structure, with_orders
 from hil.identification.grey_box.systematic import Systematic, systematic
 from hil.identification.grey_box.witnesses import witnesses
 from hil.identification.preparation.averaged import with_means
@@ -50,15 +51,8 @@ from hil.record.recording import Array, Mask
 from hil.signals.interval import COVERED, rounded, width
 from hil.signals.products import one_blas_thread
 
-# Start values tried beside the given ones when the first fit stays far above the noise.
-_RESTARTS = (0.4, 2.5)
-_WELL_ABOVE_FLOOR = 1.5
-_MOST_OVER_FLOOR = 2.0
-_TELLING_CHI2 = 25.0
 # Simulations after which a fit is usually half done, and the share that is done before it.
 _USUAL_SIMULATIONS, _BEFORE_FIT = 60.0, 0.1
-# Units are taken for slower than the start says where this share more of samples is then left out.
-_LATE_SETTLING = 0.1
 _OF_DYNAMICS = ("s", "rad/s", "1")  # units of time constants, corners and dampings
 _STARTS = 2  # times that what moved a unit before is fitted by turns with the model
 
@@ -172,7 +166,7 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], asked: _Asked, p
     found = _fitted(model, even, asked, (*still, *remarks), tick)
     again, remarks = bridged(found.model, alive)
     before, left, later = (sum(int(np.count_nonzero(~e.valid)) for e in each) for each in (alive, even, again))
-    if later - left > _LATE_SETTLING * max(left - before, 0):  # the start settles too soon to be left in
+    if later - left > CRITERIA.late * max(left - before, 0):  # the start settles too soon to be left in
         found, even = _fitted(model, again, asked, (*still, *remarks), tick), again
     near = _near(model, found, even, asked, tick)
     for _ in range(_STARTS):
@@ -216,7 +210,7 @@ def _errors(model: Model, experiments: Sequence[Experiment]) -> Array:
 def _fails(model: Model, e: Experiment) -> bool:
     """Whether a model leaves more than the noise."""
     error = _errors(model, [e])
-    return float(np.mean(error**2)) > MISFIT * max(channel_floor(e.valid_output), _resolution(e.output)) ** 2
+    return float(np.mean(error**2)) > CRITERIA.misfit * max(channel_floor(e.valid_output), _resolution(e.output)) ** 2
 
 
 def _none_identifiable(found: GreyBoxFit) -> GreyBoxFit:
@@ -369,7 +363,7 @@ def _best_reading(model: Model, names: Sequence[str], task: _Task) -> tuple[Esti
         # Where a dead time can stand in for it, the data do not tell the reading instant: keep the plain one. Nor does
         # what a model of another structure leaves: there a difference counts in units of that.
         excess = 1.0 if best is None else max(1.0, best[0].mean_square)
-        if best is None or found.chi2 < best[0].chi2 - _TELLING_CHI2 * excess:
+        if best is None or found.chi2 < best[0].chi2 - CRITERIA.telling * excess:
             best = found, read
     assert best is not None  # noqa: S101
     return best
@@ -382,8 +376,8 @@ def _merged(model: Model, found: Estimate) -> dict[str, float]:
 def _restarted(model: Model, task: _Task, first: Estimate) -> Estimate:
     """Try other starts while the fit stays far above the noise; a poor start must not pass for physics."""
     best = first
-    for factor in _RESTARTS:
-        if best.mean_square < _WELL_ABOVE_FLOOR:
+    for factor in EFFORT.restarts:
+        if best.mean_square < CRITERIA.misfit:
             break
         moved = [
             replace(u, start=float(np.clip(u.start * factor, u.low, u.high))) if u.unit in ("s", "rad/s") else u
@@ -442,7 +436,7 @@ def _noise(
         return measured_noise(outputs_there, seen, errors, experiments[0].interval_s)
 
     outputs = [e.output for e in experiments]
-    is_noise = rms(np.array([rms(error) for error in errors])) < _MOST_OVER_FLOOR * floor
+    is_noise = rms(np.array([rms(error) for error in errors])) < CRITERIA.hum_misfit * floor
     hum_hz = common_line(experiments, errors) if is_noise else None  # a misfit has lines that are no hum
     if hum_hz is None:
         return measured(outputs, errors)

@@ -13,13 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hil.identification.grey_box.criteria import EFFORT
 from hil.identification.preparation.experiment import Experiment
 from hil.record.recording import Array, Complex
 from hil.signals.recursion import filtered
 
-_ITERATIONS = 6
-_SAMPLES_PER_UNKNOWN = 10
-_COARSER = 4
 _INSIDE = 0.999
 
 
@@ -53,14 +51,14 @@ def _signals(e: Experiment) -> _Signals:
 def _tried(signals: Sequence[_Signals], count: int) -> Iterator[tuple[float, Complex]]:
     """Poles from ever coarser samples, in which slow ones show, with the share of the output that they leave."""
     stride = 1
-    while sum(len(s.given) // stride for s in signals) >= _SAMPLES_PER_UNKNOWN * (3 * count + 2):
+    while sum(len(s.given) // stride for s in signals) >= EFFORT.samples_per_unknown * (3 * count + 2):
         yield from _iterated([s.coarser(stride) for s in signals], count)
-        stride *= _COARSER
+        stride *= EFFORT.coarser
 
 
 def _iterated(signals: Sequence[_Signals], count: int) -> Iterator[tuple[float, Complex]]:
     below = np.r_[1.0, np.zeros(count)]
-    for _ in range(_ITERATIONS):
+    for _ in range(EFFORT.linear_rounds):
         rows = [_equations(s, below, count) for s in signals]
         solved = np.linalg.lstsq(np.vstack([r for r, _ in rows]), np.concatenate([r for _, r in rows]), rcond=None)[0]
         roots = _stable(np.roots(np.r_[1.0, solved[:count]]).astype(np.complex128))

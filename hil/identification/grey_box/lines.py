@@ -2,34 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from hil.identification.grey_box.criteria import CRITERIA, EFFORT
 from hil.identification.preparation.experiment import Experiment, power_of
 from hil.record.recording import Array
+from hil.signals.tone import BY_CHANCE
 
-# A line of noise alone stands so far above the median of its spectrum about once in a million bins.
-_LEAST_RATIO = 20.0
-# Slower than this, in cycles of a recording, it is no hum but a drift, of which there are other kinds.
-_FEWEST_CYCLES = 20
-_FINER = (1.0, 0.2, 0.04)
-# A line stands out from its neighbourhood of so many bins: coloured noise has more at some frequencies than at others.
-_NEIGHBOURHOOD = 101
-# A line of the command is this share of its strongest, and stands so far above its own neighbourhood: steps have some
-# of every frequency, and yet no line.
-_COMMANDED, _A_LINE = 1e-4, 10.0
-# A command of so few lines at most drives a unit at them and at so many of their harmonics, told to so many bins.
-_FEW_LINES, _STRONG_LINE, _HARMONICS, _SAME_BIN = 4, 0.01, 5, 1.0
-# Below it so many bins are compared, where its own width of so many ends.
-_BESIDE, _LINE_BINS = 7, 3
+_LEAST_RATIO = -math.log2(BY_CHANCE)  # a line of noise alone over the median of its spectrum
+_SAME_BIN = 1.0  # to which a harmonic is told
 
 
 def common_line(
     experiments: Sequence[Experiment],
     residuals: Sequence[Array],
     least_ratio: float = _LEAST_RATIO,
-    fewest_cycles: int = _FEWEST_CYCLES,
+    fewest_cycles: int = CRITERIA.fewest_cycles,
 ) -> float | None:
     """The frequency in Hz whose line stands out most over all recordings, away from the command's own lines.
 
@@ -45,7 +36,7 @@ def common_line(
     for e, left in zip(experiments, residuals, strict=True):
         power = np.abs(np.fft.rfft(left * np.hanning(len(left)))) ** 2 / len(left)
         own = power_of(e.on_grid_input())
-        commanded = (own > _COMMANDED * own.max()) & (prominence(own) > _A_LINE)
+        commanded = (own > CRITERIA.commanded * own.max()) & (prominence(own) > CRITERIA.commanded_ratio)
         ratio = np.where(commanded, 1.0, prominence(power))
         frequency = np.fft.rfftfreq(len(left), e.drive.interval_s)
         # the highest within a bin of the coarsest grid
@@ -63,13 +54,17 @@ def is_commanded(experiments: Sequence[Experiment], frequency_hz: float) -> bool
 def _drives(e: Experiment, frequency_hz: float) -> bool:
     command = e.on_grid_input()
     power = power_of(command)
-    strong = np.flatnonzero((power > _STRONG_LINE * power.max()) & (prominence(power) > _A_LINE))
-    peaks = [int(k) for k in strong if power[k] == power[max(k - _LINE_BINS, 0) : k + _LINE_BINS + 1].max()]
-    if not 0 < len(peaks) <= _FEW_LINES:
+    strong = np.flatnonzero(
+        (power > CRITERIA.strong_line * power.max()) & (prominence(power) > CRITERIA.commanded_ratio)
+    )
+    peaks = [int(k) for k in strong if power[k] == power[max(k - EFFORT.line_bins, 0) : k + EFFORT.line_bins + 1].max()]
+    if not 0 < len(peaks) <= CRITERIA.few_lines:
         return False
     at = frequency_hz * len(command) * e.drive.interval_s
     lines = [between_bins(power, k) for k in peaks]
-    return any(abs(at - harmonic * line) <= _SAME_BIN for line in lines for harmonic in range(1, _HARMONICS + 1))
+    return any(
+        abs(at - harmonic * line) <= _SAME_BIN for line in lines for harmonic in range(1, CRITERIA.harmonics + 1)
+    )
 
 
 def prominence(power: Array) -> Array:
@@ -79,9 +74,9 @@ def prominence(power: Array) -> Array:
     """
     from scipy.ndimage import median_filter  # a quarter of a second, which whoever only imports this does without
 
-    around = median_filter(power, _NEIGHBOURHOOD, mode="reflect")
-    below = median_filter(power, _BESIDE, mode="nearest", origin=_BESIDE // 2)
-    shifted = np.concatenate([np.full(_LINE_BINS, np.inf), below[:-_LINE_BINS]])
+    around = median_filter(power, EFFORT.neighbourhood, mode="reflect")
+    below = median_filter(power, EFFORT.beside, mode="nearest", origin=EFFORT.beside // 2)
+    shifted = np.concatenate([np.full(EFFORT.line_bins, np.inf), below[: -EFFORT.line_bins]])
     return power / np.maximum(np.maximum(around, shifted), 1e-300)
 
 
@@ -101,7 +96,7 @@ def line_at(time_s: Array, values: Array, frequency_hz: float) -> tuple[Array, f
     """
     width_hz = 1.0 / float(time_s[-1] - time_s[0])
     best_hz = frequency_hz
-    for scale in _FINER:
+    for scale in EFFORT.line_grids:
         tried = best_hz + scale * width_hz * np.linspace(-1.0, 1.0, 11)
         best_hz = float(max(tried, key=lambda hz: _sine(time_s, values, hz)[1]))
     return _sine(time_s, values, best_hz)

@@ -9,12 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from hil.cores import spread
+from hil.identification.grey_box.criteria import EFFORT
 from hil.identification.grey_box.estimate import Unknown
 from hil.record.recording import Array
-
-# As many places are looked at (a power of two, for an even spread), fewer where that would be more residuals than so
-# many; up to so many times a size away, and so many of them fitted.
-_PLACES, _FEWEST, _RESIDUALS, _FAR, _FITTED = 128, 8, 10_000_000, 30.0, 3
 
 
 def multistart(residuals: Callable[[Array], Array], unknowns: Sequence[Unknown]) -> list[list[Unknown]]:
@@ -22,8 +19,8 @@ def multistart(residuals: Callable[[Array], Array], unknowns: Sequence[Unknown])
 
     Sizes are spread over orders of magnitude, what may have either sign evenly about its start.
     """
-    count, size = _PLACES, len(residuals(np.array([u.start for u in unknowns])))
-    while count > _FEWEST and count * size > _RESIDUALS:
+    count, size = EFFORT.far_places, len(residuals(np.array([u.start for u in unknowns])))
+    while count > EFFORT.fewest_places and count * size > EFFORT.far_residuals:
         count //= 2
     tried = far_places(unknowns, count)
 
@@ -32,7 +29,7 @@ def multistart(residuals: Callable[[Array], Array], unknowns: Sequence[Unknown])
         return float(r @ r)
 
     found = sorted((c, k) for k, c in enumerate(spread(chi2, tried)) if math.isfinite(c))
-    starts = [tried[k].tolist() for _, k in found[:_FITTED]]
+    starts = [tried[k].tolist() for _, k in found[: EFFORT.far_fitted]]
     return [[replace(u, start=v) for u, v in zip(unknowns, values, strict=True)] for values in starts]
 
 
@@ -48,7 +45,7 @@ def _at(u: Unknown, share: float) -> float:
     """A place within the bounds, counted from 0 to 1."""
     if u.low >= 0.0:
         size = u.start if u.start > 0.0 else u.scale
-        low, high = max(u.low, size / _FAR), min(u.high, size * _FAR)
+        low, high = max(u.low, size / EFFORT.far), min(u.high, size * EFFORT.far)
         return float(low * (high / low) ** share)
-    low, high = max(u.low, u.start - _FAR * u.scale), min(u.high, u.start + _FAR * u.scale)
+    low, high = max(u.low, u.start - EFFORT.far * u.scale), min(u.high, u.start + EFFORT.far * u.scale)
     return float(low + (high - low) * share)

@@ -18,6 +18,7 @@ import numpy as np
 
 from hil.errors import InputError, SettingError
 from hil.identification.frequency.table_fit import Orders
+from hil.identification.grey_box.criteria import CRITERIA, EFFORT
 from hil.identification.grey_box.estimate import Estimate, Unknown, estimate, side_by_side
 from hil.identification.grey_box.linear_starts import poles_rad_s
 from hil.identification.preparation.experiment import Experiment
@@ -30,20 +31,9 @@ from hil.record.recording import Array, Complex, Mask
 from hil.signals.colour import colour_factor
 from hil.signals.interval import COVERED
 
-_BLOCKS = 5
-_FORETOLD = (3, 4, 1, 0)  # blocks: the last two from those before them, the first two from those after them
-_TRIAL_TIMES, _MOST_STARTS = 6, 3  # of these and what a form lists, so many are fitted
-_MOST_JUDGED = 6
-MISFIT = 1.5  # mean square of residuals, in units of the noise's, from which a form leaves more than noise
-_PLAIN = 4  # unknowns of a gain, an offset and a pair of poles, beside a bend
-_SEARCH_EVALUATIONS = 25
-_REFINED_EVALUATIONS = 60
 _GAINS = ("gain", "integrator_gain")
 _SHARES = ("pair1_zero", "pair1_zero_square", "pair2_zero", "pair2_zero_square", "bend", "neutral")
 _POLES = {"lag_time": 1, "pair1_time": 2, "pair2_time": 2}
-# By so much noise alone lowers the sum of squares, in its own variance, with every unknown; fits end where a step
-# brings less than these parts of it.
-_BY_CHANCE, _COARSE, _FINE = 1.0, 0.5, 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +179,7 @@ def _discriminating(choice: StructureChoice, switch: str) -> list[Tried]:
 
 
 def _is_plain(structure: Structure) -> bool:
-    return len({*structure.free} - {"bend"}) <= _PLAIN
+    return len({*structure.free} - {"bend"}) <= CRITERIA.plain
 
 
 def _poles(structure: Structure) -> int:
@@ -206,7 +196,7 @@ def _chosen(search: _Search) -> StructureChoice:
     least = min(fits.values(), key=lambda found: found.chi2)
     count = independent(least.residuals)
     near = min(_bic(found, count) for found in fits.values()) + 2.0 * VERY_STRONG
-    is_misfit = least.chi2 > MISFIT * len(least.residuals)
+    is_misfit = least.chi2 > CRITERIA.misfit * len(least.residuals)
     for name, found in fits.items():
         if found is least or _bic(found, count) <= near or (is_misfit and _is_plain(forms[name])):
             fits[name] = search.fitted(forms[name], search.values(forms[name], found))
@@ -224,7 +214,7 @@ def _cannot_pay(form: Structure, rich: Estimate, fits: Sequence[Estimate]) -> bo
     That says nothing where a plainer form leaves less: then it was not fitted from a good start.
     """
     least, count = min(found.chi2 for found in fits), independent(rich.residuals)
-    if _fall(rich.chi2, least) * rich.count > _BY_CHANCE * len(rich.values):
+    if _fall(rich.chi2, least) * rich.count > CRITERIA.by_chance * len(rich.values):
         return False
     bound = bic(min(rich.chi2, least) / len(rich.residuals), count, len(form.free))
     return bound > min(_bic(found, count) for found in fits) + 2.0 * VERY_STRONG
@@ -245,8 +235,9 @@ def _bic(found: Estimate, count: float) -> float:
 
 
 def _judged(search: _Search, tried: list[Tried], fits: Mapping[str, Estimate]) -> StructureChoice:
-    near = [t for t in tried if t.bic <= tried[0].bic + VERY_STRONG][:_MOST_JUDGED]
-    if tried[0].mean_square > MISFIT:  # no form is right, and evidence between wrong ones favours the most pliant
+    near = [t for t in tried if t.bic <= tried[0].bic + VERY_STRONG][: EFFORT.judged]
+    # where no form is right, evidence between wrong ones favours the most pliant
+    if tried[0].mean_square > CRITERIA.misfit:
         near += [t for t in tried if _is_plain(t.structure) and t not in near]
     rest = [t for t in tried if t not in near]
     if len(near) == 1:
@@ -300,7 +291,7 @@ class _Search:
 
     def most_pliant(self) -> Estimate | None:
         """A coarse fit of the form that leaves least where samples show its poles, of those with many unknowns."""
-        many = [s for s in self.plant.structures if len(s.free) >= 2 * _PLAIN]
+        many = [s for s in self.plant.structures if len(s.free) >= 2 * CRITERIA.plain]
         starts = [(*self._scaled(s, start), s) for s in many for start in self._of_samples(s)]
         if not starts:
             return None
@@ -310,9 +301,9 @@ class _Search:
     def best(self, structure: Structure, before: Parameters) -> Estimate:
         """The best coarse fit of a structure over its starts, the most promising first, until two come to the same."""
         fits: list[Estimate] = []
-        for start in self._promising(structure, before)[:_MOST_STARTS]:
+        for start in self._promising(structure, before)[: EFFORT.starts]:
             fits = sorted([*fits, self.fitted(structure, start, rough=True)], key=lambda found: found.chi2)
-            if len(fits) > 1 and _fall(fits[1].chi2, fits[0].chi2) * fits[0].count < _BY_CHANCE:
+            if len(fits) > 1 and _fall(fits[1].chi2, fits[0].chi2) * fits[0].count < CRITERIA.by_chance:
                 break
         return fits[0]
 
@@ -327,10 +318,10 @@ class _Search:
         A form that follows a bend or a drift by slow poles does so between blocks, and not beyond them. Both ways: a
         staircase up is another test than the same staircase down.
         """
-        owner = np.concatenate([np.arange(len(e.output)) * _BLOCKS // len(e.output) for e in self.experiments])
+        owner = np.concatenate([np.arange(len(e.output)) * EFFORT.blocks // len(e.output) for e in self.experiments])
         made = []
-        for block in _FORETOLD:
-            used = owner < block if block > _BLOCKS // 2 else owner > block
+        for block in EFFORT.foretold:
+            used = owner < block if block > EFFORT.blocks // 2 else owner > block
             found = self.fitted(tried.structure, tried.values, used, rough=True)
             errors = self._errors(self.values(tried.structure, found))[owner == block]
             made.append(float(errors @ errors) / max(int(np.count_nonzero(errors)), 1))
@@ -354,11 +345,11 @@ class _Search:
             return errors if used is None else errors * used
 
         unknowns = [self._unknown(self.plant.parameter(name), start[name]) for name in structure.free]
-        by_chance = _BY_CHANCE / sum(len(e.output) for e in self.experiments)
+        by_chance = CRITERIA.by_chance / sum(len(e.output) for e in self.experiments)
         most, least = (
-            (_SEARCH_EVALUATIONS, min(_COARSE * by_chance, 1e-4))
+            (EFFORT.search_evaluations, min(EFFORT.coarse * by_chance, 1e-4))
             if rough
-            else (_REFINED_EVALUATIONS, _FINE * by_chance)
+            else (EFFORT.refined_evaluations, EFFORT.fine * by_chance)
         )
         return estimate(residuals, unknowns, max_evaluations=most, tolerance=least)
 
@@ -443,7 +434,7 @@ class _Search:
             return [known]
         interval_s = min(e.drive.interval_s for e in self.experiments)
         length_s = max(e.duration_s for e in self.experiments)
-        return [float(t) for t in np.geomspace(2.0 * interval_s, length_s / 5.0, _TRIAL_TIMES)]
+        return [float(t) for t in np.geomspace(2.0 * interval_s, length_s / 5.0, EFFORT.trial_times)]
 
     def _power(self, name: str) -> int:
         return {"s": 1, "s^2": 2}.get(self.plant.parameter(name).unit, 0)

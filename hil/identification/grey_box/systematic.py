@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.cores import spread
+from hil.identification.grey_box.criteria import CRITERIA, EFFORT
 from hil.identification.grey_box.estimate import Estimate
 from hil.identification.grey_box.free import effects_at
 from hil.identification.grey_box.residuals import Residuals
@@ -18,13 +19,8 @@ from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 from hil.signals.interval import CERTAIN
 
-_BLOCK = 200
-# Finer steps of the solver; rounds of following where it leads, until one moves nothing by this share of its scatter
-# and of the whole way.
-_FINER, _ROUNDS, _STILL = 8.0, 12, 0.1
 # Shares of the whole that what is lacking may add to the residuals, over the noise: tried in steps of a half.
 _SHARES = np.concatenate(([0.0], np.geomspace(1e-3, 1e4, 15) ** 2))
-_SMALL = 1e-3  # of what passes a hook: so small an addition acts in proportion
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,24 +60,24 @@ def _by_solver(residuals: Residuals, found: Estimate, parameters: Parameters) ->
     """By how much the values move when the plant is solved in finer steps, shape (k,)."""
     low, high = (np.array([getattr(u, end) for u in found.unknowns]) for end in ("low", "high"))
     best, least, tried = found.values, math.inf, found.values
-    for _ in range(_ROUNDS):
+    for _ in range(EFFORT.solver_rounds):
         named = dict(zip((u.name for u in found.unknowns), tried.tolist(), strict=True))
         at = {**parameters, **{name: value for name, value in named.items() if name in parameters}}
-        left = residuals.at(at, effects_at(residuals.effects, named), factor=_FINER)
+        left = residuals.at(at, effects_at(residuals.effects, named), factor=EFFORT.solver)
         if not float(left @ left) < least:
             break
         best, least = tried, float(left @ left)
         tried = np.clip(tried + found.moved_by(left), low, high)
-        if np.all(np.abs(tried - best) <= _STILL * np.hypot(found.std, tried - found.values)):
+        if np.all(np.abs(tried - best) <= CRITERIA.followed * np.hypot(found.std, tried - found.values)):
             best = tried
             break
     return best - found.values
 
 
 def _is_coloured(values: Array) -> bool:
-    blocks = max(len(values) / _BLOCK, 1.0)
+    blocks = max(len(values) / EFFORT.block, 1.0)
     # the colour factor of white noise spreads by one over the root of the blocks about 1
-    return colour_factor(values, _BLOCK) > 1.0 + CERTAIN / math.sqrt(blocks)
+    return colour_factor(values, EFFORT.block) > 1.0 + CERTAIN / math.sqrt(blocks)
 
 
 def _structural_covariance(
@@ -142,7 +138,7 @@ def _kinds(residuals: Residuals, passing: list[Array]) -> Iterator[tuple[str, li
         largest = max(float(np.abs(v).max()) for v in values)
         if not largest > 0.0 or not math.isfinite(largest):
             continue
-        size = _SMALL * hook.full_scale
+        size = EFFORT.addition * hook.full_scale
         shares = [v / largest for v in values]
         rates = [np.gradient(s) for s in shares]
         yield hook.name, [size * np.sign(r) for r in rates]

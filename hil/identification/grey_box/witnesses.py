@@ -7,16 +7,11 @@ from itertools import combinations
 
 import numpy as np
 
+from hil.identification.grey_box.criteria import CRITERIA
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.physics.model import Model
 from hil.record.recording import Array
-
-_STILL_MOVING = 0.1
-# A rest begins when the command has stood so many times as long as the model then moves: its unit may be slower.
-_SETTLED = 3
-# A mean of fewer samples takes too much of slow noise with it: 39 in 100 of that with a pole of 0.95.
-_FEWEST = 100
 
 
 def witnesses(
@@ -44,17 +39,17 @@ def witnesses(
 
 def _rests(model: Model, e: Experiment, simulated: Array, floor: float) -> list[slice]:
     """Where neither the command nor the model moves, and has not for long; none of a plant that does not settle."""
-    settling = round(_SETTLED * time_constant_s(model, e) / e.interval_s)
+    settling = round(CRITERIA.rest_times * time_constant_s(model, e) / e.interval_s)
     if not settling:
         return []
-    least = max(_FEWEST, settling)
+    least = max(CRITERIA.fewest_rest, settling)
     command = e.on_grid_input()
     ends = np.concatenate(([0], np.flatnonzero(np.diff(command)) + 1, [len(command)]))
     long = np.flatnonzero(np.diff(ends) >= least)
     found = []
     for first, stop in zip(ends[long].tolist(), ends[long + 1].tolist(), strict=True):
         moving = np.flatnonzero(np.abs(simulated[first:stop] - simulated[stop - 1]) > floor)
-        begin = first + (_SETTLED * (int(moving[-1]) + 1) if moving.size else 0)
+        begin = first + (CRITERIA.rest_times * (int(moving[-1]) + 1) if moving.size else 0)
         if stop - begin >= least and e.valid[begin:stop].all():
             found.append(slice(begin, stop))
     return found
@@ -73,7 +68,7 @@ def repeat_difference(inputs: Array, output: Array) -> Array | None:
         return None
     lags = np.arange(shortest, longest)
     mismatch = _mean_square_difference(inputs)[lags]
-    good = lags[(mismatch < 1e-8 * power) & (_variance_from(inputs)[lags] > _STILL_MOVING * power)]
+    good = lags[(mismatch < 1e-8 * power) & (_variance_from(inputs)[lags] > CRITERIA.still_moving * power)]
     if not good.size:
         return None
     lag = int(good[0])
