@@ -27,6 +27,7 @@ from hil.report.run_page import write_run_report
 from hil.report.terminal import findings_text
 from hil.session.procedure import load_procedure
 from hil.session.rehearsal import Rehearsal, is_of_rehearsal
+from tests.chromium import chromium
 from tests.page import read_page
 from tests.passports import run_of
 from tests.unit.test_report_run import a_recording
@@ -116,6 +117,18 @@ def test_the_page_of_a_run_is_german_and_what_is_printed_is_not(
     assert "Frequenz, bei der das Amplitudenverhältnis 3 dB unter dem Bezug liegt" in page.text
     assert not re.search(r"\d\.\d", re.sub(r"ISO 14253-1|valve-hil [\d.]+", "", page.text)), "a decimal point is left"
     assert "bandwidth_3db, −50 %  0.99 ± 0.16    Hz" in findings_text(found)
+
+
+def test_a_german_table_of_values_fits_a_telephone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HIL_LANGUAGE", "de")
+    symmetry = Measurement("symmetry", "l/min per %", "gain of the weaker side", 0.99712, 0.99723)
+    found = Findings((BANDWIDTH.of(1.26912, 0.00012), BANDWIDTH.at("−50 %").of(None), symmetry.of(0.99706, 0.00008)))
+    write_run_report(a_recording(), found, tmp_path / "report.html")
+    with chromium() as browser:
+        page = browser.new_page(viewport={"width": 400, "height": 800})
+        page.goto((tmp_path / "report.html").as_uri())
+        beyond = "box => box.scrollWidth - box.clientWidth"
+        assert page.locator(".scroll:has(table.results)").evaluate_all(f"boxes => boxes.map({beyond})") == [0]
 
 
 @pytest.mark.usefixtures("stranger")
