@@ -15,6 +15,7 @@ from hil.findings.results import read_results
 from hil.record.header import HEADER_FILE, read_end, read_header, stated
 from hil.record.instruments import StatedCalibration, calibrations_of, instruments_mark
 from hil.record.measurement import FINDINGS_FILE, RESULTS_FILE, Measured, Verdict
+from hil.record.seal import check_seal
 from hil.record.simulated import is_simulated
 from hil.untrusted import MOST_LEVELS, is_regular, read_untrusted_json
 
@@ -65,8 +66,9 @@ def entry_of(folder: Path) -> Entry:
     """The entry of a run folder.
 
     Raises:
-        FileError: not a run folder, or its results cannot be read.
+        FileError: not a run folder, its results cannot be read, or one of the two was changed after it was sealed.
     """
+    check_seal(folder, HEADER_FILE)
     header, end = read_header(folder), read_end(folder)
     verdict, values = _found(folder)
     meta = header.meta
@@ -91,6 +93,7 @@ def _found(folder: Path) -> tuple[Verdict | None, tuple[Measured, ...]]:
     """(verdict, measured values) as they were kept at the end of the run; runs of 0.1.0 kept `findings.json` alone."""
     older = folder / FINDINGS_FILE
     if (folder / RESULTS_FILE).exists():
+        check_seal(folder, RESULTS_FILE)
         results = read_results(folder / RESULTS_FILE)
         return results.verdict, results.values
     if not older.exists():

@@ -28,6 +28,7 @@ from hil.findings.results import write_results
 from hil.record.folder import write
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Channel, Recording
+from hil.record.seal import seal_folder
 from hil.safety.latch import state_path
 from tests.postgres import new_database
 from tests.waits import until
@@ -207,6 +208,17 @@ def test_run_of_the_first_version_is_entered_with_its_findings(tmp_path):
     enter(place, [folder])
     (found,) = find_runs(place, Search(verdict="fail"), values=True)
     assert found.values[0].value == 0.7
+
+
+@pytest.mark.parametrize(("name", "before", "after"), [("run.json", '"A7"', '"B9"'), ("results.json", "0.9", "0.99")])
+def test_a_run_that_somebody_edited_is_left_out_and_named(tmp_path, command_line, name, before, after):
+    folder = made_run(tmp_path / "lab" / "a")
+    seal_folder(folder, {})
+    edited = folder / name
+    edited.write_text(edited.read_text(encoding="utf-8").replace(before, after), encoding="utf-8")
+    said = command_line("archive", "rebuild", "--archive", str(tmp_path / "lab"))
+    assert f"{edited}: changed after the run was" in said.err
+    assert "A7" not in command_line("runs", "--archive", str(tmp_path / "lab")).out
 
 
 def test_place_is_the_option_then_the_environment_then_runs(monkeypatch, tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import stat
@@ -116,14 +117,19 @@ def test_an_index_of_the_version_before_is_taken_over(postgresql, bench, tmp_pat
 BAD = {"too long": "x" * 270, "no character": "bench\x00one"}
 
 
+def run_with(folder: Path, **meta: str) -> Path:
+    """A run whose header was written, and sealed, with these words."""
+    header, end = made_run(folder) / "run.json", folder / "end.json"
+    content, sealed = json.loads(header.read_text()), json.loads(end.read_text())
+    header.write_text(json.dumps(content | {"meta": content["meta"] | meta}))
+    sealed["sha256"]["run.json"] = hashlib.sha256(header.read_bytes()).hexdigest()
+    end.write_text(json.dumps(sealed))
+    return folder
+
+
 def refused_run(folder: Path, how: str) -> Path:
     """A run whose bench has a name that PostgreSQL does not take."""
-    made_run(folder)
-    path = folder / "run.json"
-    content = json.loads(path.read_text())
-    content["meta"]["bench"] = BAD[how]
-    path.write_text(json.dumps(content))
-    return folder
+    return run_with(folder, bench=BAD[how])
 
 
 @pytest.mark.parametrize("how", BAD)
@@ -154,10 +160,8 @@ def test_a_rule_of_the_lab_that_refuses_a_run_holds_no_other(lab, tmp_path, rule
     assert enter_or_keep(lab, made_run(tmp_path / "first")) == ""
     with psycopg.connect(lab.url.replace("+psycopg", ""), autocommit=True) as administrator:
         administrator.execute(RULES[rule])
-    bad = made_run(tmp_path / "bad")
-    content = json.loads((bad / "run.json").read_text())
-    content["meta"] |= {"procedure": "wild", "operator": "".join(chr(0x4E00 + 7919 * i % 20000) for i in range(4000))}
-    (bad / "run.json").write_text(json.dumps(content))
+    operator = "".join(chr(0x4E00 + 7919 * i % 20000) for i in range(4000))
+    bad = run_with(tmp_path / "bad", procedure="wild", operator=operator)
     said = enter_or_keep(lab, bad)
     assert "not in the archive" in said and "refuses it" in said and len(said) < 500
     assert waiting_for(lab) == [] and enter_or_keep(lab, made_run(tmp_path / "good")) == ""
@@ -177,11 +181,7 @@ def test_runs_that_waited_behind_a_refused_one_are_entered(lab, tmp_path, monkey
 
 @pytest.mark.parametrize("character", ["\udc80", "\x00"])
 def test_a_name_that_is_no_text_is_refused_by_either_database_in_words(place, tmp_path, character: str) -> None:
-    folder = made_run(tmp_path / "lab" / "a")
-    path = folder / "run.json"
-    content = json.loads(path.read_text())
-    content["meta"]["operator"] = f"Eva{character}"
-    path.write_text(json.dumps(content))
+    folder = run_with(tmp_path / "lab" / "a", operator=f"Eva{character}")
     said = enter_or_keep(place, folder)
     assert said == "" or "refuses it" in said or "JSON was expected" in said
     assert enter_or_keep(place, made_run(tmp_path / "lab" / "b")) == "" and "b" in names(place)
