@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +12,6 @@ from hil.record.read import read_recording, write_recording
 from hil.record.recording import recording
 
 
-def by_a_process(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "hil", "convert", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
 @pytest.fixture
 def csv(tmp_path: Path) -> Path:
     time_s = np.arange(50) / 1000.0
@@ -26,12 +19,12 @@ def csv(tmp_path: Path) -> Path:
     return tmp_path / "made.csv"
 
 
-def test_there_and_back_through_a_run_folder(csv: Path, tmp_path: Path) -> None:
-    there = by_a_process(csv, tmp_path / "run")
-    assert there.returncode == 0, there.stderr
-    assert "50 samples, 0.049 s, u [1], flow [l/min]" in there.stdout
-    back = by_a_process(tmp_path / "run", tmp_path / "back.csv")
-    assert back.returncode == 0, back.stderr
+def test_there_and_back_through_a_run_folder(csv: Path, tmp_path: Path, command_line) -> None:
+    there = command_line("convert", csv, tmp_path / "run")
+    assert there.status == 0, there.err
+    assert "50 samples, 0.049 s, u [1], flow [l/min]" in there.out
+    back = command_line("convert", tmp_path / "run", tmp_path / "back.csv")
+    assert back.status == 0, back.err
     assert (tmp_path / "back.csv").read_text() == csv.read_text()
 
 
@@ -89,19 +82,19 @@ def of_one_channel(path: Path, times: list[str], values: list[float]) -> Path:
     return path
 
 
-def test_files_of_one_channel_each_are_joined_by_their_dates(tmp_path: Path) -> None:
+def test_files_of_one_channel_each_are_joined_by_their_dates(tmp_path: Path, command_line) -> None:
     seconds = np.arange(0.0, 4.0, 0.5)
     early, late = (
         of_one_channel(tmp_path / f"{name}.csv", [f"2026-11-28 10:00:{t + s:04.1f}" for t in seconds], [*(seconds + s)])
         for name, s in (("u", 0.0), ("y", 1.5))
     )
-    done = by_a_process(early, late, tmp_path / "both.csv")
-    assert done.returncode == 0 and "y.csv: time counts from 2026-11-28T10:00:01.500" in done.stdout
+    done = command_line("convert", early, late, tmp_path / "both.csv")
+    assert done.status == 0 and "y.csv: time counts from 2026-11-28T10:00:01.500" in done.out
     both = read_recording(tmp_path / "both.csv")
     assert both.values("u").tolist() == both.values("y").tolist() == [1.5, 2.0, 2.5, 3.0, 3.5]
 
 
-def test_a_date_and_a_clock_of_a_device_are_not_joined(tmp_path: Path, csv: Path) -> None:
+def test_a_date_and_a_clock_of_a_device_are_not_joined(tmp_path: Path, csv: Path, command_line) -> None:
     dated = of_one_channel(tmp_path / "u.csv", [f"2026-11-28 10:00:0{i}" for i in range(9)], [*range(9)])
-    done = by_a_process(csv, dated, tmp_path / "both.csv")
-    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "its time is no date" in done.stderr
+    done = command_line("convert", csv, dated, tmp_path / "both.csv")
+    assert done.status == 2 and done.err.count("\n") == 1 and "its time is no date" in done.err
