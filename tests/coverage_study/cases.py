@@ -20,6 +20,7 @@ from tests.coverage_study.situations import (
     Situation,
 )
 from tests.coverage_study.truth_static import Truths
+from tests.once import once
 
 WITHOUT_TRUTH = {
     "parts_completed": "whether every part of a test was run",
@@ -86,6 +87,11 @@ class Case:
             fits = not situation.only or self.procedure in situation.only
             if fits and (not situation.effects or self.bench in situation.effects):
                 yield situation
+
+    def truths(self, clean: Recording, situation: Situation) -> Truths:
+        """What is true of a run without noise; in a run of the tests it is found once for all."""
+        name = f"truth-{self.procedure}-{self.bench}-{situation.name}"
+        return once(name, lambda: self.truth(clean, self.bench, situation))
 
 
 _LINES = "0.1,0.3,0.7,1.1,1.5,1.9,2.5,3.3,4.1,4.9"

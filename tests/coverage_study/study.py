@@ -36,7 +36,7 @@ def tried(
     clean = driven(procedure, case.bench, case.settings, situation, at / "driven")
     honest = truthful(situation)
     told = clean if honest == situation else driven(procedure, case.bench, case.settings, honest, at / "truth")
-    truths = case.truth(told, case.bench, honest)
+    truths = case.truths(told, honest)
     made = Outcome(case, situation, 0, {name: Tally(truth, situation.drawn) for name, truth in truths.items()})
     began_s = time.process_time()
     for seed in seeds:

@@ -69,7 +69,7 @@ def test_every_declared_figure_has_a_truth(tmp_path: Path) -> None:
         clean = driven(
             load_procedure(case.procedure), case.bench, case.settings, AS_INSTALLED, tmp_path / name_of(case)
         )
-        found = {name.partition(", ")[0] for name in case.truth(clean, case.bench, AS_INSTALLED)}
+        found = {name.partition(", ")[0] for name in case.truths(clean, AS_INSTALLED)}
         told[case.procedure] = told.get(case.procedure, set()) | found
     for whole, parts in MADE_OF.items():
         told[whole] = set().union(*(told[part] for part in parts))
