@@ -75,7 +75,8 @@ def devices_page() -> Iterator[str]:
 
 def terminals(one: Description, way: str) -> Iterator[str]:
     """The terminals of one direction, with range and unit; neighbours that are alike together."""
-    some = ((key, terminal) for key, terminal in one.terminals.items() if terminal.direction == way)
+    some = ((key, terminal) for key, terminal in one.terminals.items()
+            if terminal.direction == way and not getattr(terminal, "sets", None))  # fmt: skip
     for (low, high, unit), alike in groupby(some, lambda item: (*item[1].range, item[1].unit)):
         names = ", ".join(names_of(key, terminal) for key, terminal in alike)
         yield f"{names} ({number(low)} … {number(high)}{'' if unit == '1' else f' {unit}'})"

@@ -16,8 +16,9 @@ from drivers._register_blocks import RegisterBlock, register_blocks, written
 from drivers._registers import Encoding, encodings
 from drivers._start_up import once_started
 from hil.daq.channel import Wiring
-from hil.description.modbus import Flag, ModbusDescription
-from hil.errors import DeviceLostError, LinkError
+from hil.description.modbus import Flag, ModbusDescription, ModbusTerminal
+from hil.errors import DeviceLostError, LinkError, SettingError
+from hil.system import system
 
 
 @edge
@@ -36,6 +37,7 @@ class ModbusLink(OnALine):
     Raises:
         DeviceLostError: nothing answers at the address.
         LinkError: it reports a fault that cannot be cleared, or does not get ready.
+        SettingError: a carrier or dither that it does not make.
     """
 
     _line: ModbusLine
@@ -57,13 +59,19 @@ class ModbusLink(OnALine):
         outputs = {name: r for name, r in chosen.items() if r.terminal.direction == "out"}
         self._inputs = {name: r for name, r in chosen.items() if r.terminal.direction == "in"}
         self._out = written(outputs, wire.longest_write)
-        self._back = register_blocks({name: r for name, r in outputs.items() if r.can_be_read}, 0, wire.longest_read)
+        self._pwm = {name: level for name, r in registers.items()
+                     if (level := modulation(r.terminal, wiring)) is not None}  # fmt: skip
+        made = {name: registers[name] for name in self._pwm}
+        self._pwm_out = written(made, wire.longest_write)
+        readable = {name: r for name, r in (outputs | made).items() if r.can_be_read}
+        self._back = register_blocks(readable, 0, wire.longest_read)
         self._in = register_blocks(self._inputs, wire.gap, wire.longest_read)
         self._words_sent: dict[str, tuple[int, ...]] = {}
         self._around: dict[int, list[int]] = {}
         self._before: dict[str, float] = {}
         close = {name: register.terminal.close or 0.0 for name, register in outputs.items()}
         super().__init__(wiring, settings.watchdog_s, expires_to=expires_to, close=close)
+        self._units |= {name: r.terminal.unit for name, r in made.items()}
         settings = settings.model_copy(
             update={"echo": settings.echo or (wire.echo and settings.transport == "rtu"),
                     "pause_s": max(settings.pause_s, wire.pause_s)}
@@ -74,7 +82,7 @@ class ModbusLink(OnALine):
         self._open()
 
     def standing(self) -> dict[str, float]:
-        """Where the outputs stand, read back; those that cannot be are left out."""
+        """Where the outputs stand, carrier and dither too, read back; those that cannot be are left out."""
         found: dict[str, float] = {}
         for block in self._back:
             words = block.split(self._ask(block.read_back_function, block.read_back, count=block.count))
@@ -113,9 +121,13 @@ class ModbusLink(OnALine):
             with suppress(DeviceLostError):  # some hang up on a question that they do not know
                 identity = self._line.identity()
         self._line.meeting.met(identity, self._line.identity)
+        for block, words in self._words(self._pwm, self._pwm_out):
+            self._ask(block.writing, block.first, values=words)
+            for name, mine in block.split(words).items():
+                self._driven[name] = [(system.now_s(), block.terminals[name].value_of(mine))]
 
     def _go_safe(self) -> None:
-        for block, words in self._words(self._safe):
+        for block, words in self._words(self._safe, self._out):
             self._ask(block.writing, block.first, values=words)
 
     def _look_around(self) -> None:
@@ -126,11 +138,11 @@ class ModbusLink(OnALine):
                 self._around[block.first] = words
 
     def _tell_blindly(self, values: Mapping[str, float]) -> None:
-        self._line.tell_blindly([(s.writing, s.first, words) for s, words in self._words(values)])
+        self._line.tell_blindly([(s.writing, s.first, words) for s, words in self._words(values, self._out)])
 
     def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
         """Neighbours in one request."""
-        for block, words in self._words(values):
+        for block, words in self._words(values, self._out):
             self._ask(block.writing, block.first, values=words)
             for name, mine in block.split(words).items():
                 self._words_sent[name] = mine
@@ -144,9 +156,11 @@ class ModbusLink(OnALine):
         self._line.has_read = True
         return {name: self._reading(name, r, words[name], flags) for name, r in self._inputs.items()}
 
-    def _words(self, values: Mapping[str, float]) -> Iterable[tuple[RegisterBlock, list[int]]]:
+    def _words(
+        self, values: Mapping[str, float], out: Iterable[RegisterBlock]
+    ) -> Iterator[tuple[RegisterBlock, list[int]]]:
         """What to write; an output that is not given keeps what was driven before."""
-        for block in self._out:
+        for block in out:
             words = {name: self._words_sent.get(name, (0,) * r.words) for name, r in block.terminals.items()}
             words |= {name: tuple(r.words_of(values[name])) for name, r in block.terminals.items()
                       if name in values}  # fmt: skip
@@ -172,3 +186,26 @@ class ModbusLink(OnALine):
 
     def _ask(self, function: int, address: int, *, count: int = 1, values: Sequence[int] = ()) -> list[int]:
         return self._line.ask(function, address, count=count, values=values)
+
+
+def modulation(terminal: ModbusTerminal, wiring: Wiring) -> float | None:
+    """What a terminal is set to that `sets` carrier or dither of an output; None where nobody asks for it.
+
+    Without dither its amplitude is none, at its lowest frequency.
+
+    Raises:
+        SettingError: it is beyond what the device makes.
+    """
+    of, _, key = (terminal.sets or "").rpartition(".")
+    channel = next((c for c in wiring.outputs.values() if c.terminal == of), None)
+    if channel is None or channel.pwm is None:
+        return None
+    low, high = terminal.range
+    if key != "carrier_hz" and channel.pwm.dither_hz is None:
+        return low
+    value, unit = float(getattr(channel.pwm, key)), terminal.unit
+    if not low <= value <= high:
+        raise SettingError(
+            f"'{channel.name}': pwm.{key} = {value:g} {unit}; the amplifier makes {low:g} … {high:g} {unit}"
+        )
+    return value

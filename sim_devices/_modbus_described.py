@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from hil.daq.channel import Pwm
 from hil.description.modbus import TIMES, Flag, ModbusDescription, Place, Write, safe_of
 from sim_devices._described_counts import Counts
 from sim_devices._field import Side, nearest_zero
@@ -62,8 +63,12 @@ class DescribedBank(Bank):
         self._safe_mode: set[str] = set()
         self._tripped = self._expired = False
         self._enabled = described.enable is None
+        self._pwm: dict[str, Pwm] = {}
         for block in self._outputs:
-            self._store(block, side.standing(block.name))
+            if block.counts.terminal.sets:
+                self._goes_to(block, nearest_zero(*block.counts.terminal.range))
+            else:
+                self._store(block, side.standing(block.name))
 
     def input(self, address: int) -> int:
         """An input register."""
@@ -120,6 +125,8 @@ class DescribedBank(Bank):
         self._expired, self._tripped = True, self._faults is not None
         self._enabled &= self._enable is None
         for block in self._outputs:
+            if block.counts.terminal.sets:
+                continue
             if self._says_safe:
                 self._safe_mode.add(block.name)
                 self.side.drive({block.name: self._safe_level(block)})
@@ -208,11 +215,20 @@ class DescribedBank(Bank):
 
     def _obey(self, block: Block) -> None:
         if self._enabled and block.name not in self._safe_mode and not self._tripped:
-            self.side.drive({block.name: block.counts.decoded([self._memory[spot] for spot in block.spots])})
+            self._drive(block, block.counts.decoded([self._memory[spot] for spot in block.spots]))
 
     def _goes_to(self, block: Block, value: float) -> None:
         self._store(block, value)
-        self.side.drive({block.name: value})
+        self._drive(block, value)
+
+    def _drive(self, block: Block, value: float) -> None:
+        """An output, or what it is made with."""
+        of, _, key = (block.counts.terminal.sets or "").rpartition(".")
+        if not of:
+            self.side.drive({block.name: value})
+            return
+        self._pwm[of] = replace(self._pwm.get(of, Pwm(0.0)), **{key: value})
+        self.side.modulate(of, self._pwm[of])
 
     def _store(self, block: Block, value: float) -> None:
         around = [self._memory.get(spot, 0) for spot in block.spots]

@@ -73,6 +73,8 @@ class ModbusTerminal(PartTerminal):
         write: by which function, 5, 6, 15 or 16; 5 for coils and 16 for registers if not said.
         read_back: where an output is read back, if that is another place; `false` where it cannot be.
         status: flags that say that it is none.
+        sets: `OUTPUT.carrier_hz`, `.dither_hz` or `.dither_amplitude`: no terminal of its own, but what the `pwm` of
+            the channel on that output is set by when the device is opened.
         step: from the first register of one to that of the next in a row; as many as one takes if not given.
     """
 
@@ -84,6 +86,7 @@ class ModbusTerminal(PartTerminal):
     write: Literal[5, 6, 15, 16] | None = None
     read_back: Literal[False] | Address | Place | None = None
     status: tuple[Flag, ...] = ()
+    sets: str | None = Field(None, pattern=r".\.(carrier_hz|dither_hz|dither_amplitude)$")
     step: int | None = Field(None, ge=1)
 
     @model_validator(mode="after")
@@ -92,8 +95,9 @@ class ModbusTerminal(PartTerminal):
             raise ValueError("raw, or slope and offset, not both")
         if self.raw is not None and self.raw[0] == self.raw[1]:
             raise ValueError("raw: the counts at both ends of the range are the same")
-        if self.direction == "in" and (self.write is not None or self.read_back is not None or self.close is not None):
-            raise ValueError("write, read_back and close belong to an output")
+        of_output = self.write, self.read_back, self.close, self.sets
+        if self.direction == "in" and any(key is not None for key in of_output):
+            raise ValueError("write, read_back, close and sets belong to an output")
         return self
 
     @property
@@ -211,6 +215,11 @@ class ModbusDescription(DescribedDevice[ModbusTerminal]):
         """Every terminal by its own name; tables and addresses, types and read-backs are those on the wire."""
         return {one: self._laid(terminal, i) for name, terminal in self.terminals.items()
                 for one, i in each(name, terminal)}  # fmt: skip
+
+    @property
+    def ports(self) -> dict[str, Terminal]:
+        """What a bench can connect to."""
+        return {name: port for name, port in super().ports.items() if self.by_name[name].sets is None}
 
     def _laid(self, terminal: ModbusTerminal, i: int) -> ModbusTerminal:
         table, address = self.place_of(terminal, i)

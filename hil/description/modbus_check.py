@@ -78,6 +78,8 @@ def _order(terminal: ModbusTerminal, form: Type) -> Iterator[Fault]:
 
 
 def _output(description: ModbusDescription, terminal: ModbusTerminal, table: Table, form: Type) -> Iterator[Fault]:
+    if terminal.sets and (of := terminal.sets.rpartition(".")[0]) not in description.outputs:
+        yield ("sets",), f"no output '{of}'; there are: {', '.join(description.outputs)}"
     if table in ("input", "discrete"):
         yield ("address",), f"an output stands in a coil or a holding register; a {table} one can only be read"
         return
