@@ -35,7 +35,6 @@ from hil.physics.model import typical_model
 from hil.physics.published.tordal import FREQUENCIES_HZ, RUNS
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Recording, recording
-from hil.signals.frequency_fit import frequency_fit
 from hil.signals.sine_fit import sine_fit
 
 Array = NDArray[np.float64]
@@ -89,7 +88,6 @@ def sine_rows(frequency_hz: float, draws: int) -> Iterator[Row]:
 
     peers: list[tuple[str, Callable[[Array], float], int]] = [
         ("hil sine_fit", lambda y: sine_fit(t, y, frequency_hz, harmonics=1).amplitude, len(recordings)),
-        ("hil frequency_fit (frequency free)", lambda y: frequency_fit(t, y, frequency_hz).amplitude, len(recordings)),
         ("scipy curve_fit, frequency known to start", by_curve_fit, len(recordings)),
         ("lmfit SineModel + ConstantModel", by_lmfit, 8),
     ]

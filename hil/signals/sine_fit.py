@@ -35,7 +35,6 @@ class SineFit:
         residual_std: standard deviation of what is left.
         covariance: of [offset, Re, Im of each phasor, drift…], including the colour of the residual.
             `bound`: the same for white noise, the Cramér–Rao bound. Shape (p, p).
-        frequency_std_hz: 0 when the frequency was known.
         samples: how many were fitted. `periods`: how many periods they span.
     """
 
@@ -48,7 +47,6 @@ class SineFit:
     bound: Array
     samples: int
     periods: float
-    frequency_std_hz: float = 0.0
 
     @property
     def phasor(self) -> complex:
@@ -121,7 +119,7 @@ def sine_fit(time_s: Array, values: Array, frequency_hz: float, *, harmonics: in
     basis = sine_basis(time_s, frequency_hz, harmonics)
     slow = _powers(time_s, drift_order)
     solved = solve(basis, values, slow, frequency_hz)
-    return finish(solved, values, slow, _cycles(time_s, frequency_hz), frequency_hz)
+    return _finished(solved, values, slow, _cycles(time_s, frequency_hz), frequency_hz)
 
 
 def sine_phasor(time_s: Array, values: Array, frequency_hz: float, *, harmonics: int = 5) -> complex:
@@ -141,23 +139,18 @@ def with_rounding(fit: SineFit, step: float) -> SineFit:
     return replace(fit, covariance=fit.covariance + np.diag(added))
 
 
-def finish(
-    solved: Solved, values: Array, extras: Array, cycles_per_sample: float, frequency_hz: float, freed: int = 0
-) -> SineFit:
-    """The fit with its uncertainty; the last `freed` extras are not drift but stand for the frequency."""
-    rest = solved.residuals(values, extras)
+def _finished(solved: Solved, values: Array, drift: Array, cycles_per_sample: float, frequency_hz: float) -> SineFit:
+    """The fit with its uncertainty."""
+    rest = solved.residuals(values, drift)
     n, p = len(values), len(solved.parameters)
     variance = float(np.sum(np.square(rest))) / (n - p)
     bound = variance * solved.inverse
     k = solved.basis.harmonics
     lines = np.sqrt(colour_factors(rest, cycles_per_sample * np.arange(k + 1, dtype=np.float64)))
-    # drift is as slow as the offset; the frequency is read where the sine is
+    # drift is as slow as the offset
     colour = np.concatenate((lines[:1], np.repeat(lines[1:], 2), np.full(p - 1 - 2 * k, lines[0])))
-    if freed:
-        colour[-freed:] = lines[1]
-    drift = solved.parameters[1 + 2 * k : p - freed]
     return SineFit(
-        frequency_hz, float(solved.parameters[0]), solved.phasors, drift, math.sqrt(variance),
+        frequency_hz, float(solved.parameters[0]), solved.phasors, solved.parameters[1 + 2 * k :], math.sqrt(variance),
         bound * np.outer(colour, colour), bound, n, n * cycles_per_sample,
     )  # fmt: skip
 

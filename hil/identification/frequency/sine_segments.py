@@ -12,7 +12,7 @@ from hil.errors import InputError
 from hil.identification.frequency.frequency_response import FrequencyResponse, from_fits
 from hil.identification.uncertainty.noise import white_floor
 from hil.record.recording import Array, Mask, Recording
-from hil.signals.frequency_fit import frequency_fit
+from hil.signals.frequency_fit import frequency_of
 from hil.signals.rounding import rounding_step
 from hil.signals.sine_fit import SineFit, sine_fit, with_rounding
 from hil.signals.steady import is_steady
@@ -197,7 +197,8 @@ def _segment(time_s: Array, values: Array, start_s: float, stop_s: float) -> Seg
     part = values[first:stop]
     if stop - first < _LEAST_SAMPLES:
         return None
-    fit = frequency_fit(time_s[first:stop], part, None)
+    stamps = time_s[first:stop]
+    fit = sine_fit(stamps, part, frequency_of(stamps, part), harmonics=1)
     if fit.residual_std > 0.1 * fit.amplitude or _stands(part) > _at_peak(part, fit):
         return None  # periodic, but no sine
     return Segment(fit.frequency_hz, first, stop - first, fit.amplitude, fit.offset)
