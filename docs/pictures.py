@@ -30,7 +30,7 @@ def main() -> None:
     """Make all of them."""
     PICTURES.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="hil-demo-") as folder, chromium() as browser:
-        demo(browser, demonstrate(Path(folder) / "demo", "backlash", lambda _done, _text: None).report)
+        demo(browser, demonstrate(Path(folder) / "demo", lambda _done, _text: None).report)
     with tempfile.TemporaryDirectory(prefix="hil-lab-") as folder, chromium() as browser:
         bench = real_time_bench(Path(folder), "hpv41")
         text = bench.read_text(encoding="utf-8").replace("[conditions]", f"{_LIMITS}\n[conditions]", 1)

@@ -185,14 +185,13 @@ def calibrate(
 
 
 @options_of("python")
-def demo(out: str | Path, *, conceal: str = "", progress: Progress = quiet) -> Demonstration:
+def demo(out: str | Path, *, progress: Progress = quiet) -> Demonstration:
     """Test and identify a valve on the simulated bench, meet recordings that conceal an effect, diagnose (`hil demo`).
 
     Args:
         out: folder to make, with everything that the job leaves.
-        conceal: the effect; the first that can be concealed when not given.
         progress: told how far it is.
     """
-    from hil.session.demo import CONCEALED, demonstrate
+    from hil.session.demo import demonstrate
 
-    return demonstrate(Path(out), conceal or next(iter(CONCEALED)), progress)
+    return demonstrate(Path(out), progress)

@@ -12,7 +12,6 @@ from hil.cli.printed import printed
 
 def command(
     out: Path = typer.Option(Path("demo"), "--out", help="Folder to make, with everything that the job leaves."),
-    conceal: str = typer.Option("backlash", "--conceal", help="The effect that the second recordings conceal."),
     language: Language = "",  # noqa: ARG001 — its callback takes it
     as_json: Json = False,
 ) -> None:
@@ -20,16 +19,17 @@ def command(
     from hil import api
     from hil.cli.places import check_folder
     from hil.cli.progress import shown
+    from hil.session.demo import CONCEALED
 
     check_folder(out)
     typer.echo("the Brevini HPV41 of the paper, as identified, on the simulated bench, in virtual time", err=as_json)
     with shown() as progress:
-        done = api.demo(out, conceal=conceal, progress=progress)
+        done = api.demo(out, progress=progress)
     identified, diagnosis = done.identified, done.diagnosed.diagnosis
     reports = [f"{name}: {outcome.report}" for name, outcome in done.tests.items()]
-    concealed = f"concealed in the second recordings: {conceal}"
+    concealed = f"concealed in the second recordings: {CONCEALED.name}"
     words = "\n".join([identified.summary(), concealed, diagnosis.as_text(), *reports, f"report: {done.report}"])
     tests = {name: outcome.folder for name, outcome in done.tests.items()}
-    document = {"tests": tests, "concealed": conceal, "model": out / "nominal.json", "fits": identified.fits}
+    document = {"tests": tests, "concealed": CONCEALED.name, "model": out / "nominal.json", "fits": identified.fits}
     document |= {"diagnosis": diagnosis.as_dict(), "report": done.report}
     printed({"schema": "hil.demo/1", **document}, words, as_json)

@@ -14,7 +14,7 @@ from pathlib import Path
 from hil.bench.find import find_bench
 from hil.bench.read import read_bench
 from hil.diagnosis.diagnose import Diagnosed, diagnose
-from hil.errors import FileError, UnknownNameError, option
+from hil.errors import FileError, option
 from hil.identification.grey_box.identify import GreyBoxFit, fit_plant, starting_model
 from hil.identification.preparation.experiment import experiment, for_model
 from hil.physics.model import save_model
@@ -32,13 +32,9 @@ VALVE = "hpv41-identified"
 FREED = ("friction.coulomb", "pilot_ratio", "spool_ratio")
 """What is estimated beside the parameters that every valve has: its friction, and the sides of their own."""
 
-# What may be concealed: where it sits and how large it is there.
-CONCEALED: Mapping[str, tuple[str, Mapping[str, float]]] = {
-    "backlash": ("opening", {"half_width": 2.0}),
-    "supply_droop": ("supply", {"droop": 0.3}),
-    "dead_time": ("command", {"delay": 0.03}),
-    "leakage": ("flow", {"leak": 2.0}),
-}
+CONCEALED = ActiveEffect("backlash", "opening", {"half_width": 2.0})
+"""What the worn valve has, and nobody says."""
+
 # Tests of the good valve with their share of the whole job, then those of the one that came back.
 _GOOD = {"frequency_response": 0.5, "flow_curve": 0.05, "step_response": 0.05}
 _BACK = {"flow_curve": 0.05, "step_response": 0.05}
@@ -55,15 +51,12 @@ class Demonstration:
     report: Path
 
 
-def demonstrate(out: Path, conceal: str, progress: Progress) -> Demonstration:
+def demonstrate(out: Path, progress: Progress) -> Demonstration:
     """Do the whole job in a new folder.
 
     Raises:
         FileError: the folder is not empty.
-        UnknownNameError: an effect that cannot be concealed here.
     """
-    if conceal not in CONCEALED:
-        raise UnknownNameError("concealed effect", conceal, CONCEALED)
     if out.exists() and any(out.iterdir()):
         raise FileError(f"{out}: is not empty; name another folder with {option('out')}, or remove it")
     out.mkdir(parents=True, exist_ok=True)
@@ -76,7 +69,7 @@ def demonstrate(out: Path, conceal: str, progress: Progress) -> Demonstration:
     identified = fit_plant(start, [experiment(read_recording(folder), start.definition) for folder in folders], FREED)
     save_model(identified.model, out / "nominal.json")
     worn = out / "worn-valve.toml"
-    write_bench_with(ActiveEffect(conceal, *CONCEALED[conceal]), worn, seed=2, bench=VALVE)
+    write_bench_with(CONCEALED, worn, seed=2, bench=VALVE)
     back = [_tested(name, worn, out / f"worn-{name}", steps.part(share, "worn valve")).folder
             for name, share in _BACK.items()]  # fmt: skip
     recordings = [for_model(identified.model, read_recording(folder)) for folder in back]
