@@ -282,6 +282,8 @@ def test_a_reset_that_cannot_be_written_down_is_not_done(site: Site, monkeypatch
 def test_the_form_says_how_far_each_output_may_go(site: Site) -> None:
     console = Console(site, Underway(site.runs))
     assert run_routes._allowed(console.site.bench("own")) == ["command −100 … 100 %"]
+    (site.benches / "lab.toml").write_text('based_on = "four-way-lab"\n', encoding="utf-8")
+    assert run_routes._allowed(console.site.bench("lab"))[-1] == "oil temperature 0 … 80 °C"
     assert run_routes._file(console, "none") is None
 
 

@@ -28,7 +28,7 @@ from hil.console.routes.results import searched
 from hil.console.uploads import form_of
 from hil.errors import HilError, InUseError, SettingError
 from hil.record.folder import read
-from hil.report.number import number
+from hil.report.number import number, unit_text
 from hil.session.labels import labelled, labels_of, new_folder
 from hil.session.limit import checked_limits, split_limits
 from hil.session.preset import DEFAULT, preset_names, preset_settings
@@ -81,7 +81,7 @@ def _presets(file: BenchFile, procedure: Procedure, name: str) -> tuple[list[str
 def _allowed(file: BenchFile) -> list[str]:
     """The range of each output of a bench, as its file has it."""
     return [
-        f"{name} {number(limits.low, 6)} … {number(limits.high, 6)} {file.bench.channels[name].unit}"
+        f"{name} {number(limits.low, 6)} … {number(limits.high, 6)} {unit_text(file.bench.channels[name].unit)}"
         for name, limits in envelopes_of(file.bench).items()
     ]
 
