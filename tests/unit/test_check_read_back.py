@@ -16,7 +16,7 @@ NO_REQUESTS, BESIDE = "no requests to read outputs back", "requests a second to 
     [
         ("hpv41-modbus-tcp", {"io": 2.0}),
         ("hpv41-mixed", {"valve": 2.0}),
-        ("cummins-efc-modbus", {"amplifier": 4.0}),  # the current; carrier and dither
+        ("cummins-efc-modbus", {"amplifier": 2.0}),  # the current, with carrier and dither
         ("hpv41-j1939", {"valve": 0.0}),  # it reports them by itself
         ("hpv41-usb-6211", {}),
         ("brevini-hpv41", {}),
