@@ -223,6 +223,16 @@ def test_a_passed_run_beside_one_that_was_stopped_passes_nowhere_in_the_file(tmp
     assert json.loads(texts["passport.json"])["verdict"] == "cannot tell"
 
 
+def test_where_nothing_was_judged_values_begin_on_page_one(made: Path, tmp_path: Path) -> None:
+    found = issue([run_of(tmp_path, limited=False)], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
+    assert found.unit.verdict is None
+    pages = []
+    for path in (made, tmp_path / "unit.pdf"):
+        with pikepdf.open(path) as pdf:
+            pages.append(len(pdf.pages))
+    assert pages[1] == pages[0] - 1
+
+
 def test_page_one_says_why_there_is_no_model(tmp_path: Path) -> None:
     found = issue([run_of(tmp_path)], tmp_path / "unit.pdf", signing_key(None))
     assert "names no plant" in found.understood.says and "--model" in found.understood.says
