@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -10,7 +12,9 @@ from typing import Any
 import pytest
 
 from drivers import modbus
+from drivers._ports import serial_port
 from drivers._shared_port import shared_port
+from hil.daq.address import Port
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, LinkError
 from sim_devices import modbus as twin
@@ -137,3 +141,22 @@ def test_a_shorter_quiet_of_one_does_not_end_the_longer_of_another(tmp_path: Pat
     assert one.quiet_until_s == 7.0
     one.let_go()
     other.let_go()
+
+
+def test_what_came_before_a_request_is_not_its_answer() -> None:
+    device, ours = os.openpty()
+    port = serial_port(Port(os.ttyname(ours)), 1.0, 9600, "N", exclusive=None)
+    try:
+        os.write(device, b"+07.500\r")  # late, to an earlier request
+        time.sleep(0.05)
+        port.write(b"#01\r")
+        assert os.read(device, 16) == b"#01\r"
+        os.write(device, b"+01.000\r")
+        answer, until_s = b"", time.monotonic() + 10.0
+        while not answer.endswith(b"\r") and time.monotonic() < until_s:
+            answer += port.read(1.0)
+        assert answer == b"+01.000\r"
+    finally:
+        port.let_go()
+        os.close(device)
+        os.close(ours)
