@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 
 from sim_devices._can_bus import Frame
 from sim_devices._field import Side
@@ -110,11 +111,6 @@ class CanopenNode:
         if 0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00:
             self._check_mapping(index, sub, int(value))
 
-    def takes(self, place: Place, value: float) -> bool:
-        """Whether a receive PDO may bring an object this value."""
-        del place, value
-        return True
-
     def missed_heartbeat(self) -> None:
         """The master fell silent."""
 
@@ -148,7 +144,8 @@ class CanopenNode:
         if len(data) < struct.calcsize(form):
             return
         for place, value in zip(places, struct.unpack(form, data[: struct.calcsize(form)]), strict=True):
-            if self.takes(place, value):
+            with suppress(Abort):
+                self.check(*place, value)
                 self.store(*place, value)
 
     def _pdo(self, index: int) -> Iterator[Frame]:

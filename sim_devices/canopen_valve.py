@@ -10,7 +10,7 @@ import struct
 from pathlib import Path
 
 from sim_devices._can_bus import serve_node
-from sim_devices._canopen_node import Abort, CanopenNode, Place
+from sim_devices._canopen_node import Abort, CanopenNode
 from sim_devices._eds import objects_of
 from sim_devices._field import Side
 from sim_devices._twin import offered
@@ -48,10 +48,6 @@ class Valve(CanopenNode):
         super().power_on()
         self._state, self._word, self._spool = _INIT, 0, 0.0
         self.side.drive({"set point": 0.0})
-
-    def takes(self, place: Place, value: float) -> bool:
-        """A set point within the reference value."""
-        return place != (0x6300, 1) or abs(value) <= _FULL
 
     def check(self, index: int, sub: int, value: float) -> None:
         """A set point within the reference value."""
