@@ -7,6 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from hil.errors import FileError, storing
@@ -19,6 +21,7 @@ from hil.record.previous_run import PreviousRunComparison
 from hil.record.show import dataset, figure_by_unit, table_html
 from hil.untrusted import read_untrusted_json
 
+Array = NDArray[np.float64]
 SCHEMA: Literal["hil.results/1"] = "hil.results/1"
 
 
@@ -51,6 +54,15 @@ class Curve(_Strict):
             raise KeyError(f"curve '{self.name}' has no column '{name}'; it has: {', '.join(names)}")
         return tuple(row[names.index(name)] for row in self.rows)
 
+    def array(self, name: str) -> Array:
+        """The same with NaN where nothing was measured, shape (n,)."""
+        return np.array([np.nan if value is None else value for value in self.column(name)], dtype=np.float64)
+
+    @property
+    def shown(self) -> tuple[ColumnOf, ...]:
+        """What is drawn over the first column: all others but standard uncertainties."""
+        return tuple(column for column in self.columns[1:] if not column.name.endswith("std"))
+
     def to_pandas(self) -> Any:
         """A pandas DataFrame with columns `name [unit]`."""
         import pandas as pd
@@ -66,8 +78,8 @@ class Curve(_Strict):
 
     def plot(self) -> Any:
         """A matplotlib figure: every column over the first, an axis for each unit; a frequency is logarithmic."""
-        first, *others = self.columns
-        lines = [(c.name, c.unit, self.column(c.name)) for c in others if not c.name.endswith("std")]
+        first = self.columns[0]
+        lines = [(c.name, c.unit, self.column(c.name)) for c in self.shown]
         figure = figure_by_unit(lines, f"{first.name} [{first.unit}]", self.column(first.name))
         if first.unit == "Hz":
             figure.axes[-1].set_xscale("log")

@@ -60,8 +60,7 @@ def _drawn(curves: Sequence[Curve]) -> bytes:
     from hil.report.figure import drawn_alike
     from hil.report.tick_labels import with_decimal_sign
 
-    shown = [column for column in curves[0].columns[1:] if not column.name.endswith("std")]
-    units = list(dict.fromkeys(column.unit for column in shown))[:3]
+    units = list(dict.fromkeys(column.unit for column in curves[0].shown))[:3]
     style = {"svg.fonttype": "path", "svg.hashsalt": curves[0].name, "font.size": 8, "axes.spines.top": False,
              "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.3, "legend.frameon": False,
              "figure.constrained_layout.use": False, "xtick.minor.visible": False}  # fmt: skip
@@ -92,16 +91,12 @@ def _fill(figure: Figure, curves: Sequence[Curve], units: Sequence[str]) -> None
 
 def _lines(axes: Axes, curves: Sequence[Curve], unit: str) -> None:
     """A colour for each curve and a dash for each of its columns; of one curve a colour for each column."""
-    columns = [c for c in curves[0].columns[1:] if c.unit == unit and not c.name.endswith("std")]
+    columns = [c for c in curves[0].shown if c.unit == unit]
     for i, curve in enumerate(curves):
         for k, column in enumerate(columns):
             place = label_text(", ".join(_parts(curve)[1:]))
             label = ", ".join(filter(None, (_(column.name) if len(columns) > 1 else "", place))) or _(column.name)
             look = (i, k) if len(curves) > 1 else (k, 0)
-            x, y = (_points(curve, name) for name in (curve.columns[0].name, column.name))
+            x, y = (curve.array(name) for name in (curve.columns[0].name, column.name))
             axes.plot(*thinned(x, y), color=SERIES[look[0] % len(SERIES)], ls=_DASHES[look[1] % len(_DASHES)], lw=0.8,
                       label=label)  # fmt: skip
-
-
-def _points(curve: Curve, name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    return np.array([np.nan if value is None else value for value in curve.column(name)], dtype=np.float64)

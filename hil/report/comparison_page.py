@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.findings.difference import Difference
-from hil.findings.results import Curve, Results
+from hil.findings.results import Array, Curve, Results
 from hil.language.choice import in_page_language
 from hil.language.words import _
 from hil.record.measurement import COVERAGE_FACTOR, Measured
@@ -146,15 +146,14 @@ def _overlay(a: Curve, b: Curve, first: str, second: str) -> Picture | None:
     """Both curves over their first column, a drawing for each unit."""
     if a.columns != b.columns or len(a.columns) < 2:
         return None
-    shown = [column for column in a.columns[1:] if not column.name.endswith("std")]
-    units = list(dict.fromkeys(column.unit for column in shown))
+    units = list(dict.fromkeys(column.unit for column in a.shown))
 
     def draw(figure: Figure) -> None:
         grid = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
         for axes, unit in zip(grid, units, strict=True):
-            for colour, column in zip(SERIES, (c for c in shown if c.unit == unit), strict=False):
+            for colour, column in zip(SERIES, (c for c in a.shown if c.unit == unit), strict=False):
                 for curve, run, dash in ((a, first, DASHES[0]), (b, second, DASHES[1])):
-                    x, y = (_points(curve, name) for name in (a.columns[0].name, column.name))
+                    x, y = (curve.array(name) for name in (a.columns[0].name, column.name))
                     line = {"ls": dash} if _is_line(x) else {"ls": "", "marker": "o" if run == first else "x"}
                     axes.plot(*thinned(x, y), color=colour, label=f"{column.name}, {run}", **line)
             axes.set_ylabel(unit)
@@ -164,7 +163,7 @@ def _overlay(a: Curve, b: Curve, first: str, second: str) -> Picture | None:
     return drawn(re.sub(r"\W+", "-", a.name), 0.8 + 2.2 * len(units), draw, a.name)
 
 
-def _is_line(x: np.ndarray[tuple[int], np.dtype[np.float64]]) -> bool:
+def _is_line(x: Array) -> bool:
     return len(x) > _FEW or bool(np.all(np.diff(x) > 0.0))
 
 
@@ -174,7 +173,3 @@ def _across(axes: Axes, curve: Curve) -> None:
     if first.unit == "Hz":
         axes.set_xscale("log")
         plain_log(axes)
-
-
-def _points(curve: Curve, name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    return np.array([np.nan if value is None else value for value in curve.column(name)], dtype=np.float64)

@@ -168,12 +168,13 @@ def test_a_strangers_curves_are_drawn_plainly(tmp_path: Path) -> None:
     strange = {
         "steps": {"time_s": np.arange(99.0), "pressure_bar": np.arange(99.0), "gain": 3.25, "remark": "as usual"},
         "spectrum": [
-            {"label": "cold", "frequency_hz": np.arange(5.0), "gain": np.ones(5) * 1j}, {"alone": [1.0, 2.0]}
+            {"label": "cold", "frequency_hz": np.arange(5.0), "gain": np.ones(5), "gain_unit": "bar"},
+            {"alone": [1.0, 2.0], "settled": True},
         ],
         "nothing": None, "empty": [], "value": 7, "table": np.ones((2, 3)),
     }  # fmt: skip
     page = page_of(Findings(curves=strange), tmp_path)
-    for text in ("time [s]", "pressure [bar]", "gain 3.25", "remark as usual", "|gain|", "array of 2 × 3", "1: cold"):
+    for text in ("time [s]", "pressure [bar]", "gain 3.25", "remark as usual", "gain [bar]", "settled True", "Cold"):
         assert text in page.text, text
     assert page.drawings == 1 + 2 + 1
 
