@@ -72,7 +72,7 @@ class Option:
             tuple(dict.fromkeys((*known, *events, *names))), self.chi2,
             len(events) + len(names) + len(changed) + described + freed,
             unknowns + self.fitted.unknowns - self.own.unknowns + _OF_EVENTS * len(events) + freed, changed,
-            described > 0,
+            described > 0, freed,
         )  # fmt: skip
 
     @property

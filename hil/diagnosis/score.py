@@ -31,6 +31,7 @@ class Hypothesis:
         names: of effects and events. `changed`: of parameters. Neither: the unit as it was.
         chi2: sum of squared whitened residuals, the prior of the base parameters included.
         causes, unknowns: c and k.
+        moved: base parameters among the causes that had to move; what is unknown beside a set may have bent them.
         is_open: whether something beside them is only described: it is something unknown, which leaves as much.
     """
 
@@ -40,6 +41,7 @@ class Hypothesis:
     unknowns: int = 0
     changed: tuple[str, ...] = ()
     is_open: bool = False
+    moved: int = 0
 
     @property
     def named(self) -> tuple[str, ...]:
@@ -192,7 +194,8 @@ def table(noise: Noise, hypotheses: Iterable[Hypothesis]) -> Table:
 
 
 def _rows(noise: Noise, h: Hypothesis, left: float) -> tuple[Row, ...]:
-    causes, unknowns, less = h.causes + 1, h.unknowns + CRITERIA.unknowns, CRITERIA.unknown * left
+    bent = h.moved if left > CRITERIA.parts else 0
+    causes, unknowns, less = h.causes - bent + 1, h.unknowns + CRITERIA.unknowns, CRITERIA.unknown * left
     own = Row(h, h.is_open, h.causes, h.unknowns, left, score(noise, left, h.causes, h.unknowns))
     return (own,) if h.is_open else (own, Row(h, True, causes, unknowns, less, score(noise, less, causes, unknowns)))
 

@@ -55,6 +55,16 @@ def test_verdict_where_more_than_600_is_left_something_unknown_stands_beside() -
     assert told == ["explained", "partly_explained"]
 
 
+def test_parameters_that_something_unknown_has_bent_are_no_causes() -> None:
+    first = of(1e6, replace(law("friction", left=5_000.0), causes=4, moved=3)).first
+    assert (first.label, first.causes) == ("friction + something unknown", 2)
+
+
+def test_parameters_that_moved_are_causes_where_little_is_left() -> None:
+    rows = of(2e4, replace(law("friction", left=50.0), causes=4, moved=3)).rows
+    assert {row.causes for row in rows if row.hypothesis.named} == {4, 5}
+
+
 def test_a_name_beside_something_unknown_stands_alone() -> None:
     near, far = law("backlash", left=12_000.0), law("backlash", left=25_000.0)
     friction = law("friction", left=5_000.0)
