@@ -10,7 +10,7 @@ import pytest
 from hil.identification.grey_box.compare import compare
 from hil.identification.grey_box.identify import fit_plant
 from hil.identification.preparation.experiment import Experiment
-from hil.identification.uncertainty.noise import Measured, measured_noise, noise_of
+from hil.identification.uncertainty.noise import Measured, measured_noise, noise_of, white_floor
 from hil.physics.model import Model, typical_model
 from hil.record.recording import Array
 from hil.signals.recursion import filtered
@@ -39,6 +39,15 @@ def test_noise_of_holds_the_level_of_noise_at_rest(pole: float) -> None:
         found = noise_of([coloured(pole, 400, 4 * seed + k) for k in range(4)], 0.01)
         held += abs(found.std - 1.0) < 1.96 * found.std_uncertainty
     assert held >= 34
+
+
+@pytest.mark.parametrize("steps", [0.5, 0.8, 1.0, 1.6, 5.0])
+def test_the_floor_of_a_coarse_channel_lies_between_the_multiples_of_its_step(steps: float) -> None:
+    """`steps`: noise over the converter's step; without interpolation 0.8 and 1.6 are off by five standard errors."""
+    moving = 200.0 * np.sin(np.arange(40_000) * 0.005)
+    read = [np.round(moving + steps * coloured(0.0, len(moving), seed)) for seed in range(4)]
+    floor = np.mean([white_floor(values) for values in read])
+    assert floor == pytest.approx(np.hypot(steps, np.sqrt(1.0 / 12.0)), rel=0.025 if steps < 0.8 else 0.01)
 
 
 def test_a_misfit_counts_as_discrepancy_and_not_as_noise() -> None:

@@ -75,8 +75,16 @@ def _without_rest(values: Array) -> Array:
 def _of_fourth_differences(values: Array) -> float:
     if len(values) < 16:
         return 0.0
-    fourth = np.diff(values, 4)
-    return float(np.median(np.abs(fourth)) / MEDIAN_SHARE / np.sqrt(70.0))
+    return _grouped_median(np.abs(np.diff(values, 4)), resolution(values)) / MEDIAN_SHARE / math.sqrt(70.0)
+
+
+def _grouped_median(sizes: Array, step: float) -> float:
+    """The median of what was rounded to whole steps, interpolated within its step; 0 where that is nothing."""
+    median = float(np.median(sizes))
+    if median == 0.0:
+        return 0.0
+    below, above = (int(np.count_nonzero(sizes < median + half)) for half in (-0.5 * step, 0.5 * step))
+    return median + step * ((0.5 * len(sizes) - below) / max(above - below, 1) - 0.5)
 
 
 def resolution(values: Array) -> float:
