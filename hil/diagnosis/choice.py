@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.diagnosis import DiagnosisVerdict
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.problem import Problem
@@ -55,5 +54,5 @@ class Choice:
 
 def has_drifted(problem: Problem, choice: Choice) -> bool:
     """Whether the nominal model is consistent with the recordings only with base parameters moved."""
-    off = problem.excess(choice.nominal.chi2) >= CRITERIA.scale
-    return choice.verdict == "consistent" and off and problem.excess(choice.baseline.chi2) < CRITERIA.scale
+    off = problem.excess(choice.nominal.chi2) >= problem.noise_uncertainty
+    return choice.verdict == "consistent" and off and problem.excess(choice.baseline.chi2) < problem.noise_uncertainty

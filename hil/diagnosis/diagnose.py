@@ -12,7 +12,6 @@ from hil.diagnosis.answer import Answer
 from hil.diagnosis.changed import Changed, named, unchanged
 from hil.diagnosis.check import Checked, check
 from hil.diagnosis.choice import OPEN, Choice
-from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.diagnosis import Diagnosis, DiagnosisVerdict
 from hil.diagnosis.events.coarse import coarse, coarse_step
 from hil.diagnosis.events.event import Events, Interval
@@ -127,7 +126,7 @@ def _beyond_noise(problem: Problem, asked: Question) -> Changed | None:
     A model that left nothing but noise lacks nothing: there the search itself says what has changed.
     """
     table = asked.table
-    if table is None or table.beyond_noise < CRITERIA.scale:
+    if table is None or table.beyond_noise < problem.noise_uncertainty:
         return None
     problem.work.at(0.05, "has the unit changed?")
     count = 2 + len(table.columns)

@@ -10,7 +10,6 @@ from functools import cached_property
 import numpy as np
 
 from hil.diagnosis.choice import Choice
-from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.events.coarse import cuts_off
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.events.least_trimmed_squares import least_trimmed_squares
@@ -32,7 +31,6 @@ from hil.identification.preparation.experiment import Experiment
 from hil.language.words import marked
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
-from hil.signals.interval import COVERED
 
 # Of events is estimated how often they come and how long they last.
 _OF_EVENTS = 2
@@ -247,9 +245,8 @@ class Explanation:
 
     def _noise(self, colour: float, names: int) -> Noise:
         """What noise alone leaves."""
-        known, count = self.problem.model.noise, self.problem.expected
-        own = 0.0 if known is None or known.std <= 0.0 else 2.0 * COVERED * known.std_uncertainty / known.std
-        return Noise(count, 1.0, 1.0 + max(own, CRITERIA.scale), self.problem.size / colour, names)
+        problem = self.problem
+        return Noise(problem.expected, 1.0, 1.0 + problem.noise_uncertainty, problem.size / colour, names)
 
     def table(self) -> Table:
         """All options, and something unknown beside each."""

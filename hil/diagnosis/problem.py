@@ -9,6 +9,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.prior import Prior
 from hil.diagnosis.thresholds import FAR, NEXT_TO_NOTHING, PLAINLY, TINY
 from hil.diagnosis.work import Work
@@ -25,6 +26,7 @@ from hil.physics.model import Model, Noise
 from hil.physics.plant import Parameter, Parameters, Plant
 from hil.physics.simulate import ActiveEffect, simulate, sub_steps
 from hil.record.recording import Array
+from hil.signals.interval import COVERED
 
 # A first look takes sub-steps this much coarser.
 COARSER = 0.5
@@ -99,6 +101,13 @@ class Problem:
         """Whether the nominal model leaves more than half of the outputs' variance."""
         left = [self.errors(i, r) for i, r in enumerate(self.outputs_of(self.nominal_residuals))]
         return explains_little([e.valid_output for e in self.experiments], left)
+
+    @property
+    def noise_uncertainty(self) -> float:
+        """How far the noise's variance may be off within 95 %, as a share of it."""
+        known = self.model.noise
+        own = 0.0 if known is None or known.std <= 0.0 else 2.0 * COVERED * known.std_uncertainty / known.std
+        return max(own, CRITERIA.scale)
 
     def excess(self, chi2: float) -> float:
         """Variance beyond the noise, as a share of it."""
