@@ -18,6 +18,7 @@ from hil.rig import Rig
 from hil.signals.colour import colour_factor
 from hil.signals.rounding import mean_rounding_std
 from hil.signals.smooth_curve import Smoother
+from hil.signals.straight_line import weighted_line
 from hil.units import is_convertible, scale_and_offset
 from procedures._course import Course, joined
 from procedures._cylinder import position_per_mm
@@ -111,19 +112,18 @@ def _one(recording: Recording, part: Mapping[str, Any]) -> tuple[dict[str, Array
     _, response = roles_of(recording)
     samples = recording.rows(part["first"], part["count"])
     time_s, position = samples.time_s - samples.time_s[0], samples.values(response.name)
-    late = time_s - float(np.mean(time_s))
-    spread, mean = float(late @ late), float(np.mean(position))
-    slope = float(late @ position) / spread
-    left = position - mean - slope * late
-    colour, noise = colour_factor(left), float(np.std(left))
+    line = weighted_line(time_s, position, np.ones(len(time_s)))
+    middle_s, mean = line.middle
+    colour, noise = colour_factor(line.residuals), float(np.std(line.residuals))
     count = max(1, round(_MEAN_S / samples.interval_s))
     blocks = [values[: len(values) // count * count].reshape(-1, count).mean(axis=1) for values in (time_s, position)]
     way, way_std = _way(*blocks)
     # between two ends, each anywhere within a code that noise does not spread
     hidden = mean_rounding_std(noise, reading_step(recording, response))
     apart = math.sqrt(2.0) * hidden
-    return {"time_s": blocks[0], "position": blocks[1], "fitted": mean + slope * (blocks[0] - time_s.mean())}, {
-        "slope": slope, "slope_std": math.hypot(noise * math.sqrt(colour / spread), apart / float(np.ptp(time_s))),
+    return {"time_s": blocks[0], "position": blocks[1], "fitted": mean + line.slope * (blocks[0] - middle_s)}, {
+        "slope": line.slope,
+        "slope_std": math.hypot(line.slope_std() * math.sqrt(colour), apart / float(np.ptp(time_s))),
         "restless": noise, "restless_std": noise * math.sqrt(colour / (2.0 * len(position))),
         "way": way, "way_std": math.hypot(way_std, apart), "mean": mean,
         "mean_std": math.hypot(noise * math.sqrt(colour / len(position)), hidden),

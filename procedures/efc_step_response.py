@@ -20,7 +20,7 @@ from hil.physics.published.tugsal import STEP_CURRENTS_A
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
-from hil.signals.colour import colour_factor
+from hil.signals.colour import noisy_mean
 from hil.signals.rounding import mean_rounding_std, rounding_step
 from procedures._definitions import STEPS, defined
 from procedures._efc import Stage, held, part_recordings, play
@@ -133,8 +133,8 @@ def _drift(found: list[tuple[Mapping[str, Any], Recording]], command: str, respo
         values = samples.values(response.name)[: int(rise[0]) + 1] if rise.size else np.empty(0)
         rest = values[len(values) // 2 :]
         if len(rest) > 1:
-            noise = float(np.std(rest)) * math.sqrt(colour_factor(rest) / len(rest))
-            visits.append((float(np.mean(rest)), math.hypot(noise, mean_rounding_std(0.0, grid))))
+            mean, noise = noisy_mean(rest)
+            visits.append((mean, math.hypot(noise, mean_rounding_std(0.0, grid))))
     return disagreement(visits)
 
 

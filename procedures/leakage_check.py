@@ -13,7 +13,7 @@ from hil.language.words import marked
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
-from hil.signals.colour import colour_factor
+from hil.signals.colour import noisy_mean
 from hil.signals.rounding import mean_rounding_std
 from procedures._efc import (
     SUPPLY_PRESSURE,
@@ -120,6 +120,5 @@ def evaluate(recording: Recording) -> Findings:
 
 def _mean_std(samples: Recording, channel: Channel) -> float:
     """Standard uncertainty of a channel's mean by noise, and by rounding where noise is less than a code."""
-    values = channel.values
-    noise = float(values.std()) * math.sqrt(colour_factor(values) / len(values))
-    return math.hypot(noise, mean_rounding_std(float(values.std()), reading_step(samples, channel)))
+    _, noise = noisy_mean(channel.values)
+    return math.hypot(noise, mean_rounding_std(float(channel.values.std()), reading_step(samples, channel)))

@@ -12,6 +12,7 @@ import numpy as np
 
 from hil.errors import InputError, SettingError
 from hil.identification.frequency.sine_segments import Segment, declared_segments
+from hil.identification.steady.characteristic import ratio_of
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
@@ -132,7 +133,7 @@ def evaluate(recording: Recording) -> Findings:
         curves.append(curve(recording, rows, segment, place, answer))
         notes.append(_model_note(recording, rows, place, closed))
     if len(gains) == 2:
-        measured.append(_ratio(*gains))
+        measured.append(RATIO.of(*ratio_of(*gains)))
     notes.append(Note(
         "One sine tells two numbers, a gain and one time; for an order, dead time or resonance run multisine_response "
         "or step_response."
@@ -211,14 +212,8 @@ def _under_way(segment: Segment, interval_s: float) -> slice:
 def _gain(given: SineFit, answer: SineFit, closed: bool) -> tuple[float, float]:
     """Gain and its standard uncertainty; of the speed where the loop is open."""
     per_s = 1.0 if closed else 2.0 * math.pi * given.frequency_hz
-    value = per_s * answer.amplitude / given.amplitude
-    share = math.hypot(answer.amplitude_std / answer.amplitude, given.amplitude_std / given.amplitude)
-    return value, value * share
-
-
-def _ratio(forward: tuple[float, float], reverse: tuple[float, float]) -> Measured:
-    value = forward[0] / reverse[0]
-    return RATIO.of(value, value * math.hypot(forward[1] / forward[0], reverse[1] / reverse[0]))
+    value, std = ratio_of((answer.amplitude, answer.amplitude_std), (given.amplitude, given.amplitude_std))
+    return per_s * value, per_s * std
 
 
 def _model_note(recording: Recording, rows: slice, place: str, closed: bool) -> Note:

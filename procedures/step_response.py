@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Literal
@@ -19,7 +20,7 @@ from hil.record.recording import Channel, Recording
 from hil.record.response_table import ResponseTable
 from hil.rig import Rig
 from hil.session.sources import tables_of
-from hil.signals.colour import colour_factor
+from hil.signals.colour import noisy_mean
 from hil.signals.rounding import rounding_step
 from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
 from procedures._course import Course, joined
@@ -154,10 +155,8 @@ def _drift(recording: Recording) -> float:
     visits: dict[float, list[tuple[float, float]]] = {}
     for part in parts_of(recording, "level"):
         values = recording.rows(part["first"], part["count"]).values(response.name)
-        rest = values[-max(1, len(values) // _TAIL) :]
-        grid = rounding_step(response.values)
-        noise = float(np.std(rest)) * np.sqrt(colour_factor(rest) / len(rest))
-        visits.setdefault(float(part["to"]), []).append((float(np.mean(rest)), float(np.hypot(noise, grid))))
+        mean, noise = noisy_mean(values[-max(1, len(values) // _TAIL) :])
+        visits.setdefault(float(part["to"]), []).append((mean, math.hypot(noise, rounding_step(response.values))))
     return max(map(disagreement, visits.values()))
 
 

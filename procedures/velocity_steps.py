@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 
 from hil.errors import SettingError
+from hil.identification.steady.characteristic import ratio_of
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.colour import colour_factor
+from hil.signals.straight_line import weighted_line
 from procedures._course import Course, joined
 from procedures._cylinder import Axis, approach, axis_of
 from procedures._definitions import CYLINDERS, defined
@@ -105,7 +107,7 @@ def evaluate(recording: Recording) -> Findings:
         SPEED.at(label, speed_unit).of(*mean, calibration=share * abs(mean[0])) for label, mean in means.items()
     ]
     for place, extending, retracting in _pairs(parts):
-        ratio, std = _ratio(means[retracting], means[extending])
+        ratio, std = ratio_of(means[retracting], means[extending])
         measured.append(RATIO.at(place).of(ratio, std))
         notes.append(_areas(ratio, std, float(parts[0]["area_ratio"])).at(place))
     return Findings(tuple(measured), {"velocity_steps": curves}, tuple(dict.fromkeys(notes)), departures(recording))
@@ -196,12 +198,9 @@ def _read(time_s: Array, position: Array, closed: bool) -> slice:
 
 def _line(time_s: Array, position: Array) -> tuple[float, float, float]:
     """Slope, its standard uncertainty, and the level at time 0 of a straight line."""
-    middle = float(np.mean(time_s))
-    late = time_s - middle
-    spread = float(late @ late)
-    slope, mean = float(late @ position) / spread, float(np.mean(position))
-    left = position - mean - slope * late
-    return slope, float(np.std(left)) * math.sqrt(colour_factor(left) / spread), mean - slope * middle
+    line = weighted_line(time_s, position, np.ones(len(time_s)))
+    middle_s, mean = line.middle
+    return line.slope, line.slope_std() * math.sqrt(colour_factor(line.residuals)), mean - line.slope * middle_s
 
 
 def _pairs(parts: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:
@@ -210,11 +209,6 @@ def _pairs(parts: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:
     for part in parts:
         labels.setdefault(part["place"], {})[bool(part["extending"])] = part["label"]
     return [(place, both[True], both[False]) for place, both in labels.items() if len(both) == 2]
-
-
-def _ratio(retracting: tuple[float, float], extending: tuple[float, float]) -> tuple[float, float]:
-    value = abs(retracting[0] / extending[0])
-    return value, value * math.hypot(retracting[1] / retracting[0], extending[1] / extending[0])
 
 
 def _areas(ratio: float, std: float, area_ratio: float) -> Note:

@@ -19,6 +19,11 @@ def colour_factor(residuals: Array, reach: int = _REACH) -> float:
     return float(colour_factors(residuals, np.zeros(1), reach)[0])
 
 
+def noisy_mean(values: Array) -> tuple[float, float]:
+    """Mean of what stands, and its standard uncertainty by noise of any colour."""
+    return float(values.mean()), float(values.std()) * math.sqrt(colour_factor(values) / len(values))
+
+
 def colour_factors(residuals: Array, cycles_per_sample: Array, reach: int = _REACH) -> Array:
     """Noise density at given frequencies over its mean, never below 1: factors on variances estimated there.
 

@@ -22,6 +22,7 @@ from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 from hil.signals.interval import COVERED
+from hil.signals.straight_line import weighted_line
 
 
 def begins_at_rest(e: Experiment) -> bool:
@@ -30,11 +31,9 @@ def begins_at_rest(e: Experiment) -> bool:
     still = e.output[: int(np.argmax(moved)) + 1]
     if len(still) < CRITERIA.fewest_at_rest:
         return False
-    time = np.linspace(-1.0, 1.0, len(still))
-    slope = float(time @ still) / float(time @ time)
-    left = still - still.mean() - slope * time
-    std = math.sqrt(float(np.mean(left**2)) * colour_factor(left) / float(time @ time))
-    return abs(slope) <= COVERED * std and float(np.std(left)) <= COVERED * channel_floor(e.valid_output)
+    line = weighted_line(np.linspace(-1.0, 1.0, len(still)), still, np.ones(len(still)))
+    left, std = line.residuals, line.slope_std() * math.sqrt(colour_factor(line.residuals))
+    return abs(line.slope) <= COVERED * std and float(np.std(left)) <= COVERED * channel_floor(e.valid_output)
 
 
 def levels_of(e: Experiment) -> int:

@@ -133,8 +133,13 @@ def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign:
 def symmetry(sides: Collection[Side]) -> Read:
     """Gain of the weaker side over that of the stronger one."""
     weak, strong = sorted((one.gain for one in sides), key=lambda gain: abs(gain[0]))
-    ratio = abs(weak[0] / strong[0])
-    return ratio, ratio * math.hypot(weak[1] / weak[0], strong[1] / strong[0])
+    return ratio_of(weak, strong)
+
+
+def ratio_of(above: Read, below: Read) -> Read:
+    """Size of one over that of another, neither 0."""
+    ratio = abs(above[0] / below[0])
+    return ratio, ratio * math.hypot(above[1] / above[0], below[1] / below[0])
 
 
 def worst_departure(sides: Collection[Side]) -> Read:

@@ -8,7 +8,6 @@ differs from level to level, a second smooth curve says by how much.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -17,7 +16,7 @@ import numpy as np
 from hil.errors import InputError
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, draws_of
 from hil.record.recording import Array, Mask
-from hil.signals.colour import colour_factor
+from hil.signals.colour import noisy_mean
 from hil.signals.products import one_blas_thread
 from hil.signals.smooth_curve import Curves, Smoother
 
@@ -56,8 +55,7 @@ class Standing:
 
 def settled(waited: Array) -> tuple[float, float]:
     """Mean of the second half of a wait, and its standard uncertainty from noise."""
-    rest = waited[len(waited) // 2 :]
-    return float(np.mean(rest)), float(np.std(rest)) * math.sqrt(colour_factor(rest) / len(rest))
+    return noisy_mean(waited[len(waited) // 2 :])
 
 
 def together(waits: Sequence[Standing]) -> Standing:
