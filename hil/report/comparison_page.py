@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.findings.difference import Difference
+from hil.findings.difference import Difference, by_name
 from hil.findings.results import Array, Curve, Results
 from hil.language.choice import in_page_language
 from hil.language.words import _
 from hil.record.measurement import COVERAGE_FACTOR, Measured
 from hil.report.figure import DASHES, SERIES, Picture, drawn, legend_above, plain_log, thinned
 from hil.report.local_time import local_text
-from hil.report.name import value_words
+from hil.report.name import quantity_words, value_words
 from hil.report.number import number, with_uncertainty
 from hil.report.page import write_page
 from hil.report.section import Section, Table
@@ -80,11 +80,18 @@ def run_heads(first: Results, second: Results) -> tuple[str, str]:
 
 
 def verdicts_sentence(first: Results, second: Results) -> str:
-    """The verdicts of both runs; nothing where neither was judged."""
+    """The verdicts of both runs, and what had another limit; nothing where neither was judged."""
     if first.verdict is None and second.verdict is None:
         return ""
     one, other = (_(found.verdict or "not judged") for found in (first, second))
-    return _("Verdict: {first}, then {second}.").format(first=one, second=other)
+    said = _("Verdict: {first}, then {second}.").format(first=one, second=other)
+    moved = dict.fromkeys(
+        _(quantity_words(now.quantity)) for _name, then, now in by_name(first.values, second.values)
+        if then and now and (then.low, then.high) != (now.low, now.high)
+    )  # fmt: skip
+    if moved:
+        said += " " + _("Their limits differ: {names}.").format(names="; ".join(moved))
+    return said
 
 
 def verdict_change(one: Difference) -> str:

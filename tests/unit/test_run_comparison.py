@@ -147,6 +147,14 @@ def test_one_unit_is_shown_as_found_and_as_left_with_verdicts(adjusted, command_
     assert "Verdict: fail, then pass." in said.out
     text = read_page(page).text
     assert all(part in text for part in ("as found", "fail → pass", "Verdict: fail, then pass."))
+    assert "limits differ" not in said.out + text
+
+
+def test_a_limit_that_was_moved_between_two_runs_is_said(tmp_path, command_line):
+    for day, (name, high) in enumerate([("before", 75.0), ("after", 85.0)], start=1):
+        kept_run(tmp_path / name, [Measurement("rise", "ms", "", high=high).of(80.0, 0.5)], day=day)
+    said = command_line("compare", tmp_path / "before", tmp_path / "after")
+    assert "Verdict: fail, then pass. Their limits differ: rise." in said.out
 
 
 @pytest.mark.parametrize(
