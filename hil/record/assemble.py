@@ -66,7 +66,8 @@ def assemble(
     read, place = _oldest_first(named(name, by_channel, reading), reading, sample if taken_apart else place)
     if are_responses(read) and not reading.time and not reading.interval_s:
         return response_table(name, read, meta)
-    timed = [one for one in _timed(name, read, reading) if len(one.time_s)]
+    pieces = list(_timed(name, read, reading))
+    timed = [one for one in pieces if len(one.time_s)]
     if not timed:
         raise FileError(f"{name}: {without_phase(read) or _nothing(read)}")
     refuse_mislabelled(name, [column for one in timed for column in one.signals])
@@ -101,7 +102,7 @@ def assemble(
     file_meta: dict[str, Any] = {**(meta or {}), **({"units_missing": units_missing} if units_missing else {})}
     if not reading.interval_s and (origin := _origins(read, reading).get("M")) is not None:
         file_meta[ORIGIN] = str(origin)
-    assumed = [*dict.fromkeys(sentence for one in timed for sentence in one.assumed), *assumed]
+    assumed = [*dict.fromkeys(sentence for one in pieces for sentence in one.assumed), *assumed]
     if assumed:
         file_meta["assumed"] = [*file_meta.get("assumed", ()), *assumed]
     found = Recording(name, time_s, channels, file_meta, own)
@@ -136,7 +137,7 @@ def _oldest_first(tables: Sequence[Table], reading: Reading, place: Place) -> tu
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Timed:
-    """Signals of one table on its own time base, and what was assumed to get there."""
+    """Signals of one table on its own time base, empty where it has none, and what was assumed to get there."""
 
     table: str
     time_s: Array
@@ -158,16 +159,26 @@ def _nothing(tables: Sequence[Table]) -> str:
     columns = [column for table in tables for column in table.columns]
     for column in columns:
         if is_time(column.name_and_unit[0]) and column.values.dtype.kind in "OSU" and column.values.size:
-            return (
-                f"'{column.heading}' is called a time, but '{column.values[0]}' is no number, date or clock that is "
-                f"read, as 2026-11-28 10:11:12.5; {option('interval', 'S')} reads evenly spaced samples without it"
-            )
+            return _no_stamps(column)
+    if any(column.is_time for column in columns):
+        others = [column for column in columns if not column.is_time and column.values.size]
+        texts = [(c.heading, c.values.flat[0]) for c in others if isinstance(c.values.flat[0], str)]
+        begin = "".join(f"; '{heading}' begins with '{text:.20}'" for heading, text in texts)
+        names = ", ".join(f"'{column.heading}'" for column in others)
+        return f"no column beside the time holds one number per sample: {names or 'no rows'}{begin}"
     have = ", ".join(f"'{column.heading}'" for column in columns)
     there = f"no signal with a time was found, but {have}" if have else "no signal was found"
     return (
         f"{there}; say which of them is the time with {option('time', 'NAME')}, or how far the samples are apart with "
         f"{option('interval', 'S')} "
         "(in seconds)"
+    )
+
+
+def _no_stamps(clock: Column) -> str:
+    return (
+        f"'{clock.heading}' is called a time, but '{clock.values.flat[0]}' is no number, date or clock that is read, "
+        f"as 2026-11-28 10:11:12.5; {option('interval', 'S')} reads evenly spaced samples without it"
     )
 
 
@@ -187,6 +198,9 @@ def _timed(name: str, tables: Sequence[Table], reading: Reading) -> Iterator[_Ti
                     f"{name}: channel '{signals[0].heading}' has {length} samples, its time has {len(time_s)}"
                 )
             yield _Timed(table, np.ascontiguousarray(time_s, dtype=np.float64), signals, (*assumed, *left_out))
+        elif length > 1:
+            names = ", ".join(column.heading for column in signals)
+            yield _Timed(table, np.empty(0), (), (f"left out, {length} samples and no time of as many: {names}",))
 
 
 _Piece = tuple[str, Array | None, Sequence[Column], tuple[str, ...]]
@@ -290,6 +304,8 @@ def _of_other_instants(one: Column, other: Column) -> bool:
 
 def _seconds(name: str, clock: Column, reading: Reading, origin: Any) -> tuple[Array, str]:
     label = clock.name_and_unit[0]
+    if not (clock.is_number or clock.is_dated) and clock.values.size:
+        raise FileError(f"{name}: {_no_stamps(clock)}")
     stated = reading.units.get(label, "") or reading.units.get("time", "")
     try:
         if stated:

@@ -19,6 +19,7 @@ _BEGINNINGS = {
     b"\xff\xd8\xff": ("a picture", "ask for the file that it was drawn from"),
     b"|CF,": ("a FAMOS file of imc", f"{_TEXT} or MDF4 from FAMOS"),
     b"SQLite format 3": ("an SQLite database", f"{_TEXT}, one row for each stamp"),
+    b"ARROW1": ("an Arrow or Feather file", f"write Parquet, or {_TEXT}"),
     b"#ROSBAG": ("a ROS bag", f"{_TEXT} from PlotJuggler"),
     b"\xd4\xc3\xb2\xa1": ("a capture of network packets", f"{_TEXT} of the decoded signals"),
     b"\x0a\x0d\x0d\x0a": ("a capture of network packets", f"{_TEXT} of the decoded signals"),

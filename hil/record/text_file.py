@@ -94,7 +94,7 @@ def encoding_of(path: Path) -> str:
         start = file.read(_START_BYTES)
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
-    if b"\0" in start:
+    if b"\0" in start.rstrip(b"\0"):  # at the end: room that a logger had kept when its power went
         for encoding, zeros in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
             if zeros.count(0) > _MOSTLY * len(zeros):
                 return encoding

@@ -117,7 +117,7 @@ OUTSIDE = {
     cycle: "group '/a/b' is one that stands elsewhere in the file too",
     doubled: "/a/b' is one that stands elsewhere in the file too",
     deep: "groups more than 64 deep",
-    held_twice_by_a_soft_link: "no signal with a time",
+    held_twice_by_a_soft_link: "no rows",
 }
 KINDS: dict[str, dict[str, Any]] = {".h5": {}, ".mat": {"userblock_size": 512}, ".nc.h5": {}}
 

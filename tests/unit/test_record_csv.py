@@ -87,6 +87,11 @@ def test_a_sample_column_is_an_even_time_base(tmp_path: Path) -> None:
         ("1;2\n3;4\n", "the columns have no headings; name the 2 columns with --columns.*--interval"),
         ("hello\nworld\n", "no rows of numbers were found"),
         (b"\x00\x01\x02\x7f" * 100, "bytes that no text has"),
+        (PLAIN.encode() + b"\0" * 50, r"line 5 is no row of numbers: '\x00.*--gaps leaves such lines out"),
+        (
+            "time [s],a [V],b [V]\n0,0x0A,0x1B\n1,0x0C,0x1D\n",
+            "no column beside the time holds one number per sample: 'a .V.', 'b .V.'; 'a .V.' begins with '0x0A'; 'b",
+        ),
         (
             "time [s],flow [l/min]\n" + "0,1\n" * 20,
             "time must increase. If the samples are evenly spaced, --interval S",

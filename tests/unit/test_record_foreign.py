@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -273,6 +274,12 @@ class TestParquet:
         assert found.channels["flow"].unit == "l/min"
         assert found.meta["assumed"] == ["left out, not one number per sample: remark"]
 
+    def test_decimals_of_a_database_are_numbers(self, tmp_path: Path) -> None:
+        exact = [None, *(Decimal(f"{value:.1f}") for value in RAMP[1:])]
+        path = write_parquet(tmp_path / "x.parquet", **{"time [s]": TIME, "flow [l/min]": exact, "u [V]": RAMP})
+        found = read_recording(path, Reading(gaps=True)).samples("flow")
+        assert (found.time_s.tolist(), found.values.tolist()) == (TIME[1:].tolist(), RAMP[1:].tolist())
+
     def test_a_table_of_pandas_with_dates(self, tmp_path: Path) -> None:
         import pandas as pd
 
@@ -366,6 +373,18 @@ def test_rates_of_groups_and_of_channels_are_used(tmp_path: Path) -> None:
     found = read_recording(tmp_path / "x.h5")
     assert found.samples("flow").time_s == pytest.approx(0.01 + 0.005 * np.arange(8))
     assert found.samples("command").time_s == pytest.approx(0.02 * np.arange(3))
+
+
+def test_a_named_time_of_words_is_refused_with_its_first_word(tmp_path: Path) -> None:
+    path = write_parquet(tmp_path / "x.parquet", **{"Date": list("abcde"), "flow [l/min]": RAMP})
+    with pytest.raises(FileError, match=r"'Date' is called a time, but 'a' is no number, date or clock .* --interval"):
+        read_recording(path, Reading(time="Date"))
+
+
+def test_samples_without_a_time_of_as_many_are_left_out_and_said(tmp_path: Path) -> None:
+    found = read_recording(write_mat(tmp_path / "x.mat", time=TIME, command=RAMP, flow=RAMP[:-1]))
+    assert list(found.channels) == ["command"]
+    assert "left out, 4 samples and no time of as many: flow" in found.meta["assumed"]
 
 
 def test_numbers_and_stamps_that_are_texts_are_read(tmp_path: Path) -> None:

@@ -262,6 +262,7 @@ class TestUniversalFiles:
         ("x.dat", b"|CF,2,1,1;", "is a FAMOS file of imc, which is not read; export CSV or MDF4"),
         ("x.trc", b"#9000000346WAVEDESC", "is a waveform of LeCroy, which is not read; save it as ASCII"),
         ("x.dxd", b"\0\1\2", "is a recording of Dewesoft, which is not read; export CSV, MAT or MDF4"),
+        ("x.feather", b"ARROW1\0\0", "is an Arrow or Feather file, which is not read; write Parquet, or export CSV"),
         ("x.tdm", b"<usi:tdm", "is a recording of DIAdem, which is not read; save it as TDMS"),
         ("x.zip", b"PK\x03\x04broken", "is a damaged ZIP archive"),
         ("x.xyz", b"\0\1\2", "unknown kind of recording; known endings: .asc, .asc.gz, .blf"),

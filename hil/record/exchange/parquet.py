@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hil.errors import FileError
 from hil.record.about import KEY, about
@@ -34,8 +37,16 @@ def contents(path: Path, file: BinaryIO) -> Contents:
             f"{size / 1e9:.3g} GB; {unpacked_allowed(stored_bytes)}"
         )
     table = opened.read(use_threads=False)
-    columns = [Column(name, values.to_numpy()) for name, values in zip(table.column_names, table.columns, strict=True)]
+    columns = [Column(name, _values(column)) for name, column in zip(table.column_names, table.columns, strict=True)]
     return [Table(path.stem, columns)], (table.schema.metadata or {}).get(KEY.encode(), b"").decode(errors="replace")
+
+
+def _values(column: Any) -> NDArray[Any]:
+    """The values of a column; decimals, as databases write them, as numbers."""
+    values: NDArray[Any] = column.to_numpy()
+    if not str(column.type).startswith("decimal"):
+        return values
+    return np.array([np.nan if value is None else value for value in values], np.float64)
 
 
 def write(recording: Recording, path: Path) -> None:
