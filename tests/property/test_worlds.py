@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from drivers import _can_frames
+from drivers import _can_frames, j1939_valve
 from drivers._modbus_line import ModbusLine
 from drivers._modbus_ready import Readiness
 from drivers.j1939_valve import J1939ValveLink
@@ -42,6 +42,7 @@ from tests.worlds.kernel_of_terminals import (
     signals_in_world,
     signals_on_linux,
 )
+from tests.worlds.mutants import kept
 from tests.worlds.processes import ParentEnd
 from tests.worlds.schedule import PROCEDURES, THIRDS, Schedule, drawn
 from tests.worlds.shrink import shrunk
@@ -306,6 +307,10 @@ FAULTS: dict[str, tuple[Patches, str]] = {
     "holds_are_events, of nobody": ([(Guard, "_wait_for_holds", Guard._wait_for_operator)], "7,0.05,plain,-"),
     "witness_is_heard": ([(Witnesses, "driven", lambda *_: None)], "7,0.05,plain,-|sticks:driving:2.3:30:io"),
     "rescue_is_told": ([(rescue, "replace", lambda output, **_: output)], "7,0.05,plain,-|kill:driving:1.3:0:"),
+    "rescue_is_told, of one it does not reach": (
+        [(j1939_valve, "CanFrames", lambda *how, **more: kept("frames", _can_frames.CanFrames(*how, **more)))],
+        "7,0.05,plain,v|kill:driving:1.3:0:",
+    ),
     "rescue_is_told, at its time": (
         [(watchdog, "GIVE_UP_S", 0.0)],
         "702301,0.2,blocks,-|out:making safe:0.0526:10:aux|second:making safe:0:0.05:",

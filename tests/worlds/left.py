@@ -312,6 +312,8 @@ def rescue_is_told(world: World, ran: Ran) -> Iterator[str]:
     moves_s = [at_s for name in world.outputs for at_s, _ in ran.changes[name] if at_s < watchdog.ended_s]
     safe_s, after_s = max(*moves_s, begun_s), report.get("safe_after_s", 0.0)
     alone = kinds(ran) <= {"kill", "int", "term", "hup", "fork", "low", "over", "pressed"}
+    if alone and "not_safe" in report:
+        yield f"every device could be reached, and the watchdog says {report['not_safe']}"
     patience_s = _ANSWERS_S + _ON_A_LINE_S * (world.third is not None)
     if alone and after_s > safe_s - world.run.ended_s + patience_s:
         yield f"safe after {after_s:g} s, and outputs moved last {safe_s - world.run.ended_s:.3f} s after the end"
