@@ -192,7 +192,10 @@ def _chosen(search: _Search) -> StructureChoice:
     for name, s in forms.items():
         if rich and fits and (s.after not in {"", *fits} or _cannot_pay(s, rich, list(fits.values()))):
             continue
-        fits[name] = search.best(s, search.values(forms[s.after], fits[s.after]) if s.after else search.off)
+        before = search.values(forms[s.after], fits[s.after]) if s.after else search.off
+        if "bend" in s.free and not search.bends(s, before, fits[s.after]):
+            continue
+        fits[name] = search.best(s, before, rich)
     least = min(fits.values(), key=lambda found: found.chi2)
     count = independent(least.residuals)
     near = min(_bic(found, count) for found in fits.values()) + 2.0 * VERY_STRONG
@@ -217,7 +220,12 @@ def _cannot_pay(form: Structure, rich: Estimate, fits: Sequence[Estimate]) -> bo
     if _fall(rich.chi2, least) * rich.count > CRITERIA.by_chance * len(rich.values):
         return False
     bound = bic(min(rich.chi2, least) / len(rich.residuals), count, len(form.free))
-    return bound > min(_bic(found, count) for found in fits) + 2.0 * VERY_STRONG
+    return bound > min(_bic(found, count) for found in fits) + VERY_STRONG
+
+
+def _leaves_more(found: Estimate, rich: Estimate) -> bool:
+    """Whether a fit leaves more than the most pliant form's, by more than that one's unknowns bring by chance."""
+    return _fall(found.chi2, rich.chi2) * rich.count > CRITERIA.by_chance * len(rich.values)
 
 
 def _fall(before: float, now: float) -> float:
@@ -248,11 +256,16 @@ def _judged(search: _Search, tried: list[Tried], fits: Mapping[str, Estimate]) -
         for t, error in zip(near, errors, strict=True)
     ]
     # the gain at rest is to be known to within the whole response; of a bent curve it is that of any level
-    shown = ["gain" not in t.vague or "bend" in t.structure.free for t in near]
+    vague = [t.vague - ({"gain"} if "bend" in t.structure.free else set()) for t in near]
+    shown = ["gain" not in names for names in vague]
     chosen = simplest_good(errors, [(len(t.structure.free), t.bic) for t in near])
-    if not shown[chosen]:  # a pole as slow as the recording is long follows a bend or a drift, and goes on with it
-        plainest = [(not s, len(t.structure.free), t.bic) for s, t in zip(shown, near, strict=True)]
-        chosen = simplest_good(errors, plainest, COVERED)
+    # a pole as slow as the recording is long follows a bend or a drift, and goes on with it; a form of which nobody
+    # would know a parameter gives way to one with better evidence
+    if vague[chosen]:
+        each = zip(shown, vague, near, strict=True)
+        told = simplest_good(errors, [(not s, bool(v), len(t.structure.free), t.bic) for s, v, t in each], COVERED)
+        if not shown[chosen] or (not vague[told] and near[told].bic < near[chosen].bic):
+            chosen = told
     if shown[chosen]:
         near = [t if s else replace(t, bic=math.inf) for s, t in zip(shown, near, strict=True)]
     return StructureChoice(near[chosen], (*near, *rest), search.spread)
@@ -298,12 +311,29 @@ class _Search:
         _, start, form = min(starts, key=lambda each: each[0])
         return self.fitted(form, start, rough=True)
 
-    def best(self, structure: Structure, before: Parameters) -> Estimate:
-        """The best coarse fit of a structure over its starts, the most promising first, until two come to the same."""
+    def bends(self, structure: Structure, before: Parameters, straight: Estimate) -> bool:
+        """Whether a static curve takes more of what its form leaves without one than an unknown takes by chance.
+
+        The score test: without a fit, by slopes alone.
+        """
+        small = 1e-3 * self._natural(self.plant.parameter("bend"))
+        slope = self._errors({**before, **structure.fixed, "bend": small}) - straight.residuals
+        others = np.linalg.qr(straight.jacobian)[0]
+        slope -= others @ (others.T @ slope)
+        taken = float(slope @ straight.residuals) ** 2 / max(float(slope @ slope), 1e-300)
+        return _fall(straight.chi2, straight.chi2 - taken) * independent(straight.residuals) > CRITERIA.by_chance
+
+    def best(self, structure: Structure, before: Parameters, rich: Estimate | None = None) -> Estimate:
+        """The best coarse fit of a structure over its starts, the most promising first.
+
+        Until two come to the same, or one to the noise: by chance alone does the most pliant form leave less.
+        """
         fits: list[Estimate] = []
         for start in self._promising(structure, before)[: EFFORT.starts]:
             fits = sorted([*fits, self.fitted(structure, start, rough=True)], key=lambda found: found.chi2)
             if len(fits) > 1 and _fall(fits[1].chi2, fits[0].chi2) * fits[0].count < CRITERIA.by_chance:
+                break
+            if rich and rich.mean_square <= CRITERIA.misfit and not _leaves_more(fits[0], rich):
                 break
         return fits[0]
 

@@ -179,19 +179,26 @@ def _with_dead_time(
     ]
 
 
-def _plain(how: str = "", bend: tuple[str, ...] = (), fixed: Mapping[str, float] = {}) -> list[Structure]:
-    """A gain, one pole and two behind a static curve."""
-    free, pair = (*_GAIN, *bend), ((0.5, 1.1), (0.7, 0.3), (0.15, 0.1))
-    starts = [dict(zip(_PAIR1, values, strict=True)) for values in pair]
-    return [
-        *_with_dead_time(f"gain{how}", free, "gain" if how else "", fixed=fixed),
-        *_with_dead_time(f"1 pole{how}", (*free, "lag_time"), f"gain{how}", {"lag_time": 1.0}, fixed=fixed),
-        *_with_dead_time(f"2 poles{how}", (*free, *_PAIR1), f"1 pole{how}", *starts, fixed=fixed),
-    ]
+def _bent(how: str, **fixed: float) -> list[Structure]:
+    """Plain structures behind a static curve, each with the values of the one without it to begin with."""
+    named = [(*s.name.partition(", "), s) for s in _PLAIN]
+    return [Structure(f"{n}{how}{comma}{late}", (*s.free, "bend"), s.name, ({},), fixed) for n, comma, late, s in named]
 
 
+_PLAIN = (
+    *_with_dead_time("gain", _GAIN, ""),
+    *_with_dead_time("1 pole", (*_GAIN, "lag_time"), "gain", {"lag_time": 1.0}),
+    *_with_dead_time(
+        "2 poles",
+        (*_GAIN, *_PAIR1),
+        "1 pole",
+        {"pair1_time": 0.5, "pair1_damping": 1.1},
+        {"pair1_time": 0.7, "pair1_damping": 0.3},
+        {"pair1_time": 0.15, "pair1_damping": 0.1},
+    ),
+)
 STRUCTURES = (
-    *_plain(),
+    *_PLAIN,
     *_with_dead_time(
         "2 poles, 1 zero", (*_GAIN, *_PAIR1, *_ZERO1), "2 poles", {"pair1_zero": 0.5}, {"pair1_zero": -0.2}
     ),
@@ -223,8 +230,8 @@ STRUCTURES = (
         "integrator, 2 poles", (*_INTEGRATOR, *_PAIR1), "integrator, 1 pole",
         {"pair1_time": 0.7, "pair1_damping": 1.1}, {"pair1_time": 0.5, "pair1_damping": 0.3}, fixed=_AT_OUTPUT,
     ),
-    *_plain(", bent", ("bend",)),
-    *_plain(", odd curve", ("bend",), {"is_odd": 1.0}),
+    *_bent(", bent"),
+    *_bent(", odd curve", is_odd=1.0),
 )  # fmt: skip
 
 PLANT = Plant(
