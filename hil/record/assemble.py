@@ -15,7 +15,7 @@ import numpy as np
 from hil.errors import FileError, UnitError, option
 from hil.language.note import Note
 from hil.record.columns import Column, Table, by_length, even_times
-from hil.record.heading import is_time, plain_name
+from hil.record.heading import is_time, plain_name, time_unit, unit_of_stamps
 from hil.record.long_format import split_by_channel
 from hil.record.missing_values import Place, is_even, missing_values
 from hil.record.named import even_note, named
@@ -34,6 +34,7 @@ _NAMELESS = frozenset({"data", "value", "values"})
 _SAME_STAMP = 1e-3  # of an interval
 ORIGIN = "time counts from"
 """In `meta`, of a recording with stamps of a calendar: the stamp of `time_s` = 0."""
+_TICKS = 1000.0  # apart are no seconds, unless they are whole minutes
 _SAME_UNIT = 5.0  # two clocks of one unit disagree by less; units of time lie 60 apart and more
 
 
@@ -246,6 +247,7 @@ def _pieces(name: str, table: Table, reading: Reading, origins: Mapping[str, Any
         others = [*(columns[: at[0]] if k == 0 else ()), *columns[start + 1 : stop]]
         time_s, assumed = _seconds(name, clock, reading, origins.get(clock.values.dtype.kind))
         _refuse_contradiction(name, clock, time_s, table.columns, reading)
+        _refuse_ticks(name, clock, reading)
         kept = [column for column in others if len(column.values) == len(time_s) or column.is_number]
         yield table.name, time_s, kept, (*notes, assumed) if assumed else notes
 
@@ -341,6 +343,24 @@ def _refuse_contradiction(name: str, clock: Column, time_s: Array, columns: Sequ
                 f"say {own_s[-1]:g} s; {option('time', f'{beside.heading}')} takes the stamps, "
                 f"{option('unit', f'{label}=UNIT')} says the unit"
             )
+
+
+def _refuse_ticks(name: str, clock: Column, reading: Reading) -> None:
+    """Refuse a time without a unit that counts the ticks of a device, as 112540000, 112544003 µs since its start.
+
+    Raises:
+        FileError: the steps, and what settles it.
+    """
+    label, unit = clock.name_and_unit
+    if unit or time_unit(label) or clock.is_dated or {label, "time"} & {*reading.units} or len(clock.values) < 3:
+        return
+    steps = np.diff(clock.values.astype(np.float64))
+    usual = float(np.median(steps))
+    if usual >= _TICKS and np.any(steps % 60) and unit_of_stamps(clock.values) == ("s", "seconds"):
+        raise FileError(
+            f"{name}: '{clock.heading}' has no unit, and its samples lie about {usual:.4g} apart; "
+            f"{option('unit', f'{label}=us')} says the unit, also ms, ns or s"
+        )
 
 
 def _without_blanks(name: str, timed: Sequence[_Timed], place: Place, gaps: bool) -> tuple[list[_Taken], list[str]]:

@@ -171,6 +171,17 @@ def test_stamps_since_1970_are_known_by_their_size(tmp_path: Path, factor: float
     assert any(words in text for text in found.meta["assumed"])
 
 
+def test_ticks_of_a_device_are_no_seconds(tmp_path: Path) -> None:
+    ticks = 112_540_231 + np.cumsum(4000 + np.random.default_rng(0).integers(-30, 30, 40))
+    path = tmp_path / "x.csv"
+    path.write_text("timestamp,flow [l/min]\n" + "".join(f"{t},{t % 7}\n" for t in ticks), encoding="utf-8")
+    with pytest.raises(FileError, match=r"'timestamp' has no unit, and its samples lie about [34]\d{3} apart"):
+        read_recording(path)
+    assert read_recording(path, Reading(units={"timestamp": "us"})).duration_s == pytest.approx(0.156, abs=0.002)
+    path.write_text("time,flow [l/min]\n" + "".join(f"{3600 * i},{i}\n" for i in range(40)), encoding="utf-8")
+    assert read_recording(path).duration_s == 39 * 3600.0  # whole hours may well be seconds
+
+
 def test_rows_out_of_order_are_said_to_be_so(tmp_path: Path) -> None:
     path = tmp_path / "mixed.csv"
     path.write_text("time [s],flow [l/min]\n0.3,1\n0.1,2\n0.2,3\n0,1\n", encoding="utf-8")
