@@ -86,15 +86,13 @@ def probe() -> Any:
     return _probe_modbus
 
 
-def needs(settings: Settings) -> tuple[str, ...]:
-    """Packages that must be installed."""
-    return line_needs(settings)
-
-
 def line_needs(settings: LineSettings) -> tuple[str, ...]:
     """Packages that must be installed for a device that is reached so."""
     is_port = settings.transport == "rtu" and not settings.address.startswith("socket://")
     return ("pymodbus", "serial") if is_port else ("pymodbus",)
+
+
+needs = line_needs
 
 
 def open_link(settings: Settings, wiring: Wiring) -> ModbusLink:

@@ -14,6 +14,8 @@ from hil.daq.channel import Terminal, Wiring
 from hil.description.modbus import ModbusDescription
 from hil.description.named import Described, description_of
 
+needs = line_needs
+
 
 class Settings(LineSettings):
     """What `[devices.NAME]` may say: how the amplifier is reached. Carrier and dither are the channel's `pwm`."""
@@ -27,11 +29,6 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
 def terminals(_settings: Settings) -> dict[str, Terminal]:
     """The current that it drives, and what it measures at the coil: means over a period of the PWM."""
     return _described().ports
-
-
-def needs(settings: Settings) -> tuple[str, ...]:
-    """Packages that must be installed."""
-    return line_needs(settings)
 
 
 def open_link(settings: Settings, wiring: Wiring) -> ModbusLink:
