@@ -125,7 +125,7 @@ def reach(worlds: int, jobs: int) -> Path:
     if not kept.exists():
         found, courses = defaultdict[str, list[int]](list), dict[int, str]()
         with ThreadPoolExecutor(jobs) as pool:
-            for lines in pool.map(_batch_of, range(0, worlds, _BATCH)):
+            for lines in pool.map(lambda first: _batch_of(first, worlds), range(0, worlds, _BATCH)):
                 for line in lines:
                     seed, courses[int(seed)], *places = line.split("\t")
                     for place in places:
@@ -167,8 +167,8 @@ def _mixed(seeds: list[int], those_with_one: set[int]) -> list[int]:
     return [*both, *alone[len(others) :], *others[len(alone) :]][:_KEPT]
 
 
-def _batch_of(first: int) -> list[str]:
-    words = [sys.executable, "-m", "tests.worlds.planted", str(first), str(first + _BATCH)]
+def _batch_of(first: int, worlds: int) -> list[str]:
+    words = [sys.executable, "-m", "tests.worlds.planted", str(first), str(min(first + _BATCH, worlds))]
     return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
 
 
