@@ -9,7 +9,7 @@ from hil.record.population_comparison import PopulationComparison
 from hil.record.previous_run import Moved, PreviousRunComparison
 from hil.report.local_time import local_text
 from hil.report.name import quantity_words
-from hil.report.number import number, unit_text, with_uncertainty
+from hil.report.number import label_text, number, unit_text, with_uncertainty
 
 _MOST_FOUND, _MOST_MOVED = 4, 6
 _NEXT_TO_NOTHING, _FEW_PER_CENT = 0.01, 0.05
@@ -139,7 +139,7 @@ def _previous_run(found: PreviousRunComparison) -> list[str]:
 def _change(one: Moved) -> str:
     """`friction 3.1 ± 0.2 → 172.2 ± 1.3 mA`."""
     quantity, _comma, place = one.now.name.partition(", ")
-    where = _(" at {place}").format(place=place) if place else ""
+    where = _(" at {place}").format(place=label_text(place)) if place else ""
     then, now = (with_uncertainty(m.value, m.expanded, unit) for m, unit in ((one.then, ""), (one.now, one.now.unit)))
     return f"{_(quantity_words(quantity))}{where} {then} → {now}"
 
