@@ -200,7 +200,8 @@ def corners(
     fit = corners_of(tables_of([table], part=part)[0], poles, zeros)
     found = {
         "schema": "hil.corners/1", "gain": fit.model.dc_gain, "poles_rad_s": fit.poles_rad_s,
-        "zeros_rad_s": fit.zeros_rad_s, "rms_db": fit.rms_db, "asymptotic_misfit": fit.asymptotic_misfit,
+        "zeros_rad_s": fit.zeros_rad_s, "poles_std_rad_s": fit.pole_stds, "zeros_std_rad_s": fit.zero_stds,
+        "rms_db": fit.rms_db, "asymptotic_misfit": fit.asymptotic_misfit,
         "misfit": fit.misfit, "numerator": fit.model.numerator, "denominator": fit.model.denominator,
     }  # fmt: skip
     _write(out, to, "corners", fit.model)

@@ -110,13 +110,15 @@ def corners_of(table: ResponseTable, poles: int, zeros: int = 0) -> AsymptoticFi
     return asymptotic_bode(as_response([table]), poles, zeros)
 
 
+_TURN = 2.0 * math.pi
+
+
 def corners_text(fit: AsymptoticFit) -> str:
     """Corners, gain and misfits, for a terminal."""
     rows = [f"gain at rest {fit.model.dc_gain:.6g}, rms error of the magnitude {fit.rms_db:.3g} dB"]
-    for what, rates in (("poles", fit.poles_rad_s), ("zeros", fit.zeros_rad_s)):
-        if len(rates):
-            hz = ", ".join(f"{rate / (2.0 * math.pi):.4g}" for rate in rates)
-            rows.append(f"  {what} {', '.join(f'{rate:.5g}' for rate in rates)} rad/s ({hz} Hz)")
+    for what, rates, stds in (("pole", fit.poles_rad_s, fit.pole_stds), ("zero", fit.zeros_rad_s, fit.zero_stds)):
+        for rate, std in zip(rates.tolist(), stds.tolist(), strict=True):
+            rows.append(f"  {what} {rounded(rate, std)} {width(std)} rad/s ({rounded(rate / _TURN, std / _TURN)} Hz)")
     rows.append(f"  J of eq. 3.6 {fit.asymptotic_misfit:.3g}, V of eq. 3.1 {fit.misfit:.3g} per line")
     rows.append("  note: the magnitude tells no zero from its mirror image, no dead time, and no resonance")
     return "\n".join(rows)

@@ -13,6 +13,8 @@ from hil.physics.published import gunay, tordal, tugsal
 from hil.physics.transfer_function import from_parameters
 from hil.record.recording import recording
 from hil.record.response_table import ResponseTable, write_response_table
+from hil.session.analyses import corners_of
+from hil.signals.interval import COVERED
 
 
 def functions(found):
@@ -121,6 +123,18 @@ def test_corners_of_the_good_valve_from_its_magnitude(command_line, tmp_path):
     assert status == 0
     assert found["poles_rad_s"] == pytest.approx([6.125, 10.0, 10.0], rel=0.02)
     assert found["zeros_rad_s"] == pytest.approx([13.125], rel=0.02)
+
+
+def test_corners_have_intervals_that_hold_them_and_none_where_two_lie_together():
+    frequency_hz, poles = np.geomspace(0.1, 20.0, 40), np.array([3.0, 40.0])
+    s, held = 2j * np.pi * frequency_hz, 0
+    for seed in range(40):
+        noisy = np.exp(0.01 * np.random.default_rng(seed).standard_normal(40)) / ((1.0 + s / 3.0) * (1.0 + s / 40.0))
+        found = corners_of(ResponseTable("own", frequency_hz, noisy), 2)
+        held += int(np.sum(np.abs(found.poles_rad_s - poles) <= COVERED * found.pole_stds))
+    assert 70 <= held <= 80 and np.all(found.pole_stds < 0.1 * poles)
+    twins = np.exp(0.01 * np.random.default_rng(0).standard_normal(40)) / (1.0 + s / 30.0) ** 3
+    assert np.sum(np.isinf(corners_of(ResponseTable("own", frequency_hz, twins), 3).pole_stds)) >= 2
 
 
 def test_error_of_equation_4_1_and_its_class(command_line, tmp_path):

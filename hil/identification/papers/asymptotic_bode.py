@@ -19,6 +19,7 @@ from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.physics.transfer_function import TransferFunction, from_factors
 from hil.record.recording import Array
 from hil.signals.decibel import PER_NEPER
+from hil.signals.interval import COVERED
 
 _STARTS = 9  # corners that the search for a start chooses among
 _MOST_STARTS = 4000
@@ -33,11 +34,15 @@ class AsymptoticFit:
         model: gain and real corners, every one in the left half plane because the magnitude cannot tell.
         asymptotic_misfit: J of eq. 3.6 over the span of ln ω: mean square of ln-magnitude to the asymptotes, halved.
         misfit: V of eq. 3.1 over the number of lines: the same to the curve.
+        pole_stds, zero_stds: standard uncertainties of the corners in rad/s, slowest first, from what the curve leaves;
+            infinite where an interval would be wider than the corner, as of two that lie together.
     """
 
     model: TransferFunction
     asymptotic_misfit: float
     misfit: float
+    pole_stds: Array
+    zero_stds: Array
 
     @property
     def poles_rad_s(self) -> Array:
@@ -86,9 +91,19 @@ def asymptotic_bode(response: FrequencyResponse, poles: int, zeros: int = 0) -> 
     gain = float(np.mean(magnitude - _shape(x, kinds, fine, curve=True)))
     rates = np.exp(fine)
     model = from_factors(math.exp(gain), [(1.0 / r,) for r in rates[:poles]], [(1.0 / r,) for r in rates[poles:]])
-    return AsymptoticFit(
-        model, _misfit(x, magnitude, kinds, coarse, curve=False), _misfit(x, magnitude, kinds, fine, curve=True)
-    )
+    misfit = _misfit(x, magnitude, kinds, fine, curve=True)
+    stds = rates * _log_stds(x, fine, 2.0 * misfit * len(x) / (len(x) - len(fine) - 1))
+    ordered = [stds[:poles][np.argsort(rates[:poles])], stds[poles:][np.argsort(rates[poles:])]]
+    return AsymptoticFit(model, _misfit(x, magnitude, kinds, coarse, curve=False), misfit, *ordered)
+
+
+def _log_stds(x: Array, corners: Array, variance: float) -> Array:
+    """Standard uncertainties of corners in ln ω, the gain being free; infinite where an interval spans the corner."""
+    slopes = np.array([1.0 / (1.0 + np.exp(2.0 * (corner - x))) for corner in corners])
+    slopes -= slopes.mean(axis=1, keepdims=True)
+    values, vectors = np.linalg.eigh(slopes @ slopes.T)
+    stds = np.sqrt(variance * vectors**2 @ (1.0 / np.maximum(values, 1e-12 * values[-1])))
+    return np.where(COVERED * stds < 1.0, stds, np.inf)
 
 
 def _start(x: Array, magnitude: Array, poles: int, zeros: int) -> Array:
