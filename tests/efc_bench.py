@@ -8,7 +8,7 @@ from typing import Any
 
 from hil.bench.read import read_bench
 from hil.physics.published.efc_population import SETS
-from hil.record.measurement import Findings
+from hil.record.measurement import Findings, Measured
 from hil.session.outcome import Outcome
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
@@ -40,10 +40,15 @@ def outcome(folder: Path, procedure: str, changes: Mapping[str, Any] | None = No
     return run_procedure(load_procedure(procedure), read_bench(path), settings, folder / "run")
 
 
+def named(findings: Findings, name: str) -> Measured:
+    """A measured quantity by its name."""
+    (found,) = (m for m in findings.measured if m.name == name)
+    return found
+
+
 def value(findings: Findings, name: str) -> float | None:
     """A measured value by its name."""
-    (found,) = (m for m in findings.measured if m.name == name)
-    return found.value
+    return named(findings, name).value
 
 
 def failed(findings: Findings) -> set[str]:

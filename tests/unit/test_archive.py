@@ -23,13 +23,10 @@ from hil.archive.place import INDEX_FILE, archive_place
 from hil.archive.trend import drift_of, points_of
 from hil.cli.run_end import entered
 from hil.errors import ArchiveError
-from hil.findings.collect import results_of
-from hil.findings.results import write_results
-from hil.record.folder import write
 from hil.record.measurement import Findings, Measurement
-from hil.record.recording import Channel, Recording
 from hil.record.seal import seal_folder
 from hil.safety.latch import state_path
+from tests.kept_runs import kept_run
 from tests.postgres import new_database
 from tests.waits import until
 
@@ -39,16 +36,9 @@ FIRST = datetime(2026, 1, 1, tzinfo=UTC)
 
 def made_run(folder, serial="A7", procedure="frequency_response", day=0, gain=0.9):
     """A run folder with results, as `hil run` leaves it."""
-    channels = {"flow": Channel("flow", "l/min", np.zeros(3))}
     started = (FIRST + timedelta(days=day)).isoformat()
-    meta = {
-        "procedure": procedure, "bench": "bench one", "valve": {"serial": serial}, "operator": "mk",
-        "started_utc": started, "outcome": "completed",
-    }  # fmt: skip
-    recording = Recording(str(folder), np.arange(3.0), channels, meta)
-    write(recording, folder)
-    write_results(results_of(recording, Findings((GAIN.of(gain, 0.01),))), folder)
-    return folder
+    told = {"procedure": procedure, "bench": "bench one", "operator": "mk", "started_utc": started}
+    return kept_run(folder, [GAIN.of(gain, 0.01)], serial, **told)
 
 
 def names(place, **asked):

@@ -10,11 +10,9 @@ import pytest
 from hil.archive.archive import enter
 from hil.archive.place import archive_place
 from hil.findings.batch import batch_of
-from hil.findings.collect import results_of
-from hil.findings.results import Results, write_results
-from hil.record.folder import write
+from hil.findings.results import Results
 from hil.record.measurement import Findings, Measurement
-from hil.record.recording import Channel, Recording
+from tests.kept_runs import kept_run
 
 RISE = Measurement("rise", "ms", "time", high=12.0)
 GAIN = Measurement("gain", "psi per A", "gain", low=7.0, high=9.0)
@@ -70,12 +68,7 @@ def test_a_batch_without_limits_has_no_yield():
 
 
 def made(folder, serial, rise, day):
-    meta = {"procedure": "step", "bench": "one", "valve": {"serial": serial},
-            "started_utc": f"2026-01-{day:02}T00:00:00+00:00", "outcome": "completed"}  # fmt: skip
-    recording = Recording(str(folder), np.arange(3.0), {"flow": Channel("flow", "l/min", np.zeros(3))}, meta)
-    write(recording, folder)
-    write_results(results_of(recording, Findings((RISE.of(rise, 0.1), GAIN.of(8.0 + day / 100, 0.01)))), folder)
-    return folder
+    return kept_run(folder, [RISE.of(rise, 0.1), GAIN.of(8.0 + day / 100, 0.01)], serial, day, bench="one")
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from efc_bench import STUCK, friction, outcome, value, valve
+from efc_bench import STUCK, friction, named, outcome, value, valve
 
 from hil.errors import InputError, RangeError, SettingError, TrippedError
 from hil.identification.steady.coil import CoilReadings, copper_factor, fit_coil
@@ -29,19 +29,12 @@ def run(folder: Path, procedure: str, changes: dict[str, Any] | None = None, **s
 
 
 def std(findings: Findings, name: str) -> float:
-    (found,) = (m for m in findings.measured if m.name == name)
-    assert found.std is not None
-    return found.std
+    return named(findings, name).std or 0.0
 
 
 def said(findings: Findings) -> tuple[str, ...]:
     """Its notes, but for the leakage meter, which is at the end of its range while the valve is open."""
     return tuple(note for note in findings.notes if not note.startswith("'through flow' was not measured"))
-
-
-def verdict(findings: Findings, name: str) -> str | None:
-    (found,) = (m for m in findings.measured if m.name == name)
-    return found.verdict
 
 
 # -- coil --------------------------------------------------------------------------------------------------
@@ -115,7 +108,7 @@ def test_electrical_check_of_the_usual_coil(tmp_path: Path) -> None:
 
 def test_a_coil_of_24_v_passes_where_it_is_said_to_be_one(tmp_path: Path) -> None:
     found = run(tmp_path, "electrical_check", valve(resistance=7.2), repeats=2, voltage="24")
-    assert verdict(found, "coil_resistance") == "pass"
+    assert named(found, "coil_resistance").verdict == "pass"
 
 
 def test_current_above_the_coil_s_rating_is_refused_before_anything_moves(tmp_path: Path) -> None:
@@ -156,7 +149,7 @@ def test_bench_without_a_voltmeter_says_what_is_missing_before_anything_moves(tm
 )
 def test_leakage_verdicts(tmp_path: Path, parameters: dict[str, float], judged: str, says: str) -> None:
     found = run(tmp_path, "leakage_check", valve(**parameters), settle_s=0.5, hold_s=1.0)
-    assert verdict(found, "leakage") == judged
+    assert named(found, "leakage").verdict == judged
     assert not says or any(says in note for note in found.notes)
     if judged == "pass":
         assert value(found, "leakage") == pytest.approx(80.0, abs=3 * std(found, "leakage"))

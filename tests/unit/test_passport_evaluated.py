@@ -10,6 +10,7 @@ import numpy as np
 import pikepdf
 import pytest
 
+import hil.passport.issue as issuing
 from hil.bench.audit import Audit, chain, evaluated_on_the_trail, head, on_the_trail
 from hil.bench.find import benches
 from hil.bench.read import read_bench
@@ -294,22 +295,16 @@ def forged(tmp_path: Path, monkeypatch, part: str) -> Path:
     nice, real = read_unit_runs([good]), Wanted(identify=False)
     with monkeypatch.context() as lies:
         if part == "page":
-            import hil.passport.issue as made
-
-            original = made.certificate_of
-            lies.setattr(made, "certificate_of", lambda _unit, *rest, **named: original(nice, *rest, **named))
+            original = issuing.certificate_of
+            lies.setattr(issuing, "certificate_of", lambda _unit, *rest, **named: original(nice, *rest, **named))
         if part in ("conditions", "instruments"):
-            import hil.passport.issue as made
-
-            stated = made.certificate_of
+            stated = issuing.certificate_of
             other = {"conditions": [("Fluid temperature", "55 °C")],
                      "instruments": [["flow meter", "F-1", "2026-03-01", "2029-03-01", "not stated"]]}  # fmt: skip
-            lies.setattr(made, "certificate_of", lambda *rest, **named: stated(*rest, **named) | {part: other[part]})
+            lies.setattr(issuing, "certificate_of", lambda *rest, **named: stated(*rest, **named) | {part: other[part]})
         if part == "certificate":
-            import hil.passport.issue as made
-
-            xml = made.certificate_xml
-            lies.setattr(made, "certificate_xml", lambda _unit, *rest, **named: xml(nice, *rest, **named))
+            xml = issuing.certificate_xml
+            lies.setattr(issuing, "certificate_xml", lambda _unit, *rest, **named: xml(nice, *rest, **named))
         issue([bad], tmp_path / "forged.pdf", signing_key(None), real)
     monkeypatch.undo()
     return tmp_path / "forged.pdf"
