@@ -13,17 +13,13 @@ from drivers._modbus_client import LineSettings
 from drivers._modbus_link import ModbusLink
 from drivers._modbus_model import Model, Register, described_by, levels_of
 from drivers._ports import host_and_port
-from drivers._register_blocks import RegisterBlock, register_blocks
-from drivers._registers import WordOrder
 from hil.daq.channel import Wiring
 from hil.description.modbus import TIMES, ModbusDescription
-from hil.description.modbus import Type as Format
 from hil.description.named import Described, description_faults
 
 __all__ = [
-    "Format", "LineSettings", "ModbusLink", "Model", "Register", "RegisterBlock", "Settings", "WordOrder",
-    "faults", "has_watchdog", "levels_of", "line_faults", "line_needs", "not_read_back",
-    "open_link", "register_blocks", "terminals",
+    "LineSettings", "ModbusLink", "Model", "Register", "Settings", "faults", "has_watchdog", "levels_of",
+    "line_faults", "line_needs", "not_read_back", "open_link", "terminals",
 ]  # fmt: skip
 PROBES = "modbus"
 _devices = ByDescription("modbus")
