@@ -13,7 +13,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq, root
-from scipy.signal import cont2discrete
 
 from hil.physics.compose import plant
 from hil.signals.recursion import filtered
@@ -52,6 +51,8 @@ class Valve:
 
     def followed(self, command, interval_s, gain=1.0, play=0.0):
         """The spool's way from its null in %, shape (n,): a third-order lag of held commands, then the play."""
+        from scipy.signal import cont2discrete
+
         p = self.p
         w, pilot = p["motor_frequency"], p["pilot_rate"] * math.sqrt(68.0 / p["rated_supply"])
         parts = [w * w * pilot], np.polymul([1.0, 2.0 * p["motor_damping"] * w, w * w], [1.0, pilot])
