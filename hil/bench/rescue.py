@@ -21,6 +21,7 @@ _AGAIN_S, _AGAIN_LATE_S = 0.05, 0.2
 _HANGS_S = 10.0  # a driver that has not returned after so long is left to itself, and tried anew
 LONGEST_S = GIVE_UP_S + _HANGS_S  # nothing is tried any more
 _MOMENT_S = 1.0
+_SILENCE = 1.5  # so many times as long as the device's own watchdog takes nothing is sent to it
 _TELLS_S = 1.0  # what is not safe after so long is told at once, not when nothing is tried any more
 
 
@@ -30,7 +31,8 @@ class _Device:
 
     `wait_s`: it was read back there, and for so long an earlier command may still arrive. `moved`: it was found away
     from them when it was opened. `safe_s`: when it came to them, `until_s`: when nothing late can come any more, by the
-    monotonic clock. `outputs`: what it said of each, in the units of the bench.
+    monotonic clock. `quiet_until_s`: until then nothing is sent to it, so that its own watchdog acts. `outputs`: what
+    it said of each, in the units of the bench.
     """
 
     name: str
@@ -41,6 +43,7 @@ class _Device:
     moved: bool = False
     safe_s: float = 0.0
     until_s: float = -math.inf
+    quiet_until_s: float = -math.inf
     outputs: dict[str, Output] = field(default_factory=dict)
 
 
@@ -131,9 +134,17 @@ class Rescue:
 
     def _tried_all(self, line: list[_Device]) -> None:
         for i, device in enumerate(line):
-            if not device.done:
+            if not device.done and system.now_s() >= device.quiet_until_s:
                 line[i] = _tried(self._file, device)
                 self._service.tell(line[i].outputs, "watchdog")
+                self._leave_to_its_watchdog(line[i])
+
+    def _leave_to_its_watchdog(self, device: _Device) -> None:
+        """Send nothing for a while to a device that does not obey: what it hears keeps its own watchdog from acting."""
+        silence_s = _SILENCE * (getattr(self._file.devices[device.name].settings, "watchdog_s", None) or math.inf)
+        now_s, tried_from_s = system.now_s(), max(self._begun_s, device.quiet_until_s)
+        if not (device.done or device.wait_s) and now_s - tried_from_s >= _MOMENT_S and silence_s < 0.5 * GIVE_UP_S:
+            device.quiet_until_s = now_s + silence_s
 
     def _with_patience(self, line: list[_Device]) -> None:
         self._tried_all(line)
@@ -150,7 +161,7 @@ def _wait(threads: list[Any], until_s: float) -> None:
 
 def _tried(file: BenchFile, device: _Device) -> _Device:
     """What came of one try, as long as a driver may take that returns."""
-    attempt = _Device(device.name, until_s=device.until_s)
+    attempt = _Device(device.name, until_s=device.until_s, quiet_until_s=device.quiet_until_s)
     thread = system.thread(_make_safe, file, attempt)
     thread.start()
     thread.join(_HANGS_S)

@@ -105,6 +105,24 @@ def test_what_is_not_safe_is_told_while_it_is_still_tried(tmp_path: Path, monkey
     assert time.monotonic() - begun_s >= 6.0, "it went on trying"
 
 
+def test_what_does_not_obey_is_left_to_its_own_watchdog(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Deaf(Valve):
+        """Obeys nothing, and closes when it has heard nothing for as long as the bench says."""
+
+        heard_s = time.monotonic()
+
+        def make_safe(self) -> None:
+            if time.monotonic() - self.heard_s > 1.0:
+                super().make_safe()
+            self.heard_s = time.monotonic()
+
+    monkeypatch.setattr(rescue, "GIVE_UP_S", 8.0)
+    monkeypatch.setattr(rescue, "_MOMENT_S", 0.3)
+    deaf = Deaf(None)
+    assert rescued(bench_of(tmp_path, {"deaf": deaf}, late_s=0.0))[0] == []
+    assert deaf.levels["a"] == 0.0
+
+
 def test_what_is_safe_at_once_is_told_at_the_end_alone(tmp_path: Path) -> None:
     told: list[None] = []
     rescue.Rescue(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=0.0), DESK).with_patience(
