@@ -11,7 +11,7 @@ from hil.api.callbacks import Notes, unsaid
 from hil.api.models import model_of
 from hil.errors import options_of
 from hil.record.progress import Progress, quiet
-from hil.session.several import several
+from hil.session.several import at_least_one, several
 
 if TYPE_CHECKING:
     from hil.diagnosis.diagnose import Diagnosed
@@ -74,7 +74,7 @@ def identify(
     from hil.session.identification import identified, read_for
     from hil.session.sources import notes_on
 
-    read = read_for(str(plant), several(recordings), reading, part, several(inputs), output)
+    read = read_for(str(plant), at_least_one(recordings), reading, part, several(inputs), output)
     for note in notes_on(read):
         notes(note)
     orders = orders_of(poles, zeros, dead_time, weights)
@@ -111,7 +111,9 @@ def compare(
     from hil.session.comparison import compared_with
 
     drawn = Path(page) if page else None
-    return compared_with(model_of(model), several(recordings), several(inputs), output, reading, notes, drawn, progress)
+    return compared_with(
+        model_of(model), at_least_one(recordings), several(inputs), output, reading, notes, drawn, progress
+    )
 
 
 @options_of("python")
@@ -191,7 +193,7 @@ def diagnose(
     from hil.session.diagnosis import bound_to, diagnosed
     from hil.session.sources import all_samples, notes_on
 
-    nominal, read = model_of(model), all_samples(recordings, reading)
+    nominal, read = model_of(model), all_samples(at_least_one(recordings), reading)
     experiments, left_out = bound_to(nominal, read, several(inputs), output, budget_s)
     for note in (*notes_on(read, experiments), *left_out):
         notes(note)
@@ -290,7 +292,7 @@ def frequency_response(
     from hil.session.sine_analysis import sine_analysis
     from hil.session.sources import all_samples
 
-    return sine_analysis(all_samples(recordings, reading), input, output)
+    return sine_analysis(all_samples(at_least_one(recordings), reading), input, output)
 
 
 @options_of("python")
@@ -322,7 +324,7 @@ def flow_curve(
     from hil.session.flow_analysis import flow_analysis
     from hil.session.sources import all_samples
 
-    return flow_analysis(all_samples(recordings, reading), input, output, degree, neutral)
+    return flow_analysis(all_samples(at_least_one(recordings), reading), input, output, degree, neutral)
 
 
 @options_of("python")

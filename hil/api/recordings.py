@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from hil.api.callbacks import NOTHING
 from hil.errors import options_of
-from hil.session.several import several
+from hil.session.several import at_least_one, several
 
 if TYPE_CHECKING:
     from hil.record.reading import Reading
@@ -84,4 +84,4 @@ def average(
     from hil.identification.frequency.table_fit import averaged
     from hil.session.sources import tables_of
 
-    return averaged(tables_of(several(responses), reading, part), normalised=normalised)
+    return averaged(tables_of(at_least_one(responses), reading, part), normalised=normalised)

@@ -11,7 +11,7 @@ from hil.api.callbacks import Notes, unsaid
 from hil.api.models import model_of
 from hil.errors import options_of
 from hil.record.progress import Progress, quiet
-from hil.session.several import several
+from hil.session.several import at_least_one, several
 
 if TYPE_CHECKING:
     from hil.passport.difference import DateDifference
@@ -149,6 +149,6 @@ def issue_passport(
     from hil.passport.key import signing_key
 
     wanted = Wanted(names, identify, None if model is None else model_of(model), evaluated_anew, power)
-    given: list[str | Path] = several(runs)
+    given: list[str | Path] = at_least_one(runs)
     folders, signer = [Path(one) for one in given], signing_key(None if key is None else Path(key))
     return issue(folders, Path(out), signer, wanted, progress)

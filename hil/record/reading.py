@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from hil.errors import UnitError, option
+from hil.errors import SettingError, UnitError, option
 from hil.units import check_unit
 
 LEFT_OUT = "-"
@@ -24,7 +25,7 @@ class Reading:
         columns: names of the columns in their order, for files without headings; `-` leaves one out.
 
     Raises:
-        UnitError: a unit is unknown.
+        UnitError: a unit is unknown. SettingError: an interval that is none.
     """
 
     time: str = ""
@@ -35,7 +36,10 @@ class Reading:
     gaps: bool = False
 
     def __post_init__(self) -> None:
-        """Name the option whose unit is unknown."""
+        """Name the option that cannot be."""
+        if not 0.0 <= self.interval_s < math.inf:
+            asked = option("interval", str(self.interval_s))
+            raise SettingError(f"{asked}: seconds from one sample to the next are above 0, or 0")
         for name, unit in self.units.items():
             try:
                 check_unit(unit)

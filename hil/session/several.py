@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TypeVar, cast
 
+from hil.errors import SettingError
+
 T = TypeVar("T")
 
 
@@ -13,3 +15,11 @@ def several(given: T | Iterable[T]) -> list[T]:
     if isinstance(given, str | Mapping) or hasattr(given, "columns") or not isinstance(given, Iterable):
         return [cast("T", given)]
     return list(given)
+
+
+def at_least_one(given: T | Iterable[T]) -> list[T]:
+    """The same where nothing can be made of none; raises `SettingError` for that."""
+    found = several(given)
+    if not found:
+        raise SettingError("none is given; at least one recording, run or table is needed")
+    return found

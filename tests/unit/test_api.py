@@ -132,3 +132,22 @@ def test_one_recording_or_name_by_itself_is_meant_as_just_that_one(response, tmp
     assert alone.as_dict() == listed.as_dict()
     with pytest.raises(InputError, match="limit 'nothing': not measured here"):
         hil.run("step_response", "brevini-hpv41", tmp_path / "run", limits="nothing=1..2")
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        lambda: hil.identify([], "brevini-hpv41"), lambda: hil.compare("hpv41-mean", []),
+        lambda: hil.diagnose("hpv41-mean", []), lambda: hil.average([]), lambda: hil.flow_curve([]),
+        lambda: hil.frequency_response([]), lambda: hil.issue_passport([], "x.pdf"),
+    ],
+)  # fmt: skip
+def test_nothing_can_be_made_of_no_recording(asked):
+    with pytest.raises(InputError, match="none is given; at least one"):
+        asked()
+
+
+@pytest.mark.parametrize("interval_s", [-1.0, float("nan"), float("inf")])
+def test_an_interval_that_is_none_is_refused_before_the_file_is_read(interval_s):
+    with pytest.raises(InputError, match=rf"interval_s={interval_s}\): seconds"):
+        hil.read("nowhere.csv", interval_s=interval_s)
