@@ -5,7 +5,7 @@
 5 000 samples with 5 % of noise each. The peers are an output-error fit (`least_squares` over `lfilter`, three starts),
 ARX by least squares, and N4SID (nfoursid); each gets order and delay of the linear plant. "fit" is on another command
 without noise; "held" counts intervals of 95 % that hold the truth, of the parameters that the chosen form has; "doubt"
-counts the fits that say that the model lacks something. Needs the extra `bench`.
+counts the fits that say that the model lacks something and that no coloured noise would do. Needs the extra `bench`.
 """
 
 from __future__ import annotations
@@ -211,7 +211,7 @@ def tried(kind: Kind, seeds: Sequence[int]) -> Tally:
         spread = np.linalg.norm(wanted - wanted.mean())
         made.fits.append([100.0 * (1.0 - min(float(np.linalg.norm(y - wanted)) / spread, 2.0)) for y in answers])
         made.forms[str(found.model.origin["structure"])] += 1
-        made.doubts += any("lacks something" in str(note) for note in found.notes)
+        made.doubts += any("the residuals are no noise" in str(note) for note in found.notes)
         for name, true in kind.truth.items():
             value = found.model.parameters.get(name)
             if value is None or value.std is None:

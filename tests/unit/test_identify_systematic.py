@@ -13,6 +13,7 @@ from hil.identification.preparation.experiment import Experiment
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Recording, recording
+from hil.signals.recursion import filtered
 from tests.concealed import bound
 
 pytestmark = pytest.mark.xdist_group("fits with and without friction")  # on one worker: it is fitted once
@@ -54,6 +55,17 @@ def repeated_and_stated(found: GreyBoxFit) -> tuple[np.ndarray, np.ndarray]:
     assert found.model.covariance is not None
     stds = [found.model.parameters[name].std for name in found.model.covariance.names]
     return np.sqrt(np.diag(np.array(found.model.covariance.matrix))), np.array(stds, dtype=np.float64)
+
+
+def test_coloured_noise_is_no_lack_of_the_model() -> None:
+    """It was told as missing physics where nothing tells which of the two it is."""
+    made, noise = driven(), np.random.default_rng(5).standard_normal(16_000)
+    flow = made.channels["flow"].values + 0.3 * filtered([0.6], [1.0, -0.8], noise)
+    found = fitted(
+        recording("coloured", made.time_s, {"command [%]": made.channels["command"].values, "flow [l/min]": flow})
+    )
+    assert not any("the residuals are no noise" in note for note in found.notes)
+    assert max(off(found).values()) < 3.5
 
 
 def test_intervals_hold_the_truth_where_the_model_lacks_friction_and_a_note_says_so() -> None:

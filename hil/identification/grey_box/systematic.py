@@ -13,11 +13,14 @@ from hil.identification.grey_box.criteria import CRITERIA, EFFORT
 from hil.identification.grey_box.estimate import Estimate
 from hil.identification.grey_box.free import effects_at
 from hil.identification.grey_box.residuals import Residuals
+from hil.identification.uncertainty.evidence import VERY_STRONG
+from hil.identification.uncertainty.noise import noise_of
 from hil.language.note import Note
 from hil.physics.plant import Parameters
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 from hil.signals.interval import CERTAIN
+from hil.signals.recursion import filtered
 
 # Shares of the whole that what is lacking may add to the residuals, over the noise: tried in steps of a half.
 _SHARES = np.concatenate(([0.0], np.geomspace(1e-3, 1e4, 15) ** 2))
@@ -45,14 +48,19 @@ def systematic(residuals: Residuals, found: Estimate, parameters: Parameters) ->
     covariance = np.outer(finer, finer)
     notes: tuple[Note, ...] = ()
     if _is_coloured(found.residuals):
-        lacking, stage = _structural_covariance(residuals, found, parameters, base)
+        lacking, stage, is_sure = _structural_covariance(residuals, found, parameters, base)
         covariance = covariance + lacking
-        cause = Note(
+        sure = Note(
             "the model lacks something, most likely at its {stage}: the residuals are no noise. Intervals are widened "
             "by what that may have moved; hil diagnose looks for it",
             stage=Note(stage),
         )
-        notes = (cause,) if stage else ()
+        unsure = Note(
+            "the noise is coloured, or the model lacks something, most likely at its {stage}; nothing tells which. "
+            "Intervals are widened by what that may have moved",
+            stage=Note(stage),
+        )
+        notes = ((sure if is_sure else unsure),) if stage else ()
     return Systematic(covariance, _calibrations(residuals, found, parameters, base), notes)
 
 
@@ -82,8 +90,10 @@ def _is_coloured(values: Array) -> bool:
 
 def _structural_covariance(
     residuals: Residuals, found: Estimate, parameters: Parameters, base: Array
-) -> tuple[Array, str]:
-    """Covariance of what physics at the hooks may have moved, and the stage where most is; empty where nothing is.
+) -> tuple[Array, str, bool]:
+    """Covariance of what physics at the hooks may have moved, the stage where most is, and whether noise is none of it.
+
+    The stage is empty where nothing is.
 
     Each kind of addition at each hook has a size of its own, drawn about zero; how large they are on the whole is what
     makes the residuals most probable (empirical Bayes).
@@ -99,24 +109,40 @@ def _structural_covariance(
     sizes = np.array([float(np.linalg.norm(column)) for column in columns])
     seen = np.isfinite(sizes) & (sizes > 0.0)
     slopes = np.array([columns[k] / sizes[k] for k in np.flatnonzero(seen)]).T
-    nothing = np.zeros((len(found.values),) * 2), ""
+    nothing = np.zeros((len(found.values),) * 2), "", False
     if not slopes.size:
         return nothing
     moves = np.array([found.moved_by(column) for column in slopes.T]).T
     apart = slopes + found.jacobian @ moves  # what is left of each once the estimate has given way to it
     alike, along = apart.T @ apart, apart.T @ found.residuals
-    share, variance, mean, spread_of = _most_probable(alike, along, found.residuals)
-    if share == 0.0:
+    evidence, variance, mean, spread_of = _most_probable(alike, along, found.residuals)
+    if evidence == 0.0:
         return nothing
     off = moves @ mean
     at = [kinds[k][0] for k in np.flatnonzero(seen)]
     stage = max(set(at), key=lambda hook: float(np.sum(mean[[h == hook for h in at]] ** 2)))
     stages = {hook.name: hook.stage for hook in residuals.plant.hooks}
-    return moves @ spread_of @ moves.T * variance + np.outer(off, off), stages[stage]
+    moved = moves @ spread_of @ moves.T * variance + np.outer(off, off)
+    return moved, stages[stage], _is_no_colour(found, apart)
+
+
+def _is_no_colour(found: Estimate, apart: Array) -> bool:
+    """Whether additions explain residuals that no memory of the noise foretells: coloured noise knows no command."""
+    colour = (1.0, *noise_of([found.residuals], 1.0).colour)
+    rows = filtered(colour, (1.0,), np.vstack([found.residuals, apart.T, found.jacobian.T]))
+    count = 1 + apart.shape[1]
+    others = np.linalg.qr(rows[count:].T)[0]
+    left, *added = rows[:count] - (rows[:count] @ others) @ others.T
+    sizes = np.linalg.norm(added, axis=1)
+    slopes = (np.array(added)[sizes > 0.0] / sizes[sizes > 0.0, None]).T
+    return bool(slopes.size) and _most_probable(slopes.T @ slopes, slopes.T @ left, left)[0] > VERY_STRONG
 
 
 def _most_probable(alike: Array, along: Array, left: Array) -> tuple[float, float, Array, Array]:
-    """Share of what is added over the noise, the noise's variance, the sizes' mean and their spread in its units."""
+    """Of the most probable share of what is added over the noise, 0 among them: twice the log evidence for it.
+
+    And the noise's variance, the sizes' mean and their spread in its units.
+    """
     total, count = float(left @ left), max(int(np.count_nonzero(left)), 1)
     values, vectors = np.linalg.eigh(alike)
     values, seen = np.maximum(values, 0.0), vectors.T @ along
@@ -128,7 +154,8 @@ def _most_probable(alike: Array, along: Array, left: Array) -> tuple[float, floa
 
     share = max(_SHARES, key=lambda s: explained(float(s))[0])
     inner = float(share) / (1.0 + float(share) * values)
-    return float(share), explained(float(share))[1], vectors @ (inner * -seen), (vectors * inner) @ vectors.T
+    evidence = 2.0 * (explained(float(share))[0] - explained(0.0)[0])
+    return evidence, explained(float(share))[1], vectors @ (inner * -seen), (vectors * inner) @ vectors.T
 
 
 def _kinds(residuals: Residuals, passing: list[Array]) -> Iterator[tuple[str, list[Array]]]:
