@@ -486,7 +486,7 @@ def _check_named(recording: Recording, plant: Plant, input_name: str, output_nam
     for role, name in (("input", input_name), ("output", output_name)):
         if name in recording.channels:
             continue
-        have = ", ".join(channel.heading for channel in recording.channels.values())
+        have = ", ".join(one.heading for one in recording.channels.values() if not np.isnan(one.values).all())
         alike = [known for known in recording.channels if known.casefold() == name.casefold()]
         hint = f", did you mean '{alike[0]}'?" if alike else ";"
         at_simulate = option(f"{role}-name")
