@@ -54,4 +54,12 @@ def _input(seen: Seen) -> str:
     value = "no value" if reading.value is None or not math.isfinite(reading.value) else f"{reading.value:.5g}{unit}"
     noise = "cannot be told" if reading.noise is None else f"{reading.noise:.3g}{unit}"
     steps = "did not change" if seen.resolution is None else f"{seen.resolution:.3g}{unit}"
-    return f"  input {reading.name}: {value}, noise {noise}, resolution {steps}, {reading.state}"
+    return f"  input {reading.name}: {value}, noise {noise}, resolution {steps}, {reading.state}{_standstill(seen)}"
+
+
+def _standstill(seen: Seen) -> str:
+    if not seen.is_watched:
+        return ""
+    if seen.standstill_s is None:
+        return "; its noise cannot tell a frozen reading from a rest"
+    return f"; frozen is noticed after {seen.standstill_s:.2g} s"

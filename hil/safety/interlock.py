@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hil.daq.contract import Block
 from hil.language.note import Note
 from hil.safety.lasting import lasting_s
+from hil.safety.standstill import Standstill
 
 Action = Literal["indicate", "hold", "stop", "trip"]
 
@@ -83,7 +84,8 @@ class Band:
 class Interlock:
     """A condition on the bench, and the action when it is broken for `for_s` without a break.
 
-    A channel that is not measured (see `hil.daq.contract.Block`) breaks it for as long as that lasts.
+    A channel that is not measured (see `hil.daq.contract.Block`) breaks it for as long as that lasts, and so does one
+    that stands still longer than its own noise allows (see `hil.safety.standstill`).
 
     Attributes:
         name: by which a trip is reset.
@@ -127,6 +129,7 @@ class Watch:
     _outside_since_s: float | None = field(default=None, init=False)
     _same_since_s: float | None = field(default=None, init=False)
     _last: float = field(default=np.nan, init=False)
+    _standstill: Standstill = field(default_factory=Standstill.begun, init=False)
 
     def judge(self, block: Block, blind_s: float = 0.0) -> Violation | None:
         """The first violation that begins in this block.
@@ -136,8 +139,8 @@ class Watch:
             blind_s: no other reading comes for so long after the last one; until then what was broken counts as
                 broken still.
         """
-        outside, stale = self._outside(block, blind_s), self._stale(block)
-        conditions = [condition for condition in (outside, stale) if condition is not None]
+        outside, stale, repeated = self._outside(block, blind_s), self._stale(block), self._repeated(block)
+        conditions = [condition for condition in (outside, stale, repeated) if condition is not None]
         if not conditions:
             self.broken = False
             return None
@@ -150,8 +153,12 @@ class Watch:
         time_s = float(block.time_s[at])
         if self.interlock.is_emergency_stop:
             return Violation(self.interlock, time_s, self._pressed_text(block, at))
-        is_stale = outside is None or not outside[at]
-        reason = self._stale_text(block, at) if is_stale else self._outside_text(block, at)
+        if outside is not None and outside[at]:
+            reason = self._outside_text(block, at)
+        elif stale is not None and stale[at]:
+            reason = self._stale_text(block, at)
+        else:
+            reason = self._repeated_text(block, at)
         return Violation(self.interlock, time_s, f"interlock '{self.interlock.name}': {reason} at {time_s:.3f} s")
 
     def _outside(self, block: Block, blind_s: float) -> NDArray[np.bool_] | None:
@@ -192,6 +199,11 @@ class Watch:
         held_s, self._same_since_s = lasting_s(same, block.time_s, self._same_since_s)
         return np.logical_and(same, held_s >= lock.stale_s)
 
+    def _repeated(self, block: Block) -> NDArray[np.bool_] | None:
+        """Where the reading repeats more often than by chance; None where it never does."""
+        self._standstill, repeated = self._standstill.after(block.values(self.interlock.allowed.channel))
+        return repeated if repeated.any() else None
+
     def _pressed_text(self, block: Block, at: int) -> str:
         name = self.interlock.allowed.channel
         value, time_s = float(block.values(name)[at]), float(block.time_s[at])
@@ -208,6 +220,13 @@ class Watch:
         reasons = (block.invalid_reasons.get(name or "", "") for name in (lock.allowed.channel, lock.allowed.minus))
         reading = _reading(float(lock.allowed.values(block)[at]), next(filter(None, reasons), ""))
         return f"{reading}{lasted}{condition}; allowed: {lock.allowed}"
+
+    def _repeated_text(self, block: Block, at: int) -> str:
+        name = self.interlock.allowed.channel
+        return (
+            f"{name} stands at {float(block.values(name)[at]):.6g}, reading after reading, where its own noise "
+            "moves it: sensor or device repeats itself, nothing is measured"
+        )
 
     def _stale_text(self, block: Block, at: int) -> str:
         lock = self.interlock

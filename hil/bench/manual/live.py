@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from hil.bench.file import Bench
 from hil.bench.manual.inputs import Inputs, inputs_of
 from hil.bench.manual.reading import Reading
@@ -13,6 +15,8 @@ from hil.bench.protection import interlock_of
 from hil.bench.read import BenchFile
 from hil.daq.contract import Promises
 from hil.errors import LinkError
+from hil.record.recording import Array
+from hil.safety.standstill import NEVER, most_by_chance
 from hil.signals.stepped_sine import SAMPLES_PER_PERIOD
 
 _LOOK_S = 0.5
@@ -46,11 +50,16 @@ class Seen:
         reading: the last one, with noise and state.
         resolution: the smallest step between two readings, in its unit; None where it did not change.
         remark: why the reading is not plausible on a bench at rest; empty when nothing speaks against it.
+        is_watched: whether an interlock needs it.
+        standstill_s: how long it stands until that interlock takes it for a device that repeats itself; None where its
+            noise at rest cannot tell.
     """
 
     reading: Reading
     resolution: float | None
     remark: str
+    is_watched: bool = False
+    standstill_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +128,18 @@ def _rate(promised: Mapping[str, Promises], links: tuple[Link, ...]) -> float:
 
 def _seen(bench: Bench, reading: Reading, looked: Inputs) -> Seen:
     remark = "" if reading.state == "ok" else reading.state
-    return Seen(reading, looked.resolution(reading.name), remark or _forbidden(bench, reading))
+    is_watched = any(entry.channel == reading.name for entry in bench.interlocks.values())
+    standstill_s = _standstill_s(looked.raw(reading.name)) if is_watched else None
+    resolution = looked.resolution(reading.name)
+    return Seen(reading, resolution, remark or _forbidden(bench, reading), is_watched, standstill_s)
+
+
+def _standstill_s(last_second: Array) -> float | None:
+    """How long a reading of the middle may stand by chance."""
+    if not len(last_second):
+        return None
+    most = most_by_chance(last_second, float(np.sort(last_second)[len(last_second) // 2]))
+    return None if most == NEVER else most / len(last_second)
 
 
 def _forbidden(bench: Bench, reading: Reading) -> str:

@@ -1,0 +1,70 @@
+"""A reading that stands longer than its own noise allows breaks its interlock; what rests by itself does not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hil.daq.contract import Block
+from hil.record.recording import Array
+from hil.safety.interlock import Band, Interlock, Watch
+from hil.safety.standstill import Standstill
+
+RATE_HZ = 250
+HELD = 100  # 0.4 s
+
+
+def read(codes: float, seed: int = 0, count: int = 5000, period: int = 1, cut: float = 0.0) -> Array:
+    """Steps read in whole codes, with noise of so many of them, `period` readings to a conversion."""
+    rng = np.random.default_rng(seed)
+    steps = np.repeat(rng.uniform(-500.0, 500.0, 11), 500)[: count // period]
+    read = np.rint(steps + codes * rng.standard_normal(len(steps)))
+    return np.repeat(np.where(np.abs(read) < cut, 0.0, read), period)
+
+
+def repeated(values: Array, block: int = 25) -> np.ndarray:
+    state, found = Standstill.begun(), []
+    for at in range(0, len(values), block):
+        state, beyond = state.after(values[at : at + block])
+        found.append(beyond)
+    return np.concatenate(found)
+
+
+@pytest.mark.parametrize("period", [1, 4])
+@pytest.mark.parametrize("codes", [0.0, 0.3, 0.5, 1.0, 2.0, 5.0])
+@pytest.mark.parametrize("cut", [0.0, 40.0])
+def test_what_a_channel_does_by_itself_is_no_standstill(codes: float, period: int, cut: float) -> None:
+    assert not any(repeated(read(codes, seed, 10_000, period, cut), 250).any() for seed in range(10))
+
+
+@pytest.mark.parametrize("codes", [2.0, 5.0])
+def test_a_reading_that_stands_for_0_4_s_is_found(codes: float) -> None:
+    found = 0
+    for seed in range(50):
+        values = read(codes, seed)
+        rest = np.sort(values[2500:2700])
+        values[2700 : 2700 + HELD] = np.clip(values[2700], rest[20], rest[-20])
+        found += bool(repeated(values)[2700 : 2700 + HELD].any())
+    assert found >= 49
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([1, 7, 250, 3000]), st.integers(20, 6000))
+def test_how_readings_are_cut_into_blocks_changes_nothing(seed: int, block: int, held: int) -> None:
+    values = read(3.0, seed, 8000)
+    values[1500 : 1500 + held] = values[1499]
+    assert np.array_equal(repeated(values, block), repeated(values, len(values)))
+
+
+def test_a_frozen_channel_breaks_its_interlock_and_says_why() -> None:
+    values = read(3.0)
+    values[2700:] = np.median(values[2500:2700])
+    watch = Watch(Interlock("pressure", "trip", Band("pressure", high=1000.0)))
+    blocks = [
+        Block(np.arange(at, at + 25) / RATE_HZ, {"pressure": values[at : at + 25]}, {}) for at in range(0, 2900, 25)
+    ]
+    found = [violation for one in blocks if (violation := watch.judge(one)) is not None]
+    assert len(found) == 1 and "repeats itself" in found[0].text
+    assert 2700 / RATE_HZ < found[0].time_s < 2800 / RATE_HZ
