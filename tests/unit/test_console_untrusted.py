@@ -288,6 +288,14 @@ def test_null_character_in_a_form_is_refused(path: str, lab: Path) -> None:
     assert (status, "null character" in text) == (400, True), text
 
 
+def test_a_stop_is_pressed_whatever_its_form_holds(lab: Path) -> None:
+    page = browser(lab)
+    for form in ({"run": "a\0"}, {f"f{k}": "" for k in range(300)}):
+        status, text, _ = page.ask("/stop", form)
+        assert (status, json.loads(text)["pressed"] is not None) == (200, True), text
+        page.ask("/stop/release", {})
+
+
 def test_at_once_waits_for_no_page() -> None:
     async def asked() -> str:
         current_default_thread_limiter().total_tokens = 1

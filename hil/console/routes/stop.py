@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
@@ -12,7 +12,7 @@ from hil.console.console import Console
 from hil.console.page import controls_of
 from hil.console.stops import press_stop, promptly
 from hil.console.uploads import form_of
-from hil.errors import StorageError
+from hil.errors import SettingError, StorageError
 
 
 def controls(request: Request) -> Response:
@@ -21,9 +21,10 @@ def controls(request: Request) -> Response:
 
 
 async def press(request: Request) -> Response:
-    """Stop what is under way; what became of it."""
-    console, form = Console.of(request), await form_of(request)
-    asked = [str(name) for name in form.getlist("run")]
+    """Stop what is under way, whatever the form holds; what became of it."""
+    console, asked = Console.of(request), list[str]()
+    with suppress(SettingError, ClientDisconnect):
+        asked = [str(name) for name in (await form_of(request)).getlist("run")]
     answer = await promptly(press_stop, console, request.scope.get("hil.account", ""), asked)
     with suppress(StorageError):  # the stop is done
         console.audit(
