@@ -26,6 +26,15 @@ def test_swapped_columns_are_refused() -> None:
         check(nominal(), bound(nominal(), changed(swap)))
 
 
+def test_columns_that_look_swapped_are_taken_where_their_units_are_stated() -> None:
+    def swap(each: Recording) -> None:
+        command, flow = each.channels["command"].values, each.channels["flow"].values
+        command[:], flow[:] = flow.copy(), command.copy()
+
+    stated = frozenset({"command", "flow"})
+    check(nominal(), [replace(e, stated_units=stated) for e in bound(nominal(), changed(swap))])
+
+
 @pytest.mark.parametrize("gain", [1.0, 1.4])
 def test_swapped_columns_are_refused_where_the_model_never_fitted_well(gain: float) -> None:
     """Of a unit that may have changed besides, and whose command was measured with more noise than its flow."""

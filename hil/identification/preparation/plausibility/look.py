@@ -18,6 +18,7 @@ from hil.identification.preparation.plausibility.suspicion import (
     good_fit,
     moves,
     spoken_of,
+    stating_units,
 )
 from hil.identification.preparation.plausibility.time_unit import wrong_time
 from hil.identification.preparation.plausibility.unit import wrong_unit
@@ -26,7 +27,7 @@ from hil.identification.uncertainty.noise import channel_floor, white_floor
 from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.invalid_samples import across
-from hil.record.recording import Array
+from hil.record.recording import Array, split_heading
 
 
 def suspicions(model: Model, experiments: Sequence[Experiment]) -> Iterator[Suspicion]:
@@ -86,7 +87,9 @@ def _turned(model: Model, e: Experiment, simulated: Array) -> float:
 
 
 def swapped_columns(model: Model, e: Experiment, simulated: Array) -> Suspicion | None:
-    """Two columns of which each is what the other should be; `simulated` of `expected`."""
+    """Two columns of which each is what the other should be, unless their user stated both units."""
+    if e.stated_units.issuperset(split_heading(heading)[0] for heading in (e.input, e.output_heading)):
+        return None
     command, before = e.on_grid_input(), fit_percent(e.output, simulated)
     # What is commanded has no noise, unless a position loop that keeps an integrating plant in its stroke commands it.
     by_a_loop = model.definition.observer is not None
@@ -101,8 +104,9 @@ def swapped_columns(model: Model, e: Experiment, simulated: Array) -> Suspicion 
     if not fit > max(enough, before + CRITERIA.fits_better):
         return None
     cause = Note(
-        "the columns '{first}' and '{second}' look swapped: {model} fits the other way round",
-        first=e.input, second=e.output_heading, model=spoken_of(model),
+        "the columns '{first}' and '{second}' look swapped: {model} fits the other way round. If they are right, "
+        "{option} says so",
+        first=e.input, second=e.output_heading, model=spoken_of(model), option=stating_units(e.input, e.output_heading),
     )  # fmt: skip
     return Suspicion(e.name, cause.of(e.name), fit)
 

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hil.errors import option
 from hil.identification.preparation.criteria import CRITERIA
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.uncertainty.fit import fit_percent
 from hil.language.note import Note
 from hil.physics.model import Model
-from hil.record.recording import Array
+from hil.record.recording import Array, split_heading
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +46,11 @@ def can_be_held_against(model: Model) -> bool:
 def spoken_of(model: Model) -> Note:
     """The model in a sentence to somebody who may have named a plant only."""
     return Note("the model") if model.origin else Note("a typical {plant}", plant=Note(model.definition.title))
+
+
+def stating_units(*headings: str) -> str:
+    """The options by which a user who knows better says that these headings are right."""
+    return " ".join(option("unit", f"{name}={unit}") for name, unit in map(split_heading, headings))
 
 
 def expected(model: Model, e: Experiment) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hil.errors import UnitError, option
+from hil.errors import UnitError
 from hil.identification.preparation.criteria import CRITERIA
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.plausibility.suspicion import (
@@ -15,6 +15,7 @@ from hil.identification.preparation.plausibility.suspicion import (
     good_fit,
     moves,
     spoken_of,
+    stating_units,
     times,
 )
 from hil.identification.uncertainty.fit import fit_percent
@@ -74,9 +75,9 @@ def wrong_unit(model: Model, e: Experiment, simulated: Array) -> Suspicion | Non
         if factor and fit > CRITERIA.good_fit:
             found = Note(
                 "channel '{channel}' is {slope:.3g} times what {model} gives; a factor near {factor:.4g} looks like a "
-                "wrong unit. {if_right}",
+                "wrong unit. If it is right, {option} says so",
                 channel=e.output_heading, slope=slope, model=spoken_of(model), factor=factor,
-                if_right=_if_right(e.output_heading),
+                option=stating_units(e.output_heading),
             )  # fmt: skip
             return Suspicion(e.name, found.of(e.name), fit)
     return _fits_in_another_unit(model, e, before)
@@ -103,20 +104,15 @@ def _fits_in_another_unit(model: Model, e: Experiment, before: float) -> Suspici
         found for found in tried if found.factor == best.factor and found.fit >= best.fit - CRITERIA.same_fit
     ]
     found = Note(
-        "channel '{channel}' fits {model} only when {how} by {factor:.4g}; it looks like a wrong unit. {if_right}",
+        "channel '{channel}' fits {model} only when {how} by {factor:.4g}; it looks like a wrong unit. If it is right, "
+        "{option} says so",
         channel=first.channel, model=spoken_of(model), how=how(first), factor=first.factor,
-        if_right=_if_right(first.channel),
+        option=stating_units(first.channel),
     )  # fmt: skip
     if others:
         also = tuple(Note("'{channel}' {how}", channel=other.channel, how=how(other)) for other in others)
         found = Note("{found}. It fits as well with {also}", found=found, also=also)
     return Suspicion(e.name, found.of(e.name), first.fit)
-
-
-def _if_right(heading: str) -> Note:
-    """What a user does who knows better."""
-    name, unit = split_heading(heading)
-    return Note("If it is right, {option} says so", option=option("unit", f"{name}={unit}"))
 
 
 @dataclass(frozen=True, slots=True)
