@@ -190,7 +190,7 @@ _ENDINGS: dict[str, tuple[int, float, str]] = {
     "reset": (3, 1.0, "connection is lost"), "restart": (3, 1.0, ""), "out": (3, 2.5, ""), "switch": (3, 2.5, ""),
     "deaf": (3, 2.5, ""), "mute": (3, 2.5, "no valid answer"),
 }  # fmt: skip
-_LEAST_S = {"wd pause": 2.0, "pause": 2.0, "sleep": 0.5, "over": 0.2, "pressed": 0.2, "out": 0.5, "switch": 0.5,
+_LEAST_S = {"wd pause": 2.5, "pause": 2.0, "sleep": 0.5, "over": 0.2, "pressed": 0.2, "out": 0.5, "switch": 0.5,
             "deaf": 0.5, "mute": 0.5, "disk full": 0.2, "reset": 0.2}  # fmt: skip
 _NEVER_MATTERS = {"wd term", "fork", "second"}
 _CHANGE_NOTHING = {"wd term", "fork", "second", "disk slow", "double", "hold run", "low"}
