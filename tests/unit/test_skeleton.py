@@ -212,6 +212,21 @@ def test_each_channel_has_a_skeleton_misfit_of_its_own() -> None:
     assert before_of(rows).left < 0.01
 
 
+@pytest.mark.parametrize(("alike", "left"), [(1.0, (0.0, 0.15)), (0.0, (0.9, 1.05))])
+def test_what_recordings_of_before_do_not_share_is_not_taken_off(alike: float, left: tuple[float, float]) -> None:
+    """Where each is misled its own way, what one fit leaves of another is no more than it was."""
+    count, rng = 2400, np.random.default_rng(4)
+    changes = rng.standard_normal((40, count)).astype(np.float32)
+    place = np.arange(count)
+    shared, own = rng.standard_normal(40), rng.standard_normal((3, 40))
+    ways = alike * shared + (1.0 - alike) * own
+    misfit = np.einsum("ij,ji->i", ways[place // 800], changes) + rng.standard_normal(count)
+    every = np.ones(count, dtype=np.bool_)
+    state = rng.standard_normal((count, 3))
+    before = before_of(Rows(misfit, changes, state, place // 800, 0 * place, place // 100, every, 1))
+    assert left[0] < before.left < left[1]
+
+
 def test_no_alarm_below_what_recordings_of_before_reach_themselves(table: Table) -> None:
     """A cylinder of four edges, unchanged, reached 7.4; its own first recordings had reached 16.9."""
     assert replace(table.before, reach=(1.0, 16.9, 2.0)).needed == 16.9

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from scipy.special import ndtri, stdtr, stdtrit
@@ -89,11 +91,12 @@ def before_of(rows: Rows) -> Before:
     """Learn what an unchanged unit leaves, and what pseudo-tests of before reach."""
     fold = _folds(rows)
     found = _learned(rows, fold)
+    ridges = {of.channel: of.ridge for of in found.misfits}
     reach = []
     for k in np.unique(fold):
         others = np.where(fold == k, -1, fold)
         if len(np.unique(others[others >= 0])) > 1:
-            reach.append(later_of(_learned(rows, others), rows.some(fold == k)).z)
+            reach.append(later_of(_learned(rows, others, ridges), rows.some(fold == k)).z)
     return replace(found, reach=tuple(reach))
 
 
@@ -110,13 +113,13 @@ def _folds(rows: Rows) -> Integers:
     return fold
 
 
-def _learned(rows: Rows, fold: Integers) -> Before:
+def _learned(rows: Rows, fold: Integers, ridges: Mapping[int, float] = MappingProxyType({})) -> Before:
     known = rows.valid & (fold >= 0)
     left, leverage = np.zeros(len(fold)), np.zeros(len(fold))
     misfits = []
     for channel in np.unique(rows.channel[known]):
         own = rows.channel == channel
-        misfit, left[own], leverage[own] = learned(rows.some(own), fold[own])
+        misfit, left[own], leverage[own] = learned(rows.some(own), fold[own], ridges.get(int(channel)))
         misfits.append(misfit)
     scale = remainder(rows, left, leverage, known)
     std = scale.std_of(rows, leverage)

@@ -11,8 +11,11 @@ from scipy.special import ndtri
 from hil.diagnosis.skeleton.rows import Rows
 from hil.record.recording import Array, Integers, Mask
 
-# Ridge over columns whose rms is one on the recordings of before.
-_RIDGE = 55.0
+# Ridges that are tried, over columns whose rms is one on the recordings of before: from all that the columns can say to
+# next to nothing.
+_RIDGES = np.geomspace(5.5, 5.5e6, 13)
+# Directions of which the recordings tell less than this share of the ridge.
+_TELLING = 0.01
 # Cosines that describe how the left-out variance depends on the state, their width in standard deviations of
 # it, and the ridge over them.
 _WAVES, _WIDTH, _SMOOTH = 200, 2.5, 30.0
@@ -33,13 +36,15 @@ class Misfit:
         rms: of every column on the recordings of before; 0 of those that do nothing there. Shape (columns,).
         coefficients: of the columns over their rms, shape (columns,).
         directions: in which columns the recordings of before tell something, shape (k, columns), scaled so that the
-            leverage of a row d is (d·d)/λ − Σ (direction·d)², λ the ridge.
+            leverage of a row d is (d·d)/λ − Σ (direction·d)².
+        ridge: λ, with which each of these recordings was predicted best by the others.
     """
 
     channel: int
     rms: Array
     coefficients: Array
     directions: Array
+    ridge: float
 
     def leaves(self, rows: Rows, columns: Array | None = None) -> tuple[Array, Array]:
         """What is left of the misfit, 0 where invalid, and the leverage of each row; shape (n,) each.
@@ -49,7 +54,7 @@ class Misfit:
         d = scaled(rows, self.rms) if columns is None else columns
         left = np.where(rows.valid, rows.misfit - d @ self.coefficients, 0.0)
         seen = d @ self.directions.T
-        leverage = np.einsum("ij,ij->i", d, d) / _RIDGE - np.einsum("ij,ij->i", seen, seen)
+        leverage = np.einsum("ij,ij->i", d, d) / self.ridge - np.einsum("ij,ij->i", seen, seen)
         return left, np.maximum(leverage, 0.0)
 
 
@@ -62,12 +67,13 @@ def leaves(misfits: Iterable[Misfit], rows: Rows) -> tuple[Array, Array]:
     return left, leverage
 
 
-def learned(rows: Rows, fold: Integers) -> tuple[Misfit, Array, Array]:
+def learned(rows: Rows, fold: Integers, ridge: float | None = None) -> tuple[Misfit, Array, Array]:
     """The misfit of one channel; what is left of each fold by a fit of the others, and their leverage.
 
     Args:
         rows: of that channel.
         fold: of each row, −1 for those that are in none.
+        ridge: λ, where it was chosen before; else that with which a fit of the others leaves least of all folds.
     """
     known = rows.valid & (fold >= 0)
     rms = rms_of(rows, known)
@@ -75,10 +81,17 @@ def learned(rows: Rows, fold: Integers) -> tuple[Misfit, Array, Array]:
     channel, left, leverage = int(rows.channel[0]), np.zeros(len(fold)), np.zeros(len(fold))
     products = {k: _products(d, rows.misfit, known & (fold == k)) for k in np.unique(fold[known])}
     whole = sum(products.values(), np.zeros((d.shape[1], d.shape[1] + 1)))
-    for k, own in products.items():
+    without = {k: _Spectrum.of(whole - own) for k, own in products.items()}
+    if ridge is None:
+        squares = np.zeros(len(_RIDGES))
+        for k, others in without.items():
+            own = known & (fold == k)
+            squares += np.sum((rows.misfit[own, None] - d[own] @ others.coefficients(_RIDGES)) ** 2, axis=0)
+        ridge = float(_RIDGES[np.argmin(squares)])
+    for k, others in without.items():
         there = fold == k
-        left[there], leverage[there] = _fitted(channel, rms, whole - own).leaves(rows.some(there), d[there])
-    return _fitted(channel, rms, whole), left, leverage
+        left[there], leverage[there] = others.misfit(channel, rms, ridge).leaves(rows.some(there), d[there])
+    return _Spectrum.of(whole).misfit(channel, rms, ridge), left, leverage
 
 
 def _products(d: Array, misfit: Array, use: Mask) -> Array:
@@ -87,14 +100,30 @@ def _products(d: Array, misfit: Array, use: Mask) -> Array:
     return own.T @ np.column_stack([own, misfit[use]])
 
 
-def _fitted(channel: int, rms: Array, products: Array) -> Misfit:
-    """The misfit of the rows that have these products, by ridge regression."""
-    sizes, vectors = np.linalg.eigh(products[:, :-1])
-    sizes = np.maximum(sizes, 0.0)
-    gains = 1.0 / _RIDGE - 1.0 / (sizes + _RIDGE)
-    telling = sizes > 0.01 * _RIDGE
-    directions = (vectors[:, telling] * np.sqrt(gains[telling])).T
-    return Misfit(channel, rms, vectors @ (vectors.T @ products[:, -1] / (sizes + _RIDGE)), directions)
+@dataclass(frozen=True)
+class _Spectrum:
+    """Eigenvalues and vectors of the products of columns, and along these the products with the misfit."""
+
+    sizes: Array
+    vectors: Array
+    along: Array
+
+    @classmethod
+    def of(cls, products: Array) -> _Spectrum:
+        """Of rows that have these products."""
+        sizes, vectors = np.linalg.eigh(products[:, :-1])
+        return cls(np.maximum(sizes, 0.0), vectors, vectors.T @ products[:, -1])
+
+    def coefficients(self, ridges: Array) -> Array:
+        """By ridge regression, shape (columns, ridges)."""
+        return np.asarray(self.vectors @ (self.along[:, None] / (self.sizes[:, None] + ridges)), dtype=np.float64)
+
+    def misfit(self, channel: int, rms: Array, ridge: float) -> Misfit:
+        """With one ridge."""
+        gains = 1.0 / ridge - 1.0 / (self.sizes + ridge)
+        telling = self.sizes > _TELLING * ridge
+        directions = (self.vectors[:, telling] * np.sqrt(gains[telling])).T
+        return Misfit(channel, rms, self.coefficients(np.array([ridge]))[:, 0], directions, ridge)
 
 
 def scaled(rows: Rows, rms: Array) -> Array:

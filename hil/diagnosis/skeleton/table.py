@@ -27,6 +27,8 @@ from hil.signals.products import one_blas_thread
 VERSION = 7
 # Simulated samples that a table may take, and the columns that it has at the least.
 _MOST_SAMPLES, _FEWEST = 3e8, 60
+# The ridge of tables that do not keep theirs.
+_RIDGE_BEFORE = 55.0
 # The largest array that is unpacked; a table has 1 MB.
 _MOST_BYTES = 1 << 24
 
@@ -63,7 +65,7 @@ class Table:
             "version": VERSION, "library": self.library, "row_s": self.row_s, "floors": dict(self.floors),
             "columns": [[c.name, c.hook, {k: float(v) for k, v in c.values.items()}] for c in self.columns],
             "misfits": [
-                {"channel": m.channel, "rms": _packed(m.rms),
+                {"channel": m.channel, "ridge": m.ridge, "rms": _packed(m.rms),
                  "coefficients": _packed(m.coefficients), "directions": _packed(m.directions)}
                 for m in b.misfits
             ],
@@ -114,7 +116,7 @@ def read_table(kept: Mapping[str, Any], model: Model) -> Table:
     there = np.array([(c.name, c.hook, *sorted(c.values)) in can_be for c in every], dtype=np.bool_)
     misfits = tuple(
         Misfit(int(m["channel"]), _unpacked(m["rms"])[there], _unpacked(m["coefficients"])[there],
-               _unpacked(m["directions"])[:, there])
+               _unpacked(m["directions"])[:, there], float(m.get("ridge", _RIDGE_BEFORE)))
         for m in kept["misfits"]
     )  # fmt: skip
     before = Before(
