@@ -316,20 +316,29 @@ class Answer:
             return None
         verdict: DiagnosisVerdict = "consistent" if self.changed is None else "unexplained"
         return {
-            "verdict": verdict, "headline": _reaches(fits), "effects": [], "changed_parameters": [],
+            "verdict": verdict, "headline": self._reaches(fits), "effects": [], "changed_parameters": [],
             "searched": self.changed is None,
         }  # fmt: skip
 
     def _hidden(self, unseen: Sequence[Limit], fits: Mapping[str, Fit]) -> Note | None:
         """What is said in the place of an agreement: that the model had that misfit before, or that noise hides all."""
         if self.changed is not None:
-            return Note("The unit is unchanged since identification; {reaches}.", reaches=_reaches(fits))
+            return Note("The unit is unchanged since identification; {reaches}.", reaches=self._reaches(fits))
         # of the recording that tells most: the half that is kept back may hold no more than a rest
         ceiling = max(fit.ceiling for fit in fits.values())
         share = (1.0 - ceiling / 100.0) ** 2  # of noise in the variance of what the output does
         if share <= MOST and any(limit.visible for limit in unseen):
             return None
         return nothing_identifiable(ceiling)
+
+    def _reaches(self, fits: Mapping[str, Fit]) -> Note:
+        """How far the nominal model comes, on the recording that it fits worst, and how far it came then."""
+        worst = min(fits.values(), key=lambda fit: np.nan_to_num(fit.nominal, nan=np.inf))
+        reaches = Note(
+            "the model itself reaches {fit:.3g} of {ceiling:.4g} %", fit=worst.nominal, ceiling=worst.ceiling
+        )
+        before = (self.problem.model.origin.get("fit_percent") or {}).values()
+        return Note("{reaches}, at identification {fit:.3g} %", reaches=reaches, fit=min(before)) if before else reaches
 
     def _false_alarms(self) -> FalseAlarms:
         problem = self.problem
@@ -402,12 +411,6 @@ class Answer:
         shown = np.abs(moves) * np.linalg.norm(slopes, axis=0)
         moved = [p for p, size in zip(problem.base, shown, strict=True) if size >= MOST * shown.max()]
         return drifted(moved, model.values, after)
-
-
-def _reaches(fits: Mapping[str, Fit]) -> Note:
-    """How far the nominal model comes, on the recording that it fits worst."""
-    worst = min(fits.values(), key=lambda fit: np.nan_to_num(fit.nominal, nan=np.inf))
-    return Note("the model itself reaches {fit:.3g} of {ceiling:.4g} %", fit=worst.nominal, ceiling=worst.ceiling)
 
 
 def _rounded(nominal: float, corrected: float, most: float) -> Fit:

@@ -123,6 +123,7 @@ def test_the_diagnosis_of_an_unchanged_unit_names_nothing(lacking: Model) -> Non
     said = asked(lacking, recorded("later", FIRST, 7), recorded("again", FIRST, 8))
     assert (said.question, said.verdict, said.effects, said.corrected_is) == ("changed", "consistent", (), "nominal")
     assert said.headline.startswith("The unit is unchanged since identification; the model itself reaches ")
+    assert ", at identification " in said.headline
     assert said.gate is not None
     assert said.gate["z"] < said.gate["needed"]
     assert said.left_out is not None
