@@ -17,7 +17,7 @@ from hil.archive.entry import Entry, entry_of, run_folders, this_host
 from hil.archive.place import INDEX_FILE, Place
 from hil.archive.tables import CALIBRATION, OF_CALIBRATION, OF_RUN, OF_VALUE, RUN, VALUE
 from hil.errors import ArchiveError, FileError
-from hil.record.measurement import Measured, by_present_names
+from hil.record.measurement import Measured
 
 _BATCH = 500
 
@@ -101,19 +101,19 @@ def find_runs(place: Place, search: Search, *, values: bool = False) -> list[Ent
         asked = wanted.with_only_columns(*RUN.c["id", "folder", *OF_RUN])
         found = index.execute(asked.order_by(RUN.c.started_utc, RUN.c.id))
         return [
-            Entry(folder=Path(folder), values=of_runs.get(key, ()), **dict(zip(OF_RUN, columns, strict=True)))
+            Entry(folder=Path(folder), values=tuple(of_runs.get(key, ())), **dict(zip(OF_RUN, columns, strict=True)))
             for key, folder, *columns in found
         ]
 
 
-def _values_of(index: Connection, wanted: Select[Any]) -> dict[int, tuple[Measured, ...]]:
+def _values_of(index: Connection, wanted: Select[Any]) -> dict[int, list[Measured]]:
     """Measured values of the runs that are wanted, by the run's number."""
     runs = wanted.with_only_columns(RUN.c.id).scalar_subquery()
     asked = select(*VALUE.c["run_id", *OF_VALUE]).where(VALUE.c.run_id.in_(runs)).order_by(VALUE.c.id)
     found: dict[int, list[Measured]] = {}
     for run, *fields in index.execute(asked):
-        found.setdefault(run, []).append(Measured(**dict(zip(OF_VALUE, fields, strict=True))))
-    return {run: by_present_names(values) for run, values in found.items()}
+        found.setdefault(run, []).append(Measured(**dict(zip(OF_VALUE, fields, strict=True))).renamed)
+    return found
 
 
 def rebuild(place: Place, folders: Sequence[Path]) -> tuple[int, list[str]]:

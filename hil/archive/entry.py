@@ -81,7 +81,7 @@ def entry_of(folder: Path) -> Entry:
         started_utc=header.started_utc,
         outcome=UNFINISHED if end is None else end.outcome,
         verdict=verdict,
-        values=values,
+        values=tuple(value.renamed for value in values),
         instruments=instruments_mark(header),
         calibrations=calibrations_of(header),
         host=this_host(),

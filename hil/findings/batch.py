@@ -83,7 +83,7 @@ def _yield(verdicts: Sequence[Verdict | None]) -> Yield:
 
 def _by_misses(units: Sequence[Results]) -> Iterator[LimitOfBatch]:
     limits: dict[tuple[object, ...], list[Measured]] = {}
-    for value in (value for one in units for value in one.values if value.verdict):
+    for value in (value.renamed for one in units for value in one.values if value.verdict):
         limits.setdefault((value.name, value.unit, value.low, value.high), []).append(value)
     found = sorted(map(_limit, limits.values()), key=lambda one: (-one.failed, -one.cannot_tell))
     misses = sum(one.failed for one in found)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, Protocol, TypeVar
 
 from hil.findings.results import Results
-from hil.record.measurement import Measured
+from hil.record.measurement import Measured, present_name
 
 ALPHA = 0.05  # a difference is one when chance alone makes it in less than 5 % of pairs, over all values together
 
@@ -60,8 +60,8 @@ Some = TypeVar("Some", bound=_Named)
 
 
 def by_name(kept: Iterable[Some], others: Iterable[Some]) -> Iterator[tuple[str, Some | None, Some | None]]:
-    """(name, what each of two runs has of it) of all that either has; None in the run that lacks it."""
-    own, found = ({one.name: one for one in each} for each in (kept, others))
+    """(name of today, what each of two runs has of it) of all that either has; None in the run that lacks it."""
+    own, found = ({present_name(one.name): one for one in each} for each in (kept, others))
     for name in dict.fromkeys((*own, *found)):
         yield name, own.get(name), found.get(name)
 
@@ -75,7 +75,7 @@ def _difference(a: Measured | None, b: Measured | None, one_bench: bool) -> Diff
     named = a or b
     if named is None:
         raise ValueError("a difference is of a value that at least one run has")
-    bare = Difference(named.name, named.unit, a, b, None, None, None, "cannot tell")
+    bare = Difference(present_name(named.name), named.unit, a, b, None, None, None, "cannot tell")
     if a is None or b is None or not (a.is_known and b.is_known) or a.unit != b.unit:
         return bare
     std = math.hypot(*((m.repeatability if one_bench else m.std) or 0.0 for m in (a, b)))

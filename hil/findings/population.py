@@ -11,7 +11,7 @@ import numpy as np
 
 from hil.findings.difference import ALPHA
 from hil.findings.results import Results
-from hil.record.measurement import Measured
+from hil.record.measurement import Measured, present_name
 
 FEWEST_UNITS = 5  # below which the spread of the others is hardly known
 
@@ -66,11 +66,11 @@ def standings(given: Sequence[Results], others: Sequence[Sequence[Measured]], *,
 
 
 def _names(given: Sequence[Results]) -> list[str]:
-    return list(dict.fromkeys(value.name for one in given for value in one.values))
+    return list(dict.fromkeys(present_name(value.name) for one in given for value in one.values))
 
 
 def _named(name: str, units: Sequence[Sequence[Measured]]) -> list[Measured]:
-    return [value for unit in units for value in unit if value.name == name]
+    return [value for unit in units for value in unit if present_name(value.name) == name]
 
 
 def _meaning(chance: float, level: float) -> Meaning:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from hil.errors import FileError, storing
 from hil.record.cause import Cause
 from hil.record.durable import write_whole
-from hil.record.measurement import RESULTS_FILE, Measured, Verdict, by_present_names, present_name
+from hil.record.measurement import RESULTS_FILE, Measured, Verdict, present_name
 from hil.record.moment import Moment
 from hil.record.population_comparison import PopulationComparison
 from hil.record.previous_run import PreviousRunComparison
@@ -175,7 +175,7 @@ class Results(_Strict):
         Raises:
             KeyError: there is none; names those there are.
         """
-        found = next((value for value in self.values if value.name in (name, present_name(name))), None)
+        found = next((value for value in self.values if present_name(value.name) == present_name(name)), None)
         if found is None:
             raise KeyError(f"no value '{name}'; there are: {', '.join(value.name for value in self.values)}")
         return found
@@ -223,7 +223,7 @@ def write_results(results: Results, folder: Path) -> None:
 
 
 def read_results(path: Path) -> Results:
-    """Results from a file; values of an earlier version have their names of today.
+    """Results from a file.
 
     Raises:
         FileError: it cannot be read, or is not what this program writes; names the field.
@@ -236,12 +236,11 @@ def read_results(path: Path) -> Results:
     if version != SCHEMA:
         raise FileError(f"{path}: field 'schema' is {version!r:.40}; this program reads '{SCHEMA}'")
     try:
-        found = Results.model_validate(content)
+        return Results.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
         raise FileError(f"{path}: field '{place}': {first['msg']}, found {first['input']!r:.60}") from None
-    return found.model_copy(update={"values": by_present_names(found.values)})
 
 
 def schema() -> dict[str, Any]:

@@ -8,7 +8,6 @@ value ± U lies wholly inside the limits, fails when value ± U lies wholly outs
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
@@ -18,7 +17,7 @@ Verdict = Literal["pass", "fail", "cannot tell"]
 Relation = Literal["=", ">", "<"]
 COVERAGE_FACTOR = 2.0
 RENAMED = {"dead_time": "onset", "reaches": "band_entry"}
-"""Quantities of step responses of earlier versions by their names of today."""
+"""Quantities of earlier versions by their names of today: read wherever a name is read, never written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +69,11 @@ class Measured:
         return self.name.partition(", ")[0]
 
     @property
+    def renamed(self) -> Measured:
+        """The same by its name of today; for values that a file or an archive holds."""
+        return replace(self, name=present_name(self.name))
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Under which it may be asked for: the whole name, then without the last parts of its place."""
         return names_of(self.name)
@@ -116,13 +120,6 @@ def present_name(name: str) -> str:
     """`onset, 0 → 80 %` from `dead_time, 0 → 80 %`."""
     quantity, comma, place = name.partition(", ")
     return f"{RENAMED.get(quantity, quantity)}{comma}{place}"
-
-
-def by_present_names(values: Sequence[Measured]) -> tuple[Measured, ...]:
-    """What a file or an archive holds of a run. A quantity of an old name without a rise beside it is another's."""
-    if not any(one.quantity == "rise" for one in values):
-        return tuple(values)
-    return tuple(replace(one, name=present_name(one.name)) for one in values)
 
 
 def names_of(name: str) -> tuple[str, ...]:

@@ -11,17 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from hil.record.measured import (
-    COVERAGE_FACTOR,
-    Limit,
-    Measured,
-    Relation,
-    Verdict,
-    by_present_names,
-    judge,
-    names_of,
-    present_name,
-)
+from hil.record.measured import COVERAGE_FACTOR, Limit, Measured, Relation, Verdict, judge, names_of, present_name
 
 if TYPE_CHECKING:  # named in annotations alone; since.py needs pydantic, and procedures do not
     from hil.record.cause import Cause
@@ -39,7 +29,6 @@ __all__ = [
     "Measurement",
     "Relation",
     "Verdict",
-    "by_present_names",
     "ended_as_planned",
     "ending_of",
     "is_accepted",

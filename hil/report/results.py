@@ -8,7 +8,7 @@ from itertools import groupby
 from typing import Any
 
 from hil.language.words import _, marked
-from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_of, judge
+from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_of, judge, present_name
 from hil.record.previous_run import PreviousRunComparison
 from hil.report.comparisons import comparison_sentences
 from hil.report.name import capital, quantity_words
@@ -83,7 +83,7 @@ def _fail_sentence(m: Measured, since: PreviousRunComparison | None) -> str:
         return ""
     text = _("{percent} of tests on this bench would fail a unit exactly at the limit")
     parts = [text.format(percent=_percent(at_limit))]
-    before = next((one for one in (since.missed if since else ()) if one.then.name == m.name), None)
+    before = next((one for one in (since.missed if since else ()) if present_name(one.then.name) == m.name), None)
     if since and before:
         text = _("{percent} this unit as it was on {date} ({value})")
         parts.append(text.format(percent=_percent(before.fail_probability), date=since.started_utc.astimezone().date(),

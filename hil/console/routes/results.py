@@ -28,7 +28,7 @@ from hil.console.site import NotHereError
 from hil.errors import ArchiveError, HilError, SettingError
 from hil.findings.results import Results, read_results
 from hil.record.header import meta_of
-from hil.record.measurement import RESULTS_FILE
+from hil.record.measurement import RESULTS_FILE, present_name
 from hil.record.simulated import is_simulated
 from hil.report.name import value_words
 from hil.session.run_comparison import RunComparison, compare_runs
@@ -123,7 +123,7 @@ def compared(request: Request) -> Response:
 def trend(request: Request) -> Response:
     """A value of a unit over time, with its limits and a test for drift."""
     console, asked = Console.of(request), request.query_params
-    serial, wanted = asked.get("serial", "").strip(), asked.get("value", "")
+    serial, wanted = asked.get("serial", "").strip(), present_name(asked.get("value", ""))
     runs = find_runs(console.site.place, Search(serial), values=True) if serial else []
     names = list(dict.fromkeys(value.name for run in runs for value in run.values if value.value is not None))
     chosen = wanted if wanted in names else next(iter(names), "")
