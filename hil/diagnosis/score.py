@@ -31,7 +31,7 @@ class Hypothesis:
         names: of effects and events. `changed`: of parameters. Neither: the unit as it was.
         chi2: sum of squared whitened residuals, the prior of the base parameters included.
         causes, unknowns: c and k.
-        moved: base parameters among the causes that had to move; what is unknown beside a set may have bent them.
+        moved: base parameters among the causes that had to move; something unknown beside a set may have bent them.
         is_open: whether something beside them is only described: it is something unknown, which leaves as much.
     """
 
@@ -194,7 +194,7 @@ def table(noise: Noise, hypotheses: Iterable[Hypothesis]) -> Table:
 
 
 def _rows(noise: Noise, h: Hypothesis, left: float) -> tuple[Row, ...]:
-    bent = h.moved if left > CRITERIA.parts else 0
+    bent = max(h.moved - 1, 0) if left > CRITERIA.parts else 0  # by one thing that is unknown
     causes, unknowns, less = h.causes - bent + 1, h.unknowns + CRITERIA.unknowns, CRITERIA.unknown * left
     own = Row(h, h.is_open, h.causes, h.unknowns, left, score(noise, left, h.causes, h.unknowns))
     return (own,) if h.is_open else (own, Row(h, True, causes, unknowns, less, score(noise, less, causes, unknowns)))

@@ -55,9 +55,9 @@ def test_verdict_where_more_than_600_is_left_something_unknown_stands_beside() -
     assert told == ["explained", "partly_explained"]
 
 
-def test_parameters_that_something_unknown_has_bent_are_no_causes() -> None:
+def test_parameters_that_something_unknown_has_bent_are_one_cause() -> None:
     first = of(1e6, replace(law("friction", left=5_000.0), causes=4, moved=3)).first
-    assert (first.label, first.causes) == ("friction + something unknown", 2)
+    assert (first.label, first.causes) == ("friction + something unknown", 3)
 
 
 def test_parameters_that_moved_are_causes_where_little_is_left() -> None:
