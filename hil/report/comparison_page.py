@@ -84,14 +84,14 @@ def verdicts_sentence(first: Results, second: Results) -> str:
     if first.verdict is None and second.verdict is None:
         return ""
     one, other = (_(found.verdict or "not judged") for found in (first, second))
-    said = _("Verdict: {first}, then {second}.").format(first=one, second=other)
+    sentence = _("Verdict: {first}, then {second}.").format(first=one, second=other)
     moved = dict.fromkeys(
         _(quantity_words(now.quantity)) for _name, then, now in by_name(first.values, second.values)
         if then and now and (then.low, then.high) != (now.low, now.high)
     )  # fmt: skip
     if moved:
-        said += " " + _("Their limits differ: {names}.").format(names="; ".join(moved))
-    return said
+        sentence += " " + _("Their limits differ: {names}.").format(names="; ".join(moved))
+    return sentence
 
 
 def verdict_change(one: Difference) -> str:

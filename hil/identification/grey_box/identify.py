@@ -171,16 +171,16 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], asked: _Asked, p
     near, has_forms = _near(model, found, even, asked, tick), _structure(found.model) is not _structure(model)
     for _ in range(_STARTS):
         begun = [begun_in_motion(near, e.reading_as_in(near)) for e in even]
-        moving = tuple(note for _, notes in begun for note in notes)
+        moving = tuple(note for _, own in begun for note in own)
         if not moving:
             break
-        moved_before, levels = [e for e, _ in begun], sum(levels_of(e) for e, notes in begun if notes)
-        said = (*still, *remarks, *moving)
-        after = _fitted(near if has_forms else model, moved_before, asked, said, tick)
+        moved_before, levels = [e for e, _ in begun], sum(levels_of(e) for e, own in begun if own)
+        notes = (*still, *remarks, *moving)
+        after = _fitted(near if has_forms else model, moved_before, asked, notes, tick)
         if not is_worth(_errors(found.model, even), _errors(after.model, moved_before), levels):
             break
         if has_forms:  # once it is worth it, its form is chosen anew
-            after = _fitted(model, moved_before, asked, said, tick)
+            after = _fitted(model, moved_before, asked, notes, tick)
         found, near = after, after.model
     progress(1.0, "fitted")
     found = replace(found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.on_bound))))

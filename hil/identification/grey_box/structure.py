@@ -263,9 +263,9 @@ def _judged(search: _Search, tried: list[Tried], fits: Mapping[str, Estimate]) -
     # would know a parameter gives way to one with better evidence
     if vague[chosen]:
         each = zip(shown, vague, near, strict=True)
-        told = simplest_good(errors, [(not s, bool(v), len(t.structure.free), t.bic) for s, v, t in each], COVERED)
-        if not shown[chosen] or (not vague[told] and near[told].bic < near[chosen].bic):
-            chosen = told
+        known = simplest_good(errors, [(not s, bool(v), len(t.structure.free), t.bic) for s, v, t in each], COVERED)
+        if not shown[chosen] or (not vague[known] and near[known].bic < near[chosen].bic):
+            chosen = known
     if shown[chosen]:
         near = [t if s else replace(t, bic=math.inf) for s, t in zip(shown, near, strict=True)]
     return StructureChoice(near[chosen], (*near, *rest), search.spread)
