@@ -9,13 +9,13 @@ import numpy as np
 from scipy.special import ndtri
 
 from hil.diagnosis.skeleton.rows import Rows
+from hil.diagnosis.thresholds import NEXT_TO_NOTHING
 from hil.record.recording import Array, Integers, Mask
 
-# Ridges that are tried, over columns whose rms is one on the recordings of before: from all that the columns can say to
-# next to nothing.
-_RIDGES = np.geomspace(5.5, 5.5e6, 13)
-# Directions of which the recordings tell less than this share of the ridge.
-_TELLING = 0.01
+# Ridge over columns whose rms is one on the recordings of before, and those that are tried: none so large that what was
+# left before is forgotten.
+RIDGE = 55.0
+_RIDGES = RIDGE * np.logspace(-1, 2, 7)
 # Cosines that describe how the left-out variance depends on the state, their width in standard deviations of
 # it, and the ridge over them.
 _WAVES, _WIDTH, _SMOOTH = 200, 2.5, 30.0
@@ -121,7 +121,7 @@ class _Spectrum:
     def misfit(self, channel: int, rms: Array, ridge: float) -> Misfit:
         """With one ridge."""
         gains = 1.0 / ridge - 1.0 / (self.sizes + ridge)
-        telling = self.sizes > _TELLING * ridge
+        telling = self.sizes > NEXT_TO_NOTHING * ridge
         directions = (self.vectors[:, telling] * np.sqrt(gains[telling])).T
         return Misfit(channel, rms, self.coefficients(np.array([ridge]))[:, 0], directions, ridge)
 

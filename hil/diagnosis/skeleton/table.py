@@ -13,7 +13,7 @@ import numpy as np
 
 from hil.diagnosis.problem import pose
 from hil.diagnosis.skeleton.gate import Before, are_enough, before_of
-from hil.diagnosis.skeleton.misfit import Misfit, Remainder
+from hil.diagnosis.skeleton.misfit import RIDGE, Misfit, Remainder
 from hil.diagnosis.skeleton.rows import Column, Rows, columns_of, row_s, rows_of
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.gaps import bridged
@@ -27,8 +27,6 @@ from hil.signals.products import one_blas_thread
 VERSION = 7
 # Simulated samples that a table may take, and the columns that it has at the least.
 _MOST_SAMPLES, _FEWEST = 3e8, 60
-# The ridge of tables that do not keep theirs.
-_RIDGE_BEFORE = 55.0
 # The largest array that is unpacked; a table has 1 MB.
 _MOST_BYTES = 1 << 24
 
@@ -116,7 +114,7 @@ def read_table(kept: Mapping[str, Any], model: Model) -> Table:
     there = np.array([(c.name, c.hook, *sorted(c.values)) in can_be for c in every], dtype=np.bool_)
     misfits = tuple(
         Misfit(int(m["channel"]), _unpacked(m["rms"])[there], _unpacked(m["coefficients"])[there],
-               _unpacked(m["directions"])[:, there], float(m.get("ridge", _RIDGE_BEFORE)))
+               _unpacked(m["directions"])[:, there], float(m.get("ridge", RIDGE)))
         for m in kept["misfits"]
     )  # fmt: skip
     before = Before(
