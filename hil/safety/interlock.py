@@ -139,26 +139,26 @@ class Watch:
             blind_s: no other reading comes for so long after the last one; until then what was broken counts as
                 broken still.
         """
-        outside, stale, repeated = self._outside(block, blind_s), self._stale(block), self._repeated(block)
-        conditions = [condition for condition in (outside, stale, repeated) if condition is not None]
+        judged = (
+            (self._outside(block, blind_s), self._outside_text),
+            (self._stale(block), self._stale_text),
+            (self._repeated(block), self._repeated_text),
+        )
+        conditions = [(where, text_of) for where, text_of in judged if where is not None]
         if not conditions:
             self.broken = False
             return None
-        bad = np.logical_or.reduce(conditions)
+        bad = np.logical_or.reduce([where for where, _ in conditions])
         went_on = self.broken and bool(bad[0])
         self.broken = bool(bad[-1])
         if went_on or not bad.any():
             return None
         at = int(np.argmax(bad))
         time_s = float(block.time_s[at])
-        if self.interlock.is_emergency_stop:
+        text_of = next(text_of for where, text_of in conditions if where[at])
+        if self.interlock.is_emergency_stop and text_of != self._repeated_text:
             return Violation(self.interlock, time_s, self._pressed_text(block, at))
-        if outside is not None and outside[at]:
-            reason = self._outside_text(block, at)
-        elif stale is not None and stale[at]:
-            reason = self._stale_text(block, at)
-        else:
-            reason = self._repeated_text(block, at)
+        reason = text_of(block, at)
         return Violation(self.interlock, time_s, f"interlock '{self.interlock.name}': {reason} at {time_s:.3f} s")
 
     def _outside(self, block: Block, blind_s: float) -> NDArray[np.bool_] | None:

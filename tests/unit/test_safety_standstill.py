@@ -58,13 +58,14 @@ def test_how_readings_are_cut_into_blocks_changes_nothing(seed: int, block: int,
     assert np.array_equal(repeated(values, block), repeated(values, len(values)))
 
 
-def test_a_frozen_channel_breaks_its_interlock_and_says_why() -> None:
+@pytest.mark.parametrize("is_emergency_stop", [False, True])
+def test_a_frozen_channel_breaks_its_interlock_and_says_why(is_emergency_stop: bool) -> None:
+    """Also a contact that is read as a voltage: nobody pressed."""
     values = read(3.0)
     values[2700:] = np.median(values[2500:2700])
-    watch = Watch(Interlock("pressure", "trip", Band("pressure", high=1000.0)))
-    blocks = [
-        Block(np.arange(at, at + 25) / RATE_HZ, {"pressure": values[at : at + 25]}, {}) for at in range(0, 2900, 25)
-    ]
+    lock = Interlock("contact", "trip", Band("contact", low=-1000.0), is_emergency_stop=is_emergency_stop)
+    watch, cuts = Watch(lock), [slice(at, at + 25) for at in range(0, 2900, 25)]
+    blocks = [Block(np.arange(cut.start, cut.stop) / RATE_HZ, {"contact": values[cut]}, {}) for cut in cuts]
     found = [violation for one in blocks if (violation := watch.judge(one)) is not None]
     assert len(found) == 1 and "repeats itself" in found[0].text
     assert 2700 / RATE_HZ < found[0].time_s < 2800 / RATE_HZ
