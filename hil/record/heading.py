@@ -79,7 +79,7 @@ RATES = frozenset({
 """Names of the number of samples a second."""
 _STARTS = frozenset({"t0", "x0", "t_0", "start_time", "starttime", "time_offset", "t_start", "tstart"})
 _YEARS_S = tuple(float(np.datetime64(year, "s").astype(np.int64)) for year in ("2000", "2100"))  # since 1970
-SPREADSHEET_DAYS = tuple(since_s / 86_400.0 + 25_569.0 for since_s in _YEARS_S)
+SPREADSHEET_DAYS = tuple(year_s / 86_400.0 + 25_569.0 for year_s in _YEARS_S)
 """The beginnings of 2000 and 2100, in days since 1899-12-30."""
 _MATLAB_DAYS = 693_960.0  # what its day numbers are ahead of a spreadsheet's
 _FINE = 2e-5  # days, 1.7 s; seconds that fine, without a unit, count from the start of a recording

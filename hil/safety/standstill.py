@@ -81,8 +81,7 @@ class Standstill:
                 beyond[max(stop - new - (repeats - most) + 1, 0) : stop - new + 1] = True
         if stop < len(seen) - 1:
             start, repeats, most = len(seen) - 1, 0, None
-        standing = seen[start + 1 :][-CRITERIA.memory :]
-        kept = np.concatenate([seen[: start + 1][-CRITERIA.memory - 1 :], standing])
+        kept = np.concatenate([seen[: start + 1][-CRITERIA.memory - 1 :], seen[start + 1 :][-CRITERIA.memory :]])
         return Standstill(kept, repeats, most), beyond
 
 

@@ -16,7 +16,7 @@ class Criteria:
     Attributes:
         misfit: mean square of residuals, in units of the noise's, from which a model leaves more than noise.
         hum_misfit: root mean square in units of the floor, from which lines of a residual are no hum.
-        telling: χ² by which another reading instant must be better. `as_good`: variances by which a fit may be worse
+        decisive: χ² by which another reading instant must be better. `as_good`: variances by which a fit may be worse
             and still be as good: three standard deviations. `corner`: of a slope, by which it may bend over its step.
         late: share more of samples that is left out, from which a unit is slower than the start says.
         mostly: share of what a model leaves that lies where less than this share of the time is.
@@ -33,7 +33,7 @@ class Criteria:
 
     misfit: float = 1.5
     hum_misfit: float = 2.0
-    telling: float = 25.0
+    decisive: float = 25.0
     as_good: float = _SIGMAS**2
     corner: float = 0.3
     late: float = 0.1
@@ -64,8 +64,8 @@ class Effort:
         trial_times, starts, judged: of a form: times that are tried, starts that are fitted, forms that are judged.
         search_evaluations, refined_evaluations, coarse, fine: of a fit, and where it ends: parts of `by_chance`.
         first_step, doublings: standard uncertainties of a walk away from a corner, and how often that is doubled.
-        line_grids, neighbourhood, beside, line_bins: steps of a search for a line's frequency, in bins; bins that it
-            stands out from; near the first bin; its width.
+        line_grids, neighbourhood, lowest_bins, line_bins: steps of a search for a line's frequency, in bins; bins that
+            it stands out from; near the first bin; its width.
         solver, solver_rounds: times finer steps of the solver, and rounds of following where they lead.
         addition: of what passes a hook, so small that it acts in proportion.
         linear_rounds, samples_per_unknown, coarser: of a linear start: rounds, samples, and ever coarser ones.
@@ -92,7 +92,7 @@ class Effort:
     doublings: int = 8
     line_grids: tuple[float, ...] = (1.0, 0.2, 0.04)
     neighbourhood: int = 101
-    beside: int = 7
+    lowest_bins: int = 7
     line_bins: int = 3
     solver: float = 8.0
     solver_rounds: int = 12

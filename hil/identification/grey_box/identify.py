@@ -366,7 +366,7 @@ def _best_reading(model: Model, names: Sequence[str], task: _Task) -> tuple[Esti
         # Where a dead time can stand in for it, the data do not tell the reading instant: keep the plain one. Nor does
         # what a model of another structure leaves: there a difference counts in units of that.
         excess = 1.0 if best is None else max(1.0, best[0].mean_square)
-        if best is None or found.chi2 < best[0].chi2 - CRITERIA.telling * excess:
+        if best is None or found.chi2 < best[0].chi2 - CRITERIA.decisive * excess:
             best = found, read
     assert best is not None  # noqa: S101
     return best

@@ -75,7 +75,7 @@ def prominence(power: Array) -> Array:
     from scipy.ndimage import median_filter  # a quarter of a second, which whoever only imports this does without
 
     around = median_filter(power, EFFORT.neighbourhood, mode="reflect")
-    below = median_filter(power, EFFORT.beside, mode="nearest", origin=EFFORT.beside // 2)
+    below = median_filter(power, EFFORT.lowest_bins, mode="nearest", origin=EFFORT.lowest_bins // 2)
     shifted = np.concatenate([np.full(EFFORT.line_bins, np.inf), below[: -EFFORT.line_bins]])
     return power / np.maximum(np.maximum(around, shifted), 1e-300)
 

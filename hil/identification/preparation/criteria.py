@@ -21,7 +21,7 @@ class Criteria:
             noise. `unsettled_share`, `settling_share`: of a segment, at most, and where no time constant is known.
         clipped_share, clipped_run, clipped_gap: of samples at one extreme that are a range's end, so many of them in a
             row, and samples for which noise may leave it.
-        chance_runs: expected number of runs of repeats in a recording where chance makes them. `beside`: samples on
+        chance_runs: expected number of runs of repeats in a recording where chance makes them. `adjacent`: samples on
             either side of one. `lone_s`, `lone_samples`: a single run so long is a recorder that stopped.
         same_run, fewest_runs: share of equal runs, and runs, of a slower channel that is held in between.
         loop_samples, follows, mostly_noise, decided: samples that show a closed loop, correlation of what is new in
@@ -60,7 +60,7 @@ class Criteria:
     clipped_run: int = 5
     clipped_gap: int = 50
     chance_runs: float = 1e-4
-    beside: int = 50
+    adjacent: int = 50
     lone_s: float = 1.0
     lone_samples: int = 50
     same_run: float = 0.95

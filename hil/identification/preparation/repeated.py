@@ -106,7 +106,7 @@ def _stale_runs(values: Array) -> list[Run]:
 def _by_itself(values: Array, start: int, stop: int) -> bool:
     """Whether chance may make a run, the values beside it being what they are."""
     beside = np.concatenate(
-        [values[max(start - CRITERIA.beside, 0) : start], values[stop + 1 : stop + 1 + CRITERIA.beside]]
+        [values[max(start - CRITERIA.adjacent, 0) : start], values[stop + 1 : stop + 1 + CRITERIA.adjacent]]
     )
     chance = float(np.mean(beside == values[start])) if beside.size else 0.0
     return bool(len(values) * chance ** (stop - start) > CRITERIA.chance_runs)
