@@ -14,7 +14,7 @@ from starlette.requests import Request
 from hil.errors import SettingError
 from hil.record.read import formats
 
-MOST_BYTES = 1 << 26
+MOST_BYTES = 64 * 1024 * 1024
 MOST_FILES = 8
 _MOST_FIELDS = 200
 _KEPT = 20  # uploads before the oldest is forgotten

@@ -15,7 +15,7 @@ from hil.description.makers_text import makers_text
 
 Place = tuple[int, int]
 Section = dict[str, str]
-FORMS = dict(enumerate("bhiBHIf", 2))
+FORMS = {0x02: "b", 0x03: "h", 0x04: "i", 0x05: "B", 0x06: "H", 0x07: "I", 0x08: "f"}
 """Data types of four bytes at most, as `struct` writes them."""
 _OBJECT = re.compile(r"([0-9a-f]{4})(?:sub([0-9a-f]{1,2})|(name|value))?")
 _DOMAIN, _ARRAY, _RECORD = 2, 8, 9

@@ -11,7 +11,7 @@ from hil.description.gaps import GAP, head, range_line, unique, unit_line
 from hil.errors import FileError
 
 _MODULE = 401
-_LINES = {way + at: lines for way in (0x6000, 0x6200) for at, lines in ((0, 8), (0x100, 16), (0x120, 32))}
+_LINES = {0x6000: 8, 0x6100: 16, 0x6120: 32, 0x6200: 8, 0x6300: 16, 0x6320: 32}
 """Of the profile's objects that hold digital inputs and outputs, by index."""
 
 

@@ -23,8 +23,8 @@ CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
 """By their name in the bench file: channels that measure them, the first that is there, and the unit of the name."""
 
 _SHOWN = {"degC": "°C"}
-_GRADES = frozenset(round(float(f"{10.0 ** (step / 6.0):.2g}")) for step in range(2, 22))
-"""ISO 3448: viscosity at 40 °C in mm²/s, 2 to 3200, six to a decade."""
+_GRADES = frozenset((2, 3, 5, 7, 10, 15, 22, 32, 46, 68, 100, 150, 220, 320, 460, 680, 1000, 1500, 2200, 3200))
+"""ISO 3448: viscosity at 40 °C in mm²/s."""
 _FAMILIES = "VG|HLPD?|HLP-D|HVLPD?|HL|HM|HV|HG|HEES|HETG|HEPG|HEPR|HFC|HFD[RU]?"
 """Marks of DIN 51524, ISO 6743-4 and ISO 15380 that stand before the grade; the number of a brand need not be one."""
 _OILS = frozenset(("oil", "fluid", "hydraulic oil", "hydraulic fluid", "öl"))

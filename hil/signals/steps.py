@@ -12,24 +12,16 @@ from hil.errors import SettingError
 Array = NDArray[np.float64]
 
 
-def _both_ways(top: float) -> tuple[float, ...]:
-    return 0.0, top, 0.0, -top, 0.0
-
-
-def _there_and_back(start: float, top: float) -> tuple[float, ...]:
-    return start, top, start
-
-
 # Input steps customary for four-port directional valves, in % of rated signal: (from, to) in sequence.
 # ISO 10770-1:1998 has them as table 4; the entries are those in general use, not read from the standard.
 CUSTOMARY_STEPS: dict[str, tuple[float, ...]] = {
-    "small": _both_ways(10.0),
-    "half": _both_ways(50.0),
-    "full": _both_ways(100.0),
-    "reversal": _there_and_back(-90.0, 90.0),
-    "inner": _there_and_back(10.0, 90.0),
-    "quarter": _there_and_back(25.0, 75.0),
-    "paper": _there_and_back(0.0, 80.0),
+    "small": (0.0, 10.0, 0.0, -10.0, 0.0),
+    "half": (0.0, 50.0, 0.0, -50.0, 0.0),
+    "full": (0.0, 100.0, 0.0, -100.0, 0.0),
+    "reversal": (-90.0, 90.0, -90.0),
+    "inner": (10.0, 90.0, 10.0),
+    "quarter": (25.0, 75.0, 25.0),
+    "paper": (0.0, 80.0, 0.0),
 }
 
 

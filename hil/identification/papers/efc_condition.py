@@ -41,7 +41,7 @@ from hil.signals.products import one_blas_thread
 from hil.signals.ramps import triangle
 
 FEATURES = (marked("friction"), marked("rise"), marked("leakage"), marked("bandwidth"))
-FREQUENCIES_HZ = (0.5, *map(float, range(1, 7)), 8.0, 10.0)
+FREQUENCIES_HZ = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 _RATE_HZ = 1000.0
 _CYCLES_S = (10.0, 20.0)

@@ -33,8 +33,7 @@ _SHARP = 0.005  # of the time after the step, up to which time counts as it is
 # what the two read differently is granted.
 _FOOT_LOOSER = 100.0
 _SURE = 0.95  # of resampled responses that must move once and for all
-# In the middle of five samples, by least squares (Savitzky, Golay: Anal. Chem. 36(8), 1964).
-_PARABOLA = np.linalg.pinv(np.vander(np.arange(-2.0, 3.0), 3))[-1]
+_PARABOLA = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0  # Savitzky, Golay: Anal. Chem. 36(8), 1964
 _CLEAR = 2.0  # standard deviations from which the sharper reading tells more than noise
 _CROSSED = ("onset_s", "rise_s", "response_s")  # a level is passed once; bands are entered and left by noise
 _NAMES = tuple(field.name for field in fields(StepFigures))
