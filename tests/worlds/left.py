@@ -207,12 +207,16 @@ def samples_are_those(world: World, ran: Ran) -> Iterator[str]:
 
 
 def end_has_the_last_answer(world: World, ran: Ran) -> Iterator[str]:
-    """What is written of an output at the end is what its device answered last, and no older."""
+    """What is written of an output at the end is what its device answered last, and no older.
+
+    Until the last word of the run: what comes later is its watchdog's, while the process still waits for its threads.
+    """
     end = end_of(world)
     if not end or world.run.status in (None, -9) or kinds(ran) - CALM - {"lies", "sticks"}:
         return
+    until_s = max((at_s for at_s, who, _ in ran.said if who == "run"), default=world.run.ended_s)
     for name, device in ((name, world.couplers[device]) for name, device in OUTPUTS.items()):
-        answers = [(at_s, count) for at_s, count in device.read_back if at_s < world.run.ended_s]
+        answers = [(at_s, count) for at_s, count in device.read_back if at_s < until_s]
         output = end["outputs"].get(name)
         if not answers or output is None or "driving" not in world.begun_s:
             continue
