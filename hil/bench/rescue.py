@@ -21,7 +21,7 @@ _AGAIN_S, _AGAIN_LATE_S = 0.05, 0.2
 _HANGS_S = 10.0  # a driver that has not returned after so long is left to itself, and tried anew
 LONGEST_S = GIVE_UP_S + _HANGS_S  # nothing is tried any more
 _MOMENT_S = 1.0
-_SILENCE = 1.5  # so many times as long as the device's own watchdog takes nothing is sent to it
+_SILENCE = 1.5  # so many times as long as the device's own watchdog takes nothing is sent to who does not obey
 _TELLS_S = 1.0  # what is not safe after so long is told at once, not when nothing is tried any more
 
 
@@ -30,9 +30,9 @@ class _Device:
     """A device on the way to its safe values: why it is not there, or that it is and what could not be asked.
 
     `wait_s`: it was read back there, and for so long an earlier command may still arrive. `moved`: it was found away
-    from them when it was opened. `safe_s`: when it came to them, `until_s`: when nothing late can come any more, by the
-    monotonic clock. `quiet_until_s`: until then nothing is sent to it, so that its own watchdog acts. `outputs`: what
-    it said of each, in the units of the bench.
+    from them when it was opened. `disobeys`: it answers that it stands elsewhere. `safe_s`: when it came to them,
+    `until_s`: when nothing late can come any more, by the monotonic clock. `quiet_until_s`: until then nothing is sent
+    to it, so that its own watchdog acts. `outputs`: what it said of each, in the units of the bench.
     """
 
     name: str
@@ -41,6 +41,7 @@ class _Device:
     done: bool = False
     wait_s: float = 0.0
     moved: bool = False
+    disobeys: bool = False
     safe_s: float = 0.0
     until_s: float = -math.inf
     quiet_until_s: float = -math.inf
@@ -140,10 +141,15 @@ class Rescue:
                 self._leave_to_its_watchdog(line[i])
 
     def _leave_to_its_watchdog(self, device: _Device) -> None:
-        """Send nothing for a while to a device that does not obey: what it hears keeps its own watchdog from acting."""
+        """Send nothing for a while to a device that does not obey: what it hears keeps its own watchdog from acting.
+
+        Behind a dead link it hears nothing, and is to be made safe as soon as that is back. So one that does not say
+        where it stands is tried for longer than its watchdog takes.
+        """
         silence_s = _SILENCE * (getattr(self._file.devices[device.name].settings, "watchdog_s", None) or math.inf)
         now_s, tried_from_s = system.now_s(), max(self._begun_s, device.quiet_until_s)
-        if not (device.done or device.wait_s) and now_s - tried_from_s >= _MOMENT_S and silence_s < 0.5 * GIVE_UP_S:
+        in_vain = now_s - tried_from_s >= (_MOMENT_S if device.disobeys else silence_s)
+        if in_vain and not (device.done or device.wait_s) and silence_s < 0.5 * GIVE_UP_S:
             device.quiet_until_s = now_s + silence_s
 
     def _with_patience(self, line: list[_Device]) -> None:
@@ -197,6 +203,7 @@ def _make_safe(file: BenchFile, device: _Device) -> None:
         device.outputs = _in_bench_units(file, known)
     if not known.settled:
         device.failure, device.wait_s = f"{device.name}: {known.text.removeprefix('NOT SAFE: ')}", known.wait_s
+        device.disobeys = any(output.state is State.DRIVEN for output in known.known.values())
         return
     unasked = [name for name, output in known.known.items() if not output.can]
     device.failure, device.done = "", True

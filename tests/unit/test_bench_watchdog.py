@@ -8,8 +8,10 @@ import threading
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
+from typing import ClassVar
 
 import pytest
 from wire import Wire
@@ -20,7 +22,7 @@ from hil.bench.read import BenchFile, read_bench
 from hil.bench.stop.stop_service import StopService
 from hil.daq.channel import Wiring
 from hil.daq.contract import ReadBack
-from hil.errors import HardwareError
+from hil.errors import HardwareError, LinkError
 from tests.links import PATIENT, bench_text, moved, served
 
 DESK = StopService({}, "watchdog", lambda _wish: None)
@@ -121,6 +123,29 @@ def test_what_does_not_obey_is_left_to_its_own_watchdog(tmp_path: Path, monkeypa
     deaf = Deaf(None)
     assert rescued(bench_of(tmp_path, {"deaf": deaf}, late_s=0.0))[0] == []
     assert deaf.levels["a"] == 0.0
+
+
+def test_what_cannot_be_reached_is_tried_on_for_longer_than_its_watchdog_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing that is sent on a dead link feeds a watchdog, and when it is back every moment counts."""
+
+    class Behind(Valve):
+        """On a link that is back once it was tried for a second."""
+
+        tried_s: ClassVar[list[float]] = []
+
+        def make_safe(self) -> None:
+            self.tried_s.append(time.monotonic())
+            if self.tried_s[-1] - self.tried_s[0] > 1.0:
+                self._error, self._answers = None, True
+            super().make_safe()
+
+    monkeypatch.setattr(rescue, "GIVE_UP_S", 8.0)
+    monkeypatch.setattr(rescue, "_MOMENT_S", 0.3)
+    behind = Behind(LinkError("no answer"), answers=False)
+    assert rescued(bench_of(tmp_path, {"behind": behind}, late_s=0.0))[0] == []
+    assert max(next_s - one_s for one_s, next_s in pairwise(behind.tried_s)) < 1.5  # its silence
 
 
 def test_what_is_safe_at_once_is_told_at_the_end_alone(tmp_path: Path) -> None:
