@@ -30,7 +30,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 
 class HilError(Exception):
@@ -131,6 +131,15 @@ def storing(path: Path, refused: str = "cannot be written", kept: str = "") -> I
         raise StorageError(f"{path}: {refused}: {error.strerror or error}{kept}") from error
 
 
+@contextmanager
+def reading(path: Path | str, refused: str = "cannot be read", remedy: str = "") -> Iterator[None]:
+    """The same of a file that is read, as a `FileError`; `remedy`: the end of the message."""
+    try:
+        yield
+    except OSError as error:
+        raise FileError(f"{path}: {refused}: {error.strerror or error}{remedy}") from None
+
+
 class StoppedError(HardwareError):
     """An interlock ended the run; the next one may start."""
 
@@ -158,6 +167,12 @@ def reason(error: BaseException) -> str:
 def with_notes(error: BaseException) -> str:
     """An error and what has been noted about it since, in one line."""
     return "; ".join(filter(None, (" ".join(str(error).split()), *getattr(error, "__notes__", ()))))
+
+
+def first_fault(error: Any) -> str:
+    """What is wrong with the first field that a `ValidationError` of pydantic names, and what was found there."""
+    first = error.errors()[0]
+    return f"field '{'.'.join(map(str, first['loc']))}': {first['msg']}, found {first['input']!r:.60}"
 
 
 def exit_status_of(error: BaseException) -> int:

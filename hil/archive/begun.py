@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil.archive.place import Place
-from hil.errors import FileError
+from hil.errors import FileError, StorageError
 from hil.record.header import END_FILE, HEADER_FILE
 from hil.record.process_liveness import is_alive
-from hil.safety.latch import state_path
+from hil.record.state import OWNER_ALONE, keep, state_path
 from hil.untrusted import read_json
 
 _KIND = "begun"
@@ -42,12 +42,9 @@ class Begun:
 
 def mark_begun(place: Place, folder: Path) -> None:
     """Keep, outside the archive, that a run begins there; a mark that cannot be written hinders no run."""
-    with suppress(OSError):
+    with suppress(StorageError):
         content = {"archive": str(place), "run": str(folder.resolve()), "pid": os.getpid()}
-        path = _mark(folder)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as file:  # noqa: TID251
-            file.write(json.dumps(content))
+        keep(_mark(folder), json.dumps(content), mode=OWNER_ALONE)
 
 
 def forget_begun(folder: Path) -> None:

@@ -16,10 +16,9 @@ from typing import TypeVar
 from hil.archive.archive import enter, rebuild
 from hil.archive.begun import begun_in
 from hil.archive.place import Place, archive_place
-from hil.errors import ArchiveError, FileError
-from hil.record.durable import write_whole
+from hil.errors import ArchiveError, FileError, StorageError
 from hil.record.header import HEADER_FILE
-from hil.safety.latch import state_path
+from hil.record.state import keep, state_path
 from hil.untrusted import read_json
 
 Found = TypeVar("Found")
@@ -91,10 +90,9 @@ def waiting_for(place: Place) -> list[Path]:
 
 def _keep(place: Place, folders: Sequence[Path]) -> None:
     path, before = _paths(place)
-    with suppress(OSError):
+    with suppress(OSError, StorageError):
         if folders:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, json.dumps(list(dict.fromkeys(map(str, folders)))))
+            keep(path, json.dumps(list(dict.fromkeys(map(str, folders)))))
         else:
             path.unlink(missing_ok=True)
         before.unlink(missing_ok=True)

@@ -17,11 +17,11 @@ from typing import Any
 from filelock import FileLock
 
 from hil.bench.read import BenchFile
-from hil.errors import FileError, StorageError, marked, storing
+from hil.errors import FileError, StorageError, marked, reading, storing
 from hil.record.header import END_FILE, HEADER_FILE, read_end
 from hil.record.seal import SEAL_FILE, marks_of, read_seal
+from hil.record.state import state_path
 from hil.safety.interrupt import Halted, Terminated
-from hil.safety.latch import state_path
 from hil.system import system
 from hil.untrusted import ANY_SIZE, open_small, parse_json
 
@@ -123,15 +123,12 @@ def head(path: Path) -> Link | None:
 def _lines(path: Path) -> Iterator[bytes]:
     """Lines without their ends; the last one is empty where that of the last line is there."""
     whole = True
-    try:
-        with open_small(path, ANY_SIZE) as file:
-            while text := file.readline(_LONGEST_LINE):
-                if len(text) == _LONGEST_LINE:
-                    raise _broken(f"{path}: a line of more than {_LONGEST_LINE} bytes is none of an audit trail")
-                whole = text.endswith(b"\n")
-                yield text.removesuffix(b"\n")
-    except OSError as error:
-        raise FileError(f"{path}: the audit trail cannot be read: {error.strerror}") from None
+    with reading(path, "the audit trail cannot be read"), open_small(path, ANY_SIZE) as file:
+        while text := file.readline(_LONGEST_LINE):
+            if len(text) == _LONGEST_LINE:
+                raise _broken(f"{path}: a line of more than {_LONGEST_LINE} bytes is none of an audit trail")
+            whole = text.endswith(b"\n")
+            yield text.removesuffix(b"\n")
     if whole:
         yield b""
 

@@ -14,8 +14,8 @@ from filelock import Timeout
 from hil.bench.device import DeviceInUse
 from hil.bench.read import BenchFile
 from hil.daq.address import places_of
-from hil.errors import FileError, InUseError, StorageError, storing
-from hil.safety.latch import state_path
+from hil.errors import FileError, InUseError, StorageError
+from hil.record.state import keep, state_path
 from hil.system import system
 from hil.untrusted import read_json
 
@@ -75,10 +75,8 @@ def _held(what: str, name: str) -> Iterator[None]:
 def _write(holder: Path) -> None:
     program = " ".join([Path(sys.argv[0]).name, *sys.argv[1:]])
     since = datetime.now(UTC).isoformat(timespec="seconds")
-    part = holder.with_suffix(f".{system.pid()}")
-    with storing(holder, "the lease cannot be written"):
-        part.write_text(json.dumps({"pid": system.pid(), "since": since, "program": program}), encoding="utf-8")
-        part.replace(holder)
+    content = {"pid": system.pid(), "since": since, "program": program}
+    keep(holder, json.dumps(content), "the lease cannot be written")
 
 
 def _in_use(name: str, holder: Path) -> InUseError:

@@ -55,7 +55,7 @@ from hil.bench.stop.listener import Listener
 from hil.bench.stop.stop_service import StopService
 from hil.errors import HardwareError, HilError, InUseError, reason
 from hil.record.durable import write_whole
-from hil.safety.latch import state_path
+from hil.record.state import state_path
 from hil.safety.operator import Asked
 from hil.safety.outputs import outputs_in, record_of
 from hil.stderr import write

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.options import Json
+from hil.cli.options import Json, argument, option
 from hil.cli.printed import printed
 from hil.errors import SettingError
 
@@ -24,23 +24,27 @@ _REACH_ON_HARDWARE = 0.2
 
 
 def command(
-    driver: str = typer.Argument(..., metavar="NAME", help="Name of an installed driver."),
-    bench: str = typer.Option(
-        "", "--bench", metavar="BENCH.toml", help="Where the driver is used; default: an installed bench that uses it."
+    driver: str = argument(..., "NAME", "Name of an installed driver."),
+    bench: str = option(
+        "", "--bench", "BENCH.toml", "Where the driver is used; default: an installed bench that uses it."
     ),
-    device: str = typer.Option("", "--device", metavar="NAME", help="Which device of the bench; default: the first."),
-    hardware: bool = typer.Option(
+    device: str = option("", "--device", "NAME", "Which device of the bench; default: the first."),
+    hardware: bool = option(
         False, "--hardware", help="Drive the device of that bench itself: its outputs WILL MOVE, within limits."
     ),
-    reach: float = typer.Option(
-        0.0, "--reach", min=0.0, max=1.0, metavar="SHARE",
-        help="How far outputs go from their safe values towards their limits; default 0.2 on hardware, else 1.",
+    reach: float = option(
+        0.0,
+        "--reach",
+        "SHARE",
+        "How far outputs go from their safe values towards their limits; default 0.2 on hardware, else 1.",
+        min=0.0,
+        max=1.0,
     ),
-    measured_by: list[str] = typer.Option(
-        [], "--measured-by", metavar="OUTPUT=INPUT", help="An input that measures an output, such as one wired to it."
+    measured_by: list[str] = option(
+        [], "--measured-by", "OUTPUT=INPUT", "An input that measures an output, such as one wired to it."
     ),
     as_json: Json = False,
-) -> None:  # fmt: skip
+) -> None:
     """Check a driver against everything that the program expects of one. Exit status 1 if a check is not passed.
 
     What was driven is asked of the device again, also over a link opened anew, and compared with what was told.
@@ -101,7 +105,7 @@ def _rescued(file: BenchFile, examined: Subject, as_json: bool, left: list[str])
     """
     from hil.bench.heartbeat import watched
     from hil.daq.conformance import left_safe
-    from hil.safety.latch import state_path
+    from hil.record.state import state_path
     from hil.safety.outputs import Outputs
 
     known, folder = Outputs(), state_path("check-driver", file.bench.name, "")

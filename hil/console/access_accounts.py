@@ -13,8 +13,7 @@ from filelock import FileLock
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hil.errors import FileError, SettingError, UnknownNameError, storing
-from hil.record.durable import write_whole
-from hil.safety.latch import state_path
+from hil.record.state import OWNER_ALONE, keep, state_path
 from hil.untrusted import read_json
 
 if TYPE_CHECKING:
@@ -113,18 +112,7 @@ class Accounts:
 
     def _write(self, accounts: dict[str, Account]) -> None:
         content = {name: account.model_dump() for name, account in sorted(accounts.items())}
-        write_private(self._path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
-
-
-def write_private(path: Path, text: str) -> None:
-    """Write a file that nobody but its owner reads, whole or not at all.
-
-    Raises:
-        StorageError: it cannot be written.
-    """
-    with storing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, text, 0o600)
+        keep(self._path, json.dumps(content, indent=1, ensure_ascii=False) + "\n", mode=OWNER_ALONE)
 
 
 @cache

@@ -7,9 +7,9 @@ import secrets
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil.console.access_accounts import Account, Accounts, write_private
+from hil.console.access_accounts import Account, Accounts
 from hil.errors import FileError
-from hil.safety.latch import state_path
+from hil.record.state import OWNER_ALONE, keep, state_path
 
 LASTS_S = 12 * 3600
 
@@ -74,7 +74,7 @@ def mark_of(account: Account) -> str:
 def _key(path: Path) -> str:
     try:
         if not path.exists():
-            write_private(path, secrets.token_hex(32))
+            keep(path, secrets.token_hex(32), mode=OWNER_ALONE)
         key = path.read_text(encoding="ascii").strip()
         readable = path.stat().st_mode & 0o077
     except (OSError, UnicodeDecodeError) as error:

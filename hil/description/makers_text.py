@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
-from hil.errors import FileError
+from hil.errors import FileError, reading
 from hil.untrusted import read_small
 
 _T = TypeVar("_T")
@@ -42,10 +42,7 @@ def makers_file(kind: str, understood: Callable[[bytes], _T]) -> Callable[[str],
             raise FileError(f"{path}: not {kind}: {' '.join(str(error).split())}") from None
 
     def reader(path: str) -> _T:
-        try:
+        with reading(path, remedy="; it is looked for beside the file that names it"):
             return read(path, Path(path).stat().st_mtime_ns)
-        except OSError as error:
-            where = "it is looked for beside the file that names it"
-            raise FileError(f"{path}: cannot be read: {error.strerror}; {where}") from None
 
     return reader

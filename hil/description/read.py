@@ -20,7 +20,7 @@ from hil.description.modbus import ModbusDescription
 from hil.description.modbus_check import modbus_faults
 from hil.description.terminal import name_faults
 from hil.description.text import TextDescription, text_faults
-from hil.errors import FileError, SettingError
+from hil.errors import FileError, SettingError, reading
 from hil.untrusted import parse_toml, read_text
 
 Description = CanDescription | CanopenDescription | ModbusDescription | ModuleDescription | TextDescription
@@ -42,10 +42,8 @@ def read_description(path: Path) -> Description:
         FileError: it cannot be read, or is not TOML (the message names the line).
         BenchError: it has faults, each with its line and what is allowed.
     """
-    try:
+    with reading(path):
         return _read(path, path.stat().st_mtime_ns)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 @lru_cache(maxsize=64)

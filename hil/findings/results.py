@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from hil.errors import FileError, storing
+from hil.errors import FileError, first_fault, reading, storing
 from hil.record.cause import Cause
 from hil.record.durable import write_whole
 from hil.record.measurement import RESULTS_FILE, Measured, Verdict, present_name
@@ -228,19 +228,15 @@ def read_results(path: Path) -> Results:
     Raises:
         FileError: it cannot be read, or is not what this program writes; names the field.
     """
-    try:
+    with reading(path):
         content = read_untrusted_json(path.parent, path.name)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
     version = content.get("schema") if isinstance(content, Mapping) else None
     if version != SCHEMA:
         raise FileError(f"{path}: field 'schema' is {version!r:.40}; this program reads '{SCHEMA}'")
     try:
         return Results.model_validate(content)
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise FileError(f"{path}: field '{place}': {first['msg']}, found {first['input']!r:.60}") from None
+        raise FileError(f"{path}: {first_fault(error)}") from None
 
 
 def schema() -> dict[str, Any]:

@@ -9,7 +9,9 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hil.errors import FileError, option
+from hil.errors import FileError, option, reading
+from hil.record.durable import write_whole
+from hil.record.state import OWNER_ALONE, state_folder
 from hil.untrusted import read_small
 
 if TYPE_CHECKING:
@@ -27,13 +29,6 @@ class SigningKey:
 
     key: PrivateKeyTypes
     certificate: Certificate
-
-
-def state_folder() -> Path:
-    """Where this machine keeps its own key; `HIL_STATE_DIR` moves it."""
-    from platformdirs import user_state_path
-
-    return Path(os.environ.get("HIL_STATE_DIR") or user_state_path("valve-hil"))
 
 
 def signing_key(path: Path | None) -> SigningKey:
@@ -59,16 +54,15 @@ def read_key(path: Path) -> SigningKey:
     from cryptography.hazmat.primitives.serialization import pkcs12
 
     passphrase = os.environ.get(PASSPHRASE, "").encode() or None
-    try:
+    with reading(path, "the key cannot be read"):
         content = read_small(path)
+    try:
         if b"-----BEGIN" in content:
             return _from_pem(content, passphrase)
         key, certificate, _ = pkcs12.load_key_and_certificates(content, passphrase)
         if key is None or certificate is None:
             raise ValueError("no key with its certificate in it")
         return _matching(SigningKey(key, certificate))
-    except OSError as error:
-        raise FileError(f"{path}: the key cannot be read: {error.strerror}") from None
     except (ValueError, TypeError) as error:
         raise FileError(
             f"{path}: a private key and its certificate were expected, PEM or PKCS #12 (a passphrase in {PASSPHRASE}): "
@@ -84,13 +78,12 @@ def read_certificates(path: Path) -> list[Certificate]:
     """
     from cryptography import x509
 
-    try:
+    with reading(path, "the certificate cannot be read"):
         content = read_small(path)
+    try:
         if b"-----BEGIN CERTIFICATE" in content:
             return x509.load_pem_x509_certificates(content)
         return [x509.load_der_x509_certificate(content)]
-    except OSError as error:
-        raise FileError(f"{path}: the certificate cannot be read: {error.strerror}") from None
     except ValueError:
         raise FileError(f"{path}: no certificate, PEM or DER, was found in it") from None
 
@@ -163,11 +156,8 @@ def _make_own(path: Path) -> None:
     private = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_name(f"{path.name}.{os.getpid()}")
-        with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:  # noqa: TID251
-            file.write(private + public)
         (path.parent / OWN_CERTIFICATE).write_bytes(public)
-        part.replace(path)
+        write_whole(path, private + public, OWNER_ALONE)
     except OSError as error:
         raise FileError(
             f"{path}: the key of this machine cannot be kept: {error.strerror}; give one by {option('key')}"

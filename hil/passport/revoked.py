@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.errors import FileError
-from hil.passport.key import fingerprint, name_of, state_folder
+from hil.passport.key import fingerprint, name_of
+from hil.record.state import state_folder
 from hil.untrusted import read_text
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.catalog import entries, models
-from hil.errors import FileError, storing
+from hil.errors import FileError, first_fault, storing
 from hil.physics.compose import effects as installed_effects
 from hil.physics.compose import kernel, plant
 from hil.physics.plant import Plant
@@ -215,9 +215,7 @@ def load_model(path: Path) -> Model:
     try:
         model = TypeAdapter(Model).validate_python(content)
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise FileError(f"{path}: field '{place}': {first['msg']}, found {first['input']!r:.60}") from None
+        raise FileError(f"{path}: {first_fault(error)}") from None
     return _checked(model, path)
 
 

@@ -12,7 +12,7 @@ from io import FileIO
 from pathlib import Path
 from typing import Any
 
-from hil.errors import FileError
+from hil.errors import FileError, reading
 from hil.record.durable import copy_open, write_at
 from hil.record.plain import to_json
 from hil.untrusted import parse_json, read_untrusted
@@ -72,11 +72,8 @@ def read_events(folder: Path) -> tuple[list[dict[str, Any]], int | None]:
     Raises:
         FileError: the file cannot be read.
     """
-    path = folder / EVENTS_FILE
-    try:
+    with reading(folder / EVENTS_FILE, remedy="; a run folder needs it"):
         return parse_events(read_untrusted(folder, EVENTS_FILE, _MOST_BYTES))
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}; a run folder needs it") from None
 
 
 def parse_events(text: bytes) -> tuple[list[dict[str, Any]], int | None]:

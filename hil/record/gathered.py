@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import BinaryIO
 
-from hil.errors import FileError
+from hil.errors import reading
 from hil.untrusted import most_bytes, open_small
 
 
@@ -27,10 +27,8 @@ def parts_of(file: BinaryIO) -> list[bytes]:
 
 def open_recording(path: Path) -> BinaryIO:
     """A regular file no larger than what is read, open; raises `FileError` for any other."""
-    try:
+    with reading(path):
         return open_small(path, most_bytes())
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def whole(path: Path) -> bytes:

@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 from typing_extensions import TypedDict
 
-from hil.errors import FileError
+from hil.errors import FileError, first_fault, reading
 from hil.record.durable import sync_file, sync_folder, write_at
 from hil.record.moment import Moment
 from hil.record.plain import plain
@@ -24,6 +24,7 @@ _VERSION = 1
 _KEPT_BYTES, _MOST_BYTES = 16384, 1 << 22  # of one file: every page and every list reads them
 _SAMPLES = ("samples.f8", "samples.log")
 _FIGURES, _WORDS = ("slope", "offset", "uncertainty", "lag_s"), ("date", "due", "source", "unit", "raw_unit")
+NEEDED = "; a run folder needs it"
 _NO_BRACKET = r"^[^\[\]\r\n]+$"
 
 
@@ -250,11 +251,8 @@ def sha256_of(path: Path) -> str:
     Raises:
         FileError: it cannot be read.
     """
-    try:
-        with open_untrusted(path.parent, path.name, ANY_SIZE) as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}; a run folder needs it") from None
+    with reading(path, remedy=NEEDED), open_untrusted(path.parent, path.name, ANY_SIZE) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 _Model = TypeVar("_Model", bound=BaseModel)
@@ -268,10 +266,8 @@ def read_stated(path: Path, model: type[_Model]) -> _Model:
     """
     if path.parent.is_file():
         raise FileError(f"{path.parent}: a file, where a run folder is needed; `hil run` makes one")
-    try:
+    with reading(path, remedy=NEEDED):
         content = read_untrusted_json(path.parent, path.name, _MOST_BYTES)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}; a run folder needs it") from None
     name = model.model_fields["format"].default
     if not isinstance(content, dict) or content.get("format") != name:
         raise FileError(f"{path}: field 'format' must be '{name}'; this is not a run folder of this program")
@@ -281,11 +277,9 @@ def read_stated(path: Path, model: type[_Model]) -> _Model:
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
         maker = str(content.get("program") or "")
         newer = f"; {made_by(maker)}" if is_newer(maker.removeprefix("valve-hil ")) else ""
-        raise FileError(f"{path}: field '{place}': {first['msg']}, found {first['input']!r:.60}{newer}") from None
+        raise FileError(f"{path}: {first_fault(error)}{newer}") from None
 
 
 def stated(about: Any, *path: str) -> str:

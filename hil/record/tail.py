@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import FileError
+from hil.errors import reading
 from hil.record.events import EVENTS_FILE, parse_events
 from hil.record.header import END_FILE, Header, read_header
 from hil.record.recording import Channel, Recording
@@ -45,13 +45,11 @@ class Tail:
         """
         closed = (self._path / END_FILE).exists()  # asked first: afterwards nothing more comes
         columns = self.header.samples.columns
-        try:
+        with reading(self._path, "cannot be followed any more"):
             there = last_mark(self._path).rows
             rows = min(there - self._rows, most)
             place = self._rows * len(columns) * VALUE_BYTES
             table = np.fromfile(self._path / ROWS_FILE, "<f8", rows * len(columns), offset=place)
-        except OSError as error:
-            raise FileError(f"{self._path}: cannot be followed any more: {error.strerror}") from None
         time_s, *values = table.reshape(rows, len(columns)).T.copy()
         self._rows += rows
         self._finished = closed and self._rows == there

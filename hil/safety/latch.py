@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
-import platformdirs
-
-from hil.errors import FileError, TrippedError, UnknownNameError, option, storing
+from hil.errors import FileError, TrippedError, UnknownNameError, option
+from hil.record.state import keep, state_path
 from hil.untrusted import read_json
 
 _ENDS = "find the cause; this trip ends with its run, as on every simulated bench, and needs no reset"
@@ -57,25 +55,13 @@ class Latch:
             raise TrippedError(f"{why}; {kept}")
 
     def _keep(self) -> None:
-        if self._path is None:
-            return
-        with storing(self._path, "the trips cannot be kept"):
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            part = self._path.with_suffix(".part")
-            part.write_text(json.dumps(self._trips, indent=1, ensure_ascii=False), encoding="utf-8")
-            part.replace(self._path)
+        if self._path is not None:
+            keep(self._path, json.dumps(self._trips, indent=1, ensure_ascii=False), "the trips cannot be kept")
 
 
 def latch_path(bench: str) -> Path:
-    """Where the trips of a bench are kept: in the user's state folder, or in `HIL_STATE_DIR`."""
+    """Where the trips of a bench are kept."""
     return state_path("trips", bench, ".json")
-
-
-def state_path(kind: str, name: str, suffix: str) -> Path:
-    """A file of the user's state folder, or of `HIL_STATE_DIR`, that belongs to something of that name."""
-    folder = Path(os.environ.get("HIL_STATE_DIR") or platformdirs.user_state_dir("valve-hil"))
-    plain = "".join(letter if letter.isalnum() else "-" for letter in name.lower()).strip("-")
-    return folder / kind / f"{plain}{suffix}"
 
 
 def _read(path: Path) -> dict[str, str]:

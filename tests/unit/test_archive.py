@@ -25,7 +25,7 @@ from hil.cli.run_end import entered
 from hil.errors import ArchiveError
 from hil.record.measurement import Findings, Measurement
 from hil.record.seal import seal_folder
-from hil.safety.latch import state_path
+from hil.record.state import state_path
 from tests.kept_runs import kept_run
 from tests.postgres import new_database
 from tests.waits import until

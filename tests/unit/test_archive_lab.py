@@ -20,7 +20,7 @@ from hil.archive.place import INDEX_FILE, Place, archive_place
 from hil.child import python
 from hil.console.process import start
 from hil.errors import ArchiveError
-from hil.safety.latch import state_path
+from hil.record.state import state_path
 from tests.postgres import new_database
 from tests.unit import test_archive
 from tests.unit.test_archive import made_run, names

@@ -17,10 +17,11 @@ from hil.catalog import entries
 from hil.errors import FileError, SettingError
 from hil.passport.contents import lay_out
 from hil.passport.issue import Wanted, issue
-from hil.passport.key import read_certificates, read_key, signing_key, state_folder
+from hil.passport.key import read_certificates, read_key, signing_key
 from hil.passport.unit import read_unit_runs
 from hil.passport.verify import SignatureStatus, Trust, opened, verify
 from hil.record.folder import read
+from hil.record.state import state_folder
 from tests.certificates import holder
 from tests.conftest import STRANGER
 from tests.passports import run_of

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError, fromstring
 
-from hil.errors import FileError, UnitError
+from hil.errors import FileError, UnitError, reading
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.units import scale_and_offset
 from hil.untrusted import open_untrusted
@@ -106,10 +106,8 @@ def read_certificate(path: Path) -> Certificate:
         FileError: it is none, or there is no such table; says what there is.
     """
     try:
-        with open_untrusted(path.parent, path.name) as file:
+        with reading(path), open_untrusted(path.parent, path.name) as file:
             root = fromstring(file.read())
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
     except ParseError as error:
         raise FileError(f"{path}: is no XML: {error}") from None
     if _local(root) != "digitalCalibrationCertificate":

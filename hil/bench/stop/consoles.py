@@ -7,10 +7,9 @@ from contextlib import contextmanager, suppress
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from hil.errors import FileError, storing
-from hil.record.durable import write_whole
+from hil.errors import FileError
 from hil.record.process_liveness import is_alive
-from hil.safety.latch import state_path
+from hil.record.state import keep, state_path
 from hil.untrusted import read_untrusted_json
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -48,9 +47,7 @@ def announced(console: Console) -> Iterator[None]:
         StorageError: it cannot be written down.
     """
     path = state_path("consoles", str(console.pid), ".json")
-    with storing(path, "the console cannot be announced to its runs"):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, console.model_dump_json())
+    keep(path, console.model_dump_json(), "the console cannot be announced to its runs")
     try:
         yield
     finally:
