@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from hil.cli.options import Json, Part
+from hil.cli.options import Json, Part, argument, option
 from hil.cli.places import check_file
 from hil.cli.reading import takes_reading, teller
 from hil.errors import FileError, SettingError
@@ -26,21 +26,21 @@ group = typer.Typer(
     help="The calculations of the papers behind the valves, on a recording of one's own.", no_args_is_help=True
 )
 
-_Input = typer.Option("", "--input", metavar="NAME", help="Command; a run says it, as does a file of two channels.")
-_Output = typer.Option("", "--output", metavar="NAME", help="Response, likewise.")
+_Input = option("", "--input", "NAME", "Command; a run says it, as does a file of two channels.")
+_Output = option("", "--output", "NAME", "Response, likewise.")
 
 
 @group.command("step")
 @takes_reading
 def step(
-    recording: Path | None = typer.Argument(None, metavar="RECORDING", help="Recording with steps of the command."),
+    recording: Path | None = argument(None, "RECORDING", "Recording with steps of the command."),
     input_name: str = _Input,
     output_name: str = _Output,
-    rise: float | None = typer.Option(None, "--rise", metavar="S", help="Instead of a recording: rise time."),
-    settling: float | None = typer.Option(None, "--settling", metavar="S", help="Instead of one: settling time."),
-    band: float = typer.Option(2.0, "--band", metavar="%", help="Of the change, within which it counts as settled."),
-    beside: Path | None = typer.Option(
-        None, "--beside", metavar="TABLE|RUN", help="Measured frequency response to hold the models against."
+    rise: float | None = option(None, "--rise", "S", "Instead of a recording: rise time."),
+    settling: float | None = option(None, "--settling", "S", "Instead of one: settling time."),
+    band: float = option(2.0, "--band", "%", "Of the change, within which it counts as settled."),
+    beside: Path | None = option(
+        None, "--beside", "TABLE|RUN", "Measured frequency response to hold the models against."
     ),
     as_json: Json = False,
     *,
@@ -59,10 +59,10 @@ def step(
 @group.command("sines")
 @takes_reading
 def sines(
-    recordings: list[Path] = typer.Argument(..., metavar="RECORDING...", help="Stepped sines, in one file or several."),
+    recordings: list[Path] = argument(..., "RECORDING...", "Stepped sines, in one file or several."),
     input_name: str = _Input,
     output_name: str = _Output,
-    out: Path | None = typer.Option(None, "--out", metavar="TABLE.csv", help="Table for `hil identify`, one each."),
+    out: Path | None = option(None, "--out", "TABLE.csv", "Table for `hil identify`, one each."),
     as_json: Json = False,
     *,
     reading: Reading,
@@ -83,12 +83,12 @@ def sines(
 @group.command("flow")
 @takes_reading
 def flow(
-    recordings: list[Path] = typer.Argument(..., metavar="RECORDING...", help="Slow sweeps up and down."),
+    recordings: list[Path] = argument(..., "RECORDING...", "Slow sweeps up and down."),
     input_name: str = _Input,
     output_name: str = _Output,
-    degree: int = typer.Option(9, "--degree", min=1, max=30, help="Of the polynomial."),
-    neutral: float = typer.Option(0.0, "--neutral", metavar="U", help="Command from which both sides go."),
-    out: Path | None = typer.Option(None, "--out", metavar="CURVE.csv", help="Curve for `hil analyse compose`."),
+    degree: int = option(9, "--degree", min=1, max=30, help="Of the polynomial."),
+    neutral: float = option(0.0, "--neutral", "U", "Command from which both sides go."),
+    out: Path | None = option(None, "--out", "CURVE.csv", "Curve for `hil analyse compose`."),
     as_json: Json = False,
     *,
     reading: Reading,
@@ -109,11 +109,11 @@ def flow(
 @group.command("classes")
 @takes_reading
 def classes(
-    valves: list[Path] = typer.Argument(
-        ..., metavar="GOOD BAD|TABLE.csv", help="Two folders of recordings of one test; or a row for each valve."
+    valves: list[Path] = argument(
+        ..., "GOOD BAD|TABLE.csv", "Two folders of recordings of one test; or a row for each valve."
     ),
-    output_name: str = typer.Option("", "--output", metavar="NAME", help="Channel that is compared."),
-    judge: list[Path] = typer.Option([], "--judge", metavar="RECORDING", help="A valve whose class is asked."),
+    output_name: str = option("", "--output", "NAME", "Channel that is compared."),
+    judge: list[Path] = option([], "--judge", "RECORDING", "A valve whose class is asked."),
     as_json: Json = False,
     *,
     reading: Reading,
@@ -134,17 +134,17 @@ def classes(
 
 @group.command("compose")
 def compose(
-    curve: Path = typer.Argument(..., metavar="CURVE", help="Run of flow_curve, or CSV: command, flow."),
-    responses: list[Path] = typer.Argument(
+    curve: Path = argument(..., "CURVE", "Run of flow_curve, or CSV: command, flow."),
+    responses: list[Path] = argument(
         ...,
-        metavar="RESPONSE...",
-        help="Tables of a frequency response or runs, averaged; one MODEL.json; or cummins-efc, brevini-hpv41.",
+        "RESPONSE...",
+        "Tables of a frequency response or runs, averaged; one MODEL.json; or cummins-efc, brevini-hpv41.",
     ),
-    out: Path = typer.Option(..., "--out", metavar="MODEL.json", help="Model to write."),
-    poles: int = typer.Option(3, "--poles", min=1, max=3, help="Of the dynamics."),
-    zeros: int = typer.Option(1, "--zeros", min=0, max=1, help="Of the dynamics."),
-    dead_time: bool = typer.Option(False, "--dead-time/--no-dead-time", help="Whether they have one."),
-    weights: str = typer.Option("", "--weights", metavar="relative|uniform", help="Of lines without uncertainty."),
+    out: Path = option(..., "--out", "MODEL.json", "Model to write."),
+    poles: int = option(3, "--poles", min=1, max=3, help="Of the dynamics."),
+    zeros: int = option(1, "--zeros", min=0, max=1, help="Of the dynamics."),
+    dead_time: bool = option(False, "--dead-time/--no-dead-time", help="Whether they have one."),
+    weights: str = option("", "--weights", "relative|uniform", "Of lines without uncertainty."),
     part: Part = "",
     as_json: Json = False,
 ) -> None:
@@ -184,12 +184,12 @@ def _dynamics(model: Model) -> tuple[str, dict[str, Any]]:
 
 @group.command("corners")
 def corners(
-    table: Path = typer.Argument(..., metavar="TABLE|RUN", help="Frequency response."),
-    poles: int = typer.Option(..., "--poles", min=1, help="Real poles."),
-    zeros: int = typer.Option(0, "--zeros", min=0, help="Real zeros."),
+    table: Path = argument(..., "TABLE|RUN", "Frequency response."),
+    poles: int = option(..., "--poles", min=1, help="Real poles."),
+    zeros: int = option(0, "--zeros", min=0, help="Real zeros."),
     part: Part = "",
-    out: str = typer.Option("", "--out", metavar="FILE", help="Also write the transfer function, as --to says."),
-    to: str = typer.Option("json", "--to", metavar="python|matlab|json|csv", help="For which tool."),
+    out: str = option("", "--out", "FILE", "Also write the transfer function, as --to says."),
+    to: str = option("json", "--to", "python|matlab|json|csv", "For which tool."),
     as_json: Json = False,
 ) -> None:
     """Real corners from a Bode magnitude by its asymptotes: eqs 3.1 to 3.6 of the EFC thesis."""
@@ -211,15 +211,15 @@ def corners(
 @group.command("recursive")
 @takes_reading
 def recursive(
-    recording: Path = typer.Argument(..., metavar="RECORDING", help="Recording with even stamps."),
-    poles: int = typer.Option(..., "--poles", min=0, help="Coefficients a1 …"),
-    inputs: int = typer.Option(..., "--inputs", min=1, help="Coefficients b0 …"),
-    delay: int = typer.Option(0, "--delay", min=0, help="Samples by which the input is late."),
-    difference: bool = typer.Option(False, "--difference", help="Of changes from sample to sample, as eq. 3.7."),
-    memory: float = typer.Option(1.0, "--memory", metavar="λ", help="Weight of a sample that is one older."),
-    exponential: bool = typer.Option(False, "--exponential", help="Forget everywhere, as eq. 3.15."),
-    prior: float = typer.Option(1e3, "--prior", metavar="STD", help="Standard deviation before the first: √P(0)."),
-    path: Path | None = typer.Option(None, "--path", metavar="FILE", help="Parameters after each sample, .csv."),
+    recording: Path = argument(..., "RECORDING", "Recording with even stamps."),
+    poles: int = option(..., "--poles", min=0, help="Coefficients a1 …"),
+    inputs: int = option(..., "--inputs", min=1, help="Coefficients b0 …"),
+    delay: int = option(0, "--delay", min=0, help="Samples by which the input is late."),
+    difference: bool = option(False, "--difference", help="Of changes from sample to sample, as eq. 3.7."),
+    memory: float = option(1.0, "--memory", "λ", "Weight of a sample that is one older."),
+    exponential: bool = option(False, "--exponential", help="Forget everywhere, as eq. 3.15."),
+    prior: float = option(1e3, "--prior", "STD", "Standard deviation before the first: √P(0)."),
+    path: Path | None = option(None, "--path", "FILE", "Parameters after each sample, .csv."),
     input_name: str = _Input,
     output_name: str = _Output,
     as_json: Json = False,
@@ -243,11 +243,11 @@ def recursive(
 @group.command("process")
 @takes_reading
 def process(
-    recording: Path = typer.Argument(..., metavar="RECORDING", help="Recording of one slow sine, or of a step."),
-    integrates: bool = typer.Option(False, "--integrates", help="The response goes on while the command stands."),
-    skip: float = typer.Option(0.0, "--skip", metavar="S", min=0.0, help="At the beginning, not judged."),
-    out: str = typer.Option("", "--out", metavar="FILE", help="Also write the transfer function, as --to says."),
-    to: str = typer.Option("json", "--to", metavar="python|matlab|json|csv", help="For which tool."),
+    recording: Path = argument(..., "RECORDING", "Recording of one slow sine, or of a step."),
+    integrates: bool = option(False, "--integrates", help="The response goes on while the command stands."),
+    skip: float = option(0.0, "--skip", "S", "At the beginning, not judged.", min=0.0),
+    out: str = option("", "--out", "FILE", "Also write the transfer function, as --to says."),
+    to: str = option("json", "--to", "python|matlab|json|csv", "For which tool."),
     input_name: str = _Input,
     output_name: str = _Output,
     as_json: Json = False,
@@ -270,16 +270,16 @@ def process(
 
 @group.command("loop")
 def loop(
-    model: Path | None = typer.Argument(None, metavar="MODEL.json", help="Closed loop, a transfer function."),
-    numerator: str = typer.Option("", "--numerator", metavar="B,…", help="Instead of a model, highest power first."),
-    denominator: str = typer.Option("", "--denominator", metavar="A,…", help="Likewise."),
-    sensor: Path | None = typer.Option(None, "--sensor", metavar="MODEL.json", help="C of the loop; 1 without one."),
-    feedback: bool = typer.Option(False, "--feedback", help="The sensor stands in the feedback, not the forward path."),
-    close: float | None = typer.Option(
-        None, "--close", metavar="K_TK", help="Close the loop instead, eq 8: gain of the feedback, per unit of output."
+    model: Path | None = argument(None, "MODEL.json", "Closed loop, a transfer function."),
+    numerator: str = option("", "--numerator", "B,…", "Instead of a model, highest power first."),
+    denominator: str = option("", "--denominator", "A,…", "Likewise."),
+    sensor: Path | None = option(None, "--sensor", "MODEL.json", "C of the loop; 1 without one."),
+    feedback: bool = option(False, "--feedback", help="The sensor stands in the feedback, not the forward path."),
+    close: float | None = option(
+        None, "--close", "K_TK", "Close the loop instead, eq 8: gain of the feedback, per unit of output."
     ),
-    out: str = typer.Option("", "--out", metavar="FILE", help="Also write the loop that was found, as --to says."),
-    to: str = typer.Option("json", "--to", metavar="python|matlab|json|csv", help="For which tool."),
+    out: str = option("", "--out", "FILE", "Also write the loop that was found, as --to says."),
+    to: str = option("json", "--to", "python|matlab|json|csv", "For which tool."),
     as_json: Json = False,
 ) -> None:
     """The plant of a closed loop, or with --close the loop of a plant: eqs 8 and 10 to 12 of the SP08-47C paper."""
@@ -325,12 +325,10 @@ def _loop_text(kind: str, ratio: str, model: TransferFunction, notes: Sequence[s
 @group.command("error")
 @takes_reading
 def error(
-    recording: Path = typer.Argument(
-        ..., metavar="RECORDING", help="Pressure of a step to 1.4 or 1.6 A, from the step on."
-    ),
-    reference: Path = typer.Option(..., "--reference", metavar="RECORDING", help="Pressure of a good valve."),
-    level: str = typer.Option(..., "--level", metavar="low|high", help="1.4 A or 1.6 A."),
-    output_name: str = typer.Option("pressure", "--output", metavar="NAME", help="Channel of the pressure."),
+    recording: Path = argument(..., "RECORDING", "Pressure of a step to 1.4 or 1.6 A, from the step on."),
+    reference: Path = option(..., "--reference", "RECORDING", "Pressure of a good valve."),
+    level: str = option(..., "--level", "low|high", "1.4 A or 1.6 A."),
+    output_name: str = option("pressure", "--output", "NAME", "Channel of the pressure."),
     as_json: Json = False,
     *,
     reading: Reading,

@@ -15,6 +15,7 @@ from typer.main import get_command
 from hil import cli
 from hil.cli import error_message
 from hil.cli.error_message import say
+from hil.cli.options import option
 from hil.errors import InputError, marked, options_of
 from hil.printable import printable_streams
 from hil.safety.interrupt import ended_by, raised, status_of
@@ -25,8 +26,8 @@ _CTRL_C = 130
 
 def _options(
     context: typer.Context,
-    debug: bool = typer.Option(False, "--debug", help="Show the traceback of an error, and the frames of every link."),
-    version: bool = typer.Option(False, "--version", is_eager=True, help="Show the version and exit."),
+    debug: bool = option(False, "--debug", help="Show the traceback of an error, and the frames of every link."),
+    version: bool = option(False, "--version", is_eager=True, help="Show the version and exit."),
 ) -> None:
     error_message.debug = debug
     if debug:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.options import Archive, Json
+from hil.cli.options import Archive, Json, option
 from hil.cli.printed import printed
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def _archive() -> None:
 @group.command()
 def rebuild(
     archive: Archive = "",
-    folders: list[Path] = typer.Option([], "--folder", metavar="DIR", help="Also search this folder for runs."),
+    folders: list[Path] = option([], "--folder", "DIR", "Also search this folder for runs."),
     as_json: Json = False,
 ) -> None:
     """Make the index anew from the run folders."""
@@ -44,8 +44,8 @@ def rebuild(
 
 @group.command()
 def calibrations(
-    due_within: int | None = typer.Option(
-        None, "--due-within", metavar="DAYS", help="Those alone that fall due within so many days, or are overdue."
+    due_within: int | None = option(
+        None, "--due-within", "DAYS", "Those alone that fall due within so many days, or are overdue."
     ),
     archive: Archive = "",
     as_json: Json = False,

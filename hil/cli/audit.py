@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from hil.cli.options import Json
+from hil.cli.options import Json, option
 from hil.cli.printed import printed
 from hil.errors import FileError
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hil.bench.audit import Link
 
 group = typer.Typer()
-_FILE = typer.Option(None, "--file", metavar="FILE", help="The trail; else that of this account.")
+_FILE = option(None, "--file", "FILE", "The trail; else that of this account.")
 _AT_FRONT = ("utc", "act", "previous")
 
 
@@ -25,9 +25,7 @@ _AT_FRONT = ("utc", "act", "previous")
 def _audit(
     context: typer.Context,
     file: Path | None = _FILE,
-    kept: str = typer.Option(
-        "", "--head", metavar="SHA256", help="A head that was kept elsewhere: is its line still in the trail?"
-    ),
+    kept: str = option("", "--head", "SHA256", "A head that was kept elsewhere: is its line still in the trail?"),
     as_json: Json = False,
 ) -> None:
     """Print the audit trail and check its chain. Exit 1: a line was changed or taken out."""

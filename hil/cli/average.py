@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import typer
-
-from hil.cli.options import Json, Part
+from hil.cli.options import Json, Part, argument, option
 from hil.cli.printed import printed
 from hil.cli.reading import takes_reading
 from hil.record.reading import Reading
@@ -14,11 +12,11 @@ from hil.record.reading import Reading
 
 @takes_reading
 def command(
-    responses: list[Path] = typer.Argument(
-        ..., metavar="TABLE|RUN...", help="Tables of a frequency response, installed ones by name, or runs."
+    responses: list[Path] = argument(
+        ..., "TABLE|RUN...", "Tables of a frequency response, installed ones by name, or runs."
     ),
-    out: Path = typer.Option(..., "--out", help="Table to write, .csv."),
-    normalised: bool = typer.Option(False, "--normalised", help="Each over its gain at the lowest frequency first."),
+    out: Path = option(..., "--out", help="Table to write, .csv."),
+    normalised: bool = option(False, "--normalised", help="Each over its gain at the lowest frequency first."),
     part: Part = "",
     as_json: Json = False,
     *,

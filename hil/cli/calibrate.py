@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.options import Archive, Json, Operator
+from hil.cli.options import Archive, Json, Operator, argument, option
 from hil.cli.quantity import quantity
 from hil.cli.typed import Typed
 from hil.errors import SettingError, UnknownNameError
@@ -21,31 +21,23 @@ if TYPE_CHECKING:
 
 
 def command(
-    bench: Path = typer.Argument(..., metavar="BENCH.toml", help="Bench file; it is changed when that is confirmed."),
-    channel: str = typer.Argument(..., metavar="CHANNEL", help="An input, or an output."),
-    reference: str = typer.Option("", "--reference", metavar="TEXT", help="What it is compared with, in words."),
-    certificate: Path | None = typer.Option(
-        None,
-        "--certificate",
-        metavar="FILE.xml",
-        help="Instead of a reference: the sensor's Digital Calibration Certificate (DCC).",
+    bench: Path = argument(..., "BENCH.toml", "Bench file; it is changed when that is confirmed."),
+    channel: str = argument(..., "CHANNEL", "An input, or an output."),
+    reference: str = option("", "--reference", "TEXT", "What it is compared with, in words."),
+    certificate: Path | None = option(
+        None, "--certificate", "FILE.xml", "Instead of a reference: the sensor's Digital Calibration Certificate (DCC)."
     ),
-    table: str = typer.Option("", "--table", metavar="NAME", help="Its table of results, where it has several."),
-    reference_uncertainty: str = typer.Option(
-        "",
-        "--reference-uncertainty",
-        metavar="U",
-        help="Expanded (k = 2) uncertainty of each of its readings: '0.2 bar'.",
+    table: str = option("", "--table", "NAME", "Its table of results, where it has several."),
+    reference_uncertainty: str = option(
+        "", "--reference-uncertainty", "U", "Expanded (k = 2) uncertainty of each of its readings: '0.2 bar'."
     ),
-    points: int = typer.Option(5, "--points", metavar="N", min=2, max=1000, help="At how many places."),
-    between: str = typer.Option(
-        "", "--between", metavar="LOW..HIGH", help="Where an output goes; default: its limits."
-    ),
+    points: int = option(5, "--points", "N", "At how many places.", min=2, max=1000),
+    between: str = option("", "--between", "LOW..HIGH", "Where an output goes; default: its limits."),
     operator: Operator = "",
-    valid_days: int = typer.Option(365, "--valid-days", metavar="N", min=1, help="It is due again after so long."),
-    out: Path | None = typer.Option(None, "--out", help="Run folder of an output; default: runs/jog-<time>."),
+    valid_days: int = option(365, "--valid-days", "N", "It is due again after so long.", min=1),
+    out: Path | None = option(None, "--out", help="Run folder of an output; default: runs/jog-<time>."),
     archive: Archive = "",
-    yes: bool = typer.Option(False, "--yes", help="Write it without asking."),
+    yes: bool = option(False, "--yes", help="Write it without asking."),
     as_json: Json = False,
 ) -> None:
     """Slope and offset of a channel against a reference, with their uncertainty; written when that is confirmed.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.options import Archive, Bench, Json
+from hil.cli.options import Archive, Bench, Json, option
 from hil.errors import FileError, LinkError
 
 if TYPE_CHECKING:
@@ -21,15 +21,15 @@ _REFERENCE = "bench_reference"
 
 def command(
     bench: Bench,
-    strict: bool = typer.Option(False, "--strict", help="Exit status 2 also when there are warnings."),
-    live: bool = typer.Option(
+    strict: bool = option(False, "--strict", help="Exit status 2 also when there are warnings."),
+    live: bool = option(
         False, "--live", help="Read every input too: delays, rates, noise, and what can be measured here."
     ),
-    reference: str = typer.Option(
+    reference: str = option(
         "",
         "--reference",
-        metavar="SN",
-        help="Drive a known valve or a loop-back for two minutes; exit status 1 where it differs from its first time.",
+        "SN",
+        "Drive a known valve or a loop-back for two minutes; exit status 1 where it differs from its first time.",
     ),
     archive: Archive = "",
     as_json: Json = False,

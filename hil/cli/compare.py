@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.options import Archive, Json, Language
+from hil.cli.options import Archive, Json, Language, argument, option
 from hil.cli.places import check_file
 from hil.cli.population import compare_population
 from hil.cli.printed import in_short
@@ -23,18 +23,18 @@ _SHOWN_AFTER_S = 2.0
 
 @takes_reading
 def command(
-    recordings: list[Path] = typer.Argument(
-        ..., metavar="RECORDING...", help="Recordings or tables of a frequency response; without --model two runs."
+    recordings: list[Path] = argument(
+        ..., "RECORDING...", "Recordings or tables of a frequency response; without --model two runs."
     ),
-    model: Path | None = typer.Option(None, "--model", help="Model file."),
-    page: Path | None = typer.Option(
-        None, "--page", metavar="FILE.html", help="A page that draws the model beside the recordings, or two runs."
+    model: Path | None = option(None, "--model", help="Model file."),
+    page: Path | None = option(
+        None, "--page", "FILE.html", "A page that draws the model beside the recordings, or two runs."
     ),
-    population: bool = typer.Option(
+    population: bool = option(
         False, "--population", help="Runs of a unit, or of a batch, beside the other units of the archive."
     ),
-    csv: Path | None = typer.Option(
-        None, "--csv", metavar="FILE.csv", help="With --population: the limits of a batch, most missed first."
+    csv: Path | None = option(
+        None, "--csv", "FILE.csv", "With --population: the limits of a batch, most missed first."
     ),
     archive: Archive = "",
     as_json: Json = False,

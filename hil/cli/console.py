@@ -7,7 +7,7 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.options import Archive
+from hil.cli.options import Archive, argument, option
 
 group = typer.Typer()
 users = typer.Typer(no_args_is_help=True, help="Accounts of the console.")
@@ -17,15 +17,15 @@ group.add_typer(users, name="user")
 @group.callback(invoke_without_command=True)
 def console(
     context: typer.Context,
-    host: str = typer.Option("127.0.0.1", "--host", help="Where it listens."),
-    port: int = typer.Option(8123, "--port", min=0, max=65535, help="Its port; 0 takes one that is free."),
-    benches: Path = typer.Option(Path(), "--benches", metavar="DIR", help="Folder of this lab's bench files."),
+    host: str = option("127.0.0.1", "--host", help="Where it listens."),
+    port: int = option(8123, "--port", min=0, max=65535, help="Its port; 0 takes one that is free."),
+    benches: Path = option(Path(), "--benches", "DIR", "Folder of this lab's bench files."),
     archive: Archive = "",
-    cert: Path | None = typer.Option(None, "--cert", metavar="FILE", help="Certificate, where others reach it."),
-    key: Path | None = typer.Option(None, "--key", metavar="FILE", help="Key of the certificate."),
-    public: str = typer.Option("", "--public", metavar="URL", help="Its address behind a proxy: https://bench7.lab."),
-    proxy: list[str] = typer.Option([], "--proxy", metavar="ADDRESS", help="A proxy that is believed who calls."),
-    open_page: bool = typer.Option(False, "--open", help="Show it in the browser."),
+    cert: Path | None = option(None, "--cert", "FILE", "Certificate, where others reach it."),
+    key: Path | None = option(None, "--key", "FILE", "Key of the certificate."),
+    public: str = option("", "--public", "URL", "Its address behind a proxy: https://bench7.lab."),
+    proxy: list[str] = option([], "--proxy", "ADDRESS", "A proxy that is believed who calls."),
+    open_page: bool = option(False, "--open", help="Show it in the browser."),
 ) -> None:
     """Serve the operator's console: bench, run, results and diagnosis as pages. Ctrl-C ends it.
 
@@ -39,7 +39,7 @@ def console(
     from hil.console.access_where import Where
     from hil.console.serve import serve
     from hil.console.site import Site
-    from hil.safety.latch import state_path
+    from hil.record.state import state_path
 
     place = archive_place(archive)
     state = state_path("console", "any", "").parent
@@ -55,8 +55,8 @@ def console(
 
 @users.command()
 def add(
-    name: str = typer.Argument(..., metavar="NAME", help="Who it is."),
-    role: str = typer.Option("operator", "--role", help="viewer looks, operator drives, engineer also sets limits."),
+    name: str = argument(..., "NAME", "Who it is."),
+    role: str = option("operator", "--role", help="viewer looks, operator drives, engineer also sets limits."),
 ) -> None:
     """A new account, or another role and password for one; the password is asked for, and read from no argument."""
     from hil.bench.audit import Audit, acting_account
@@ -71,7 +71,7 @@ def add(
 
 
 @users.command()
-def remove(name: str = typer.Argument(..., metavar="NAME", help="Whose account goes.")) -> None:
+def remove(name: str = argument(..., "NAME", "Whose account goes.")) -> None:
     """Take an account away; who is logged in with it is out at once."""
     from hil.bench.audit import Audit, acting_account
     from hil.console.access_accounts import Accounts

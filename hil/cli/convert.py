@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
-from hil.cli.options import Json
+from hil.cli.options import Json, argument, option
 from hil.cli.printed import printed
 from hil.cli.reading import options, takes_reading
 from hil.errors import FileError, HilError
@@ -20,13 +18,11 @@ if TYPE_CHECKING:
 
 @takes_reading
 def command(
-    sources: list[Path] = typer.Argument(
-        ...,
-        metavar="SRC...",
-        help="Recording, table or run folder to read; several recordings of one clock are joined.",
+    sources: list[Path] = argument(
+        ..., "SRC...", "Recording, table or run folder to read; several recordings of one clock are joined."
     ),
-    target: Path = typer.Argument(..., metavar="DST", help="File to write; its ending says the format."),
-    overwrite: bool = typer.Option(False, "--overwrite", help="Replace DST if it exists."),
+    target: Path = argument(..., "DST", "File to write; its ending says the format."),
+    overwrite: bool = option(False, "--overwrite", help="Replace DST if it exists."),
     as_json: Json = False,
     *,
     reading: Reading,

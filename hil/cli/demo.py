@@ -6,12 +6,12 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.options import Json, Language
+from hil.cli.options import Json, Language, option
 from hil.cli.printed import printed
 
 
 def command(
-    out: Path = typer.Option(Path("demo"), "--out", help="Folder to make, with everything that the job leaves."),
+    out: Path = option(Path("demo"), "--out", help="Folder to make, with everything that the job leaves."),
     language: Language = "",  # noqa: ARG001 — its callback takes it
     as_json: Json = False,
 ) -> None:

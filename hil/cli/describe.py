@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import typer
 
+from hil.cli.options import argument
+
 
 def command(
-    model: str = typer.Argument(..., metavar="FILE.toml|NAME", help="A description, or the name of one installed."),
+    model: str = argument(..., "FILE.toml|NAME", "A description, or the name of one installed."),
 ) -> None:
     """Read the description of a device, tell every fault with its line, and print its page. Opens no device.
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.options import Bench
+from hil.cli.options import Bench, option
 
 if TYPE_CHECKING:
     from hil.bench.read import BenchFile
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 def command(
     bench: Bench,
-    quirks: list[str] = typer.Option(
-        [], "--quirk", metavar="DEVICE.KEY=VALUE", help="Misbehaviour on demand, such as io.late_s=0.3; again for more."
+    quirks: list[str] = option(
+        [], "--quirk", "DEVICE.KEY=VALUE", "Misbehaviour on demand, such as io.late_s=0.3; again for more."
     ),
-    for_s: float = typer.Option(0.0, "--for", metavar="SECONDS", help="End after so long; 0: at Ctrl-C."),
+    for_s: float = option(0.0, "--for", "SECONDS", "End after so long; 0: at Ctrl-C."),
 ) -> None:
     """Serve the devices of a bench, simulated, where its drivers will look for them. Ctrl-C ends it.
 

@@ -10,7 +10,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand
 
-from hil.cli.options import Language
+from hil.cli.options import Language, argument, option
 from hil.cli.progress import shown
 from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading
@@ -40,46 +40,41 @@ def _each_before(args: Sequence[str]) -> list[str]:
 
 @takes_reading
 def command(
-    recordings: list[Path] = typer.Argument(None, metavar="RECORDING...", help="Recordings of the unit."),
-    model: Path | None = typer.Option(None, "--model", help="Nominal model file."),
-    out: Path = typer.Option(..., "--out", help="Folder for diagnosis.json, corrected.json and report.html."),
+    recordings: list[Path] = argument(None, "RECORDING...", "Recordings of the unit."),
+    model: Path | None = option(None, "--model", help="Nominal model file."),
+    out: Path = option(..., "--out", help="Folder for diagnosis.json, corrected.json and report.html."),
     input_name: Inputs = [],  # noqa: B006 — typer makes a new one
     output_name: Output = "",
-    bench: str = typer.Option(
-        "", "--bench", metavar="BENCH.toml", help="Run the tests that are still needed on this bench, and conclude."
+    bench: str = option(
+        "", "--bench", "BENCH.toml", "Run the tests that are still needed on this bench, and conclude."
     ),
-    bench_budget_s: float = typer.Option(
-        60.0, "--bench-budget", metavar="S", min=0.0, help="Bench time that those tests may take, in s."
-    ),
-    budget_s: float = typer.Option(
+    bench_budget_s: float = option(60.0, "--bench-budget", "S", "Bench time that those tests may take, in s.", min=0.0),
+    budget_s: float = option(
         math.inf,
         "--budget",
-        metavar="S",
+        "S",
+        "Work after which no further search is begun: S times 10 million simulated samples; of each of a fleet.",
         min=0.0,
         show_default="none",
-        help="Work after which no further search is begun: S times 10 million simulated samples; of each of a fleet.",
     ),
-    question: str = typer.Option(
+    question: str = option(
         "",
         "--question",
-        metavar="changed|left_out",
-        help="What has changed since identification, or what the model leaves out; by the recordings where not given.",
+        "changed|left_out",
+        "What has changed since identification, or what the model leaves out; by the recordings where not given.",
     ),
-    before: list[Path] = typer.Option(
-        [],
-        "--before",
-        metavar="RECORDING",
-        help="Recordings of the same unit at the date of identification, up to the next option.",
+    before: list[Path] = option(
+        [], "--before", "RECORDING", "Recordings of the same unit at the date of identification, up to the next option."
     ),
-    fleet: list[Path] = typer.Option(
+    fleet: list[Path] = option(
         [],
         "--fleet",
-        metavar="FOLDER",
-        help="Instead of recordings: a valve's folder of CSV files, with its own "
+        "FOLDER",
+        "Instead of recordings: a valve's folder of CSV files, with its own "
         "nominal.json or the --model; may be given again. Each gets a folder of its own in --out.",
     ),
-    scheduler: str = typer.Option("", "--scheduler", metavar="tcp://…", help="Dask scheduler that does the fleet."),
-    as_json: bool = typer.Option(False, "--json", help="Print diagnosis.json too, schema hil.diagnosis/1."),
+    scheduler: str = option("", "--scheduler", "tcp://…", "Dask scheduler that does the fleet."),
+    as_json: bool = option(False, "--json", help="Print diagnosis.json too, schema hil.diagnosis/1."),
     language: Language = "",  # noqa: ARG001 — its callback takes it
     *,
     reading: Reading,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.options import Json
+from hil.cli.options import Json, argument, option
 from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading
 from hil.report.number import number, unit_text, with_uncertainty
@@ -21,18 +21,16 @@ if TYPE_CHECKING:
 
 @takes_reading
 def command(
-    old: Path = typer.Argument(..., metavar="OLD", help="Passport, run folder or folder with recordings."),
-    new: Path = typer.Argument(..., metavar="NEW", help="The same of a later date."),
-    model: Path | None = typer.Option(
-        None, "--model", metavar="MODEL.json", help="Model of the type, where no passport holds one."
-    ),
-    budget_s: float = typer.Option(
+    old: Path = argument(..., "OLD", "Passport, run folder or folder with recordings."),
+    new: Path = argument(..., "NEW", "The same of a later date."),
+    model: Path | None = option(None, "--model", "MODEL.json", "Model of the type, where no passport holds one."),
+    budget_s: float = option(
         120.0,
         "--budget",
-        metavar="S",
-        min=0.0,
-        help="Work after which no further search is begun: S times 10 million simulated samples; of long recordings "
+        "S",
+        "Work after which no further search is begun: S times 10 million simulated samples; of long recordings "
         "as much is taken as it allows. inf: no end.",
+        min=0.0,
     ),
     as_json: Json = False,
     input_name: Inputs = [],  # noqa: B006 — typer makes a new one

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.options import argument, option
+
 if TYPE_CHECKING:
     from hil.session.export import Exported
 
@@ -14,24 +16,18 @@ _FORMS = ("python", "matlab", "json", "csv", "table", "c", "fmu")
 
 
 def command(
-    source: Path = typer.Argument(
-        ..., metavar="MODEL.json|RUN", help="Model file, or run folder; of a table also a curve as CSV."
+    source: Path = argument(..., "MODEL.json|RUN", "Model file, or run folder; of a table also a curve as CSV."),
+    to: str = option(..., "--to", "|".join(_FORMS), "For which tool."),
+    out: str = option("-", "--out", "FILE", "File to write; `-` is stdout."),
+    part: str = option("", "--part", "NAME", "Of a run: transfer functions with this in the name."),
+    fmi: str = option("3", "--fmi", "2|3", "Version of FMI."),
+    step_s: float | None = option(None, "--step", "S", "Internal step of C and FMU; the plant's own."),
+    effects: list[str] = option(
+        [], "--effect", "NAME@HOOK", "Also bring this effect, switched off, for fault injection."
     ),
-    to: str = typer.Option(..., "--to", metavar="|".join(_FORMS), help="For which tool."),
-    out: str = typer.Option("-", "--out", metavar="FILE", help="File to write; `-` is stdout."),
-    part: str = typer.Option("", "--part", metavar="NAME", help="Of a run: transfer functions with this in the name."),
-    fmi: str = typer.Option("3", "--fmi", metavar="2|3", help="Version of FMI."),
-    step_s: float | None = typer.Option(
-        None, "--step", metavar="S", help="Internal step of C and FMU; the plant's own."
-    ),
-    effects: list[str] = typer.Option(
-        [], "--effect", metavar="NAME@HOOK", help="Also bring this effect, switched off, for fault injection."
-    ),
-    platforms: str = typer.Option(
-        "", "--platform", metavar="NAME,...", help="Binaries for these; default: this machine."
-    ),
-    points: int = typer.Option(0, "--points", metavar="N", help="Rows of a table: which command gives which flow."),
-    sources_only: bool = typer.Option(False, "--sources-only", help="An FMU without binaries."),
+    platforms: str = option("", "--platform", "NAME,...", "Binaries for these; default: this machine."),
+    points: int = option(0, "--points", "N", "Rows of a table: which command gives which flow."),
+    sources_only: bool = option(False, "--sources-only", help="An FMU without binaries."),
 ) -> None:
     """Hand a model, or the transfer functions or the flow curve of a run, on to another tool.
 

@@ -6,34 +6,34 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.options import Json, Language, Part
+from hil.cli.options import Json, Language, Part, argument, option
 from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading
 
 
 @takes_reading
 def command(
-    recordings: list[Path] = typer.Argument(
-        ..., metavar="RECORDING...", help="Recordings or tables of a frequency response, fitted together."
+    recordings: list[Path] = argument(
+        ..., "RECORDING...", "Recordings or tables of a frequency response, fitted together."
     ),
-    plant: str = typer.Option(..., "--plant", help="Plant, or a model to start from: its file or its name."),
-    out: Path = typer.Option(..., "--out", help="Model file to write."),
+    plant: str = option(..., "--plant", help="Plant, or a model to start from: its file or its name."),
+    out: Path = option(..., "--out", help="Model file to write."),
     input_name: Inputs = [],  # noqa: B006 — typer makes a new one
     output_name: Output = "",
-    free: list[str] = typer.Option(
-        [], "--free", metavar="NAME,…", help="Also estimate these, held fixed otherwise; friction.coulomb of an effect."
+    free: list[str] = option(
+        [], "--free", "NAME,…", "Also estimate these, held fixed otherwise; friction.coulomb of an effect."
     ),
-    poles: int | None = typer.Option(None, "--poles", min=1, max=5, help="Of a transfer function: so many poles."),
-    zeros: int | None = typer.Option(None, "--zeros", min=0, max=5, help="Of a transfer function: so many zeros."),
-    dead_time: bool | None = typer.Option(
+    poles: int | None = option(None, "--poles", min=1, max=5, help="Of a transfer function: so many poles."),
+    zeros: int | None = option(None, "--zeros", min=0, max=5, help="Of a transfer function: so many zeros."),
+    dead_time: bool | None = option(
         None, "--dead-time/--no-dead-time", help="Of a transfer function: with a dead time, or without."
     ),
-    weights: str = typer.Option(
-        "", "--weights", metavar="relative|uniform", help="Of lines without uncertainty: of their size, or all alike."
+    weights: str = option(
+        "", "--weights", "relative|uniform", "Of lines without uncertainty: of their size, or all alike."
     ),
     part: Part = "",
-    page: Path | None = typer.Option(
-        None, "--page", metavar="FILE.html", help="A page that draws the model beside what it was fitted to."
+    page: Path | None = option(
+        None, "--page", "FILE.html", "A page that draws the model beside what it was fitted to."
     ),
     as_json: Json = False,
     language: Language = "",  # noqa: ARG001 — its callback takes it

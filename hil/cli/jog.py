@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.options import Archive, Bench, Json, Notes, Operator, Resets, Serial
+from hil.cli.options import Archive, Bench, Json, Notes, Operator, Resets, Serial, argument, option
 
 if TYPE_CHECKING:
     from hil.safety.outputs import Outputs
@@ -18,10 +18,10 @@ CONTEXT = {"ignore_unknown_options": True}  # a value may begin with a minus
 
 def command(
     bench: Bench,
-    channel: str = typer.Argument(..., metavar="CHANNEL", help="The output."),
-    value: str = typer.Argument(..., metavar="VALUE", help="Where it goes: 20, '50 %', '-3.5 bar'."),
-    for_time: str = typer.Option("2s", "--for", metavar="TIME", help="How long it stands there: 2s, '200 ms'."),
-    out: Path | None = typer.Option(None, "--out", help="Run folder; default: runs/jog-<time>."),
+    channel: str = argument(..., "CHANNEL", "The output."),
+    value: str = argument(..., "VALUE", "Where it goes: 20, '50 %', '-3.5 bar'."),
+    for_time: str = option("2s", "--for", "TIME", "How long it stands there: 2s, '200 ms'."),
+    out: Path | None = option(None, "--out", help="Run folder; default: runs/jog-<time>."),
     serial: Serial = "",
     operator: Operator = "",
     notes: Notes = [],  # noqa: B006 — typer makes a new one

@@ -6,19 +6,19 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.options import Json
+from hil.cli.options import Json, argument, option
 
 
 def command(
-    model: Path = typer.Argument(..., metavar="MODEL", help="Model file, or name of an installed model or plant."),
-    at: float = typer.Option(..., "--at", metavar="COMMAND", help="Operating point, in the unit of the command."),
-    step: float | None = typer.Option(None, "--step", metavar="SIZE", help="Of the command; 1 % of full scale."),
-    window: float = typer.Option(1.0, "--window", metavar="S", min=0.1, help="Time in which the answer settles."),
-    poles: int | None = typer.Option(None, "--poles", min=1, max=5, help="Beside an integrator; by evidence."),
-    zeros: int | None = typer.Option(None, "--zeros", min=0, max=5, help="Likewise."),
-    load_pressure: float = typer.Option(0.0, "--load-pressure", metavar="BAR", help="P_L for K_q and K_c."),
-    changed: list[str] = typer.Option([], "--set", metavar="NAME=VALUE", help="Change a parameter first: coulomb=0."),
-    out: Path | None = typer.Option(None, "--out", metavar="MODEL.json", help="Model to write; `hil export` takes it."),
+    model: Path = argument(..., "MODEL", "Model file, or name of an installed model or plant."),
+    at: float = option(..., "--at", "COMMAND", "Operating point, in the unit of the command."),
+    step: float | None = option(None, "--step", "SIZE", "Of the command; 1 % of full scale."),
+    window: float = option(1.0, "--window", "S", "Time in which the answer settles.", min=0.1),
+    poles: int | None = option(None, "--poles", min=1, max=5, help="Beside an integrator; by evidence."),
+    zeros: int | None = option(None, "--zeros", min=0, max=5, help="Likewise."),
+    load_pressure: float = option(0.0, "--load-pressure", "BAR", "P_L for K_q and K_c."),
+    changed: list[str] = option([], "--set", "NAME=VALUE", "Change a parameter first: coulomb=0."),
+    out: Path | None = option(None, "--out", "MODEL.json", "Model to write; `hil export` takes it."),
     as_json: Json = False,
 ) -> None:
     """Linearise a plant about a command: transfer function, K_q and K_c of its edges, K_1/K_2 of an EFC."""

@@ -9,18 +9,14 @@ from pathlib import Path
 import typer
 
 from hil.catalog import KINDS, entries, models, tables
-from hil.cli.options import Json
+from hil.cli.options import Json, argument
 from hil.errors import UnknownNameError
 
 _FILES = ("benches", "descriptions", "models", "tables")
 
 
 def command(
-    kind: str = typer.Argument(
-        "",
-        metavar="KIND",
-        help="Only this kind, such as plants.",
-    ),
+    kind: str = argument("", "KIND", "Only this kind, such as plants."),
     as_json: Json = False,
 ) -> None:
     """List the installed drivers, devices, procedures, plants, effects, benches, descriptions, models and tables."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import typer
 
+from hil.cli.options import argument, option
 from hil.errors import FileError, SettingError
 from hil.untrusted import parse_toml, read_text
 
@@ -61,13 +62,13 @@ class Home:
 
 
 def command(
-    kind: str = typer.Argument(..., metavar="|".join(_KINDS), help="What to begin."),
-    name: str = typer.Argument("", metavar="NAME", help="Its name: lower-case letters, digits and _."),
-    folder: Path | None = typer.Option(
+    kind: str = argument(..., "|".join(_KINDS), "What to begin."),
+    name: str = argument("", "NAME", "Its name: lower-case letters, digits and _."),
+    folder: Path | None = option(
         None, "--in", help="Folder of the package that it is added to; default: the one that this folder is in."
     ),
-    source: Path | None = typer.Option(
-        None, "--from", metavar="FILE", help="device: a register table (.csv), an EDS, DCF or DBC of its maker."
+    source: Path | None = option(
+        None, "--from", "FILE", "device: a register table (.csv), an EDS, DCF or DBC of its maker."
     ),
 ) -> None:
     """Begin a driver, device, plant, effect, procedure, bench or package, with a test that passes as written.

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.options import Json
+from hil.cli.options import Json, argument, option
 from hil.cli.printed import printed
 from hil.errors import FileError
 
 
 def command(
-    file: Path = typer.Argument(..., metavar="FILE", help="Passport."),
-    out: Path = typer.Option(..., "--out", metavar="DIR", help="Folder to make."),
-    most: float | None = typer.Option(
-        None, "--most", min=0.0, metavar="MB", help="What its files may unpack to; of a signer unknown here 268."
+    file: Path = argument(..., "FILE", "Passport."),
+    out: Path = option(..., "--out", "DIR", "Folder to make."),
+    most: float | None = option(
+        None, "--most", "MB", "What its files may unpack to; of a signer unknown here 268.", min=0.0
     ),
     as_json: Json = False,
 ) -> None:

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from hil.language.choice import choose
+
+
+def argument(default: Any, metavar: str, help: str, **more: Any) -> Any:
+    """An argument as the help shows it; `...` for one that has to be given."""
+    return typer.Argument(default, metavar=metavar, help=help, **more)
+
+
+def option(default: Any, name: str, metavar: str | None = None, help: str = "", **more: Any) -> Any:
+    """An option, with what stands behind it in the help; a switch has nothing there."""
+    return typer.Option(default, name, metavar=metavar, help=help, **more)
 
 
 def _taken(context: typer.Context, language: str) -> str:

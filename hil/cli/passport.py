@@ -4,30 +4,26 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import typer
-
-from hil.cli.options import Json, Language
+from hil.cli.options import Json, Language, argument, option
 from hil.cli.printed import printed
 
 
 def command(
-    runs: list[Path] = typer.Argument(..., metavar="RUN...", help="Run folders of one unit."),
-    out: Path = typer.Option(..., "--out", metavar="FILE.pdf", help="The passport."),
-    no_names: bool = typer.Option(False, "--no-names", help="Leave out who ran the tests, in every file inside."),
-    no_model: bool = typer.Option(False, "--no-model", help="Do not identify the unit; page one says so."),
-    model: Path | None = typer.Option(
-        None, "--model", metavar="MODEL.json", help="Model of the type; states what these data excluded."
-    ),
-    evaluated_anew: bool = typer.Option(
+    runs: list[Path] = argument(..., "RUN...", "Run folders of one unit."),
+    out: Path = option(..., "--out", "FILE.pdf", "The passport."),
+    no_names: bool = option(False, "--no-names", help="Leave out who ran the tests, in every file inside."),
+    no_model: bool = option(False, "--no-model", help="Do not identify the unit; page one says so."),
+    model: Path | None = option(None, "--model", "MODEL.json", "Model of the type; states what these data excluded."),
+    evaluated_anew: bool = option(
         False,
         "--evaluated-anew",
         help="Where another version found something else: take what is found now, and say so.",
     ),
-    power: bool = typer.Option(
+    power: bool = option(
         False, "--power", help="Say for each limit the least faults that would have broken it; takes minutes."
     ),
-    key: Path | None = typer.Option(
-        None, "--key", metavar="FILE", help="The lab's key with its certificate, PEM or PKCS #12; else this machine's."
+    key: Path | None = option(
+        None, "--key", "FILE", "The lab's key with its certificate, PEM or PKCS #12; else this machine's."
     ),
     language: Language = "",  # noqa: ARG001 — its callback takes it
     as_json: Json = False,

@@ -6,20 +6,17 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.options import Json
+from hil.cli.options import Json, argument, option
 
 if TYPE_CHECKING:
     from hil.daq.probe import Found
 
 
 def command(
-    kind: str = typer.Argument(..., metavar="modbus|can|scpi", help="What is spoken on the line."),
-    address: str = typer.Argument(..., metavar="ADDRESS", help="As in bench files: host:port, /dev/ttyUSB0, …"),
-    options: list[str] = typer.Option(
-        [],
-        "--set",
-        metavar="NAME=VALUE",
-        help="Such as baud=9600, parity=E, units=1..16, bitrate=500000; again for more.",
+    kind: str = argument(..., "modbus|can|scpi", "What is spoken on the line."),
+    address: str = argument(..., "ADDRESS", "As in bench files: host:port, /dev/ttyUSB0, …"),
+    options: list[str] = option(
+        [], "--set", "NAME=VALUE", "Such as baud=9600, parity=E, units=1..16, bitrate=500000; again for more."
     ),
     as_json: Json = False,
 ) -> None:

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.options import Json, Language, Limits
+from hil.cli.options import Json, Language, Limits, argument, option
 
 
 def command(
-    run: Path = typer.Argument(..., metavar="RUN", help="Run folder."),
+    run: Path = argument(..., "RUN", "Run folder."),
     limits: Limits = [],  # noqa: B006 — typer makes a new one
-    open_page: bool = typer.Option(False, "--open", help="Show the page in the browser."),
+    open_page: bool = option(False, "--open", help="Show the page in the browser."),
     as_json: Json = False,
     language: Language = "",  # noqa: ARG001 — its callback takes it
 ) -> None:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.options import argument, option
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -14,10 +16,10 @@ if TYPE_CHECKING:
 
 
 def command(
-    run: Path = typer.Argument(..., metavar="RUN", help="Run folder."),
-    csv: str = typer.Option("", "--csv", metavar="FILE", help="Write the values here, each curve as STEM_NAME.csv."),
-    json: str = typer.Option("", "--json", metavar="FILE", help="Write everything as JSON, schema hil.results/1."),
-    xlsx: str = typer.Option("", "--xlsx", metavar="FILE", help="Write everything as a spreadsheet."),
+    run: Path = argument(..., "RUN", "Run folder."),
+    csv: str = option("", "--csv", "FILE", "Write the values here, each curve as STEM_NAME.csv."),
+    json: str = option("", "--json", "FILE", "Write everything as JSON, schema hil.results/1."),
+    xlsx: str = option("", "--xlsx", "FILE", "Write everything as a spreadsheet."),
 ) -> None:
     """Every measured value, curve and transfer function of a run as data; FILE may be `-` for stdout."""
     from hil import api

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from hil.cli.completed import benches_like, procedures_like
-from hil.cli.options import Archive, Json, Language, Limits, Notes, Operator, Resets, Serial
+from hil.cli.options import Archive, Json, Language, Limits, Notes, Operator, Resets, Serial, argument, option
 from hil.language.note import Note, translated
 
 if TYPE_CHECKING:
@@ -24,50 +24,42 @@ if TYPE_CHECKING:
 
 
 def command(
-    procedure: str = typer.Argument(
-        "", metavar="PROCEDURE", help="Name of an installed procedure.", autocompletion=procedures_like
+    procedure: str = argument("", "PROCEDURE", "Name of an installed procedure.", autocompletion=procedures_like),
+    bench: str = option(
+        "", "--bench", "BENCH.toml", "Bench file, or the name of an installed one.", autocompletion=benches_like
     ),
-    bench: str = typer.Option(
-        "",
-        "--bench",
-        metavar="BENCH.toml",
-        help="Bench file, or the name of an installed one.",
-        autocompletion=benches_like,
-    ),
-    settings: list[str] = typer.Option([], "--set", metavar="NAME=VALUE", help="A setting; may be given again."),
-    preset: str = typer.Option(
+    settings: list[str] = option([], "--set", "NAME=VALUE", "A setting; may be given again."),
+    preset: str = option(
         "",
         "--preset",
-        metavar="NAME",
-        help="Settings by their name in the bench file, else its `default`; those given here go before.",
+        "NAME",
+        "Settings by their name in the bench file, else its `default`; those given here go before.",
     ),
     limits: Limits = [],  # noqa: B006 — typer makes a new one
-    out: Path | None = typer.Option(None, "--out", help="Run folder; default: runs/PROCEDURE-<time>."),
+    out: Path | None = option(None, "--out", help="Run folder; default: runs/PROCEDURE-<time>."),
     serial: Serial = "",
     operator: Operator = "",
     notes: Notes = [],  # noqa: B006 — typer makes a new one
     archive: Archive = "",
-    cause_s: float = typer.Option(
+    cause_s: float = option(
         120.0,
         "--cause-budget",
-        metavar="S",
-        min=0.0,
-        help="Time that the cause of a missed certificate is looked for, in s, once outputs are safe and the verdict "
+        "S",
+        "Time that the cause of a missed certificate is looked for, in s, once outputs are safe and the verdict "
         "is written; Ctrl-C leaves it out. 0: it is not.",
+        min=0.0,
     ),
     resets: Resets = [],  # noqa: B006 — typer makes a new one
-    rehearse: bool = typer.Option(
+    rehearse: bool = option(
         False, "--rehearse", help="First play it on the simulated valve; drive only what goes through there."
     ),
-    rehearse_only: bool = typer.Option(
-        False,
-        "--rehearse-only",
-        help="Play it on the simulated valve, and no further; --out keeps its recording.",
+    rehearse_only: bool = option(
+        False, "--rehearse-only", help="Play it on the simulated valve, and no further; --out keeps its recording."
     ),
-    resume: Path | None = typer.Option(
-        None, "--resume", metavar="RUN", help="Go on where this run was broken off: its procedure, bench and settings."
+    resume: Path | None = option(
+        None, "--resume", "RUN", "Go on where this run was broken off: its procedure, bench and settings."
     ),
-    describe: bool = typer.Option(False, "--describe", help="Say what the procedure does and takes; run nothing."),
+    describe: bool = option(False, "--describe", help="Say what the procedure does and takes; run nothing."),
     as_json: Json = False,
     language: Language = "",  # noqa: ARG001 — its callback takes it
 ) -> None:

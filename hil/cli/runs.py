@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.options import Archive, Json
+from hil.cli.options import Archive, Json, option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,12 +19,10 @@ _LONGEST_ENDING = 24
 
 
 def command(
-    serial: str = typer.Option("", "--serial", metavar="SN", help="Runs of this unit."),
-    procedure: str = typer.Option("", "--procedure", metavar="NAME", help="Runs of this procedure."),
-    since: str = typer.Option(
-        "", "--since", metavar="DATE", help="From this local date on, as 2026-11-25 or with a time."
-    ),
-    verdict: str = typer.Option("", "--verdict", metavar="pass|fail|'cannot tell'", help="Runs with this verdict."),
+    serial: str = option("", "--serial", "SN", "Runs of this unit."),
+    procedure: str = option("", "--procedure", "NAME", "Runs of this procedure."),
+    since: str = option("", "--since", "DATE", "From this local date on, as 2026-11-25 or with a time."),
+    verdict: str = option("", "--verdict", "pass|fail|'cannot tell'", "Runs with this verdict."),
     archive: Archive = "",
     as_json: Json = False,
 ) -> None:

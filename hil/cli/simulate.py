@@ -6,20 +6,20 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.options import Json
+from hil.cli.options import Json, option
 from hil.cli.reading import takes_reading, teller
 from hil.record.reading import Reading
 
 
 @takes_reading
 def command(
-    model: Path = typer.Option(..., "--model", help="Model file."),
-    recording: Path = typer.Option(..., "--input", help="Recording whose input drives the model."),
-    out: Path = typer.Option(..., "--out", help="File to write: time and output, the same rows."),
-    input_name: list[str] = typer.Option(
-        [], "--input-name", metavar="NAME", help="Input channel, if not called so; again for a second one."
+    model: Path = option(..., "--model", help="Model file."),
+    recording: Path = option(..., "--input", help="Recording whose input drives the model."),
+    out: Path = option(..., "--out", help="File to write: time and output, the same rows."),
+    input_name: list[str] = option(
+        [], "--input-name", "NAME", "Input channel, if not called so; again for a second one."
     ),
-    output_name: str = typer.Option("", "--output-name", metavar="NAME", help="Output channel, if not called so."),
+    output_name: str = option("", "--output-name", "NAME", "Output channel, if not called so."),
     as_json: Json = False,
     *,
     reading: Reading,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.options import Archive, Json
+from hil.cli.options import Archive, Json, argument, option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,12 +15,10 @@ if TYPE_CHECKING:
 
 
 def command(
-    measurement: str = typer.Argument(
-        ..., metavar="MEASUREMENT", help="Name of a measured value, as in `hil results`."
-    ),
-    serial: str = typer.Option(..., "--serial", metavar="SN", help="The unit."),
-    procedure: str = typer.Option("", "--procedure", metavar="NAME", help="Runs of this procedure alone."),
-    since: str = typer.Option("", "--since", metavar="DATE", help="From this local date on."),
+    measurement: str = argument(..., "MEASUREMENT", "Name of a measured value, as in `hil results`."),
+    serial: str = option(..., "--serial", "SN", "The unit."),
+    procedure: str = option("", "--procedure", "NAME", "Runs of this procedure alone."),
+    since: str = option("", "--since", "DATE", "From this local date on."),
     archive: Archive = "",
     as_json: Json = False,
 ) -> None:

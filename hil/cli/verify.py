@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from hil.cli.options import Json
+from hil.cli.options import Json, argument, option
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -20,20 +20,20 @@ if TYPE_CHECKING:
 
 
 def command(
-    file: Path = typer.Argument(..., metavar="FILE", help="Passport, or an FMU (which is executed)."),
-    trust: list[Path] = typer.Option(
-        [], "--trust", metavar="CERT", help="Certificate of a signer who is known, or of who vouches for him."
+    file: Path = argument(..., "FILE", "Passport, or an FMU (which is executed)."),
+    trust: list[Path] = option(
+        [], "--trust", "CERT", "Certificate of a signer who is known, or of who vouches for him."
     ),
-    revoked: Path | None = typer.Option(
+    revoked: Path | None = option(
         None,
         "--revoked",
-        metavar="FILE",
-        help="Revoked certificates: SHA-256, date and reason on each line; else revoked.txt of this machine.",
+        "FILE",
+        "Revoked certificates: SHA-256, date and reason on each line; else revoked.txt of this machine.",
     ),
-    received: str = typer.Option(
-        "", "--received", metavar="DATE", help="You had the file by then: trusted where a key was revoked later."
+    received: str = option(
+        "", "--received", "DATE", "You had the file by then: trusted where a key was revoked later."
     ),
-    evaluate: bool = typer.Option(
+    evaluate: bool = option(
         False, "--evaluate", help="Evaluate the runs inside anew, and hold page one, certificate and data together."
     ),
     as_json: Json = False,

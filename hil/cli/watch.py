@@ -11,7 +11,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 import typer
 
-from hil.cli.options import Bench, Json
+from hil.cli.options import Bench, Json, option
 from hil.printable import printable, raw
 
 if TYPE_CHECKING:
@@ -24,12 +24,12 @@ _HEADINGS = ("channel", "raw", "value", "noise", "age [s]", "state")
 
 def command(
     bench: Bench,
-    channels: list[str] = typer.Option([], "--channel", metavar="NAME", help="Only this input; again for more."),
-    seconds: float = typer.Option(math.inf, "--seconds", metavar="S", help="End after so long; default: at Ctrl-C."),
-    every: float = typer.Option(0.5, "--every", metavar="S", help="How often the readings are shown."),
-    csv: Path | None = typer.Option(None, "--csv", metavar="FILE", help="Write every row that is shown here too."),
+    channels: list[str] = option([], "--channel", "NAME", "Only this input; again for more."),
+    seconds: float = option(math.inf, "--seconds", "S", "End after so long; default: at Ctrl-C."),
+    every: float = option(0.5, "--every", "S", "How often the readings are shown."),
+    csv: Path | None = option(None, "--csv", "FILE", "Write every row that is shown here too."),
     as_json: Json = False,
-    lines: bool = typer.Option(False, "--lines", help="Say it each time, as one line of the same JSON."),
+    lines: bool = option(False, "--lines", help="Say it each time, as one line of the same JSON."),
 ) -> None:
     """Every input of a bench: raw value, value, noise, age, and in words whether it can be believed.
 
