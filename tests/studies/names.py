@@ -32,10 +32,10 @@ _RIGHT: Mapping[str, str] = {
     "axis_two_mass.play": UNEXPLAINED,
     "axis_belt.play": UNEXPLAINED,
     "axis_wobble.play": UNEXPLAINED,
+    "axis_yaw.rails_loose": "backlash " + UNEXPLAINED,  # the scale beside moves as the carriage turns
     "hpv41_compensated.play": UNEXPLAINED,  # of the lever that feeds back: the spool goes too far, it does not lag
     "magnetic_hysteresis": "hysteresis",
     "slower_pilot": _PILOT + " coil_lag",
-    "efc_flow_path.slower_pilot": "coil_lag",  # nothing but the coil is slower
     "cylinder_elastic.slower_pilot": "coil_lag " + _SPOOL,
     "cylinder_four_edges.slower_pilot": "coil_lag " + _SPOOL,
     "efc_slot.slower_pilot": "coil_lag",
@@ -43,21 +43,27 @@ _RIGHT: Mapping[str, str] = {
     "efc_pilot_bleed.feed_clogged": "rotor_frequency rotor_damping rate_limit",  # the stage after the coil
     "efc_spool.slower_pilot": "coil_lag",
     "hpv41_notched.slower_pilot": _PILOT + " coil_lag resonance",  # an armature in a loop, which rings
+    "hpv41_pulsed.slower_pilot": _PILOT + " coil_lag resonance",  # seats in a loop, as those
     "hpv41_notched.loop_weak": _SPOOL,
+    "hpv41_pulsed.loop_weak": _PILOT,  # oil that is let in integrates: the loop's gain is its lag
+    "hpv41_pulsed.pulse_dead": "backlash hysteresis friction",  # the spool rests short of its place from both sides
     "hpv41_notched.rate_ceiling": "pilot_rate rate_limit stage_rate",  # of what the electronics give
     "cylinder_hose.slower_pilot": "coil_lag " + _SPOOL,
+    "cylinder_pipes.slower_pilot": "coil_lag " + _SPOOL,
+    "cylinder_pipes.dither_lost": "friction hysteresis",  # what it hid
+    "axis_yaw.slower_drive": "sensor_lag",  # a lag is the same before the mass and after it
+    "axis_yaw.force_ceiling": "saturation",
     "damping_change": _SPOOL,
     "hpv41_direct.damping_change": _SPOOL + " pilot_rate",  # a dashpot is its only lag
     "hpv41_notched.damping_change": _PILOT,  # the bridge's pressure is all that it has for a dashpot
+    "hpv41_pulsed.damping_change": _PILOT,  # against what the seats let in
     "efc_slot.damping_change": "rotor_damping rotor_frequency",
     "efc_pilot_bleed.damping_change": "rotor_damping rotor_frequency",
     "efc_spool.damping_change": "rotor_damping rotor_frequency",
-    "hpv41_loop.damping_change": _SPOOL + " resonance",  # a pilot that rings more
-    "hpv41_pilot_pressure.damping_change": _SPOOL + " resonance",
-    "efc_flow_path.damping_change": "rotor_damping rotor_frequency",
     "axis_two_mass.damping_change": "viscous",
     "axis_belt.damping_change": "viscous",
     "axis_wobble.damping_change": "viscous",
+    "axis_yaw.damping_change": "viscous",
     "axis_wobble.drag_drift": "viscous " + UNEXPLAINED,  # the drag that is left once it is warm
     "edge_worn": "deadband dead_band leakage curve_exponent first_flow flow_range curve_width curve_centre",
     "efc_spool.edge_worn": "curve_centre curve_width pressure_span saturation",  # it spills where it had closed
@@ -66,22 +72,19 @@ _RIGHT: Mapping[str, str] = {
     "supply_sag": "supply_droop",
     "hpv41_direct.supply_sag": _FLOW_CEILING,
     "hpv41_compensated.supply_sag": _FLOW_CEILING,
+    "hpv41_pulsed.supply_sag": _FLOW_CEILING,
     "efc_slot.supply_sag": "supply_droop pressure_span saturation",  # a pump that gives less
     "efc_pilot_bleed.supply_sag": "supply_droop pressure_span saturation",
     "efc_spool.supply_sag": "supply_droop pressure_span curve_centre",  # most where the spill is open
-    "hpv41_loop.supply_sag": _FLOW_CEILING,
-    "hpv41_pilot_pressure.supply_sag": _FLOW_CEILING,
     "zero_shift": "load_force",
     "efc_slot.zero_shift": "load_force curve_centre",
     "efc_pilot_bleed.zero_shift": "load_force curve_centre",
     "efc_spool.zero_shift": "load_force curve_centre",
-    "efc_flow_path.zero_shift": "load_force curve_centre",
     "gain_loss": "full_flow asymmetry",  # `asymmetry` has a gain of both sides
-    "hpv41_pilot_pressure.gain_loss": "full_flow asymmetry dead_band deadband",  # it shortens the way of the spool
-    "efc_flow_path.gain_loss": "curve_centre curve_width asymmetry",  # the same torque needs more current
     "hpv41_direct.gain_loss": "full_flow asymmetry dead_band deadband",  # as the one above
     "hpv41_compensated.gain_loss": "full_flow asymmetry dead_band deadband",
     "hpv41_notched.gain_loss": "full_flow asymmetry dead_band deadband",
+    "hpv41_pulsed.gain_loss": "full_flow asymmetry dead_band deadband",
     "hpv41_compensated.spring_weak": "full_flow asymmetry",  # less drop over the edges: less flow everywhere
     "efc_slot.gain_loss": "curve_centre curve_width asymmetry",
     "efc_pilot_bleed.gain_loss": "curve_centre curve_width pressure_span asymmetry",  # a share of what is held
@@ -90,35 +93,42 @@ _RIGHT: Mapping[str, str] = {
     "cylinder_hose.gain_loss": "first_flow flow_range deadband asymmetry",
     "cylinder_elastic.gain_loss": "first_flow flow_range deadband asymmetry",
     "cylinder_four_edges.gain_loss": "first_flow flow_range deadband asymmetry",
+    "cylinder_pipes.gain_loss": "first_flow flow_range deadband asymmetry",
     "axis_two_mass.gain_loss": "asymmetry mass viscous",
     "axis_belt.gain_loss": "asymmetry mass viscous",
     "axis_wobble.gain_loss": "asymmetry mass viscous",
+    "axis_yaw.gain_loss": "asymmetry mass viscous",
     "mass_change": "mass",
     "sensor_lag": "sensor_lag",
     "stroke_stop": "end_stop saturation",
-    "hpv41_loop.orifice_clogged": _PILOT,  # it is the pilot's
-    "hpv41_pilot_pressure.orifice_clogged": _PILOT + " asymmetry",  # on one side
-    "efc_flow_path.orifice_clogged": "supply_droop pressure_span saturation",  # a filter between pump and port
     "cylinder_elastic.orifice_clogged": "rated_flow asymmetry saturation",  # that of both return edges
     "cylinder_four_edges.orifice_clogged": "rated_flow asymmetry",  # both edges of the supply
     "hpv41_direct.orifice_clogged": "full_flow saturation supply_droop asymmetry",  # those of the load
     "efc_slot.orifice_clogged": "pressure_span curve_centre",
     "efc_spool.orifice_clogged": "pressure_span curve_centre",  # the feed of the chamber
     "hpv41_notched.orifice_clogged": _PILOT,  # both of the bridge
+    "hpv41_pulsed.orifice_clogged": _PILOT,  # all four seats
     "cylinder_hose.orifice_clogged": "asymmetry edge_a_return",  # what leaves the head side
-    "hpv41_pilot_pressure.asymmetry": "asymmetry",
+    "cylinder_pipes.orifice_clogged": "rated_flow asymmetry",  # the pipe of the head side, both ways
     "hpv41_compensated.asymmetry": "asymmetry",
     "hpv41_notched.asymmetry": "asymmetry",
+    "hpv41_pulsed.asymmetry": "asymmetry",
     "axis_two_mass.asymmetry": "asymmetry friction",
     "axis_belt.asymmetry": "asymmetry friction",
     "axis_wobble.asymmetry": "asymmetry friction",
+    "axis_yaw.asymmetry": "asymmetry friction",
+    "axis_yaw.rails_skew": "friction " + UNEXPLAINED,  # by place
     "cylinder_elastic.asymmetry": "asymmetry coulomb",
     "cylinder_hose.asymmetry": "asymmetry coulomb seal_friction",
+    "cylinder_pipes.asymmetry": "asymmetry coulomb seal_friction",
+    "cylinder_pipes.cocking_rise": "coulomb seal_friction",  # most at the ends
     "cogging_rise": "periodic_disturbance " + UNEXPLAINED,  # by place, where the page has one by the clock
     "axis_wobble.wobble_rise": "periodic_disturbance " + UNEXPLAINED,  # by place, as that
     "axis_wobble.chain_stiff": UNEXPLAINED,  # a spring: the page has a steady force at most
     "efc_spool.line_longer": "resonance standing_wave",
+    "hpv41_pulsed.line_longer": "resonance sensor_lag",  # inertia that edges damp
     "coupling_soft": "resonance",
+    "axis_yaw.feet_soft": "resonance",
 }
 
 

@@ -58,7 +58,7 @@ def test_a_seal_is_that_of_its_truths() -> None:
 
 def test_what_is_counted() -> None:
     def said(change: str, verdict: str, *named: str, alike: tuple[str, ...] = ()) -> Outcome:
-        return Outcome(Case("hpv41_loop", 0, change, 1.0, 1), 2.0 * (change != NOTHING), verdict, named, alike)
+        return Outcome(Case("hpv41_direct", 0, change, 1.0, 1), 2.0 * (change != NOTHING), verdict, named, alike)
 
     found = [
         said(NOTHING, "consistent"), said(NOTHING, "explained", "friction"), said("play", "explained", "backlash"),
