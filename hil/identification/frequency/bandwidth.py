@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,10 +14,7 @@ from hil.record.recording import Array
 from hil.signals.crossing import first_crossing
 from hil.signals.interval import COVERED
 
-if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
-
-_GRID = 2000
+_GRID, _DEGREE = 2000, 3
 # Where the 0 dB reference may lie: up to 5 Hz, or this share of the −90° frequency if that is lower.
 # GOST 28971 cl. 9.1 (ISO 6404).
 _HIGHEST_HZ, _SHARE_OF_PHASE_90 = 5.0, 0.05
@@ -136,14 +132,19 @@ def _fall(frequency_hz: Array, values: Array, own: Array, shared: Array, level: 
     level, and where with it it is below, there is no crossing: what lies between is the interval (Fieller, J. R.
     Statist. Soc. B 16(2), 1954), and its middle the value. Over the slope at the crossing alone the interval would be
     too narrow: noise crosses where it makes a flat curve steep.
+
+    How far the spline itself lies beside the response between lines is told by the spline of one degree less, as an
+    integrator's error is by that of one order less; what noise makes of their difference is taken off.
     """
     top = float(frequency_hz[-1])
     grid = np.linspace(math.log(frequency_hz[0]), math.log(top), _GRID)
-    weights = _spline(frequency_hz, np.eye(len(values)))(grid)
+    degree = min(_DEGREE, len(values) - 1)
+    weights, lower = (_spline_weights(frequency_hz, grid, k) for k in (degree, max(degree - 1, 1)))
     curve = weights @ values
     if curve[0] <= level:
         return Crossing(level, unit, float(frequency_hz[0]), math.nan, top)
-    wide = COVERAGE_FACTOR * np.hypot(np.linalg.norm(weights * own, axis=1), weights @ shared)
+    departure = np.maximum(((weights - lower) @ values) ** 2 - _variance(weights - lower, own, shared), 0.0)
+    wide = COVERAGE_FACTOR * np.sqrt(_variance(weights, own, shared) + departure)
     if not np.isfinite(wide).all():
         at = first_crossing(grid, level - curve, 0.0)
         return Crossing(level, unit, None if at is None else math.exp(at), math.nan, top)
@@ -154,7 +155,13 @@ def _fall(frequency_hz: Array, values: Array, own: Array, shared: Array, level: 
     return Crossing(level, unit, (least + most) / 2.0, (most - least) / (2.0 * COVERAGE_FACTOR), top)
 
 
-def _spline(frequency_hz: Array, values: Array) -> BSpline:
+def _variance(weights: Array, own: Array, shared: Array) -> Array:
+    """Of sums of the lines, one for each row of weights."""
+    return np.asarray(((weights * own) ** 2).sum(axis=1) + (weights @ shared) ** 2)
+
+
+def _spline_weights(frequency_hz: Array, grid: Array, degree: int) -> Array:
+    """What each line counts for in the spline over log frequency, shape (grid, lines)."""
     from scipy.interpolate import make_interp_spline
 
-    return make_interp_spline(np.log(frequency_hz), values, k=min(3, len(values) - 1))
+    return np.asarray(make_interp_spline(np.log(frequency_hz), np.eye(len(frequency_hz)), k=degree)(grid))
