@@ -223,6 +223,17 @@ def test_the_crossing_of_a_flat_noisy_curve_is_held_by_its_interval(noise, least
     assert all(bounds)
 
 
+def test_what_lies_between_sparse_lines_is_in_the_interval_of_a_crossing():
+    valve = transfer_function([1.0], np.polymul([2e-6, 2e-3, 1.0], [1 / 250.0, 1.0]), 0.001)  # 39 Hz, in the last gap
+    dense, sparse = np.geomspace(1.02, 50.0, 200), np.array([1.02, 7.43, 10.9, 15.9, 23.3, 34.2, 50.0])
+    truth = phase_crossing(from_polar("bench", dense, valve.at(dense)), -90.0).frequency_hz
+    quiet = replace(from_polar("bench", sparse, valve.at(sparse)), covariance=np.tile(1e-12 * np.eye(2), (7, 1, 1)))
+    found = phase_crossing(quiet, -90.0)
+    assert abs(found.frequency_hz - truth) > 20.0 * 1e-6 * truth  # far beyond what the lines' noise makes
+    assert abs(found.frequency_hz - truth) <= 2.0 * found.std_hz
+    assert found.std_hz < 0.003 * truth
+
+
 def test_the_reference_is_in_every_line_alike():
     frequencies = np.array([0.2, 0.4, 0.65, 1.15, 2.5])
     covariance = np.tile(1e-12 * np.eye(2), (5, 1, 1))
