@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from hil.bench.find import benches
-from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.twin import serve
 from hil.description.find import descriptions
 from hil.errors import RangeError
 from hil.rig import Rig
+from tests.driven import silent_rig
 from tests.waits import PATIENCE_S
 
 _ANY = random.SystemRandom()  # workers that share a seed must not ask for the same
@@ -52,7 +52,7 @@ def opened(file: BenchFile, run: Path, settings: dict[str, Any] | None = None) -
     with ExitStack() as stack:
         for tries_left in reversed(range(20)):
             try:
-                rig = stack.enter_context(open_rig(file, run, settings or {}, lambda _done, _text: None))
+                rig = stack.enter_context(silent_rig(file, run, settings))
                 break
             except RangeError:
                 if not tries_left:

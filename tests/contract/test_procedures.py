@@ -8,15 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench.find import benches
-from hil.bench.open import open_rig
-from hil.bench.read import read_bench
 from hil.catalog import entries
 from hil.findings.collect import results_of
 from hil.findings.results import Results
-from hil.record.folder import read
 from hil.session.procedure import load_procedure
-from hil.session.setting import parse_settings
+from tests.driven import driven
 
 NAMES = sorted(entry.name for entry in entries("procedures"))
 DOCUMENTED = (Path(__file__).parents[2] / "docs" / "reference" / "procedures.md").read_text(encoding="utf-8")
@@ -44,12 +40,7 @@ def done(request, tmp_path_factory):
     name, bench = request.param
     procedure = load_procedure(name)
     given = SHORT[name] | ({"biases": BIAS[bench]} if "biases" in procedure.settings else {})
-    values = parse_settings(procedure.settings, given)
-    folder = tmp_path_factory.mktemp(name) / "run"
-    about = {"procedure": name, "settings": values}
-    with open_rig(read_bench(benches()[bench]), folder, about, lambda _done, _text: None) as rig:
-        procedure.run(rig, **values)
-    recording = read(folder)
+    recording = driven(procedure, bench, tmp_path_factory.mktemp(name) / "run", given)
     return procedure, recording, procedure.evaluate(recording)
 
 

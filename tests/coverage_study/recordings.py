@@ -17,13 +17,11 @@ from typing import Any
 import numpy as np
 
 from hil.bench.find import benches
-from hil.bench.open import open_rig
 from hil.bench.read import read_bench
-from hil.record.folder import read
 from hil.record.recording import Channel, Recording
 from hil.session.procedure import Procedure
-from hil.session.setting import parse_settings
 from tests.coverage_study.situations import Situation, without_noise
+from tests.driven import driven as bench_driven
 from tests.once import once
 
 _RAW_LOW, _RAW_SPAN = -10.0, 20.0
@@ -42,10 +40,7 @@ def driven_on(procedure: Procedure, text: str, settings: Mapping[str, str], at: 
     at.mkdir(parents=True)
     file = at / "bench.toml"
     file.write_text(text, encoding="utf-8")
-    values = parse_settings(procedure.settings, dict(settings))
-    with open_rig(read_bench(file), at / "run", {"settings": values}, lambda _done, _text: None) as rig:
-        procedure.run(rig, **values)
-    return read(at / "run")
+    return bench_driven(procedure, file, at / "run", settings)
 
 
 def noisy(clean: Recording, bench: str, situation: Situation, seed: int) -> Recording:

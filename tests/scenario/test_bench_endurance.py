@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from hil.bench.open import open_rig
-from hil.bench.read import read_bench
 from hil.record.folder import read
 from tests.bench_files import bench_file
+from tests.driven import silent_rig
 
 PIECES, PIECE_S, RATE_HZ = 1200, 3, 1000
 
@@ -20,7 +19,7 @@ def test_memory_does_not_grow_with_an_hour_of_streaming(tmp_path: Path) -> None:
     piece = 50.0 + 20.0 * np.sin(2.0 * np.pi * time_s)
     heights: list[int] = []
     bench = bench_file(tmp_path / "bench.toml", "brevini-hpv41", protection={"block_s": PIECE_S})
-    with open_rig(read_bench(bench), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+    with silent_rig(bench, tmp_path / "run") as rig:
         rig.ramp_to(50.0)
         tracemalloc.start()
         try:

@@ -6,19 +6,18 @@ from pathlib import Path
 
 import numpy as np
 
-from hil.bench.open import open_rig
-from hil.bench.read import read_bench
 from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.identification.preparation.experiment import experiment
 from hil.record.read import read_recording
 from tests.bench_files import bench_file
+from tests.driven import silent_rig
 
 TRUTH = {"dead_time": 0.03, "pilot_rate": 9.0, "dead_band": 17.0, "full_flow": 64.0}
 
 
 def test_parameters_of_the_simulated_valve_are_found_again(tmp_path: Path) -> None:
     path = bench_file(tmp_path / "bench.toml", "brevini-hpv41", simulation={"parameters": TRUTH})
-    with open_rig(read_bench(path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+    with silent_rig(path, tmp_path / "run") as rig:
         for level in (40.0, 70.0, 30.0, -50.0, -80.0, -40.0, 60.0, 100.0, 55.0):
             rig.play(np.full(round(rig.rate_hz), level), part={"kind": "level", "level": level})
     start = starting_model("brevini-hpv41", ())

@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.errors import LinkError, exit_status_of
 from hil.errors import with_notes as said
 from hil.record.folder import RunWriter
 from hil.record.header import read_end
 from hil.record.read import read_recording
+from tests.driven import silent_rig
 from tests.faults import Observer, observed, start_run, watchdog_of
 from tests.links import served
 from tests.waits import PATIENCE_S
@@ -137,7 +137,7 @@ def test_a_watchdog_that_cannot_reach_the_device_lets_nothing_move(tmp_path: Pat
 
 def lose(file: BenchFile, run: Path, device: Any) -> None:
     """Drive until the cable is pulled."""
-    with open_rig(file, run, {}, lambda _done, _text: None) as rig:
+    with silent_rig(file, run) as rig:
         rig.ramp_to(40.0)
         device.answer = lambda _request: b""
         rig.hold(30.0)

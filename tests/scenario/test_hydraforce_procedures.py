@@ -7,9 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from hil.bench.find import benches
-from hil.bench.open import open_rig
-from hil.bench.read import read_bench
 from hil.errors import InputError, SettingError, StoppedError
 from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.identification.preparation.experiment import experiment
@@ -20,6 +17,7 @@ from hil.rig import RoleChannel
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings
 from tests.bench_files import bench_file
+from tests.driven import driven, silent_rig
 from tests.still_rig import Still
 
 BENCH, OPEN_BENCH = "hydraforce-sp08-47c", "hydraforce-open-loop"
@@ -33,11 +31,7 @@ def measure(tmp_path):
 
     def run(name, bench=BENCH, /, **given):
         procedure = load_procedure(name)
-        values = parse_settings(procedure.settings, given)
-        folder = tmp_path / name
-        with open_rig(read_bench(benches()[bench]), folder, {"settings": values}, lambda _done, _text: None) as rig:
-            procedure.run(rig, **values)
-        return procedure.evaluate(read(folder))
+        return procedure.evaluate(driven(procedure, bench, tmp_path / name, given))
 
     return run
 
@@ -231,15 +225,12 @@ def open_bench_with(folder, parameters):
 
 
 def test_a_valve_larger_than_stated_is_stopped_at_the_end_of_the_stroke(tmp_path):
-    procedure = load_procedure(SINE)
     given = {"cycles": "1", "amplitude": "20", "offset": "60", "frequency_rad_s": "2"}
-    values = parse_settings(procedure.settings, given | {"full_flow_lpm": "8"})
     path = open_bench_with(tmp_path, {"rated_flow": 25.0})
     with (
         pytest.raises(StoppedError, match=r"'end-of-stroke': [\s\S]* stopped\soutputs are safe"),
-        open_rig(read_bench(path), tmp_path / "run", {"settings": values}, lambda _done, _text: None) as rig,
     ):
-        procedure.run(rig, **values)
+        driven(load_procedure(SINE), path, tmp_path / "run", given | {"full_flow_lpm": "8"})
     assert read(tmp_path / "run").values("position").max() < 125.5
 
 
@@ -247,7 +238,7 @@ def test_levels_that_turn_back_tell_the_open_valves_physics_the_magnets_loop_inc
     truth = {"first_flow": 0.45, "hysteresis": 0.06, "edge_supply_b": 0.7, "coulomb": 400.0, "load": 1500.0}
     path = open_bench_with(tmp_path, truth)
     levels = (0.7, 0.9, 0.7, 0.6, -0.9, -0.65, -0.9, -0.6, 0.8, 0.55, 1.0, -1.0, -0.7, 0.65, 0.9)
-    with open_rig(read_bench(path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+    with silent_rig(path, tmp_path / "run") as rig:
         for level in levels:
             rig.play(np.full(400, level))
     start = starting_model(OPEN_BENCH, ())

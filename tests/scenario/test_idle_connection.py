@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.bench.open import open_rig
-from hil.bench.read import read_bench
 from hil.errors import HardwareError
 from hil.rig import Rig
+from tests.driven import silent_rig
 from tests.links import served
 from tests.observer import Line
 
@@ -30,7 +29,7 @@ def behind_a_relay(tmp_path: Path) -> Iterator[tuple[Rig, Line]]:
             encoding="utf-8",
         )
         try:
-            with open_rig(read_bench(path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+            with silent_rig(path, tmp_path / "run") as rig:
                 yield rig, relay
         finally:
             relay.close()

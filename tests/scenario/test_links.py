@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from hil.bench.find import benches
-from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.clock import VirtualClock
 from hil.daq.contract import Block, Waveform, joined
@@ -22,6 +21,7 @@ from hil.record.recording import Array, Recording
 from hil.session.procedure import load_procedure
 from hil.signals.sine_fit import sine_fit
 from tests import link_page
+from tests.driven import silent_rig
 from tests.fault_page import PAGE
 from tests.links import CALM, answered, bench_text, devices_of, moved, served
 from tests.simulated import FLOW, SPOOL, hpv41
@@ -92,7 +92,7 @@ def linked(file: BenchFile, folder: Path, rate_hz: float = RATE_HZ) -> tuple[Res
     """
     for attempt in range(TRIES):
         try:
-            with open_rig(file, folder / f"run {attempt}", {}, lambda _d, _t: None) as rig:
+            with silent_rig(file, folder / f"run {attempt}") as rig:
                 name = rig.response.name
                 played = rig.play(command(rate_hz), rig.actual_rate_hz(rate_hz), part={"kind": "sine"})
         except (LinkError, RangeError) as error:
@@ -149,7 +149,7 @@ def test_devices_are_served_in_a_process_of_their_own(tmp_path: Path) -> None:
 
 def test_step_response_of_the_procedure_is_the_direct_one(tmp_path: Path) -> None:
     def rise(file: BenchFile, folder: Path) -> Measured:
-        with open_rig(file, folder, {"settings": {"band": 2.0}}, lambda _d, _t: None) as rig:
+        with silent_rig(file, folder, {"settings": {"band": 2.0}}) as rig:
             procedure.run(rig, levels=(0.0, 60.0), hold_s=0.9, rate_hz=100.0)
         measured = procedure.evaluate(read_recording(folder)).measured
         return next(quantity for quantity in measured if quantity.name.startswith("rise"))

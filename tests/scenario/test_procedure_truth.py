@@ -5,17 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.bench.find import benches
-from hil.bench.open import open_rig
-from hil.bench.read import read_bench
 from hil.identification.frequency.measuring_chain import MeasuringChain
 from hil.identification.frequency.sine_test import sine_test
 from hil.physics.compose import plant
 from hil.physics.published import tordal
-from hil.record.folder import read
 from hil.session.procedure import load_procedure
-from hil.session.setting import parse_settings
 from tests.bench_files import bench_file
+from tests.driven import driven
 
 BENCH = "brevini-hpv41"
 VALVE = plant(BENCH)
@@ -28,14 +24,9 @@ SENSOR = MeasuringChain(sensor_lag_s=TRUTH["sensor_lag"])
 def measure(tmp_path):
     """Findings of a procedure on the bench, without a report."""
 
-    def run(name, bench=None, **given):
+    def run(name, bench=BENCH, **given):
         procedure = load_procedure(name)
-        values = parse_settings(procedure.settings, given)
-        folder = tmp_path / name
-        file = read_bench(bench or benches()[BENCH])
-        with open_rig(file, folder, {"settings": values}, lambda _done, _text: None) as rig:
-            procedure.run(rig, **values)
-        return procedure.evaluate(read(folder))
+        return procedure.evaluate(driven(procedure, bench, tmp_path / name, given))
 
     return run
 
@@ -80,8 +71,9 @@ def test_stepped_sines_give_the_describing_function_dead_time_and_bandwidths(mea
 
 def test_responses_of_one_valve_have_one_form_whose_dead_times_hold_the_truth(measure):
     # friction bends each amplitude in another way: alone, each response would choose a form of its own
-    bench = benches()["hpv41-identified"]
-    findings = measure("frequency_response", bench, amplitudes="5,10,20", biases="50,-50", measure_periods="2")
+    findings = measure(
+        "frequency_response", "hpv41-identified", amplitudes="5,10,20", biases="50,-50", measure_periods="2"
+    )
     models = [curve["model"] for curve in findings.curves["responses"]]
     assert {(*map(str, model["coefficients"]),) for model in models} == {("b0", "a2", "a1", "a0", "dead_time_s")}
     truth_s = tordal.valve().values["dead_time"]

@@ -19,7 +19,6 @@ import pytest
 from audit_trail import read_audit
 
 from hil.bench.find import find_bench
-from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.stop.control import asking
 from hil.record.events import read_events
@@ -27,6 +26,7 @@ from hil.record.header import read_end
 from hil.safety.interrupt import Halted, terminable
 from hil.safety.operator import Operator
 from tests import observer
+from tests.driven import silent_rig
 from tests.faults import STRANGER, start_run
 from tests.links import CALM, served
 from tests.stops import posted
@@ -142,7 +142,7 @@ def test_stop_of_a_run_that_hangs_is_taken_over(tmp_path: Path) -> None:
 
 
 def drive_for_ever(file: BenchFile, run: Path) -> None:
-    with terminable(), open_rig(file, run, {}, lambda _done, _text: None, operator=Operator()) as rig:
+    with terminable(), silent_rig(file, run, operator=Operator()) as rig:
         while True:
             rig.play(np.full(1000, 20.0))
 

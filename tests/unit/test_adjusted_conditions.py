@@ -21,6 +21,7 @@ from hil.safety.operator import Operator
 from hil.session.procedure import load_procedure
 from hil.session.run import rehearse_procedure, run_procedure
 from procedures._conditions import adjusted
+from tests.driven import silent_rig
 
 LAB = benches()["four-way-lab"].read_text(encoding="utf-8")
 ORDER = 'shutdown_order = ["supply setting", "command", "load orifice"]'
@@ -36,12 +37,8 @@ def bench(tmp_path: Path, *changes: tuple[str, str]):
     return read_bench(path)
 
 
-def opened(file, out: Path):
-    return open_rig(file, out, {}, lambda _done, _text: None)
-
-
 def test_a_condition_is_adjusted_at_its_slew_while_the_command_stands_and_comes_back(tmp_path: Path) -> None:
-    with opened(bench(tmp_path), tmp_path / "run") as rig:
+    with silent_rig(bench(tmp_path), tmp_path / "run") as rig:
         assert set(rig.adjustable) == {"supply pressure", "load orifice", "tank pressure", "oil temperature"}
         assert rig.adjustable["supply pressure"].operating_point == 70.0
         rig.ramp_to(20.0)
@@ -63,7 +60,7 @@ def test_a_condition_is_adjusted_at_its_slew_while_the_command_stands_and_comes_
 
 
 def test_a_condition_beyond_its_limits_moves_nothing(tmp_path: Path) -> None:
-    with opened(bench(tmp_path), tmp_path / "run") as rig:
+    with silent_rig(bench(tmp_path), tmp_path / "run") as rig:
         with pytest.raises(RangeError, match="supply setting"):
             rig.adjust({"supply pressure": 211.0})
         assert rig.hold(0.01).values("supply setting")[-1] == 70.0
@@ -71,7 +68,7 @@ def test_a_condition_beyond_its_limits_moves_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("ordered", [True, False])
 def test_outputs_go_to_their_safe_values_in_the_order_of_the_bench_file(tmp_path: Path, ordered: bool) -> None:
-    with opened(bench(tmp_path, *(() if ordered else ((ORDER, ""),))), tmp_path / "run") as rig:
+    with silent_rig(bench(tmp_path, *(() if ordered else ((ORDER, ""),))), tmp_path / "run") as rig:
         rig.ramp_to(50.0)
     run = read_recording(tmp_path / "run")
     supply, command, load = (run.values(name) for name in ("supply setting", "command", "load orifice"))
@@ -170,7 +167,7 @@ def test_somebody_sets_a_condition_by_hand_and_the_reading_is_held_against_it(
 
 
 def test_nobody_is_asked_where_nobody_is_and_a_value_beyond_the_range_is_refused(tmp_path: Path) -> None:
-    with opened(by_hand(tmp_path), tmp_path / "run") as rig:
+    with silent_rig(by_hand(tmp_path), tmp_path / "run") as rig:
         rig.adjust({"supply pressure": 150.0})
         with pytest.raises(RangeError, match="cannot be set by hand"):
             rig.adjust({"supply pressure": 250.0})

@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 
 from hil.bench.find import benches
-from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.errors import HilError, RangeError, StoppedError, StorageError, TrippedError, with_notes
 from hil.record.measurement import Findings
@@ -26,6 +25,7 @@ from hil.rig import Rig
 from hil.safety.outputs import Outputs
 from hil.session.procedure import Procedure
 from hil.session.run import run_procedure
+from tests.driven import silent_rig
 from tests.once import once
 
 pytestmark = pytest.mark.usefixtures("unprinted")
@@ -158,14 +158,14 @@ def test_run_in_a_thread_of_the_procedure_ends_there_too(tmp_path: Path) -> None
 
 
 def test_what_is_refused_before_its_first_sample_is_no_end(tmp_path: Path) -> None:
-    with open_rig(bench(tmp_path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+    with silent_rig(bench(tmp_path), tmp_path / "run") as rig:
         with pytest.raises(RangeError):
             hold(rig, 900.0)
         assert len(hold(rig)) == 100
 
 
 def test_reader_who_leaves_a_stream_may_go_on(tmp_path: Path) -> None:
-    with open_rig(bench(tmp_path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+    with silent_rig(bench(tmp_path), tmp_path / "run") as rig:
         stream = rig.stream(np.full(50, 40.0) for _ in range(20))
         next(iter(stream))
         stream.close()  # type: ignore[attr-defined] # it is a generator
@@ -173,7 +173,7 @@ def test_reader_who_leaves_a_stream_may_go_on(tmp_path: Path) -> None:
 
 
 def leave_by(error: BaseException, tmp_path: Path) -> None:
-    with open_rig(bench(tmp_path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+    with silent_rig(bench(tmp_path), tmp_path / "run") as rig:
         hold(rig)
         raise error
 
@@ -195,7 +195,7 @@ def test_procedure_that_calls_sys_exit_is_named(tmp_path: Path) -> None:
 
 
 def fork_within(tmp_path: Path, pipe: int) -> None:
-    with open_rig(bench(tmp_path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+    with silent_rig(bench(tmp_path), tmp_path / "run") as rig:
         hold(rig)
         if not (child := os.fork()):
             try:

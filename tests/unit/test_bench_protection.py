@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from hil.bench.file import Bench
-from hil.bench.open import open_rig
 from hil.bench.protection import envelopes_of, protection_of
 from hil.bench.read import read_bench
 from hil.errors import StoppedError
 from hil.safety.envelope import Dwell, Envelope
 from hil.safety.interlock import Band, Interlock
 from tests.bench_files import bench_file
+from tests.driven import silent_rig
 
 
 def bench(tmp_path: Path, **tables: Any) -> Bench:
@@ -47,6 +47,6 @@ def test_broken_cable_is_noticed_before_anything_moves(tmp_path: Path) -> None:
     path = bench_file(tmp_path / "bench.toml", "cummins-efc", simulation=broken)
     with (
         pytest.raises(StoppedError, match="live-zero"),
-        open_rig(read_bench(path), tmp_path / "run", {}, lambda _done, _text: None) as rig,
+        silent_rig(path, tmp_path / "run") as rig,
     ):
         rig.play(np.full(100, 1.5))

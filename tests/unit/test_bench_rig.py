@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.bench.open import open_rig
-from hil.bench.read import read_bench
 from hil.bench.recorder import Recorder
 from hil.bench.rig import BenchRig
 from hil.daq.contract import Block
@@ -24,6 +22,7 @@ from hil.record.read import read_recording
 from hil.record.recording import Recording
 from hil.rig import Rig
 from tests.bench_files import bench_file
+from tests.driven import silent_rig
 
 QUICK = {"protection": {"block_s": 0.1}}
 
@@ -31,7 +30,7 @@ QUICK = {"protection": {"block_s": 0.1}}
 @contextmanager
 def rig_of(tmp_path: Path, run: str = "run", **tables: Any) -> Iterator[BenchRig]:
     path = bench_file(tmp_path / f"{run}.toml", "brevini-hpv41", **tables)
-    with open_rig(read_bench(path), tmp_path / run, {"procedure": "test"}, lambda _done, _text: None) as rig:
+    with silent_rig(path, tmp_path / run, {"procedure": "test"}) as rig:
         yield rig
 
 
@@ -275,7 +274,7 @@ def test_run_that_lacks_a_channel_is_not_resumed(tmp_path: Path) -> None:
     older = replace(earlier, channels={"flow": earlier.channels["flow"]})
     with (
         pytest.raises(FileError, match="no channel 'command'; an earlier version of this program recorded it"),
-        open_rig(read_bench(tmp_path / "run.toml"), tmp_path / "again", {}, lambda _d, _t: None, (), older),
+        silent_rig(tmp_path / "run.toml", tmp_path / "again", earlier=older),
     ):
         pytest.fail("it was opened")
 

@@ -8,9 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.bench.find import benches
-from hil.bench.open import open_rig
-from hil.bench.read import read_bench
 from hil.daq.channel import OutputChannel, Pwm
 from hil.identification.preparation.driven import FINER, PHASES, as_driven, with_dither
 from hil.identification.preparation.experiment import experiment
@@ -18,6 +15,7 @@ from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate
 from hil.record.folder import read
 from hil.record.recording import Recording, recording
+from tests.driven import silent_rig
 
 
 def recorded(**how: float) -> Recording:
@@ -121,9 +119,7 @@ def test_an_output_says_how_it_is_driven() -> None:
 
 
 def test_the_header_of_a_run_knows_how_its_outputs_are_driven(tmp_path: Path) -> None:
-    with open_rig(
-        read_bench(benches()["hydraforce-open-loop"]), tmp_path / "run", {}, lambda _done, _text: None
-    ) as rig:
+    with silent_rig("hydraforce-open-loop", tmp_path / "run") as rig:
         rig.hold(0.1)
     header = read(tmp_path / "run").meta["driven"]["current"]
     assert header["step"] == pytest.approx(0.12 * 20.0 / 2**16)
