@@ -264,17 +264,11 @@ def test_a_source_with_coarse_steps_works_when_they_are_said() -> None:
                 link.read()
 
 
-@pytest.mark.parametrize("end", ["LF", "CRLF", "CR"])
-def test_line_ends(end: Any) -> None:
+@pytest.mark.parametrize(("end", "answers_with"), [*ENDS.items(), ("LF", b"\r\n")])
+def test_line_ends(end: Any, answers_with: bytes) -> None:
     device = Instrument()
     device.end = ENDS[end]
-    with source(device, end=end) as link:
-        assert link.read()["coil current"] == 1.5
-
-
-def test_answers_with_cr_lf_need_no_setting() -> None:
-    device = Instrument()
-    with source(lambda came: device(came).replace(b"\n", b"\r\n")) as link:
+    with source(lambda came: device(came).replace(device.end, answers_with), end=end) as link:
         assert [link.read()["coil current"] for _ in range(3)] == [1.5] * 3
 
 

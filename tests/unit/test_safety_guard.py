@@ -47,12 +47,6 @@ def test_waveform_is_checked_whole_before_its_first_sample() -> None:
     assert 5.0 not in driven(wire)
 
 
-def test_outputs_are_made_safe_when_the_guard_is_put_in_front() -> None:
-    wire = Wire(levels={"a": 4.0}, safe={"a": 1.0})
-    Guard(wire, protection())
-    assert wire.levels["a"] == 1.0
-
-
 def test_interlocks_are_judged_before_anything_moves() -> None:
     wire = Wire()
     wire.offset = 7.0
@@ -98,14 +92,6 @@ def test_trip_on_the_way_down_jumps() -> None:
     steps = np.diff(driven(wire)[-3:])
     assert steps[-1] < -1.5 and wire.levels["a"] == 0.0
     assert wire.closed == 1
-
-
-def test_indicate_only_writes_an_event_once() -> None:
-    events: list[tuple[str, dict[str, Any]]] = []
-    guard = Guard(Wire(), protection(high("indicate")), note=lambda event, **details: events.append((event, details)))
-    list(guard.play(wave(7.0, samples=50)))
-    assert [event for event, _ in events] == ["indicate"]
-    assert events[0][1]["interlock"] == "high"
 
 
 def test_hold_waits_before_the_next_part_until_the_condition_is_met() -> None:
