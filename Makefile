@@ -74,7 +74,7 @@ acceptance-risk: $(STAMP)  ## what the EFC's acceptance test risks (WHOLE=200, J
 	$(BIN)/python benchmarks/acceptance_risk.py --whole $(or $(WHOLE),200) --judged $(or $(JUDGED),1000)
 
 papers: $(STAMP)  ## the papers' numbers beside those of the commands: pages and notebooks in docs
-	$(BIN)/python docs/papers.py
+	$(BIN)/python -m docs.papers
 	$(BIN)/python docs/notebooks.py
 
 notebooks: $(STAMP)  ## whether the notebooks still print what is kept in them

@@ -1,18 +1,21 @@
-"""Put the papers' numbers beside what the commands print: a table in each of the three pages about a paper.
+"""Put the papers' numbers beside what the commands print, and true ones beside those of one's own recordings.
 
-    python docs/papers.py
+    python -m docs.papers
 
-runs every command and writes the tables between their marks; a test does the same and compares.
+runs every command and writes two tables in each of the three pages about a paper, between their marks; a test does the
+same and compares.
 """
 
 from __future__ import annotations
 
+import cmath
 import contextlib
 import io
 import json
+import math
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,9 +28,12 @@ from hil.physics.published import tordal, tugsal
 from hil.record.read import write_recording
 from hil.record.recording import recording
 from hil.record.response_table import ResponseTable, write_response_table
+from hil.signals.interval import COVERED, rounded, width
+from tests import own_valves
 
 PAGES = Path(__file__).parent / "explanation"
 BEGIN, END = "<!-- Made by docs/papers.py: begin -->", "<!-- end -->"
+OWN = "<!-- Own recordings, made by docs/papers.py: begin -->"
 
 
 @dataclass(frozen=True)
@@ -38,6 +44,16 @@ class Row:
     command: str
     paper: str
     read: Callable[[Any], str]
+
+
+@dataclass(frozen=True, slots=True)
+class OwnRow:
+    """A true number of a simulated valve, the command that measures it, and value and std in what that prints."""
+
+    what: str
+    command: str
+    true: float
+    read: Callable[[Any], tuple[float, float | None]]
 
 
 _ORDERS = "--plant transfer-function --poles 3 --zeros 1 --no-dead-time"
@@ -117,6 +133,97 @@ def _tugsal() -> Iterator[Row]:
     )  # fmt: skip
 
 
+_SINES = "hil analyse sines sines.csv --json"
+_FLOW = "hil analyse flow sweep.csv half-speed.csv --degree 9 --json"
+_OPEN = "hil identify open.csv --plant transfer-function --input current --output position --out open.json --json"
+_PROCESS = "hil analyse process closed.csv --skip 6 --json"
+_CORNERS = "hil analyse sines efc-sines.csv --out efc.csv; hil analyse corners efc.csv --poles 3 --json"
+_CURVE = "hil analyse flow efc-sweep.csv --neutral 1.2 --out efc-curve.csv --json"
+_K = "hil analyse compose efc-curve.csv cummins-efc --out start.json; hil linearise start.json --at 1.5 --json"
+_CLASSES = "hil analyse classes good bad --judge new.csv --json"
+
+
+def own_rows() -> dict[str, list[OwnRow]]:
+    """The rows of one's own recordings by page."""
+    return {
+        "hpv41-paper.md": [*_own_sines(), *_own_curve()],
+        "hydraforce-paper.md": list(_own_cylinder()),
+        "efc-thesis.md": list(_own_efc()),
+    }
+
+
+def _own_sines() -> Iterator[OwnRow]:
+    valve = (own_valves.hpv41, own_valves.HPV41_REST, 50.0, 10.0)
+    for samples in (1000, 250, 80):
+        line, hz = own_valves.SINES.index(samples), own_valves.RATE_HZ / samples
+        true = own_valves.harmonic(*valve, samples, 3, own_valves.RATE_HZ)
+        yield OwnRow(f"eqs 1, 4 to 6: gain at {hz:g} Hz, l/min per %", _SINES, abs(true), _line("gain", line))
+        phase_deg = math.degrees(cmath.phase(true))
+        yield OwnRow("eq. 2: phase there, °", _SINES, phase_deg, _line("phase_deg", line))
+
+
+def _own_curve() -> Iterator[OwnRow]:
+    commands = np.linspace(0.0, 100.0, 501)
+    flow = own_valves.at_rest(own_valves.hpv41, own_valves.HPV41_REST, 3, commands + own_valves.HPV41_STICKS)
+    (end,) = own_valves.at_rest(own_valves.hpv41, own_valves.HPV41_REST, 3, [100.0])
+    linear = (flow >= 0.3 * end) & (flow <= 0.9 * end)
+    both, odd = np.concatenate((-commands[:0:-1], commands)), np.concatenate((-flow[:0:-1], flow))
+    powers = np.polynomial.Polynomial.fit(both, odd, 9)
+    edge = own_valves.edge_of_power_law(commands, flow)
+    each = {
+        "response_high": ("flow at 100 %, l/min", end),
+        "dead_band_positive": ("dead band, upper edge, %", edge),
+        "dead_band_negative": ("dead band, lower edge, %", -edge),
+        "gain_positive": ("gain, l/min per %", np.polyfit(commands[linear], flow[linear], 1)[0]),
+        "hysteresis": ("hysteresis, % of the sweep", own_valves.HPV41_STICKS),
+        "lag": ("lag, ms", own_valves.HPV41_LAG_MS),
+    }
+    for name, (what, true) in each.items():
+        yield OwnRow(f"figure 6: {what}", _FLOW, float(true), _figure(name))
+    yield OwnRow("its polynomial of degree 9 at 50 %, l/min", _FLOW, float(powers(50.0)), _on_curve(5, 50.0))
+    yield OwnRow("its spline at 50 %, l/min", _FLOW, float(np.interp(50.0, commands, flow)), _on_curve(1, 50.0))
+
+
+def _own_cylinder() -> Iterator[OwnRow]:
+    valve = (own_valves.cylinder, own_valves.CYLINDER_REST)
+    slow, fast = own_valves.at_rest(*valve, 3, own_valves.LEVELS_A)
+    gain = (fast - slow) / (own_valves.LEVELS_A[1] - own_valves.LEVELS_A[0])
+    yield OwnRow("eq. 8: speed per current, mm/s per A", _OPEN, gain, _parameter("integrator_gain"))
+    yield OwnRow("its lag, s", _OPEN, own_valves.SPOOL_LAG_S, _parameter("lag_time"))
+    closed = own_valves.poles(*valve, sum(own_valves.LEVELS_A) / 2.0, gain=0.04, row=4)
+    slowest = float(closed[-1].real)
+    command = "hil analyse loop open.json --close 0.04 --json"
+    yield OwnRow("eq. 8: slowest pole over a K_tk of 0.04, rad/s", command, slowest, _slowest)
+    true = own_valves.closed_harmonic()
+    gain, time_s = abs(true) / math.cos(cmath.phase(true)), -math.tan(cmath.phase(true))
+    yield OwnRow("section 5: gain of the process model", _PROCESS, gain, lambda f: (f["gain"], f["gain_std"]))
+    yield OwnRow("its time constant, s", _PROCESS, time_s, lambda f: (f["time_s"], f["time_std_s"]))
+
+
+def _own_efc() -> Iterator[OwnRow]:
+    valve = (own_valves.efc, own_valves.EFC_REST)
+    for k, pole in enumerate(sorted(-own_valves.poles(*valve, 1.5, 3).real)):
+        yield OwnRow(
+            f"eqs 3.1 to 3.6: pole {k + 1}, rad/s", _CORNERS, float(pole),
+            lambda f, k=k: (f["poles_rad_s"][k], f["poles_std_rad_s"][k]),
+        )  # fmt: skip
+    commands = np.linspace(1.2, 2.0, 401)
+    pressure = own_valves.at_rest(*valve, 2, commands)
+    half = float(np.interp((pressure[0] + pressure[-1]) / 2.0, pressure, commands))
+    yield OwnRow("static curve: current at half the change, A", _CURVE, half, _figure("command_half"))
+    slope = np.gradient(pressure, commands)
+    yield OwnRow("its steepest slope, psi/A", _CURVE, float(slope.max()), _figure("gain_largest"))
+    true = float(np.interp(1.5, commands, slope))
+    yield OwnRow("eqs 2.15 to 2.17 at 1.5 A: K₁/K₂, psi/A", _K, true, lambda f: (f["gains"]["K_1/K_2"]["value"], None))
+    for name in ("accepted_bad", "refused_good"):
+        what = f"ten good and five bad valves: {name.replace('_', ' ')}"
+        yield OwnRow(what, _CLASSES, 0.0, lambda f, name=name: (float(f[name]["count"]), None))
+    yield OwnRow(
+        "another bad valve is called bad (1)", _CLASSES, 1.0,
+        lambda f: (float(f["others"][0]["found"] == "bad"), None),
+    )  # fmt: skip
+
+
 def prepare(folder: Path) -> None:
     """The recordings that the commands read: what the papers print, as files."""
     frequency_hz = np.geomspace(0.1, 20.0, 60)
@@ -132,16 +239,18 @@ def prepare(folder: Path) -> None:
         )
 
 
-def made() -> dict[str, str]:
-    """The table of each page, every command run once."""
-    printed: dict[str, Any] = {}
+def made() -> dict[str, tuple[str, str]]:
+    """Both tables of each page, every command run once."""
+    own = own_rows()
+    printed = _printed(row.command for page in (*rows().values(), *own.values()) for row in page)
+    return {page: (_table(found, printed), _own_table(own[page], printed)) for page, found in rows().items()}
+
+
+def _printed(commands: Iterable[str]) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
         prepare(Path(name))
-        every = rows()
-        for row in (row for page in every.values() for row in page):
-            if row.command not in printed:
-                printed[row.command] = _run(row.command)
-    return {page: _table(found, printed) for page, found in every.items()}
+        own_valves.write_recordings(Path(name))
+        return {command: _run(command) for command in dict.fromkeys(commands)}
 
 
 def _table(found: Sequence[Row], printed: dict[str, Any]) -> str:
@@ -150,36 +259,90 @@ def _table(found: Sequence[Row], printed: dict[str, Any]) -> str:
     for row in found:
         number = commands.index(row.command) + 1
         lines.append(f"| {row.what} | {row.paper} | {number} | {row.read(printed[row.command])} |")
-    said = [f"{number}. `{command.replace('; ', '`, `')}`" for number, command in enumerate(commands, 1)]
-    return "\n".join([*lines, "", *said])
+    return "\n".join([*lines, "", *_numbered(commands)])
+
+
+def _own_table(found: Sequence[OwnRow], printed: dict[str, Any]) -> str:
+    """True numbers beside those that a command gives, to the digits that ± leaves."""
+    commands = list(dict.fromkeys(row.command for row in found))
+    lines, held = ["| what | true | command | gives |", "|---|---|---|---|"], list[bool]()
+    for row in found:
+        value, std = row.read(printed[row.command])
+        held += [abs(value - row.true) <= COVERED * std] if std else []
+        true, gives = (
+            (rounded(row.true, std), f"{rounded(value, std)} {width(std)}") if std else map(_number, (row.true, value))
+        )
+        lines.append(f"| {row.what} | {true} | {commands.index(row.command) + 1} | {gives} |".replace(" -", " −"))
+    said = f"{sum(held)} of the {len(held)} intervals (95 %) hold the true number."
+    return "\n".join([*lines, "", said, "", *_numbered(commands)])
+
+
+def _numbered(commands: Sequence[str]) -> list[str]:
+    return [f"{number}. `{command.replace('; ', '`, `')}`" for number, command in enumerate(commands, 1)]
 
 
 def _run(command: str) -> Any:
     """What the last of several commands prints, as JSON."""
     out = ""
     for one in command.split("; "):
-        said = io.StringIO()
-        with patch("sys.argv", one.split()), contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        said, noted = io.StringIO(), io.StringIO()
+        with patch("sys.argv", one.split()), contextlib.redirect_stdout(said), contextlib.redirect_stderr(noted):
             if app.main() != 0:
-                raise RuntimeError(f"{one}: {said.getvalue()}")
+                raise RuntimeError(f"{one}: {noted.getvalue()}")
         out = said.getvalue()
     return json.loads(out)
 
 
-def page_with(text: str, table: str) -> str:
-    """A page with its table exchanged."""
-    before, _, rest = text.partition(BEGIN)
-    return f"{before}{BEGIN}\n\n{table}\n\n{END}{rest.partition(END)[2]}"
+def page_with(text: str, tables: tuple[str, str]) -> str:
+    """A page with its tables exchanged."""
+    for begin, table in zip((BEGIN, OWN), tables, strict=True):
+        before, _, rest = text.partition(begin)
+        text = f"{before}{begin}\n\n{table}\n\n{END}{rest.partition(END)[2]}"
+    return text
 
 
 def main() -> None:
     """Write every page that differs."""
-    for name, table in made().items():
+    for name, tables in made().items():
         path = PAGES / name
         text = path.read_text(encoding="utf-8")
-        if (new := page_with(text, table)) != text:
+        if (new := page_with(text, tables)) != text:
             path.write_text(new, encoding="utf-8")
             print(f"{path}: written{os.linesep}", end="")
+
+
+def _line(name: str, line: int) -> Callable[[Any], tuple[float, float | None]]:
+    std = {"gain": "gain_std", "phase_deg": "phase_std_deg"}[name]
+    return lambda found: (found["responses"][0][name][line], found["responses"][0][std][line])
+
+
+def _figure(name: str) -> Callable[[Any], tuple[float, float | None]]:
+    return lambda found: next((one["value"], one["std"]) for one in found["values"] if one["name"] == name)
+
+
+def _on_curve(column: int, command: float) -> Callable[[Any], tuple[float, float | None]]:
+    """A column of the curve at a command, and the curve's uncertainty there."""
+
+    def read(found: Any) -> tuple[float, float]:
+        columns = [one["values"] for one in found["curve"]]
+        of = [one["name"].startswith("std ") for one in found["curve"]].index(True)
+        return float(np.interp(command, columns[0], columns[column])), float(
+            np.interp(command, columns[0], columns[of])
+        )
+
+    return read
+
+
+def _parameter(name: str) -> Callable[[Any], tuple[float, float | None]]:
+    def read(found: Any) -> tuple[float, float]:
+        one = found["model"]["parameters"][name]
+        return one["value"], one["std"]
+
+    return read
+
+
+def _slowest(found: Any) -> tuple[float, None]:
+    return max(pole.real for pole in np.roots(found["denominator"])), None
 
 
 def _gain(name: str) -> Callable[[Any], str]:
