@@ -8,11 +8,13 @@ from typing import Any
 
 from pydantic import PositiveFloat, PositiveInt
 
+from drivers._edge import message_of
 from drivers._meeting import RequestLine, RequestSettings
 from drivers._ports import TcpPort, host_and_port, serial_port
 from drivers._shared_port import SharedPort
 from drivers._start_up import once_started
-from hil.daq.address import address_fault
+from drivers._visa import VisaPort
+from hil.daq.address import address_fault, is_visa
 from hil.daq.channel import Wiring
 from hil.description.named import Described
 from hil.description.text import ENDS, Talk
@@ -29,14 +31,19 @@ class SerialSettings(RequestSettings, Described):
 
     Attributes:
         model, description: see `hil.description.named`.
-        address: a serial port, `usb:` with the number or place of its adapter, `socket://host:port`, or
-            `rfc2217://host:port`.
+        address: a serial port, `usb:` with the number or place of its adapter, `socket://host:port`,
+            `rfc2217://host:port`, or a resource of VISA.
         baud: of a serial port.
         timeout_s, longest_reply_s, echo, pause_s: see `RequestSettings`.
     """
 
     baud: PositiveInt = 9600
     timeout_s: PositiveFloat = 0.5
+
+
+def needed_for(settings: SerialSettings) -> tuple[str, ...]:
+    """Packages that must be installed to reach it."""
+    return ("pyvisa_py" if is_visa(settings.address) else "serial",)
 
 
 def answering(settings: Any, wiring: Wiring, talk: Talk, hello: str, end: str, *, driver: str) -> Line:
@@ -70,7 +77,7 @@ def answering(settings: Any, wiring: Wiring, talk: Talk, hello: str, end: str, *
 
 
 class Line(RequestLine):
-    """A serial port (`/dev/ttyUSB0`), a serial server (`socket://host:port`) or one by RFC 2217.
+    """A serial port (`/dev/ttyUSB0`), a serial server (`socket://host:port`), one by RFC 2217, or a resource of VISA.
 
     An answer on such a line has no number. So after a failure nothing is asked until no late answer can come any
     more, and then the line begins empty.
@@ -135,13 +142,20 @@ class Line(RequestLine):
     def failed(self, text: str) -> LinkError:
         """After an answer that cannot be used nothing is asked for a while; what comes then is thrown away."""
         self._keep_quiet()
-        if self._port is not None:
+        if isinstance(self._port, VisaPort):  # what the instrument still says would be its next answer
+            self.drop()
+        elif self._port is not None:
             self._port.hold_nothing_back()
         return LinkError(text)
 
-    def _opened(self) -> TcpPort | SharedPort:
+    def _opened(self) -> TcpPort | SharedPort | VisaPort:
         if fault := address_fault(self._address):
             raise DeviceLostError(fault)
+        if is_visa(self._address):
+            try:
+                return VisaPort(self._address, self._timeout_s, self._answer_end)
+            except Exception as error:
+                raise DeviceLostError(f"{self._address}: cannot be opened: {message_of(error)}") from None
         behind = host_and_port(self._address.partition("socket://")[2])
         if behind is None:
             return serial_port(self._place, self._timeout_s, self._baud, "N", exclusive=None)

@@ -1,4 +1,4 @@
-"""SCPI instruments on a serial line or socket: sources and meters; every command is acknowledged by the error queue.
+"""SCPI instruments on a serial line, socket or VISA: sources and meters; the error queue acknowledges every command.
 
 Common commands and the error queue are those of IEEE 488.2 and SCPI; what an instrument is told and asked says its
 description.
@@ -15,7 +15,7 @@ from pydantic import Field, PositiveFloat, PositiveInt
 
 from drivers._described import ByDescription
 from drivers._edge import edge
-from drivers._line import SerialSettings, answering
+from drivers._line import SerialSettings, answering, needed_for
 from drivers._templates import matched
 from drivers._text_link import SpokenLink
 from hil.daq.channel import Wiring
@@ -53,9 +53,9 @@ def probe() -> Any:
     return _probe_scpi
 
 
-def needs(_settings: Settings) -> tuple[str, ...]:
+def needs(settings: Settings) -> tuple[str, ...]:
     """Packages that must be installed."""
-    return ("serial",)
+    return needed_for(settings)
 
 
 def open_link(settings: Settings, wiring: Wiring) -> ScpiLink:

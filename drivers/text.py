@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from drivers._line import needed_for
 from drivers._text_link import DEVICES, Settings, TextLink
 from hil.daq.channel import Wiring
 
@@ -17,9 +18,9 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     yield from DEVICES.watchdog_faults(settings)
 
 
-def needs(_settings: Settings) -> tuple[str, ...]:
+def needs(settings: Settings) -> tuple[str, ...]:
     """Packages that must be installed."""
-    return ("serial",)
+    return needed_for(settings)
 
 
 def open_link(settings: Settings, wiring: Wiring) -> TextLink:

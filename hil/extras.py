@@ -27,6 +27,7 @@ EXTRAS: Mapping[str, str] = {
         ("typst", "pyhanko", "pyhanko_certvalidator", "asn1crypto", "cryptography", "pikepdf", "pypdf"), "passport"
     ),
     **dict.fromkeys(("starlette", "uvicorn", "python_multipart", "argon2", "itsdangerous"), "console"),
+    "pyvisa_py": "visa",
     "nidaqmx": "ni",
     "control": "control",
     "psycopg": "postgresql",

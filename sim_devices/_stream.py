@@ -14,6 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar, Protocol
 
+from hil.daq.address import is_visa
 from hil.errors import FileError
 from sim_devices._field import Side
 from sim_devices._listener import Listener
@@ -197,7 +198,15 @@ class PtyServer(StreamServer):
 
 
 def serve_stream(device: Device, side: Side, quirks: Quirks, address: str) -> StreamServer:
-    """Serve a device on a TCP port (`socket://host:port`) or a pseudo terminal of that name."""
+    """Serve a device on a TCP port (`socket://host:port`) or a pseudo terminal of that name.
+
+    Raises:
+        FileError: it cannot be served there.
+    """
+    if is_visa(address):
+        raise FileError(
+            f'{address}: no twin is reached by VISA; in a copy of the file say address = "socket://127.0.0.1:5025"'
+        )
     scheme, slashes, place = address.partition("://")
     if not slashes:
         return PtyServer(device, side, quirks, address)

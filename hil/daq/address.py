@@ -15,10 +15,17 @@ from hil.errors import DeviceLostError
 _LINES = ("socket", "rfc2217")  # of the addresses that pyserial knows: a serial server, plain or by RFC 2217
 _HARMFUL = ("spy", "alt", "loop", "hwgrep")  # writes a file, loads a class, leads nowhere, takes the first that fits
 _USB = "usb:"
+_VISA_LIKE = re.compile(r"(TCPIP|USB|GPIB|ASRL|PXI|VXI)\d*::", re.IGNORECASE)
+_VISA = re.compile(r"(TCPIP|USB|GPIB)(\d*)::(.+)::INSTR", re.IGNORECASE)
 
 
 def address_fault(address: str) -> str:
     """What is wrong with an address whoever uses it, empty if nothing."""
+    if _VISA_LIKE.match(address) and not is_visa(address):
+        return (
+            f"'{address}': no resource of VISA that is used here; they are TCPIP::host::INSTR (VXI-11), "
+            f"TCPIP::host::hislip0::INSTR, USB0::…::INSTR, GPIB0::12::INSTR, and for a plain socket socket://host:port"
+        )
     scheme = address.partition("://")[0].lower()
     if "://" in address and scheme in _HARMFUL:
         return (
@@ -26,6 +33,11 @@ def address_fault(address: str) -> str:
             f"socket://host:port or rfc2217://host:port"
         )
     return ""
+
+
+def is_visa(address: str) -> bool:
+    """Whether it names an instrument of VISA (`TCPIP::host::INSTR`, `USB0::…::INSTR`, `GPIB0::12::INSTR`)."""
+    return _VISA.fullmatch(address) is not None
 
 
 def is_relayed(settings: Any) -> bool:
@@ -36,6 +48,8 @@ def is_relayed(settings: Any) -> bool:
     address = str(getattr(settings, "address", "")).lower()
     if address.partition(":")[0] in (*_LINES, "socketcand"):
         return True
+    if is_visa(address):  # not an instrument that is on the network itself
+        return re.search(r"::(inst|hislip)\d*(,\d+)?::instr|tcpip\d*::[^:]+::instr", address) is None
     return getattr(settings, "transport", "") == "tcp" and getattr(settings, "unit_id", 1) not in (0, 1, 255)
 
 
@@ -46,6 +60,8 @@ def places_of(address: str) -> list[str]:
         return _hosts(re.split(r"[/?]", rest)[0]) or [address]
     if is_url:
         return [address]
+    if visa := _VISA.fullmatch(address):
+        return _instruments(visa[1].upper(), visa[2] or "0", visa[3])
     if address.startswith("socketcand:"):
         return _hosts(address.partition(":")[2]) or [address]
     if address.startswith("socketcan:"):
@@ -132,6 +148,17 @@ def _hosts(text: str) -> list[str]:
     except (OSError, UnicodeError, OverflowError):
         return [f"{host.lower()}:{int(port)}"]
     return sorted({f"{_one_name(str(place[0]))}:{int(port)}" for *_, place in resolved})
+
+
+def _instruments(kind: str, board: str, rest: str) -> list[str]:
+    """An instrument of VISA: the same by VXI-11 and HiSLIP."""
+    if kind != "TCPIP":
+        return [f"{kind}{board}::{rest.upper()}"]
+    host, _, device = rest.partition("::")
+    name, _, port = device.partition(",")
+    host, _, by_vxi = host.partition(",")
+    number = re.sub(r"^(inst|hislip)", "", name.lower()) or "0"
+    return [f"instrument {number} at {place}" for place in _hosts(f"{host}:{port or by_vxi or 0}")]
 
 
 def _one_name(host: str) -> str:

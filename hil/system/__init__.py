@@ -188,6 +188,12 @@ class System:
 
         return can.Bus(**which)
 
+    def visa(self, name: str, timeout_s: float) -> Any:
+        """A resource of VISA by pyvisa-py, which waits by itself on what it opens; looked for so long."""
+        from pyvisa import ResourceManager
+
+        return ResourceManager("@py").open_resource(name, open_timeout=max(1, round(1000.0 * timeout_s)))
+
     def serve(self, listener: Callable[[], _T], _service: object) -> _T:
         """A listener of `hil.bench.stop`, in an event loop of its own, which is not seen through here."""
         return listener()

@@ -74,11 +74,8 @@ class TcpConnection:
 
     @property
     def is_hung_up(self) -> bool:
-        """Whether the other side has closed it while nothing was awaited, as some do when it idles for a while."""
-        try:
-            return system.is_readable(self._held, 0.0) and not self._held.recv(1, socket.MSG_PEEK)
-        except OSError:
-            return True
+        """See `is_hung_up`."""
+        return is_hung_up(self._held)
 
     def drop(self) -> None:
         """Give it up: nothing more is sent on it."""
@@ -87,6 +84,14 @@ class TcpConnection:
     def let_go(self) -> None:
         """Close it in order: whatever was sent was answered."""
         close(self._held, self._timeout_s)
+
+
+def is_hung_up(made: socket.socket) -> bool:
+    """Whether the other side has closed it while nothing was awaited, as some do when it idles for a while."""
+    try:
+        return system.is_readable(made, 0.0) and not made.recv(1, socket.MSG_PEEK)
+    except OSError:
+        return True
 
 
 def guard(made: socket.socket, timeout_s: float) -> socket.socket:
@@ -98,6 +103,11 @@ def guard(made: socket.socket, timeout_s: float) -> socket.socket:
             made.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, max(1, round(1000.0 * timeout_s)))
     close_in_children(made)
     return made
+
+
+def kept_by(client: object) -> list[socket.socket]:
+    """The sockets that a library's client made by itself."""
+    return [held for held in vars(client).values() if isinstance(held, socket.socket)]
 
 
 def close(made: socket.socket, patience_s: float = 0.0) -> None:

@@ -52,6 +52,18 @@ def test_other_places_are_others() -> None:
     assert places_of("pcan:PCAN_USBBUS1") == ["pcan:PCAN_USBBUS1"] and places_of("virtual:a") == ["virtual:a"]
 
 
+def test_an_instrument_is_one_place_by_vxi11_and_hislip_and_on_every_spelling() -> None:
+    lan = ("TCPIP::192.0.2.1::INSTR", "tcpip0::192.0.2.1::inst0::instr", "TCPIP0::192.0.2.1::hislip0::INSTR")
+    assert {tuple(places_of(text)) for text in lan} == {("instrument 0 at 192.0.2.1:0",)}
+    assert places_of("TCPIP::192.0.2.1::gpib0,5::INSTR") != places_of("TCPIP::192.0.2.1::gpib0,6::INSTR")
+    assert places_of("GPIB::12::INSTR") == places_of("gpib0::12::INSTR") != places_of("GPIB1::12::INSTR")
+
+
+@pytest.mark.parametrize("text", ["TCPIP::192.0.2.1::5025::SOCKET", "ASRL1::INSTR", "USB0::1::2::3::RAW"])
+def test_what_of_visa_is_not_used_is_refused_with_what_is(text: str) -> None:
+    assert "socket://host:port" in address.address_fault(text)
+
+
 @pytest.mark.skipif(not Path("/sys/class/net/lo").exists(), reason="needs a network interface that is known")
 def test_a_bus_is_its_network_interface() -> None:
     index = Path("/sys/class/net/lo/ifindex").read_text(encoding="ascii").strip()

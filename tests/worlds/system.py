@@ -236,6 +236,10 @@ class WorldSystem:
         self.call()
         return BusEnd(self.hub, self.buses[channel], self.process, self.call)
 
+    def visa(self, name: str, _timeout_s: float) -> Any:
+        """None: pyvisa-py keeps sockets of its own."""
+        raise OSError(errno.ENODEV, f"{name}: no instrument of VISA is in this world")
+
     def serve(self, _listener: Callable[[], Any], service: Any) -> Any:
         """No event loop: whoever presses asks the service itself, in a thread of its process."""
         self.call()

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 
 from hil.bench.device import DeviceInUse
 from hil.bench.read import BenchFile
+from hil.daq.address import is_relayed, is_visa
 
 _NEAR = 1e-3  # of a terminal's range: levels that differ by less are one
 
@@ -91,6 +92,18 @@ def not_read_back(file: BenchFile, _day: dt.date) -> Iterator[str]:
                     f"channel '{channel}': device '{name}' cannot be asked where {output.terminal} stands, so nobody "
                     f"knows whether it is safe: give an input that measures it an interlock, or take another device"
                 )
+
+
+def untried_transport(file: BenchFile, _day: dt.date) -> Iterator[str]:
+    """Outputs behind USBTMC, GPIB or a gateway of VISA, of which no late write was ever seen."""
+    for name, device in driving(file):
+        address = str(getattr(device.settings, "address", ""))
+        if is_visa(address) and is_relayed(device.settings):
+            yield (
+                f"device '{name}': whether a command can arrive late there, after the safe one, was never tried on "
+                f"{address.partition('::')[0]}: put a relay into the valve's supply, or reach it by VXI-11, HiSLIP or "
+                f"a socket"
+            )
 
 
 def _may_have_watchdog(device: DeviceInUse) -> bool:

@@ -12,6 +12,7 @@ from hil.bench.nets.devices import (
     no_watchdog_process,
     not_read_back,
     open_to_others,
+    untried_transport,
     watchdog_not_safe,
     watchdog_off,
 )
@@ -35,8 +36,8 @@ def _packages(file: BenchFile, _day: dt.date) -> Iterator[str]:
 
 RULES: Sequence[Rule] = (
     _packages, watchdog_off, no_watchdog, watchdog_not_safe, not_read_back, no_watchdog_process, too_hasty,
-    open_to_others, without_interlocks, live_zeros, without_limits, undated, dated_ahead, overdue_today,
-    contradicting_oil,
+    untried_transport, open_to_others, without_interlocks, live_zeros, without_limits, undated, dated_ahead,
+    overdue_today, contradicting_oil,
 )  # fmt: skip
 
 
