@@ -242,7 +242,7 @@ CHANGES = {
     "orifice_clogged": more(pipe_a_bar_s_per_cm3=1.5),
     "stroke_stop": more(stop_mm=-1.2),
     "asymmetry": more(downwards=25.0),
-    "cocking_rise": more(cocking=40.0),
+    "cocking_rise": more(cocking=200.0),
     "play": more(lvdt_play_mm=1.5),
     "sensor_lag": fading(lvdt_rad_per_s=0.03),
 }
