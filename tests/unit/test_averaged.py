@@ -54,7 +54,7 @@ def test_means_leave_estimates_and_their_uncertainties_as_they_are() -> None:
     unknowns = [unknown(model.definition.parameter(name), model.values[name]) for name in ("full_flow", "dead_time")]
 
     def fitted(count: int) -> Estimate:
-        of = Residuals(model.definition, [replace(recorded, averaged=count)], [1.0 / 0.3], model.values, ())
+        of = Residuals(model.definition, [replace(recorded, averaged=count)], model.values, ())
         named = [u.name for u in unknowns]
         return estimate(lambda x: of.at(dict(model.values) | dict(zip(named, x.tolist(), strict=True)), ()), unknowns)
 

@@ -11,7 +11,6 @@ from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.identification.grey_box.structure import StructureChoice, Tried, choose_structure, with_orders
 from hil.identification.preparation.experiment import experiment
 from hil.identification.uncertainty.evidence import simplest_good
-from hil.identification.uncertainty.noise import white_floor
 from hil.physics.compose import plant
 from hil.physics.model import load_model, save_model
 from hil.physics.simulate import Drive, simulate
@@ -40,7 +39,7 @@ def measured(model, noise=0.02, seed=0, uneven=False, offset=2.0, start_off=0.0,
 
 def chosen(made, plant=PLANT):
     bound = experiment(made, plant, "valve", "pressure")
-    return choose_structure(plant, [bound], [1 / white_floor(bound.output)])
+    return choose_structure(plant, [bound])
 
 
 @pytest.mark.parametrize(
@@ -99,7 +98,7 @@ def test_a_bent_static_curve_is_found_on_a_staircase_and_holds_on_the_way_down()
     names = ("gain", "1 pole", "2 poles", "2 poles, 1 zero", "3 poles", "3 poles, 1 zero", "3 poles, 2 zeros")
     wanted = [s for s in PLANT.structures if s.name in names or s.name.endswith(", bent")]
     up, down = staircase(np.arange(8), 1), staircase(np.arange(8)[::-1], 2)
-    chosen = choose_structure(replace(PLANT, structures=tuple(wanted)), [up], [1e3]).chosen
+    chosen = choose_structure(replace(PLANT, structures=tuple(wanted)), [up]).chosen
     assert "bent" in chosen.structure.name and chosen.values["bend"] < 0.0
     simulated = down.respond(PLANT, chosen.values)[0]
     off = (simulated - down.output)[40:]  # it did not rest at the top before
@@ -111,7 +110,7 @@ def test_a_curve_that_levels_off_to_both_sides_is_odd():
     names = ("gain", "1 pole", "2 poles")
     wanted = [s for s in PLANT.structures if s.name.partition(",")[0] in names and "dead_time" not in s.free]
     one, other = (staircase(each, seed) for seed, each in enumerate(levels))
-    chosen = choose_structure(replace(PLANT, structures=tuple(wanted)), [one], [1e3]).chosen
+    chosen = choose_structure(replace(PLANT, structures=tuple(wanted)), [one]).chosen
     assert chosen.structure.name.endswith("odd curve") and chosen.values["bend"] < 0.0
     off = (other.respond(PLANT, chosen.values)[0] - other.output)[40:]
     assert 1.0 - np.linalg.norm(off) / np.linalg.norm(other.output - other.output.mean()) > 0.9

@@ -60,15 +60,6 @@ Tick = Callable[[], None]
 
 
 @dataclass(frozen=True, slots=True)
-class _Task:
-    """Recordings that are fitted together, one over the noise of each, and who is told of every simulation."""
-
-    experiments: Sequence[Experiment]
-    weights: Sequence[float]
-    tick: Tick
-
-
-@dataclass(frozen=True, slots=True)
 class GreyBoxFit:
     """A model fitted to experiments, the parameters that ended on a bound, and fit % per recording.
 
@@ -123,10 +114,11 @@ def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """Parameters to estimate beside those that are free, and what a transfer function is to have."""
+    """Parameters to estimate beside those that are free, what a transfer function is to have, and who is told."""
 
     free: Sequence[str]
     orders: Orders
+    tick: Tick
 
 
 def fit_plant(
@@ -147,7 +139,7 @@ def fit_plant(
         SettingError: orders that none of the plant's structures has.
     """
     with one_blas_thread():
-        return _fit_plant(model, experiments, _Asked(also_free, orders), progress)
+        return _fit_plant(model, experiments, _Asked(also_free, orders, _ticking(progress)), progress)
 
 
 def _fit_plant(model: Model, experiments: Sequence[Experiment], asked: _Asked, progress: Progress) -> GreyBoxFit:
@@ -162,13 +154,12 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], asked: _Asked, p
     alive = looked.experiments
     still = (*still, *looked.notes)
     even, remarks = bridged(model, alive)
-    tick = _ticking(progress)
-    found = _fitted(model, even, asked, (*still, *remarks), tick)
+    found = _fitted(model, even, asked, (*still, *remarks))
     again, remarks = bridged(found.model, alive)
     before, left, later = (sum(int(np.count_nonzero(~e.valid)) for e in each) for each in (alive, even, again))
     if later - left > CRITERIA.late * max(left - before, 0):  # the start settles too soon to be left in
-        found, even = _fitted(model, again, asked, (*still, *remarks), tick), again
-    near, has_forms = _near(model, found, even, asked, tick), _structure(found.model) is not _structure(model)
+        found, even = _fitted(model, again, asked, (*still, *remarks)), again
+    near, has_forms = _near(model, found, even, asked), _structure(found.model) is not _structure(model)
     for _ in range(_STARTS):
         begun = [begun_in_motion(near, e.reading_as_in(near)) for e in even]
         moving = tuple(note for _, own in begun for note in own)
@@ -176,11 +167,11 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], asked: _Asked, p
             break
         moved_before, levels = [e for e, _ in begun], sum(levels_of(e) for e, own in begun if own)
         notes = (*still, *remarks, *moving)
-        after = _fitted(near if has_forms else model, moved_before, asked, notes, tick)
+        after = _fitted(near if has_forms else model, moved_before, asked, notes)
         if not is_worth(_errors(found.model, even), _errors(after.model, moved_before), levels):
             break
         if has_forms:  # once it is worth it, its form is chosen anew
-            after = _fitted(model, moved_before, asked, notes, tick)
+            after = _fitted(model, moved_before, asked, notes)
         found, near = after, after.model
     progress(1.0, "fitted")
     found = replace(found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.on_bound))))
@@ -190,7 +181,7 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], asked: _Asked, p
     return _none_identifiable(found) if model.definition.structures and one_frequency(alive) else found
 
 
-def _near(model: Model, found: GreyBoxFit, experiments: Sequence[Experiment], asked: _Asked, tick: Tick) -> Model:
+def _near(model: Model, found: GreyBoxFit, experiments: Sequence[Experiment], asked: _Asked) -> Model:
     """The fitted model, or one that was fitted without the first halves.
 
     What was fitted as if recordings began at rest may be too wrong to tell that they do not. It is not believed where
@@ -201,7 +192,7 @@ def _near(model: Model, found: GreyBoxFit, experiments: Sequence[Experiment], as
     late = [e.without(np.arange(len(e.output)) < len(e.output) // 2) for e in experiments]
     if any(np.ptp(e.valid_output) == 0.0 for e in late):  # what stands still tells no model
         return found.model
-    return _fitted(model, late, asked, (), tick).model
+    return _fitted(model, late, asked, ()).model
 
 
 def _errors(model: Model, experiments: Sequence[Experiment]) -> Array:
@@ -213,7 +204,7 @@ def _errors(model: Model, experiments: Sequence[Experiment]) -> Array:
 def _fails(model: Model, e: Experiment) -> bool:
     """Whether a model leaves more than the noise."""
     error = _errors(model, [e])
-    return float(np.mean(error**2)) > CRITERIA.misfit * max(channel_floor(e.valid_output), _resolution(e.output)) ** 2
+    return float(np.mean(error**2)) * e.weight**2 > CRITERIA.misfit
 
 
 def _none_identifiable(found: GreyBoxFit) -> GreyBoxFit:
@@ -245,29 +236,26 @@ def _ticking(progress: Progress) -> Tick:
     return tick
 
 
-def _fitted(
-    model: Model, experiments: Sequence[Experiment], asked: _Asked, remarks: tuple[Note, ...], tick: Tick
-) -> GreyBoxFit:
-    weights = [1.0 / max(channel_floor(e.valid_output), _resolution(e.output)) for e in experiments]
-    choice = _structure_of(model, experiments, weights, asked.orders)
+def _fitted(model: Model, experiments: Sequence[Experiment], asked: _Asked, remarks: tuple[Note, ...]) -> GreyBoxFit:
+    choice = _structure_of(model, experiments, asked.orders)
     model, note = (model, ()) if choice is None else (_of_structure(model, choice), (choice.sentence,))
     plant = model.definition
     experiments, averaged = with_means(model, experiments)
     remarks = (*remarks, *averaged)
     names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in asked.free]
     names += [name for name in dict.fromkeys(asked.free) if "." in name]
-    found, task = _best_reading(model, names, _Task(experiments, weights, tick))
-    near, used = model, task.experiments
+    found, used = _best_reading(model, names, experiments, asked.tick)
+    near = model
     if any(e.ripples is not None for e in used):  # what the phase of a dither does is only known about the fit itself
         near = moved(model, _merged(model, found))
-        found = _fit_from(near, task, _unknowns(model, names, _merged(model, found)))
+        found = _fit_from(near, used, _unknowns(model, names, _merged(model, found)), asked.tick)
     found = replace(found, fixed_at_bound=_driven_out(found))
     at = _merged(model, found)
-    about = Residuals(plant, used, weights, near.values, effects_at(model.active_effects, at))
+    about = Residuals(plant, used, near.values, effects_at(model.active_effects, at))
     beside = systematic(about, found, {p.name: at[p.name] for p in plant.parameters})
 
     def fit_at(values: Parameters, names: Sequence[str]) -> Estimate:
-        return _fit_from(moved(model, values), task, _unknowns(model, names, dict(values)))
+        return _fit_from(moved(model, values), used, _unknowns(model, names, values), asked.tick)
 
     other, remarks_of_others = alternative_optima(found, at, fit_at)
     beside = replace(beside, model=beside.model + other, notes=(*beside.notes, *remarks_of_others))
@@ -278,9 +266,7 @@ def _fitted(
     return replace(_result(model, plant, found, used, (*remarks, *note), beside), readings=readings)
 
 
-def _structure_of(
-    model: Model, experiments: Sequence[Experiment], weights: Sequence[float], orders: Orders
-) -> StructureChoice | None:
+def _structure_of(model: Model, experiments: Sequence[Experiment], orders: Orders) -> StructureChoice | None:
     """The structure that experiments support, if the plant has several and none was chosen before.
 
     A pole faster than samples can show may stand for samples that were read at the end of their interval: then that is
@@ -289,12 +275,12 @@ def _structure_of(
     if not model.definition.structures or _structure(model) is not None:
         return None
     plant = with_orders(model.definition, orders)
-    choice = choose_structure(plant, experiments, weights)
+    choice = choose_structure(plant, experiments)
     if model.plant != LINEAR or any(e.reading_known for e in experiments):
         return choice
     if fastest_pole_rad_s(choice.chosen.values) <= fastest_shown_rad_s(experiments):
         return choice
-    other = choose_structure(plant, [e.reading_at(1.0) for e in experiments], weights)
+    other = choose_structure(plant, [e.reading_at(1.0) for e in experiments])
     is_plainer = len(other.chosen.structure.free) <= len(choice.chosen.structure.free)
     return other if is_plainer and other.chosen.mean_square <= choice.chosen.mean_square else choice
 
@@ -348,21 +334,18 @@ def _kept(model: Model) -> dict[str, str]:
     return {"structure": structure.name} if structure else {}
 
 
-def _resolution(values: Array) -> float:
-    """The least noise to assume: a ten-thousandth of the channel's span."""
-    return 1e-4 * float(np.ptp(values)) or 1.0
-
-
-def _best_reading(model: Model, names: Sequence[str], task: _Task) -> tuple[Estimate, _Task]:
+def _best_reading(
+    model: Model, names: Sequence[str], experiments: Sequence[Experiment], tick: Tick
+) -> tuple[Estimate, list[Experiment]]:
     """Fit with both conventions of when a sample is read, unless the recordings declare it; keep the better."""
-    best: tuple[Estimate, _Task] | None = None
-    declared = {e.drive.read_at for e in task.experiments if e.reading_known}
+    best: tuple[Estimate, list[Experiment]] | None = None
+    declared = {e.drive.read_at for e in experiments if e.reading_known}
     for read_at in sorted(declared) or (0.0, 1.0):
-        read = replace(task, experiments=[e.reading_at(read_at) for e in task.experiments])
+        read = [e.reading_at(read_at) for e in experiments]
         start = _unknowns(model, names, all_values(model) if best is None else _merged(model, best[0]))
-        found = _fit_from(model, read, start)
+        found = _fit_from(model, read, start, tick)
         if best is None:
-            found = _restarted(model, read, found)
+            found = _restarted(model, read, found, tick)
         # Where a dead time can stand in for it, the data do not tell the reading instant: keep the plain one. Nor does
         # what a model of another structure leaves: there a difference counts in units of that.
         excess = 1.0 if best is None else max(1.0, best[0].mean_square)
@@ -376,7 +359,7 @@ def _merged(model: Model, found: Estimate) -> dict[str, float]:
     return all_values(model) | found.named
 
 
-def _restarted(model: Model, task: _Task, first: Estimate) -> Estimate:
+def _restarted(model: Model, experiments: Sequence[Experiment], first: Estimate, tick: Tick) -> Estimate:
     """Try other starts while the fit stays far above the noise; a poor start must not pass for physics."""
     best = first
     for factor in EFFORT.restarts:
@@ -386,15 +369,14 @@ def _restarted(model: Model, task: _Task, first: Estimate) -> Estimate:
             replace(u, start=float(np.clip(u.start * factor, u.low, u.high))) if u.unit in ("s", "rad/s") else u
             for u in first.unknowns
         ]
-        best = min(best, _fit_from(model, task, moved), key=lambda found: found.chi2)
-    weighted = [w * e.valid_output for e, w in zip(task.experiments, task.weights, strict=True)]
-    if not explains_little(weighted, [best.residuals]):
+        best = min(best, _fit_from(model, experiments, moved, tick), key=lambda found: found.chi2)
+    if not explains_little([e.weight * e.valid_output for e in experiments], [best.residuals]):
         return best
-    starts = multistart(_residuals(model, task, first.unknowns), first.unknowns)
-    return min([best, *(_fit_from(model, task, start) for start in starts)], key=lambda found: found.chi2)
+    starts = multistart(_residuals(model, experiments, first.unknowns, tick), first.unknowns)
+    return min([best, *(_fit_from(model, experiments, start, tick) for start in starts)], key=lambda found: found.chi2)
 
 
-def _unknowns(model: Model, names: Sequence[str], values: dict[str, float]) -> list[Unknown]:
+def _unknowns(model: Model, names: Sequence[str], values: Parameters) -> list[Unknown]:
     plant = model.definition
     return [
         unknown_of(moved(model, values), name) if "." in name else unknown(plant.parameter(name), values[name])
@@ -408,18 +390,20 @@ def unknown(parameter: Parameter, start: float) -> Unknown:
     return Unknown(parameter.name, parameter.unit, start, parameter.low, parameter.high, scale)
 
 
-def _fit_from(model: Model, task: _Task, start: Sequence[Unknown]) -> Estimate:
-    return estimate(_residuals(model, task, start), start, careful=True)
+def _fit_from(model: Model, experiments: Sequence[Experiment], start: Sequence[Unknown], tick: Tick) -> Estimate:
+    return estimate(_residuals(model, experiments, start, tick), start, careful=True)
 
 
-def _residuals(model: Model, task: _Task, unknowns: Sequence[Unknown]) -> Callable[[Array], Array]:
+def _residuals(
+    model: Model, experiments: Sequence[Experiment], unknowns: Sequence[Unknown], tick: Tick
+) -> Callable[[Array], Array]:
     """Weighted residuals over the values of the unknowns."""
     names = [u.name for u in unknowns]
     base, active = model.values, model.active_effects
-    of_plant = Residuals(model.definition, task.experiments, task.weights, base, active)
+    of_plant = Residuals(model.definition, experiments, base, active)
 
     def residuals(values: Array) -> Array:
-        task.tick()
+        tick()
         tried = dict(zip(names, values.tolist(), strict=True))
         parameters = base | {name: value for name, value in tried.items() if "." not in name}
         return of_plant.at(parameters, effects_at(active, tried))

@@ -26,32 +26,27 @@ class Residuals:
     Attributes:
         plant: what is simulated.
         experiments: the recordings.
-        weights: of their outputs, one over the noise.
         about: parameters near which it is asked. `effects`: switched on there.
     """
 
     plant: Plant
     experiments: Sequence[Experiment]
-    weights: Sequence[float]
     about: Parameters
     effects: Sequence[ActiveEffect]
 
     @cached_property
     def _starts(self) -> list[Array | None]:
-        return [
-            start_slope(e, self.plant, self.about, self.effects, 1.0 / weight)
-            for e, weight in zip(self.experiments, self.weights, strict=True)
-        ]
+        return [start_slope(e, self.plant, self.about, self.effects, 1.0 / e.weight) for e in self.experiments]
 
     @cached_property
     def _dithers(self) -> list[list[Array]]:
         """By recording, of its output and its inner signals: what the phase of a dither does to them, shape (k, n)."""
         made = []
-        for e, inner, weight in zip(self.experiments, self._inner, self.weights, strict=True):
+        for e, inner in zip(self.experiments, self._inner, strict=True):
             places = {name: 1 + k for k, name in enumerate(s.name for s in self.plant.observed)}
             each = e.by_dither(self.plant, self.about, self.effects)
             channels = [
-                (0, weight, e.valid),
+                (0, e.weight, e.valid),
                 *((places[n], 1.0 / noise, e.valid_in(n)) for n, noise in inner.items()),
             ]
             made.append([_orthogonal([w * rows[k] * tells for rows in each]) for k, w, tells in channels])
@@ -80,7 +75,7 @@ class Residuals:
             rows = e.respond(self.plant, parameters, effects, factor=factor, inject=given)
             output = rows[0]  # made for this alone: of a long recording every copy takes megabytes
             output -= e.output
-            output *= self.weights[i]
+            output *= e.weight
             inner = e.observed_errors(self.plant, rows, self._inner[i])
             errors = chain((with_free_start(e.telling(output), self._starts[i]),), inner)
             pairs = zip(self._dithers[i], errors, strict=True)
@@ -109,7 +104,7 @@ class Residuals:
 
         def readings_of(i: int) -> list[Array]:
             e = self.experiments[i]
-            output = e.telling(e.output * self.weights[i]) if None in names else np.zeros(len(e.output))
+            output = e.telling(e.output * e.weight) if None in names else np.zeros(len(e.output))
             inner = [
                 (e.observed[s.name] / self._inner[i][s.name] if s.name in names else np.zeros(len(e.output)))
                 for s in self.plant.observed

@@ -118,15 +118,9 @@ def _free_value(tried: Tried, name: str) -> list[float]:
     return [tried.values[name]] if name in tried.structure.free else []
 
 
-def choose_structure(plant: Plant, experiments: Sequence[Experiment], weights: Sequence[float]) -> StructureChoice:
-    """The structure of a plant that experiments support.
-
-    Args:
-        plant: with structures.
-        experiments: bound to the plant.
-        weights: per experiment, one over the noise's standard deviation.
-    """
-    search = _Search(plant, experiments, weights, plant.typical, cache(partial(poles_rad_s, experiments)))
+def choose_structure(plant: Plant, experiments: Sequence[Experiment]) -> StructureChoice:
+    """The structure of a plant that experiments, bound to it, support."""
+    search = _Search(plant, experiments, plant.typical, cache(partial(poles_rad_s, experiments)))
     choice: StructureChoice | None = None
     for switch in plant.switches:
         turned, turns = replace(search, off={**search.off, switch: 1.0 - search.off[switch]}), False
@@ -275,7 +269,6 @@ def _judged(search: _Search, tried: list[Tried], fits: Mapping[str, Estimate]) -
 class _Search:
     plant: Plant
     experiments: Sequence[Experiment]
-    weights: Sequence[float]
     off: Parameters
     poles: Callable[[int], Complex | None]
 
@@ -389,8 +382,8 @@ class _Search:
         def errors_of(i: int) -> list[Array]:
             e = self.experiments[i]
             simulated = e.respond(self.plant, parameters)[0]
-            slope = start_slope(e, self.plant, parameters, (), 1.0 / self.weights[i], plain=simulated)
-            return [with_free_start(e.telling((simulated - e.output) * self.weights[i]), slope)]
+            slope = start_slope(e, self.plant, parameters, (), 1.0 / e.weight, plain=simulated)
+            return [with_free_start(e.telling((simulated - e.output) * e.weight), slope)]
 
         return side_by_side(errors_of, len(self.experiments))
 
@@ -445,15 +438,15 @@ class _Search:
 
     def _weighted(self, rows: Sequence[Array]) -> Array:
         """Rows in units of the noise, 0 where the output says nothing, all experiments one after another."""
-        each = zip(self.experiments, self.weights, rows, strict=True)
-        return np.concatenate([e.telling(row * weight) for e, weight, row in each])
+        each = zip(self.experiments, rows, strict=True)
+        return np.concatenate([e.telling(row * e.weight) for e, row in each])
 
     def _answers(self, parameters: Parameters) -> Array:
         """Weighted simulated outputs, all experiments one after another."""
 
         def answers_of(i: int) -> list[Array]:
             e = self.experiments[i]
-            return [e.telling(e.respond(self.plant, parameters)[0] * self.weights[i])]
+            return [e.telling(e.respond(self.plant, parameters)[0] * e.weight)]
 
         return side_by_side(answers_of, len(self.experiments))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from hil.identification.preparation.time_base import (
     is_known_throughout,
     missing_of_even,
 )
-from hil.identification.uncertainty.noise import white_floor
+from hil.identification.uncertainty.noise import channel_floor, white_floor
 from hil.language.note import Note
 from hil.physics.model import Model
 from hil.physics.plant import Parameters, Plant, Signal
@@ -28,7 +29,7 @@ OUTPUT = "output"  # among the names of a plant's inner signals
 DEAD = Note("a dead sensor, no supply or a wrong column")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Experiment:
     """One recording as a plant sees it.
 
@@ -175,6 +176,11 @@ class Experiment:
     def valid_output(self) -> Array:
         """The output where it says something, one sample after another."""
         return self.output[self.valid]
+
+    @cached_property
+    def weight(self) -> float:
+        """One over the least noise of the output: what its channel shows, and no less than 1e-4 of its span."""
+        return 1.0 / max(channel_floor(self.valid_output), 1e-4 * float(np.ptp(self.output)) or 1.0)
 
     @property
     def valid_observed(self) -> dict[str, Array]:
