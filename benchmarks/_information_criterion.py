@@ -20,7 +20,7 @@ from hil.cores import spread
 from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.identification.grey_box.estimate import Unknown, estimate
-from hil.identification.grey_box.identify import unknown
+from hil.identification.grey_box.free import moved, unknown_of
 from hil.identification.preparation.experiment import Experiment
 from hil.physics.model import Noise
 from hil.physics.simulate import ActiveEffect
@@ -132,7 +132,8 @@ def best_start(
 def _fitted(problem: Problem, names: Sequence[str], start: Hypothesis, evaluations: int) -> Hypothesis:
     """The base parameters of these names, and the effects, fitted together."""
     base = [p for p in problem.base if p.name in names]
-    unknowns = [unknown(p, start.base[p.name]) for p in base]
+    at = moved(problem.model, start.base)
+    unknowns = [unknown_of(at, p.name) for p in base]
     for term, own in zip(start.terms, start.values, strict=True):
         unknowns += [Unknown(u.name, u.unit, v, u.low, u.high, u.scale)
                      for u, v in zip(term.unknowns, own, strict=True)]  # fmt: skip

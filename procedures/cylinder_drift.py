@@ -112,7 +112,7 @@ def _one(recording: Recording, part: Mapping[str, Any]) -> tuple[dict[str, Array
     _, response = roles_of(recording)
     samples = recording.rows(part["first"], part["count"])
     time_s, position = samples.time_s - samples.time_s[0], samples.values(response.name)
-    line = weighted_line(time_s, position, np.ones(len(time_s)))
+    line = weighted_line(time_s, position)
     middle_s, mean = line.middle
     colour, noise = colour_factor(line.residuals), float(np.std(line.residuals))
     count = max(1, round(_MEAN_S / samples.interval_s))

@@ -19,10 +19,11 @@ from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, dr
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
+from hil.signals.autoregression import coloured, whitener_of
 from hil.signals.crossing import crossing
 from hil.signals.interval import CERTAIN, UNIFORM
 from hil.signals.products import one_blas_thread
-from hil.signals.smooth_curve import Smoother, coloured, whitener_of
+from hil.signals.smooth_curve import Smoother
 from procedures._characteristic import steady
 from procedures._conditions import LOAD, adjusting, adjusting_s, check_within, usual
 from procedures._course import Course, joined

@@ -198,7 +198,7 @@ def _read(time_s: Array, position: Array, closed: bool) -> slice:
 
 def _line(time_s: Array, position: Array) -> tuple[float, float, float]:
     """Slope, its standard uncertainty, and the level at time 0 of a straight line."""
-    line = weighted_line(time_s, position, np.ones(len(time_s)))
+    line = weighted_line(time_s, position)
     middle_s, mean = line.middle
     return line.slope, line.slope_std() * math.sqrt(colour_factor(line.residuals)), mean - line.slope * middle_s
 

@@ -35,7 +35,7 @@ from hil.record.recording import Array, split_heading
 from hil.report.number import number, unit_text
 from hil.session.procedure import Procedure
 from hil.session.results import evaluated, judged_by, procedure_of
-from hil.signals.smooth_curve import coloured
+from hil.signals.autoregression import coloured
 from hil.units import convert
 from hil.version import PROGRAM
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.recursion import filtered
+from hil.signals.autoregression import whitened
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ class Smoother:
 
     Attributes:
         basis: of the curve at the places, shape (n, k).
-        whitener: what makes the noise white, [1, −a₁, −a₂, …].
+        whitener: what makes the noise white (see `hil.signals.autoregression`).
         weights: of the samples, one over the relative size of their noise, shape (n,); None where all are alike.
         knots: of the splines. `places`: of the samples, shape (n,).
     """
@@ -72,7 +72,7 @@ class Smoother:
         knots = _knots(float(np.min(places)), float(np.max(places)), count)
         basis = _basis(places, knots)
         filter_ = np.ones(1) if whitener is None else whitener
-        heard = _whitened(basis if weights is None else basis * weights[:, None], filter_, axis=0)
+        heard = whitened((basis if weights is None else basis * weights[:, None]).T, filter_).T
         normal = heard.T @ heard
         rough = np.diff(np.eye(count), _ROUGHNESS, axis=0)
         penalty = rough.T @ rough
@@ -92,7 +92,7 @@ class Smoother:
     def curves_each(self, samples: Array, looser: tuple[float, ...]) -> tuple[Curves, ...]:
         """For each of `looser` one curve for each row of samples, so many times less stiff than the row asks for."""
         rows = np.atleast_2d(samples)
-        white = _whitened(rows if self.weights is None else rows * self.weights, self.whitener, axis=1)
+        white = whitened(rows if self.weights is None else rows * self.weights, self.whitener)
         loads = (white @ self._heard) @ self._turn
         power = np.einsum("mn,mn->m", white, white)
         bent = len(self._cost) - _ROUGHNESS
@@ -125,49 +125,6 @@ class Smoother:
         steps = np.diff(curves.coefficients, axis=1) / (self.knots[1] - self.knots[0])
         slopes = steps @ _basis(places, self.knots[1:-1], _DEGREE - 1).T
         return values, slopes
-
-
-def whitener_of(rest: Array) -> Array:
-    """The filter that makes noise white, from a stretch of it: autoregression by Yule and Walker, order by evidence.
-
-    [1] where white noise explains the stretch as well.
-    """
-    from scipy.linalg import solve_toeplitz
-
-    n = len(rest)
-    centred = rest - rest.mean()
-    power = float(centred @ centred)
-    if n < 8 or power == 0.0:
-        return np.ones(1)
-    best, score = np.ones(1), n * np.log(power)
-    for order in (1, 2, 4, 8, 16):
-        if n < 8 * order:
-            break
-        lagged = np.array([float(centred[: n - k] @ centred[k:]) for k in range(order + 1)])
-        weights = solve_toeplitz(lagged[:-1], lagged[1:])
-        left = float(lagged[0] - weights @ lagged[1:])
-        cost = n * np.log(max(left, 1e-12 * power)) + order * np.log(n)
-        if cost < score:
-            best, score = np.concatenate(([1.0], -weights)), cost
-    return best
-
-
-def coloured(noise: Array, whitener: Array) -> Array:
-    """White noise, shape (m, n), with the colour that a whitener takes away."""
-    if len(whitener) == 1:
-        return noise
-    return filtered([1.0], whitener, noise)
-
-
-def _whitened(values: Array, whitener: Array, axis: int) -> Array:
-    """Values less what those before them foretell; what was before the first is taken for 0."""
-    if len(whitener) == 1:
-        return values
-    along = np.moveaxis(values, axis, 0)
-    made = whitener[0] * along
-    for k, weight in enumerate(whitener[1:], start=1):
-        made[k:] += weight * along[:-k]
-    return np.moveaxis(made, 0, axis)
 
 
 def _knots(low: float, high: float, count: int) -> Array:

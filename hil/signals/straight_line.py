@@ -39,11 +39,12 @@ class Line:
         return math.sqrt(max(least_variance, self.variance) / self.spread)
 
 
-def weighted_line(at: Array, values: Array, weights: Array) -> Line:
+def weighted_line(at: Array, values: Array, weights: Array | None = None) -> Line:
     """The line through `values` over `at`, all of shape (n,), n ≥ 3 at no less than two places.
 
-    `weights` are inverse variances, known or up to a common factor.
+    `weights` are inverse variances, known or up to a common factor; all alike where none are given.
     """
+    weights = np.ones(len(values)) if weights is None else weights
     middle = (float(np.average(at, weights=weights)), float(np.average(values, weights=weights)))
     about = at - middle[0]
     spread = float(weights @ about**2)

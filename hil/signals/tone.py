@@ -24,10 +24,20 @@ class Tone:
     cosine: float
     sine: float
 
+    @property
+    def amplitude(self) -> float:
+        """In the unit of the samples."""
+        return math.hypot(self.cosine, self.sine)
+
     def at(self, time_s: Array) -> Array:
         """Its samples."""
         turn = 2.0 * math.pi * self.frequency_hz * time_s
         return self.cosine * np.cos(turn) + self.sine * np.sin(turn)
+
+
+def power_of(values: Array) -> Array:
+    """Power at each frequency about the mean, seen through a Hann window; without a scale."""
+    return np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values)))) ** 2
 
 
 def standing_tone(segments: Sequence[tuple[Array, Array]]) -> Tone | None:
@@ -39,7 +49,7 @@ def standing_tone(segments: Sequence[tuple[Array, Array]]) -> Tone | None:
     n = len(values)
     if n < 8 * _LEAST_PERIODS:
         return None
-    power = np.abs(np.fft.rfft(values * np.hanning(n))) ** 2
+    power = power_of(values)
     lines = np.arange(len(power)) >= _LEAST_PERIODS
     peak = int(np.argmax(np.where(lines, power, 0.0)))
     beside = power[lines & (np.abs(np.arange(len(power)) - peak) > 2)]
@@ -48,8 +58,12 @@ def standing_tone(segments: Sequence[tuple[Array, Array]]) -> Tone | None:
     resolved_hz = 1.0 / float(time_s[-1] - time_s[0])
     whole_s = max(float(t[-1]) for t, _ in segments) - min(float(t[0]) for t, _ in segments)
     tried = peak * resolved_hz + np.arange(-resolved_hz, resolved_hz, 1.0 / (_FINE * whole_s))
-    found = [_fitted(segments, float(frequency_hz)) for frequency_hz in tried]
-    return max(found, key=lambda one: one[1])[0]
+    return best_tone(segments, tried)
+
+
+def best_tone(segments: Sequence[tuple[Array, Array]], tried_hz: Array) -> Tone:
+    """The tone of one of these frequencies that explains most of stretches of (time_s, samples)."""
+    return max((_fitted(segments, hz) for hz in tried_hz.tolist()), key=lambda one: one[1])[0]
 
 
 def _fitted(segments: Sequence[tuple[Array, Array]], frequency_hz: float) -> tuple[Tone, float]:

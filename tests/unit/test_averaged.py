@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hil.identification.grey_box.estimate import Estimate, estimate
-from hil.identification.grey_box.identify import starting_model, unknown
+from hil.identification.grey_box.free import unknown_of
+from hil.identification.grey_box.identify import starting_model
 from hil.identification.grey_box.residuals import Residuals
 from hil.identification.preparation.averaged import means, with_means
 from hil.identification.preparation.experiment import Experiment
@@ -51,7 +52,7 @@ def test_only_a_long_recording_of_slow_motion_is_compared_as_means() -> None:
 def test_means_leave_estimates_and_their_uncertainties_as_they_are() -> None:
     model = starting_model("brevini-hpv41")
     recorded = _recorded(model, _sine(10_000, 1e-3, 0.4), 1e-3)
-    unknowns = [unknown(model.definition.parameter(name), model.values[name]) for name in ("full_flow", "dead_time")]
+    unknowns = [unknown_of(model, name) for name in ("full_flow", "dead_time")]
 
     def fitted(count: int) -> Estimate:
         of = Residuals(model.definition, [replace(recorded, averaged=count)], model.values, ())

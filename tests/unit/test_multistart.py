@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.identification.grey_box.identify import fit_plant, unknown
+from hil.identification.grey_box.free import unknown_of
+from hil.identification.grey_box.identify import fit_plant
 from hil.identification.grey_box.multistart import far_places
 from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
@@ -30,7 +31,7 @@ def test_a_unit_far_from_the_usual_one_is_identified() -> None:
 
 
 def test_places_are_within_bounds_and_the_same_again() -> None:
-    unknowns = [unknown(p, p.typical) for p in FLAP.parameters]
+    unknowns = [unknown_of(typical_model(FLAP.name), p.name) for p in FLAP.parameters]
     places = far_places(unknowns, 16)
     assert np.array_equal(places, far_places(unknowns, 16))
     for u, values in zip(unknowns, np.array(places).T, strict=True):

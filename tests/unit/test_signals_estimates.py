@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hil.signals.autoregression import whitened, whitener_of
 from hil.signals.harmonic_order import sine_fit_beyond
 from hil.signals.rounding import mean_rounding_std, rounding_step
 from hil.signals.sine_fit import sine_fit
-from hil.signals.smooth_curve import Smoother, whitener_of
-from hil.signals.smooth_curve import _whitened as whitened
+from hil.signals.smooth_curve import Smoother
 from hil.signals.tone import standing_tone
 
 RNG = np.random.default_rng(5)
@@ -66,9 +66,8 @@ def test_harmonics_of_a_slow_sine_are_no_noise() -> None:
     assert len(beyond.phasors) == 5
 
 
-@pytest.mark.parametrize("axis", [0, 1])
-def test_samples_and_basis_are_made_white_by_the_same_filter(axis: int) -> None:
+def test_samples_and_basis_are_made_white_by_the_same_filter() -> None:
     from scipy.signal import lfilter
 
     values, whitener = np.random.default_rng(3).normal(size=(60, 40)), np.array([1.0, -0.5, 0.2, 0.1])
-    assert whitened(values, whitener, axis) == pytest.approx(lfilter(whitener, [1.0], values, axis=axis), abs=1e-13)
+    assert whitened(values, whitener) == pytest.approx(lfilter(whitener, [1.0], values), abs=1e-13)

@@ -44,9 +44,11 @@ def effects_at(effects: Sequence[ActiveEffect], values: Parameters) -> tuple[Act
 
 
 def unknown_of(model: Model, name: str) -> Unknown:
-    """A parameter of a model's effect, or of its plant, as something to be estimated from where it is."""
+    """A parameter of a model's plant, or of an effect of it, as something to be estimated from where it is."""
     parameter, start = _found(model, name)
-    return Unknown(name, parameter.unit, start, parameter.low, parameter.high, abs(start) or parameter.scale)
+    is_usual = parameter.typical and "." not in name  # how strong an effect usually is says nothing of this one
+    scale = parameter.scale if is_usual else abs(start) or parameter.scale
+    return Unknown(name, parameter.unit, start, parameter.low, parameter.high, scale)
 
 
 def check_free(model: Model, name: str) -> None:

@@ -377,17 +377,8 @@ def _restarted(model: Model, experiments: Sequence[Experiment], first: Estimate,
 
 
 def _unknowns(model: Model, names: Sequence[str], values: Parameters) -> list[Unknown]:
-    plant = model.definition
-    return [
-        unknown_of(moved(model, values), name) if "." in name else unknown(plant.parameter(name), values[name])
-        for name in names
-    ]
-
-
-def unknown(parameter: Parameter, start: float) -> Unknown:
-    """A parameter as something to be estimated."""
-    scale = parameter.scale if parameter.typical else abs(start) or parameter.scale
-    return Unknown(parameter.name, parameter.unit, start, parameter.low, parameter.high, scale)
+    at = moved(model, values)
+    return [unknown_of(at, name) for name in names]
 
 
 def _fit_from(model: Model, experiments: Sequence[Experiment], start: Sequence[Unknown], tick: Tick) -> Estimate:

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from hil.identification.grey_box.criteria import CRITERIA, EFFORT
-from hil.identification.preparation.experiment import Experiment, power_of
+from hil.identification.preparation.experiment import Experiment
 from hil.record.recording import Array
-from hil.signals.tone import BY_CHANCE
+from hil.signals.tone import BY_CHANCE, Tone, best_tone, power_of
 
 _LEAST_RATIO = -math.log2(BY_CHANCE)  # a line of noise alone over the median of its spectrum
 _SAME_BIN = 1.0  # to which a harmonic is told
@@ -34,10 +34,9 @@ def common_line(
         return None
     total = np.zeros(len(grid))
     for e, left in zip(experiments, residuals, strict=True):
-        power = np.abs(np.fft.rfft(left * np.hanning(len(left)))) ** 2 / len(left)
         own = power_of(e.on_grid_input())
         commanded = (own > CRITERIA.commanded * own.max()) & (prominence(own) > CRITERIA.commanded_ratio)
-        ratio = np.where(commanded, 1.0, prominence(power))
+        ratio = np.where(commanded, 1.0, prominence(power_of(left)))
         frequency = np.fft.rfftfreq(len(left), e.drive.interval_s)
         # the highest within a bin of the coarsest grid
         edges = np.searchsorted(frequency, grid - 0.5 / shortest_s)
@@ -95,15 +94,7 @@ def line_at(time_s: Array, values: Array, frequency_hz: float) -> tuple[Array, f
     Within a bin either way, at the frequency where it takes most: a known frequency is never known to a cycle.
     """
     width_hz = 1.0 / float(time_s[-1] - time_s[0])
-    best_hz = frequency_hz
+    tone = Tone(frequency_hz, 0.0, 0.0)
     for scale in EFFORT.line_grids:
-        tried = best_hz + scale * width_hz * np.linspace(-1.0, 1.0, 11)
-        best_hz = float(max(tried, key=lambda hz: _sine(time_s, values, hz)[1]))
-    return _sine(time_s, values, best_hz)
-
-
-def _sine(time_s: Array, values: Array, frequency_hz: float) -> tuple[Array, float]:
-    phase = 2.0 * np.pi * frequency_hz * time_s
-    basis = np.column_stack([np.sin(phase), np.cos(phase)])
-    weights = np.linalg.solve(basis.T @ basis, basis.T @ values)
-    return basis @ weights, float(np.hypot(*weights))
+        tone = best_tone([(time_s, values)], tone.frequency_hz + scale * width_hz * np.linspace(-1.0, 1.0, 11))
+    return tone.at(time_s), tone.amplitude

@@ -18,9 +18,9 @@ from hil.identification.uncertainty.noise import noise_of
 from hil.language.note import Note
 from hil.physics.plant import Parameters
 from hil.record.recording import Array
+from hil.signals.autoregression import whitened
 from hil.signals.colour import colour_factor
 from hil.signals.interval import CERTAIN
-from hil.signals.recursion import filtered
 
 # Shares of the whole that what is lacking may add to the residuals, over the noise: tried in steps of a half.
 _SHARES = np.concatenate(([0.0], np.geomspace(1e-3, 1e4, 15) ** 2))
@@ -128,8 +128,8 @@ def _structural_covariance(
 
 def _is_no_colour(found: Estimate, apart: Array) -> bool:
     """Whether additions explain residuals that no memory of the noise foretells: coloured noise knows no command."""
-    colour = (1.0, *noise_of([found.residuals], 1.0).colour)
-    rows = filtered(colour, (1.0,), np.vstack([found.residuals, apart.T, found.jacobian.T]))
+    colour = np.array((1.0, *noise_of([found.residuals], 1.0).colour))
+    rows = whitened(np.vstack([found.residuals, apart.T, found.jacobian.T]), colour)
     count = 1 + apart.shape[1]
     others = np.linalg.qr(rows[count:].T)[0]
     left, *added = rows[:count] - (rows[:count] @ others) @ others.T

@@ -540,11 +540,6 @@ def _even(recording: Recording, inputs: Array, read_s: Array | None) -> tuple[Ar
     return grid_s, np.ascontiguousarray(inputs[:, held]), interval_s
 
 
-def power_of(values: Array) -> Array:
-    """Power at each frequency about the mean, seen through a Hann window; without a scale."""
-    return np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values)))) ** 2
-
-
 def sample_intervals_s(experiments: Sequence[Experiment]) -> list[float]:
     """The intervals at which these were recorded, each once, in ascending order."""
     return sorted({float(f"{e.interval_s:.6g}") for e in experiments})

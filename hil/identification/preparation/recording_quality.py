@@ -13,7 +13,7 @@ from hil.identification.preparation.clipped import without_clipped
 from hil.identification.preparation.content import is_of_its_origin
 from hil.identification.preparation.criteria import CRITERIA
 from hil.identification.preparation.disagreement import disagreement
-from hil.identification.preparation.experiment import Experiment, power_of
+from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.feedback import runs_in_a_loop
 from hil.identification.preparation.plausibility.look import implausible
 from hil.identification.preparation.plausibility.suspicion import Suspicion, can_be_held_against
@@ -26,6 +26,7 @@ from hil.physics.model import Model
 from hil.physics.plant import Parameters, Plant
 from hil.physics.transfer_function import from_parameters
 from hil.record.recording import Array
+from hil.signals.tone import power_of
 
 LINEAR = "transfer-function"
 

@@ -31,7 +31,7 @@ def begins_at_rest(e: Experiment) -> bool:
     still = e.output[: int(np.argmax(moved)) + 1]
     if len(still) < CRITERIA.fewest_at_rest:
         return False
-    line = weighted_line(np.linspace(-1.0, 1.0, len(still)), still, np.ones(len(still)))
+    line = weighted_line(np.linspace(-1.0, 1.0, len(still)), still)
     left, std = line.residuals, line.slope_std() * math.sqrt(colour_factor(line.residuals))
     return abs(line.slope) <= COVERED * std and float(np.std(left)) <= COVERED * channel_floor(e.valid_output)
 

@@ -18,10 +18,12 @@ from hil.identification.step.step_response import TAIL_SHARE, StepFigures, leave
 from hil.identification.uncertainty.fit import rms
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
 from hil.record.recording import Array, Recording
+from hil.signals.autoregression import coloured, whitener_of
 from hil.signals.interval import UNIFORM
 from hil.signals.products import one_blas_thread
 from hil.signals.rounding import before_rounding, rounded_again, rounding_step
-from hil.signals.smooth_curve import Smoother, coloured, whitener_of
+from hil.signals.smooth_curve import Smoother
+from hil.signals.straight_line import weighted_line
 from hil.signals.tone import Tone, standing_tone
 
 REST_SHARE = 0.25  # of the time before it: its end gives the value at the start
@@ -287,8 +289,7 @@ def _whitener(step: _Step) -> Array:
 
 def _straightened(values: Array) -> Array:
     """Less the straight line through it."""
-    late = np.linspace(-1.0, 1.0, len(values))
-    return values - np.mean(values) - late * float(late @ values) / float(late @ late)
+    return weighted_line(np.linspace(-1.0, 1.0, len(values)), values).residuals
 
 
 def jumps(values: Array) -> list[int]:

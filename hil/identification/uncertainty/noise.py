@@ -11,8 +11,8 @@ import numpy as np
 from hil.identification.uncertainty.fit import rms
 from hil.physics.model import Noise
 from hil.record.recording import Array
+from hil.signals.autoregression import autocovariance, coloured, whitened, yule_walker
 from hil.signals.interval import COVERED, UNIFORM
-from hil.signals.recursion import filtered
 
 MEDIAN_SHARE = 0.6745  # of the standard deviation of normal noise, that half of it does not exceed
 _LONGEST_MEMORY = 8
@@ -123,7 +123,7 @@ def noise_of(segments: Sequence[Array], interval_s: float) -> Noise:
     The order is the lowest from which a longer memory no longer makes the noise more predictable. Of noise that nobody
     has seen the level is 0.
     """
-    raw = _autocorrelation(segments, _LONGEST_MEMORY)
+    raw = autocovariance(segments, _LONGEST_MEMORY)
     if raw[0] <= 0.0:
         return Noise(0.0)
     colour, correlation = _predictor(raw), raw
@@ -142,12 +142,9 @@ def _predictor(correlation: Array) -> tuple[float, ...]:
     best: tuple[float, ...] = ()
     left = known[0]
     for order in range(1, _LONGEST_MEMORY + 1):
-        from scipy.linalg import solve_toeplitz
-
-        weights = solve_toeplitz(known[:order], known[1 : order + 1])
-        unexplained = known[0] - float(weights @ known[1 : order + 1])
+        found, unexplained = yule_walker(known, order)
         if unexplained < (1.0 - _TELLING_SHARE) * left:
-            best, left = tuple((-weights).tolist()), unexplained
+            best, left = tuple(found[1:].tolist()), unexplained
     return best
 
 
@@ -233,20 +230,11 @@ def whiten(residuals: Array, noise: Noise, interval_s: float) -> Array:
     same_rate = noise.interval_s is not None and abs(noise.interval_s / interval_s - 1.0) < 0.02
     if not noise.colour or not same_rate:
         return residuals / noise.std
-    innovations = np.apply_along_axis(lambda r: np.convolve((1.0, *noise.colour), r)[: len(r)], 0, residuals)
+    innovations = whitened(residuals.T, np.array((1.0, *noise.colour))).T
     response = _impulse_response(noise.colour)  # its power is the noise's over that of its white source
     return innovations / (noise.std * math.sqrt(1.0 / float(response @ response)))
 
 
 def _impulse_response(colour: tuple[float, ...]) -> Array:
     """What one white sample makes, shape (_TAIL,)."""
-    return filtered((1.0,), (1.0, *colour), np.r_[1.0, np.zeros(_TAIL - 1)])
-
-
-def _autocorrelation(residuals: Sequence[Array], lags: int) -> Array:
-    total, count = np.zeros(lags + 1), 0
-    for r in residuals:
-        centred = r - r.mean()
-        total += [float(centred[: len(r) - k] @ centred[k:]) for k in range(lags + 1)]
-        count += len(r)
-    return total / max(count, 1)
+    return coloured(np.r_[1.0, np.zeros(_TAIL - 1)], np.array((1.0, *colour)))
