@@ -16,6 +16,7 @@ from hil.identification.frequency.order_choice import fit_transfer_function
 from hil.identification.frequency.transfer_function import TransferFunctionFit, Weights
 from hil.identification.preparation.recording_quality import runs_the_other_way
 from hil.identification.uncertainty.fit import bode_errors, fit_percent
+from hil.identification.uncertainty.propagation import central_slopes
 from hil.language.note import Note
 from hil.physics.model import Covariance, Model, Value
 from hil.physics.plants.transfer_function import PLANT
@@ -222,25 +223,21 @@ def _units(unit: str) -> tuple[str, str]:
 
 def _covariance(fit: TransferFunctionFit, made: Model) -> tuple[tuple[str, ...], Array]:
     """Of the plant's parameters, from that of the fit's factors, by central differences."""
-    spread = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
-    slopes = []
-    for k, std in enumerate(spread.tolist()):
-        step = max(_STEP * std, _LEAST_STEP * abs(float(fit.parameters[k]))) or _STEP
-        high, low = (_parameters(fit, k, sign * step) for sign in (1.0, -1.0))
-        slopes.append({name: (high[name] - low[name]) / (2.0 * step) for name in high})
-    moving = [name for name in made.parameters if any(slope.get(name, 0.0) for slope in slopes)]
-    matrix = np.array([[slope[name] for slope in slopes] for name in moving])
-    found = matrix @ fit.covariance @ matrix.T
-    if "dead_time" in moving:  # beside its scatter what other forms that fit as well say of it
-        found[moving.index("dead_time"), moving.index("dead_time")] += fit.form_std_s**2
-    known = np.isfinite(np.diag(found))  # a dead time that no line tells from another form has none
-    return tuple(name for name, is_known in zip(moving, known, strict=True) if is_known), found[np.ix_(known, known)]
 
+    def parameters_at(moved: Array) -> Array:
+        try:
+            found = model_of(fit.form, moved).to_parameters()
+        except InputError:
+            found = model_of(fit.form, fit.parameters).to_parameters()
+        return np.array([found.get(name, 0.0) for name in made.parameters])
 
-def _parameters(fit: TransferFunctionFit, k: int, step: float) -> dict[str, float]:
-    moved = fit.parameters.copy()
-    moved[k] += step
-    try:
-        return model_of(fit.form, moved).to_parameters()
-    except InputError:
-        return model_of(fit.form, fit.parameters).to_parameters()
+    stds = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    steps = np.maximum(_STEP * stds, _LEAST_STEP * np.abs(fit.parameters))
+    slopes = central_slopes(parameters_at, fit.parameters, np.where(steps > 0.0, steps, _STEP))
+    found = slopes @ fit.covariance @ slopes.T
+    names = list(made.parameters)
+    late = names.index("dead_time")
+    if slopes[late].any():  # beside its scatter what other forms that fit as well say of it
+        found[late, late] += fit.form_std_s**2
+    known = np.flatnonzero(slopes.any(axis=1) & np.isfinite(np.diag(found)))  # a dead time may have no uncertainty
+    return tuple(names[k] for k in known), found[np.ix_(known, known)]

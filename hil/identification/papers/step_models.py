@@ -26,6 +26,7 @@ from hil.identification.step.step_response import (
     second_order_from_step,
 )
 from hil.identification.uncertainty.fit import bode_errors, fit_percent
+from hil.identification.uncertainty.propagation import central_slopes
 from hil.language.note import Note
 from hil.physics.formula import formula
 from hil.physics.transfer_function import TransferFunction, coefficient_names
@@ -179,14 +180,9 @@ def _model(
     model = make(times)
     if std_s is None or not all(map(math.isfinite, std_s)):
         return StepModel(name, model, np.zeros((0, 0)))
-    slopes = np.column_stack([_slope(make, times, k) for k in range(2)])
+    at = np.array(times)
+    slopes = central_slopes(lambda moved: _coefficients(make((moved[0], moved[1]))), at, _STEP * at)
     return StepModel(name, model, slopes @ np.diag(np.square(std_s)) @ slopes.T)
-
-
-def _slope(make: Callable[[tuple[float, float]], TransferFunction], times: tuple[float, float], k: int) -> Array:
-    step = _STEP * times[k]
-    high, low = (make((times[0] + sign * step * (k == 0), times[1] + sign * step * (k == 1))) for sign in (1.0, -1.0))
-    return (_coefficients(high) - _coefficients(low)) / (2.0 * step)
 
 
 def _coefficients(model: TransferFunction) -> Array:

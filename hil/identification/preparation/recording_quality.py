@@ -179,22 +179,20 @@ def fastest_pole_rad_s(values: Parameters) -> float:
 
 
 def _beyond_nyquist(model: Model, experiments: Sequence[Experiment]) -> list[Note]:
-    fastest_s, limit = min(e.interval_s for e in experiments), fastest_shown_rad_s(experiments)
-    beyond = {name: value for name, value in _corners(model).items() if value > limit}
-    notes = [
-        Note(
+    limit, notes = fastest_shown_rad_s(experiments), []
+    for name, value in _corners(model).items():
+        if value <= limit:
+            continue
+        note = Note(
             "{name} at {corner:.4g} rad/s is no measurement: samples {apart_s:.3g} s apart show at most {limit:.4g} "
             "rad/s",
-            name=name, corner=value, limit=limit, apart_s=fastest_s,
-        )
-        for name, value in beyond.items()
-    ]  # fmt: skip
-    if model.origin.get("discrepancy"):  # a wrong model's poles ask for no rate
-        return notes
-    return [
-        Note("{note}. Sample at {rate_hz:g} Hz or faster", note=note, rate_hz=_rate_hz(model, value, limit))
-        for note, value in zip(notes, beyond.values(), strict=True)
-    ]
+            name=name, corner=value, limit=limit, apart_s=math.pi / limit,
+        )  # fmt: skip
+        if not model.origin.get("discrepancy"):  # a wrong model's poles ask for no rate
+            rate_hz = _rate_hz(model, value, limit)
+            note = Note("{note}. Sample at {rate_hz:g} Hz or faster", note=note, rate_hz=rate_hz)
+        notes.append(note)
+    return notes
 
 
 def _corners(model: Model) -> dict[str, float]:
