@@ -11,6 +11,7 @@ import numpy as np
 
 from hil.record.recording import Array
 from hil.system import system
+from hil.units import behind_a_number
 
 Progress = Callable[[float, str], None]
 """Called with the share done, 0 … 1, and what is going on."""
@@ -36,7 +37,7 @@ class Shown:
         if not measured.size:
             return f"{self.name} not measured"
         value = round(float(measured.mean()), self._places) + 0.0  # never minus zero
-        return f"{self.name} {value:.{max(0, self._places)}f}{'' if self.unit == '1' else f' {self.unit}'}"
+        return f"{self.name} {value:.{max(0, self._places)}f}{behind_a_number(self.unit)}"
 
     @property
     def _places(self) -> int:

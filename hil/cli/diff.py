@@ -10,7 +10,7 @@ import typer
 from hil.cli.options import Json, argument, option
 from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading
-from hil.report.number import number, unit_text, with_uncertainty
+from hil.report.number import with_std, with_unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,12 +79,8 @@ def _kept(one: Unchanged) -> str:
 
 
 def _limit(one: Unchanged) -> str:
-    return f"{number(one.limit, 2)} {unit_text(one.unit)}".rstrip()
+    return with_unit(one.limit, one.unit, 2)
 
 
 def _size(size: Size) -> str:
-    from hil.record.measurement import COVERAGE_FACTOR
-
-    if size.value is None:
-        return "none"
-    return with_uncertainty(size.value, None if size.std is None else COVERAGE_FACTOR * size.std)
+    return "none" if size.value is None else with_std(size.value, size.std)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from hil.units import behind_a_number
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -50,7 +52,7 @@ def _link(link: Link) -> str:
 
 def _input(seen: Seen) -> str:
     reading = seen.reading
-    unit = "" if reading.unit == "1" else f" {reading.unit}"
+    unit = behind_a_number(reading.unit)
     value = "no value" if reading.value is None or not math.isfinite(reading.value) else f"{reading.value:.5g}{unit}"
     noise = "cannot be told" if reading.noise is None else f"{reading.noise:.3g}{unit}"
     steps = "did not change" if seen.resolution is None else f"{seen.resolution:.3g}{unit}"

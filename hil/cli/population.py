@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from hil.cli.printed import in_short
-from hil.report.number import limits_text, number, rounded, with_uncertainty
+from hil.report.number import limits_text, number, rounded, with_std
 from hil.report.terminal import aligned, typed
 
 if TYPE_CHECKING:
@@ -100,13 +100,11 @@ def _limit_row(one: LimitOfBatch) -> tuple[str, ...]:
 
 
 def _row(one: Standing) -> tuple[str, ...]:
-    from hil.record.measurement import COVERAGE_FACTOR
     from hil.report.comparison_page import value_text
 
     value = value_text(one.values[0]) if len(one.values) == 1 else f"mean of {len(one.values)}"
     mean, std = ("", "") if one.mean is None or one.std is None else (rounded(one.mean, one.std)[0], f"{one.std:.2g}")
-    width = None if one.distance_std is None else COVERAGE_FACTOR * one.distance_std
-    distance = "" if one.distance is None else with_uncertainty(one.distance, width)
+    distance = "" if one.distance is None else with_std(one.distance, one.distance_std)
     meaning = f"cannot be told: {one.why}" if one.why else one.meaning
     return one.who, one.name, one.unit, value, mean, std, str(one.units), distance, meaning
 

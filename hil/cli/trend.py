@@ -72,16 +72,14 @@ def _table(series: dict[str, list[Point]], drifts: dict[str, Drift]) -> str:
 def _lines(points: Sequence[Point]) -> list[str]:
     from hil.record.simulated import marked
     from hil.report.local_time import local_text
-    from hil.report.number import limits_text, with_uncertainty
+    from hil.report.number import limits_text
+    from hil.report.results import value_text
 
     lines = []
     for point in points:
         value = point.value
-        sign = "" if value.relation == "=" else f"{value.relation} "
         started = local_text(point.started_utc, "minutes")
-        measured = f"{sign}{with_uncertainty(value.value, value.expanded, value.unit)}"
         run = marked(point.run, simulated=point.simulated)
-        lines.append(
-            f"{started}  {measured}  {limits_text(value.low, value.high)}  {value.verdict or ''}  {run}".rstrip()
-        )
+        parts = started, value_text(value, value.unit), limits_text(value.low, value.high), value.verdict or "", run
+        lines.append("  ".join(parts).rstrip())
     return lines

@@ -13,6 +13,7 @@ import typer
 
 from hil.cli.options import Bench, Json, option
 from hil.printable import printable, raw
+from hil.units import behind_a_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -110,7 +111,7 @@ def _table(readings: Sequence[Reading]) -> Any:
 
 
 def _row(reading: Reading) -> tuple[str, str, str, str, str, str]:
-    noise = "–" if reading.noise is None else f"{reading.noise:.3g} {_unit(reading.unit)}".strip()
+    noise = "–" if reading.noise is None else f"{reading.noise:.3g}{behind_a_number(reading.unit)}".strip()
     return (
         reading.name, _number(reading.raw, reading.raw_unit), _number(reading.value, reading.unit), noise,
         f"{reading.age_s:.1f}", reading.state,
@@ -118,11 +119,7 @@ def _row(reading: Reading) -> tuple[str, str, str, str, str, str]:
 
 
 def _number(value: float | None, unit: str) -> str:
-    return "–" if value is None or not math.isfinite(value) else f"{value:.5g} {_unit(unit)}".strip()
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else unit
+    return "–" if value is None or not math.isfinite(value) else f"{value:.5g}{behind_a_number(unit)}".strip()
 
 
 def _kept(stream: IO[str]) -> Callable[[float, Sequence[Reading]], None]:

@@ -19,6 +19,7 @@ from hil.record.moment import Moment
 from hil.record.population_comparison import PopulationComparison
 from hil.record.previous_run import PreviousRunComparison
 from hil.record.show import dataset, figure_by_unit, table_html
+from hil.units import behind_a_number
 from hil.untrusted import read_untrusted_json
 
 Array = NDArray[np.float64]
@@ -115,8 +116,8 @@ class FittedFunction(_Strict):
         from hil.physics.formula import formula
         from hil.physics.transfer_function import transfer_function
 
-        text = formula(transfer_function(self.numerator, self.denominator, self.dead_time_s))
-        return text if self.unit == "1" else f"{text} {self.unit}"
+        found = transfer_function(self.numerator, self.denominator, self.dead_time_s)
+        return formula(found) + behind_a_number(self.unit)
 
     @property
     def line(self) -> str:

@@ -11,8 +11,8 @@ from hil.passport.template_words import template_words
 from hil.passport.unit import Unit, UnitRun
 from hil.record.measurement import COVERAGE_FACTOR, Measured
 from hil.report.local_time import local_text
-from hil.report.name import capital, quantity_words
-from hil.report.number import label_text, limits_text, note_text, number, rounded, unit_text, with_minus
+from hil.report.name import capital, quantity_words, value_words
+from hil.report.number import limits_text, note_text, rounded, unit_text, with_minus, with_unit
 from hil.report.provenance import stated_or_measured
 from hil.report.results import value_text, verdict_box, verdict_words
 from hil.version import PROGRAM
@@ -155,8 +155,7 @@ def accepted_within(m: Measured) -> str:
 
 def name_words(name: str) -> str:
     """The name of a measured value, for a page."""
-    quantity, _comma, place = name.partition(", ")
-    return capital(_(quantity_words(quantity))) + (f", {label_text(place)}" if place else "")
+    return capital(value_words(name))
 
 
 def _instruments(runs: Sequence[UnitRun]) -> list[list[str]]:
@@ -181,7 +180,7 @@ def _channels(run: UnitRun) -> list[list[str]]:
             found.append([
                 f"{channel.name}: {channel.source}",
                 *(_or_not_stated(line.get(key)) for key in ("source", "date", "due")),
-                _("not stated") if width is None else f"{number(width)} {unit_text(channel.unit)}".rstrip(),
+                _("not stated") if width is None else with_unit(width, channel.unit, 4),
             ])  # fmt: skip
     return found
 

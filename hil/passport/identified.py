@@ -11,9 +11,8 @@ from hil.errors import InputError
 from hil.language.note import Note, translated
 from hil.language.words import _, marked
 from hil.passport.unit import Unit
-from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.progress import Progress
-from hil.report.number import number, with_uncertainty
+from hil.report.number import number, with_std
 
 if TYPE_CHECKING:
     from hil.diagnosis.diagnose import Diagnosed
@@ -54,7 +53,7 @@ class Understood:
             return []
         meanings = {p.name: p.meaning for p in self.model.definition.parameters}
         return [
-            [name.replace("_", " "), with_uncertainty(v.value, None if v.std is None else COVERAGE_FACTOR * v.std),
+            [name.replace("_", " "), with_std(v.value, v.std),
              v.unit, meanings.get(name, "")] for name, v in self.model.parameters.items()
         ]  # fmt: skip
 

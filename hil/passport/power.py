@@ -32,7 +32,7 @@ from hil.record.measurement import Limit, Measured, Verdict
 from hil.record.plain import to_json
 from hil.record.progress import Progress
 from hil.record.recording import Array, split_heading
-from hil.report.number import number, unit_text
+from hil.report.number import number, with_unit
 from hil.session.procedure import Procedure
 from hil.session.results import evaluated, judged_by, procedure_of
 from hil.signals.autoregression import coloured
@@ -348,7 +348,7 @@ def rows(powers: Sequence[Power]) -> list[list[str]]:
     """For the annex: limit, fault, least size, how many of the repeats failed; in the language that is spoken."""
     return [
         [name_words(f.limit), _(f.name.replace("_", " ")), _(f.stage),
-         f"{'≥' if f.size > f.nominal else '≤'} {number(f.size, 2)} {unit_text(f.unit)}".rstrip() + _beside(f),
+         f"{'≥' if f.size > f.nominal else '≤'} {with_unit(f.size, f.unit, 2)}{_beside(f)}",
          _("{n} of {all}").format(n=f.failed, all=f.repeats)]
         for power in powers for f in power.faults
     ]  # fmt: skip
@@ -358,10 +358,7 @@ def _beside(fault: LeastFault) -> str:
     """The nominal value of a parameter; what else an effect has."""
     if fault.parameter == fault.name:
         return f" ({number(fault.nominal, 2)})"
-    others = (
-        f"{_(name.replace('_', ' '))} {number(value, 2)} {unit_text(unit)}".rstrip()
-        for name, (value, unit) in fault.shape.items()
-    )
+    others = (f"{_(name.replace('_', ' '))} {with_unit(value, unit, 2)}" for name, (value, unit) in fault.shape.items())
     return f" ({text})" if (text := ", ".join(others)) else ""
 
 

@@ -13,11 +13,12 @@ from hil.findings.difference import Difference, by_name
 from hil.findings.results import Array, Curve, Results
 from hil.language.choice import in_page_language
 from hil.language.words import _
-from hil.record.measurement import COVERAGE_FACTOR, Measured
+from hil.record.measurement import Measured
+from hil.report import results
 from hil.report.figure import DASHES, SERIES, Picture, drawn, legend_above, plain_log, thinned
 from hil.report.local_time import local_text
 from hil.report.name import quantity_words, value_words
-from hil.report.number import number, with_uncertainty
+from hil.report.number import number, with_std
 from hil.report.page import write_page
 from hil.report.section import Section, Table
 
@@ -109,19 +110,14 @@ def shared_sentence(one_bench: bool) -> str:
 
 def value_text(value: Measured | None) -> str:
     """A value with its expanded uncertainty."""
-    if value is None:
-        return _("not measured")
-    if value.value is None:
-        return _("not determined")
-    sign = "" if value.relation == "=" else f"{value.relation} "
-    return sign + with_uncertainty(value.value, value.expanded)
+    return results.value_text(value) if value else _("not measured")
 
 
 def change_text(one: Difference) -> str:
     """The change with its expanded uncertainty; nothing where it cannot be told."""
     if one.change is None or one.std is None:
         return ""
-    return with_uncertainty(one.change, COVERAGE_FACTOR * one.std)
+    return with_std(one.change, one.std)
 
 
 def _table(first: Results, second: Results, found: Sequence[Difference]) -> Table:

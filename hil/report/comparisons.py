@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from hil.language.words import _, marked
 from hil.record.cause import Cause, Found
-from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, is_accepted
+from hil.record.measurement import Findings, Measured, is_accepted
 from hil.record.population_comparison import PopulationComparison
 from hil.record.previous_run import Moved, PreviousRunComparison
 from hil.report.local_time import local_text
 from hil.report.name import quantity_words
-from hil.report.number import label_text, number, unit_text, with_uncertainty
+from hil.report.number import label_text, number, unit_text, with_std, with_unit
 
 _MOST_FOUND, _MOST_MOVED = 4, 6
 _NEXT_TO_NOTHING, _FEW_PER_CENT = 0.01, 0.05
@@ -107,7 +107,7 @@ def _found(one: Found) -> str:
 
 
 def _size(value: float | None, std: float | None, unit: str) -> str:
-    return "" if value is None else with_uncertainty(value, None if std is None else COVERAGE_FACTOR * std, unit)
+    return "" if value is None else with_std(value, std, unit)
 
 
 def _previous_run(found: PreviousRunComparison) -> list[str]:
@@ -140,7 +140,7 @@ def _change(one: Moved) -> str:
     """`friction 3.1 ± 0.2 → 172.2 ± 1.3 mA`."""
     quantity, _comma, place = one.now.name.partition(", ")
     where = _(" at {place}").format(place=label_text(place)) if place else ""
-    then, now = (with_uncertainty(m.value, m.expanded, unit) for m, unit in ((one.then, ""), (one.now, one.now.unit)))
+    then, now = (with_std(m.value, m.std, unit) for m, unit in ((one.then, ""), (one.now, one.now.unit)))
     return f"{_(quantity_words(quantity))}{where} {then} → {now}"
 
 
@@ -172,7 +172,7 @@ def _beyond(m: Measured) -> str:
     """`friction 45 ± 3 mA (good 3 … 20 mA: above by 25 mA)`."""
     value, low, high = m.value or 0.0, m.low or 0.0, m.high or 0.0
     above = value > high
-    by = f"{number(value - high if above else low - value, 2)} {unit_text(m.unit)}"
+    by = with_unit(value - high if above else low - value, m.unit, 2)
     where = (_("above by {by}") if above else _("below by {by}")).format(by=by)
     return f"{_figure(m)} ({_range(m)}: {where})"
 
@@ -182,7 +182,7 @@ def _within(m: Measured) -> str:
 
 
 def _figure(m: Measured) -> str:
-    return f"{_(quantity_words(m.quantity))} {with_uncertainty(m.value, m.expanded, m.unit)}"
+    return f"{_(quantity_words(m.quantity))} {with_std(m.value, m.std, m.unit)}"
 
 
 def _range(m: Measured) -> str:

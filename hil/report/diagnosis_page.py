@@ -32,11 +32,10 @@ from hil.report.diagnosis_tables import (
     fit_rows,
     limit_table,
     place_facts,
-    with_unit,
 )
 from hil.report.figure import Picture
 from hil.report.name import capital
-from hil.report.number import number
+from hil.report.number import number, with_unit
 from hil.report.origins import Origin, origin_facts
 from hil.report.page import write_page
 

@@ -13,7 +13,7 @@ from hil.language.note import translated
 from hil.language.words import _
 from hil.report.equation import equation_lines
 from hil.report.name import capital, short_name, short_names
-from hil.report.number import MINUS, fixed, grouped, number, rounded, unit_text
+from hil.report.number import MINUS, fixed, grouped, number, rounded, unit_text, with_unit
 from hil.report.section import Table
 from hil.signals.interval import COVERED
 
@@ -158,8 +158,3 @@ def limit_table(limits: Sequence[Limit]) -> Table | None:
 def changed_from(limit: Limit) -> str:
     """` − 0.8 %` where a limit is that of a change of what the model has."""
     return f" − {with_unit(limit.about, limit.unit)}" if limit.about else ""
-
-
-def with_unit(value: float, unit: str) -> str:
-    """A number without stated uncertainty, with its unit; a pure number has none."""
-    return f"{number(value, 3)} {unit_text(unit)}".rstrip()

@@ -16,10 +16,9 @@ from hil.physics.formula import formula
 from hil.physics.model import Model, Value
 from hil.physics.plants.transfer_function import PLANT as LINEAR
 from hil.physics.transfer_function import from_parameters
-from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.response_table import ResponseTable
 from hil.report.figure import COMMAND, FITTED, LEFT, MEASURED, Picture, drawn, legend_on_top, thinned
-from hil.report.number import note_text, number, with_uncertainty
+from hil.report.number import note_text, number, with_std
 from hil.report.page import write_page
 from hil.report.responses import bode
 from hil.report.section import Section, Table
@@ -87,7 +86,7 @@ def _value_text(found: Value) -> str:
         return _("{value} (held)").format(value=number(found.value))
     if not np.isfinite(found.std):
         return _("{value} (not identifiable)").format(value=number(found.value))
-    return with_uncertainty(found.value, COVERAGE_FACTOR * found.std)
+    return with_std(found.value, found.std)
 
 
 def _is_linear(model: Model) -> bool:

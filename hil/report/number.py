@@ -8,6 +8,7 @@ import re
 from hil.language.figures import localised
 from hil.language.note import translated
 from hil.language.words import place_words
+from hil.record.measured import COVERAGE_FACTOR
 
 MINUS = "\N{MINUS SIGN}"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -55,6 +56,16 @@ def with_uncertainty(value: float | None, expanded: float | None, unit: str = ""
     shown, width = rounded(value, expanded)
     text = f"{shown} ± {width}" if width else shown
     return f"{text} {unit_text(unit)}".rstrip() if value is not None else text
+
+
+def with_std(value: float | None, std: float | None, unit: str = "") -> str:
+    """The same of a value whose standard uncertainty is known, None where it is not."""
+    return with_uncertainty(value, None if std is None else COVERAGE_FACTOR * std, unit)
+
+
+def with_unit(value: float, unit: str, digits: int = 3) -> str:
+    """A number without stated uncertainty, with its unit; a pure number has none."""
+    return f"{number(value, digits)} {unit_text(unit)}".rstrip()
 
 
 def grouped(value: float) -> str:

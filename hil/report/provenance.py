@@ -14,7 +14,7 @@ from hil.record.header import read_end, stated
 from hil.record.recording import Channel, Recording
 from hil.report.facts import fact_of, facts_of, text_of
 from hil.report.name import within
-from hil.report.number import fixed, number, rounded, unit_text
+from hil.report.number import fixed, number, rounded, unit_text, with_unit
 from hil.report.section import Table
 from hil.untrusted import parse_toml
 
@@ -28,7 +28,7 @@ def conditions_of(recording: Recording) -> list[tuple[str, str]]:
         valve.pop("integrates", None)
     command = recording.channels.get(str((recording.meta.get("roles") or {}).get("command")))
     if command is not None and isinstance(point := valve.get("operating_point"), int | float):
-        valve["operating_point"] = f"{number(point, 6)} {unit_text(command.unit)}"
+        valve["operating_point"] = with_unit(point, command.unit, 6)
     return [*stated_or_measured(recording), *facts_of(valve)] or [(_("Conditions"), _("none stated"))]
 
 

@@ -12,7 +12,7 @@ from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_o
 from hil.record.previous_run import PreviousRunComparison
 from hil.report.comparisons import comparison_sentences
 from hil.report.name import capital, quantity_words
-from hil.report.number import label_text, limits_text, number, rounded, unit_text, with_uncertainty
+from hil.report.number import label_text, limits_text, number, rounded, unit_text, with_std, with_unit
 
 _WORDS = {
     "pass": ("good", marked("Pass"), marked("Every limit is met for certain.")),
@@ -61,7 +61,7 @@ def value_text(m: Measured, unit: str = "") -> str:
     """`> 1.269 ± 0.012 Hz`: a measured value with its expanded uncertainty."""
     if m.value is None:
         return _("not determined")
-    return _sign(m) + with_uncertainty(m.value, m.expanded, unit)
+    return _sign(m) + with_std(m.value, m.std, unit)
 
 
 def repeatability_text(m: Measured) -> str:
@@ -136,7 +136,7 @@ def _how_far(m: Measured) -> str:
                  for side, limit in (("low", m.low), ("high", m.high)) if limit is not None)  # fmt: skip
     if m.verdict == "cannot tell" and judge(m.value, m.std, m.low, m.high, m.relation) == "pass":
         return _("it is met, but the run did not end as planned")
-    by = f"{number(abs(inside), 2)} {unit_text(m.unit)}".rstrip()
+    by = with_unit(abs(inside), m.unit, 2)
     where = (_("met by {by}") if inside > 0.0 else _("missed by {by}") if inside < 0.0 else _("met exactly")).format(
         by=by
     )
@@ -146,7 +146,7 @@ def _how_far(m: Measured) -> str:
         return _("it is {where}, but the uncertainty is not known").format(where=where)
     if m.std == 0.0:
         return _("it is {where}").format(where=where)
-    width = f"{number(m.expanded, 2)} {unit_text(m.unit)}".rstrip()
+    width = with_unit(COVERAGE_FACTOR * m.std, m.unit, 2)
     note = (
         _("it is {where}, but the uncertainty is {width}")
         if m.verdict == "cannot tell"

@@ -23,6 +23,7 @@ from hil.language.words import ENGLISH, _, speaking
 from hil.safety.interrupt import status_of, uninterrupted
 from hil.safety.witness import Look, Testimony, Witnesses, stands_at
 from hil.system import system
+from hil.units import behind_a_number
 
 _PATIENCE_S = 0.5  # for a device that obeys, and says so a little later
 AGAIN_S, _AGAIN_LATE_S = 0.02, 0.1
@@ -115,7 +116,7 @@ class Output:
             return _("'{name}' was set to its safe value, and is NOT CONFIRMED by {witness}").format(
                 name=name, witness=_reading(self.witness)
             )
-        at = "" if self.at is None else f"{self.at:.4g}{'' if self.unit == '1' else f' {self.unit}'}"
+        at = "" if self.at is None else f"{self.at:.4g}{behind_a_number(self.unit)}"
         texts = {
             State.DRIVEN: _("'{name}' stands at {at}") if at else _("'{name}' is driven"),
             State.UNCONFIRMED: _("'{name}' was commanded safe, and could not be read back") if not self.confirmed_in_s
@@ -130,7 +131,7 @@ def _reading(witness: Testimony | None) -> str:
     """A witness with what it reads now and read at rest: `flow (41 l/min now, 0.12 l/min at rest)`."""
     if witness is None:
         return ""
-    unit = "" if witness.unit == "1" else f" {witness.unit}"
+    unit = behind_a_number(witness.unit)
     reads, at_rest = (_("no reading") if x is None else f"{x:.3g}{unit}" for x in (witness.reads, witness.at_rest))
     return _("{channel} ({reads} now, {at_rest} at rest)").format(channel=witness.channel, reads=reads, at_rest=at_rest)
 

@@ -30,6 +30,7 @@ from hil.language.note import revived, translated
 from hil.physics.model import load_model
 from hil.physics.other_plant import plant_of_run
 from hil.record.header import read_header, stated
+from hil.session.setting import value_text
 from hil.untrusted import is_regular, read_untrusted_json
 
 _RUNS = 40
@@ -163,18 +164,8 @@ def _next_run(diagnosis: dict[str, Any]) -> str:
     if not test or not test.get("procedure"):
         return ""
     asked = {"procedure": test["procedure"], "why": test.get("why", "")}
-    settings = {f"set.{name}": _typed(value) for name, value in (test.get("settings") or {}).items()}
+    settings = {f"set.{name}": value_text(value) for name, value in (test.get("settings") or {}).items()}
     return f"/run?{urlencode({**asked, **settings})}"
-
-
-def _typed(value: Any) -> str:
-    return (
-        ",".join(map(_typed, value))
-        if isinstance(value, list)
-        else f"{value:g}"
-        if isinstance(value, float)
-        else str(value)
-    )
 
 
 ROUTES = [
