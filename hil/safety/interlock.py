@@ -46,12 +46,6 @@ class Band:
         low, high = values.min(), values.max()
         return bool(self.low <= low and high <= self.high and -np.inf < low and high < np.inf)
 
-    def avoids(self, block: Block) -> bool:
-        """Whether the channel is beyond one end of the range all the time: what `may_hold` finds nowhere."""
-        values = self.values(block)
-        low, high = values.min(), values.max()
-        return bool((self.high < low or high < self.low) and -np.inf < low and high < np.inf)
-
     def outside(self, block: Block) -> NDArray[np.bool_]:
         """Where the channel is not within the range, or was not measured."""
         values = self.values(block)
@@ -129,20 +123,20 @@ class Watch:
     _outside_since_s: float | None = field(default=None, init=False)
     _same_since_s: float | None = field(default=None, init=False)
     _last: float = field(default=np.nan, init=False)
-    _standstill: Standstill = field(default_factory=Standstill.begun, init=False)
 
-    def judge(self, block: Block, blind_s: float = 0.0) -> Violation | None:
+    def judge(self, block: Block, blind_s: float = 0.0, repeated: NDArray[np.bool_] | None = None) -> Violation | None:
         """The first violation that begins in this block.
 
         Args:
             block: what was read.
             blind_s: no other reading comes for so long after the last one; until then what was broken counts as
                 broken still.
+            repeated: where the channel repeats its reading more often than by chance; None where it never does.
         """
         judged = (
             (self._outside(block, blind_s), self._outside_text),
             (self._stale(block), self._stale_text),
-            (self._repeated(block), self._repeated_text),
+            (repeated, self._repeated_text),
         )
         conditions = [(where, text_of) for where, text_of in judged if where is not None]
         if not conditions:
@@ -166,8 +160,7 @@ class Watch:
         lock = self.interlock
         if not lock.allowed.asks:  # only that the reading changes
             return None
-        # Two comparisons, and nearly always so.
-        if lock.allowed.keeps(block) or (lock.only_while is not None and lock.only_while.avoids(block)):
+        if lock.allowed.keeps(block):  # two comparisons, and nearly always so
             self._outside_since_s = None
             return None
         outside = lock.allowed.outside(block)
@@ -198,11 +191,6 @@ class Watch:
             return None
         held_s, self._same_since_s = lasting_s(same, block.time_s, self._same_since_s)
         return np.logical_and(same, held_s >= lock.stale_s)
-
-    def _repeated(self, block: Block) -> NDArray[np.bool_] | None:
-        """Where the reading repeats more often than by chance; None where it never does."""
-        self._standstill, repeated = self._standstill.after(block.values(self.interlock.allowed.channel))
-        return repeated if repeated.any() else None
 
     def _pressed_text(self, block: Block, at: int) -> str:
         name = self.interlock.allowed.channel
@@ -248,26 +236,31 @@ def _reading(value: float, why: str) -> str:
 
 
 class Watches:
-    """Follows every interlock of a bench."""
+    """Follows every interlock of a bench, and every channel that one of them watches."""
 
     def __init__(self, interlocks: Iterable[Interlock]) -> None:
         self._watches = [Watch(interlock) for interlock in interlocks]
+        self._standstills = {watch.interlock.allowed.channel: Standstill.begun() for watch in self._watches}
 
     def judge(self, block: Block, blind_s: float = 0.0) -> list[Violation]:
         """The violations that begin in this block, in the order of time (see `Watch.judge`)."""
-        found = [violation for watch in self._watches if (violation := watch.judge(block, blind_s)) is not None]
-        return sorted(found, key=lambda violation: violation.time_s)
+        repeated = {}
+        for name, standstill in self._standstills.items():
+            self._standstills[name], where = standstill.after(block.values(name))
+            repeated[name] = where if where.any() else None
+        judged = (watch.judge(block, blind_s, repeated[watch.interlock.allowed.channel]) for watch in self._watches)
+        return sorted(filter(None, judged), key=lambda violation: violation.time_s)
 
     def pass_over(self, block: Block) -> bool:
         """Judge several blocks in one, where none of them breaks an interlock; else nothing of it is remembered.
 
         However they are cut then, `judge` would say nothing of any.
         """
-        watches = [copy(watch) for watch in self._watches]
-        if any(watch.broken or watch.judge(block) is not None for watch in watches):
-            return False
-        self._watches = watches
-        return True
+        before = [copy(watch) for watch in self._watches], self._standstills.copy()
+        if not any(watch.broken for watch in self._watches) and not self.judge(block):
+            return True
+        self._watches, self._standstills = before
+        return False
 
     @property
     def ended_by(self) -> frozenset[str]:

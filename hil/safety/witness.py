@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import MappingProxyType
 from typing import Any
 
@@ -58,7 +58,7 @@ class Testimony:
 
     def as_dict(self) -> dict[str, Any]:
         """As it is kept with a run."""
-        return {name: getattr(self, name) for name in ("channel", "unit", "is_named", "reads", "at_rest")}
+        return asdict(self)
 
     @classmethod
     def of(cls, record: Mapping[str, Any]) -> Testimony:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hil.daq.contract import Block
 from hil.record.recording import Array
-from hil.safety.interlock import Band, Interlock, Watch
+from hil.safety.interlock import Band, Interlock, Watches
 from hil.safety.standstill import Standstill
 
 RATE_HZ = 250
@@ -64,8 +64,8 @@ def test_a_frozen_channel_breaks_its_interlock_and_says_why(is_emergency_stop: b
     values = read(3.0)
     values[2700:] = np.median(values[2500:2700])
     lock = Interlock("contact", "trip", Band("contact", low=-1000.0), is_emergency_stop=is_emergency_stop)
-    watch, cuts = Watch(lock), [slice(at, at + 25) for at in range(0, 2900, 25)]
+    watches, cuts = Watches([lock]), [slice(at, at + 25) for at in range(0, 2900, 25)]
     blocks = [Block(np.arange(cut.start, cut.stop) / RATE_HZ, {"contact": values[cut]}, {}) for cut in cuts]
-    found = [violation for one in blocks if (violation := watch.judge(one)) is not None]
+    found = [violation for one in blocks for violation in watches.judge(one)]
     assert len(found) == 1 and "repeats itself" in found[0].text
     assert 2700 / RATE_HZ < found[0].time_s < 2800 / RATE_HZ
