@@ -12,8 +12,9 @@ from drivers._address_claim import CLAIM_WAIT_S, CLAIMED, REQUEST
 from drivers._can import bus_fault, close_bus, gone, heard, open_bus
 from drivers._edge import wire_log
 from drivers._node_objects import NodeObjects
-from hil.daq.probe import Found, Progress
+from hil.daq.probe import Found
 from hil.description.eds import Dictionary
+from hil.record.progress import Progress
 from hil.system import system
 
 _NOBODY, _EVERYBODY = 0xFE, 0xFF  # addresses of J1939: who has none may ask for claims

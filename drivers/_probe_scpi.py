@@ -5,9 +5,10 @@ from __future__ import annotations
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._line import Line, SerialSettings
-from hil.daq.probe import Found, Progress
+from hil.daq.probe import Found
 from hil.description.text import ENDS, End
 from hil.errors import LinkError
+from hil.record.progress import Progress
 
 _PARTS = ("maker", "model", "serial", "version")
 

@@ -17,7 +17,7 @@ from hil.bench.heartbeat import WatchdogHandle, watched
 from hil.bench.lease import leased
 from hil.bench.nets.calibration import deviations_on
 from hil.bench.nets.packages import check_packages
-from hil.bench.progress_report import Progress, ProgressReporter, Shown
+from hil.bench.progress_report import ProgressReporter, Shown
 from hil.bench.protection import protection_of
 from hil.bench.read import BenchFile
 from hil.bench.recorder import Recorder
@@ -31,6 +31,7 @@ from hil.errors import FileError
 from hil.language.note import codes_of
 from hil.record.folder import RunWriter
 from hil.record.header import Column
+from hil.record.progress import Progress
 from hil.record.recording import Recording
 from hil.safety.guard import Guard
 from hil.safety.interrupt import notified_of_signals
@@ -87,11 +88,53 @@ def open_rig(
         UnknownNameError: a reset of an interlock that has not tripped.
     """
     ending = Ending(word)
+    known = known or Outputs()
+    operator = operator or (None if file.is_simulated else Operator())
     try:
         begins = ending.enter(within or nullcontext(lambda: None))
-        yield _opened_rig(
-            file, out, about, progress, resets, earlier, known or Outputs(), commanding, operator, ending, begins
+        check_packages(file)
+        deviations = deviations_on(file, datetime.now(UTC).date())
+        ending.enter(leased(file))
+        watch = ending.enter(watched(file, out, known, operator))
+        ending.enter(accounted(known))
+        daq = ending.enter(_opened(file, known))
+        watch.say_identities()
+        bench = file.bench
+        latch = _latch(file, resets)
+        columns = [_column(name, file) for name in (*daq.outputs, *daq.inputs)]
+        columns += [Column(name=name, unit="s", source="time of the readings") for name in daq.promises.delay_names]
+        rate_hz = daq.actual_rate_hz(bench.sample_rate_hz)
+        header = {**about, **_header(file, daq, rate_hz), "deviations": deviations, "codes": codes_of(deviations)}
+        writer = ending.enter(
+            recorded(RunWriter.create(out, header, columns), known, lambda: operator.stopped_by if operator else "")
         )
+        finished = _taken_over(writer, earlier)
+        recorder = Recorder(writer, daq.inputs)
+        reporter = ProgressReporter(
+            progress, _shown(bench, daq, commanding), virtual=daq.promises.timing == "virtual",
+            begins_s=0.0 if earlier is None else float(earlier.time_s[-1]),
+        )  # fmt: skip
+
+        def keep(block: Block) -> None:
+            recorder.keep(block)
+            reporter.heard(recorder.time_of(block), block.columns)
+
+        guard = Guard(
+            daq, protection_of(bench, rate_hz), latch, _clock(daq), keep, recorder.note, watch.beat,
+            known, operator,
+        )  # fmt: skip
+        if watch.note:
+            recorder.note("no stop from a console", why=watch.note)
+        ending.enter(published(watch.control, out, lambda: not known.are_commanded, recorder.note))
+        ending.enter(_left_to_the_watchdog(watch, known))
+        ending.enter(closed_for_sure(guard.close))
+        ending.guard = guard
+        ending.enter(notified_of_signals(ending.signalled))
+        begins()
+        with ending.task():
+            _switch_on(bench, guard, rate_hz)
+        yield BenchRig(bench, guard, recorder, columns, reporter, finished, commanding, ending,
+                       asks=operator.goes_on_by if operator else "")  # fmt: skip
     except BaseException as error:
         ending.end(error)
     else:
@@ -99,68 +142,16 @@ def open_rig(
     ending.returned()
 
 
-def _opened_rig(
-    file: BenchFile,
-    out: Path,
-    about: Mapping[str, Any],
-    progress: Progress,
-    resets: Iterable[str],
-    earlier: Recording | None,
-    known: Outputs,
-    commanding: str,
-    operator: Operator | None,
-    ending: Ending,
-    begins: Callable[[], None],
-) -> BenchRig:
-    check_packages(file)
-    deviations = deviations_on(file, datetime.now(UTC).date())
-    operator = operator or (None if file.is_simulated else Operator())
-    ending.enter(leased(file))
-    watch = ending.enter(watched(file, out, known, operator))
-    ending.enter(accounted(known))
-    daq = ending.enter(_opened(file, known))
-    watch.say_identities()
+def _header(file: BenchFile, daq: Daq, rate_hz: float) -> dict[str, Any]:
+    """What the header of a run says of its bench."""
     bench = file.bench
-    latch = _latch(file, resets)
-    columns = [_column(name, file) for name in (*daq.outputs, *daq.inputs)]
-    columns += [Column(name=name, unit="s", source="time of the readings") for name in daq.promises.delay_names]
-    rate_hz = daq.actual_rate_hz(bench.sample_rate_hz)
-    header = {**about, **conditions_of(bench), "deviations": deviations, "codes": codes_of(deviations),
-              "bench_file": file.text,
-              "plant": base_plant(model_path(bench.valve.plant, file.path.parent)),
-              "sampling": daq.promises.sampling(daq.inputs, rate_hz),
-              "driven": {name: output.driven for name, output in daq.outputs.items()},
-              "read": {name: {"step": read.step} for name, read in daq.inputs.items() if read.step}}  # fmt: skip
-    writer = ending.enter(
-        recorded(RunWriter.create(out, header, columns), known, lambda: operator.stopped_by if operator else "")
-    )
-    finished = _taken_over(writer, earlier)
-    recorder = Recorder(writer, daq.inputs)
-    reporter = ProgressReporter(
-        progress, _shown(bench, daq, commanding), virtual=daq.promises.timing == "virtual",
-        begins_s=0.0 if earlier is None else float(earlier.time_s[-1]),
-    )  # fmt: skip
-
-    def keep(block: Block) -> None:
-        recorder.keep(block)
-        reporter.heard(recorder.time_of(block), block.columns)
-
-    guard = Guard(
-        daq, protection_of(bench, rate_hz), latch, _clock(daq), keep, recorder.note, watch.beat,
-        known, operator,
-    )  # fmt: skip
-    if watch.note:
-        recorder.note("no stop from a console", why=watch.note)
-    ending.enter(published(watch.control, out, lambda: not known.are_commanded, recorder.note))
-    ending.enter(_left_to_the_watchdog(watch, known))
-    ending.enter(closed_for_sure(guard.close))
-    ending.guard = guard
-    ending.enter(notified_of_signals(ending.signalled))
-    begins()
-    with ending.task():
-        _switch_on(bench, guard, rate_hz)
-    return BenchRig(bench, guard, recorder, columns, reporter, finished, commanding, ending,
-                    asks=operator.goes_on_by if operator else "")  # fmt: skip
+    return {
+        **conditions_of(bench), "bench_file": file.text,
+        "plant": base_plant(model_path(bench.valve.plant, file.path.parent)),
+        "sampling": daq.promises.sampling(daq.inputs, rate_hz),
+        "driven": {name: output.driven for name, output in daq.outputs.items()},
+        "read": {name: {"step": read.step} for name, read in daq.inputs.items() if read.step},
+    }  # fmt: skip
 
 
 @contextmanager

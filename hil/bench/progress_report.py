@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
+from hil.record.progress import Progress
 from hil.record.recording import Array
 from hil.system import system
 from hil.units import behind_a_number
-
-Progress = Callable[[float, str], None]
-"""Called with the share done, 0 … 1, and what is going on."""
 
 _MOST_SHARE = 0.99  # until the outputs are safe and the run is evaluated, nothing is done
 _EVERY_S = 0.1  # of the operator's time

@@ -10,8 +10,7 @@ from pydantic import BaseModel
 
 from hil.catalog import entries
 from hil.errors import SettingError, UnknownNameError
-
-Progress = Callable[[float, str], None]
+from hil.record.progress import Progress
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ from hil.physics.compose import kernel
 from hil.physics.model import Model, ModelEffect
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain
-from hil.record.progress import Progress
+from hil.record.progress import Progress, quiet
 from hil.record.simulated import is_simulated
 from hil.session.diagnosis import bound_to
 
@@ -59,7 +59,7 @@ def difference(
     old: Dated,
     new: Dated,
     kind: Model | None,
-    progress: Progress = lambda _d, _t: None,
+    progress: Progress = quiet,
     inputs: Sequence[str] = (),
     output: str = "",
     computing_s: float = math.inf,
