@@ -209,7 +209,7 @@ class Ending:
             if self.guard is not None and error is not None:
                 self.guard.end(error)
             with uninterrupted():
-                self.error = self._undone(error)
+                self.error = self._undo_all(error)
                 if self.error is not None and self._word is not None:
                     self._word.say(self.error)
                     self._word.leave_soon()
@@ -228,7 +228,7 @@ class Ending:
     def _over(self) -> BaseException | None:
         return None if self.guard is None else self.guard.over
 
-    def _undone(self, error: BaseException | None) -> BaseException | None:
+    def _undo_all(self, error: BaseException | None) -> BaseException | None:
         begin_ending()
         for pieces in self._streams:
             with suppress(BaseException):

@@ -82,7 +82,7 @@ class Device(BaseModel):
     late_s: float | None = Field(default=None, gt=0.0, le=60.0)
 
     @model_validator(mode="after")
-    def _one(self) -> Self:
+    def _one_origin(self) -> Self:
         if bool(self.driver) == bool(self.simulated):
             raise ValueError('a device has either driver = "…" or simulated = "…"')
         return self

@@ -179,13 +179,13 @@ class HeartbeatClient:
     def _sign(self, sign: bytes) -> None:
         now_s = system.now_s()
         if self._failed or (self._asked_s > self._heard_s and now_s - self._asked_s > self._limit_s):
-            raise self._gone()
+            raise self._watchdog_gone()
         if self._asked_s <= self._heard_s:
             self._asked_s = now_s  # the oldest sign of life that is not answered yet
         try:
             self._say(sign)
         except (OSError, ValueError):
-            raise self._gone(self._death(_LAST_BREATH_S)) from None
+            raise self._watchdog_gone(self._death(_LAST_BREATH_S)) from None
 
     def say_farewell(self) -> None:
         """Let the watchdog end: nothing is left to do."""
@@ -241,7 +241,7 @@ class HeartbeatClient:
         self._process.kill()
         self._process.wait()
 
-    def _gone(self, ended: str = "") -> StoppedError:
+    def _watchdog_gone(self, ended: str = "") -> StoppedError:
         ended = ended or ("" if self._process.poll() is None else self._death())  # its pipe may tell that later
         how = self._failed or ended or f"gave no answer for {self._limit_s:g} s"
         return StoppedError(f"the watchdog process {how}; the run was stopped")

@@ -32,7 +32,7 @@ def leased(file: BenchFile) -> Iterator[None]:
     """
     with ExitStack() as held:
         for what, name in [] if file.is_simulated else _leases(file):
-            held.enter_context(_held(what, name))
+            held.enter_context(_lease_held(what, name))
         yield
 
 
@@ -54,7 +54,7 @@ def _address(device: DeviceInUse) -> str:
 
 
 @contextmanager
-def _held(what: str, name: str) -> Iterator[None]:
+def _lease_held(what: str, name: str) -> Iterator[None]:
     path = state_path("leases", what, ".lock")
     holder = path.with_suffix(".json")
     try:

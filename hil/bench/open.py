@@ -111,7 +111,7 @@ def open_rig(
         finished = _taken_over(writer, earlier)
         recorder = Recorder(writer, daq.inputs)
         reporter = ProgressReporter(
-            progress, _shown(bench, daq, commanding), virtual=daq.promises.timing == "virtual",
+            progress, _shown_channels(bench, daq, commanding), virtual=daq.promises.timing == "virtual",
             begins_s=0.0 if earlier is None else float(earlier.time_s[-1]),
         )  # fmt: skip
 
@@ -206,7 +206,7 @@ def _switch_on(bench: Bench, guard: Guard, rate_hz: float) -> None:
             pass
 
 
-def _shown(bench: Bench, daq: Daq, commanding: str) -> list[Shown]:
+def _shown_channels(bench: Bench, daq: Daq, commanding: str) -> list[Shown]:
     """Channels that the operator sees: the command, the response, the other inputs."""
     roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
     names = dict.fromkeys((commanding or roles["command"], roles["response"], *daq.inputs))

@@ -108,10 +108,10 @@ class ProgressReporter:
 
     def _tell(self) -> None:
         live = ", ".join(one.text(self._values[one.name]) for one in self._shown) if self._values else ""
-        self._progress(self._share, "; ".join(filter(None, (self._text, self._left, live))))
+        self._progress(self._share, "; ".join(filter(None, (self._text, self._time_left, live))))
 
     @property
-    def _left(self) -> str:
+    def _time_left(self) -> str:
         if self._until_s <= 0.0:
             return ""
         left_s = self._until_s - self._now_s

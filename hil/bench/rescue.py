@@ -136,7 +136,7 @@ class Rescue:
     def _tried_all(self, line: list[_Device]) -> None:
         for i, device in enumerate(line):
             if not device.done and system.now_s() >= device.quiet_until_s:
-                line[i] = _tried(self._file, device)
+                line[i] = _try_once(self._file, device)
                 self._service.tell(line[i].outputs, "watchdog")
                 self._leave_to_its_watchdog(line[i])
 
@@ -165,7 +165,7 @@ def _wait(threads: list[Any], until_s: float) -> None:
         thread.join(max(0.0, until_s - system.now_s()))
 
 
-def _tried(file: BenchFile, device: _Device) -> _Device:
+def _try_once(file: BenchFile, device: _Device) -> _Device:
     """What came of one try, as long as a driver may take that returns."""
     attempt = _Device(device.name, until_s=device.until_s, quiet_until_s=device.quiet_until_s)
     thread = system.thread(_make_safe, file, attempt)

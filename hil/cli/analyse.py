@@ -53,7 +53,7 @@ def step(
     found = api.step_models(
         read, rise_s=rise, settling_s=settling, input=input_name, output=output_name, beside=beside, band=band / 100.0
     )
-    _show([one.as_dict() for one in found], "\n".join(one.as_text() for one in found), as_json)
+    _print_result([one.as_dict() for one in found], "\n".join(one.as_text() for one in found), as_json)
 
 
 @group.command("sines")
@@ -77,7 +77,7 @@ def sines(
             check_file(path, recordings)
         written = found.write(out)
         text += "".join(f"\nnext: hil identify {shlex.quote(str(path))} --plant transfer-function" for path in written)
-    _show(found.as_dict(), text, as_json)
+    _print_result(found.as_dict(), text, as_json)
 
 
 @group.command("flow")
@@ -103,7 +103,7 @@ def flow(
         check_file(out, recordings)
         found.write(out)
         text += f"\n{out}: the curve; `hil analyse compose` makes a model of it"
-    _show(found.as_dict(), text, as_json)
+    _print_result(found.as_dict(), text, as_json)
 
 
 @group.command("classes")
@@ -129,7 +129,7 @@ def classes(
         found = api.learn_classes(good, bad, others, output=output_name, names=(valves[0].name, valves[1].name))
     else:
         raise SettingError(f"{len(valves)} named; two folders are needed, the good valves' first, or one table")
-    _show(found.as_dict(), found.as_text(), as_json)
+    _print_result(found.as_dict(), found.as_text(), as_json)
 
 
 @group.command("compose")
@@ -165,7 +165,7 @@ def compose(
     api.save_model(made, out)
     text, document = _dynamics(dynamics)
     document = {"schema": "hil.composed/1", "file": str(out), "input": made.input, "output": made.output, **document}
-    _show(document, f"{out}: {made.input} → {made.output}\n  {text}", as_json)
+    _print_result(document, f"{out}: {made.input} → {made.output}\n  {text}", as_json)
 
 
 def _dynamics(model: Model) -> tuple[str, dict[str, Any]]:
@@ -205,7 +205,7 @@ def corners(
         "misfit": fit.misfit, "numerator": fit.model.numerator, "denominator": fit.model.denominator,
     }  # fmt: skip
     _write(out, to, "corners", fit.model)
-    _show(plain(found), corners_text(fit), as_json)
+    _print_result(plain(found), corners_text(fit), as_json)
 
 
 @group.command("recursive")
@@ -237,7 +237,7 @@ def recursive(
     )  # fmt: skip
     if path is not None:
         found.write_path(path)
-    _show(found.as_dict(), found.as_text(), as_json)
+    _print_result(found.as_dict(), found.as_text(), as_json)
 
 
 @group.command("process")
@@ -265,7 +265,7 @@ def process(
     found = first_order(read, command, response, integrates=integrates, skip_s=skip)
     _write(out, to, "process model", found.model)
     note = found.note(read.channel(command).unit, read.channel(response).unit)
-    _show({"schema": "hil.process-model/1", **asdict(found)}, str(note), as_json)
+    _print_result({"schema": "hil.process-model/1", **asdict(found)}, str(note), as_json)
 
 
 @group.command("loop")
@@ -298,7 +298,7 @@ def loop(
         loop, notes = closed_with_gain(given, close)
         content = {"schema": "hil.closed-loop/1", **_ratio_and_poles(loop), "notes": list(notes)}
         _write(out, to, "closed loop", loop)
-        _show(plain(content), _loop_text("closed", formula(loop), loop, notes), as_json)
+        _print_result(plain(content), _loop_text("closed", formula(loop), loop, notes), as_json)
         return
     by = UNITY if sensor is None else linear_of(load_model(sensor), str(sensor))
     found = opened(given, by, "feedback" if feedback else "forward")
@@ -308,7 +308,7 @@ def loop(
         "closed_at_rest": found.rest, "notes": list(found.notes),
     }  # fmt: skip
     _write(out, to, "open loop", found.model)
-    _show(plain(content), _loop_text("open", formula(found.model), found.model, found.notes), as_json)
+    _print_result(plain(content), _loop_text("open", formula(found.model), found.model, found.notes), as_json)
 
 
 def _ratio_and_poles(model: TransferFunction) -> dict[str, Any]:
@@ -340,7 +340,7 @@ def error(
         raise SettingError(f"--level {level}: there are low (1.4 A) and high (1.6 A)")
     measured, good = (_read(p, reading) for p in (recording, reference))
     found = error_between(measured, good, "low" if level == "low" else "high", output_name)
-    _show(found.as_dict(), found.as_text(), as_json)
+    _print_result(found.as_dict(), found.as_text(), as_json)
 
 
 def _read(path: Path, reading: Reading) -> Recording:
@@ -375,5 +375,5 @@ def _write(out: str, to: str, name: str, model: TransferFunction) -> None:
         Path(out).write_text(text, encoding="utf-8")
 
 
-def _show(content: Any, text: str, as_json: bool) -> None:
+def _print_result(content: Any, text: str, as_json: bool) -> None:
     typer.echo(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) if as_json else text)

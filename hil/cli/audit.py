@@ -72,7 +72,7 @@ def _path(given: Path | None) -> Path:
 
 
 def _head_text(link: Link) -> str:
-    return _shown(f"line {link.number} of {link.line.get('utc')}: {link.sha256}")
+    return _one_line(f"line {link.number} of {link.line.get('utc')}: {link.sha256}")
 
 
 def _text(line: Mapping[str, Any]) -> str:
@@ -83,13 +83,13 @@ def _text(line: Mapping[str, Any]) -> str:
     details = line.get("details")
     who = who or ["nobody known"]
     more = [f"{key} {_value(value)}" for key, value in details.items()] if isinstance(details, Mapping) else []
-    return _shown("  ".join([str(line.get("utc", "")), ", ".join(who), str(line.get("act", "")), "; ".join(more)]))
+    return _one_line("  ".join([str(line.get("utc", "")), ", ".join(who), str(line.get("act", "")), "; ".join(more)]))
 
 
 def _value(value: object) -> str:
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
-def _shown(text: str) -> str:
+def _one_line(text: str) -> str:
     """Text of others as text: nothing in it steers the terminal."""
     return "".join(one if one.isprintable() else f"\\x{ord(one):02x}" for one in text)

@@ -26,14 +26,14 @@ def any_key() -> Iterator[Callable[[], bool]]:
     before = termios.tcgetattr(place)
     tty.setcbreak(place, termios.TCSANOW)
     try:
-        yield lambda: _came(place)
+        yield lambda: _key_came(place)
     finally:
         with suppress(termios.error):
             termios.tcflush(place, termios.TCIFLUSH)
             termios.tcsetattr(place, termios.TCSANOW, before)
 
 
-def _came(place: int) -> bool:
+def _key_came(place: int) -> bool:
     try:
         return bool(select.select([place], [], [], 0.0)[0])
     except (OSError, ValueError):

@@ -91,7 +91,7 @@ def command(
     from hil.session.run import rehearse_procedure
 
     found = read_bench(find_bench(bench))
-    found, labels = labelled(found, chosen, labels, _asked if sys.stdin.isatty() else None)
+    found, labels = labelled(found, chosen, labels, _serial_asked if sys.stdin.isatty() else None)
     folder = out or new_folder(DEFAULT_FOLDER, chosen.name, labels.serial)
     check_folder(folder)
     given = {**preset_settings(found, chosen, preset), **split_assignments(settings)}
@@ -131,7 +131,7 @@ def _resumed(run: Path, procedure: str, bench: str, labels: Labels) -> tuple[str
     return procedure or earlier.procedure, bench or earlier.bench, either
 
 
-def _asked() -> str:
+def _serial_asked() -> str:
     """The serial number, typed or scanned."""
     return typer.prompt("serial number of the unit", default="", show_default=False, err=True)
 

@@ -34,7 +34,7 @@ def command(
         serial=serial, procedure=procedure, since=date_of(since), verdict=verdict_of(verdict), archive=archive,
         values=False, notes=not_entered,
     )  # fmt: skip
-    typer.echo(_json(found) if as_json else _table(found) if found else _none(archive))
+    typer.echo(_json(found) if as_json else _table(found) if found else _no_runs_text(archive))
     gone = sum(not run.is_of_another_host and not run.folder.is_dir() for run in found)
     if gone:
         several = "of these folders are" if gone > 1 else "of these folders is"
@@ -71,7 +71,7 @@ def _ending(run: Entry) -> str:
     return f"({word})"
 
 
-def _none(archive: str) -> str:
+def _no_runs_text(archive: str) -> str:
     from hil.archive.place import archive_place
 
     place = archive_place(archive)

@@ -75,11 +75,11 @@ def _shower(bench: str, as_json: bool, lines: bool, stack: ExitStack) -> Callabl
     """What shows the readings of each look."""
     if lines:
         return lambda _at_s, readings: print(_as_json(bench, readings), flush=True)
-    return (lambda _at_s, _readings: None) if as_json else stack.enter_context(_shown())
+    return (lambda _at_s, _readings: None) if as_json else stack.enter_context(_display())
 
 
 @contextmanager
-def _shown() -> Iterator[Callable[[float, Sequence[Reading]], None]]:
+def _display() -> Iterator[Callable[[float, Sequence[Reading]], None]]:
     """A function that shows readings: a table that lives on a terminal, lines elsewhere."""
     if not sys.stdout.isatty():
         yield _plain

@@ -207,7 +207,7 @@ class Access:
             self._audit.write("", "was refused", {"address": _address(request), "name": f"{name:.64}"})
             return _login_page(request, marked("No account with that name and password."), 401)
         self._audit.write(name, "logs in", {"address": _address(request), "role": account.role})
-        return self._keep(RedirectResponse(_next(request), 303), self._sessions.begun(name, account))
+        return self._keep(RedirectResponse(_path_wanted(request), 303), self._sessions.begun(name, account))
 
     def _is_new_browser(self, request: Request, name: str) -> bool:
         """Whether it was shown the page and has hardly tried: who tries passwords beside it shall not keep it out.
@@ -267,7 +267,7 @@ def _ask_to_log_in(request: Request) -> Response:
     return RedirectResponse(f"/login?next={request.url.path}", 303) if wants_page else _no(401, "log in first")
 
 
-def _next(request: Request) -> str:
+def _path_wanted(request: Request) -> str:
     """Where somebody wanted to go: a path of this console, never another place."""
     path = request.query_params.get("next", "")
     return path if path.startswith("/") and not path.startswith(("//", "/\\")) and path.isprintable() else "/"
@@ -290,4 +290,4 @@ def _no(status: int, text: str) -> Response:
 
 
 def _login_page(request: Request, why: str = "", status: int = 200) -> Response:
-    return page(request, "login.html", status, why=why, target=f"/login?{urlencode({'next': _next(request)})}")
+    return page(request, "login.html", status, why=why, target=f"/login?{urlencode({'next': _path_wanted(request)})}")

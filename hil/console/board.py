@@ -185,14 +185,14 @@ class RunReader:
     def read(self) -> tuple[list[Reading], dict[str, tuple[float, float]]]:
         """(readings of inputs, levels of outputs with their age). Raises `FileError` when the folder went away."""
         while len(new := self._tail.samples()):
-            self._take(new)
+            self._take_tail(new)
         age_s = time.monotonic() - self._came_s
         if not self._levels and not math.isfinite(self._came_s):
             return [], {}
         readings = [followed.reading(age_s) for followed in self._followed.values()]
         return readings, {name: (value, age_s) for name, value in self._levels.items()}
 
-    def _take(self, new: Recording) -> None:
+    def _take_tail(self, new: Recording) -> None:
         late = new.time_s >= new.time_s[-1] - _KEPT_S
         for name, channel in new.channels.items():
             if name in self._followed:

@@ -196,10 +196,10 @@ class Underway:
             for entry in entries:
                 new = entry.name not in self._known and not entry.name.startswith(".")  # one that is being made
                 if new and entry.is_dir(follow_symlinks=False):
-                    self._take(entry.name)
+                    self._take_run(entry.name)
         self._seen_ns = -1 if fresh else changed_ns
 
-    def _take(self, name: str) -> None:
+    def _take_run(self, name: str) -> None:
         folder = self.runs / name
         if not is_regular(self.runs, f"{name}/{HEADER_FILE}"):
             return  # not yet a run, or none

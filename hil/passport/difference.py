@@ -155,9 +155,9 @@ def _moved(
     ]
     found += [_of_parameter(reference, c, shares.get(c.name)) for c in second.diagnosis.changed_parameters
               if c.name not in {change.parameter for change in found}]  # fmt: skip
-    found += [gone for f in earlier.values() if (gone := _gone(f, second.diagnosis)) is not None]
+    found += [gone for f in earlier.values() if (gone := _effect_gone(f, second.diagnosis)) is not None]
     moved = [change for change in found if _beyond_uncertainty(change)]
-    return moved, [_still(change) for change in found if change not in moved]
+    return moved, [_no_change(change) for change in found if change not in moved]
 
 
 def _of_finding(
@@ -186,7 +186,7 @@ def _of_parameter(reference: Model, changed: Any, share: float | None) -> Change
                   Size(changed.after, changed.std), changed.unit, share, None)  # fmt: skip
 
 
-def _gone(f: Finding, diagnosis: Diagnosis) -> Change | None:
+def _effect_gone(f: Finding, diagnosis: Diagnosis) -> Change | None:
     """An effect of the first date that the second does not show, though it would have."""
     limit = next((x for x in diagnosis.limits if x.effect == f.name and x.visible), None)
     if limit is None:
@@ -224,7 +224,7 @@ def _beyond_uncertainty(change: Change) -> bool:
     return abs(after.value - before.value) > COVERAGE_FACTOR * math.hypot(*stds)
 
 
-def _still(change: Change) -> Unchanged:
+def _no_change(change: Change) -> Unchanged:
     stds = [size.std or 0.0 for size in (change.before, change.after)]
     before, after = change.before.value or 0.0, change.after.value or 0.0
     limit = abs(after - before) + _ONE_SIDED * math.hypot(*stds)

@@ -348,13 +348,13 @@ def rows(powers: Sequence[Power]) -> list[list[str]]:
     """For the annex: limit, fault, least size, how many of the repeats failed; in the language that is spoken."""
     return [
         [name_words(f.limit), _(f.name.replace("_", " ")), _(f.stage),
-         f"{'≥' if f.size > f.nominal else '≤'} {with_unit(f.size, f.unit, 2)}{_beside(f)}",
+         f"{'≥' if f.size > f.nominal else '≤'} {with_unit(f.size, f.unit, 2)}{_nominal_text(f)}",
          _("{n} of {all}").format(n=f.failed, all=f.repeats)]
         for power in powers for f in power.faults
     ]  # fmt: skip
 
 
-def _beside(fault: LeastFault) -> str:
+def _nominal_text(fault: LeastFault) -> str:
     """The nominal value of a parameter; what else an effect has."""
     if fault.parameter == fault.name:
         return f" ({number(fault.nominal, 2)})"

@@ -70,7 +70,7 @@ def assemble(
     pieces = list(_timed(name, read, reading))
     timed = [one for one in pieces if len(one.time_s)]
     if not timed:
-        raise FileError(f"{name}: {without_phase(read) or _nothing(read)}")
+        raise FileError(f"{name}: {without_phase(read) or _why_no_signal(read)}")
     refuse_mislabelled(name, [column for one in timed for column in one.signals])
     taken, assumed = _without_blanks(name, timed, place, reading.gaps)
     base = max(taken, key=lambda one: len(one.time_s))
@@ -93,7 +93,7 @@ def assemble(
                 Note("another channel is called '{wanted}'; this one is '{label}'", wanted=wanted, label=label)
             )
         unit = one.column.name_and_unit[1]
-        values, apart = _on(time_s, one, base)
+        values, apart = _values_at(time_s, one, base)
         channels[label] = Channel(label, unit or "1", values, one.column.source, one.column.calibration)
         if apart is not None:
             own[label] = apart
@@ -156,7 +156,7 @@ class _Taken:
     values: Array
 
 
-def _nothing(tables: Sequence[Table]) -> str:
+def _why_no_signal(tables: Sequence[Table]) -> str:
     columns = [column for table in tables for column in table.columns]
     for column in columns:
         if is_time(column.name_and_unit[0]) and column.values.dtype.kind in "OSU" and column.values.size:
@@ -266,11 +266,11 @@ def _clocks(table: Table, reading: Reading) -> list[Column]:
     if first is None:
         return _without_twins(table.columns, both)
     name = first.name_and_unit[0]
-    rising = [c for c in both if c.rises and (c.is_dated or c.name_and_unit[0] == name or _together(c, first))]
+    rising = [c for c in both if c.rises and (c.is_dated or c.name_and_unit[0] == name or _overlap(c, first))]
     return _without_twins(table.columns, rising)
 
 
-def _together(one: Column, other: Column) -> bool:
+def _overlap(one: Column, other: Column) -> bool:
     """Whether two columns can be times of one recording: most of the longer lies within the other."""
     (begun, ended), (first, last) = (c.seconds()[0][[0, -1]] for c in (one, other))
     return bool(2.0 * (min(ended, last) - max(begun, first)) > max(ended - begun, last - first))
@@ -449,7 +449,7 @@ def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, li
     return common, notes
 
 
-def _on(time_s: Array, one: _Taken, base: _Taken) -> tuple[Array, Samples | None]:
+def _values_at(time_s: Array, one: _Taken, base: _Taken) -> tuple[Array, Samples | None]:
     """The values at these times, and the samples as they were taken where that was at other times."""
     if len(time_s) == len(one.time_s) and (one.time_s is base.time_s or np.array_equal(one.time_s, base.time_s)):
         return one.values, None

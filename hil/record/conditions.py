@@ -120,7 +120,7 @@ def _measured(recording: Recording, names: tuple[str, ...], unit: str) -> Condit
     kept = np.isfinite(values) & _within_parts(recording)
     kept = kept if kept.any() else np.isfinite(values)
     values, time_s = values[kept], recording.time_s[kept]
-    means = _means(time_s, values)
+    means = _means_per_second(time_s, values)
     return Condition(
         channel.name, _SHOWN.get(unit, unit), float(means[0]), float(values.mean()), float(means[-1]),
         float(means.min()), float(means.max()), float(values.std()),
@@ -148,7 +148,7 @@ def _in_unit(channel: Channel, unit: str) -> Array | None:
     return scale * channel.values + offset
 
 
-def _means(time_s: Array, values: Array) -> Array:
+def _means_per_second(time_s: Array, values: Array) -> Array:
     """Over every second that holds samples; what is left at the end belongs to the last whole one."""
     seconds = np.floor((time_s - time_s[0]) / _STEADY_S).astype(np.int64)
     whole = max(1, int(np.floor((time_s[-1] - time_s[0]) / _STEADY_S + 1e-9)))

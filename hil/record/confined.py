@@ -128,8 +128,8 @@ def _plain(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _received(answer: BinaryIO, path: Path, most: int) -> Contents:
-    count = int.from_bytes(_exactly(answer, _COUNT_BYTES), "little")
-    head = parse_json(_exactly(answer, min(count, most_bytes())), str(path))
+    count = int.from_bytes(_read_exactly(answer, _COUNT_BYTES), "little")
+    head = parse_json(_read_exactly(answer, min(count, most_bytes())), str(path))
     if "error" in head:
         raise FileError(str(head["error"]))
     if not head["is_confined"]:
@@ -163,7 +163,7 @@ def _array(answer: BinaryIO, path: Path, kind: str, shape: Sequence[int], most: 
     return found.view(dtype).reshape(shape)
 
 
-def _exactly(answer: BinaryIO, count: int) -> bytes:
+def _read_exactly(answer: BinaryIO, count: int) -> bytes:
     found = answer.read(count)
     if len(found) != count:
         raise EOFError

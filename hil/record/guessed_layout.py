@@ -82,7 +82,7 @@ def _guessed(begun: Beginning, named: bool) -> Layout:
         raise FileError(f"{path}: line {first} has {len(before)} values, those below {count}; each needs as many")
     rows = [split(line, separator) for line in lines[first:] if line.strip()]
     decimal, thousands = decimal_and_thousands([cell for row in rows for cell in row], separator == ",")
-    above = list(_above(lines[:first], separator, count))
+    above = list(_heading_rows(lines[:first], separator, count))
     at, cells, units = (0, ("",) * count, ("",) * count) if named else _headings(above, count)
     if not at and not named:
         raise FileError(
@@ -169,7 +169,7 @@ def _first_row(lines: Sequence[str], separator: str, count: int, kinds: Sequence
     return first
 
 
-def _above(lines: Sequence[str], separator: str, count: int) -> Iterator[tuple[int, list[str]]]:
+def _heading_rows(lines: Sequence[str], separator: str, count: int) -> Iterator[tuple[int, list[str]]]:
     """Numbers and cells of the lines above the rows that have a cell for each column."""
     for number, line in enumerate(lines, 1):
         bare = line.lstrip("#% ")

@@ -103,7 +103,7 @@ def of_header_lines(begun: Beginning) -> Known | None:
         lines.pop()
     for mark in ",;\t" if lines else "":
         rows = [split(line.lstrip("#%"), mark) for line in lines]
-        found = _beside(begun.encoding, mark, rows) or _above(begun.encoding, mark, rows)
+        found = _metadata_beside(begun.encoding, mark, rows) or _metadata_above(begun.encoding, mark, rows)
         if found:
             return found
     return None
@@ -125,7 +125,7 @@ def units_above(lines: Sequence[str], mark: str, cells: Sequence[str]) -> tuple[
     return tuple(metadata.time_unit if clock else next(rest) for clock in clocks)
 
 
-def _beside(encoding: str, mark: str, rows: Sequence[Sequence[str]]) -> Known | None:
+def _metadata_beside(encoding: str, mark: str, rows: Sequence[Sequence[str]]) -> Known | None:
     """Lines that say something stand in the first columns, beside the first samples."""
     if len(rows) < 2 * _FEWEST_ROWS:
         return None
@@ -137,7 +137,7 @@ def _beside(encoding: str, mark: str, rows: Sequence[Sequence[str]]) -> Known | 
     return _known(encoding, mark, rows, 0, metadata, None) if metadata.is_enough else None
 
 
-def _above(encoding: str, mark: str, rows: Sequence[Sequence[str]]) -> Known | None:
+def _metadata_above(encoding: str, mark: str, rows: Sequence[Sequence[str]]) -> Known | None:
     width = len(rows[-1])
     first = len(rows)
     while first and len(rows[first - 1]) == width and _is_samples(rows[first - 1]):

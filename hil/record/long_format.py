@@ -41,7 +41,7 @@ def split_by_channel(tables: Sequence[Table]) -> tuple[Sequence[Table], bool]:
     channels = list(dict.fromkeys(called.tolist()))
     if len(channels) > _MOST:
         return tables, False
-    good, note = _good(by_name, called)
+    good, note = _rows_of_good_quality(by_name, called)
     units = next((by_name[known].values for known in by_name if known in _UNITS), None)
     clocks = _clocks(table.columns, by_name, (names, values))
     assumed = "; ".join(filter(None, (table.assumed, "one row for each channel and stamp; taken apart by name", note)))
@@ -61,7 +61,7 @@ def _unit(texts: NDArray[Any]) -> str:
     return found.pop() if len(found) == 1 else ""
 
 
-def _good(by_name: dict[str, Column], called: NDArray[Any]) -> tuple[NDArray[np.bool_], str]:
+def _rows_of_good_quality(by_name: dict[str, Column], called: NDArray[Any]) -> tuple[NDArray[np.bool_], str]:
     """Rows that their quality does not call bad, and how many it does, in words."""
     kept = np.ones(len(called), dtype=np.bool_)
     for known in by_name.keys() & _QUALITY:

@@ -90,7 +90,7 @@ class Measured:
         low, high = (-math.inf if self.low is None else self.low), (math.inf if self.high is None else self.high)
         if std == 0.0:
             return float(value + guard < low or value - guard > high)
-        return _below((low - guard - value) / std) + _below((value - guard - high) / std)
+        return _share_below((low - guard - value) / std) + _share_below((value - guard - high) / std)
 
     @property
     def fail_probability_at_limit(self) -> float | None:
@@ -111,7 +111,7 @@ class Measured:
         return plain(self)
 
 
-def _below(deviation: float) -> float:
+def _share_below(deviation: float) -> float:
     """The share of a normal distribution below so many standard deviations."""
     return 0.5 * math.erfc(-deviation / math.sqrt(2.0))
 

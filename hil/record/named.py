@@ -20,15 +20,15 @@ def named(name: str, tables: Sequence[Table], reading: Reading) -> list[Table]:
         FileError: another number of columns than there are names, or no column of a name.
     """
     tables = [replace(table, columns=[from_texts(column) for column in table.columns]) for table in tables]
-    found = _called(name, tables, reading.columns) if reading.columns else [_loosely(table) for table in tables]
+    found = _headed(name, tables, reading.columns) if reading.columns else list(map(_with_loose_units, tables))
     _check_known(name, found, reading)
     return [
-        replace(table, columns=[_stated(_renamed(column, reading), reading) for column in table.columns])
+        replace(table, columns=[_with_stated_unit(_renamed(column, reading), reading) for column in table.columns])
         for table in found
     ]
 
 
-def _loosely(table: Table) -> Table:
+def _with_loose_units(table: Table) -> Table:
     """A table with the units that all its headings state in a looser form (`t/s`, `flow l/min`), and none otherwise."""
     if any(column.unit or not headings.is_loose(column.heading) for column in table.columns):
         return table
@@ -39,7 +39,7 @@ def _loosely(table: Table) -> Table:
     return replace(table, columns=named)
 
 
-def _called(name: str, tables: Sequence[Table], names: Sequence[str]) -> list[Table]:
+def _headed(name: str, tables: Sequence[Table], names: Sequence[str]) -> list[Table]:
     count = sum(len(table.columns) for table in tables)
     if count != len(names):
         have = ", ".join(f"'{c.heading}'" for table in tables for c in table.columns if c.heading.strip())
@@ -65,11 +65,11 @@ def _check_known(name: str, tables: Sequence[Table], reading: Reading) -> None:
     allowed = known | set(reading.renamed.values()) | {"time"}
     for wanted, name_of in asked.items():
         if wanted not in (known if name_of == "rename" else allowed):
-            there = ", ".join(_shown(c) for c in have) or "none"
+            there = ", ".join(_heading_text(c) for c in have) or "none"
             raise FileError(f"{name}: {option(name_of)} {wanted}: no channel '{wanted}'; it has: {there}")
 
 
-def _shown(column: Column) -> str:
+def _heading_text(column: Column) -> str:
     name, unit = column.name_and_unit
     return f"{name} [{unit}]" if unit else f"'{name}'"
 
@@ -83,7 +83,7 @@ def _renamed(column: Column, reading: Reading) -> Column:
     return replace(column, heading=label, unit=stated or unit)
 
 
-def _stated(column: Column, reading: Reading) -> Column:
+def _with_stated_unit(column: Column, reading: Reading) -> Column:
     name, _ = column.name_and_unit
     unit = reading.units.get(name) or next(
         (reading.units[old] for old, new in reading.renamed.items() if new == name and old in reading.units), ""

@@ -200,7 +200,7 @@ class Recording:
         keep = slice(first, first + count)
         channels = {name: replace(c, values=c.values[keep]) for name, c in self.channels.items()}
         time_s = self.time_s[keep]
-        own = {name: _between(taken, time_s) for name, taken in self.own.items()} if len(time_s) else {}
+        own = {name: _samples_within(taken, time_s) for name, taken in self.own.items()} if len(time_s) else {}
         meta = moved(self.meta, lambda row: row - first, time_s)
         return replace(self, time_s=time_s, channels=channels, meta=meta, own=own)
 
@@ -220,7 +220,7 @@ class Recording:
         return replace(self, channels=channels, meta={**meta, "units_missing": missing} if missing else meta)
 
 
-def _between(taken: Samples, time_s: Array) -> Samples:
+def _samples_within(taken: Samples, time_s: Array) -> Samples:
     """The samples within a stretch of time, and the one before that still holds at its start."""
     first = max(int(np.searchsorted(taken.time_s, time_s[0], side="right")) - 1, 0)
     keep = slice(first, max(int(np.searchsorted(taken.time_s, time_s[-1], side="right")), first + 1))

@@ -163,10 +163,10 @@ def response_table(name: str, tables: Sequence[Table], meta: Mapping[str, Any] |
 def without_phase(tables: Sequence[Table]) -> str:
     """What a table with frequencies and gains alone lacks, in words; empty for any other."""
     for table in tables:
-        found = {_what(column) for column in _with_names(table.columns) if column.is_number}
+        found = {_quantity_of(column) for column in _with_names(table.columns) if column.is_number}
         if {"frequency", "gain"} <= found and "phase" not in found:
             return "frequencies and gains without a phase; a frequency response needs both, or real and imaginary part"
-        others = [c.name_and_unit[0] for c in table.columns if c.is_number and _what(c) != "frequency"]
+        others = [c.name_and_unit[0] for c in table.columns if c.is_number and _quantity_of(c) != "frequency"]
         if "frequency" in found and len(others) > 1:
             options = " ".join(
                 option("rename", f"{other}={part}") for other, part in zip(others, ("re", "im"), strict=False)
@@ -216,7 +216,7 @@ def _parts(columns: Sequence[Column]) -> dict[str, Column]:
     """The columns of a frequency response by what they hold; empty where there is none."""
     found: dict[str, Column] = {}
     for column in columns:
-        what = _what(column)
+        what = _quantity_of(column)
         if what and column.is_number and what not in found:
             found[what] = column
     if "frequency" not in found or any(column.is_time for column in columns):
@@ -226,7 +226,7 @@ def _parts(columns: Sequence[Column]) -> dict[str, Column]:
     return {}
 
 
-def _what(column: Column) -> str:
+def _quantity_of(column: Column) -> str:
     name, unit = column.name_and_unit
     bare = headings.plain_name(name)
     if _STD.search(bare):

@@ -97,7 +97,7 @@ class RunWriter:
 
     def event(self, event: str, /, **details: Any) -> None:
         """Write down that something happened now: a level reached, a trip, a decision."""
-        self._now(event, details)
+        self._event_now(event, details)
 
     @contextmanager
     def part(self, details: Mapping[str, Any]) -> Iterator[None]:
@@ -109,18 +109,18 @@ class RunWriter:
         """
         self._thinning = thinning = Thinning(details)
         number = self._new_part(details)
-        self._now(STARTED, details, part=number)
+        self._event_now(STARTED, details, part=number)
         try:
             yield
         except BaseException:
             if thinning.held is not None:
                 with suppress(StorageError):  # what ended the part is raised
                     self._write(thinning.held)
-            self._now(STOPPED, {"unfinished": True}, part=number)
+            self._event_now(STOPPED, {"unfinished": True}, part=number)
             raise
         finally:
             self._thinning = Thinning({})
-        self._now(STOPPED, {}, part=number)
+        self._event_now(STOPPED, {}, part=number)
 
     def mark(self, count: int, details: Mapping[str, Any]) -> None:
         """The last `count` rows were a part of the procedure, described by `details` as in `part`.
@@ -132,7 +132,7 @@ class RunWriter:
             raise ValueError(f"the last {count} of {self.rows} rows cannot be a part")
         number = self._new_part(details)
         self.record_event({"event": STARTED, "row": self.rows - count, "part": number, "details": plain(details)})
-        self._now(STOPPED, {}, part=number)
+        self._event_now(STOPPED, {}, part=number)
 
     def take_over(self, earlier: Recording) -> None:
         """Begin with the samples, parts and events of another recording, as they stand there.
@@ -221,7 +221,7 @@ class RunWriter:
         self._parts += 1
         return self._parts - 1
 
-    def _now(self, event: str, details: Mapping[str, Any], **more: int) -> None:
+    def _event_now(self, event: str, details: Mapping[str, Any], **more: int) -> None:
         when = {"row": self.rows, "time_s": self.last_s, "utc": datetime.now(UTC)}
         self.record_event({"event": event, **when, **more, "details": details})
 
@@ -234,7 +234,7 @@ class RunWriter:
 
     def _restore(self) -> None:
         """Make the folder again from the files that are still open."""
-        self._now("the run folder was deleted, and made again", {"samples": self.rows})
+        self._event_now("the run folder was deleted, and made again", {"samples": self.rows})
         if self.path.exists():
             self.path = self.path.with_name(f"{self.path.name}-restored")
         _make_folder(self.path, self.header)
@@ -247,7 +247,7 @@ class RunWriter:
         """Go on where the folder was moved to; where nobody knows that, its end belongs nowhere."""
         place = self._rows.folder
         if place is not None:
-            self._now("the run folder was moved", {"from": str(self.path)})
+            self._event_now("the run folder was moved", {"from": str(self.path)})
             self.path = place
 
     def _end(self, outcome: str, stopped_utc: datetime | None, meta: Mapping[str, Any]) -> End:

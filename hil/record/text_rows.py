@@ -92,7 +92,7 @@ def _read_by_hand(pd: Any, path: Path, found: Layout, reading: Reading) -> tuple
         if kind != "number":
             continue
         texts = table[i].fillna("").astype(str).str.strip()
-        unit, prefixed = _behind(path, found, i, texts, reading)
+        unit, prefixed = _unit_behind_numbers(path, found, i, texts, reading)
         values = numbers(texts, found.decimal, found.thousands, unit, prefixed)
         filled = ~texts.isin(BLANKS).to_numpy()
         texts_among = np.flatnonzero(np.isnan(values) & filled)
@@ -120,7 +120,7 @@ def _with_marks(found: Layout, table: Any) -> Layout:
     return replace(found, decimal=decimal, thousands=thousands)
 
 
-def _behind(path: Path, found: Layout, column: int, texts: Any, reading: Reading) -> tuple[str, bool]:
+def _unit_behind_numbers(path: Path, found: Layout, column: int, texts: Any, reading: Reading) -> tuple[str, bool]:
     """The unit that stands behind the numbers of a column, and whether letters for powers of ten do.
 
     Raises:

@@ -89,7 +89,7 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path, origins: Sequence[O
         candidates=candidate_rows(d.candidates, d.effects, d.changed_parameters),
         not_separable=_rivals(d, _("or")),
         settled=d.verdict not in ("partly_explained", "unexplained") and not d.not_separable,
-        left=_left(d, corrected=corrected),
+        left=_left_over(d, corrected=corrected),
         limits=limit_table(d.limits),
         next_test=_next_test(d.next_test),
         about=_about(d),
@@ -183,7 +183,7 @@ def _place(hook: str, share: float | None, found: list[str]) -> dict[str, Any]:
     return {"name": hook.replace("_", " "), "share": None if found else share, "found": found}
 
 
-def _left(d: Diagnosis, *, corrected: bool) -> dict[str, Any]:
+def _left_over(d: Diagnosis, *, corrected: bool) -> dict[str, Any]:
     left = d.left
     stages: tuple[StageShare, ...] = ()
     if d.verdict in ("partly_explained", "unexplained"):

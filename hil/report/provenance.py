@@ -102,7 +102,7 @@ def identity_of(recording: Recording) -> list[tuple[str, str]]:
         (_("Stopped by"), stated(meta, "stopped_by")),
         (_("Program"), stated(meta, "program")),
         *_seals(recording.name),
-        *_asked(meta),
+        *_sampling_asked(meta),
         (_("Rate of the stamps"), f"{number(1.0 / recording.interval_s, 6)} Hz" if len(recording) > 1 else ""),
         *((_("Device: {label}").format(label=within(label)), value) for label, value in facts_of(sampling)),
     ]
@@ -121,7 +121,7 @@ def _seals(name: str) -> list[tuple[str, str]]:
     ]
 
 
-def _asked(meta: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _sampling_asked(meta: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Sample rate and seed as the bench file states them."""
     try:
         bench = parse_toml(stated(meta, "bench_file"), "bench_file")

@@ -158,14 +158,14 @@ def _how_far(m: Measured) -> str:
 def result_groups(measured: Iterable[Measured]) -> list[dict[str, Any]]:
     """Quantities in the order declared; one that was measured at several places has a line of its own above them."""
     found = []
-    for quantity, members in groupby(_together(measured), key=lambda m: m.quantity):
+    for quantity, members in groupby(_by_quantity(measured), key=lambda m: m.quantity):
         rows = list(members)
         group = {"name": capital(_(quantity_words(quantity))), "meaning": _(rows[0].meaning), "several": len(rows) > 1}
         found.append({**group, "rows": [_row(m, _place(m)) for m in rows]})
     return found
 
 
-def _together(measured: Iterable[Measured]) -> list[Measured]:
+def _by_quantity(measured: Iterable[Measured]) -> list[Measured]:
     rows = list(measured)
     order = {quantity: i for i, quantity in reversed(list(enumerate(m.quantity for m in rows)))}
     return sorted(rows, key=lambda m: order[m.quantity])

@@ -26,7 +26,7 @@ def findings_text(findings: Findings, *, simulated: bool = False) -> str:
     from hil.report.results import reasons, value_text
 
     rows = [
-        (m.name, typed(value_text(m)), m.unit, typed(limits_text(m.low, m.high)), m.verdict or "", _beside(m))
+        (m.name, typed(value_text(m)), m.unit, typed(limits_text(m.low, m.high)), m.verdict or "", _spread(m))
         for m in findings.measured
     ]
     functions = [one.line for one in functions_of(findings.curves)]
@@ -40,7 +40,7 @@ def findings_text(findings: Findings, *, simulated: bool = False) -> str:
     return "\n".join([*aligned(rows), *map(typed, functions), *notes, *deviations, *why, last])
 
 
-def _beside(m: Measured) -> str:
+def _spread(m: Measured) -> str:
     from hil.report.results import repeatability_text
 
     text = repeatability_text(m)

@@ -292,7 +292,7 @@ class Outputs:
         self.asked = True
         waiting = clock or RealClock()
         until_s, longest_s = waiting.now_s + _PATIENCE_S, 0.0
-        self._asked(daq, alive, late_s or 0.0)
+        self._tell_and_ask(daq, alive, late_s or 0.0)
         while not self.are_commanded:
             now_s = waiting.now_s
             if wait_s := self.wait_s:
@@ -305,7 +305,7 @@ class Outputs:
             if now_s >= until_s:
                 break
             waiting.sleep_until(now_s + (_AGAIN_LATE_S if wait_s else AGAIN_S))
-            self._asked(daq, alive, late_s or 0.0)
+            self._tell_and_ask(daq, alive, late_s or 0.0)
 
     def hear_witnesses(self, look: Look, alive: Callable[[], None], clock: Clock) -> None:
         """Look at what answers to the outputs until it is back at rest, but no longer than it takes to settle.
@@ -361,7 +361,7 @@ class Outputs:
             raise NotSafeError("outputs could not be made safe, or did not say so")
 
     @uninterrupted()  # a signal would be taken for a failure of the device, and be forgotten
-    def _asked(self, daq: Daq, alive: Callable[[], None], late_s: float) -> None:
+    def _tell_and_ask(self, daq: Daq, alive: Callable[[], None], late_s: float) -> None:
         """Tell them once, and ask once."""
         failure, was_commanded = "", True
         try:

@@ -410,18 +410,18 @@ def flow_curve_of(path: Path) -> FlowCurve:
         roles = read_recording(path).meta["roles"]
         heads = [f"{column.name} [{column.unit}]" for column in curves[0].columns]
         rows = np.array(curves[0].rows, dtype=np.float64)
-        found = _between(path, heads, rows)
+        found = _middle_of_branches(path, heads, rows)
         unit_in, unit_out = (split_heading(text)[1] for text in (found.input, found.output))
         heads = [f"{roles[role]} [{unit}]" for role, unit in (("command", unit_in), ("response", unit_out))]
         return replace(found, input=heads[0], output=heads[1], simulated=results.simulated)
     try:
         heads, *lines = list(csv.reader(read_text(path).splitlines()))
-        return _between(path, heads, np.array(lines, dtype=np.float64))
+        return _middle_of_branches(path, heads, np.array(lines, dtype=np.float64))
     except (OSError, ValueError, UnitError) as error:
         raise FileError(f"{path}: not a flow curve as CSV, `command [%],flow [l/min]` and rows: {error}") from error
 
 
-def _between(path: Path, heads: Sequence[str], rows: Array) -> FlowCurve:
+def _middle_of_branches(path: Path, heads: Sequence[str], rows: Array) -> FlowCurve:
     """The middle between the branches, levels rising; a column of time is none of them."""
     kept = [k for k, head in enumerate(heads) if split_heading(head)[1] not in _TIMES]
     heads, rows = [heads[k] for k in kept], rows[:, kept] if rows.ndim == 2 else rows

@@ -62,7 +62,7 @@ def hold(rig: Rig, value: float, for_s: float, wanted: Callable[[], bool] = lamb
     rig.check(np.append(way, value), rate_hz)
     whole = len(way) + still
     done = 0
-    for kind, pieces in (("way", _pieces(way, rate_hz, wanted)), (HELD, _still(value, still, rate_hz, wanted))):
+    for kind, pieces in (("way", _pieces(way, rate_hz, wanted)), (HELD, _standing(value, still, rate_hz, wanted))):
         part = {"kind": kind, "to": value, "channel": out.name, "unit": out.unit}
         for recording in rig.stream(pieces, rate_hz, part=part):
             done += len(recording)
@@ -71,7 +71,7 @@ def hold(rig: Rig, value: float, for_s: float, wanted: Callable[[], bool] = lamb
         rig.note("ended by hand", after_s=done / rate_hz)
 
 
-def _still(value: float, samples: int, rate_hz: float, wanted: Callable[[], bool]) -> Iterator[Array]:
+def _standing(value: float, samples: int, rate_hz: float, wanted: Callable[[], bool]) -> Iterator[Array]:
     """The value, piece by piece, made when it is asked for: nobody knows how long it will be wanted."""
     some = max(1, round(_PIECE_S * rate_hz))
     while samples > 0 and wanted():

@@ -171,14 +171,14 @@ def output_points(
             rig.ramp_to(target)
             place = f"output at {target:g} {entry.unit}"
             ask(f"point {number} of {len(targets)}, {place}: the reference reads [{entry.unit}]: ")
-            reference = _held(rig, target, answered, file.is_simulated)
+            reference = _held_until_answered(rig, target, answered, file.is_simulated)
             points.append(Point(float(entry.line.raw_at(target)), 0.0, reference))
             rig.note("reference read", target=target, reference=reference)
     evaluate_run(procedure, out)
     return points
 
 
-def _held(rig: Rig, target: float, answered: Answered, is_virtual: bool) -> float:
+def _held_until_answered(rig: Rig, target: float, answered: Answered, is_virtual: bool) -> float:
     """Keep the output there until somebody answers; virtual time stands still meanwhile."""
     references: list[float] = []
     part = {"kind": HELD, "channel": rig.command.name, "to": target, "unit": rig.command.unit}

@@ -257,10 +257,10 @@ def _over_workers(
         yield from _on_cluster(tasks, scheduler, tell)
     elif most:
         pools = partial(processes, prepare=partial(keep_to, cores() // most))
-        yield from over_processes(_worked, tasks, lambda: most, _lost, tell, pools)
+        yield from over_processes(_worked, tasks, lambda: most, _answer_lost, tell, pools)
 
 
-def _lost(task: _Task) -> _Made:
+def _answer_lost(task: _Task) -> _Made:
     text = "the process that diagnosed it was lost, and the next one too: killed, or out of memory"
     return _Made(task, UnitAnswer(task.name, None, text), is_repeatable=False)
 
@@ -293,7 +293,9 @@ def _on_cluster(tasks: Iterable[_Task], scheduler: str, tell: Notes) -> Iterator
 
     with client:
         for todo in (tasks, handed()):
-            for made in over_processes(_on_a_thread, todo, threads, _lost, tell, pools, distributed.KilledWorker):
+            for made in over_processes(
+                _on_a_thread, todo, threads, _answer_lost, tell, pools, distributed.KilledWorker
+            ):
                 if isinstance(made, _Task):
                     unseen.append(made)
                 else:

@@ -72,7 +72,7 @@ class SimulatedBench:
         from hil.session.run import run_procedure
 
         outcome = run_procedure(
-            load_procedure(procedure), self.file, settings, self._next(procedure), limits=split_limits(limits)
+            load_procedure(procedure), self.file, settings, self._next_folder(procedure), limits=split_limits(limits)
         )
         self.outcomes.append(outcome)
         self._tell(procedure, outcome)
@@ -89,7 +89,7 @@ class SimulatedBench:
         """The rig itself, to be driven by the test: `with bench.rig() as rig: rig.play(…)`."""
         from hil.bench.open import open_rig
 
-        return open_rig(self.file, self._next("rig"), {}, quiet)
+        return open_rig(self.file, self._next_folder("rig"), {}, quiet)
 
     def _tell(self, procedure: str, outcome: Outcome) -> None:
         from hil.record.measurement import COVERAGE_FACTOR
@@ -109,7 +109,7 @@ class SimulatedBench:
                 self._note(f"{found.name} verdict", found.verdict)
         self._note(f"{procedure} verdict", findings.verdict or "none")
 
-    def _next(self, name: str) -> Path:
+    def _next_folder(self, name: str) -> Path:
         self._runs += 1
         return self._folder / f"{self._runs}-{name}"
 

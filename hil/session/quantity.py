@@ -27,7 +27,7 @@ def number_in(text: str, unit: str, what: str) -> float:
     if _COMMA.search(text):
         raise SettingError(f"{what}: '{text.strip()}': numbers are typed with a point, as in 0.2")
     if found is None:
-        raise SettingError(f"{what}: '{text.strip()}' is not a number{_with(unit)}")
+        raise SettingError(f"{what}: '{text.strip()}' is not a number{_in_unit(unit)}")
     value, given = float(found["number"]), (found["unit"] or "").strip()
     if not given or given == unit:
         return value
@@ -36,10 +36,10 @@ def number_in(text: str, unit: str, what: str) -> float:
     try:
         scale, offset = scale_and_offset(given, unit)
     except UnitError:
-        raise SettingError(f"{what}: '{text.strip()}': a number{_with(unit)} was expected") from None
+        raise SettingError(f"{what}: '{text.strip()}': a number{_in_unit(unit)} was expected") from None
     # to the digits that were typed: 0.2 s are 200 ms, and not 200.00000000000003
     return float(f"{scale * value + offset:.12g}") if math.isfinite(value) else value
 
 
-def _with(unit: str) -> str:
+def _in_unit(unit: str) -> str:
     return f" in {unit}" if unit and unit != "1" else ""

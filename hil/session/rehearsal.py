@@ -91,10 +91,10 @@ def rehearse(
             raise RehearsalError(
                 f"refused: in the rehearsal on the simulated {twin.bench.valve.name}, {reason}; nothing was driven"
             ) from error
-        return _shown(run, earlier)
+        return _rehearsal_of(run, earlier)
 
 
-def _shown(run: Path, earlier: Recording | None) -> Rehearsal:
+def _rehearsal_of(run: Path, earlier: Recording | None) -> Rehearsal:
     recording = read(run)
     before_s = earlier.duration_s if earlier else 0.0
     indicated = [event["details"] for event in recording.meta["events"] if event["event"] == "indicate"]

@@ -44,7 +44,7 @@ def _timed(evaluate: Callable[[Recording], Findings], recording: Recording) -> F
     found, late = evaluate(recording), late_exchanges(recording)
     if not late.any():
         return found
-    supposed_findings = [_tried(evaluate, with_supposed_times(recording, when)) for when in ("early", "late")]
+    supposed_findings = [_evaluated(evaluate, with_supposed_times(recording, when)) for when in ("early", "late")]
     others = [{} if isinstance(one, InputError) else {m.name: m for m in one.measured} for one in supposed_findings]
     measured = tuple(_less_sure(m, [other.get(m.name) for other in others]) for m in found.measured)
     pairs = zip(found.measured, measured, strict=True)
@@ -79,7 +79,7 @@ def _measured(evaluate: Callable[[Recording], Findings], recording: Recording) -
     lacking = invalid_samples(recording)
     if not lacking:
         return evaluate(recording)
-    near, far = (_tried(evaluate, supposed(recording, where)) for where in ("near", "far"))
+    near, far = (_evaluated(evaluate, supposed(recording, where)) for where in ("near", "far"))
     if isinstance(near, InputError):
         raise near
     found = _common(near, Findings() if isinstance(far, InputError) else far)
@@ -88,12 +88,12 @@ def _measured(evaluate: Callable[[Recording], Findings], recording: Recording) -
         notes.append(
             Note("Not given, or as a bound only, because they rest on these samples: {names}.", names=tuple(gone))
         )
-    if curves := [name for name, curve in near.curves.items() if not _same(curve, found.curves.get(name))]:
+    if curves := [name for name, curve in near.curves.items() if not _is_same_result(curve, found.curves.get(name))]:
         notes.append(Note("Not drawn for the same reason, wholly or in part: {names}.", names=tuple(curves)))
     return replace(found, notes=(*notes, *found.notes))
 
 
-def _tried(evaluate: Callable[[Recording], Findings], recording: Recording) -> Findings | InputError:
+def _evaluated(evaluate: Callable[[Recording], Findings], recording: Recording) -> Findings | InputError:
     try:
         return evaluate(recording)
     except InputError as error:
@@ -115,9 +115,9 @@ def _common(near: Findings, far: Findings) -> Findings:
 def _weaker(near: Measured, far: Measured | None) -> Measured:
     """What holds whichever of two suppositions is true."""
     if far is not None and near.relation == far.relation and near.value is not None and far.value is not None:
-        if _same(float(near.value), float(far.value)) and None not in (near.std, far.std):
+        if _is_same_result(float(near.value), float(far.value)) and None not in (near.std, far.std):
             return max(near, far, key=lambda m: m.std or 0.0)
-        if _same((near.value, near.std), (far.value, far.std)):
+        if _is_same_result((near.value, near.std), (far.value, far.std)):
             return near
         if near.relation != "=":
             return min(near, far, key=lambda m: (m.value or 0.0) * (1.0 if m.relation == ">" else -1.0))
@@ -133,20 +133,20 @@ def _weaker(near: Measured, far: Measured | None) -> Measured:
 
 def _kept(near: Any, far: Any) -> Any:
     """A curve that is the same either way, or those of a list that are; None when nothing is left."""
-    if _same(near, far):
+    if _is_same_result(near, far):
         return near
     if not (_is_list(near) and _is_list(far)):
         return None
-    return [item for item in near if any(_same(item, other) for other in far)] or None
+    return [item for item in near if any(_is_same_result(item, other) for other in far)] or None
 
 
-def _same(one: Any, other: Any) -> bool:
+def _is_same_result(one: Any, other: Any) -> bool:
     if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return one.keys() == other.keys() and all(_same(one[key], other[key]) for key in one)
+        return one.keys() == other.keys() and all(_is_same_result(one[key], other[key]) for key in one)
     if isinstance(one, np.ndarray) and isinstance(other, np.ndarray) and one.dtype.kind in "fc":
         return one.shape == other.shape and bool(np.allclose(one, other, rtol=_ROUNDING, atol=0.0, equal_nan=True))
     if _is_list(one) and _is_list(other):
-        return len(one) == len(other) and all(_same(a, b) for a, b in zip(one, other, strict=True))
+        return len(one) == len(other) and all(_is_same_result(a, b) for a, b in zip(one, other, strict=True))
     if isinstance(one, float) and isinstance(other, float):
         return math.isclose(one, other, rel_tol=_ROUNDING) or (math.isnan(one) and math.isnan(other))
     return type(one) is type(other) and bool(np.all(one == other))

@@ -54,7 +54,7 @@ class Setting:
                 number = f"{float(first['input']):g}{self.unit and ' '}{self.unit}"
                 raise SettingError(f"setting {self.name}: {number}; {self._demand}") from None
             place = "".join(f"[{key}]" for key in first["loc"] if isinstance(key, int))
-            raise SettingError(f"setting {self.name}{place}: {first['input']!r:.40}: {self._wanted(first)}") from None
+            raise SettingError(f"setting {self.name}{place}: {first['input']!r:.40}: {self._expected(first)}") from None
 
     @property
     def allowed(self) -> str:
@@ -81,7 +81,7 @@ class Setting:
         ends = {key: getattr(stated, key, None) for key in ("ge", "gt", "le", "lt")}
         return {key: f"{end:g}" for key, end in ends.items() if end is not None}
 
-    def _wanted(self, error: Mapping[str, Any]) -> str:
+    def _expected(self, error: Mapping[str, Any]) -> str:
         """What was expected, in the words of this program where it has some."""
         own = {
             "float_parsing": f"a number{f' in {self.unit}' if self.unit else ''} was expected",

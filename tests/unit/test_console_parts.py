@@ -30,7 +30,7 @@ from hil.console.process import start
 from hil.console.routes import bench as bench_routes
 from hil.console.routes import results as results_routes
 from hil.console.routes import run as run_routes
-from hil.console.routes.run import _asked
+from hil.console.routes.run import _run_asked
 from hil.console.script_words import SCRIPT_MESSAGES
 from hil.console.server import OnceAMinute
 from hil.console.site import Site
@@ -235,8 +235,10 @@ def test_a_certificate_needs_a_serial_number_on_the_form(site: Site) -> None:
     own = site.benches / "own.toml"
     own.write_text(own.read_text(encoding="utf-8").replace('serial = "simulated"', 'serial = "ask"'), encoding="utf-8")
     with pytest.raises(SettingError, match="serial"):
-        _asked(console, {"procedure": "efc_acceptance", "bench": "own"})
-    _procedure, _file, arguments = _asked(console, {"procedure": "step_response", "bench": "own", "serial": "SN 1\r"})
+        _run_asked(console, {"procedure": "efc_acceptance", "bench": "own"})
+    _procedure, _file, arguments = _run_asked(
+        console, {"procedure": "step_response", "bench": "own", "serial": "SN 1\r"}
+    )
     assert arguments[-1] == "--serial=SN 1"
 
 
@@ -340,9 +342,9 @@ def test_limits_order_and_oil_of_the_form_reach_the_run(site: Site) -> None:
     console = Console(site, Underway(site.runs))
     form = {"procedure": "step_response", "bench": "own", "note.order": " 4711", "note.oil": "",
             "limits": "rise=..0.2 s\n\novershoot=..5 %\n"}  # fmt: skip
-    assert _asked(console, form)[2][-3:] == ["--note=order=4711", "--limit=rise=..0.2 s", "--limit=overshoot=..5 %"]
+    assert _run_asked(console, form)[2][-3:] == ["--note=order=4711", "--limit=rise=..0.2 s", "--limit=overshoot=..5 %"]
     with pytest.raises(SettingError, match="limit 'lap': not measured here"):
-        _asked(console, {**form, "limits": "lap=0.."})
+        _run_asked(console, {**form, "limits": "lap=0.."})
 
 
 def test_the_form_is_filled_with_a_preset_of_its_bench(site: Site) -> None:

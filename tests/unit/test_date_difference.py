@@ -12,7 +12,7 @@ from hil.diagnosis.coverage import Limit
 from hil.errors import FileError, SettingError
 from hil.passport.change import Change, Size, owner_among, owner_of
 from hil.passport.conditions import condition_changes
-from hil.passport.difference import DateDifference, _excluded, _still, difference
+from hil.passport.difference import DateDifference, _excluded, _no_change, difference
 from hil.passport.sources import Dated, read_dated
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Recording, recording
@@ -74,8 +74,8 @@ def test_what_may_have_changed_unseen_is_not_called_unchanged() -> None:
     tight = _excluded(Limit("leakage", "spool", "gain", "%", 0.2, 2.0, visible=True))
     wide = _excluded(Limit("backlash", "spool", "width", "%", 3.0, 2.0, visible=True))
     stop = _excluded(Limit("end_stop", "load", "upper", "%", 80.0, 80.0, visible=True))
-    lag = _still(Change("lag", "spool", "valve", "lag", Size(20.0, 1.0), Size(20.5, 1.0), "ms", None, None))
-    delay = _still(Change("delay", "spool", "valve", "delay", Size(2.0, 2.0), Size(2.5, 2.0), "ms", None, None))
+    lag = _no_change(Change("lag", "spool", "valve", "lag", Size(20.0, 1.0), Size(20.5, 1.0), "ms", None, None))
+    delay = _no_change(Change("delay", "spool", "valve", "delay", Size(2.0, 2.0), Size(2.5, 2.0), "ms", None, None))
     assert [one.is_identifiable for one in (tight, wide, stop, lag, delay)] == [True, False, True, True, False]
     said = _text(DateDifference((), (tight, stop, lag), "unchanged", cannot_tell=(wide, delay)))
     assert "end_stop  none at 80 % or less" in said

@@ -167,8 +167,8 @@ def _converted(stated: Element, to: str) -> tuple[str, list[float], list[float |
         return None
     stds: list[float | None] = [None] * len(values)
     for name, expanded in _WIDTHS.items():
-        if widths := _numbers(_below(stated, name)):
-            stated_factors = _numbers(_below(stated, "coverageFactor")) or [COVERAGE_FACTOR]
+        if widths := _numbers(_text_below(stated, name)):
+            stated_factors = _numbers(_text_below(stated, "coverageFactor")) or [COVERAGE_FACTOR]
             if 0.0 in stated_factors:
                 raise ValueError("a coverage factor of 0")
             factors = _as_many(stated_factors if expanded else [1.0], values)
@@ -202,7 +202,7 @@ def _text(at: Element, *names: str) -> str:
     return next((text for name in names if (text := at.findtext(f"{{*}}{name}"))), "").strip()
 
 
-def _below(at: Element, name: str) -> str:
+def _text_below(at: Element, name: str) -> str:
     """The text of the first element anywhere below that has this name, alone or as a list."""
     found = (one for one in at.iter() if _local(one) in (name, f"{name}XMLList"))
     return next((one.text or "" for one in found), "")

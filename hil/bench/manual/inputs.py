@@ -134,7 +134,7 @@ class _Looked:
         try:
             self.daq = self.daq or self._device.open(self._channels, looked_at=True)
             for block in self.daq.play(self._waveform(self.daq, duration_s)):
-                self._take(block)
+                self._take_block(block)
         except HardwareError as error:
             self.failure, self._failed_s = str(error), system.now_s()
             self.close()
@@ -175,7 +175,7 @@ class _Looked:
         rate_hz = daq.actual_rate_hz(asked_hz)
         return Waveform(rate_hz, {}, max(1, round(duration_s * rate_hz)))
 
-    def _take(self, block: Block) -> None:
+    def _take_block(self, block: Block) -> None:
         if not len(block):
             raise DeviceLostError(f"{self._device.name}: no samples came")
         for name, followed in self._followed.items():

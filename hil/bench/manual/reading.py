@@ -71,7 +71,7 @@ class Followed:
         """Samples that came: their stamps, what the terminal read, shape (n,), and why some are no measurement."""
         self._why = why
         for at_s, value in zip(time_s.tolist(), raw.tolist(), strict=True):
-            if not self._samples or not _same(value, self._samples[-1][1]):
+            if not self._samples or not _is_same_reading(value, self._samples[-1][1]):
                 self._changed_s = at_s
             self._samples.append((at_s, value))
         while self._samples and self._samples[0][0] < self._samples[-1][0] - _NOISE_S:
@@ -153,5 +153,5 @@ class Followed:
         return self.terminal.unit
 
 
-def _same(one: float, other: float) -> bool:
+def _is_same_reading(one: float, other: float) -> bool:
     return one == other or (math.isnan(one) and math.isnan(other))

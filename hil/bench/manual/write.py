@@ -82,24 +82,24 @@ def changed(
     channels = content.setdefault("channels", tomlkit.table(is_super_table=True))
     entry = channels.setdefault(channel, tomlkit.table())
     if old is not None:
-        entry.setdefault(HISTORY, tomlkit.aot()).append(tomlkit.item(_stated(old)))
+        entry.setdefault(HISTORY, tomlkit.aot()).append(tomlkit.item(_stated_fields(old)))
     if "calibration" not in entry:
         entry["calibration"] = tomlkit.inline_table()
     calibration = entry["calibration"]
     if isinstance(calibration, InlineTable):  # made anew: what is put into one that is there runs together
-        kept = [key for key in calibration if key in _stated(new)]
+        kept = [key for key in calibration if key in _stated_fields(new)]
         calibration = tomlkit.inline_table()
-        calibration.update({key: _stated(new)[key] for key in [*kept, *_stated(new)]})
+        calibration.update({key: _stated_fields(new)[key] for key in [*kept, *_stated_fields(new)]})
         entry["calibration"] = calibration
-    for key, value in _stated(new).items():
+    for key, value in _stated_fields(new).items():
         calibration[key] = value
-    for key in [key for key in calibration if key not in _stated(new)]:
+    for key in [key for key in calibration if key not in _stated_fields(new)]:
         del calibration[key]
     for key, value in limits.items():
         entry.setdefault("limits", tomlkit.inline_table())[key] = value
     return tomlkit.dumps(content)
 
 
-def _stated(line: CalibrationLine) -> Mapping[str, float | str | dt.date]:
+def _stated_fields(line: CalibrationLine) -> Mapping[str, float | str | dt.date]:
     """What a calibration says, without what it leaves open."""
     return {key: value for key, value in line.model_dump().items() if value is not None and value != ""}

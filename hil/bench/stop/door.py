@@ -56,7 +56,7 @@ class Door:
         self._made, self._most, self._says_s, self._dropped = made, most, says_s, dropped
         self._open: dict[Visitor, asyncio.Task[None]] = {}
         self._loop = asyncio.get_running_loop()
-        self._taking = [self._loop.create_task(self._take(*one)) for one in sockets]
+        self._taking = [self._loop.create_task(self._accept(*one)) for one in sockets]
 
     @property
     def is_busy(self) -> bool:
@@ -68,7 +68,7 @@ class Door:
         for task in self._taking:
             task.cancel()
 
-    async def _take(self, listening: socket.socket, tls: ssl.SSLContext | None) -> None:
+    async def _accept(self, listening: socket.socket, tls: ssl.SSLContext | None) -> None:
         listening.setblocking(False)
         while True:
             try:
@@ -79,13 +79,13 @@ class Door:
                 continue
             visitor = self._made()
             visitor.gone = partial(self._forget, visitor)
-            meeting = self._open[visitor] = self._loop.create_task(self._meet(visitor, taken, tls))
+            meeting = self._open[visitor] = self._loop.create_task(self._connect(visitor, taken, tls))
             meeting.add_done_callback(partial(_let_go, visitor, taken))
             if len(self._open) > self._most:
                 self._drop_one()
             await asyncio.sleep(0)  # those that are there are heard between two that come
 
-    async def _meet(self, visitor: Visitor, taken: socket.socket, tls: ssl.SSLContext | None) -> None:
+    async def _connect(self, visitor: Visitor, taken: socket.socket, tls: ssl.SSLContext | None) -> None:
         """Connect it, and give it a moment to say what it wants."""
         limit = {"ssl_handshake_timeout": _HANDSHAKE_S, "ssl_shutdown_timeout": _FLUSH_S} if tls else {}
         try:

@@ -100,7 +100,7 @@ class Listener:
         if not hmac.compare_digest(request.fields.get("token", "").encode(), token.encode()):
             raise BadRequestError(403, "not the token of this run")
         if request.path == "/hold":
-            return 200, self._held(request.fields.get("hold", ""))
+            return 200, self._hold_answer(request.fields.get("hold", ""))
         return 200, await self._stopped(self._account(request.fields))
 
     def _account(self, fields: Mapping[str, str]) -> str:
@@ -119,7 +119,7 @@ class Listener:
             return {**self._service.status.answer(since_s), "state": "unconfirmed", "seconds": ANSWER_S}
         return status.answer(since_s)
 
-    def _held(self, hold: str) -> object:
+    def _hold_answer(self, hold: str) -> object:
         if hold in ("1", "0"):
             self._service.ask_to_hold(hold == "1")
         elif hold:

@@ -148,7 +148,7 @@ async def begin(request: Request) -> Response:
 
 
 def _begin_rehearsal(console: Console, form: Mapping[str, str]) -> dict[str, str]:
-    procedure, _file, arguments = _asked(console, form)
+    procedure, _file, arguments = _run_asked(console, form)
     name = console.new_name("rehearsal")
     folder = _kept(console, name)
     shutil.rmtree(folder.parent, ignore_errors=True)  # those before it
@@ -159,7 +159,7 @@ def _begin_rehearsal(console: Console, form: Mapping[str, str]) -> dict[str, str
 
 def _prepared(console: Console, form: Mapping[str, str]) -> tuple[Path, dict[str, Any], list[str]]:
     """The folder of a run that may begin, what the audit trail says of it, and its arguments."""
-    procedure, file, arguments = _asked(console, form)
+    procedure, file, arguments = _run_asked(console, form)
     if not file.is_simulated and (driving := console.run_on(file.bench.name)) is not None:
         raise InUseError(f"bench '{file.bench.name}': run {driving.folder.name} drives it now", None)
     if (press := console.switch.pressed) is not None:
@@ -175,7 +175,7 @@ def _kept(console: Console, name: str) -> Path:
     return console.site.state / "rehearsals" / name
 
 
-def _asked(console: Console, form: Mapping[str, str]) -> tuple[Procedure, BenchFile, list[str]]:
+def _run_asked(console: Console, form: Mapping[str, str]) -> tuple[Procedure, BenchFile, list[str]]:
     """The procedure, its bench, and the arguments of `hil` for it.
 
     Raises:

@@ -46,7 +46,7 @@ def measured_at(subject: Subject, commanded: Callable[[OutputChannel], float], a
 
 def _measured(subject: Subject, channel: OutputChannel, witness: Witness) -> str:
     """Drive it to both sides, as far as the input can show; what is to be said where that is not the whole way."""
-    low, high = _shown(witness)
+    low, high = _levels_in_range(witness)
     can_show_safe, hidden = low <= channel.safe <= high, False
     with subject.link() as link, witness.readings(link) as read:
         for share in (0.5, -0.5, 0.9, -0.9, 0.1, 0.0):
@@ -62,7 +62,7 @@ def _measured(subject: Subject, channel: OutputChannel, witness: Witness) -> str
     return f"'{witness.channel.name}' can show '{channel.name}' from {low:.4g} to {high:.4g} {channel.unit} alone"
 
 
-def _shown(witness: Witness) -> tuple[float, float]:
+def _levels_in_range(witness: Witness) -> tuple[float, float]:
     """Which levels of the output lie within the input's range; a little less: an input at its end proves nothing."""
     at_zero = witness.expected(0.0)
     slope = witness.expected(1.0) - at_zero

@@ -128,21 +128,21 @@ def _tables(name: str, timed: bool, segment: Mapping[str, Any]) -> list[Table]:
     for i, (heading, values) in enumerate(zip(names, segment["data"].T, strict=False), first):
         label, unit = split_heading(heading)
         if heading == _TIME:
-            unit = "s" if _of(segment, "X_Dimension", i + 1) in ("", "Time") else unit
+            unit = "s" if _cell_of(segment, "X_Dimension", i + 1) in ("", "Time") else unit
             columns.append(Column(label, values + (late_s.get(i + 1, 0.0) if i else 0.0), unit))
         elif heading != _REMARK:
-            column = Column(label, values, _of(segment, "Y_Unit_Label", i) or unit)
+            column = Column(label, values, _cell_of(segment, "Y_Unit_Label", i) or unit)
             columns.append(column)
-            if (step := _of(segment, "Delta_X", i)) and not timed:
+            if (step := _cell_of(segment, "Delta_X", i)) and not timed:
                 filled = np.flatnonzero(~np.isnan(values))
                 own = values[: int(filled[-1]) + 1 if filled.size else 0]
-                start_s = float(np.nan_to_num(_of(segment, "X0", i) or 0.0)) + late_s.get(i, 0.0)
+                start_s = float(np.nan_to_num(_cell_of(segment, "X0", i) or 0.0)) + late_s.get(i, 0.0)
                 note = f"even time base, Delta_X = {step:g}"
                 made.append(Table(name, [replace(column, values=own)], even_times(len(own), step, start_s), note))
     return [Table(name, columns)] if timed else made
 
 
-def _of(segment: Mapping[str, Any], key: str, column: int) -> Any:
+def _cell_of(segment: Mapping[str, Any], key: str, column: int) -> Any:
     """An entry of a column of the file, the first of which is 0; empty where there is none."""
     cells = segment.get(key)
     return cells[column - 1] if isinstance(cells, list) and 0 < column <= len(cells) else ""
@@ -150,14 +150,14 @@ def _of(segment: Mapping[str, Any], key: str, column: int) -> Any:
 
 def _start(read: Mapping[str, Any], segment: Mapping[str, Any]) -> NDArray[Any]:
     """When a segment began; empty where that is not said."""
-    day, clock = (_of(segment, key, 1) or segment.get(key) or read.get(key) for key in ("Date", "Time"))
+    day, clock = (_cell_of(segment, key, 1) or segment.get(key) or read.get(key) for key in ("Date", "Time"))
     both = isinstance(day, str) and isinstance(clock, str)
     return _stamps_of([(day, clock)]) if both and day and clock else np.empty(0, dtype="M8[ns]")
 
 
 def _starts_s(segment: Mapping[str, Any], count: int) -> dict[int, float]:
     """By how much channels begin after the first of them, where their dates say so."""
-    texts = {i: (_of(segment, "Date", i), _of(segment, "Time", i)) for i in range(1, count)}
+    texts = {i: (_cell_of(segment, "Date", i), _cell_of(segment, "Time", i)) for i in range(1, count)}
     texts = {i: both for i, both in texts.items() if all(both)}
     if len(set(texts.values())) < 2:
         return {}

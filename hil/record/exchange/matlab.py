@@ -125,7 +125,7 @@ def _index(content: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
 def _tables(name: str, struct: Mapping[str, Any], known: Mapping[str, tuple[str, str]]) -> Iterator[Table]:
     columns: list[Column] = []
     numbers: dict[str, float] = {}
-    stated = _stated(struct)
+    stated = _name_and_unit(struct)
     arrays = [value for value in struct.values() if isinstance(value, np.ndarray) and value.size]
     for key, value in struct.items():
         if isinstance(value, dict):
@@ -141,7 +141,7 @@ def _tables(name: str, struct: Mapping[str, Any], known: Mapping[str, tuple[str,
     yield from (even_table(name, found, numbers) for found in by_length(columns))
 
 
-def _stated(struct: Mapping[str, Any]) -> tuple[str, str]:
+def _name_and_unit(struct: Mapping[str, Any]) -> tuple[str, str]:
     """Name and unit that a structure states of its one signal, as those of Simulink and dSPACE do."""
     texts = {key.casefold(): value for key, value in struct.items() if isinstance(value, str)}
     return texts.get("name") or texts.get("label", ""), texts.get("unit", "")
