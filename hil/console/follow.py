@@ -14,7 +14,7 @@ import numpy as np
 
 from hil.console.bode import bode_point
 from hil.console.envelope import COARSE_KEPT, FINE_KEPT, FINE_S, Envelope
-from hil.console.underway import Run, run_of
+from hil.console.underway import run_of
 from hil.errors import FileError
 from hil.record.tail import Tail
 
@@ -29,6 +29,9 @@ class Follower:
     Args:
         folder: of the run.
         pid: of its process, where this console started it.
+
+    Attributes:
+        run: how it stood when it was looked at last.
     """
 
     def __init__(self, folder: Path, pid: int | None = None) -> None:
@@ -45,20 +48,15 @@ class Follower:
         self._events: list[dict[str, Any]] = []
         self._details: dict[int, dict[str, Any]] = {}
         self._bode: list[dict[str, Any]] = []
-        self._run = run_of(folder, pid)
+        self.run = run_of(folder, pid)
         self._polls = 0
         self._caught_up = False
         self._lock = threading.Lock()
 
     @property
-    def run(self) -> Run:
-        """How it stood when it was looked at last."""
-        return self._run
-
-    @property
     def finished(self) -> bool:
         """Nothing more will come."""
-        return self._run.state != "running" and self._caught_up
+        return self.run.state != "running" and self._caught_up
 
     def look(self) -> dict[str, Any] | None:
         """What is new, as a picture; None when nothing is. Raises `FileError` when the folder went away."""
@@ -68,7 +66,7 @@ class Follower:
     def _look(self) -> dict[str, Any] | None:
         self._polls += 1
         run = run_of(self.folder, self._pid)
-        changed, self._run = run.state != self._run.state, run
+        changed, self.run = run.state != self.run.state, run
         since_s = self._fine.last_s
         rows, events, points = self._take_samples(), *self._take_events()
         self._caught_up = not rows
@@ -88,7 +86,7 @@ class Follower:
 
     def _state(self) -> dict[str, Any]:
         return {
-            "seq": self._polls, "run": self.folder.name, "state": self._run.state, "outcome": self._run.outcome,
+            "seq": self._polls, "run": self.folder.name, "state": self.run.state, "outcome": self.run.outcome,
             "rows": self._rows,
             "time_s": self._last_s, "values": self._values,
         }  # fmt: skip

@@ -23,6 +23,7 @@ class Tail:
 
     Attributes:
         header: what was known at the start of the run.
+        finished: it was closed, and the last `samples` returned its end.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -30,12 +31,7 @@ class Tail:
         self.header: Header = read_header(self._path)
         self._rows = 0
         self._event_bytes = 0
-        self._finished = False
-
-    @property
-    def finished(self) -> bool:
-        """The run was closed, and the last `samples` returned its end."""
-        return self._finished
+        self.finished = False
 
     def samples(self, most: int = MOST_ROWS) -> Recording:
         """The next samples, at most so many; none (length 0) when nothing new has come.
@@ -52,7 +48,7 @@ class Tail:
             table = np.fromfile(self._path / ROWS_FILE, "<f8", rows * len(columns), offset=place)
         time_s, *values = table.reshape(rows, len(columns)).T.copy()
         self._rows += rows
-        self._finished = closed and self._rows == there
+        self.finished = closed and self._rows == there
         channels = {c.name: Channel(c.name, c.unit, v) for c, v in zip(columns[1:], values, strict=True)}
         return Recording(str(self._path), time_s, channels, self.header.meta)
 

@@ -123,11 +123,11 @@ def input_points(file: BenchFile, channel: str, count: int, ask: Asked, answered
             ask(f"point {number} of {count}: bring it to its place, then type what the reference reads [{unit}]: ")
             while (reference := answered()) is None:
                 time.sleep(_AGAIN_S)
-            looked.forget()  # who answers at once, as a script does, has moved it only now
+            looked.followed[channel].forget()  # who answers at once, as a script does, has moved it only now
             (reading,) = looked.look(_AVERAGE_S)
             if looked.failures:
                 raise LinkError("; ".join(looked.failures.values()))
-            raw = looked.raw(channel)
+            raw = looked.followed[channel].raw
             if not np.isfinite(raw).all() or reading.state.startswith(("over-range", "open wire", "no measurement")):
                 raise SettingError(f"'{channel}' at point {number}: {reading.state}; nothing was written")
             mean, std = batch_mean(raw)

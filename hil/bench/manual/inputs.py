@@ -13,7 +13,6 @@ from hil.bench.nets.packages import check_packages
 from hil.bench.read import BenchFile
 from hil.daq.contract import Block, Daq, Waveform
 from hil.errors import DeviceLostError, HardwareError, SettingError, UnknownNameError
-from hil.record.recording import Array
 from hil.system import system
 
 _AGAIN_S = 1.0  # after a failure a device is opened again
@@ -56,14 +55,17 @@ class Inputs:
     Args:
         file: the bench.
         names: of the inputs.
+
+    Attributes:
+        followed: each of them, with what it read in the last second.
     """
 
     def __init__(self, file: BenchFile, names: Collection[str]) -> None:
-        by_device: dict[str, list[str]] = {}
-        for name in names:
-            by_device.setdefault(file.bench.channels[name].device, []).append(name)
-        self._names = tuple(names)
-        self._devices = {name: _Looked(file, file.devices[name], channels) for name, channels in by_device.items()}
+        self.followed = {name: Followed(name, file) for name in names}
+        by_device: dict[str, dict[str, Followed]] = {}
+        for name, followed in self.followed.items():
+            by_device.setdefault(followed.entry.device, {})[name] = followed
+        self._devices = {name: _Looked(file, file.devices[name], inputs) for name, inputs in by_device.items()}
         self._pool = ThreadPoolExecutor(max_workers=len(self._devices), thread_name_prefix="hil-look")
         self._under_way: dict[str, Future[None]] = {}
 
@@ -77,19 +79,6 @@ class Inputs:
         """Each device with its inputs, where it is open."""
         return {name: device.daq for name, device in self._devices.items()}
 
-    def raw(self, name: str) -> Array:
-        """What the terminal of an input read in the last second, shape (n,)."""
-        return next(device.raw(name) for device in self._devices.values() if name in device.resolutions)
-
-    def forget(self) -> None:
-        """Count what was read until now no more to the last second."""
-        for device in self._devices.values():
-            device.forget()
-
-    def resolution(self, name: str) -> float | None:
-        """The smallest step between two readings of an input so far, in its unit; None where it did not change."""
-        return next(device.resolutions[name] for device in self._devices.values() if name in device.resolutions)
-
     def look(self, duration_s: float) -> list[Reading]:
         """Read for so long, and say how every input stands. A device that takes longer is not waited for."""
         for name, device in self._devices.items():
@@ -99,7 +88,7 @@ class Inputs:
         by_name = {
             reading.name: reading for device in self._devices.values() for reading in device.readings(duration_s)
         }
-        return [by_name[name] for name in self._names]
+        return [by_name[name] for name in self.followed]
 
     @property
     def _is_virtual(self) -> bool:
@@ -115,10 +104,9 @@ class Inputs:
 class _Looked:
     """One device, opened with inputs alone and opened again after a failure."""
 
-    def __init__(self, file: BenchFile, device: DeviceInUse, names: Collection[str]) -> None:
-        self._device = device
-        self._channels = {name: file.bench.channels[name] for name in names}
-        self._followed = {name: Followed(name, file) for name in names}
+    def __init__(self, file: BenchFile, device: DeviceInUse, followed: Mapping[str, Followed]) -> None:
+        self._device, self._followed = device, followed
+        self._channels = {name: one.entry for name, one in followed.items()}
         self._rate_hz = file.bench.sample_rate_hz
         self._came_s = self._failed_s = -float("inf")
         self._begun_s = system.now_s()
@@ -147,20 +135,6 @@ class _Looked:
         late = age_s > max(1.0, 3.0 * duration_s)
         silent = self.failure or (f"no answer for {age_s:.1f} s" if late and not self.is_virtual else "")
         return [followed.reading(age_s, silent) for followed in self._followed.values()]
-
-    def raw(self, name: str) -> Array:
-        """What the terminal of an input read in the last second."""
-        return self._followed[name].raw
-
-    def forget(self) -> None:
-        """Count what was read until now no more to the last second."""
-        for followed in self._followed.values():
-            followed.forget()
-
-    @property
-    def resolutions(self) -> Mapping[str, float | None]:
-        """By input, the smallest step between two readings."""
-        return {name: followed.resolution for name, followed in self._followed.items()}
 
     def close(self) -> None:
         """Let go of it."""

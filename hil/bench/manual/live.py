@@ -128,10 +128,10 @@ def _rate(promised: Mapping[str, Promises], links: tuple[Link, ...]) -> float:
 
 def _seen(bench: Bench, reading: Reading, looked: Inputs) -> Seen:
     remark = "" if reading.state == "ok" else reading.state
+    followed = looked.followed[reading.name]
     is_watched = any(entry.channel == reading.name for entry in bench.interlocks.values())
-    standstill_s = _standstill_s(looked.raw(reading.name)) if is_watched else None
-    resolution = looked.resolution(reading.name)
-    return Seen(reading, resolution, remark or _forbidden(bench, reading), is_watched, standstill_s)
+    standstill_s = _standstill_s(followed.raw) if is_watched else None
+    return Seen(reading, followed.resolution, remark or _forbidden(bench, reading), is_watched, standstill_s)
 
 
 def _standstill_s(last_second: Array) -> float | None:

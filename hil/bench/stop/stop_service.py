@@ -57,6 +57,7 @@ class StopService:
         act: hands a wish on; returns at once.
 
     Attributes:
+        status: what was said last.
         stopped_by: the account that asked for the first stop; empty where nobody is known.
     """
 
@@ -65,14 +66,9 @@ class StopService:
         self._lock = system.lock()
         self._waiting: list[Future[OutputStatus]] = []
         self._nothing = {name: Output(State.UNKNOWN, unit) for name, unit in units.items()}
-        self._status = OutputStatus(self._nothing, by, system.now_s())
+        self.status = OutputStatus(self._nothing, by, system.now_s())
         self._holding = self._hold_asked = self._stop_asked = False
         self.stopped_by = ""
-
-    @property
-    def status(self) -> OutputStatus:
-        """What was said last."""
-        return self._status
 
     @property
     def hold(self) -> str:
@@ -85,8 +81,8 @@ class StopService:
         """Ask for a stop, for an account; done when more will not be known of the outputs than is then told."""
         future: Future[OutputStatus] = Future()
         with self._lock:
-            if self._status.is_final:
-                future.set_result(self._status)
+            if self.status.is_final:
+                future.set_result(self.status)
                 return future
             if not self._stop_asked:
                 self.stopped_by, self._stop_asked = by, True
@@ -107,14 +103,14 @@ class StopService:
     def tell(self, outputs: Mapping[str, Output], by: By) -> None:
         """Say what is known of the outputs since a stop was asked for, or since the run is dead."""
         with self._lock:
-            self._status = OutputStatus({**self._status.outputs, **outputs}, by, system.now_s())
-            done, self._waiting = (self._waiting, []) if self._status.is_final else ([], self._waiting)
+            self.status = OutputStatus({**self.status.outputs, **outputs}, by, system.now_s())
+            done, self._waiting = (self._waiting, []) if self.status.is_final else ([], self._waiting)
         self._answer(done)
 
     def forget(self) -> None:
         """What the run said does not count any more: it is dead, and what it sent may still be on its way."""
         with self._lock:
-            self._status = OutputStatus(self._nothing, "watchdog", system.now_s())
+            self.status = OutputStatus(self._nothing, "watchdog", system.now_s())
 
     def close(self) -> None:
         """Nobody will tell more: who still waits is answered with what is known."""
@@ -130,4 +126,4 @@ class StopService:
     def _answer(self, waiting: list[Future[OutputStatus]]) -> None:
         for future in waiting:
             if future.set_running_or_notify_cancel():
-                future.set_result(self._status)
+                future.set_result(self.status)
