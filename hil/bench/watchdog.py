@@ -100,9 +100,9 @@ def _watch(path: Path, pid: int, run: Path, parent: Parent[Asked]) -> int:
     service = StopService(units_of(file), "watchdog", parent.request)
     with _listening(service) as control:
         parent.say(READY + json.dumps(control).encode() + b"\n")
-        end = _watched(parent, file.bench.protection.watchdog_s, pid, service, file.devices)
-        if end is not None:
-            _act(file, pid, run, end, service)
+        why = _watched(parent, file.bench.protection.watchdog_s, pid, service, file.devices)
+        if why:
+            _act(_Told(file, run, pid, why), service)
             withdraw(run)
     return 0
 
@@ -170,18 +170,10 @@ class _Program:
                 pin.identity = identity or pin.identity
 
 
-@dataclass(frozen=True, slots=True)
-class _End:
-    """Why there is something to do, and whether the program was killed from here."""
-
-    why: str
-    killed: bool = False
-
-
 def _watched(
     parent: Parent[Asked], limit_s: float, pid: int, service: StopService, devices: Mapping[str, DeviceInUse]
-) -> _End | None:
-    """Listen until there is something to do; None when the program said farewell."""
+) -> str:
+    """Listen until there is something to do, and say why; empty when the program said farewell."""
     program = _Program(service, devices)
     silent_at_s = confirms_by_s = math.inf
     while True:
@@ -193,8 +185,8 @@ def _watched(
                 continue
             parent.kill(pid)
             if until_s < silent_at_s:
-                return _End(f"was told to stop, did not confirm within {CONFIRMS_S:g} s, and was killed", True)
-            return _End(f"gave no sign of life for {limit_s:g} s while outputs were driven, and was killed", True)
+                return f"was told to stop, did not confirm within {CONFIRMS_S:g} s, and was killed"
+            return f"gave no sign of life for {limit_s:g} s while outputs were driven, and was killed"
         if isinstance(heard, str):
             by = BY + json.dumps(service.stopped_by).encode() + b"\n" if heard == "stop" and service.stopped_by else b""
             parent.say(by + REQUESTS[heard])
@@ -202,22 +194,63 @@ def _watched(
                 confirms_by_s = min(confirms_by_s, system.now_s() + CONFIRMS_S)
             continue
         if not heard:
-            return _End("ended without making its outputs safe")
+            return "ended without making its outputs safe"
         parent.say(ANSWER * program.received(heard))
         if program.has_left:
-            return None
+            return ""
         if program.hands_over:
             parent.say(TAKEN)
-            return _End("ended without making its outputs safe")
+            return "ended without making its outputs safe"
         silent_at_s = system.now_s() + limit_s if program.driven else math.inf
         if service.status.is_final:
             confirms_by_s = math.inf
 
 
-def _act(file: BenchFile, pid: int, run: Path, end: _End, service: StopService) -> None:
-    why = end.why
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """What is told of the outputs of a program, on stderr and on disk."""
+
+    file: BenchFile
+    run: Path
+    pid: int
+    why: str
+
+    def so_far(self, text: str, **report: object) -> None:
+        """Before the last word, for who cannot hear it on stderr."""
+        self._write(_SO_FAR, report)
+        self._say(text)
+
+    def at_last(self, text: str, **report: object) -> None:
+        """What came of it."""
+        self._write(Path(REPORT_FILE).stem, report)
+        for path in self._places(_SO_FAR):
+            with suppress(OSError):
+                path.unlink()
+        self._say(text)
+
+    def _say(self, text: str) -> None:
+        _tell(f"process {self.pid} {self.why}; {text}")
+
+    def _write(self, kind: str, report: Mapping[str, object]) -> None:
+        content = json.dumps({"why": self.why, **report}, indent=1, ensure_ascii=False) + "\n"
+        places = self._places(kind)
+        for path in places:
+            try:
+                if path is places[-1]:
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                write_whole(path, content)
+                break
+            except OSError:  # no folder, or no room in it
+                continue
+
+    def _places(self, kind: str) -> tuple[Path, Path]:
+        """In the folder of the run, and where it goes when that is gone."""
+        return self.run / f"{kind}.json", state_path(kind, self.file.bench.name, ".json")
+
+
+def _act(told: _Told, service: StopService) -> None:
     service.forget()
-    rescue = _rescued(file, pid, run, why, service)
+    rescue = _rescued(told, service)
     if rescue is None:
         return
     took_s = round(rescue.took_s, 3)
@@ -225,17 +258,15 @@ def _act(file: BenchFile, pid: int, run: Path, end: _End, service: StopService) 
     if service.stopped_by:
         outputs["stopped_by"] = service.stopped_by
     if rescue.left:
-        text = f"process {pid} {why}; NOT SAFE: {_with_remedy(rescue.left)}"
-        _report(file, run, {"why": why, "not_safe": rescue.left, "tried_s": took_s, **outputs}, text)
+        told.at_last(f"NOT SAFE: {_with_remedy(rescue.left)}", not_safe=rescue.left, tried_s=took_s, **outputs)
     elif rescue.unasked:
-        text = f"process {pid} {why}; outputs commanded safe in {took_s:g} s; {'; '.join(rescue.unasked)}"
-        _report(file, run, {"why": why, "commanded_after_s": took_s, "unconfirmed": rescue.unasked, **outputs}, text)
+        text = f"outputs commanded safe in {took_s:g} s; {'; '.join(rescue.unasked)}"
+        told.at_last(text, commanded_after_s=took_s, unconfirmed=rescue.unasked, **outputs)
     else:
-        text = f"process {pid} {why}; outputs made safe in {took_s:g} s"
-        _report(file, run, {"why": why, "safe_after_s": took_s, **outputs}, text)
+        told.at_last(f"outputs made safe in {took_s:g} s", safe_after_s=took_s, **outputs)
 
 
-def _rescued(file: BenchFile, pid: int, run: Path, why: str, service: StopService) -> Rescue | None:
+def _rescued(told: _Told, service: StopService) -> Rescue | None:
     """Made safe as far as could be; None where another program has the bench, and keeps it for `GIVE_UP_S`.
 
     Whoever takes a bench makes its outputs safe when it opens them. One that fails in that lets go of it, and what the
@@ -243,30 +274,27 @@ def _rescued(file: BenchFile, pid: int, run: Path, why: str, service: StopServic
     """
     until_s, is_announced = system.now_s() + GIVE_UP_S, False
     while True:
-        rescue = Rescue(file, service)
+        rescue = Rescue(told.file, service)
         try:
-            with _lease_of_the_dead(file, pid, rescue.one_attempt):
-                rescue.with_patience(partial(_report_not_yet, file, run, why, pid, rescue))
+            with _lease_of_the_dead(told.file, told.pid, rescue.one_attempt):
+                rescue.with_patience(partial(_report_not_yet, told, rescue))
             return rescue
         except InUseError as taken:
-            report = {"why": why, "left_alone": str(taken), "outputs": record_of(rescue.outputs)}
-            text = f"process {pid} {why}; {taken}"
+            report = {"left_alone": str(taken), "outputs": record_of(rescue.outputs)}
+            text = str(taken)
         if system.now_s() >= until_s:
-            _report(file, run, report, text)
+            told.at_last(text, **report)
             return None
         if not is_announced:
             is_announced = True
-            _write(_places(file, run, _SO_FAR), report)
-            _tell(text)
+            told.so_far(text, **report)
         system.sleep(_LEASE_AGAIN_S)
 
 
-def _report_not_yet(file: BenchFile, run: Path, why: str, pid: int, rescue: Rescue) -> None:
+def _report_not_yet(told: _Told, rescue: Rescue) -> None:
     left, outputs = rescue.left, record_of(rescue.outputs)
     so_far = f"NOT SAFE so far: {_with_remedy(left)}; goes on trying for {GIVE_UP_S:g} s"
-    text = f"process {pid} {why}; {rescue.announcement or so_far}"
-    _write(_places(file, run, _SO_FAR), {"why": why, "not_safe": left, "goes_on_for_s": GIVE_UP_S, "outputs": outputs})
-    _tell(text)
+    told.so_far(rescue.announcement or so_far, not_safe=left, goes_on_for_s=GIVE_UP_S, outputs=outputs)
 
 
 def _with_remedy(left: list[str]) -> str:
@@ -298,32 +326,6 @@ def _lease_of_the_dead(file: BenchFile, pid: int, meanwhile: Callable[[], None])
                 break
             system.sleep(0.01)
         yield
-
-
-def _report(file: BenchFile, run: Path, report: Mapping[str, object], text: str) -> None:
-    """What came of it, on stderr and on disk: the last word."""
-    _write(_places(file, run, Path(REPORT_FILE).stem), report)
-    for path in _places(file, run, _SO_FAR):
-        with suppress(OSError):
-            path.unlink()
-    _tell(text)
-
-
-def _places(file: BenchFile, run: Path, kind: str) -> tuple[Path, Path]:
-    """In the folder of the run, and where it goes when that is gone."""
-    return run / f"{kind}.json", state_path(kind, file.bench.name, ".json")
-
-
-def _write(places: tuple[Path, Path], report: Mapping[str, object]) -> None:
-    content = json.dumps(report, indent=1, ensure_ascii=False) + "\n"
-    for path in places:
-        try:
-            if path is places[-1]:
-                path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, content)
-            break
-        except OSError:  # no folder, or no room in it
-            continue
 
 
 def _tell(text: str) -> None:

@@ -216,10 +216,8 @@ def test_report_goes_to_the_state_folder_when_that_of_the_run_is_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
-    watchdog._act(
-        bench_of(tmp_path, {"healthy": Valve(None)}, late_s=0.0), os.getpid(), tmp_path / "gone",
-        watchdog._End("ended"), DESK,
-    )  # fmt: skip
+    file = bench_of(tmp_path, {"healthy": Valve(None)}, late_s=0.0)
+    watchdog._act(watchdog._Told(file, tmp_path / "gone", os.getpid(), "ended"), DESK)
     (told,) = (tmp_path / "state" / "watchdog").glob("*.json")
     assert "safe_after_s" in told.read_text() and "outputs made safe in" in capfd.readouterr().err
 

@@ -38,7 +38,7 @@ class Watched:
     pipe: int
     service: StopService
     received: list[bytes] = field(default_factory=list)
-    ended: list[tuple[watchdog._End | None, float]] = field(default_factory=list)
+    ended: list[tuple[str, float]] = field(default_factory=list)
     threads: list[threading.Thread] = field(default_factory=list)
 
     def says(self, what: bytes) -> None:
@@ -103,7 +103,7 @@ def test_program_that_does_not_confirm_is_killed_after_a_moment(watched: Watched
     watched.says(b"dd")  # it lives, and drives on
     thread.join(PATIENCE_S)
     end, at_s = watched.ended[0]
-    assert end is not None and end.killed and "did not confirm within 0.2 s" in end.why
+    assert "did not confirm within 0.2 s" in end
     assert at_s - begun_s > 0.19
     assert watched.received.count(b"!") == 1 and watched.was_killed and not waiting.done()
 
@@ -149,7 +149,7 @@ def test_program_that_is_confirming_is_left_alone_until_it_hangs(watched: Watche
     assert not waiting.done()
     thread.join(PATIENCE_S)
     end, _ = watched.ended[0]
-    assert end is not None and "gave no sign of life for 3 s" in end.why and watched.was_killed
+    assert "gave no sign of life for 3 s" in end and watched.was_killed
 
 
 def test_wishes_do_not_keep_a_silent_program_alive(watched: Watched) -> None:
@@ -159,7 +159,7 @@ def test_wishes_do_not_keep_a_silent_program_alive(watched: Watched) -> None:
         watched.service.ask_to_hold(True)
         time.sleep(0.05)
     end, _ = watched.ended[0]
-    assert end is not None and "gave no sign of life" in end.why and watched.was_killed
+    assert "gave no sign of life" in end and watched.was_killed
 
 
 def test_dead_program_is_noticed_whoever_holds_its_pipe(watched: Watched) -> None:
@@ -168,7 +168,7 @@ def test_dead_program_is_noticed_whoever_holds_its_pipe(watched: Watched) -> Non
     watched.program.kill()
     thread.join(PATIENCE_S)
     end, _ = watched.ended[0]
-    assert end is not None and not end.killed and end.why == "ended without making its outputs safe"
+    assert end == "ended without making its outputs safe"
 
 
 def test_program_that_hands_over_is_told_that_it_is_done(watched: Watched) -> None:
@@ -176,7 +176,7 @@ def test_program_that_hands_over_is_told_that_it_is_done(watched: Watched) -> No
     watched.says(b"dh")
     thread.join(PATIENCE_S)
     end, _ = watched.ended[0]
-    assert end is not None and not end.killed and watched.received[-1] == b"+"
+    assert end and watched.lives and watched.received[-1] == b"+"
 
 
 LISTENS = """
