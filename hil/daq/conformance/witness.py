@@ -135,18 +135,10 @@ def _differ(subject: Subject, name: str, one: Readings, other: Readings) -> bool
 
 
 def _settled(subject: Subject, link: Any) -> Readings:
-    _waited(subject, link)
-    return _taken(subject, link)
-
-
-def _waited(subject: Subject, link: Any) -> None:
     until_s = system.now_s() + subject.settling_s
     while system.now_s() < until_s:
         link.read()  # a watchdog shall not take us for dead
         system.sleep(0.02)
-
-
-def _taken(subject: Subject, link: Any) -> Readings:
     rows = []
     for _ in range(_READINGS):
         system.sleep(0.01)
