@@ -123,8 +123,11 @@ class Access:
 
     def _caller(self, request: Request) -> str:
         """By what a request is counted: a browser that has logged in by its session, every other by its address."""
-        session = self._sessions.read(request.cookies.get(self._where.cookie, ""))
+        session = self._session_of(request)
         return session.id if session and (session.name or self._where.is_local) else _address(request)
+
+    def _session_of(self, request: Request) -> Session | None:
+        return self._sessions.read(request.cookies.get(self._where.cookie, ""))
 
     def _is_ours(self, request: Request, host: str) -> bool:
         origin = request.headers.get("origin", "")
@@ -159,7 +162,7 @@ class Access:
         return self._seated(request, session, name)
 
     def _known(self, request: Request) -> tuple[Session, str, Role | None]:
-        session = self._sessions.read(request.cookies.get(self._where.cookie, "")) or self._sessions.begun()
+        session = self._session_of(request) or self._sessions.begun()
         if self._where.is_local and not self._accounts.all():
             return session, _local_name(), "engineer"
         account = account_of(session, self._accounts) if session.name else None
@@ -214,7 +217,7 @@ class Access:
 
         Few such are let through: whoever takes the page for every try gains no more than that.
         """
-        session = self._sessions.read(request.cookies.get(self._where.cookie, ""))
+        session = self._session_of(request)
         return session is not None and self._tries.admits(f"{session.id} {name:.64}")
 
     def _logout(self, session: Session) -> Response:
@@ -232,7 +235,7 @@ class Access:
 
     def _with_cookie(self, scope: Scope, send: Send) -> Send:
         """A browser that is new here is told its session with its first page."""
-        if self._sessions.read(Request(scope).cookies.get(self._where.cookie, "")):
+        if self._session_of(Request(scope)):
             return send
 
         async def sent(message: Message) -> None:

@@ -34,24 +34,27 @@ class Limiter:
 
     def admits(self, caller: str) -> bool:
         """Whether this one is within the rate; counts it."""
-        now_s = time.monotonic()
-        left, since_s = self._left.pop(caller, (self._rate.burst, now_s))
-        left = min(self._rate.burst, left + (now_s - since_s) * self._rate.per_s)
-        self._keep(caller, max(0.0, left - 1.0), now_s)
-        return left >= 1.0
+        left = self._taken(caller)
+        self._keep(caller, max(0.0, left))
+        return left >= 0.0
 
     def wait_s(self, caller: str, most_s: float) -> float | None:
         """How long this one has to wait for its turn; counts it. None when that would be longer than a limit."""
-        now_s = time.monotonic()
-        left, since_s = self._left.pop(caller, (self._rate.burst, now_s))
-        left = min(self._rate.burst, left + (now_s - since_s) * self._rate.per_s) - 1.0
+        left = self._taken(caller)
         wait_s = max(0.0, -left / self._rate.per_s)
         refused = wait_s > most_s
-        self._keep(caller, left + refused, now_s)
+        self._keep(caller, left + refused)
         return None if refused else wait_s
 
-    def _keep(self, caller: str, left: float, now_s: float) -> None:
-        self._left[caller] = (left, now_s)
+    def _taken(self, caller: str) -> float:
+        """What is left to a caller now, less one."""
+        now_s = time.monotonic()
+        left, since_s = self._left.get(caller, (self._rate.burst, now_s))
+        return min(self._rate.burst, left + (now_s - since_s) * self._rate.per_s) - 1.0
+
+    def _keep(self, caller: str, left: float) -> None:
+        self._left[caller] = (left, time.monotonic())
+        self._left.move_to_end(caller)
         while len(self._left) > _MOST_CALLERS:
             self._left.popitem(last=False)
 
