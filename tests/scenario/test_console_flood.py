@@ -15,6 +15,7 @@ from urllib.request import Request, urlopen
 import pytest
 
 from tests.consoles import Lab, console
+from tests.limited import limited
 
 pytestmark = pytest.mark.xdist_group("console")
 SAID = {
@@ -47,7 +48,7 @@ def answered_s(lab: Lab, path: str, body: bytes | None = None) -> float:
 
 
 @contextmanager
-def limited(folder: Path, handles: int, capfd: pytest.CaptureFixture[str]) -> Iterator[Lab]:
+def bounded(folder: Path, handles: int, capfd: pytest.CaptureFixture[str]) -> Iterator[Lab]:
     """A console with so many descriptors; afterwards its log is short."""
     with console(folder) as lab:
         resource.prlimit(lab.process.pid, resource.RLIMIT_NOFILE, (handles, handles))
@@ -56,7 +57,7 @@ def limited(folder: Path, handles: int, capfd: pytest.CaptureFixture[str]) -> It
 
 
 def test_silence_keeps_no_page_and_no_stop_waiting(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    with limited(tmp_path, 300, capfd) as lab:
+    with bounded(tmp_path, 300, capfd) as lab:
         for said in SAID.values():
             with flooded(lab, 400, said):
                 answered_s(lab, "/bench")  # what is not answered is an error after a minute
@@ -67,18 +68,13 @@ def test_silence_keeps_no_page_and_no_stop_waiting(tmp_path: Path, capfd: pytest
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", SAID)
 def test_eleven_hundred_silent_ones_delay_nothing(kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (min(hard, 4096), hard))
-    try:
-        with limited(tmp_path, 1024, capfd) as lab:
-            for page in PAGES:
-                answered_s(lab, page)  # the first of each loads what it needs
-            late = threading.Event()
-            with flooded(lab, 1100, SAID[kind]):
-                threading.Timer(12.0, late.set).start()
-                while not late.is_set():
-                    for page in PAGES:
-                        assert answered_s(lab, page) <= 2.0
-                    assert answered_s(lab, "/stop", b"") <= 0.5
-    finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    with limited(resource.RLIMIT_NOFILE, 4096), bounded(tmp_path, 1024, capfd) as lab:
+        for page in PAGES:
+            answered_s(lab, page)  # the first of each loads what it needs
+        late = threading.Event()
+        with flooded(lab, 1100, SAID[kind]):
+            threading.Timer(12.0, late.set).start()
+            while not late.is_set():
+                for page in PAGES:
+                    assert answered_s(lab, page) <= 2.0
+                assert answered_s(lab, "/stop", b"") <= 0.5

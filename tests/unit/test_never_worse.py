@@ -51,29 +51,25 @@ def test_what_predicts_better_is_named_and_stands_in_the_file(uneven: tuple[Prob
     assert [e.name for e in told.effects] == [e.name for e in answer.corrected.effects] == ["asymmetry"]
 
 
-def test_what_is_not_better_beyond_chance_keeps_its_name_and_is_not_in_the_file(
-    uneven: tuple[Problem, Choice], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("hil.diagnosis.answer.why_not_better", lambda *_: "it may be chance")
-    answer = answer_of(*uneven)
-    told = answer.diagnosis(0.0)
-    assert (told.verdict, told.corrected_is, told.why_corrected) == ("explained", "nominal", "it may be chance")
-    assert [e.name for e in told.effects] == ["asymmetry"]
-    assert answer.corrected.effects == ()
-
-
-def test_what_predicts_worse_than_the_nominal_model_keeps_its_name_with_that_said_beside_it(
-    uneven: tuple[Problem, Choice], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("is_worse", [False, True])
+def test_what_is_not_better_beyond_chance_or_worse_keeps_its_name_and_is_not_in_the_file(
+    is_worse: bool, uneven: tuple[Problem, Choice], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     problem, choice = uneven
-    monkeypatch.setattr("hil.diagnosis.answer.predicted", lambda *_: 1.1 * choice.nominal.residuals)
+    if is_worse:
+        monkeypatch.setattr("hil.diagnosis.answer.predicted", lambda *_: 1.1 * choice.nominal.residuals)
+    else:
+        monkeypatch.setattr("hil.diagnosis.answer.why_not_better", lambda *_: "it may be chance")
     answer = answer_of(problem, choice)
     told = answer.diagnosis(0.0)
     assert (told.verdict, told.corrected_is) == ("explained", "nominal")
     assert [e.name for e in told.effects] == ["asymmetry"]
-    assert any("the corrected model is the nominal one" in warning for warning in told.warnings)
-    assert told.held_out.corrected == told.held_out.nominal
     assert answer.corrected.effects == ()
+    if is_worse:
+        assert any("the corrected model is the nominal one" in warning for warning in told.warnings)
+        assert told.held_out.corrected == told.held_out.nominal
+    else:
+        assert told.why_corrected == "it may be chance"
 
 
 def test_a_description_is_never_in_the_file(uneven: tuple[Problem, Choice]) -> None:

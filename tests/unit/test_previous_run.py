@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from statistics import NormalDist
@@ -19,7 +20,7 @@ from hil.record.recording import Recording
 from hil.report.comparisons import comparison_sentences
 from hil.report.results import reasons
 from hil.session.previous_run import with_earlier
-from hil.session.procedure import Procedure, load_procedure
+from hil.session.procedure import load_procedure
 from tests.kept_runs import kept_run
 
 RISE = Measurement("rise", "ms", "rise", high=100.0)
@@ -31,9 +32,7 @@ def lab(tmp_path: Path) -> Path:
     return tmp_path / "lab"
 
 
-@pytest.fixture
-def certifies() -> Procedure:
-    return replace(load_procedure("step_response"), certificate=True)
+CERTIFIES = replace(load_procedure("step_response"), certificate=True)
 
 
 def made(folder: Path, day: int, rise: float, serial: str = "A7") -> tuple[Recording, Findings]:
@@ -43,61 +42,54 @@ def made(folder: Path, day: int, rise: float, serial: str = "A7") -> tuple[Recor
     return read(folder), found
 
 
-def test_what_changed_since_the_run_that_passed_is_said(lab: Path, certifies: Procedure) -> None:
-    made(lab / "good", 0, 60.0)
-    made(lab / "worse", 1, 170.0)
+def beside_earlier(
+    lab: Path, then: float = 99.0, change: Callable[[Findings], Findings] = lambda found: found
+) -> tuple[Recording, Findings]:
+    """A run of 180 ms beside one two days before."""
+    made(lab / "good", 0, then)
     recording, found = made(lab / "now", 2, 180.0)
-    said, rests = comparison_sentences(with_earlier(certifies, recording, found, lab / "now", str(lab)))
+    return recording, with_earlier(CERTIFIES, recording, change(found), lab / "now", str(lab))
+
+
+def test_what_changed_since_the_run_that_passed_is_said_and_kept_in_the_results(lab: Path) -> None:
+    made(lab / "worse", 1, 170.0)
+    recording, found = beside_earlier(lab, 60.0)
+    said, rests = comparison_sentences(found)
     assert "(pass): rise 60.0 ± 4.0 → 180.0 ± 4.0 ms." in said
     assert "gain" not in said
     assert rests.startswith("1 other values did not change beyond their uncertainty, 0 cannot be compared.")
     assert "`hil diff good RUN" in rests
-
-
-def test_it_is_kept_in_the_results(lab: Path, certifies: Procedure) -> None:
-    made(lab / "good", 0, 60.0)
-    recording, found = made(lab / "now", 2, 180.0)
-    found = with_earlier(certifies, recording, found, lab / "now", str(lab))
-    assert found.since is not None
     assert findings_of(results_of(recording, found)).since == found.since
 
 
 @pytest.mark.parametrize("case", ["passed", "other unit", "later", "no certificate", "no archive"])
-def test_nothing_is_said_where_there_is_nothing_to_say(lab: Path, certifies: Procedure, case: str) -> None:
+def test_nothing_is_said_where_there_is_nothing_to_say(lab: Path, case: str) -> None:
     made(lab / "other", 5 if case == "later" else 0, 60.0, "B1" if case == "other unit" else "A7")
     recording, found = made(lab / "now", 2, 70.0 if case == "passed" else 180.0)
-    procedure = replace(certifies, certificate=case != "no certificate")
+    procedure = replace(CERTIFIES, certificate=case != "no certificate")
     archive = str(lab / "none") if case == "no archive" else str(lab)
     assert with_earlier(procedure, recording, found, lab / "now", archive).since is None
 
 
-def test_each_miss_states_what_this_bench_would_have_failed(lab: Path, certifies: Procedure) -> None:
-    made(lab / "good", 0, 99.0)
-    recording, found = made(lab / "now", 2, 180.0)
-    [reason] = reasons(with_earlier(certifies, recording, found, lab / "now", str(lab)))
+def test_each_miss_states_what_this_bench_would_have_failed(lab: Path) -> None:
+    [reason] = reasons(beside_earlier(lab)[1])
     assert reason.endswith(
         "2.3 % of tests on this bench would fail a unit exactly at the limit; "
         "3.9 % this unit as it was on 2026-01-01 (99.0 ± 4.0 ms)."
     )
 
 
-def test_calibration_of_one_bench_adds_nothing_to_the_unit_of_then(lab: Path, certifies: Procedure) -> None:
-    made(lab / "good", 0, 99.0)
-    recording, found = made(lab / "now", 2, 180.0)
-    shared = replace(found, measured=(RISE.of(180.0, 0.5, calibration=2.0), *found.measured[1:]))
-    since = with_earlier(certifies, recording, shared, lab / "now", str(lab)).since
+def test_calibration_of_one_bench_adds_nothing_to_the_unit_of_then(lab: Path) -> None:
+    shared = RISE.of(180.0, 0.5, calibration=2.0)
+    since = beside_earlier(lab, change=lambda found: replace(found, measured=(shared, *found.measured[1:])))[1].since
     assert since is not None
     std, guard = np.hypot(2.0, 0.5), 2.0 * np.hypot(2.0, 0.5)
     assert since.missed[0].fail_probability == pytest.approx(1.0 - NormalDist(99.0, std).cdf(100.0 + guard))
 
 
-def test_a_miss_that_is_a_figure_of_the_condition_too_is_beside_the_unit_of_then(
-    lab: Path, certifies: Procedure
-) -> None:
-    made(lab / "good", 0, 99.0)
-    recording, found = made(lab / "now", 2, 180.0)
+def test_a_miss_that_is_a_figure_of_the_condition_too_is_beside_the_unit_of_then(lab: Path) -> None:
     figure = replace(RISE, high=75.0).of(180.0, 2.0)
-    found = replace(found, population=PopulationComparison((replace(figure, verdict=None),), 100))
-    since = with_earlier(certifies, recording, found, lab / "now", str(lab)).since
+    population = PopulationComparison((replace(figure, verdict=None),), 100)
+    since = beside_earlier(lab, change=lambda found: replace(found, population=population))[1].since
     assert since is not None
     assert [one.then.value for one in since.missed] == [99.0]

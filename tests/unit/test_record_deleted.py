@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import resource
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
+from resource import RLIMIT_NOFILE
 
 import numpy as np
 import pytest
@@ -15,6 +13,7 @@ from hil.bench.ending import recorded
 from hil.errors import StorageError
 from hil.record.folder import RunWriter, read
 from hil.safety.outputs import Outputs
+from tests.limited import limited
 
 
 def begun(path: Path) -> RunWriter:
@@ -93,19 +92,9 @@ def test_end_of_a_run_says_where_its_folder_is(moved: bool, tmp_path: Path) -> N
     assert len(read(where)) == 50
 
 
-@contextmanager
-def no_handles() -> Iterator[None]:
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (3, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
-
-
 def test_run_is_sealed_where_no_file_can_be_opened_any_more(tmp_path: Path) -> None:
     run = begun(tmp_path / "run")
-    with no_handles():
+    with limited(RLIMIT_NOFILE, 3):
         go_on(run)
         run.close()
     assert len(read(tmp_path / "run")) == 60 and read(tmp_path / "run").meta["outcome"] == "completed"

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import resource
 import subprocess
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
+from resource import RLIMIT_FSIZE
 
 import numpy as np
 import pytest
@@ -17,17 +16,7 @@ from hil.physics.model import save_model, typical_model
 from hil.record.folder import RunWriter, read
 from hil.record.read import write_recording
 from hil.record.recording import recording
-
-
-@contextmanager
-def largest_file(size: int) -> Iterator[None]:
-    """No file may grow beyond `size` bytes: what a quota or a small file system does."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+from tests.limited import limited
 
 
 @pytest.fixture
@@ -67,7 +56,7 @@ def run_until_full(path: Path) -> None:
 
 
 def test_a_file_that_may_not_grow_keeps_what_it_has(tmp_path: Path) -> None:
-    with largest_file(40_000):
+    with limited(RLIMIT_FSIZE, 40_000):
         run_until_full(tmp_path / "run")
     check_kept(tmp_path / "run")
 
@@ -81,7 +70,10 @@ def test_an_export_that_does_not_fit_leaves_nothing_behind(tmp_path: Path) -> No
     time_s = np.arange(10_000) / 1000.0
     made = recording("made", time_s, {"flow [l/min]": time_s})
     (tmp_path / "old.csv").write_text("old")
-    with largest_file(20_000), pytest.raises(StorageError, match=r"old.csv: cannot be written: File too large"):
+    with (
+        limited(RLIMIT_FSIZE, 20_000),
+        pytest.raises(StorageError, match=r"old.csv: cannot be written: File too large"),
+    ):
         write_recording(made, tmp_path / "old.csv")
     assert [path.name for path in tmp_path.iterdir()] == ["old.csv"]
     assert (tmp_path / "old.csv").read_text() == "old"
@@ -89,7 +81,7 @@ def test_an_export_that_does_not_fit_leaves_nothing_behind(tmp_path: Path) -> No
 
 def test_a_model_that_does_not_fit_is_named(tmp_path: Path) -> None:
     with (
-        largest_file(100),
+        limited(RLIMIT_FSIZE, 100),
         pytest.raises(StorageError, match=r"unit\.json: the model cannot be written: File too large"),
     ):
         save_model(typical_model("brevini-hpv41"), tmp_path / "unit.json")

@@ -230,28 +230,24 @@ def test_tightening_never_leaves_out_where_an_output_is_or_must_go(limits: Envel
         guard.tighten("a", limits)
 
 
-def test_dwell_goes_on_while_nothing_plays() -> None:
+@pytest.mark.parametrize("is_driving", [False, True])
+def test_dwell_goes_on_while_nothing_plays_and_time_that_is_driven_does_not_count_twice(is_driving: bool) -> None:
     clock = VirtualClock()
     limits = {"a": Envelope(-8.0, 8.0, dwells=(Dwell(5.0, 1.0),))}
-    guard = Guard(Wire(), Protection(RATE_HZ, limits, block_s=0.1), clock=clock)
-    list(guard.play(wave(6.0, samples=50)))
-    guard.check(wave(6.0, samples=50))
-    clock.sleep_until(0.2)
-    with pytest.raises(RangeError, match="beyond ±5"):
-        guard.check(wave(6.0, samples=50))
-    with pytest.raises(RangeError, match="beyond ±5"):
-        list(guard.play(wave(6.0, samples=50)))
 
+    def goes_on(_: Block) -> None:
+        if is_driving:
+            clock.sleep_until(clock.now_s + 0.1)
 
-def test_time_in_which_samples_are_driven_does_not_count_twice() -> None:
-    clock = VirtualClock()
-    limits = {"a": Envelope(-8.0, 8.0, dwells=(Dwell(5.0, 1.0),))}
-    protected = Protection(RATE_HZ, limits, block_s=0.1)
-    guard = Guard(Wire(), protected, clock=clock, keep=lambda _block: clock.sleep_until(clock.now_s + 0.1))
+    guard = Guard(Wire(), Protection(RATE_HZ, limits, block_s=0.1), clock=clock, keep=goes_on)
     list(guard.play(wave(6.0, samples=50)))
     guard.check(wave(6.0, samples=50))
     with pytest.raises(RangeError, match="beyond ±5"):
         guard.check(wave(6.0, samples=51))
+    clock.sleep_until(clock.now_s + 0.2)
+    for played in (guard.check, lambda waveform: list(guard.play(waveform))):
+        with pytest.raises(RangeError, match="beyond ±5"):
+            played(wave(6.0, samples=50))
 
 
 def test_slew_counts_from_where_an_output_really_stands() -> None:
