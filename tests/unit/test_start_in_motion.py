@@ -11,7 +11,7 @@ from hil.diagnosis.check import check
 from hil.identification.grey_box.compare import compare
 from hil.identification.grey_box.identify import fit_plant
 from hil.identification.preparation.experiment import experiment
-from hil.physics.model import Model, typical_model
+from hil.physics.model import Model, ModelEffect, Value, typical_model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Recording, recording
 from tests.concealed import NOISE, bound, nominal, records, with_rows
@@ -52,6 +52,22 @@ def test_the_true_model_fits_what_was_cut_out_of_a_longer_recording(values: dict
         assert found.rms_error < 1.05 * 0.02
         assert any("begins in motion" in note and "begun at rest the fit is" in note for note in found.notes)
         assert not compare(model, experiment(whole, model.definition, "u", "y")).notes
+
+
+@pytest.mark.parametrize("seed", [9, 11])
+def test_a_sensor_that_is_blind_to_the_direction_may_have_run_either_way(seed: int) -> None:
+    typical, blind = typical_model("coupled-drives"), ModelEffect("blind_to_sign", "pickup", {"share": Value(1.0, "1")})
+    values = {"gain": 1.17, "motor_lag": 0.124, "spring_frequency": 20.9, "spring_damping": 0.099, "count_time": 0.012}
+    known = {name: replace(typical.parameters[name], value=value) for name, value in values.items()}
+    model = replace(
+        typical, effects=(blind,), parameters={**typical.parameters, **known}, input="u [V]", output="y [V]"
+    )
+    command = np.repeat(np.random.default_rng(seed).choice([-0.5, 0.5], 100), 5)
+    drive = Drive(command[None, :], 0.0, 0.02)
+    output = simulate(model.definition, model.values, drive, model.active_effects)[0]
+    read = output + 0.045 * np.random.default_rng(6).standard_normal(500)
+    cut = recording("blind", 0.02 * np.arange(500.0), {"u [V]": command, "y [V]": read}).rows(300, 200)
+    assert compare(model, experiment(cut, model.definition, "u", "y")).rms_error < 1.1 * 0.045
 
 
 def test_a_valve_that_is_cut_in_a_step_fits_and_one_that_rests_is_left_as_it_is() -> None:

@@ -71,25 +71,32 @@ def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note
         return begun.telling(begun.simulated(model)[0] - e.output)
 
     plain = e.telling(e.simulated(model)[0] - e.output)
-    change = np.zeros(count)
-    left = errors(change)
-    if not (plain.any() and left.any()):  # no noise, and nothing to explain
+    if not (plain.any() and errors(np.zeros(count)).any()):  # no noise, and nothing to explain
         return e, ()
 
-    for _ in range(EFFORT.rounds):
-        slopes = (
-            np.array([errors(change + EFFORT.level_step * span * unit) - left for unit in np.eye(count)]).T
-            / EFFORT.level_step
-        )
-        # a level lies about the first one as far as the command goes, and what is left says how much a sample tells
-        power = float(np.mean(left**2))
-        step = np.linalg.solve(slopes.T @ slopes + power * np.eye(count), -slopes.T @ left - power * change / span)
-        if not is_worth(plain[e.valid], (left + slopes @ step)[e.valid], count):
-            break
-        tried = errors(change + span * step)
-        if not float(tried @ tried) < float(left @ left):
-            break
-        change, left = change + span * step, tried
+    def found_from(change: Array) -> tuple[Array, Array]:
+        left = errors(change)
+        for _ in range(EFFORT.rounds):
+            slopes = (
+                np.array([errors(change + EFFORT.level_step * span * unit) - left for unit in np.eye(count)]).T
+                / EFFORT.level_step
+            )
+            # a level lies about the first one as far as the command goes, and what is left says how much a sample tells
+            power = float(np.mean(left**2))
+            step = np.linalg.solve(slopes.T @ slopes + power * np.eye(count), -slopes.T @ left - power * change / span)
+            if not is_worth(plain[e.valid], (left + slopes @ step)[e.valid], count):
+                break
+            tried = errors(change + span * step)
+            if not float(tried @ tried) < float(left @ left):
+                break
+            change, left = change + span * step, tried
+        return change, left
+
+    change, left = found_from(np.zeros(count))
+    if float(np.std(left[e.valid])) > COVERED * channel_floor(e.valid_output):
+        # a sensor blind to the direction: the unit may have run the other way, to which no small change leads
+        other = found_from(np.full(count, -2.0 * e.drive.inputs[0, 0]))
+        change, left = min((change, left), other, key=lambda found: float(found[1] @ found[1]))
     if explains_little([e.valid_output], [left]) or not is_worth(plain[e.valid], left[e.valid], count):
         return e, ()
     fit = fit_percent(e.valid_output, e.valid_output + plain[e.valid])
