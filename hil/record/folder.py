@@ -20,7 +20,7 @@ from hil.record.parts import parts_of
 from hil.record.plain import plain
 from hil.record.recording import Array, Channel, Recording, check
 from hil.record.run_writer import RunWriter
-from hil.record.samples import ROWS_FILE, VALUE_BYTES, Mark, last_good, last_mark, scan
+from hil.record.samples import JOURNAL_FILE, ROWS_FILE, VALUE_BYTES, Mark, last_good, last_mark, scan
 from hil.untrusted import ANY_SIZE, open_untrusted
 
 __all__ = ["RunWriter", "read", "write"]
@@ -50,7 +50,7 @@ def read(path: Path) -> Recording:
     table = _table(path / ROWS_FILE, good.rows, len(header.samples.columns))
     events, bad_line = read_events(path)
     meta = _meta(header, end, events, table[0])
-    lost_events = f"{EVENTS_FILE} cannot be read from line {bad_line} on" if bad_line else ""
+    lost_events = "" if bad_line is None else _unreadable(EVENTS_FILE, bad_line)
     if missing := "; ".join(filter(None, (good.missing, lost_events))):
         meta["incomplete"] = missing
     found = Recording(str(path), table[0], _channels(header, table[1:]), meta)
@@ -96,10 +96,13 @@ class _Good:
 
 def _good_rows(path: Path, columns: int, end: End | None) -> _Good:
     try:
-        claimed = last_mark(path) if end is None else Mark(end.rows, int(end.crc32, 16))
+        claimed, bad_line = last_mark(path) if end is None else (Mark(end.rows, int(end.crc32, 16)), None)
         found = scan(path, columns, claimed.rows)
         if found.mark == claimed:
-            return _Good(claimed.rows, found.clean and claimed.rows > 1, _OPEN if end is None else "")
+            missing = _OPEN if end is None else ""
+            if bad_line is not None:
+                missing += f"; {_unreadable(JOURNAL_FILE, bad_line)}: samples after {claimed.rows} are lost"
+            return _Good(claimed.rows, found.clean and claimed.rows > 1, missing)
         good = last_good(path, columns)
         clean = scan(path, columns, good.rows).clean and good.rows > 1
     except OSError as error:
@@ -110,6 +113,10 @@ def _good_rows(path: Path, columns: int, end: End | None) -> _Good:
             f"{found.mark.crc32:08x}, expected {claimed.crc32:08x} over {claimed.rows} rows"
         )
     return _Good(good.rows, clean, f"of {claimed.rows} rows only the first {good.rows} are in {ROWS_FILE}")
+
+
+def _unreadable(name: str, bad_line: int) -> str:
+    return f"{name} cannot be read from line {bad_line} on"
 
 
 def _table(path: Path, rows: int, columns: int) -> Array:

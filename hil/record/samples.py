@@ -135,14 +135,15 @@ def marks(folder: Path) -> Iterator[Mark]:
             yield mark
 
 
-def last_mark(folder: Path) -> Mark:
-    """What the last whole line of the journal says; no rows when there is none."""
+def last_mark(folder: Path) -> tuple[Mark, int | None]:
+    """What the last whole line of the journal says, no rows when there is none; and the first after it that is none."""
     with open_untrusted(folder, JOURNAL_FILE, _MOST_JOURNAL_BYTES) as file:
-        for line in reversed(range(file.seek(0, SEEK_END) // LINE_BYTES)):
+        lines = file.seek(0, SEEK_END) // LINE_BYTES
+        for line in reversed(range(lines)):
             file.seek(line * LINE_BYTES)
             if (mark := _parsed(file.read(LINE_BYTES))) is not None:
-                return mark
-    return Mark()
+                return mark, None if line == lines - 1 else line + 2
+    return Mark(), 1 if lines else None
 
 
 def _parsed(line: bytes) -> Mark | None:

@@ -42,7 +42,7 @@ class Tail:
         closed = (self._path / END_FILE).exists()  # asked first: afterwards nothing more comes
         columns = self.header.samples.columns
         with reading(self._path, "cannot be followed any more"):
-            there = last_mark(self._path).rows
+            there = last_mark(self._path)[0].rows
             rows = min(there - self._rows, most)
             place = self._rows * len(columns) * VALUE_BYTES
             table = np.fromfile(self._path / ROWS_FILE, "<f8", rows * len(columns), offset=place)

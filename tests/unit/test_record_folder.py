@@ -265,6 +265,16 @@ def test_rows_before_a_cut_are_good(tmp_path: Path) -> None:
     assert found.meta["incomplete"] == "of 500 rows only the first 300 are in samples.f8"
 
 
+def test_samples_that_an_unreadable_journal_hides_are_said_to_be_lost(tmp_path: Path) -> None:
+    path = make_run(tmp_path / "run")
+    (path / "end.json").unlink()
+    journal = (path / "samples.log").read_bytes()
+    (path / "samples.log").write_bytes(journal[: 3 * 25] + bytes(len(journal) - 3 * 25))
+    found = read(path)
+    assert len(found) == 300
+    assert found.meta["incomplete"].endswith("samples.log cannot be read from line 4 on: samples after 300 are lost")
+
+
 def test_the_journal_of_a_closed_run_is_not_needed(tmp_path: Path) -> None:
     path = make_run(tmp_path / "run")
     (path / "samples.log").unlink()
