@@ -8,7 +8,7 @@ from pathlib import Path
 import platformdirs
 
 from hil.errors import storing
-from hil.record.durable import write_whole
+from hil.record.durable import sync_folder, write_whole
 
 OWNER_ALONE = 0o600
 """Mode of a file that nobody else reads."""
@@ -26,7 +26,7 @@ def state_path(kind: str, name: str, suffix: str) -> Path:
 
 
 def keep(path: Path, content: str, refused: str = "cannot be written", mode: int = 0o666) -> None:
-    """Write such a file and its folder, whole or not at all.
+    """Write such a file and its folder, whole or not at all; it outlives a power cut.
 
     Raises:
         StorageError: what could not be done, as `refused` says it.
@@ -34,3 +34,4 @@ def keep(path: Path, content: str, refused: str = "cannot be written", mode: int
     with storing(path, refused):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, content, mode)
+        sync_folder(path.parent)

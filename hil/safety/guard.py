@@ -256,7 +256,10 @@ class Guard:
         except BaseException as error:
             if is_end(error):
                 self.end(error)
+            tripped = self.latch.trips
             self._go_safe()
+            for why in (why for name, why in self.latch.trips.items() if name not in tripped):
+                error.add_note(why)
             if error is self._over and isinstance(error, LinkError | DeviceLostError):
                 self._ask_witnesses(error)
             raise
@@ -476,9 +479,12 @@ class Guard:
             for block in blocks:
                 if self._operator.stop_asked:
                     return
-                self._live()
+                violations = self._watches.judge(block)
+                if any(violation.interlock.action == "trip" for violation in violations):
+                    self._make_safe()  # no disk is waited for before
                 self._keep_if_possible(block)
-                for violation in self._watches.judge(block):
+                self._live()  # a slow disk is no program that hangs
+                for violation in violations:
                     self._note_if_possible(violation.interlock.action, text=violation.text)
                     if violation.interlock.action == "trip":
                         self.latch.trip(violation.interlock.name, violation.text)

@@ -13,7 +13,7 @@ _ENDS = "find the cause; this trip ends with its run, as on every simulated benc
 
 
 class Latch:
-    """Trips by the name of their interlock. With a path they outlive the program.
+    """Trips by the name of their interlock. With a path they outlive the program, and a power cut.
 
     A file that cannot be read counts as a trip: what it held is not known.
     """
