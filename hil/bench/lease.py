@@ -6,7 +6,6 @@ import json
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 
 from filelock import Timeout
@@ -74,7 +73,7 @@ def _lease_held(what: str, name: str) -> Iterator[None]:
 
 def _write(holder: Path) -> None:
     program = " ".join([Path(sys.argv[0]).name, *sys.argv[1:]])
-    since = datetime.now(UTC).isoformat(timespec="seconds")
+    since = system.utc().isoformat(timespec="seconds")
     content = {"pid": system.pid(), "since": since, "program": program}
     keep(holder, json.dumps(content), "the lease cannot be written")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
 from io import FileIO
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -16,6 +15,7 @@ from hil.errors import FileError, first_fault, reading
 from hil.record.durable import sync_file, sync_folder, write_at
 from hil.record.moment import Moment
 from hil.record.plain import plain
+from hil.system import system
 from hil.untrusted import ANY_SIZE, open_untrusted, read_untrusted_json
 from hil.version import PROGRAM, is_newer, made_by
 
@@ -140,7 +140,7 @@ class Header(_Strict):
     format: Literal["hil-run"] = "hil-run"
     version: Literal[1] = 1
     program: str = PROGRAM
-    started_utc: Moment = Field(default_factory=lambda: datetime.now(UTC))
+    started_utc: Moment = Field(default_factory=lambda: system.utc())
     samples: Table
     meta: Meta = {}
 
@@ -156,7 +156,7 @@ class End(_Strict):
     format: Literal["hil-run-end"] = "hil-run-end"
     version: Literal[1] = 1
     outcome: str
-    stopped_utc: Moment = Field(default_factory=lambda: datetime.now(UTC))
+    stopped_utc: Moment = Field(default_factory=lambda: system.utc())
     rows: int = Field(ge=0)
     crc32: str = Field(pattern="^[0-9a-f]{8}$")
     sha256: dict[str, str]

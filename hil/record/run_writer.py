@@ -7,7 +7,7 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -23,6 +23,7 @@ from hil.record.plain import plain
 from hil.record.recording import Array, Recording
 from hil.record.samples import JOURNAL_FILE, ROWS_FILE, RowsWriter
 from hil.record.thinned import Thinning
+from hil.system import system
 
 _CHUNK_ROWS = 1 << 12  # are lost at most when a disk is full
 
@@ -222,7 +223,7 @@ class RunWriter:
         return self._parts - 1
 
     def _event_now(self, event: str, details: Mapping[str, Any], **more: int) -> None:
-        when = {"row": self.rows, "time_s": self.last_s, "utc": datetime.now(UTC)}
+        when = {"row": self.rows, "time_s": self.last_s, "utc": system.utc()}
         self.record_event({"event": event, **when, **more, "details": details})
 
     def _settle(self) -> None:
@@ -253,7 +254,7 @@ class RunWriter:
     def _end(self, outcome: str, stopped_utc: datetime | None, meta: Mapping[str, Any]) -> End:
         mark = self._rows.mark
         return End(
-            outcome=outcome, stopped_utc=stopped_utc or datetime.now(UTC), rows=mark.rows, crc32=f"{mark.crc32:08x}",
+            outcome=outcome, stopped_utc=stopped_utc or system.utc(), rows=mark.rows, crc32=f"{mark.crc32:08x}",
             sha256={HEADER_FILE: self._header_sum, EVENTS_FILE: self._events.sha256, **self._rows.sha256},
             outputs=plain(meta).get("outputs", {}), meta=plain(meta),
         )  # fmt: skip

@@ -8,7 +8,6 @@ import secrets
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +54,7 @@ class Control:
             "stop_url": f"{self.url}/stop", "token": self.tokens.stop,
             "stop_urls": [f"{url}/stop" for url in self.urls],
             "hold_url": f"{self.url}/hold", "hold_token": self.tokens.hold,
-            "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+            "started_utc": system.utc().isoformat(timespec="seconds"),
         }  # fmt: skip
 
     def as_strings(self) -> dict[str, str]:
