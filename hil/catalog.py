@@ -116,10 +116,14 @@ def file_of(groups: Iterable[str], folder: str, name: str) -> Path | None:
 
 
 def _folders(groups: Iterable[str], folder: str) -> Iterator[Path]:
-    for group in groups:
-        for point in _points(group):
-            spec = importlib.util.find_spec(point.value)
-            yield from (Path(home, folder) for home in (spec and spec.submodule_search_locations) or ())
+    return (Path(home, folder) for group in groups for home in _homes_of(tuple(sys.path), group))
+
+
+@cache
+def _homes_of(path: tuple[str, ...], group: str) -> tuple[str, ...]:
+    """Where the packages of a group are installed."""
+    specs = (importlib.util.find_spec(point.value) for point in _points_of(path, group))
+    return tuple(home for spec in specs for home in (spec and spec.submodule_search_locations) or ())
 
 
 def models() -> dict[str, Path]:
