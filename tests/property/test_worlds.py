@@ -6,6 +6,7 @@ import subprocess
 import sys
 from contextlib import nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -23,7 +24,10 @@ from hil.daq.link import Late
 from hil.daq.pin import Pin
 from hil.daq.polled import PolledDaq
 from hil.daq.polling import Pace, Taken
+from hil.record import folder, run_writer
+from hil.record.durable import Syncer
 from hil.record.run_writer import RunWriter
+from hil.record.samples import last_mark
 from hil.safety import outputs
 from hil.safety.guard import Guard
 from hil.safety.interlock import Watches
@@ -46,7 +50,7 @@ from tests.worlds.mutants import kept
 from tests.worlds.processes import ParentEnd
 from tests.worlds.schedule import PROCEDURES, THIRDS, Schedule, drawn
 from tests.worlds.shrink import shrunk
-from tests.worlds.system import WorldSystem
+from tests.worlds.system import BEGAN, WorldSystem
 from tests.worlds.world import Ran, one
 
 
@@ -143,6 +147,12 @@ def test_a_valve_that_never_said_who_it_is_has_restarted_where_it_claims_its_add
     """That it was asked at the opening, and did not hear that, explains no claim of later."""
     ran = of("8,0.01,plain,v|lose:opening:0.068:2:third|restart:driving:3.155:0.05:third")
     assert not ran.broken and ran.status == 3
+
+
+def test_a_trip_on_the_way_down_a_ramp_is_told_and_a_slow_disk_does_not_hang() -> None:
+    ran = of("7,0.05,plain,r|disk slow:driving:2:10:|int:driving:2:0:|over:driving:2.05:5:aux")
+    assert not ran.broken and ran.status == 130
+    assert [text for _, by, text in ran.said if by == "run" and "over-pressure" in text and "are safe" in text]
 
 
 @pytest.mark.parametrize("part", range(2))
@@ -314,6 +324,14 @@ FAULTS: dict[str, tuple[Patches, str]] = {
     "rescue_is_told, at its time": (
         [(watchdog, "GIVE_UP_S", 0.0)],
         "702301,0.2,blocks,-|out:making safe:0.0526:10:aux|second:making safe:0:0.05:",
+    ),
+    "samples_reach_the_disk": ([(Syncer, "written", lambda _syncer: None)], "7,0.05,plain,-|power:driving:3.3:0:"),
+    "is_read_up_to_its_tear": (
+        [(folder, "last_mark", lambda path: (last_mark(path)[0], None))],
+        "9,0.05,plain,-|sector:driving:1:0:|kill:driving:3:0:",
+    ),
+    "events_have_their_time": (
+        [(run_writer, "system", SimpleNamespace(utc=lambda: BEGAN))], "7,0.05,plain,-|low:driving:1.3:1:aux",
     ),
     "errors_are_not_ours, nor told": ([(rescue, "replace", _undefined)], "7,0.05,plain,-|kill:driving:1.3:0:"),
 }  # fmt: skip

@@ -16,6 +16,7 @@ _EVERY_S, _PATIENCE_S = 0.1, 0.3
 _COMMAND, _ESTIMATED, _CLAIMED, _REQUEST = 0xFE31, 0xFE11, 0xEE00, 0xEA00
 _OURS, _NAME, _ERROR = 0x80, 2 << 60 | 129 << 40 | 1, 14
 _PER_BIT = 0.4
+_MOST_WAITING = 10  # frames: the length of Linux's queue of a CAN controller
 _CONTENDED_S = 0.25  # so long after a claim another one may come (SAE J1939-81, 4.5.2)
 
 
@@ -25,6 +26,8 @@ class CanBus:
     Attributes:
         is_out: no frame arrives.
         is_off: the controller of this computer is off the bus: nothing is taken from it.
+        is_passive: nobody acknowledges a frame: what this computer sends waits in its controller, so many at most,
+            whoever sent it; what others send is lost.
         loses, doubles: chance of each frame.
         delay_s: least and greatest time of a frame.
         rushed_s: when somebody commanded who had just claimed his address, and not heard yet whose it is.
@@ -32,16 +35,33 @@ class CanBus:
 
     def __init__(self, hub: Hub, hear: Callable[[int, bytes], None]) -> None:
         self._hub, self._hear = hub, hear
-        self.is_out = self.is_off = False
+        self.is_out = self.is_off = self._is_passive = False
+        self._waiting: list[tuple[int, bytes, BusEnd]] = []
         self.loses = self.doubles = 0.0
         self.delay_s = DELAY_S
         self.ends: list[BusEnd] = []
         self.rushed_s: list[float] = []
         self._last_s = 0.0
 
+    @property
+    def is_passive(self) -> bool:
+        return self._is_passive
+
+    @is_passive.setter
+    def is_passive(self, is_passive: bool) -> None:
+        self._is_passive = is_passive
+        waiting, self._waiting = self._waiting, []
+        for frame in waiting:
+            self.send(*frame)
+
     def send(self, identifier: int, data: bytes, by: BusEnd | None) -> None:
         """A frame, of an end or of a device."""
         draw = self._hub.draw
+        if self.is_passive:
+            if by is not None and len(self._waiting) >= _MOST_WAITING:
+                raise OSError(errno.ENOBUFS, "No buffer space available")
+            self._waiting += [] if by is None else [(identifier, data, by)]
+            return
         for _ in range(2 if draw.random() < self.doubles else 1):
             if self.is_out or draw.random() < self.loses:
                 continue

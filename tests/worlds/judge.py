@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import suppress
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,11 @@ from hil.errors import FileError
 from hil.record.folder import read
 from tests.worlds.devices import FULL
 from tests.worlds.driven import LAWS as DRIVEN
+from tests.worlds.kept import LAWS as KEPT
 from tests.worlds.left import LAWS as LEFT
 from tests.worlds.left import kinds as _kinds
-from tests.worlds.schedule import BLOCK_S, CALM
-from tests.worlds.system import BEGAN
+from tests.worlds.schedule import BLOCK_S, CALM, NO_DISK
+from tests.worlds.system import instant_s
 from tests.worlds.world import NEAR, Ran, Word, World
 
 _SAYS_ALL = ("outputs are safe (read back)", "outputs made safe in")
@@ -29,11 +29,11 @@ def judge(world: World, ran: Ran) -> None:
     """Enter every contradiction into `ran.broken`."""
     ran.words += [*_kept(world.folder / "run" / "end.json", "end.json", world.run.ended_s),
                   *_kept(world.folder / "run" / "watchdog.json", "watchdog.json", world.watchdog_ended_s)]  # fmt: skip
-    for at_s, by, text in ran.said:
+    for said_s, by, text in ran.said:
         if any(all_of_them in text for all_of_them in _SAYS_ALL):
-            ran.words.append(Word(by, at_s, dict.fromkeys(world.outputs, at_s), text))
+            ran.words.append(Word(by, said_s, dict.fromkeys(world.outputs, said_s), text))
     own = (_words, _agree, _status, _ends, _killed, _rescued, _latched, _recorded, _strangers, _as_expected)
-    for law in (*own, *LEFT, *DRIVEN):
+    for law in (*own, *LEFT, *DRIVEN, *KEPT):
         broken = [*law(world, ran)]
         ran.broken += broken
         ran.laws |= {law.__name__} if broken else set()
@@ -45,7 +45,7 @@ def _kept(path: Path, name: str, ended_s: float) -> Iterator[Word]:
     with suppress(OSError, ValueError, KeyError):
         outputs: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["outputs"]
         safe = {
-            output: (datetime.fromisoformat(one["at_utc"]) - BEGAN).total_seconds()
+            output: instant_s(one["at_utc"])
             for output, one in outputs.items() if one["state"] == "safe"
         }  # fmt: skip
         yield Word(name, min(ended_s, max(safe.values(), default=ended_s)), safe)
@@ -91,7 +91,7 @@ def _ends(world: World, ran: Ran) -> Iterator[str]:
         if process.status is None:
             yield f"{process.name} never ended"
     ended_by_itself = world.run.status is not None and world.run.status >= 0 and (world.folder / "run").exists()
-    if ended_by_itself and not (world.folder / "run" / "end.json").exists() and "disk full" not in _kinds(ran):
+    if ended_by_itself and not (world.folder / "run" / "end.json").exists() and not NO_DISK & _kinds(ran):
         yield "the run ended by itself, and there is no end.json"
 
 
@@ -106,7 +106,7 @@ def _rescued(world: World, ran: Ran) -> Iterator[str]:
             yield f"{output} stands at {percent:.1f} % in the end ({left})"
 
 
-_MAY_HANG = {"kill", "pause", "sleep", "disk slow", "slow line", "hold", "slow"}
+_MAY_HANG = {"kill", "pause", "sleep", "disk slow", "slow line", "hold", "slow", "lose", "power"}
 
 
 def _killed(world: World, ran: Ran) -> Iterator[str]:
@@ -134,7 +134,7 @@ def _recorded(world: World, ran: Ran) -> Iterator[str]:
         if "at least 2 are needed" not in str(error):
             yield f"the record cannot be read: {error}"
         return
-    if len(recording.time_s) < 2 * ran.blocks:
+    if len(recording.time_s) < 2 * ran.blocks and "power" not in _kinds(ran):
         yield f"{len(recording.time_s)} samples are recorded, and {2 * ran.blocks} were handed back"
     if not ran.schedule.faults and abs(np.median(np.diff(recording.time_s)) - 0.05) > 0.005:
         yield "nothing happened, and samples are not at their times"
@@ -186,14 +186,15 @@ _ENDINGS: dict[str, tuple[int, float, str]] = {
     "int": (130, 0.3, ""), "term": (143, 0.3, "SIGTERM"), "hup": (129, 0.3, "SIGHUP"), "kill": (-9, 0.5, ""),
     "stop": (138, 0.3, "stop was pressed"), "wd kill": (3, 0.5, "watchdog process ended"),
     "over": (3, 0.4, "over-pressure"), "pressed": (3, 0.4, "pressed at"), "disk full": (3, 0.4, "No space left"),
+    "disk gone": (3, 0.4, "Input/output error"),
     "wd pause": (3, 2.5, "watchdog process gave no answer"), "pause": (-9, 2.0, ""), "sleep": (3, 1.5, "slept for"),
     "reset": (3, 1.0, "connection is lost"), "restart": (3, 1.0, ""), "out": (3, 2.5, ""), "switch": (3, 2.5, ""),
     "deaf": (3, 2.5, ""), "mute": (3, 2.5, "no valid answer"),
 }  # fmt: skip
 _LEAST_S = {"wd pause": 2.5, "pause": 2.0, "sleep": 0.5, "over": 0.2, "pressed": 0.2, "out": 0.5, "switch": 0.5,
-            "deaf": 0.5, "mute": 0.5, "disk full": 0.2, "reset": 0.2}  # fmt: skip
-_NEVER_MATTERS = {"wd term", "fork", "second"}
-_CHANGE_NOTHING = {"wd term", "fork", "second", "disk slow", "double", "hold run", "low"}
+            "deaf": 0.5, "mute": 0.5, "disk full": 0.2, "disk gone": 0.2, "reset": 0.2}  # fmt: skip
+_NEVER_MATTERS = {"wd term", "fork", "second", "clock", "sector", "crowd"}
+_CHANGE_NOTHING = _NEVER_MATTERS | {"disk slow", "double", "hold run", "low"}
 _WAITS = {
     "sleep",
     "restart",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import suppress
-from datetime import datetime
 from itertools import pairwise
 from typing import Any
 
@@ -17,8 +16,8 @@ from hil.errors import FileError
 from hil.record.folder import read
 from hil.record.recording import Recording
 from tests.worlds.devices import FULL
-from tests.worlds.schedule import CALM
-from tests.worlds.system import BEGAN
+from tests.worlds.schedule import ARRIVES_LATE, CALM, NO_DISK
+from tests.worlds.system import instant_s
 from tests.worlds.world import FULL_SCALE, NEAR, OUTPUTS, RAMP_PER_S, Ran, World
 
 _SAFE_S = 5.0  # so soon outputs are safe once whoever makes them safe reaches every device
@@ -72,7 +71,7 @@ def end_is_true(world: World, ran: Ran) -> Iterator[str]:
     if cause not in " ".join(text for _, by, text in ran.said if by == "run"):
         yield f"the outcome is {end['outcome']!r}, and something else was said"
     for name, output in end["outputs"].items():
-        since_s = (datetime.fromisoformat(output["at_utc"]) - BEGAN).total_seconds()
+        since_s = instant_s(output["at_utc"])
         if output["unit"] != world.units[name]:
             yield f"{name} is in {output['unit']}, not in {world.units[name]}"
         if not -1e-3 <= since_s <= world.run.ended_s + 1e-3:
@@ -125,7 +124,7 @@ def nothing_is_left(world: World, ran: Ran) -> Iterator[str]:
     if held:
         yield f"nobody holds the bench, and its lease was not let go of: {', '.join(sorted(held))}"
     watchdog = world.watchdog
-    if watchdog is not None and watchdog.status == 0 and "disk full" not in kinds(ran):
+    if watchdog is not None and watchdog.status == 0 and not NO_DISK & kinds(ran):
         left = [path.name for path in world.folder.rglob("*so-far*") if path.is_file()]
         left += [str(path.relative_to(world.folder)) for path in world.folder.glob("state/*so-far*/*")]
         if (world.folder / "run" / CONTROL_FILE).exists():
@@ -222,7 +221,7 @@ def end_has_the_last_answer(world: World, ran: Ran) -> Iterator[str]:
             continue
         answered_s, count = answers[-1]
         at = count / FULL * FULL_SCALE[name]
-        known_s = (datetime.fromisoformat(output["at_utc"]) - BEGAN).total_seconds()
+        known_s = instant_s(output["at_utc"])
         if output["at"] is None or abs(output["at"] - at) > 0.01 or known_s < answered_s - _ANSWERS_S / 2:
             yield f"{name} stood at {at:.2f} as it answered at {answered_s:.3f} s, and at the end it is {output}"
 
@@ -245,7 +244,7 @@ def ramps_down(world: World, ran: Ran) -> Iterator[str]:
 def stays_safe(world: World, ran: Ran) -> Iterator[str]:
     """Once the run makes its outputs safe it drives none of them away again."""
     begun_s = world.begun_s.get("making safe")
-    if begun_s is None or kinds(ran) & {"hold", "double", "slow line", "swap"}:  # what was on its way may come later
+    if begun_s is None or kinds(ran) & (ARRIVES_LATE - {"garble", "echo", "slow"}):
         return
     late = {fault.device for fault, _ in ran.took if fault.kind in ("slow", "deaf", "fails")}  # it obeys, but later
     for output, device in world.outputs.items():
@@ -266,7 +265,7 @@ def events_tell(world: World, ran: Ran) -> Iterator[str]:
     """What an interlock or a person did stands among the events."""
     recording = recording_of(world)
     said = " ".join(text for _, by, text in ran.said if by == "run")
-    if recording is None or "disk full" in kinds(ran) or world.run.status in (None, -9):
+    if recording is None or NO_DISK & kinds(ran) or world.run.status in (None, -9):
         return
     events = {(event["event"], event["details"].get("interlock", "")) for event in recording.meta["events"]}
     names = {event for event, _ in events}
@@ -299,11 +298,11 @@ def rescue_is_told(world: World, ran: Ran) -> Iterator[str]:
         if "left_alone" in report and watchdog.ended_s < world.run.ended_s + GIVE_UP_S:
             yield f"the watchdog gave up at {watchdog.ended_s:.3f} s: {report['left_alone']}"
     except (OSError, ValueError) as error:
-        if kinds(ran) & {"disk full", "second"}:
+        if kinds(ran) & (NO_DISK | {"second"}):
             return
         yield f"the run is dead, and its watchdog wrote down nothing: {error}"
         return
-    if kinds(ran) & {"disk full", "second"}:
+    if kinds(ran) & (NO_DISK | {"second"}):
         return
     if report["why"] not in said or set(report["outputs"]) != set(world.outputs):
         yield f"the watchdog says '{said}', and wrote down {report}"

@@ -30,26 +30,26 @@ class Cable:
         is_out: nothing passes.
         delay_s: least and greatest time that a segment takes.
         holds_s: a hub on the way holds back a segment for so long, now and then.
-        holds_chance: how often.
+        holds_chance: how often; doubles, loses: chance of each segment.
     """
 
     def __init__(self, hub: Hub, delay_s: tuple[float, float]) -> None:
         self._hub, self.delay_s = hub, delay_s
         self.is_out = False
         self.holds_s, self.holds_chance = 0.0, 0.0
-        self.doubles_chance = 0.0
+        self.doubles = self.loses = 0.0
 
     def passes(self, arrive: Callable[[], None], not_before_s: float = 0.0) -> float:
         """Send one segment; returns when it arrives, 0 where it is lost."""
-        if self.is_out:
-            return 0.0
         draw = self._hub.draw
+        if self.is_out or (self.loses and draw.random() < self.loses):
+            return 0.0
         takes_s = draw.uniform(*self.delay_s)
         if self.holds_chance and draw.random() < self.holds_chance:
             takes_s += draw.uniform(0.0, self.holds_s)
         at_s = max(self._hub.now_s + takes_s, not_before_s)
         self._hub.at(at_s, arrive)
-        if self.doubles_chance and draw.random() < self.doubles_chance:
+        if self.doubles and draw.random() < self.doubles:
             self._hub.at(at_s + draw.uniform(*self.delay_s), arrive)
         return at_s
 

@@ -16,22 +16,26 @@ KINDS = {
     "switch": "network", "lose": "network", "garble": "network", "echo": "network", "fails": "device",
     "claims": "device", "deaf": "device", "mute": "device", "slow": "device", "lies": "device", "restart": "device",
     "over": "device", "low": "device", "pressed": "device", "swap": "device",
-    "sticks": "device", "poke": "device",
+    "sticks": "device", "poke": "device", "crowd": "network", "passive": "network",
     "int": "signal", "term": "signal", "hup": "signal", "kill": "process", "pause": "process",
     "wd term": "process", "wd kill": "process", "wd pause": "process", "fork": "process",
     "stop": "person", "hold run": "person", "second": "person",
-    "sleep": "machine", "disk full": "machine", "disk slow": "machine",
+    "sleep": "machine", "disk full": "machine", "disk slow": "machine", "disk gone": "machine", "sector": "machine",
+    "power": "machine", "clock": "machine",
 }  # fmt: skip
 _OF_THIRD = {
-    "module": {"lose", "garble", "echo"}, "source": {"lose", "garble", "echo"},
-    "amplifier": {"lose", "garble", "echo", "fails"}, "valve": {"lose", "fails", "claims"}, "": set[str](),
+    "module": {"garble", "echo"}, "source": {"garble", "echo"}, "amplifier": {"garble", "echo", "fails"},
+    "valve": {"fails", "claims", "passive"}, "": set[str](),
 }  # fmt: skip
-_OF_COUPLERS = {"swap", "over", "low", "pressed", "sticks"}
+_OF_COUPLERS = {"swap", "over", "low", "pressed", "sticks", "crowd"}
 _WITH_DEVICE = {kind for kind, of in KINDS.items() if of in ("network", "device")} - {"switch"}
-_AT_ONCE = {"poke", "claims", "swap", "int", "term", "hup", "kill", "wd term", "wd kill", "stop"}
+_AT_ONCE = {"poke", "claims", "swap", "int", "term", "hup", "kill", "wd term", "wd kill", "stop", "sector", "power"}
 CALM = {"int", "term", "hup", "stop", "wd term", "wd kill", "wd pause", "fork", "second", "low", "over", "pressed",
-        "hold run"}  # fmt: skip
+        "hold run", "sector", "clock"}  # fmt: skip
 """Faults that touch no device and no way to one, and hold nobody up."""
+NO_DISK = {"disk full", "disk gone"}
+ARRIVES_LATE = {"hold", "double", "slow line", "swap", "lose", "garble", "echo", "slow", "passive"}
+"""What makes that what is on its way may come later, or in another order."""
 BLOCK_S, _LONG_BLOCK_S = 0.1, 0.5
 _TIMES_S = (0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 

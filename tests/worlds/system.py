@@ -16,23 +16,18 @@ from greenlet import getcurrent
 from hil.bench.stop.control import Control, Tokens
 from tests.worlds import tasks
 from tests.worlds.can_bus import BusEnd, CanBus
+from tests.worlds.disk import Disk
 from tests.worlds.network import Host, Socket
 from tests.worlds.processes import Child, ParentEnd, Pipe, Process
 from tests.worlds.serial_line import SerialLine, SerialPort
 
 BEGAN = datetime(2026, 3, 2, 12, tzinfo=UTC)
+STEP_S = 3600.0  # of the clock on the wall; no world goes on for half as long
 
 
-class Disk:
-    """What writing to the disk comes to.
-
-    Attributes:
-        is_full: nothing more is taken.
-        slow_s: so long every write and sync takes.
-    """
-
-    is_full = False
-    slow_s = 0.0
+def instant_s(utc: str) -> float:
+    """When that was, whether the clock on the wall had stepped or not."""
+    return ((datetime.fromisoformat(utc) - BEGAN).total_seconds() + STEP_S / 2.0) % STEP_S - STEP_S / 2.0
 
 
 class WorldSystem:
@@ -45,6 +40,7 @@ class WorldSystem:
         starts_s: least and greatest time until a new process has begun.
 
     Attributes:
+        stepped_s: the clock on the wall is so much ahead.
         lines, buses: serial lines by the path of their port, CAN buses by channel.
     """
 
@@ -53,7 +49,8 @@ class WorldSystem:
         programs: Mapping[str, Callable[..., int]], starts_s: tuple[float, float],
     ) -> None:  # fmt: skip
         self.hub, self._hosts, self._programs, self._starts_s = hub, hosts, programs, starts_s
-        self.disk = Disk()
+        self.disk = Disk(hub.draw, self.sleep, lambda: hub.now_s)
+        self.stepped_s = 0.0
         self.processes: list[Process] = []
         self.living = 0
         self.asleep_s = 0.0
@@ -92,7 +89,7 @@ class WorldSystem:
         return self.hub.now_s
 
     def utc(self) -> datetime:
-        return BEGAN + timedelta(seconds=self.hub.now_s)
+        return BEGAN + timedelta(seconds=self.hub.now_s + self.stepped_s)
 
     def sleep(self, time_s: float) -> None:
         self.call()
@@ -247,18 +244,10 @@ class WorldSystem:
         return SimpleNamespace(control=Control(service.status.by, ("http://world",), Tokens()), close=service.close)
 
     def write(self, file: Any, data: Any) -> int:
-        self._busy()
-        if self.disk.is_full:
-            raise OSError(errno.ENOSPC, "No space left on device", str(getattr(file, "name", "")))
-        return int(file.write(data))
+        return self.disk.write(file, data)
 
-    def sync(self, _descriptor: int) -> None:
-        self._busy()
-
-    def _busy(self) -> None:
-        self.call()
-        if self.disk.slow_s:
-            self.sleep(self.disk.slow_s)
+    def sync(self, descriptor: int) -> None:
+        self.disk.sync(descriptor)
 
     def lock_file(self, path: str) -> Any:
         return _FileLock(self, path)

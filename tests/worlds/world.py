@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import shutil
@@ -37,7 +38,7 @@ from tests.worlds.network import Cable
 from tests.worlds.processes import Process
 from tests.worlds.schedule import DEVICES, Fault, Schedule
 from tests.worlds.serial_line import Amplifier, Module, Source
-from tests.worlds.system import WorldSystem
+from tests.worlds.system import STEP_S, WorldSystem
 from tests.worlds.tasks import Hub, Task
 
 NEAR = 0.6  # % of full scale: nearer than that an output stands at its safe value
@@ -284,6 +285,7 @@ class World:
         self.phase = "opening"
         self.moved = False
         self.after: Process | None = None
+        self.reads_wrong = False  # a sector of what was written, from now on
         self.begun_s: dict[str, float] = {}
         self.swallowed_s = 0.0  # when its procedure heard first that something had ended the run
         self.stderr = _Stderr(self)
@@ -434,8 +436,14 @@ class World:
             self._sleep(fault.lasts_s)
         elif kind == "fork":
             self._fork(fault.lasts_s)
-        elif kind in ("disk full", "disk slow"):
-            self._disk(kind, fault.lasts_s)
+        elif kind in _OF_DISK:
+            self._for_a_while(fault, self.system.disk, *_OF_DISK[kind], 0)
+        elif kind == "clock":
+            self._for_a_while(fault, self.system, "stepped_s", self.hub.draw.choice((-STEP_S, STEP_S)), 0.0)
+        elif kind == "power":
+            self._cut_power()
+        elif kind == "sector":
+            self.reads_wrong = True
         elif kind == "switch":
             for cable in self.cables.values():
                 self._for_a_while(fault, cable, "is_out", True, False)
@@ -455,9 +463,11 @@ class World:
                 cable.holds_s = 0.9 * LATE_S
                 for_a_while(cable, "holds_chance", 0.2, 0.0)
             case "double":
-                for_a_while(cable, "doubles_chance", 0.3, 0.0)
+                for_a_while(cable, "doubles", 0.3, 0.0)
             case "slow line":
                 for_a_while(cable, "delay_s", (0.01, 0.15), (1e-4, 1e-3))
+            case "crowd":
+                for_a_while(device.host, "most", 0, device.host.most)
             case "reset":
                 device.hang_up()
             case "over":
@@ -492,8 +502,8 @@ class World:
                 for_a_while(line, "delay_s", (0.005, 0.05), usual_s)
             case "double":
                 for_a_while(line, "doubles", 0.05, 0.0)
-            case "lose":
-                for_a_while(line, "loses", 0.05, 0.0)
+            case "passive":
+                for_a_while(line, "is_passive", True, False)
             case "garble" | "echo":
                 name, value = ("garbles", 0.05) if fault.kind == "garble" else ("echoes", True)
                 for_a_while(line, name, value, type(value)())
@@ -514,6 +524,8 @@ class World:
         match fault.kind:
             case "out":
                 self._for_a_while(fault, line, "is_out", True, False)
+            case "lose":
+                self._for_a_while(fault, line, "loses", 0.05, 0.0)
             case "deaf" | "mute" | "lies":
                 self._for_a_while(fault, device, fault.kind, True, False)
             case "slow":
@@ -583,6 +595,8 @@ class World:
     def _come_after(self) -> None:
         """Where an interlock has tripped, the next program wants the bench."""
         if any("then reset it with --reset" in text for _, by, text in self.ran.said if by == "run"):
+            for path in self.folder.glob("state/trips/*.json") if self.reads_wrong else ():
+                path.write_bytes(self.hub.draw.randbytes(path.stat().st_size))
             self.after = self._second("after")
             self.hub.run(self.hub.now_s + WATCHED_S, lambda: not self.system.living)
 
@@ -614,15 +628,17 @@ class World:
 
         self.hub.after(lasts_s, end)
 
-    def _disk(self, kind: str, lasts_s: float) -> None:
-        name, value, after = ("is_full", True, False) if kind == "disk full" else ("slow_s", 0.3, 0.0)
-        setattr(self.system.disk, name, value)
-        self.hub.after(lasts_s, lambda: setattr(self.system.disk, name, after))
+    def _cut_power(self) -> None:
+        """Of this computer; its devices have another supply."""
+        for process in self.system.processes:
+            process.die(-signal.SIGKILL)
+        self.system.disk.cut(self.folder)
 
 
 _THIRDS: dict[str, type[Module | Source | Amplifier | Valve]] = {
     "module": Module, "source": Source, "amplifier": Amplifier, "valve": Valve,
 }  # fmt: skip
+_OF_DISK = {"disk full": ("fails", errno.ENOSPC), "disk gone": ("fails", errno.EIO), "disk slow": ("slow_s", 0.3)}
 
 
 class _Known(Outputs):
