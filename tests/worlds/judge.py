@@ -193,8 +193,8 @@ _ENDINGS: dict[str, tuple[int, float, str]] = {
 }  # fmt: skip
 _LEAST_S = {"wd pause": 2.5, "pause": 2.0, "sleep": 0.5, "over": 0.2, "pressed": 0.2, "out": 0.5, "switch": 0.5,
             "deaf": 0.5, "mute": 0.5, "disk full": 0.2, "disk gone": 0.2, "reset": 0.2}  # fmt: skip
-_NEVER_MATTERS = {"wd term", "fork", "second", "clock", "sector", "crowd"}
-_CHANGE_NOTHING = _NEVER_MATTERS | {"disk slow", "double", "hold run", "low"}
+_NEVER_MATTERS = {"wd term", "fork", "second", "clock", "sector"}
+_CHANGE_NOTHING = _NEVER_MATTERS | {"crowd", "disk slow", "double", "hold run", "low"}
 _WAITS = {
     "sleep",
     "restart",
