@@ -10,29 +10,13 @@ from functools import partial
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.steady.sweep_estimate import BINS, LEVELS, SweepEstimate
+from hil.identification.steady.criteria import CRITERIA, EFFORT
+from hil.identification.steady.sweep_estimate import SweepEstimate
 from hil.identification.uncertainty.parametric_bootstrap import about, draws_of
 from hil.record.recording import Array, Integers
 from hil.signals.crossing import first_crossing
 from hil.signals.interval import UNIFORM
 from hil.signals.rounding import rounding_of_means
-
-GAIN_FROM, GAIN_TO = 0.3, 0.9  # of the response at the end, between which a gain is read
-_GAIN_POINTS = 200
-_A_SIDE = 0.05  # of a sweep, which must lie beyond neutral
-_EVENLY = np.array([0.5, *[1.0] * (_GAIN_POINTS - 2), 0.5]) / (_GAIN_POINTS - 1)  # weights of an integral
-_EDGE_DRAWS = 12
-_SHOWN = 121  # levels of a curve on a page
-_STEEP = 0.3  # of the steepest slope: where the width of the loop can be read
-_AVERAGED = 101  # places at which a slope is averaged
-_CLEAR = 10.0  # times its standard uncertainty: a response that can be read
-_FOOT_TO = 0.4  # of the response at the end, up to which the edge of the dead band is read
-_STICTION = (
-    0.3  # by which static friction exceeds sliding friction, at most (Armstrong-Hélouvry, Automatica 30(7), 1994)
-)
-# Friction that falls with speed as exp(−(v/v_s)²) differs between a sweep and one at half its speed by up to 0.39 of
-# that; the straight line through both lies above the friction at rest by up to 0.19 of it.
-_BETWEEN_SPEEDS, _AT_REST = 0.39, 0.19
 
 Read = tuple[float, float]
 """Value and standard uncertainty."""
@@ -78,7 +62,7 @@ def loop(estimate: SweepEstimate, certain: float, speeds: tuple[float, ...]) -> 
         speeds: of the sweeps, in the command's unit per second.
     """
     low, high = estimate.covered
-    steep = (np.abs(estimate.slope) > _STEEP * float(np.max(np.abs(estimate.slope)))) & (
+    steep = (np.abs(estimate.slope) > CRITERIA.steep * float(np.max(np.abs(estimate.slope)))) & (
         (estimate.command >= low) & (estimate.command <= high)
     )
     if math.isnan(estimate.lag_s) or not steep.any():  # nothing that rises was driven both ways
@@ -88,9 +72,9 @@ def loop(estimate: SweepEstimate, certain: float, speeds: tuple[float, ...]) -> 
     lag_std_s = about(estimate.lags_s, estimate.lag_s)
     friction = width >= certain * width_std
     if friction:
-        granted = width * _STICTION / (1.0 + _STICTION) * 2.0 * UNIFORM
-        width_std = math.hypot(width_std, _AT_REST * granted)
-        lag_std_s = math.hypot(lag_std_s, _BETWEEN_SPEEDS * granted / (2.0 * (max(speeds) - min(speeds))))
+        granted = width * CRITERIA.stiction / (1.0 + CRITERIA.stiction) * 2.0 * UNIFORM
+        width_std = math.hypot(width_std, CRITERIA.at_rest * granted)
+        lag_std_s = math.hypot(lag_std_s, CRITERIA.between_speeds * granted / (2.0 * (max(speeds) - min(speeds))))
     return Loop((estimate.lag_s, lag_std_s), (width, width_std), friction)
 
 
@@ -109,18 +93,18 @@ def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign:
         InputError: no response beyond the noise, or too few levels carry one.
     """
     noise = float(np.median(np.std(estimate.responses, axis=0)))
-    if abs(end - zero) <= _CLEAR * noise:
+    if abs(end - zero) <= CRITERIA.clear * noise:
         raise InputError(f"flow curve: at the {'positive' if sign > 0 else 'negative'} end no flow beyond the noise")
     mine = sign * (estimate.command - neutral) >= 0.0
     command, outwards = estimate.command[mine], slice(None, None, sign)
 
     def line(response: Array) -> tuple[float, float]:
         share = ((response[mine] - zero) / (end - zero))[outwards]
-        first, last = (level_at(command[outwards], share, part) for part in (GAIN_FROM, GAIN_TO))
+        first, last = (level_at(command[outwards], share, part) for part in (CRITERIA.gain_from, CRITERIA.gain_to))
         if math.isnan(first) or math.isnan(last):
             raise InputError("flow curve: too few levels carry flow on one side of centre")
         middle, level, gain = line_through(command, response[mine], first, last)
-        places = np.linspace(first, last, _GAIN_POINTS)
+        places = np.linspace(first, last, EFFORT.points)
         left = np.interp(places, command, response[mine]) - level - gain * (places - middle)
         return gain, float(np.max(np.abs(left))) / abs(end - zero)
 
@@ -155,10 +139,10 @@ def line_through(command: Array, response: Array, first: float, last: float) -> 
     Over all commands between, not over so many points: whole weight at both ends would turn the line of a curve that
     bends.
     """
-    places, middle = np.linspace(first, last, _GAIN_POINTS), (first + last) / 2.0
+    places, middle = np.linspace(first, last, EFFORT.points), (first + last) / 2.0
     values, late = np.interp(places, command, response), places - middle
-    slope = float((_EVENLY * late) @ values / (_EVENLY @ late**2))
-    return middle, float(_EVENLY @ values), slope
+    slope = float(np.trapezoid(late * values) / np.trapezoid(late**2))
+    return middle, float(np.trapezoid(values)) / (len(places) - 1), slope
 
 
 def level_at(levels: Array, values: Array, wanted: float) -> float:
@@ -179,7 +163,7 @@ def largest_slope(estimate: SweepEstimate, speeds: Sequence[float]) -> tuple[Rea
     sign = math.copysign(1.0, float(estimate.slope[steepest]))
     value, std = over_all(estimate, lambda _response, slope: float(np.max(sign * slope)))
     reach = averaged_over(estimate, speeds) / (2.0 * UNIFORM)
-    places = np.clip(estimate.command[steepest] + np.linspace(-reach, reach, _AVERAGED), *estimate.command[[0, -1]])
+    places = np.clip(estimate.command[steepest] + np.linspace(-reach, reach, EFFORT.points), *estimate.command[[0, -1]])
     lost = max(value - float(np.mean(np.interp(places, estimate.command, sign * estimate.slope))), 0.0)
     return (sign * (value + lost / 2.0), math.hypot(std, UNIFORM * lost)), float(estimate.command[steepest])
 
@@ -197,13 +181,13 @@ def averaged_over(estimate: SweepEstimate, speeds: Sequence[float]) -> float:
 
 def reaches_both_sides(low: float, high: float, neutral: float) -> bool:
     """Whether a sweep from low to high shows both sides of a valve."""
-    reach = _A_SIDE * (high - low)
+    reach = CRITERIA.side * (high - low)
     return low < neutral - reach and high > neutral + reach
 
 
 def polyline() -> Integers:
     """Indices of some levels of an estimate, evenly spread: a curve for the page."""
-    return np.linspace(0, LEVELS - 1, _SHOWN).round().astype(np.int64)
+    return np.linspace(0, EFFORT.levels - 1, EFFORT.shown).round().astype(np.int64)
 
 
 def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign: int, step: float) -> Read:
@@ -217,7 +201,7 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
     points = estimate.points
     place = sign * (points.command - neutral)
     share = (points.response - zero) / (end - zero)
-    foot = (place > 0.0) & (share < _FOOT_TO)
+    foot = (place > 0.0) & (share < CRITERIA.foot_to)
     if foot.sum() < 5:
         raise InputError("flow curve: too few levels carry flow on one side of centre")
     opening, part = place[foot], share[foot]
@@ -240,12 +224,12 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
     # a corner is no place for a linear uncertainty: the law is fitted again to noise about itself
     scale = math.sqrt(max(1.0, 2.0 * found.cost / max(len(opening) - 4, 1)))
     law, rng = law_at(opening, found.x), draws_of(points.response)
-    half = float(np.ptp(estimate.command)) / BINS / 2.0
+    half = float(np.ptp(estimate.command)) / EFFORT.bins / 2.0
     passed = np.abs(law_at(opening + half, found.x) - law_at(opening - half, found.x))
     code = step / abs(end - zero)
     noise = float(np.median(estimate.std[foot] * np.sqrt(points.count[foot])))
     edges = []
-    for _ in range(_EDGE_DRAWS):
+    for _ in range(EFFORT.edge_draws):
         hidden = rounding_of_means(law, passed, code, noise / abs(end - zero), rng.uniform())
         part = law + hidden + scale * rng.normal(size=len(law)) / weight
         edges.append(fitted(found.x).x[0])

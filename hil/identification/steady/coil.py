@@ -15,13 +15,13 @@ from itertools import pairwise
 import numpy as np
 
 from hil.errors import InputError
+from hil.identification.steady.criteria import CRITERIA
 from hil.record.recording import Array
 from hil.signals.interval import UNIFORM
 from hil.signals.runs import runs
 
 COPPER_PER_K = 0.00393  # at 20 °C
 _COPPER_AT_C = 20.0
-_REST_S = 0.2  # least
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ def fit_coil(readings: CoilReadings) -> Coil:
     """
     # first and end sample of every stretch of at least 0.2 s in which the demand stands
     still, time_s = np.diff(readings.demand_a) == 0.0, readings.time_s
-    rests = [(a, b + 1) for a, b in runs(still) if time_s[b] - time_s[a] >= _REST_S - 1e-9]
+    rests = [(a, b + 1) for a, b in runs(still) if time_s[b] - time_s[a] >= CRITERIA.rest_s - 1e-9]
     if len(rests) < 3:
         raise InputError("coil: the current must rise and fall between rests of at least 0.2 s")
     levels = [_level(readings, rest) for rest in rests]

@@ -12,14 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.identification.steady.characteristic import Read, level_at, line_through
+from hil.identification.steady.criteria import CRITERIA
 from hil.identification.steady.sweep_estimate import SweepEstimate
 from hil.identification.uncertainty.parametric_bootstrap import about
 from hil.record.recording import Array
 from hil.signals.crossing import crossing
 from hil.signals.interval import UNIFORM
-
-LINE_FROM, LINE_TO = 0.2, 0.8  # of the response at the end of a side
-FLAT = 0.5  # of the line's slope: a curve that stays below it is saturated
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +67,8 @@ def _saturated(estimate: SweepEstimate, side: Array, sign: int) -> Read:
         return value, std
     steepness = estimate.slope / side[0, 1]
     fall = abs(
-        _flat_from(estimate.command, steepness, sign, 0.5 * FLAT)
-        - _flat_from(estimate.command, steepness, sign, 1.5 * FLAT)
+        _flat_from(estimate.command, steepness, sign, 0.5 * CRITERIA.flat)
+        - _flat_from(estimate.command, steepness, sign, 1.5 * CRITERIA.flat)
     )
     return value, math.hypot(std, UNIFORM * fall, UNIFORM * estimate.mean_width_or_all)
 
@@ -84,11 +82,11 @@ def _of_side(command: Array, response: Array, slope: Array, end: float, sign: in
     """(zero crossing of the line, its slope, where the curve becomes flat for good) of one side."""
     outwards = slice(None, None, sign)
     share = (response / end)[outwards]
-    first, last = (level_at(command[outwards], share, part) for part in (LINE_FROM, LINE_TO))
+    first, last = (level_at(command[outwards], share, part) for part in (CRITERIA.line_from, CRITERIA.line_to))
     if math.isnan(first) or math.isnan(last):
         return math.nan, math.nan, math.nan
     middle, level, gain = line_through(command, response, first, last)
-    return middle - level / gain, gain, _flat_from(command, slope / gain, sign, FLAT)
+    return middle - level / gain, gain, _flat_from(command, slope / gain, sign, CRITERIA.flat)
 
 
 def _flat_from(command: Array, steepness: Array, sign: int, level: float) -> float:

@@ -13,17 +13,11 @@ from itertools import pairwise
 import numpy as np
 
 from hil.errors import InputError
+from hil.identification.steady.criteria import CRITERIA
 from hil.identification.steady.sweep_estimate import Standing, Sweep, settled
 from hil.identification.uncertainty.fit import rms
 from hil.record.recording import Array, Recording
 from hil.signals.runs import runs
-
-_TURN = 0.05  # of the range, by which a command must come back for a turn
-_STRAIGHT = 0.02  # of the range, within which a ramp is a straight line in time
-_STANDS = 0.002  # of the range, within which a waiting command stays
-_SAME_SPEED = 0.1
-_LONG = 0.25  # of the range: a shorter way between two turns is no branch
-_LEAST_SAMPLES = 40  # of a branch: fewer are a step
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +64,7 @@ def own_sweeps(recordings: Sequence[Recording], input_name: str, output_name: st
         if not found:
             raise InputError(
                 f"{recording.name}: no sweep in channel '{input_name}': a ramp up and down of at least "
-                f"{_LEAST_SAMPLES} samples each; `hil analyse step` knows steps, `hil analyse sines` sines"
+                f"{CRITERIA.fewest_samples} samples each; `hil analyse step` knows steps, `hil analyse sines` sines"
             )
         ways += [(one.speed_per_s, _line(recording.time_s, command, one), response[one.samples]) for one in found]
         standing += _at_ends(command, response)
@@ -89,7 +83,7 @@ def branches(time_s: Array, command: Array) -> list[Branch]:
     span = float(np.ptp(command))
     if span == 0.0:
         return []
-    edges = _turns(command, _TURN * span)
+    edges = _turns(command, CRITERIA.turn * span)
     found = [_moving(time_s, command, first, last, span) for first, last in pairwise(edges)]
     return [one for one in found if one is not None]
 
@@ -113,13 +107,15 @@ def _moving(time_s: Array, command: Array, first: int, last: int, span: float) -
     """The branch between two turns without the waits at its ends; None where it is no ramp."""
     part = command[first : last + 1]
     low, high = min(part[0], part[-1]), max(part[0], part[-1])
-    inside = np.flatnonzero((part > low + _STANDS * span) & (part < high - _STANDS * span))
-    if high - low < _LONG * span or len(inside) < _LEAST_SAMPLES:
+    inside = np.flatnonzero((part > low + CRITERIA.stands * span) & (part < high - CRITERIA.stands * span))
+    if high - low < CRITERIA.branch * span or len(inside) < CRITERIA.fewest_samples:
         return None
     moving = slice(first + int(inside[0]), first + int(inside[-1]) + 1)
     slope, level = np.polyfit(time_s[moving], command[moving], 1)
     off = rms(command[moving] - level - slope * time_s[moving])
-    if off > _STRAIGHT * span or abs(slope) * np.ptp(time_s[moving]) < (1.0 - 2.0 * _TURN) * (high - low):
+    if off > CRITERIA.straight * span or abs(slope) * np.ptp(time_s[moving]) < (1.0 - 2.0 * CRITERIA.turn) * (
+        high - low
+    ):
         return None
     ends_s = np.sort((np.array([part[0], part[-1]]) - level) / slope)
     begin, end = np.searchsorted(time_s, ends_s + np.array([-1e-9, 1e-9]) * np.ptp(ends_s))
@@ -137,7 +133,7 @@ def _by_speed(ways: Sequence[tuple[float, Array, Array]]) -> tuple[Sweep, ...]:
     """Branches of one speed together, whichever way they go."""
     groups: list[list[tuple[float, Array, Array]]] = []
     for way in sorted(ways, key=lambda one: -abs(one[0])):
-        if groups and abs(way[0]) >= (1.0 - _SAME_SPEED) * abs(groups[-1][0][0]):
+        if groups and abs(way[0]) >= (1.0 - CRITERIA.same_speed) * abs(groups[-1][0][0]):
             groups[-1].append(way)
         else:
             groups.append([way])
@@ -161,9 +157,9 @@ def _at_ends(command: Array, response: Array) -> list[Standing]:
 
 def _waits(command: Array, response: Array, level: float) -> list[tuple[float, float, int]]:
     """(mean of the second half, its standard uncertainty, samples) of every wait at a level."""
-    still = runs(np.abs(command - level) <= _STANDS * float(np.ptp(command)))
+    still = runs(np.abs(command - level) <= CRITERIA.stands * float(np.ptp(command)))
     return [
         (*settled(response[first:stop]), (stop - first + 1) // 2)
         for first, stop in still
-        if stop - first >= _LEAST_SAMPLES
+        if stop - first >= CRITERIA.fewest_samples
     ]

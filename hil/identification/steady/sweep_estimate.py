@@ -14,20 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hil.errors import InputError
+from hil.identification.steady.criteria import CRITERIA, EFFORT
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, draws_of
 from hil.record.recording import Array, Mask
 from hil.signals.colour import noisy_mean
 from hil.signals.products import one_blas_thread
 from hil.signals.smooth_curve import Curves, Smoother
-
-LEVELS = 401
-BINS = 240  # of a sweep's range, for each branch
-_LEAST_SHARE = 0.25  # of the range that both branches must cover
-_FEW_COEFFICIENTS, _COEFFICIENTS, _WIDTH_COEFFICIENTS = 40, 100, 24
-_ROUNDS = 4  # of shifting the branches together, at most
-_NEAR, _TOGETHER = 1e-3, 1e-6  # of the range: shifts that no longer matter, for a first look and for the result
-_TRANSIENT = 5.0  # lags after a turn until the response runs parallel to the command
-_MOST_DROPPED = 0.2  # of the range, after each turn
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +81,9 @@ class SweepEstimate:
     """The characteristic; rows of resampled arrays belong to the same resampled recording.
 
     Attributes:
-        command: levels, rising, shape (LEVELS,), from end to end of the sweeps.
+        command: levels, rising, shape (levels,), from end to end of the sweeps.
         response, slope, width: of the curve there, and the width of the loop along the command that no speed
-            explains, shape (LEVELS,). `responses`, `slopes`, `widths`: resampled, shape (draws, LEVELS).
+            explains, shape (levels,). `responses`, `slopes`, `widths`: resampled, shape (draws, levels).
         lag_s, mean_width: what makes the loop wider with speed, and what does not; NaN for sweeps of one speed.
             `lags_s`, `mean_widths`: resampled more often than curves are, shape (more,).
         half_widths: of each sweep, lag included. `resampled_half_widths`: shape (more, sweeps).
@@ -117,7 +109,7 @@ class SweepEstimate:
     covered: tuple[float, float]
 
     def branch(self, side: int, sweep: int = 0) -> Array:
-        """Mean response on a branch of a sweep at the levels, lag taken out, shape (LEVELS,); NaN where it was not."""
+        """Mean response on a branch of a sweep at the levels, lag taken out, shape (levels,); NaN where it was not."""
         mine = (self.points.side == side) & (self.points.sweep == sweep) & (self.points.count > 0)
         # what is left of the shift to the curve is hysteresis
         place = self.points.command[mine] + side * self.mean_width_or_all / 2.0
@@ -125,7 +117,7 @@ class SweepEstimate:
         return np.interp(self.command, place[order], self.points.response[mine][order], left=np.nan, right=np.nan)
 
     def completed_branch(self, side: int) -> Array:
-        """A branch of the first sweep, the curve where it has not been, shape (LEVELS,)."""
+        """A branch of the first sweep, the curve where it has not been, shape (levels,)."""
         found = self.branch(side)
         return np.where(np.isnan(found), self.response, found)
 
@@ -161,32 +153,36 @@ def sweep_estimate(
     speeds = np.array([sweep.speed_per_s for sweep in sweeps])
     with one_blas_thread():
         points = _points(name, sweeps, low, high, [waited_s] * len(sweeps))
-        half, _, _ = _aligned(points, standing, speeds, np.zeros(len(speeds)), _FEW_COEFFICIENTS, _NEAR * (high - low))
-        late = _TRANSIENT * np.abs(half) / speeds
+        half, _, _ = _aligned(
+            points, standing, speeds, np.zeros(len(speeds)), EFFORT.first_coefficients, EFFORT.near * (high - low)
+        )
+        late = CRITERIA.parallel_after * np.abs(half) / speeds
         points = _points(name, sweeps, low, high, late.tolist())
-        half, smoother, curves = _aligned(points, standing, speeds, half, _COEFFICIENTS, _TOGETHER * (high - low))
-        return _estimate(points, standing, speeds, half, smoother, curves, np.linspace(low, high, LEVELS), draws)
+        half, smoother, curves = _aligned(
+            points, standing, speeds, half, EFFORT.coefficients, EFFORT.together * (high - low)
+        )
+        return _estimate(points, standing, speeds, half, smoother, curves, np.linspace(low, high, EFFORT.levels), draws)
 
 
 def _points(name: str, sweeps: Sequence[Sweep], low: float, high: float, drops_s: Sequence[float]) -> Points:
-    width = (high - low) / BINS
+    width = (high - low) / EFFORT.bins
     found = []
     for number, (sweep, drop_s) in enumerate(zip(sweeps, drops_s, strict=True)):
-        drop = min(drop_s * sweep.speed_per_s, _MOST_DROPPED * (high - low))
+        drop = min(drop_s * sweep.speed_per_s, CRITERIA.most_dropped * (high - low))
         slope = np.gradient(sweep.command)
         for side in (1.0, -1.0):
             begun = sweep.command - low if side > 0.0 else high - sweep.command
             kept = (side * slope > 0.0) & (begun >= drop)
-            bins = np.clip(((sweep.command[kept] - low) / width).astype(np.int64), 0, BINS - 1)
-            count = np.bincount(bins, minlength=BINS)
+            bins = np.clip(((sweep.command[kept] - low) / width).astype(np.int64), 0, EFFORT.bins - 1)
+            count = np.bincount(bins, minlength=EFFORT.bins)
             full = count >= max(2.0, 0.5 * float(np.median(count[count > 0]))) if count.any() else count > 0
-            sums = [np.bincount(bins, values[kept], BINS)[full] for values in (sweep.command, sweep.response)]
+            sums = [np.bincount(bins, values[kept], EFFORT.bins)[full] for values in (sweep.command, sweep.response)]
             place = np.flatnonzero(full)
             alike = np.full(len(place), side), np.full(len(place), number)
             found.append((sums[0] / count[full], sums[1] / count[full], count[full], *alike, place))
     command, response, counts, sides, numbers, places = (np.concatenate(each) for each in zip(*found, strict=True))
     shared = np.intersect1d(places[sides > 0.0], places[sides < 0.0])
-    if len(shared) < _LEAST_SHARE * BINS:
+    if len(shared) < CRITERIA.both_ways * EFFORT.bins:
         raise InputError(f"{name}: the command does not sweep both up and down over one range")
     return Points(command, response, counts.astype(np.float64), sides, numbers, np.isin(places, shared))
 
@@ -214,11 +210,11 @@ def _aligned(
 ) -> tuple[Array, Smoother, Curves]:
     """Half widths that bring all branches onto one curve to within `enough`, by Gauss and Newton, and that curve."""
     samples = np.concatenate((points.response, [s.response for s in standing]))
-    for last in range(_ROUNDS):
+    for last in range(EFFORT.rounds):
         places, weights = _shifted(points, standing, speeds, half)
         smoother = Smoother.on(places, coefficients, weights=weights)
         curves = smoother.curves(samples)
-        if last == _ROUNDS - 1:
+        if last == EFFORT.rounds - 1:
             break
         step = _apart(points, smoother, curves, samples[None, : len(points.command)], len(speeds))[0]
         if np.max(np.abs(step)) < enough:
@@ -244,7 +240,7 @@ def _estimate(
 ) -> SweepEstimate:  # fmt: skip
     count, sweeps = len(points.command), len(speeds)
     places, weights = _shifted(points, standing, speeds, half)
-    wide = Smoother.on(places[:count][points.both], _WIDTH_COEFFICIENTS, weights=weights[:count][points.both])
+    wide = Smoother.on(places[:count][points.both], EFFORT.width_coefficients, weights=weights[:count][points.both])
     samples = points.response[None, :]
     bend, local = _widths(points, wide, smoother, curves, samples, levels)
     lag_s, width = _split(half, speeds)

@@ -14,14 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.identification.steady.characteristic import Read
+from hil.identification.steady.criteria import CRITERIA, EFFORT
 from hil.identification.uncertainty.fit import rms
 from hil.record.recording import Array
 from hil.signals.crossing import crossing, first_crossing
 from hil.signals.interval import UNIFORM
 
 CLEAR = 3.0  # standard uncertainties that a change must exceed: the definition
-_PLACES = 8  # of a window
-_LATE = 2 / 3  # of the reach, from which on the gain is read
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +84,7 @@ def gain_and_lag(ramps: Sequence[Ramp], drift: Read) -> tuple[Read, Read]:
     """
     gains, delays = [], []
     for ramp in ramps:
-        late = ramp.change >= _LATE * ramp.change[-1]
+        late = ramp.change >= CRITERIA.late * ramp.change[-1]
         moved = _moved(ramp, drift[0])
         slope, level = np.polyfit(ramp.change[late] - ramp.change[-1], moved[late], 1)
         stood = ramp.sense * (ramp.after.response - ramp.before.response - drift[0] * _between_s(ramp))
@@ -132,7 +131,7 @@ def threshold_of(ramps: Sequence[Ramp], reading: Reading, drift: Read, gain: flo
     low, high = (_crossing(places, pooled, counted + side * unsure, std) for side in (-1.0, 1.0))
     spread = (min(high, reach) - low) / 2.0
     late, late_std = _delay_at(counted / gain, lag[0])
-    value_std = math.hypot(spread, late_std, lag[1], UNIFORM * window / _PLACES)
+    value_std = math.hypot(spread, late_std, lag[1], UNIFORM * window / EFFORT.places)
     return Threshold((held - late, value_std), counted / gain, counted, places - lag[0], pooled)
 
 
@@ -163,7 +162,7 @@ def _mean(values: Sequence[float]) -> Read:
 def _averaged(ramps: Sequence[Ramp], window: float, drift_per_s: float) -> tuple[Array, Array]:
     """(means over a window for each ramp, shape (ramps, places); the middles of the windows)."""
     reach = float(ramps[0].change[-1])
-    places = np.arange(window / 2.0, reach - window / 2.0, window / _PLACES)
+    places = np.arange(window / 2.0, reach - window / 2.0, window / EFFORT.places)
     rows = []
     for ramp in ramps:
         sums = np.concatenate(([0.0], np.cumsum(_moved(ramp, drift_per_s))))
