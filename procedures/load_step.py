@@ -15,15 +15,16 @@ import numpy as np
 from annotated_types import Interval, Unit
 
 from hil.errors import SettingError
+from hil.identification.step.criteria import CRITERIA
+from hil.identification.step.step_estimate import step_smoother
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
-from hil.signals.autoregression import coloured, whitener_of
+from hil.signals.autoregression import coloured_noise, whitener_of
 from hil.signals.crossing import crossing
 from hil.signals.interval import CERTAIN, UNIFORM
 from hil.signals.products import one_blas_thread
-from hil.signals.smooth_curve import Smoother
 from procedures._characteristic import steady
 from procedures._conditions import LOAD, adjusting, adjusting_s, check_within, usual
 from procedures._course import Course, joined
@@ -45,9 +46,6 @@ SPOOL_POSITION = "spool position"
 KIND = "load step"
 _NEEDING = "a load step"
 _HOLD_SETTLINGS = 2.0
-_TAIL = 0.15  # of the time after the step: its end gives the final value
-# As of a step of the command: smooth over the logarithm of time; what a looser curve reads differently is granted.
-_COEFFICIENTS, _SHARP, _LOOSER = 80, 0.005, 100.0
 
 
 def run(
@@ -209,7 +207,7 @@ class _Answer:
 
 def _final(curves: Array) -> Array:
     """Mean of the end of each curve, shape (…, n)."""
-    return np.asarray(curves[..., -max(1, round(_TAIL * curves.shape[-1])) :].mean(axis=-1))
+    return np.asarray(curves[..., -max(1, round(CRITERIA.tail_share * curves.shape[-1])) :].mean(axis=-1))
 
 
 def _answer(recording: Recording, parts: Sequence[Mapping[str, Any]], channel: Channel, band: float) -> _Answer:
@@ -223,13 +221,12 @@ def _answer(recording: Recording, parts: Sequence[Mapping[str, Any]], channel: C
     time_s = after[0][0]
     mean = np.mean([np.interp(time_s, *one) for one in after], axis=0) - start  # a host may pause between blocks
     whitener = whitener_of(np.mean(before, axis=0))
-    places = np.log1p(np.maximum(time_s, 0.0) / (_SHARP * float(time_s[-1])))
     with one_blas_thread():
-        smoother = Smoother.on(places, min(_COEFFICIENTS, max(8, len(places) // 2)), whitener, twice=True)
-        found, looser = smoother.curves_each(mean, (1.0, _LOOSER))
+        smoother = step_smoother(time_s, whitener)
+        found, looser = smoother.curves_each(mean, (1.0, CRITERIA.looser))
         (curve,), (loose,) = smoother.at(found), smoother.at(looser)
         rng = draws_of(mean)
-        noise = coloured(float(found.noise_std[0]) * rng.normal(size=(DRAWS, len(mean) + 200)), whitener)[:, 200:]
+        noise = float(found.noise_std[0]) * coloured_noise(rng, (DRAWS, len(mean)), whitener)
         noise += start_std * rng.normal(size=(DRAWS, 1))
         again, made = (smoother.at(smoother.curves(base + noise)) for base in (curve, np.zeros(len(curve))))
     return _Answer(time_s, start, mean, curve, loose, again, made, band)

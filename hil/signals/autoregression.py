@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 _ORDERS = (1, 2, 4, 8, 16)
 _PER_ORDER = 8  # samples for each coefficient
+_FORGOTTEN = 200  # samples after which noise does not show how it began
 
 
 def autocovariance(segments: Sequence[Array], lags: int) -> Array:
@@ -54,6 +55,12 @@ def whitener_of(rest: Array) -> Array:
 def whitened(values: Array, whitener: Array) -> Array:
     """Values, shape (…, n), less what those before them foretell; what was before the first is taken for 0."""
     return values if len(whitener) == 1 else filtered(whitener, (1.0,), values)
+
+
+def coloured_noise(rng: np.random.Generator, shape: tuple[int, int], whitener: Array) -> Array:
+    """Rows of noise, each begun so long before that its start is forgotten, of white noise of unit variance."""
+    rows, count = shape
+    return coloured(rng.normal(size=(rows, count + _FORGOTTEN)), whitener)[:, _FORGOTTEN:]
 
 
 def coloured(noise: Array, whitener: Array) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hil.identification.frequency.criteria import CRITERIA, EFFORT
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.language.note import Note
 from hil.record.measurement import COVERAGE_FACTOR
@@ -14,11 +15,10 @@ from hil.record.recording import Array
 from hil.signals.crossing import first_crossing
 from hil.signals.interval import COVERED
 
-_GRID, _DEGREE = 2000, 3
+_DEGREE = 3
 # Where the 0 dB reference may lie: up to 5 Hz, or this share of the −90° frequency if that is lower.
 # GOST 28971 cl. 9.1 (ISO 6404).
 _HIGHEST_HZ, _SHARE_OF_PHASE_90 = 5.0, 0.05
-_HEARD = {"dB": 3.0, "°": 20.0}  # standard uncertainty up to which a line is heard: a third of it is noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ def _crossing(frequency_hz: Array, values: Array, own: Array, shared: Array, lev
 
     Where none that is heard is so low, the others tell whether it is reached, and no less is known than by those heard.
     """
-    heard = own <= _HEARD[unit]
+    heard = own <= (CRITERIA.heard_db if unit == "dB" else CRITERIA.heard_deg)
     by_all = _fall(frequency_hz, values, own, shared, level, unit)
     if heard.sum() < 2 or heard.all():
         return by_all
@@ -137,7 +137,7 @@ def _fall(frequency_hz: Array, values: Array, own: Array, shared: Array, level: 
     integrator's error is by that of one order less; what noise makes of their difference is taken off.
     """
     top = float(frequency_hz[-1])
-    grid = np.linspace(math.log(frequency_hz[0]), math.log(top), _GRID)
+    grid = np.linspace(math.log(frequency_hz[0]), math.log(top), EFFORT.grid)
     degree = min(_DEGREE, len(values) - 1)
     weights, lower = (_spline_weights(frequency_hz, grid, k) for k in (degree, max(degree - 1, 1)))
     curve = weights @ values

@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hil.errors import InputError
+from hil.identification.frequency.criteria import EFFORT
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, draws_of
 from hil.language.note import Note
@@ -25,11 +26,6 @@ from hil.signals.rounding import mean_rounding_std, rounding_step
 
 Distortion = Literal["noise", "even nonlinearity", "odd nonlinearity"]
 _DISTORTIONS: tuple[Distortion, ...] = (marked("noise"), marked("even nonlinearity"), marked("odd nonlinearity"))
-
-# Silent lines averaged for the distortion level at an excited one: a quarter of them at most, so that the
-# average follows the level over the band, and no more than a smooth level needs.
-_NEIGHBOURS, _SHARE = 5, 4
-_POOLED = 9  # lines over which noise is averaged
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +166,7 @@ def _noise(rest: Complex) -> Array:
 
 def _pooled(noise: Array) -> Array:
     """Of each line and its neighbours: noise is smooth over frequency, and few periods tell little of one line."""
-    around = np.ones(min(_POOLED, len(noise)))
+    around = np.ones(min(EFFORT.pooled, len(noise)))
     return np.convolve(noise, around, "same") / np.convolve(np.ones(len(noise)), around, "same")
 
 
@@ -215,7 +211,7 @@ def _distortion(
 
 def _near(silent: Integers, excited: Integers) -> Array:
     """Weights that average the silent lines nearest to each excited one, shape (silent, excited)."""
-    count = min(_NEIGHBOURS, max(2, len(silent) // _SHARE))
+    count = min(EFFORT.neighbours, max(2, len(silent) // EFFORT.share))
     weights = np.zeros((len(silent), len(excited)))
     for i, line in enumerate(excited.tolist()):
         weights[np.argsort(np.abs(silent - line))[:count], i] = 1.0 / min(count, len(silent))

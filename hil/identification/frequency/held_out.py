@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from hil.identification.frequency.criteria import EFFORT
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.frequency.transfer_function import TransferFunctionFit, fit_form, whitening
 from hil.record.recording import Array
-
-_FOLDS = 5
 
 
 def held_out(response: FrequencyResponse, fit: TransferFunctionFit) -> Array:
@@ -25,8 +24,8 @@ def held_out(response: FrequencyResponse, fit: TransferFunctionFit) -> Array:
     inner = np.arange(1, len(response) - 1)
     errors = np.full(len(inner), np.nan)
     white = whitening(response, weights)
-    for fold in range(min(_FOLDS, len(inner))):
-        out = inner[fold::_FOLDS]
+    for fold in range(min(EFFORT.folds, len(inner))):
+        out = inner[fold :: EFFORT.folds]
         kept = response.select(np.setdiff1d(np.arange(len(response)), out))
         if 2 * len(kept) <= form.unknowns:
             return np.empty(0)

@@ -11,13 +11,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from hil.identification.frequency.criteria import CRITERIA
 from hil.identification.frequency.transfer_function import TransferFunctionFit
 from hil.language.note import Note
 from hil.signals.interval import COVERED
 
 LEAST_FIT_PERCENT = 80.0  # below it a response is not called linear, unless its bench says otherwise
-_BEYOND = 10.0  # times the highest line, or that part of the lowest, at which a pole no longer shows in the band
-_NEAR = 2.0  # a gain within this factor of a line's, or within its own interval, is one that the line comes near
 
 
 def doubts(fit: TransferFunctionFit, least_fit_percent: float = LEAST_FIT_PERCENT) -> tuple[Note, ...]:
@@ -40,11 +39,13 @@ def _poor(fit_percent: float, least: float) -> Iterator[Note]:
 def _poles(fit: TransferFunctionFit) -> Iterator[Note]:
     low_hz, high_hz = float(fit.frequency_hz[0]), float(fit.frequency_hz[-1])
     corners_hz = np.abs(fit.model.poles) / (2.0 * math.pi)
-    if np.any(corners_hz < low_hz / _BEYOND):
+    if np.any(corners_hz < low_hz / CRITERIA.beyond):
         yield Note("a pole lies below a tenth of the lowest line, {line_hz:.4g} Hz", line_hz=low_hz)
-    if np.any(corners_hz > _BEYOND * high_hz):
+    if np.any(corners_hz > CRITERIA.beyond * high_hz):
         yield Note(
-            "a pole lies beyond {times:g} times the highest line, {line_hz:.4g} Hz", times=_BEYOND, line_hz=high_hz
+            "a pole lies beyond {times:g} times the highest line, {line_hz:.4g} Hz",
+            times=CRITERIA.beyond,
+            line_hz=high_hz,
         )
 
 
@@ -52,7 +53,7 @@ def _gain_at_rest(fit: TransferFunctionFit) -> Iterator[Note]:
     at_rest = abs(fit.model.dc_gain)
     gains = np.abs(fit.response)
     nearest = float(gains[np.argmin(np.abs(gains - at_rest))])
-    if not math.isfinite(at_rest) or not nearest / _NEAR <= at_rest <= nearest * _NEAR:
+    if not math.isfinite(at_rest) or not nearest / CRITERIA.near <= at_rest <= nearest * CRITERIA.near:
         yield Note("no line comes near its gain at rest; the nearest has a gain of {nearest:.4g}", nearest=nearest)
 
 

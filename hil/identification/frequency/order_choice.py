@@ -9,6 +9,7 @@ from itertools import compress
 
 import numpy as np
 
+from hil.identification.frequency.criteria import CRITERIA, EFFORT
 from hil.identification.frequency.dead_time import with_disagreement, with_other_forms
 from hil.identification.frequency.frequency_response import FrequencyResponse, joined
 from hil.identification.frequency.held_out import held_out
@@ -19,9 +20,6 @@ from hil.identification.frequency.transfer_function import Candidate, TransferFu
 from hil.identification.uncertainty.evidence import VERY_STRONG, bic, bic_of_known_noise, simplest_good
 from hil.language.note import Note
 from hil.signals.interval import COVERED
-
-_MOST_POLES = 5
-_MISFIT_NOTE = 2.0
 
 
 def fit_transfer_function(
@@ -92,7 +90,7 @@ def fit_together(
 
 def _forms(poles: int | None, zeros: int | None, dead_time: bool | float | None, base: Form) -> list[Form]:
     delays = [False, True] if dead_time is None else [dead_time]
-    counts = range(1, _MOST_POLES + 1) if poles is None else [poles]
+    counts = range(1, EFFORT.poles + 1) if poles is None else [poles]
     late = [(delay is True, 0.0 if isinstance(delay, bool) else float(delay)) for delay in delays]
     return [
         replace(base, poles=n, zeros=m, dead_time=free, dead_time_s=fixed_s)
@@ -176,7 +174,7 @@ def _bic(fits: Sequence[TransferFunctionFit]) -> list[float]:
 
 def _noted(fit: TransferFunctionFit, more: Iterable[Note] = ()) -> TransferFunctionFit:
     notes = [*fit.notes, *more]
-    if fit.misfit > _MISFIT_NOTE:
+    if fit.misfit > CRITERIA.misfit:
         notes.append(Note(
             "χ² is {misfit:.3g} per degree of freedom: a linear model of this form misses the lines by more than their "
             "noise; intervals are widened accordingly",

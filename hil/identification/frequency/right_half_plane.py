@@ -13,14 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hil.errors import InputError
+from hil.identification.frequency.criteria import EFFORT
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.frequency.held_out import held_out
 from hil.identification.frequency.transfer_function import TransferFunctionFit, fit_form
 from hil.language.note import Note
 from hil.physics.transfer_function import TransferFunction
 from hil.signals.decibel import decibels
-
-_STEP_SAMPLES = 4000
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +38,7 @@ class WrongWay:
 
 def wrong_way(model: TransferFunction) -> WrongWay:
     """The false start of a stable model's step response; nothing at all gives a share of 0."""
-    time_s = np.linspace(0.0, _horizon(model), _STEP_SAMPLES)
+    time_s = np.linspace(0.0, _horizon(model), EFFORT.step_samples)
     relative = model.step(time_s) / model.dc_gain
     lowest = int(np.argmin(relative))
     if relative[lowest] >= 0.0:
@@ -95,7 +94,7 @@ def _preference(fit: TransferFunctionFit, other: TransferFunctionFit, response: 
 
 def _steps_apart(a: TransferFunction, b: TransferFunction) -> tuple[float, float]:
     """Largest difference of two unit steps, as a share of the final value, and when."""
-    time_s = np.linspace(0.0, max(_horizon(a), _horizon(b)), _STEP_SAMPLES)
+    time_s = np.linspace(0.0, max(_horizon(a), _horizon(b)), EFFORT.step_samples)
     difference = np.abs(a.step(time_s) - b.step(time_s)) / abs(a.dc_gain)
     worst = int(np.argmax(difference))
     return float(difference[worst]), float(time_s[worst])

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from hil.errors import InputError
+from hil.identification.frequency.criteria import CRITERIA, EFFORT
 from hil.identification.frequency.frequency_response import FrequencyResponse, from_fits
 from hil.identification.uncertainty.noise import white_floor
 from hil.record.recording import Array, Mask, Recording
@@ -17,13 +18,6 @@ from hil.signals.rounding import rounding_step
 from hil.signals.sine_fit import SineFit, sine_fit, with_rounding
 from hil.signals.steady import is_steady
 from hil.signals.tone import standing_tone
-
-_SAME_PERIOD = 0.015  # relative difference up to which two periods belong to one frequency
-_SAME_LEVEL = 0.05  # of the amplitude: levels closer than that are one test
-_NOISES, _WIDEST = 5.0, 0.1  # standard deviations, and share of the range, about the middle within which noise turns
-_HARMONICS = 5
-_LEAST_SAMPLES = 16
-_LISTENED = 3  # of the longest sines: a hum may lie on a harmonic of one
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +102,7 @@ def hum_beneath(recording: Recording, output_name: str, segments: Sequence[Segme
     """
     stamps_s, output = recording.stamps(output_name), recording.values(output_name)
     found: list[tuple[float, float]] = []
-    for segment in sorted(segments, key=lambda one: one.count)[-_LISTENED:]:
+    for segment in sorted(segments, key=lambda one: one.count)[-EFFORT.listened :]:
         time_s, values = stamps_s[segment.samples], output[segment.samples]
         harmonics = _harmonics(recording.time_s, segment)
         fit = sine_fit(time_s, values, segment.frequency_hz, harmonics=harmonics, drift_order=1)
@@ -151,7 +145,7 @@ def found_segments(time_s: Array, values: Array) -> list[Segment]:
 
 def _within(time_s: Array, values: Array, start: int, stop: int) -> list[Segment]:
     part = values[start:stop]
-    if stop - start < 2 * _LEAST_SAMPLES or np.ptp(part) == 0.0:
+    if stop - start < 2 * CRITERIA.fewest_samples or np.ptp(part) == 0.0:
         return []
     middle = (float(part.max()) + float(part.min())) / 2.0
     above = _above(part, middle)
@@ -171,7 +165,7 @@ def _within(time_s: Array, values: Array, start: int, stop: int) -> list[Segment
 
 def _above(part: Array, middle: float) -> Mask:
     """Whether values are above a middle, or were when noise of a measured command last let it be seen."""
-    band = min(_NOISES * white_floor(part), _WIDEST * float(np.ptp(part)))
+    band = min(CRITERIA.turn_noises * white_floor(part), CRITERIA.turn_share * float(np.ptp(part)))
     seen = np.abs(part - middle) > band
     last = np.maximum.accumulate(np.where(seen, np.arange(len(part)), 0))
     return part[last] > middle
@@ -183,7 +177,7 @@ def _of_equal_periods(time_s: Array, values: Array, rises: Array) -> list[Segmen
     found = []
     first = 0
     for i in range(1, len(periods) + 1):
-        if i < len(periods) and abs(periods[i] - periods[first]) <= _SAME_PERIOD * periods[first]:
+        if i < len(periods) and abs(periods[i] - periods[first]) <= CRITERIA.same_period * periods[first]:
             continue
         if i - first >= 2:
             segment = _segment(time_s, values, rises[first], rises[i])
@@ -195,7 +189,7 @@ def _of_equal_periods(time_s: Array, values: Array, rises: Array) -> list[Segmen
 def _segment(time_s: Array, values: Array, start_s: float, stop_s: float) -> Segment | None:
     first, stop = (int(i) for i in np.searchsorted(time_s, [start_s, stop_s]))
     part = values[first:stop]
-    if stop - first < _LEAST_SAMPLES:
+    if stop - first < CRITERIA.fewest_samples:
         return None
     stamps = time_s[first:stop]
     fit = sine_fit(stamps, part, frequency_of(stamps, part), harmonics=1)
@@ -238,7 +232,7 @@ def _harmonics(time_s: Array, segment: Segment) -> int:
     """How many harmonics lie below half the sample rate, up to the fifth."""
     stamps = time_s[segment.samples]
     rate_hz = (len(stamps) - 1) / float(stamps[-1] - stamps[0])
-    return max(1, min(_HARMONICS, int(0.499 * rate_hz / segment.frequency_hz)))
+    return max(1, min(EFFORT.harmonics, int(0.499 * rate_hz / segment.frequency_hz)))
 
 
 def _by_level(sines: Sequence[_Sine]) -> list[list[_Sine]]:
@@ -254,7 +248,7 @@ def _by_level(sines: Sequence[_Sine]) -> list[list[_Sine]]:
 
 
 def _same_level(a: Segment, b: Segment) -> bool:
-    near = _SAME_LEVEL * max(a.amplitude, b.amplitude)
+    near = CRITERIA.same_level * max(a.amplitude, b.amplitude)
     return abs(a.amplitude - b.amplitude) <= near and abs(a.bias - b.bias) <= near
 
 

@@ -9,6 +9,7 @@ from typing import Any, cast, get_args
 import numpy as np
 
 from hil.errors import FileError, InputError, SettingError
+from hil.identification.frequency.criteria import EFFORT
 from hil.identification.frequency.factored import model_of
 from hil.identification.frequency.frequency_response import FrequencyResponse, average, from_polar, joined
 from hil.identification.frequency.linear_evidence import doubts
@@ -28,7 +29,6 @@ from hil.signals.interval import rounded, width
 
 _STEP = 1e-4  # of a parameter's standard uncertainty, for slopes
 _LEAST_STEP = 1e-6  # of the parameter itself, where lines without noise leave no uncertainty
-_WORST = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +204,7 @@ def compare_table(model: Model, table: ResponseTable) -> TableComparison:
         )
     found = straight(model.values, "the model").at(table.frequency_hz)
     ratio = found / table.response
-    worst = table.frequency_hz[np.argsort(-np.abs(ratio - 1.0))[:_WORST]]
+    worst = table.frequency_hz[np.argsort(-np.abs(ratio - 1.0))[: EFFORT.worst]]
     misfit = None
     if table.gain_std is not None and table.phase_std_rad is not None:
         squares = (np.log(np.abs(ratio)) / table.gain_std) ** 2 + (np.angle(ratio) / table.phase_std_rad) ** 2

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from hil.errors import InputError
+from hil.identification.frequency.criteria import CRITERIA
 from hil.identification.frequency.factored import coefficients, model_of, units
 from hil.identification.frequency.frequency_response import FrequencyResponse
 from hil.identification.frequency.rational import Form, data, solve
@@ -22,9 +23,6 @@ from hil.record.recording import Array, Complex
 from hil.signals.interval import rounded, width
 
 Weights = Literal["covariance", "relative", "uniform"]
-
-# A response is never believed to better than this share of itself: a held input's steps, stamps, converters.
-_FLOOR_SHARE = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +206,7 @@ def whitening(response: FrequencyResponse, weights: Weights) -> Array:
     """Matrices that make the errors of the lines white, shape (n, 2, 2)."""
     size = np.abs(response.response)
     if weights == "covariance":
-        floor = (_FLOOR_SHARE * size) ** 2
+        floor = (CRITERIA.floor * size) ** 2
         covariance = response.covariance + floor[:, None, None] * np.eye(2)
         return np.linalg.inv(np.linalg.cholesky(covariance))
     scale = size if weights == "relative" else np.full(len(size), float(np.mean(size)))

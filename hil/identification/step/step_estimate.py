@@ -14,11 +14,12 @@ from dataclasses import astuple, dataclass, fields, replace
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.step.step_response import TAIL_SHARE, StepFigures, leaves, moves_once, step_figures
+from hil.identification.step.criteria import CRITERIA
+from hil.identification.step.step_response import StepFigures, leaves, moves_once, step_figures
 from hil.identification.uncertainty.fit import rms
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
 from hil.record.recording import Array, Recording
-from hil.signals.autoregression import coloured, whitener_of
+from hil.signals.autoregression import coloured_noise, whitener_of
 from hil.signals.interval import UNIFORM
 from hil.signals.products import one_blas_thread
 from hil.signals.rounding import before_rounding, rounded_again, rounding_step
@@ -26,20 +27,9 @@ from hil.signals.smooth_curve import Smoother
 from hil.signals.straight_line import weighted_line
 from hil.signals.tone import Tone, standing_tone
 
-REST_SHARE = 0.25  # of the time before it: its end gives the value at the start
-_LEAST_JUMP = 0.01  # of the command's span
-_COEFFICIENTS = 80
-_SHARP = 0.005  # of the time after the step, up to which time counts as it is
-# The foot is where the response is least smooth: an estimate as stiff as the whole asks for rounds it by more than
-# recordings drawn again from that estimate show. Undersmoothed, noise outweighs it (Hall: Ann. Statist. 20(2), 1992);
-# what the two read differently is granted.
-_FOOT_LOOSER = 100.0
-_SURE = 0.95  # of resampled responses that must move once and for all
 _PARABOLA = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0  # Savitzky, Golay: Anal. Chem. 36(8), 1964
-_CLEAR = 2.0  # standard deviations from which the sharper reading tells more than noise
 _CROSSED = ("onset_s", "rise_s", "response_s")  # a level is passed once; bands are entered and left by noise
 _NAMES = tuple(field.name for field in fields(StepFigures))
-_MOVING = 3.0  # standard uncertainties of its move at the end: a run of twelve steps that stand says so in 3 %
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,21 +102,20 @@ class _Step:
     @property
     def rest(self) -> Array:
         """What stands before the step."""
-        return self.before[-max(1, round(REST_SHARE * len(self.before))) :]
+        return self.before[-max(1, round(CRITERIA.rest_share * len(self.before))) :]
 
     @property
     def tail(self) -> slice:
         """What stands at its end."""
-        return slice(-max(1, round(TAIL_SHARE * len(self.response))), None)
+        return slice(-max(1, round(CRITERIA.tail_share * len(self.response))), None)
 
 
 def _measured(recorded: _Step, from_command: float, to_command: float, band: float) -> MeasuredStep:
     step, tone = _without_tone(recorded)
     whitener = _whitener(step)
-    places = np.log1p(np.maximum(step.time_s, 0.0) / (_SHARP * float(step.time_s[-1])))
-    smoother = Smoother.on(places, min(_COEFFICIENTS, max(8, len(places) // 2)), whitener, twice=True)
+    smoother = step_smoother(step.time_s, whitener)
     start = float(np.mean(step.rest))
-    found, loose = smoother.curves_each(step.response - start, (1.0, _FOOT_LOOSER))
+    found, loose = smoother.curves_each(step.response - start, (1.0, CRITERIA.looser))
     (curve,), (foot,), innovation = smoother.at(found) + start, smoother.at(loose) + start, float(found.noise_std[0])
     figures = step_figures(step.time_s, curve, start=start, final=float(np.mean(curve[step.tail])), band=band)
 
@@ -135,12 +124,11 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
     shifts = rng.random((2, DRAWS, 1)) if step.grid else np.zeros((2, DRAWS, 1))
 
     def drawn(count: int) -> Array:
-        noise = coloured(before_rounding(innovation, step.grid) * rng.normal(size=(DRAWS, count + 200)), whitener)
-        return noise[:, 200:]
+        return before_rounding(innovation, step.grid) * coloured_noise(rng, (DRAWS, count), whitener)
 
     noise = drawn(len(curve))
     noisy = rounded_again(curve + noise, step.grid, shifts[0])
-    again, feet = (smoother.at(one) for one in smoother.curves_each(noisy - start, (1.0, _FOOT_LOOSER)))
+    again, feet = (smoother.at(one) for one in smoother.curves_each(noisy - start, (1.0, CRITERIA.looser)))
     again += start
     feet += start
     moved_levels = step.level_std * rng.normal(size=(2, DRAWS))
@@ -165,7 +153,10 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
     if before_rounding(innovation, step.grid) > 0.0:  # else a sharp reading is one of codes
         figures, std = _sharper(figures, std, sharp, float(np.median(np.diff(step.time_s))))
     once = moves_once(foot, start, figures.final)
-    if not once or np.mean([moves_once(*one) for one in zip(feet, starts, finals, strict=True)]) < _SURE:
+    if (
+        not once
+        or np.mean([moves_once(*one) for one in zip(feet, starts, finals, strict=True)]) < CRITERIA.certain_onset
+    ):
         std = replace(std, onset_s=math.inf)
     changes = columns[:, 1] - columns[:, 0]
     change_std = about(changes, figures.final - figures.start)
@@ -177,9 +168,15 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
     return MeasuredStep(
         figures, replace(std, band=band), change_std,
         float(np.std(step.response - curve)), _overshoot(never, step.tail),
-        moved if abs(moved) > _MOVING * about(np.array(moves), moved) else 0.0,
+        moved if abs(moved) > CRITERIA.moving * about(np.array(moves), moved) else 0.0,
         from_command, to_command, None if tone is None else tone.frequency_hz,
     )  # fmt: skip
+
+
+def step_smoother(time_s: Array, whitener: Array) -> Smoother:
+    """For a response to a step at t = 0, smoothed over log time: it is as sharp soon after as it is smooth later on."""
+    places = np.log1p(np.maximum(time_s, 0.0) / (CRITERIA.sharp * float(time_s[-1])))
+    return Smoother.on(places, min(CRITERIA.coefficients, max(8, len(places) // 2)), whitener, twice=True)
 
 
 def _overshoot(changed: Array, tail: slice) -> float:
@@ -237,7 +234,7 @@ def _with_hidden(
     known = np.isfinite(apart[1:]).all(axis=0) & np.isfinite(apart[0])
     hidden = np.zeros(apart.shape[1])
     beyond = np.abs(apart[0, known] - apart[1:, known].mean(axis=0))
-    hidden[known] = np.where(beyond > _CLEAR * apart[1:, known].std(axis=0), beyond, 0.0)
+    hidden[known] = np.where(beyond > CRITERIA.sharper * apart[1:, known].std(axis=0), beyond, 0.0)
     return StepFigures(*np.hypot(astuple(std), hidden).tolist())
 
 
@@ -296,6 +293,6 @@ def jumps(values: Array) -> list[int]:
     """Samples at which the command jumps from standing still to standing still."""
     change = np.abs(np.diff(values))
     still = np.concatenate(([True, True], change == 0.0, [True, True]))
-    large = np.flatnonzero(change > max(_LEAST_JUMP * float(np.ptp(values)), 0.0))
+    large = np.flatnonzero(change > max(CRITERIA.jump * float(np.ptp(values)), 0.0))
     # still[i + 2] belongs to change[i]: two samples at rest on either side make a step of it
     return [int(i) + 1 for i in large if still[i : i + 2].all() and still[i + 3 : i + 5].all()]

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.errors import InputError
+from hil.identification.step.criteria import CRITERIA
 from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Array, Complex, Mask
 from hil.signals.crossing import crossing, first_crossing
-
-TAIL_SHARE = 0.15  # of what comes after the step: its end gives the final value
-MOVED = 0.02  # of the change: the response has begun to move
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +54,7 @@ def step_figures(
     Raises:
         InputError: the response does not change, or does not reach 90 % of its final value.
     """
-    tail = max(1, round(TAIL_SHARE * len(response)))
+    tail = max(1, round(CRITERIA.tail_share * len(response)))
     first = float(response[0]) if start is None else start
     last = float(np.mean(response[-tail:])) if final is None else final
     change = last - first
@@ -125,7 +123,7 @@ def moves_once(response: Array, start: float, final: float) -> bool:
     """
     share = (response - start) / (final - start)
     half = int(np.argmax(share >= 0.5))
-    over = share[:half] >= MOVED
+    over = share[:half] >= CRITERIA.moved
     return bool(over.size) and not over[0] and int(np.sum(over[1:] != over[:-1])) <= 1
 
 
@@ -137,10 +135,10 @@ def leaves(time_s: Array, response: Array, start: float, final: float) -> float:
 def _leaves(time_s: Array, share: Array) -> float:
     """Time from which on it has moved, seen back from half its change."""
     half = int(np.argmax(share >= 0.5))
-    i = _last(share[:half] < MOVED)
+    i = _last(share[:half] < CRITERIA.moved)
     if i < 0:
         return float(time_s[0])
-    return crossing(time_s, share, MOVED, i, i + 1)
+    return crossing(time_s, share, CRITERIA.moved, i, i + 1)
 
 
 def _stays(time_s: Array, share: Array, band: float) -> float:
