@@ -86,7 +86,7 @@ class Variables:
 
     def is_on(self, site: Site) -> bool:
         """Whether the model has an effect switched on."""
-        return any((effect.name, effect.hook) == site.key for effect in self.model.effects)
+        return any(effect.key == site.key for effect in self.model.effects)
 
 
 def variables_of(model: Model, also: Collection[tuple[str, str]] = (), step_s: float | None = None) -> Variables:
@@ -104,7 +104,7 @@ def variables_of(model: Model, also: Collection[tuple[str, str]] = (), step_s: f
     for key in also:
         if key not in whole.indices:
             raise UnknownNameError(f"effect of {model.plant}", "@".join(key), ["@".join(k) for k in whole.indices])
-    reduced = whole.with_sites({*((effect.name, effect.hook) for effect in model.effects), *also})
+    reduced = whole.with_sites({*(effect.key for effect in model.effects), *also})
     found = list(_of_plant(model, whole.plant))
     starts = []
     for site in reduced.sites:
@@ -112,7 +112,7 @@ def variables_of(model: Model, also: Collection[tuple[str, str]] = (), step_s: f
         found += _of_effect(model, site)
     if asks_for_start(whole.plant):
         meaning = "output at the start, where the steady state does not tell it; NaN: not known"
-        found.append(Variable("initial_output", _unit_of_output(model), math.nan, -_FAR, _FAR, meaning))
+        found.append(Variable("initial_output", model.output_unit, math.nan, -_FAR, _FAR, meaning))
     return Variables(model, reduced, tuple(found), tuple(starts), step_s or whole.plant.sub_step_s)
 
 
@@ -124,11 +124,6 @@ def asks_for_start(plant: Plant) -> bool:
 def variable_name(signal: Signal) -> str:
     """A signal's name without spaces."""
     return signal.name.replace(" ", "_")
-
-
-def _unit_of_output(model: Model) -> str:
-    heading = model.output
-    return heading.partition("[")[2].rstrip("]") if "[" in heading else model.definition.output.unit
 
 
 def _of_plant(model: Model, plant: Plant) -> list[Variable]:
@@ -143,7 +138,7 @@ def _of_plant(model: Model, plant: Plant) -> list[Variable]:
 
 
 def _of_effect(model: Model, site: Site) -> list[Variable]:
-    own = next((e for e in model.effects if (e.name, e.hook) == site.key), None)
+    own = next((e for e in model.effects if e.key == site.key), None)
     null, found = site.effect.null_at(site.hook), []
     for parameter in site.effect.parameters_at(site.hook):
         value = _near(own.parameters[parameter.name].value if own else null[parameter.name])

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals.information_criterion import bic
 from hil.signals.recursion import filtered
 
 Array = NDArray[np.float64]
@@ -43,11 +44,10 @@ def whitener_of(rest: Array) -> Array:
     best = np.ones(1)
     if not orders or not (covariance := autocovariance([rest], orders[-1]))[0]:
         return best
-    score = n * np.log(covariance[0])
+    score = bic(covariance[0], n, 0)
     for order in orders:
         found, left = yule_walker(covariance, order)
-        cost = n * np.log(max(left, 1e-12 * covariance[0])) + order * np.log(n)
-        if cost < score:
+        if (cost := bic(max(left, 1e-12 * covariance[0]), n, order)) < score:
             best, score = found, cost
     return best
 

@@ -6,11 +6,11 @@ in the residual it would count as noise, and as noise of the worst colour.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
+from hil.signals.information_criterion import bic
 from hil.signals.sine_fit import Array, SineFit, sine_fit
 
 _MOST = 80
@@ -32,14 +32,10 @@ def sine_fit_beyond(
     found = sine_fit(time_s, values, frequency_hz, harmonics=used, drift_order=drift_order)
     while 2 * used <= most:
         more = sine_fit(time_s, values, frequency_hz, harmonics=2 * used, drift_order=drift_order)
-        if _price(more, n, 4 * used) >= _price(found, n, 2 * used):
+        if bic(more.residual_std**2, n, 4 * used) >= bic(found.residual_std**2, n, 2 * used):
             break
         found, used = more, 2 * used
     return found if used == harmonics else _as_asked(found, harmonics, used)
-
-
-def _price(fit: SineFit, samples: int, columns: int) -> float:
-    return samples * math.log(max(fit.residual_std, 1e-300) ** 2) + columns * math.log(samples)
 
 
 def _as_asked(fit: SineFit, harmonics: int, used: int) -> SineFit:

@@ -17,8 +17,9 @@ from hil.identification.frequency.linear_evidence import unresolved
 from hil.identification.frequency.rational import Form
 from hil.identification.frequency.right_half_plane import with_alternative
 from hil.identification.frequency.transfer_function import Candidate, TransferFunctionFit, Weights, check_form, fit_form
-from hil.identification.uncertainty.evidence import VERY_STRONG, bic, bic_of_known_noise, simplest_good
+from hil.identification.uncertainty.evidence import VERY_STRONG, bic_of_known_noise, simplest_good
 from hil.language.note import Note
+from hil.signals.information_criterion import bic
 from hil.signals.interval import COVERED
 
 

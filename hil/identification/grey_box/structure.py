@@ -23,12 +23,13 @@ from hil.identification.grey_box.estimate import Estimate, Unknown, estimate, si
 from hil.identification.grey_box.linear_starts import poles_rad_s
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.initial_condition import start_slope, with_free_start
-from hil.identification.uncertainty.evidence import EXCLUDED_BIC, VERY_STRONG, bic, odds, simplest_good
+from hil.identification.uncertainty.evidence import EXCLUDED_BIC, VERY_STRONG, odds, simplest_good
 from hil.language.note import Note
 from hil.physics.plant import Parameter, Parameters, Plant, Structure
 from hil.physics.transfer_function import from_parameters, pole_parameters
 from hil.record.recording import Array, Complex, Mask
 from hil.signals.colour import colour_factor
+from hil.signals.information_criterion import bic
 from hil.signals.interval import COVERED
 
 _GAINS = ("gain", "integrator_gain")

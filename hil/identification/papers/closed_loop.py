@@ -60,11 +60,10 @@ def opened(closed: TransferFunction, sensor: TransferFunction = UNITY, place: Pl
                 f"opening a loop: {name} has a dead time of {model.dead_time_s:g} s; only its response can be opened, "
                 "with `opened_response`"
             )
+    top = np.convolve(closed.numerator, sensor.denominator)
     if place == "forward":
-        top = np.convolve(closed.numerator, sensor.denominator)
         below = np.convolve(sensor.numerator, np.polysub(closed.denominator, closed.numerator))
     else:
-        top = np.convolve(closed.numerator, sensor.denominator)
         below = np.polysub(
             np.convolve(closed.denominator, sensor.denominator), np.convolve(closed.numerator, sensor.numerator)
         )

@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from hil.cores import spread
 from hil.errors import InputError
 from hil.identification.frequency.bandwidth import Crossing, magnitude_crossing
 from hil.identification.frequency.frequency_response import from_polar
-from hil.identification.frequency.sine_test import SineTest, sine_test
+from hil.identification.frequency.sine_test import sine_test
 from hil.identification.papers.classification import GaussianClasses, learn
 from hil.identification.steady.pressure_curve import PressureCurve, pressure_curve
 from hil.identification.steady.sweep_estimate import Sweep
@@ -258,21 +258,12 @@ def _bandwidth_hz(
 ) -> float:
     """−3 dB of a simulated valve between two currents, the sensor's lag taken out as on the bench."""
     low, high = sorted(sweep_a)
-    test = _scaled(_unit_sines(frequencies_hz), (high - low) / 2.0, (low + high) / 2.0)
+    test = sine_test(frequencies_hz, (high - low) / 2.0, (low + high) / 2.0)
     h = test.response(model.definition, model.values | {"sensor_lag": 0.0}, model.active_effects)
     samples = _RATE_HZ * np.maximum(_SINE_S, _SINE_PERIODS / test.frequency_hz)
     stds = noise_psi * np.sqrt(2.0 / samples) / test.amplitude
     h = h + stds * (rng.normal(size=len(h)) + 1j * rng.normal(size=len(h)))
     return bandwidth_of(magnitude_crossing(from_polar("sines", test.frequency_hz, h), -3.0))
-
-
-@cache
-def _unit_sines(frequencies_hz: tuple[float, ...]) -> SineTest:
-    return sine_test(frequencies_hz, 1.0, 0.0)
-
-
-def _scaled(unit: SineTest, amplitude: float, bias: float) -> SineTest:
-    return replace(unit, amplitude=amplitude, bias=bias, command=bias + amplitude * unit.command)
 
 
 def bandwidth_of(crossing: Crossing) -> float:

@@ -21,6 +21,7 @@ from hil.language.note import Note
 from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
+from hil.signals.information_criterion import bic
 from hil.signals.interval import COVERED
 from hil.signals.straight_line import weighted_line
 
@@ -50,8 +51,8 @@ def is_worth(plain: Array, after: Array, count: int) -> bool:
         count: of the levels.
     """
     independent = len(after) / colour_factor(after)
-    gained = independent * math.log(float(plain @ plain) / float(after @ after)) if after.any() else 0.0
-    return gained > count * math.log(independent)
+    found, nothing = bic(float(after @ after), independent, count), bic(float(plain @ plain), independent, 0)
+    return bool(after.any()) and found < nothing
 
 
 def begun_in_motion(model: Model, e: Experiment) -> tuple[Experiment, tuple[Note, ...]]:

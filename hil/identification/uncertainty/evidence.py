@@ -16,19 +16,8 @@ _NEGLIGIBLE = 0.01
 _ROUNDED = 1.0 + 1e-9
 
 
-def bic(mean_square: float, count: float, unknowns: int) -> float:
-    """Schwarz's criterion of a fit to noise of unknown variance; smaller is better.
-
-    Args:
-        mean_square: of the residuals.
-        count: independent samples that they are worth.
-        unknowns: how many numbers were fitted.
-    """
-    return count * math.log(max(mean_square, 1e-300)) + unknowns * math.log(count)
-
-
 def bic_of_known_noise(chi2: float, count: float, unknowns: float) -> float:
-    """The same where the noise is known: `chi2` is the sum of squares in units of its variance."""
+    """`bic` where the noise is known: `chi2` is the sum of squares in units of its variance."""
     return chi2 + unknowns * math.log(count)
 
 
