@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hil.identification.grey_box.free import named_values
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.start_in_motion import begun_in_motion
 from hil.language.choice import in_page_language
@@ -74,8 +75,7 @@ def _short(name: str) -> str:
 
 
 def _model_section(model: Model) -> Section:
-    rows = [(name, _value_text(found), found.unit) for name, found in model.parameters.items()]
-    rows += [(f"{e.name}.{name}", _value_text(v), v.unit) for e in model.effects for name, v in e.parameters.items()]
+    rows = [(name, _value_text(found), found.unit) for name, found in named_values(model).items()]
     heads = (_("Parameter"), _("Value ± U"), _("Unit"))
     texts = (formula(from_parameters(model.values)),) if _is_linear(model) else ()
     return Section(_("Model"), texts=texts, tables=(Table("", heads, tuple(rows), text_columns=(2,)),))

@@ -13,10 +13,15 @@ from hil.physics.plant import Parameter, Parameters
 from hil.physics.simulate import ActiveEffect
 
 
+def named_values(model: Model) -> dict[str, Value]:
+    """All parameters by name, those of effects as `effect.parameter`."""
+    effects = {f"{e.name}.{name}": value for e in model.effects for name, value in e.parameters.items()}
+    return {**model.parameters, **effects}
+
+
 def all_values(model: Model) -> dict[str, float]:
-    """Values of all parameters by name, those of effects as `effect.parameter`."""
-    effects = {f"{e.name}.{name}": v.value for e in model.effects for name, v in e.parameters.items()}
-    return model.values | effects
+    """The same as numbers."""
+    return {name: found.value for name, found in named_values(model).items()}
 
 
 def moved(model: Model, values: Parameters, stds: Mapping[str, float] | None = None) -> Model:

@@ -17,7 +17,7 @@ from hil.identification.grey_box.alternative_optima import alternative_optima
 from hil.identification.grey_box.criteria import CRITERIA, EFFORT
 from hil.identification.grey_box.discrepancy import discrepancy_of, note_of
 from hil.identification.grey_box.estimate import Estimate, Unknown, estimate
-from hil.identification.grey_box.free import all_values, check_free, effects_at, moved, unknown_of
+from hil.identification.grey_box.free import all_values, check_free, effects_at, moved, named_values, unknown_of
 from hil.identification.grey_box.lines import common_line, line_at
 from hil.identification.grey_box.multistart import multistart
 from hil.identification.grey_box.residuals import Residuals
@@ -75,17 +75,14 @@ class GreyBoxFit:
     def summary(self) -> str:
         """A table of parameters with their uncertainty, fits and notes, for a terminal."""
         rows = [f"{self.model.plant}", *(f"  {reading}" for reading in self.readings)]
-        for name, found in self.model.parameters.items():
-            if self.model.plant == LINEAR and found.std is None and found.value == self.model.definition.typical[name]:
-                continue  # of a section that the form does not have
+        absent = self.model.definition.typical if self.model.plant == LINEAR else {}  # what a form does not have
+        for name, found in named_values(self.model).items():
+            if found.std is None and found.value == absent.get(name):
+                continue
             row = (
                 f"  {name:18} {rounded(found.value, found.std):>12} {width(found.std):12} {found.unit:8}{_whole(found)}"
             )
             rows.append(row.rstrip())
-        for e in self.model.effects:
-            for name, found in e.parameters.items():
-                shown = f"{rounded(found.value, found.std):>12} {width(found.std):12} {found.unit}"
-                rows.append(f"  {e.name + '.' + name:18} {shown}")
         rows += [f"  fit {fit:7.2f} %  {name}" for name, fit in self.fits.items()]
         return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
 
