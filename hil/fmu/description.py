@@ -11,12 +11,11 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hil.errors import UnitError
 from hil.fmu.source import Source
-from hil.fmu.variables import Variable, Variables, variable_name
+from hil.fmu.variables import FAR, Variable, Variables, variable_name
 from hil.units import in_base_units
 
 FmiVersion = Literal["2", "3"]
 _STOP_S = 10.0
-_BOUNDLESS = 1e300
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +122,7 @@ def _parameter(name: str, reference: int, kind: tuple[str, str], meaning: str) -
 
 def _bounds(variable: Variable) -> dict[str, str]:
     bounds = {"min": variable.low, "max": variable.high}
-    return {name: _number(value) for name, value in bounds.items() if abs(value) < _BOUNDLESS}
+    return {name: _number(value) for name, value in bounds.items() if abs(value) < FAR}
 
 
 def _variables(parent: Element, described: list[_Described], version: FmiVersion) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hil.fmu.variables import Variables, variable_name
-from hil.physics.simulate import Drive, simulate
+from hil.physics.simulate import Drive, simulate, sub_steps
 from hil.record.recording import Array
 
 ALLOWED = 1e-9  # of full scale
@@ -28,7 +28,7 @@ def simulated(variables: Variables, inputs: Array) -> Array:
     """What this program simulates, shape (outputs, n)."""
     model, interval_s = variables.model, INTERVALS * variables.step_s
     drive = Drive(inputs, math.nan, interval_s, read_at=1.0)
-    factor = interval_s / variables.step_s / max(1, math.ceil(interval_s / variables.plant.sub_step_s - 1e-9))
+    factor = INTERVALS / sub_steps(variables.plant, interval_s)
     return simulate(variables.plant, model.values, drive, model.active_effects, factor=factor)
 
 

@@ -11,7 +11,7 @@ from hil.physics.compose import Kernel, Site, kernel
 from hil.physics.model import Model
 from hil.physics.plant import Plant, Signal
 
-_FAR = 1e300  # a limit that is off: infinity is no number to every tool
+FAR = 1e300  # stands for infinity, which is no number to some tools
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ def variables_of(model: Model, also: Collection[tuple[str, str]] = (), step_s: f
         found += _of_effect(model, site)
     if asks_for_start(whole.plant):
         meaning = "output at the start, where the steady state does not tell it; NaN: not known"
-        found.append(Variable("initial_output", model.output_unit, math.nan, -_FAR, _FAR, meaning))
+        found.append(Variable("initial_output", model.output_unit, math.nan, -FAR, FAR, meaning))
     return Variables(model, reduced, tuple(found), tuple(starts), step_s or whole.plant.sub_step_s)
 
 
@@ -149,4 +149,4 @@ def _of_effect(model: Model, site: Site) -> list[Variable]:
 
 
 def _near(value: float) -> float:
-    return min(max(value, -_FAR), _FAR)
+    return min(max(value, -FAR), FAR)
