@@ -37,22 +37,45 @@ from hil.physics.published.efc_population import population, valve
 from hil.physics.published.tugsal import CLASSES, CLASSIFIED_CURRENT_A, SWEEPS_PSI, rms_error
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array, Integers
+from hil.signals.interval import UNIFORM
 from hil.signals.products import one_blas_thread
 from hil.signals.ramps import triangle
 
 FEATURES = (marked("friction"), marked("rise"), marked("leakage"), marked("bandwidth"))
 FREQUENCIES_HZ = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
-_RATE_HZ = 1000.0
-_CYCLES_S = (10.0, 20.0)
-_TOP_A, _HOLD_S, _REPEATS = 2.0, 1.0, 3
-_LEAST_FRICTION_A = 2e-4  # what a test can tell from none
-_SMOOTHED_S = 0.009
-_SAMPLE_STD_S = 1.0 / _RATE_HZ / math.sqrt(6.0)  # of a time between two samples
-_SINE_S, _SINE_PERIODS = 2.0, 3  # that the acceptance test measures at each frequency
-_LEARNT_FROM, _SEED = 300, 1979
 _FEW_DRAWS = 2  # the scatter of a population tells what the uncertainty of one curve would
 BEYOND = 0.025  # share of good valves that lie beyond a limit of the good reference
+
+
+@dataclass(frozen=True, slots=True)
+class Programme:
+    """What the test of a valve drives, and how finely it is read.
+
+    Attributes:
+        rate_hz: of the samples. `cycles_s`, `top_a`: of the sweeps from no current and back.
+        hold_s, repeats: of the steps. `smoothed_s`: over which a step is averaged before its rise is read.
+        sine_s, sine_periods: that are measured at each frequency, at least.
+        least_friction_a: what a test can tell from none.
+    """
+
+    rate_hz: float = 1000.0
+    cycles_s: tuple[float, ...] = (10.0, 20.0)
+    top_a: float = 2.0
+    hold_s: float = 1.0
+    repeats: int = 3
+    smoothed_s: float = 0.009
+    sine_s: float = 2.0
+    sine_periods: int = 3
+    least_friction_a: float = 2e-4
+
+    @property
+    def time_std_s(self) -> float:
+        """Standard uncertainty of a time between two samples, of which both ends lie anywhere."""
+        return UNIFORM * math.sqrt(2.0) / self.rate_hz
+
+
+PROGRAMME = Programme()
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +102,8 @@ class ValveTest:
     @property
     def features(self) -> Array:
         """Logarithms of the four physical numbers."""
-        return np.log([
-            max(self.friction_a, _LEAST_FRICTION_A), self.rise_s, max(self.leakage_ml_min, 1.0), self.bandwidth_hz
-        ])  # fmt: skip
+        friction_a = max(self.friction_a, PROGRAMME.least_friction_a)
+        return np.log([friction_a, self.rise_s, max(self.leakage_ml_min, 1.0), self.bandwidth_hz])
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +203,7 @@ def reference_classes(
     asked = f"{stamp(_sources(), ('numpy', 'scipy', 'numba'))}_{frequencies_hz}_{normally_open}"
 
     def learnt() -> Mapping[str, Array]:
-        tests, labels = simulated_tests(_LEARNT_FROM, _SEED, frequencies_hz=frequencies_hz, normally_open=normally_open)
+        tests, labels = simulated_tests(frequencies_hz=frequencies_hz, normally_open=normally_open)
         return {"features": np.array([test.features for test in tests]), "labels": labels.astype(np.float64)}
 
     found = cached_arrays("efc-classes", hashlib.sha256(asked.encode()).hexdigest()[:16], learnt)
@@ -196,8 +218,8 @@ def _sources() -> tuple[Path, ...]:
 
 
 def simulated_tests(
-    count: int,
-    seed: int,
+    count: int = 300,
+    seed: int = 1979,
     frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ,
     normally_open: bool = False,
 ) -> tuple[tuple[ValveTest, ...], Integers]:
@@ -232,8 +254,8 @@ def tested(
         gain * output[0] + instruments.offset_psi * rng.normal() + instruments.noise_psi * rng.normal(size=len(command))
     )
     leakage = float(output[4].min()) * (1.0 + instruments.leakage * rng.normal())
-    sweeps = [Sweep(command[at], pressure[at], 2.0 * _TOP_A / s)
-              for at, s in zip(places["sweep"], _CYCLES_S, strict=True)]  # fmt: skip
+    sweeps = [Sweep(command[at], pressure[at], 2.0 * PROGRAMME.top_a / s)
+              for at, s in zip(places["sweep"], PROGRAMME.cycles_s, strict=True)]  # fmt: skip
     curve = pressure_curve("sweeps", sweeps, draws=_FEW_DRAWS)
     least, most = sorted((float(curve.nominal[0]), float(curve.nominal[-1])))  # a slow valve falls short of a pressure
     sweep_a = tuple(curve.current_at(min(max(psi, least), most)) for psi in SWEEPS_PSI["medium"])
@@ -245,7 +267,7 @@ def tested(
 
 
 def _answer(model: Model, command: Array) -> Array:
-    drive = Drive(command[None, :], math.nan, 1.0 / _RATE_HZ)
+    drive = Drive(command[None, :], math.nan, 1.0 / PROGRAMME.rate_hz)
     return simulate(model.definition, model.values, drive, model.active_effects)
 
 
@@ -260,7 +282,7 @@ def _bandwidth_hz(
     low, high = sorted(sweep_a)
     test = sine_test(frequencies_hz, (high - low) / 2.0, (low + high) / 2.0)
     h = test.response(model.definition, model.values | {"sensor_lag": 0.0}, model.active_effects)
-    samples = _RATE_HZ * np.maximum(_SINE_S, _SINE_PERIODS / test.frequency_hz)
+    samples = PROGRAMME.rate_hz * np.maximum(PROGRAMME.sine_s, PROGRAMME.sine_periods / test.frequency_hz)
     stds = noise_psi * np.sqrt(2.0 / samples) / test.amplitude
     h = h + stds * (rng.normal(size=len(h)) + 1j * rng.normal(size=len(h)))
     return bandwidth_of(magnitude_crossing(from_polar("sines", test.frequency_hz, h), -3.0))
@@ -291,7 +313,7 @@ def evaluated_test(
         InputError: the pressure does not follow the current.
     """
     rises = np.array([_rise_s(run) for run in steps["high"]])
-    rise_std_s = max(float(rises.std(ddof=1)) if len(rises) > 1 else 0.0, _SAMPLE_STD_S) / math.sqrt(len(rises))
+    rise_std_s = max(float(rises.std(ddof=1)) if len(rises) > 1 else 0.0, PROGRAMME.time_std_s) / math.sqrt(len(rises))
     errors = {}
     for level, runs in steps.items():
         samples = min(runs.shape[1], len(reference[level]))
@@ -314,11 +336,11 @@ def _rise_s(pressure: Array) -> float:
     Raises:
         InputError: the pressure hardly moves.
     """
-    width = round(_SMOOTHED_S * _RATE_HZ)
+    width = round(PROGRAMME.smoothed_s * PROGRAMME.rate_hz)
     smooth = np.convolve(np.pad(pressure, width // 2, mode="edge"), np.full(width, 1.0 / width), "valid")
     if abs(smooth[-1] - smooth[0]) < 10.0:
         raise InputError("a step to 1.6 A changes the pressure by less than 10 psi: there is no rise time to judge")
-    return step_figures(np.arange(len(smooth)) / _RATE_HZ, smooth, start=float(smooth[:5].mean())).rise_s
+    return step_figures(np.arange(len(smooth)) / PROGRAMME.rate_hz, smooth, start=float(smooth[:5].mean())).rise_s
 
 
 @cache
@@ -327,7 +349,7 @@ def reference_steps() -> Mapping[str, Array]:
     model = valve("good")
     made: dict[str, Array] = {}
     for level, current in CLASSIFIED_CURRENT_A.items():
-        command = np.concatenate((np.zeros(100), np.full(round(_HOLD_S * _RATE_HZ), current)))
+        command = np.concatenate((np.zeros(100), np.full(round(PROGRAMME.hold_s * PROGRAMME.rate_hz), current)))
         made[level] = _answer(model, command)[0, 100:]
     return made
 
@@ -335,16 +357,16 @@ def reference_steps() -> Mapping[str, Array]:
 @cache
 def _programme() -> tuple[Array, Mapping[str, tuple[slice, ...]]]:
     """The command of a test, and where its parts stand: sweeps, and steps from the step on, by level."""
-    hold = round(_HOLD_S * _RATE_HZ)
+    hold = round(PROGRAMME.hold_s * PROGRAMME.rate_hz)
     pieces, at = [np.zeros(500)], 500
     places: dict[str, list[slice]] = {name: [] for name in ("sweep", *CLASSIFIED_CURRENT_A)}
-    for cycle_s in _CYCLES_S:
-        sweep = triangle(0.0, _TOP_A, cycle_s, _RATE_HZ)
+    for cycle_s in PROGRAMME.cycles_s:
+        sweep = triangle(0.0, PROGRAMME.top_a, cycle_s, PROGRAMME.rate_hz)
         places["sweep"].append(slice(at, at + len(sweep)))
         pieces.append(sweep)
         at += len(sweep)
     for level, current in CLASSIFIED_CURRENT_A.items():
-        for _ in range(_REPEATS):
+        for _ in range(PROGRAMME.repeats):
             pieces.append(np.concatenate((np.zeros(hold), np.full(hold, current))))
             places[level].append(slice(at + hold, at + 2 * hold))
             at += 2 * hold
