@@ -31,14 +31,6 @@ _SHOWN_S = 3.0  # so long a run that ended while it started is still told
 
 
 @dataclass(slots=True)
-class Starting:
-    """A run from the click on: its process, and since when that is over."""
-
-    process: Started
-    over_s: float | None = None
-
-
-@dataclass(slots=True)
 class Console:
     """A console.
 
@@ -62,7 +54,7 @@ class Console:
     following: Following = field(default_factory=Following)
     watching: Watching = field(default_factory=Watching)
     started: dict[str, Started] = field(default_factory=dict)
-    starting: dict[str, Starting] = field(default_factory=dict)
+    starting: dict[str, Started] = field(default_factory=dict)
     stopped: dict[str, Press] = field(default_factory=dict)
     audit: Callable[..., None] = lambda *_args, **_named: None
     readers: dict[str, RunReader] = field(default_factory=dict)
@@ -110,27 +102,27 @@ class Console:
 
     def begin_run(self, arguments: list[str], name: str, account: str) -> None:
         """Start a run: it is under way from here on. A stop that was pressed just before ends it."""
-        self.starting[name] = Starting(self.start(arguments, name, account))
+        self.starting[name] = self.start(arguments, name, account)
         if (press := self.switch.pressed) is not None:
             self.end_starting(name, press)
 
     def end_starting(self, name: str, press: Press) -> None:
         """End a run before it drives, by a press of stop."""
         self.stopped[name] = press
-        self.starting[name].process.end()
+        self.starting[name].end()
 
     def runs(self, anew: bool = False) -> list[dict[str, Any]]:
         """Every run under way as pages are told of it, from the click that starts it; `anew`: as of now."""
         by_name = {run.folder.name: run.for_page for run in self.underway.look(anew)}
         for name, one in list(self.starting.items()):
-            status = one.process.exit_status
+            status = one.exit_status
             if status is not None:
                 one.over_s = one.over_s or time.monotonic()
             if "stop_url" in by_name.get(name, {}) or time.monotonic() - (one.over_s or math.inf) > _SHOWN_S:
                 del self.starting[name]
                 continue
             state = "starting" if status is None else "ended"
-            outcome = "" if status is None else one.process.last_line
+            outcome = "" if status is None else one.last_line
             by_name.setdefault(name, {"run": name, "state": state, "outcome": outcome})["by"] = "console"
         return list(by_name.values())
 

@@ -18,7 +18,7 @@ from hil.language.words import spoken
 _TAIL_BYTES = 16_384
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Started:
     """A process that this console started.
 
@@ -26,11 +26,13 @@ class Started:
         name: by which pages speak of it.
         process: it.
         log: what it prints.
+        over_s: since when it is known to have ended.
     """
 
     name: str
     process: Process[bytes]
     log: Path
+    over_s: float | None = None
 
     @property
     def exit_status(self) -> int | None:
