@@ -97,7 +97,8 @@ class Rescue:
     @property
     def announcement(self) -> str:
         """What may be said when only time is missing to call them safe; else empty."""
-        return announcement(self.outputs) if all(device.done or device.wait_s for device in self._devices) else ""
+        known = {name: output for device in self._devices for name, output in device.outputs.items()}
+        return announcement(known) if all(device.done or device.wait_s for device in self._devices) else ""
 
     @property
     def left(self) -> list[str]:
