@@ -75,6 +75,11 @@ def has_checksum(settings: Settings) -> bool:
     return settings.transport == "rtu"
 
 
+def has_numbers(settings: Settings) -> bool:
+    """Whether answers have one: on Modbus TCP."""
+    return settings.transport == "tcp"
+
+
 def probe() -> Any:
     """Who is on such a line (see `hil.daq.probe`)."""
     from drivers import _probe_modbus

@@ -16,6 +16,7 @@ class Quirks(BaseModel):
         silent: it does not come at all.
         garbled: one bit of it is flipped.
         cut: only its first half comes.
+        again: the answer before comes once more, a moment ahead of it.
         word_order: the words of floating-point numbers come in the other order.
         not_a_number: inputs read NaN (0 where the protocol has none).
         stuck: inputs keep their last value.
@@ -32,6 +33,7 @@ class Quirks(BaseModel):
     silent: bool = False
     garbled: bool = False
     cut: bool = False
+    again: bool = False
     word_order: bool = False
     not_a_number: bool = False
     stuck: bool = False

@@ -22,6 +22,7 @@ from sim_devices._quirks import Behaviour, Quirks
 
 _CHUNK = 4096
 _TICK_S = 0.01
+_APART_S = 0.02  # two answers, so that the first one is there alone
 _LONGEST_REQUEST = 4096  # bytes without a whole request in them are thrown away beyond this
 
 
@@ -58,7 +59,7 @@ class StreamServer:
         self.behaviour = Behaviour(quirks)
         self._device = device
         self._side = side
-        self._busy = threading.Lock()
+        self._busy, self._before = threading.Lock(), b""
         self._ended = threading.Event()
         self._threads: list[threading.Thread] = []
         self._start(self._tick)
@@ -107,7 +108,10 @@ class StreamServer:
             answer = self._device.answer(request)
         if quirks.late_s and self._ended.wait(quirks.late_s):
             return
-        sent = self.behaviour.mangled(answer, quirks)
+        if quirks.again:
+            write(self._before)
+            self._ended.wait(_APART_S)
+        self._before = sent = self.behaviour.mangled(answer, quirks)
         self._pace(len(sent))
         if sent:
             write(sent)

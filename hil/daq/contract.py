@@ -19,6 +19,7 @@ It may provide more, by which `hil check` warns and a run is refused before anyt
     has_watchdog(settings) -> bool            whether the device has one; as `watchdog_s` may be said if not given
     not_read_back(settings) -> {name, …}      outputs of which the device cannot be asked where they stand
     has_checksum(settings) -> bool            whether answers have one: then no garbled one may be believed
+    has_numbers(settings) -> bool             whether answers have that of their request: then none to another one may
     read_back_requests(wiring) -> int         requests that ask where they all stand, 0 where it reports them by itself;
                                               at most one for each output if not given
 """

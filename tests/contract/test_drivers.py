@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from drivers._modbus_line import ModbusLine
 from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.bench.twin import subject
@@ -283,6 +284,8 @@ class Link:
             raise ValueError("invalid literal")
         if quirks.get("late_s"):
             self.stale = value
+        if quirks.get("not_a_number"):
+            return -327.68 if self.fault == "reads the mark" else math.nan
         noticed = not (quirks.get("reboot") and self.fault == "does not notice")
         if quirks.keys() - {"answers"} and noticed:
             raise LinkError("no valid answer")
@@ -356,7 +359,7 @@ BREAKS: dict[str, set[str]] = {
     "goes_to_its_safe_value_on_command": {"does not go safe"},
     "stands_while_the_link_is_opened_again": {"moves to elsewhere", "says that it is safe"},
     "an_input_sees_what_it_drives": {"does not drive", "wrong scale", "wrong reading"},
-    "reads_what_is_there": {"wrong reading"},
+    "reads_what_is_there": {"wrong reading", "reads the mark"},
     "tells_where_outputs_stand": {"tells other levels"},
     "one_reading_for_each_sample": {"beyond its range", "time stands still"},
     "keeps_the_rate": {"rate is none of its own"},
@@ -396,6 +399,20 @@ def test_check_is_passed_by_a_driver_that_keeps_everything(check: str) -> None:
 def test_check_finds_the_driver_that_breaks_it(check: str, fault: str) -> None:
     verdict, text = verdict_of(CHECKS[check], examined(fault, check))
     assert verdict == "broken" and text
+
+
+def test_an_answer_to_an_earlier_question_is_found_where_answers_have_numbers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A driver of Modbus TCP that gives every request the same number is like one that does not look at it."""
+    check = CHECKS["never_takes_a_late_answer_for_the_next"]
+    file = read_bench(bench_of("modbus tcp", tmp_path))
+    with subject(file, tmp_path, "modbus") as driver:
+        assert verdict_of(check, driver) == ("passed", "")
+    monkeypatch.setattr(ModbusLine, "_number", property(lambda _: 0, lambda _, _number: None), raising=False)
+    with subject(file, tmp_path, "modbus") as driver:
+        verdict, text = verdict_of(check, driver)
+    assert verdict == "broken" and " reads " in text
 
 
 def test_every_check_has_a_driver_that_breaks_it() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,8 +13,8 @@ _AGREES = 0.01  # of an input's range: what a protocol may round, and what goes 
 
 
 def reads_what_is_there(subject: Subject) -> None:
-    """A reading is what the input carries, now."""
-    side, _ = subject.twin()
+    """A reading is what the input carries, now; the mark of one without a measurement is no number."""
+    side, spoil = subject.twin()
     if not subject.wiring.inputs:
         raise LeftOut("no input in use")
     with subject.link() as link:
@@ -22,6 +23,14 @@ def reads_what_is_there(subject: Subject) -> None:
             if commanded:
                 link.drive(commanded)
             reads_the_truth(subject, link, side, commanded)
+        spoil(not_a_number=True)
+        for name, value in link.read().items():
+            low, high = next((c.low, c.high) for c in subject.wiring.inputs.values() if c.terminal == name)
+            is_number, allowed = math.isfinite(value), _AGREES * (high - low)
+            expect(
+                not is_number or low - allowed <= value <= high + allowed,
+                f"'{name}' has no measurement, and reads {value:g}",
+            )
 
 
 def reads_the_truth(subject: Subject, link: Any, side: Behind, commanded: Mapping[str, float]) -> None:

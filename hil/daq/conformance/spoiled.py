@@ -14,6 +14,7 @@ from hil.daq.contract import Waveform
 from hil.errors import HardwareError
 from hil.system import system
 
+_MOVED = 0.05  # of an input's range
 _FLIPS = 8  # bits, one at a time: of a short answer at least every other one changes what is read or the checksum
 
 
@@ -23,8 +24,13 @@ def says_that_no_answer_came(subject: Subject) -> None:
 
 
 def never_takes_a_late_answer_for_the_next(subject: Subject) -> None:
-    """An answer that comes too late is an error, and is not given to the next question."""
+    """An answer that comes too late is an error, and is not given to the next question.
+
+    Where the driver says that answers have a number, one to an earlier question is not believed either.
+    """
     _spoiled(subject, late_s=1.5 * _timeout_s(subject))
+    if getattr(subject.module, "has_numbers", lambda _settings: False)(subject.settings):
+        _comes_once_more(subject)
 
 
 def does_not_believe_half_an_answer(subject: Subject) -> None:
@@ -100,6 +106,25 @@ def _spoiled(subject: Subject, **quirk: Any) -> None:
             link.drive(subject.safe())
             link.drive(commanded)
         _recovered(subject, link, side, commanded)
+
+
+def _comes_once_more(subject: Subject) -> None:
+    """The answer before comes ahead of the right one, when what is read has changed since."""
+    side, spoil = subject.twin()
+    with subject.link() as link:
+        link.drive(subject.safe())
+        system.sleep(subject.settling_s)
+        link.read()  # also where outputs stand, so that the next one asks for inputs alone
+        link.drive(subject.levels(0.5))
+        before, until_s = link.read(), system.now_s() + subject.settling_s
+        while system.now_s() < until_s and not any(
+            abs(side.read()[c.terminal] - before[c.terminal]) > _MOVED * (c.high - c.low)
+            for c in subject.wiring.inputs.values()
+        ):
+            system.sleep(0.01)
+        spoil(again=True, answers=1)
+        with suppress(HardwareError):
+            reads_the_truth(subject, link, side, {})
 
 
 def _recovered(subject: Subject, link: Any, side: Behind, commanded: Mapping[str, float]) -> None:
