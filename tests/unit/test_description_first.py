@@ -17,11 +17,11 @@ from hil.description.find import descriptions
 from hil.description.first import GAP, first_description, gaps
 from hil.description.read import checked, read_description
 from hil.errors import FileError, SettingError
+from tests.commands import hil
 from tests.described import EVERYTHING, written
 from tests.unit.test_description_can import AMPLIFIER, DBC
 from tests.unit.test_description_text import REGULATOR
 
-RUN = CliRunner()
 TABLE = """\
 Acme flow computer,,,,,,
 Register,Name,Data type,Unit,Scale,Min,Max,R/W
@@ -32,13 +32,6 @@ Register,Name,Data type,Unit,Scale,Min,Max,R/W
 40007,Mystery,BLOB,zorg,,,,R
 """
 FROM_ONE = "addr;parameter;format;range\n0x0001;Pressure;u16;0-400\n0x0002;Pressure;s16;\n"
-
-
-def hil(*words: str) -> str:
-    result = RUN.invoke(assembled(), list(words))
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result.output
 
 
 def test_a_table_becomes_a_description_and_what_it_lacks_is_marked(tmp_path: Path) -> None:
@@ -152,7 +145,7 @@ def test_faults_are_listed_before_the_end(tmp_path: Path) -> None:
     path = written(
         tmp_path, "x.toml", EVERYTHING.replace("address = 40101", "address = 1").replace("gap = 2", "gap = -2")
     )
-    result = RUN.invoke(assembled(), ["describe", str(path)])
+    result = CliRunner().invoke(assembled(), ["describe", str(path)])
     assert f"{path}:9: modbus.gap: " in result.output and isinstance(result.exception, FileError)
 
 

@@ -11,15 +11,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 import drivers
 import sim_devices
 from hil.catalog import entries
-from hil.cli.app import assembled
 from hil.errors import FileError, SettingError, UnknownNameError
-
-RUN = CliRunner()
+from tests.commands import hil
 
 
 @pytest.fixture
@@ -35,13 +32,6 @@ def folder(tmp_path: Path) -> Iterator[Path]:
         package.__path__.pop()
         sys.modules.pop(f"{package.__name__}.acme_7", None)
     entries.cache_clear()
-
-
-def hil(*words: str) -> str:
-    result = RUN.invoke(assembled(), list(words))
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result.output
 
 
 def test_what_is_written_passes_as_written(folder: Path) -> None:
