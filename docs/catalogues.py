@@ -25,6 +25,7 @@ from babel.messages.pofile import read_po, write_po
 
 from hil.bench.file import Conditions, InstrumentEntry, Valve
 from hil.catalog import entries
+from hil.console.form import NOTES
 from hil.diagnosis.false_alarms import Colour
 from hil.findings.difference import Meaning
 from hil.physics.compose import effects, plant
@@ -123,6 +124,7 @@ def declared() -> Iterator[str]:
         yield plant(entry.name).title
         yield from (parameter.meaning for parameter in plant(entry.name).parameters)
         yield from (hook.stage for hook in plant(entry.name).hooks)
+    yield from (name for name, _ in NOTES)
     yield from (*get_args(Verdict), *get_args(Meaning), *get_args(Colour))
     for model in (Conditions, Valve, InstrumentEntry):
         for field in model.model_fields:

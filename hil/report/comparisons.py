@@ -12,6 +12,7 @@ from hil.report.name import quantity_words
 from hil.report.number import label_text, number, unit_text, with_std, with_unit
 
 _MOST_FOUND, _MOST_MOVED = 4, 6
+_OUT_OF_TIME = "out of time"  # a reason, which says the time itself
 _NEXT_TO_NOTHING, _FEW_PER_CENT = 0.01, 0.05
 _WHOSE = {
     "valve": marked("the valve's"),
@@ -34,13 +35,13 @@ def comparison_sentences(findings: Findings) -> list[str]:
 
 def _cause(cause: Cause) -> list[str]:
     """What was found, or that nothing was; then by which command and in which time."""
-    sentence = _(
-        "{answer} This took {seconds} s of {budget} s at most. `{command}` looks again, for as long as it needs."
+    if not cause.command:
+        return [_answer(cause)]
+    taken = _("This took {seconds} s of {budget} s at most.").format(
+        seconds=f"{cause.seconds:.0f}", budget=f"{cause.budget_s:.3g}"
     )
-    return [_answer(cause)] if not cause.command else [
-        sentence.format(answer=_answer(cause), seconds=f"{cause.seconds:.0f}", budget=f"{cause.budget_s:.3g}",
-                    command=cause.command)
-    ]  # fmt: skip
+    again = _("`{command}` looks again, for as long as it needs.").format(command=cause.command)
+    return [" ".join((_answer(cause), *(() if cause.reason == _OUT_OF_TIME else (taken,)), again))]
 
 
 def _answer(cause: Cause) -> str:
@@ -64,7 +65,7 @@ def _answer(cause: Cause) -> str:
 
 
 def _reason(cause: Cause) -> str:
-    if cause.reason == "out of time":
+    if cause.reason == _OUT_OF_TIME:
         return _("The cause was not found within {budget} s.").format(budget=f"{cause.budget_s:.3g}")
     if cause.reason == "stopped by the operator":
         return _("The cause is not known: the search was stopped.")

@@ -112,7 +112,7 @@ def test_the_page_of_a_run_is_german_and_what_is_printed_is_not(
     write_run_report(a_recording(), found, tmp_path / "report.html")
     page = read_page(tmp_path / "report.html")
     assert '<html lang="de">' in (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "Nicht zu sagen Kein Grenzwert ist sicher verletzt" in page.text
+    assert "Nicht entscheidbar Kein Grenzwert ist sicher verletzt" in page.text
     assert "Bandbreite 3 dB bei −50 % ist 0,99 ± 0,16 Hz, Grenzwert ≥ 1 Hz: er ist um 0,01 Hz verfehlt" in page.text
     assert "Frequenz, bei der das Amplitudenverhältnis 3 dB unter dem Bezug liegt" in page.text
     assert not re.search(r"\d\.\d", re.sub(r"ISO 14253-1|valve-hil [\d.]+", "", page.text)), "a decimal point is left"

@@ -94,10 +94,11 @@ def test_conditions_that_depart_are_said_in_german() -> None:
         ranges={"fluid_temperature_c": (38, 42), "supply_pressure_bar": (98.5, 102), "ambient_temperature_c": (15, 30)},
     )  # fmt: skip
     said = [german(text) for text in (*condition_departures(found), *departures(found))]
-    assert said[0].startswith("Öltemperatur: gemessen 4") and said[0].endswith("°C; festgelegt ist 38 … 42 °C.")
+    assert said[0].startswith("Flüssigkeitstemperatur: gemessen 4")
+    assert said[0].endswith("°C; festgelegt ist 38 … 42 °C.")
     assert said[1] == "Versorgungsdruck: angegeben 90 bar; festgelegt ist 98,5 … 102 bar."
     assert said[2] == "Umgebungstemperatur: weder gemessen noch angegeben; festgelegt ist 15 … 30 °C."
-    assert said[3].startswith("Nicht angegeben: die Viskositätsklasse des Öls")
+    assert said[3].startswith("Nicht angegeben: die Viskositätsklasse der Flüssigkeit")
     assert said[4].startswith("Das Öl hatte 52,8 °C")
 
 
