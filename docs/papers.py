@@ -135,7 +135,7 @@ def _tugsal() -> Iterator[Row]:
 
 _SINES = "hil analyse sines sines.csv --json"
 _FLOW = "hil analyse flow sweep.csv half-speed.csv --degree 9 --json"
-_OPEN = "hil identify open.csv --plant transfer-function --input current --output position --out open.json --json"
+_OPEN = "hil identify open.csv --plant transfer-function --out open.json --json"
 _PROCESS = "hil analyse process closed.csv --skip 6 --json"
 _CORNERS = "hil analyse sines efc-sines.csv --out efc.csv; hil analyse corners efc.csv --poles 3 --json"
 _CURVE = "hil analyse flow efc-sweep.csv --neutral 1.2 --out efc-curve.csv --json"

@@ -195,16 +195,20 @@ def _with_origin(model: Model, text: str, *, simulated: bool) -> tuple[Model, st
 
 
 def bound(recording: Recording, plant: Plant, input_name: Sequence[str] = (), output_name: str = "") -> Experiment:
-    """A recording bound to a plant: by the names given, else by the plant's, else by the roles that a run declares."""
+    """A recording bound to a plant: by the names given, else by the plant's, else by the roles that a run declares.
+
+    A plant that takes any channel takes the only two there are, the input first.
+    """
     given, answer = _channels(recording, plant, input_name, output_name)
     return experiment(recording, plant, given, answer or None)
 
 
 def _channels(recording: Recording, plant: Plant, input_name: Sequence[str], output_name: str) -> tuple[list[str], str]:
-    roles = recording.meta.get("roles", {})
+    roles, both = recording.meta.get("roles", {}), list(recording.channels)
     given, answer = list(input_name), output_name
-    if not given and plant.inputs[0].name not in recording.channels and "command" in roles:
-        given = [str(roles["command"])]
-    if not answer and plant.output.name not in recording.channels and "response" in roles:
-        answer = str(roles["response"])
+    are_all = plant.output.unit == "any" and len(both) == 2
+    if not given and plant.inputs[0].name not in both and (are_all or "command" in roles):
+        given = [str(roles.get("command") or next(name for name in both if name != answer))]
+    if not answer and plant.output.name not in both and (are_all or "response" in roles):
+        answer = str(roles.get("response") or next((name for name in both if name not in given), ""))
     return given or [plant.inputs[0].name], answer

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import hil
-from hil.errors import SettingError
+from hil.errors import FileError, SettingError
 from hil.identification.frequency.table_fit import Orders
 from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.identification.grey_box.structure import StructureChoice, Tried, choose_structure, with_orders
@@ -16,6 +16,7 @@ from hil.physics.model import load_model, save_model
 from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import transfer_function
 from hil.record.recording import recording
+from hil.session.identification import bound
 from hil.signals.recursion import filtered
 from tests.binary_sequence import binary_sequence
 
@@ -38,8 +39,7 @@ def measured(model, noise=0.02, seed=0, uneven=False, offset=2.0, start_off=0.0,
 
 
 def chosen(made, plant=PLANT):
-    bound = experiment(made, plant, "valve", "pressure")
-    return choose_structure(plant, [bound])
+    return choose_structure(plant, [experiment(made, plant, "valve", "pressure")])
 
 
 @pytest.mark.parametrize(
@@ -62,6 +62,17 @@ def test_the_structure_that_made_the_recording_is_chosen(model, name):
     for parameter, value in model.to_parameters().items():
         if parameter in choice.chosen.structure.free and parameter != "offset":
             assert choice.chosen.values[parameter] == pytest.approx(value, rel=0.05)
+
+
+def test_the_only_two_channels_are_the_input_and_the_output_of_a_plant_that_takes_any():
+    made = measured(transfer_function([4.0], [0.3, 1.0]))
+    for names in ((), ("valve",)):
+        found = bound(made, PLANT, names)
+        assert np.array_equal(found.output, made.values("pressure"))
+        assert np.array_equal(found.drive.inputs[0], made.values("valve"))
+    assert np.array_equal(bound(made, PLANT, (), "valve").output, made.values("valve"))
+    with pytest.raises(FileError, match="no channel"):
+        bound(made, plant("coupled-drives"))
 
 
 def test_identification_of_a_plant_with_structures_states_units_and_uncertainty(tmp_path):
