@@ -102,8 +102,9 @@ def _section_7() -> Iterator[Row]:
 def _gunay() -> Iterator[Row]:
     for at, side in ((0.75, "extending"), (-0.75, "retracting")):
         command = f"hil linearise hydraforce-open-loop --at {at:g} {_CYLINDER}"
-        for gain, unit in (("K_q", "l/min per %"), ("K_q per A", "l/min per A"), ("K_c", "l/min per bar")):
-            yield Row(f"eqs 3 and 4, {side}: {gain}, {unit}", command, "no number", _gain(gain))
+        gains = (("K_q", "l/min per %"), ("K_q per A", "l/min per A"), ("K_c", "l/min per bar")) if at > 0.0 else ()
+        for gain, unit in gains:  # the same on both sides
+            yield Row(f"eqs 3 and 4: {gain}, {unit}", command, "no number", _gain(gain))
         yield Row(f"eqs 6 and 8, before the loop is closed, {side}: b₀, a₂, a₁, a₀", command, "no number", _function)
     yield Row("eq. 12: b₀, a₁, a₀", _LOOP, "0.7837, 3.853, −0.78368989", _function)
     yield Row("its unstable pole, rad/s", _LOOP, "not said", lambda f: _list(p["re"] for p in f["unstable_poles"]))
@@ -119,7 +120,7 @@ def _tugsal() -> Iterator[Row]:
     for name, table, printed, prior in tables:
         paper = _list((*printed.denominator[1:], *printed.numerator))
         command = f"hil analyse recursive {name}.csv {_RECURSIVE} --prior {prior} --json"
-        what = f"eqs 3.7 to 3.15, table {table}: a₁ … a₄, b₀ … b₂ from a {name}"
+        what = f"table {table}: a₁ … a₄, b₀ … b₂ from a {name}"
         yield Row(what, command, paper, lambda f: _list(round(p["value"], 4) for p in f["parameters"]))
     command = "hil analyse error worn.csv --reference good-step.csv --level low --json"
     yield Row("eq. 4.1, 0.04 psi apart, 1 s at 1 kHz", command, "rate not stated", lambda f: _number(f["error_4_1"]))
@@ -157,7 +158,7 @@ def _own_sines() -> Iterator[OwnRow]:
     for samples in (1000, 250, 80):
         line, hz = own_valves.SINES.index(samples), own_valves.RATE_HZ / samples
         true = own_valves.harmonic(*valve, samples, 3, own_valves.RATE_HZ)
-        yield OwnRow(f"eqs 1, 4 to 6: gain at {hz:g} Hz, l/min per %", _SINES, abs(true), _line("gain", line))
+        yield OwnRow(f"eq. 1: gain at {hz:g} Hz, l/min per %", _SINES, abs(true), _line("gain", line))
         phase_deg = math.degrees(cmath.phase(true))
         yield OwnRow("eq. 2: phase there, °", _SINES, phase_deg, _line("phase_deg", line))
 
@@ -278,7 +279,17 @@ def _own_table(found: Sequence[OwnRow], printed: dict[str, Any]) -> str:
 
 
 def _numbered(commands: Sequence[str]) -> list[str]:
-    return [f"{number}. `{command.replace('; ', '`, `')}`" for number, command in enumerate(commands, 1)]
+    """The commands; of several that differ in one name throughout, the first with the names of the others."""
+    said, alike = list[str](), dict[str, list[tuple[int, str]]]()
+    for number, command in enumerate(commands, 1):
+        name = command.split()[2]
+        alike.setdefault(command.replace(name, "NAME"), []).append((number, name))
+    for pattern, found in alike.items():
+        numbers, names = zip(*found, strict=True)
+        command = pattern if len(found) > 1 else pattern.replace("NAME", names[0])
+        where = f" for {', '.join(names)}" if len(found) > 1 else ""
+        said.append(f"{numbers[0]}{f'–{numbers[-1]}' if where else ''}: `{command.replace('; ', '`, `')}`{where}")
+    return [f"- {one}" for one in said]
 
 
 def _run(command: str) -> Any:
