@@ -23,6 +23,7 @@ from hil.console.site import Site
 from hil.console.underway import Run, Underway
 from hil.console.watching import Watching
 from hil.errors import SettingError
+from hil.record.header import END_FILE
 
 _MOST_STARTED = 50
 _JOBS_IN_PARALLEL = 2  # each takes what processors there are
@@ -118,7 +119,9 @@ class Console:
             status = one.exit_status
             if status is not None:
                 one.over_s = one.over_s or time.monotonic()
-            if "stop_url" in by_name.get(name, {}) or time.monotonic() - (one.over_s or math.inf) > _SHOWN_S:
+            has_driven = (self.site.runs / name / END_FILE).exists()  # it may still look for a cause
+            has_begun = "stop_url" in by_name.get(name, {}) or has_driven
+            if has_begun or time.monotonic() - (one.over_s or math.inf) > _SHOWN_S:
                 del self.starting[name]
                 continue
             state = "starting" if status is None else "ended"

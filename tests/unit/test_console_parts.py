@@ -26,7 +26,7 @@ from hil.console.console import Console
 from hil.console.envelope import Envelope
 from hil.console.follow import Follower
 from hil.console.form import faults_of, fields_of, given_of, setting_named_in
-from hil.console.process import start
+from hil.console.process import Started, start
 from hil.console.routes import bench as bench_routes
 from hil.console.routes import results as results_routes
 from hil.console.routes import run as run_routes
@@ -279,6 +279,17 @@ def test_a_reset_that_cannot_be_written_down_is_not_done(site: Site, monkeypatch
     with pytest.raises(StorageError, match="audit trail"):
         asyncio.run(bench_routes.reset(Request()))  # type: ignore[arg-type]
     assert done == []
+
+
+def test_a_quick_run_whose_process_still_looks_for_a_cause_is_not_said_to_start(site: Site, tmp_path: Path) -> None:
+    console = Console(site, Underway(site.runs))
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        console.starting["quick"] = Started("quick", process, tmp_path / "log")
+        assert [run["state"] for run in console.runs(anew=True)] == ["starting"]
+        written(site.runs / "quick").close("completed")
+        assert "starting" not in [run["state"] for run in console.runs(anew=True)]
+        assert console.starting == {}
+        process.communicate(b"\n")
 
 
 def test_the_form_says_how_far_each_output_may_go(site: Site) -> None:
