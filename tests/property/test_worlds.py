@@ -197,7 +197,7 @@ MENDS: dict[str, tuple[Patches, str]] = {
     ),
     "a late command is not waited for": (
         [(Late, "left_s", lambda _late, _now_s: 0.0)],
-        "23,0.05,plain,-|hold:driving:1.91:1:io|hup:driving:3.153:0:",
+        "23,0.05,plain,-|hold:driving:1.5:1:io|hup:driving:2.743:0:",
     ),
     "another device is believed": (
         [(Wiring, "refuse_another", lambda _wiring, _identity: None), (Pin, "doubt", lambda _pin, _identity: "")],
