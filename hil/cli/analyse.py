@@ -120,10 +120,12 @@ def classes(
 ) -> None:
     """Classes learnt from good and bad valves: accepted bad and refused good, each with exact 95 % limits."""
     from hil import api
+    from hil.session.class_analysis import GOOD
 
     if len(valves) == 1 and not valves[0].is_dir():
         found = api.learn_classes(valves[0])
     elif len(valves) == 2:
+        valves = sorted(valves, key=lambda folder: folder.name.casefold() not in GOOD)
         good, bad = (_folder(one, reading) for one in valves)
         others = [_read(one, reading) for one in judge]
         found = api.learn_classes(good, bad, others, output=output_name, names=(valves[0].name, valves[1].name))

@@ -24,6 +24,8 @@ from hil.untrusted import read_text
 FEWEST = 5  # valves of a class
 _EVEN = 1e-3  # of the interval, by which those of one test may differ
 _CLASS = ("class", "condition", "verdict", "label")
+GOOD = ("good", "ok", "pass")
+"""Names of a class that is the good one, wherever it stands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +160,7 @@ def classes_of_table(path: Path) -> ClassAnalysis:
     if at is None:
         raise FileError(f"{path}: no column 'class'; a row for each valve has its class and what was measured")
     classes = [row[at].strip() for row in rows]
-    names = sorted(set(classes), key=lambda name: (name.casefold() not in ("good", "ok", "pass"), classes.index(name)))
+    names = sorted(set(classes), key=lambda name: (name.casefold() not in GOOD, classes.index(name)))
     if len(names) != 2:
         raise FileError(f"{path}: column '{head[at]}' holds {len(names)} classes ({', '.join(names)}); two are needed")
     _check_count({name: classes.count(name) for name in names})

@@ -220,6 +220,14 @@ def test_a_plant_that_no_linear_model_fits_is_said_to_be_none(command_line):
     assert json.loads(command_line("linearise", "brevini-hpv41", "--at", 30, "--json").out)["notes"] == []
 
 
+def test_a_command_beyond_the_full_scale_is_said(command_line):
+    for at, said in (
+        (100, []),
+        (1e9, ["1e+09 % lies beyond the full scale of 100 %, where nobody knows the plant"]),
+    ):
+        assert linear(command_line, "brevini-hpv41", "--at", at)["notes"] == said
+
+
 def test_what_does_not_answer_is_not_linearised(command_line):
     status, _, text = command_line("linearise", "hydraforce-open-loop", "--at", 0.1)
     assert status == 2

@@ -203,6 +203,16 @@ def test_classes_count_what_they_get_wrong_with_exact_limits():
     assert exact_limits(2, 10) == pytest.approx((0.0252, 0.5561), abs=1e-4)  # Clopper, Pearson 1934
 
 
+def test_the_folder_of_good_valves_may_be_named_second(tmp_path, command_line):
+    for name, made in (("good", valves(5, 0.05, 1)), ("bad", valves(5, 0.15, 100))):
+        (tmp_path / name).mkdir()
+        for k, one in enumerate(made):
+            hil.write(one, tmp_path / name / f"{k}.csv")
+    found = [command_line("analyse", "classes", *(tmp_path / n for n in order), "--output", "flow", "--json").out
+             for order in (("good", "bad"), ("bad", "good"))]  # fmt: skip
+    assert found[0] == found[1] and '"good": "good"' in found[0]
+
+
 def test_classes_of_a_table(tmp_path):
     rng = np.random.default_rng(3)
     rows = [("g", "good", *rng.normal((0.1, 1.0), 0.02)) for _ in range(10)]

@@ -20,7 +20,7 @@ from hil.identification.frequency.linear_evidence import doubts
 from hil.identification.frequency.order_choice import fit_transfer_function
 from hil.language.note import Note
 from hil.physics.model import Model
-from hil.physics.plant import Parameters
+from hil.physics.plant import Parameters, Signal
 from hil.physics.plants.brevini_hpv41 import metered
 from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import TransferFunction, transfer_function
@@ -44,7 +44,7 @@ class Linearised:
         output: at the operating point, in its unit.
         gains: K_q and K_c with their units, for plants with metering edges; K_1/K_2 of a valve on a blocked port.
         uneven: how far up and down differ, as a share of the answer: 0 for a linear plant.
-        notes: why the transfer function is no model of it; none where it is one.
+        notes: why the transfer function is no model of it, or nobody knows it there; none where it is one.
     """
 
     model: TransferFunction
@@ -107,8 +107,20 @@ def linearised(
     if integrates:
         linear = transfer_function(linear.numerator, np.append(linear.denominator, 0.0), linear.dead_time_s)
     uneven = float(np.abs(up + down - 2.0 * stood).max() / np.abs(up - down).max())
+    notes = (*_beyond(plant.inputs[0], at), *doubts(fit))
     return Linearised(linear, fit.fit_percent, float(stood[0]), _gains(model, at, size, load_pressure_bar), uneven,
-                      doubts(fit))  # fmt: skip
+                      notes)  # fmt: skip
+
+
+def _beyond(command: Signal, at: float) -> tuple[Note, ...]:
+    if command.unit == "any" or abs(at) <= command.full_scale:
+        return ()
+    return (
+        Note(
+            "{at:g} {unit} lies beyond the full scale of {full:g} {unit}, where nobody knows the plant",
+            at=at, unit=command.unit, full=command.full_scale,
+        ),
+    )  # fmt: skip
 
 
 def _settled(answer: Array) -> bool:
