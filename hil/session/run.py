@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -87,6 +87,7 @@ def run_procedure(
         about["commanding"] = commanding
     if earlier is not None:
         about["resumes"] = earlier.name
+        bench = _with_other_noise(bench, len(earlier))
     new = not out.exists()
     if not bench.is_simulated:  # whose time stands still meanwhile
         preload(procedure.run)
@@ -109,6 +110,17 @@ def run_procedure(
             raise
         telling(1.0, "outputs safe; evaluating")
         return with_cause(procedure, evaluate_run(procedure, out, archive), archive, cause_s, telling)
+
+
+def _with_other_noise(bench: BenchFile, samples: int) -> BenchFile:
+    """The bench with noise drawn anew where it is simulated: samples of before would come twice, and count twice."""
+    devices = {}
+    for name, device in bench.devices.items():
+        if (simulation := getattr(device.settings, "simulation", None)) is not None:
+            other = simulation.model_copy(update={"seed": simulation.seed + samples})
+            device = replace(device, settings=device.settings.model_copy(update={"simulation": other}))
+        devices[name] = device
+    return replace(bench, devices=devices)
 
 
 def rehearse_procedure(

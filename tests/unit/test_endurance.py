@@ -108,6 +108,7 @@ def test_a_run_that_was_broken_off_thrice_finds_what_an_unbroken_one_finds(tmp_p
     assert expected["cycles"].value == 60
     kept = [part for part in read(tmp_path / "resumed").meta["parts"] if part["kind"] == "cycle"]
     assert [part["after"] for part in kept] == list(range(0, 60, 5))
+    assert len({part["mean"]["gain"] for part in kept}) == 12  # noise of before does not come again
 
 
 def test_intervals_of_driven_runs_hold_what_a_run_without_noise_finds(tmp_path):
