@@ -8,7 +8,7 @@ from typing import Any
 
 from hil.bench.files import at_home
 from hil.bench.find import find_bench
-from hil.errors import FileError, HilError
+from hil.errors import FileError, HilError, reading
 from hil.untrusted import parse_toml, read_text
 
 BASED_ON = "based_on"
@@ -43,7 +43,7 @@ def _with_base(path: Path, content: Mapping[str, Any], depth: int) -> dict[str, 
     if depth == _DEEPEST:
         raise FileError(f"{path}: {BASED_ON}: more than {_DEEPEST} files one on the other, or one on itself")
     home = _base_path(path, content[BASED_ON])
-    base = _with_base(home, _content(home, _text(home)), depth + 1)
+    base = _with_base(home, _content(home, text_of(home)), depth + 1)
     return merged(_without_replaced(_at_home(base, home.parent), own), own)
 
 
@@ -91,11 +91,14 @@ def _at_home(content: dict[str, Any], folder: Path) -> dict[str, Any]:
     return own
 
 
-def _text(path: Path) -> str:
-    try:
+def text_of(path: Path) -> str:
+    """The text of a bench file.
+
+    Raises:
+        FileError: it cannot be read.
+    """
+    with reading(path, "not a bench file"):
         return read_text(path)
-    except OSError as error:
-        raise FileError(f"{path}: not a bench file: {error}") from None
 
 
 def _content(path: Path, text: str) -> dict[str, Any]:

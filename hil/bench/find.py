@@ -33,3 +33,16 @@ def find_bench(name: str) -> Path:
 def benches() -> dict[str, Path]:
     """Every bench that installed packages bring along, by name."""
     return files_of(_GROUPS, "benches", "*.toml")
+
+
+def own_bench(path: Path) -> None:
+    """Refuse to change the bench of a package: another version of the package would undo it.
+
+    Raises:
+        FileError: it is a package's; the message says how to have one's own.
+    """
+    if path.resolve() in (installed.resolve() for installed in benches().values()):
+        name = path.stem
+        raise FileError(
+            f'{name}: the bench of a package is not changed; change a file of yours with based_on = "{name}"'
+        )

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from hil.bench.base import whole_bench
+from hil.bench.base import text_of, whole_bench
 from hil.bench.check import faults_of
 from hil.bench.device import DeviceInUse, device_in_use, open_devices, own_settings
 from hil.bench.draft import draft_of
@@ -17,7 +17,6 @@ from hil.bench.lines import line_at, lines_of
 from hil.daq.channel import Terminal
 from hil.daq.contract import Daq
 from hil.errors import FileError
-from hil.untrusted import read_text
 from hil.version import is_newer, made_by
 
 MADE_WITH = "made_with"
@@ -66,10 +65,7 @@ def read_bench(path: Path) -> BenchFile:
         FileError: it cannot be read, or is not TOML (the message names the line).
         BenchError: it has faults, each with its line and what to do about it.
     """
-    try:
-        text = read_text(path)
-    except OSError as error:
-        raise FileError(f"{path}: not a bench file: {error}") from None
+    text = text_of(path)
     content, whole = whole_bench(path, text)
     maker = str(content.get(MADE_WITH, ""))
     if is_newer(maker):

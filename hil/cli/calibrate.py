@@ -47,10 +47,12 @@ def command(
     comments, and the values before in a history. A certificate has the points in it: nothing is opened then.
     """
     from hil import api
-    from hil.bench.read import read_bench
+    from hil.api.bench import bench_of
+    from hil.bench.find import own_bench
     from hil.cli.run_end import entered, safely
 
-    file = read_bench(bench)
+    file = bench_of(bench)
+    own_bench(file.path)
     if channel not in file.bench.channels:
         raise UnknownNameError("channel", channel, file.bench.channels)
     unit = file.bench.channels[channel].unit

@@ -10,7 +10,7 @@ from pathlib import Path
 import typer
 
 from hil.cli.options import argument, option
-from hil.errors import FileError, SettingError
+from hil.errors import FileError, SettingError, reading
 from hil.untrusted import parse_toml, read_text
 
 _TEMPLATES = Path(__file__).parent / "templates"
@@ -203,9 +203,7 @@ def _package_in(folder: Path) -> Home | None:
     path = folder / "pyproject.toml"
     if not path.is_file():
         return None
-    try:
+    with reading(path, "not a pyproject file"):
         points = parse_toml(read_text(path), f"{path}: not a pyproject file").get("project", {}).get("entry-points", {})
-    except OSError as error:
-        raise FileError(f"{path}: not a pyproject file: {error}") from None
     modules = {group: next(iter(named.values())) for group, named in points.items() if group in _FOLDERS and named}
     return Home(folder, modules) if modules else None

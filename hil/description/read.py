@@ -20,7 +20,7 @@ from hil.description.modbus import ModbusDescription
 from hil.description.modbus_check import modbus_faults
 from hil.description.terminal import name_faults
 from hil.description.text import TextDescription, text_faults
-from hil.errors import FileError, SettingError, reading
+from hil.errors import SettingError, reading
 from hil.untrusted import parse_toml, read_text
 
 Description = CanDescription | CanopenDescription | ModbusDescription | ModuleDescription | TextDescription
@@ -48,10 +48,8 @@ def read_description(path: Path) -> Description:
 
 @lru_cache(maxsize=64)
 def _read(path: Path, _changed: int) -> Description:
-    try:
+    with reading(path, "not a description"):
         text = read_text(path)
-    except OSError as error:
-        raise FileError(f"{path}: not a description: {error}") from None
     content = parse_toml(text, f"{path}: not a description")
     description, faults = checked(at_home(content, path.parent))
     if description is None or faults:

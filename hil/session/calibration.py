@@ -14,6 +14,7 @@ import numpy as np
 from hil.bench.audit import on_the_trail
 from hil.bench.ending import accounted, word_of_this_process
 from hil.bench.file import CalibrationLine
+from hil.bench.find import own_bench
 from hil.bench.manual.certificate import read_certificate
 from hil.bench.manual.fit import Line, Point, fit_line
 from hil.bench.manual.inputs import inputs_of
@@ -46,7 +47,12 @@ class Calibrated:
     entry: CalibrationLine
 
     def write(self) -> None:
-        """Write it into the bench file; its comments stay, and the values before in a history."""
+        """Write it into the bench file; its comments stay, and the values before in a history.
+
+        Raises:
+            FileError: it is the bench of a package.
+        """
+        own_bench(self.file.path)
         write_calibration(self.file, self.channel, self.entry)
 
 

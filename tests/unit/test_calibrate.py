@@ -89,6 +89,13 @@ def test_beyond_the_limits_nothing_is_driven(calibrated: Calibrated, tmp_path: P
     assert max(read(tmp_path / "run").values("command", "%")) <= 100.0
 
 
+def test_the_bench_of_a_package_is_not_changed_and_nothing_is_driven(command_line, tmp_path: Path) -> None:
+    stated = ("--reference", "meter 7", "--out", tmp_path / "run")
+    found = command_line("calibrate", "brevini-hpv41", "command", *stated, typed="1\n2\n")
+    assert found.status == 2 and 'based_on = "brevini-hpv41"' in found.err
+    assert not (tmp_path / "run").exists()
+
+
 def test_an_input_is_averaged_at_each_point(tmp_path: Path) -> None:
     """The valve is moved by hand behind the device; the reference reads what the plant really does."""
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, devices):
