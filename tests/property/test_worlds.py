@@ -189,6 +189,7 @@ def test_signals_and_serial_ports_of_the_world_are_those_of_linux(part: int) -> 
 
 
 plan = Pace.planned
+blocked = j1939_valve.command_frame
 Patches = list[tuple[object, str, Any]]
 MENDS: dict[str, tuple[Patches, str]] = {
     "what was not acknowledged goes out again": (
@@ -333,6 +334,10 @@ FAULTS: dict[str, tuple[Patches, str]] = {
     "events_have_their_time": (
         [(run_writer, "system", SimpleNamespace(utc=lambda: BEGAN))], "7,0.05,plain,-|low:driving:1.3:1:aux",
     ),
+    "is_driven": (
+        [(j1939_valve, "command_frame", lambda _percent, fail_safe: blocked(0.0, fail_safe))], "7,0.05,plain,v",
+    ),
+    "nobody_spins": ([(rescue, "_wait", lambda *_: None)], "7,0.05,plain,-|out:driving:1.3:5:io|kill:driving:1.4:0:"),
     "errors_are_not_ours, nor told": ([(rescue, "replace", _undefined)], "7,0.05,plain,-|kill:driving:1.3:0:"),
 }  # fmt: skip
 

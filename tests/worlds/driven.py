@@ -31,6 +31,7 @@ _IN_TIME_S = 0.005
 _NOTICED_S = 1.0  # so soon a device that restarted is noticed, once it is back
 _HOLDS_S = 2.5  # so long after a person asked for it a run is held: it ends what it plays
 _CLOCKS = {"sleep", "pause", "disk slow"}
+_CALLS_PER_S = 8000.0  # of the seam; some 3000 of them are usual
 _BEGUN_S = 0.02  # so soon a reading that was begun has arrived
 
 
@@ -64,6 +65,26 @@ def drives_what_is_asked(world: World, ran: Ran) -> Iterator[str]:
                 yield f"{name} goes to {percent:.2f} % at {at_s:.3f} s, and nobody has asked for that then"
                 break
             at += int(left[0]) if in_order else 0
+
+
+def is_driven(world: World, ran: Ran) -> Iterator[str]:
+    """With nothing in the way an output came to where the procedure was told that it was."""
+    if kinds(ran) - CALM or not ran.handed:
+        return
+    stood = {name: np.array([percent for _, percent in changes]) for name, changes in ran.changes.items()}
+    on = {
+        name: _ON_VALVE if ran.schedule.third == "valve" and name == PILOT else _ON[name] for name in stood.keys() & _ON
+    }
+    for name, level in (*on.items(), *(("command", command[-1]) for command, _ in ran.handed)):
+        if np.min(np.abs(stood[name] - level)) > NEAR:
+            yield f"{name} never stood at {level:.2f} %, and the procedure was told so"
+            return
+
+
+def nobody_spins(world: World, ran: Ran) -> Iterator[str]:
+    """Who waits for something does not ask for it again and again."""
+    if ran.calls > _CALLS_PER_S * max(1.0, ran.ended_s):
+        yield f"{ran.calls} calls of the seam in {ran.ended_s:.1f} s"
 
 
 def begins_safe(world: World, ran: Ran) -> Iterator[str]:
@@ -306,5 +327,5 @@ LAWS = (
     begins_safe, errors_are_not_ours, connections_are_given_up, drives_what_is_asked, hands_back_what_is_recorded,
     samples_are_in_time, own_watchdogs_rest, causes_happened, is_heard, restart_is_noticed, pauses_are_kept,
     own_watchdogs_are_armed, claims_are_waited_for, safe_comes_before_readings, contact_is_asked, holds_are_events,
-    witness_is_heard,
+    witness_is_heard, is_driven, nobody_spins,
 )  # fmt: skip

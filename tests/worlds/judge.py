@@ -226,7 +226,8 @@ def _as_expected(world: World, ran: Ran) -> Iterator[str]:
         yield "a second program had the bench while it was driven"
     if fault.kind in ("low", "hold run"):
         yield from _held(ran, begun_s, fault.lasts_s)
-    if fault.kind not in _ENDINGS or fault.lasts_s < _LEAST_S.get(fault.kind, 0.0):
+    writes_s = (ran.schedule.block_s - BLOCK_S) * (fault.kind in NO_DISK)
+    if fault.kind not in _ENDINGS or fault.lasts_s < _LEAST_S.get(fault.kind, 0.0) + writes_s:
         return
     status, within_s, text = _ENDINGS[fault.kind]
     if fault.kind == "wd pause" and ran.status == own and ran.changes["command"][-1][0] < begun_s + within_s:
