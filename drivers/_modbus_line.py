@@ -86,21 +86,19 @@ class ModbusLine(RequestLine):
         self.close()
 
     def ask(self, function: int, address: int, *, count: int = 1, values: Sequence[int] = ()) -> list[int]:
-        """One request and its answer.
+        """One request and its answer; a device that is busy is asked again, as its specification wants it.
 
         Raises:
             LinkError: none came, or one that is refused or belongs to another request.
             DeviceLostError: the connection is gone.
         """
         self.meet()
-        try:
-            answer = self.exchange(request(function, address, count, values, self._settings.unit_id))
-        except OSError as error:
-            self._fail(error, DeviceLostError, "the connection is lost")
-        except Exception as error:  # whatever the library makes of what came
-            self._fail(error, LinkError, f"no valid answer within {self._timeout_s:g} s{self._what_came()}")
-        self._on_answer()
-        self._has_answered = True
+        asked = request(function, address, count, values, self._settings.unit_id)
+        until_s = system.now_s() + self._timeout_s
+        answer = self._valid_answer(asked)
+        while answer.isError() and answer.exception_code == _BUSY and system.now_s() < until_s:
+            system.sleep(max(self._pause_s, _AGAIN_S))
+            answer = self._valid_answer(asked)
         if answer.isError():
             raise LinkError(
                 f"function {function} at register {address:#06x} is refused with exception {answer.exception_code}"
@@ -116,6 +114,17 @@ class ModbusLine(RequestLine):
             self._fail(None, LinkError, f"two answers came to function {function} at {address:#06x}: one is another's")
         self._rest_until_s = system.now_s() + self._pause_s
         return [int(bit) for bit in answer.bits[:count]] if function in (1, 2) else list(answer.registers)
+
+    def _valid_answer(self, asked: Any) -> Any:
+        try:
+            answer = self.exchange(asked)
+        except OSError as error:
+            self._fail(error, DeviceLostError, "the connection is lost")
+        except Exception as error:  # whatever the library makes of what came
+            self._fail(error, LinkError, f"no valid answer within {self._timeout_s:g} s{self._what_came()}")
+        self._on_answer()
+        self._has_answered = True
+        return answer
 
     def exchange(self, asked: Any, *, blindly: bool = False) -> Any:
         """A request of the library on the open line, and the answer under its number; `blindly` without waiting for it.
@@ -216,7 +225,8 @@ _EXCEPTIONS = {
     10: " (gateway: no path to the device; check its port and unit_id)",
     11: " (gateway: the device behind it does not answer; check unit_id, wiring and baud rate there)",
 }
-_NO_SUCH_REGISTER = 2
+_NO_SUCH_REGISTER, _BUSY = 2, 6
+_AGAIN_S = 0.02  # to who was busy
 
 
 def _counted_otherwise(code: int, address: int) -> str:

@@ -8,6 +8,7 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from itertools import count
 from typing import Any
 
 import pytest
@@ -206,6 +207,29 @@ def test_a_device_that_needs_a_pause_is_told_of_the_setting(transport: str) -> N
         linked(slow(device, 0.9, transport), model, transport, watchdog_s=1.0),
     ):
         raise AssertionError("it was opened")
+
+
+def busy(device: Tables, times: float) -> Callable[[bytes], bytes]:
+    """A device that refuses as busy so many times, then answers (function code + 0x80, exception 6)."""
+    refused = count()
+
+    def answer(frame: bytes) -> bytes:
+        if next(refused) < times:
+            return frame[:4] + bytes((0, 3, frame[6], frame[7] | 0x80, 6))
+        return device.on_tcp(frame)
+
+    return answer
+
+
+def test_a_busy_device_is_asked_again_for_as_long_as_an_answer_may_take() -> None:
+    device = Tables(inputs={0: 453})
+    with linked(busy(device, 3)) as link:
+        assert link.read()["t"] == 453.0
+    with (
+        pytest.raises(LinkError, match=r"exception 6 \(device busy\)"),
+        linked(busy(device, math.inf), timeout_s=0.2) as link,
+    ):
+        link.read()
 
 
 def test_echo_belongs_to_a_serial_line() -> None:
