@@ -57,7 +57,7 @@ class Guard:
         protection: its limits and interlocks.
         latch: what has tripped; outlives the guard where it has a file.
         clock: by which outputs stand at their level between tasks.
-        keep: takes every block, whatever it was played for, before it is judged: the recording.
+        keep: takes every block, whatever it was played for: the recording. Only a trip comes before it.
         note: takes every event (`note(name, **details)`): an indication, a hold, a stop, a trip.
         beat: the sign of life for a watchdog, told whether outputs are driven; given before a task, with each
             block, and when outputs are safe. What it raises ends the task.
@@ -385,10 +385,12 @@ class Guard:
                 if self._roll_back is not None and are_many and not self._passes(block):
                     self._roll_back(self._block_samples)
                     continue
-                self._keep(block)
+                violations = [] if are_many else self._watches.judge(block, self._daq.promises.blind_s)
+                keep = self._keep_if_possible if self._tripped(violations) else self._keep
+                keep(block)
                 refuse_after_sleep(self._clock)
                 self._limits.seen()
-                for violation in () if are_many else self._watches.judge(block, self._daq.promises.blind_s):
+                for violation in violations:
                     self._act(violation)
                 _refuse_no_number(block, self._watches.ended_by)
                 yield block
@@ -411,12 +413,19 @@ class Guard:
         """Whether nothing at all is to be said of several blocks in one."""
         return all(map(is_measured, block.inputs.values())) and self._watches.pass_over(block)
 
-    def _act(self, violation: Violation) -> None:
-        lock = violation.interlock
-        if lock.action == "trip":
+    def _tripped(self, violations: Iterable[Violation]) -> bool:
+        """Make safe and latch where one of them trips, and whether one does: no disk is waited for before."""
+        trips = [violation for violation in violations if violation.interlock.action == "trip"]
+        if trips:
             with uninterrupted():
                 self._make_safe()  # its witnesses are heard once the trip is kept
-                self.latch.trip(lock.name, violation.text)
+                for violation in trips:
+                    self.latch.trip(violation.interlock.name, violation.text)
+            self._live()  # a slow disk is no program that hangs
+        return bool(trips)
+
+    def _act(self, violation: Violation) -> None:
+        lock = violation.interlock
         self._note_if_possible(lock.action, interlock=lock.name, text=violation.text)
         if lock.action in ("trip", "stop"):
             self.latch.check()
@@ -480,15 +489,13 @@ class Guard:
                 if self._operator.stop_asked:
                     return
                 violations = self._watches.judge(block)
-                if any(violation.interlock.action == "trip" for violation in violations):
-                    self._make_safe()  # no disk is waited for before
+                is_over = self._tripped(violations)
                 self._keep_if_possible(block)
-                self._live()  # a slow disk is no program that hangs
+                self._live()
                 for violation in violations:
                     self._note_if_possible(violation.interlock.action, text=violation.text)
-                    if violation.interlock.action == "trip":
-                        self.latch.trip(violation.interlock.name, violation.text)
-                        return
+                if is_over:
+                    return
 
     def _stand_as_left(self, names: Collection[str]) -> bool:
         """Whether every device that can be asked answers, and these outputs stand where they were left.

@@ -149,12 +149,28 @@ def test_reader_who_leaves_early_makes_safe() -> None:
     assert wire.levels["a"] == 0.0
 
 
-def test_every_block_is_kept_before_it_is_judged() -> None:
-    kept: list[Block] = []
-    guard = Guard(Wire(), protection(high("trip")), keep=kept.append)
+def test_a_trip_waits_for_no_disk_and_its_block_is_kept() -> None:
+    wire, kept, stood = Wire(), [], []
+
+    def slowly(block: Block) -> None:
+        stood.append(driven(wire)[-1])
+        kept.append(block)
+
+    guard = Guard(wire, protection(high("trip")), keep=slowly)
     with pytest.raises(TrippedError):
-        list(guard.play(wave(7.0)))
-    assert kept[-1].inputs["a read"].max() == 7.0
+        list(guard.play(wave(5.0, 7.0)))
+    assert stood[-2:] == [5.0, 0.0] and kept[-1].inputs["a read"].max() == 7.0
+
+
+def test_a_trip_that_a_full_disk_cannot_record_is_latched_and_said() -> None:
+    def full(block: Block) -> None:
+        if block.inputs["a read"].max() > 6.0:
+            raise StorageError("disk full")
+
+    guard = Guard(Wire(), protection(high("trip")), keep=full)
+    with pytest.raises(TrippedError, match="'high': 7"):
+        list(guard.play(wave(5.0, 7.0)))
+    assert guard.latch.trips
 
 
 def test_full_disk_does_not_keep_outputs_from_going_safe() -> None:
