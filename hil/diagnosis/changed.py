@@ -48,7 +48,7 @@ class Changed:
     @property
     def needed(self) -> float:
         """The z from which it is an alarm."""
-        return self.table.before.needed
+        return self.table.before.needed(alone=self.later.alone)
 
     @property
     def is_alarm(self) -> bool:

@@ -51,10 +51,12 @@ class Before:
     uneven: float
     left: float
 
-    @property
-    def needed(self) -> float:
-        """The z from which later recordings are an alarm: no less than pseudo-tests of before have reached."""
-        return max((CRITERIA.alarm, *self.reach))
+    def needed(self, *, alone: bool) -> float:
+        """The z from which later recordings are an alarm: no less than pseudo-tests of before have reached.
+
+        Of several later recordings no single one makes an alarm; so no single one of before withholds it.
+        """
+        return max((CRITERIA.alarm, *sorted(self.reach)[: None if alone else -1]))
 
     def within(self, count: int) -> float:
         """By which factor what is left of so many unchanged recordings may be off, either way, in 95 % (Student)."""
