@@ -8,7 +8,6 @@ import re
 from hil.language.figures import localised
 from hil.language.note import translated
 from hil.language.words import place_words
-from hil.record.measured import COVERAGE_FACTOR
 
 MINUS = "\N{MINUS SIGN}"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -60,6 +59,8 @@ def with_uncertainty(value: float | None, expanded: float | None, unit: str = ""
 
 def with_std(value: float | None, std: float | None, unit: str = "") -> str:
     """The same of a value whose standard uncertainty is known, None where it is not."""
+    from hil.record.measured import COVERAGE_FACTOR
+
     return with_uncertainty(value, None if std is None else COVERAGE_FACTOR * std, unit)
 
 

@@ -59,7 +59,7 @@ CASES = [
     (("identify", "good.csv", *IDENTIFY[:2], "--out", "nowhere/m.json"), "nowhere/m.json: there is no folder nowhere"),
     (("convert", "good.csv", "nowhere/good.csv"), "nowhere/good.csv: there is no folder nowhere"),
     (("identify", "capitals.csv", *IDENTIFY), "'command', the input of brevini-hpv41, did you mean 'Command'?"),
-    (("identify", "good.csv", "--plant", "transfer-function", "--out", "m.json"), "name its channel with --input"),
+    (("identify", "three.csv", "--plant", "transfer-function", "--out", "m.json"), "name its channel with --input"),
     (("identify", "good.csv", "good.csv", *IDENTIFY), "good.csv: named twice; a recording counts once"),
     (("identify", "good.csv", "--plant", "brevini-hpv41", "--out", "good.csv"), "would be lost; write another file"),
     (("identify", "good.csv", "--plant", "brevini-hpv41", "--out", "folder"), "folder: is a folder; name a file"),
@@ -99,6 +99,8 @@ def recordings(tmp_path: Path) -> None:
     head = "time [s],command [%],flow [l/min]\n"
     (tmp_path / "short.csv").write_text(head + "0,1,2\n1,2,3\n2,3,4\n", encoding="utf-8")
     still = "".join(f"{k},50,{k % 7}\n" for k in range(50))
+    rows = "".join(f"{k},{k % 2},{k % 3},{k % 5}\n" for k in range(50))
+    (tmp_path / "three.csv").write_text(head.replace("flow", "flow [l/min],b") + rows, encoding="utf-8")
     (tmp_path / "still.csv").write_text(head + still, encoding="utf-8")
 
 

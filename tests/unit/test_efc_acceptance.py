@@ -19,7 +19,7 @@ from hil.record.read import read_recording
 
 # The population is drawn once, for all of them.
 pytestmark = [pytest.mark.xdist_group("efc population"), pytest.mark.usefixtures("unprinted")]
-SHORT = {"sweep_s": 8.0, "levels": ("medium",), "frequencies": (1.0, 3.0, 8.0)}
+SHORT = {"sweep_s": 8.0, "levels": ("medium",), "frequencies": (1.0, 3.0, 5.0, 8.0)}
 
 
 def test_a_good_valve_passes_the_whole_sequence(tmp_path: Path) -> None:
