@@ -386,12 +386,12 @@ class Guard:
                     self._roll_back(self._block_samples)
                     continue
                 violations = [] if are_many else self._watches.judge(block, self._daq.promises.blind_s)
-                keep = self._keep_if_possible if self._tripped(violations) else self._keep
-                keep(block)
+                if not self._tripped(violations, block):
+                    self._keep(block)
                 refuse_after_sleep(self._clock)
                 self._limits.seen()
-                for violation in violations:
-                    self._act(violation)
+                self._note_all(violations)
+                self._refuse_broken(violations)
                 _refuse_no_number(block, self._watches.ended_by)
                 yield block
         self._beat(any(channel.safe != self.levels[name] for name, channel in self.outputs.items()))
@@ -413,23 +413,31 @@ class Guard:
         """Whether nothing at all is to be said of several blocks in one."""
         return all(map(is_measured, block.inputs.values())) and self._watches.pass_over(block)
 
-    def _tripped(self, violations: Iterable[Violation]) -> bool:
-        """Make safe and latch where one of them trips, and whether one does: no disk is waited for before."""
+    def _tripped(self, violations: Iterable[Violation], block: Block) -> bool:
+        """Whether one of them trips: then make safe, latch, and record the block last (a disk may be slow)."""
         trips = [violation for violation in violations if violation.interlock.action == "trip"]
         if trips:
-            with uninterrupted():
-                self._make_safe()  # its witnesses are heard once the trip is kept
-                for violation in trips:
-                    self.latch.trip(violation.interlock.name, violation.text)
-            self._live()  # a slow disk is no program that hangs
+            try:
+                with uninterrupted():
+                    self._make_safe()  # its witnesses are heard once the trip is kept
+                    for violation in trips:
+                        self.latch.trip(violation.interlock.name, violation.text)
+            finally:
+                self._live()  # a slow disk is no program that hangs
+                self._keep_if_possible(block)
         return bool(trips)
 
-    def _act(self, violation: Violation) -> None:
-        lock = violation.interlock
-        self._note_if_possible(lock.action, interlock=lock.name, text=violation.text)
-        if lock.action in ("trip", "stop"):
-            self.latch.check()
-            raise StoppedError(f"{violation.text}; the run was stopped")
+    def _note_all(self, violations: Iterable[Violation]) -> None:
+        for violation in violations:
+            lock = violation.interlock
+            self._note_if_possible(lock.action, interlock=lock.name, text=violation.text)
+
+    def _refuse_broken(self, violations: Iterable[Violation]) -> None:
+        """End the task where one of them does; a trip goes before a stop."""
+        for violation in violations:
+            if violation.interlock.action in ("trip", "stop"):
+                self.latch.check()
+                raise StoppedError(f"{violation.text}; the run was stopped")
 
     def _wait_for_holds(self) -> None:
         self._wait_for_interlocks()
@@ -489,11 +497,11 @@ class Guard:
                 if self._operator.stop_asked:
                     return
                 violations = self._watches.judge(block)
-                is_over = self._tripped(violations)
-                self._keep_if_possible(block)
-                self._live()
-                for violation in violations:
-                    self._note_if_possible(violation.interlock.action, text=violation.text)
+                is_over = self._tripped(violations, block)
+                if not is_over:
+                    self._live()
+                    self._keep_if_possible(block)
+                self._note_all(violations)
                 if is_over:
                     return
 

@@ -173,6 +173,24 @@ def test_a_trip_that_a_full_disk_cannot_record_is_latched_and_said() -> None:
     assert guard.latch.trips
 
 
+def test_block_of_a_trip_that_cannot_be_latched_on_disk_is_kept(tmp_path: Path) -> None:
+    kept: list[Block] = []
+    guard = Guard(Wire(), protection(high("trip")), Latch(tmp_path / "folder" / "trips.json"), keep=kept.append)
+    (tmp_path / "folder").touch()  # no folder
+    with pytest.raises(StorageError, match="the trips cannot be kept"):
+        list(guard.play(wave(5.0, 7.0)))
+    assert kept[-1].inputs["a read"].max() == 7.0 and guard.latch.trips
+
+
+def test_a_trip_goes_before_a_stop_of_its_block_and_both_are_recorded() -> None:
+    noted: list[str] = []
+    locks = high("stop", 6.0), replace(high("trip", 6.5), name="higher")
+    guard = Guard(Wire(), protection(*locks), note=lambda event, **_details: noted.append(event))
+    with pytest.raises(TrippedError, match="higher"):
+        list(guard.play(wave(5.0, 7.0)))
+    assert noted == ["stop", "trip"]
+
+
 def test_full_disk_does_not_keep_outputs_from_going_safe() -> None:
     wire = Wire()
 
