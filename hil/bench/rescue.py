@@ -64,7 +64,7 @@ class Rescue:
 
     Args:
         file: the bench.
-        desk: told what each device says.
+        service: told what each device says.
     """
 
     def __init__(self, file: BenchFile, service: StopService) -> None:

@@ -34,7 +34,7 @@ class Listener:
     On loopback, and wherever a console of this computer is reached from others, at its host and with its certificate.
 
     Args:
-        desk: where wishes go.
+        service: where requests go.
         by: in which process this is.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The desk at which a stop is asked for, and at which whoever made the outputs safe says what came of it."""
+"""Where a stop is asked for, and where whoever made the outputs safe says what came of it."""
 
 from __future__ import annotations
 
