@@ -16,7 +16,7 @@ _LOOK_S = 0.05
 
 
 class Operator:
-    """The wishes of an operator, as a run in this thread hears them; they may be said from any thread.
+    """The requests of an operator, as a run in this thread hears them; they may be made from any thread.
 
     A stop cuts a running block: the main thread is interrupted where it is. A run in another thread hears it at its
     next block. There is no way back from a stop. A hold is heard at the next border between parts, as that of an
@@ -76,7 +76,7 @@ class Operator:
                 halt_main_thread()
 
     def ask_to_confirm(self) -> None:
-        """Hold until somebody has confirmed what was to be set by hand: as `asked` says, or by a wish to go on."""
+        """Hold until somebody has confirmed what was to be set by hand: as `asked` says, or by a request to go on."""
         self._confirmed = self.asked()
         self._hold.set()
 

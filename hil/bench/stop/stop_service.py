@@ -49,12 +49,12 @@ class OutputStatus:
 
 
 class StopService:
-    """Takes wishes and hands them on; keeps who waits until the outputs are known to be safe.
+    """Takes requests and hands them on; keeps who waits until the outputs are known to be safe.
 
     Args:
         units: of each output, by channel; nothing is known of them yet.
-        by: at whom wishes arrive.
-        act: hands a wish on; returns at once.
+        by: at whom requests arrive.
+        act: hands a request on; returns at once.
 
     Attributes:
         status: what was said last.

@@ -127,14 +127,14 @@ def _crossing(frequency_hz: Array, values: Array, own: Array, shared: Array, lev
 def _fall(frequency_hz: Array, values: Array, own: Array, shared: Array, level: float, unit: str) -> Crossing:
     """First fall to a level of the cubic spline through the values over log frequency.
 
-    The spline is linear in the values, so its uncertainty at every frequency follows from theirs exactly: `own` errors
-    of the lines are independent, `shared` ones common. Where the curve less its expanded uncertainty is above the
-    level, and where with it it is below, there is no crossing: what lies between is the interval (Fieller, J. R.
-    Statist. Soc. B 16(2), 1954), and its middle the value. Over the slope at the crossing alone the interval would be
-    too narrow: noise crosses where it makes a flat curve steep.
+    The spline is linear in the values, so its uncertainty at every frequency follows from theirs exactly. `own` errors
+    of the lines are independent, `shared` ones common. No crossing is where the curve less its expanded uncertainty is
+    above the level, nor where with it it is below. What lies between is the interval (Fieller, J. R. Statist. Soc. B
+    16(2), 1954), and its middle the value. Over the slope at the crossing alone the interval would be too narrow: noise
+    crosses where it makes a flat curve steep.
 
-    How far the spline itself lies beside the response between lines is told by the spline of one degree less, as an
-    integrator's error is by that of one order less; what noise makes of their difference is taken off.
+    The spline of one degree less says how far the spline lies beside the response between lines, as an integrator of
+    one order less says the error of another. What noise makes of their difference is taken off.
     """
     top = float(frequency_hz[-1])
     grid = np.linspace(math.log(frequency_hz[0]), math.log(top), EFFORT.grid)

@@ -20,7 +20,7 @@ class Criteria:
         clear: times its standard uncertainty: a response that can be read.
         stiction: by which static friction exceeds sliding friction, at most (Armstrong-Hélouvry, Automatica 30(7),
             1994). Friction that falls with speed as exp(−(v/v_s)²) differs between a sweep and one at half its speed by
-            up to `between_speeds` of that; the straight line through both lies above the friction at rest by up to
+            up to `between_speeds` of that. The straight line through both lies above the friction at rest by up to
             `at_rest` of it.
         turn, straight, stands: of the range: by which a command must come back for a turn, within which a ramp is a
             straight line in time, and a waiting command stays. `branch`: a shorter way between two turns is no branch.

@@ -18,7 +18,7 @@ class Criteria:
         moving: standard uncertainties of a move at the end: a run of twelve steps that stand says so in 3 %.
         sharp: of the time after the step, up to which time counts as it is, and its logarithm from there on.
         coefficients: of the smooth response.
-        looser: times less stiff is the foot read, where the response is least smooth: an estimate as stiff as the whole
+        looser: times less stiff is the foot read, where the response is least smooth. An estimate as stiff as the whole
             asks for rounds it by more than recordings drawn again from that estimate show. Undersmoothed, noise
             outweighs it (Hall: Ann. Statist. 20(2), 1992); what the two read differently is granted.
     """
