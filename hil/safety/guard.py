@@ -258,11 +258,19 @@ class Guard:
                 self.end(error)
             tripped = self.latch.trips
             self._go_safe()
-            for why in (why for name, why in self.latch.trips.items() if name not in tripped):
-                error.add_note(why)
+            if new := [why for name, why in self.latch.trips.items() if name not in tripped]:
+                self._end_tripped()  # of a reader who left nothing else would say it
+                for why in new:
+                    error.add_note(why)
             if error is self._over and isinstance(error, LinkError | DeviceLostError):
                 self._ask_witnesses(error)
             raise
+
+    def _end_tripped(self) -> None:
+        try:
+            self.latch.check()
+        except TrippedError as tripped:
+            self.end(tripped)
 
     def _ask_witnesses(self, lost: HardwareError) -> None:
         """A stop that cuts off a device ends the task by its dead link: the contact says whether somebody pressed.

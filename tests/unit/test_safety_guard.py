@@ -149,6 +149,18 @@ def test_reader_who_leaves_early_makes_safe() -> None:
     assert wire.levels["a"] == 0.0
 
 
+def test_a_trip_on_the_way_down_ends_the_run_of_a_reader_who_left_early() -> None:
+    wire = Wire()
+    guard = Guard(wire, protection(high("trip"), ramps={"a": 10.0}))
+    blocks = guard.stream(wave(5.0) for _ in range(100))
+    next(blocks)
+    wire.offset = 4.0
+    blocks.close()
+    assert isinstance(guard.over, TrippedError) and wire.levels["a"] == 0.0
+    with pytest.raises(TrippedError, match="high"):
+        list(guard.play(wave(0.0)))
+
+
 def test_a_trip_waits_for_no_disk_and_its_block_is_kept() -> None:
     wire, kept, stood = Wire(), [], []
 
