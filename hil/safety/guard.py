@@ -396,9 +396,9 @@ class Guard:
                 violations = [] if are_many else self._watches.judge(block, self._daq.promises.blind_s)
                 if not self._tripped(violations, block):
                     self._keep(block)
+                self._note_all(violations)
                 refuse_after_sleep(self._clock)
                 self._limits.seen()
-                self._note_all(violations)
                 self._refuse_broken(violations)
                 _refuse_no_number(block, self._watches.ended_by)
                 yield block
