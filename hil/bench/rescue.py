@@ -71,6 +71,7 @@ class Rescue:
         self._file, self._service = file, service
         self._begun_s = system.now_s()
         self._lines: dict[str, list[_Device]] = {}
+        self._workers: list[Any] = []
         for name, device in file.devices.items():
             address = str(getattr(device.settings, "address", name))
             until_s = self._begun_s + device.late_s
@@ -127,11 +128,13 @@ class Rescue:
         return [device for line in self._lines.values() for device in line]
 
     def _begun(self, do: Callable[[list[_Device]], None]) -> list[Any]:
-        """One thread for each line, begun."""
-        threads = [system.thread(do, line) for line in self._lines.values()]
-        for thread in threads:
+        """One thread for each line, begun. An earlier one ends first: else it would overwrite what this one found."""
+        earlier = self._workers or [None] * len(self._lines)
+        lines = zip(earlier, self._lines.values(), strict=True)
+        self._workers = [system.thread(_after, thread, do, line) for thread, line in lines]
+        for thread in self._workers:
             thread.start()
-        return threads
+        return self._workers
 
     def _tried_all(self, line: list[_Device]) -> None:
         for i, device in enumerate(line):
@@ -158,6 +161,12 @@ class Rescue:
             only_time = all(device.done or device.wait_s for device in line)
             system.sleep(_AGAIN_LATE_S if only_time else _AGAIN_S)
             self._tried_all(line)
+
+
+def _after(earlier: Any, do: Callable[[list[_Device]], None], line: list[_Device]) -> None:
+    if earlier is not None:
+        earlier.join()
+    do(line)
 
 
 def _wait(threads: list[Any], until_s: float) -> None:

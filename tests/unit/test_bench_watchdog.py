@@ -184,6 +184,33 @@ def test_driver_that_does_not_return_is_tried_anew(tmp_path: Path, monkeypatch: 
     assert devices["hanging"].levels["a"] == 0.0 and devices["hanging"].tries >= 2
 
 
+def test_a_slow_first_try_does_not_undo_what_the_next_one_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a slow line that one was still under way; it failed later, and NOT SAFE was the last word."""
+
+    class SlowAtFirst(Valve):
+        tries = 0
+        another = threading.Event()
+        was_overtaken = False
+
+        def make_safe(self) -> None:
+            self.tries += 1
+            if self.tries == 1:
+                self.was_overtaken = self.another.wait(0.5)
+                raise LinkError("no answer")
+            self.another.set()
+            super().make_safe()
+
+    monkeypatch.setattr(rescue, "GIVE_UP_S", 5.0)
+    monkeypatch.setattr(rescue, "_MOMENT_S", 0.05)
+    slow = SlowAtFirst(None)
+    made = rescue.Rescue(bench_of(tmp_path, {"slow": slow}, late_s=0.0), DESK)
+    made.one_attempt()
+    made.with_patience()
+    assert not slow.was_overtaken and not made.left and slow.levels["a"] == 0.0
+
+
 def test_late_command_of_the_dead_program_does_not_outlast_the_watchdog(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
