@@ -102,7 +102,7 @@ def _watch(path: Path, pid: int, run: Path, parent: Parent[Asked]) -> int:
         parent.say(READY + json.dumps(control).encode() + b"\n")
         why = _watched(parent, file.bench.protection.watchdog_s, pid, service, file.devices)
         if why:
-            _act(_Told(file, run, pid, why), service)
+            _act(_Reporter(file, run, pid, why), service)
             withdraw(run)
     return 0
 
@@ -207,7 +207,7 @@ def _watched(
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
+class _Reporter:
     """What is told of the outputs of a program, on stderr and on disk."""
 
     file: BenchFile
@@ -248,9 +248,9 @@ class _Told:
         return self.run / f"{kind}.json", state_path(kind, self.file.bench.name, ".json")
 
 
-def _act(told: _Told, service: StopService) -> None:
+def _act(reporter: _Reporter, service: StopService) -> None:
     service.forget()
-    rescue = _rescued(told, service)
+    rescue = _rescued(reporter, service)
     if rescue is None:
         return
     took_s = round(rescue.took_s, 3)
@@ -258,15 +258,15 @@ def _act(told: _Told, service: StopService) -> None:
     if service.stopped_by:
         outputs["stopped_by"] = service.stopped_by
     if rescue.left:
-        told.at_last(f"NOT SAFE: {_with_remedy(rescue.left)}", not_safe=rescue.left, tried_s=took_s, **outputs)
+        reporter.at_last(f"NOT SAFE: {_with_remedy(rescue.left)}", not_safe=rescue.left, tried_s=took_s, **outputs)
     elif rescue.unasked:
         text = f"outputs commanded safe in {took_s:g} s; {'; '.join(rescue.unasked)}"
-        told.at_last(text, commanded_after_s=took_s, unconfirmed=rescue.unasked, **outputs)
+        reporter.at_last(text, commanded_after_s=took_s, unconfirmed=rescue.unasked, **outputs)
     else:
-        told.at_last(f"outputs made safe in {took_s:g} s", safe_after_s=took_s, **outputs)
+        reporter.at_last(f"outputs made safe in {took_s:g} s", safe_after_s=took_s, **outputs)
 
 
-def _rescued(told: _Told, service: StopService) -> Rescue | None:
+def _rescued(reporter: _Reporter, service: StopService) -> Rescue | None:
     """Made safe as far as could be; None where another program has the bench, and keeps it for `GIVE_UP_S`.
 
     Whoever takes a bench makes its outputs safe when it opens them. One that fails in that lets go of it, and what the
@@ -274,27 +274,27 @@ def _rescued(told: _Told, service: StopService) -> Rescue | None:
     """
     until_s, is_announced = system.now_s() + GIVE_UP_S, False
     while True:
-        rescue = Rescue(told.file, service)
+        rescue = Rescue(reporter.file, service)
         try:
-            with _lease_of_the_dead(told.file, told.pid, rescue.one_attempt):
-                rescue.with_patience(partial(_report_not_yet, told, rescue))
+            with _lease_of_the_dead(reporter.file, reporter.pid, rescue.one_attempt):
+                rescue.with_patience(partial(_report_not_yet, reporter, rescue))
             return rescue
         except InUseError as taken:
             report = {"left_alone": str(taken), "outputs": record_of(rescue.outputs)}
             text = str(taken)
         if system.now_s() >= until_s:
-            told.at_last(text, **report)
+            reporter.at_last(text, **report)
             return None
         if not is_announced:
             is_announced = True
-            told.so_far(text, **report)
+            reporter.so_far(text, **report)
         system.sleep(_LEASE_AGAIN_S)
 
 
-def _report_not_yet(told: _Told, rescue: Rescue) -> None:
+def _report_not_yet(reporter: _Reporter, rescue: Rescue) -> None:
     left, outputs = rescue.left, record_of(rescue.outputs)
     so_far = f"NOT SAFE so far: {_with_remedy(left)}; goes on trying for {GIVE_UP_S:g} s"
-    told.so_far(rescue.announcement or so_far, not_safe=left, goes_on_for_s=GIVE_UP_S, outputs=outputs)
+    reporter.so_far(rescue.announcement or so_far, not_safe=left, goes_on_for_s=GIVE_UP_S, outputs=outputs)
 
 
 def _with_remedy(left: list[str]) -> str:
