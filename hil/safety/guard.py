@@ -285,7 +285,7 @@ class Guard:
                 continue
             self._note_if_possible(lock.action, interlock=lock.name, text=pressed.text)
             with uninterrupted():
-                self.latch.trip(lock.name, pressed.text)
+                self.latch.trip({lock.name: pressed.text})
             try:
                 self.latch.check()
             except TrippedError as tripped:
@@ -423,13 +423,12 @@ class Guard:
 
     def _tripped(self, violations: Iterable[Violation], block: Block) -> bool:
         """Whether one of them trips: then make safe, latch, and record the block last (a disk may be slow)."""
-        trips = [violation for violation in violations if violation.interlock.action == "trip"]
+        trips = {found.interlock.name: found.text for found in violations if found.interlock.action == "trip"}
         if trips:
             try:
                 with uninterrupted():
                     self._make_safe()  # its witnesses are heard once the trip is kept
-                    for violation in trips:
-                        self.latch.trip(violation.interlock.name, violation.text)
+                    self.latch.trip(trips)
             finally:
                 self._live()  # a slow disk is no program that hangs
                 self._keep_if_possible(block)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 from hil.errors import FileError, TrippedError, UnknownNameError, option
@@ -27,13 +28,13 @@ class Latch:
         """What tripped, and why."""
         return dict(self._trips)
 
-    def trip(self, name: str, why: str) -> None:
-        """Latch a trip.
+    def trip(self, trips: Mapping[str, str]) -> None:
+        """Latch why each of these interlocks trips.
 
         Raises:
             StorageError: it could not be kept for the next program; this one stays tripped all the same.
         """
-        self._trips[name] = why
+        self._trips.update(trips)
         self._keep()
 
     def reset(self, name: str) -> None:

@@ -12,7 +12,7 @@ from hil.safety.latch import Latch, latch_path
 
 def test_reset_needs_the_name_of_what_tripped(tmp_path: Path) -> None:
     latch = Latch(tmp_path / "bench.json")
-    latch.trip("over-pressure", "150 bar")
+    latch.trip({"over-pressure": "150 bar"})
     with pytest.raises(UnknownNameError, match="no tripped interlock named 'pump'; known: over-pressure"):
         latch.reset("pump")
     with pytest.raises(TrippedError, match="150 bar; find the cause, then reset it with --reset 'over-pressure'"):
@@ -23,7 +23,7 @@ def test_reset_needs_the_name_of_what_tripped(tmp_path: Path) -> None:
 
 def test_another_program_finds_the_trip(tmp_path: Path) -> None:
     path = tmp_path / "state" / "bench.json"
-    Latch(path).trip("over-pressure", "150 bar")
+    Latch(path).trip({"over-pressure": "150 bar"})
     assert Latch(path).trips == {"over-pressure": "150 bar"}
     Latch(path).reset("over-pressure")
     Latch(path).check()
@@ -40,9 +40,10 @@ def test_trip_that_cannot_be_kept_is_told_and_holds(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     latch = Latch(tmp_path / "file" / "bench.json")
     with pytest.raises(StorageError, match="cannot be kept"):
-        latch.trip("over-pressure", "150 bar")
+        latch.trip({"over-pressure": "150 bar", "leak": "no flow"})
     with pytest.raises(TrippedError):
         latch.check()
+    assert latch.trips.keys() >= {"over-pressure", "leak"}
 
 
 def test_each_bench_has_its_own_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

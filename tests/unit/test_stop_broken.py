@@ -84,7 +84,7 @@ def _latching(patch: Patch) -> None:
     def and_latch(self: Guard) -> None:
         tell_safe(self)
         if self._operator.stop_asked:
-            self.latch.trip("stop", "pressed")
+            self.latch.trip({"stop": "pressed"})
 
     patch.setattr(Guard, "_tell_safe", and_latch)
 
