@@ -415,6 +415,14 @@ def test_an_answer_to_an_earlier_question_is_found_where_answers_have_numbers(
     assert verdict == "broken" and " reads " in text
 
 
+def test_where_no_input_follows_numbers_of_answers_are_said_to_be_untried() -> None:
+    check = "never_takes_a_late_answer_for_the_next"
+    subject = replace(examined("", check), settling_s=0.0)  # over before anything moves
+    subject.module.has_numbers = lambda _settings: True
+    verdict, text = verdict_of(CHECKS[check], subject)
+    assert verdict == "passed" and "was not tried" in text
+
+
 def test_every_check_has_a_driver_that_breaks_it() -> None:
     assert set(BREAKS) == set(CHECKS)
 

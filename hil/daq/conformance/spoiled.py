@@ -23,14 +23,15 @@ def says_that_no_answer_came(subject: Subject) -> None:
     _spoiled(subject, silent=True)
 
 
-def never_takes_a_late_answer_for_the_next(subject: Subject) -> None:
+def never_takes_a_late_answer_for_the_next(subject: Subject) -> str | None:
     """An answer that comes too late is an error, and is not given to the next question.
 
     Where the driver says that answers have a number, one to an earlier question is not believed either.
     """
     _spoiled(subject, late_s=1.5 * _timeout_s(subject))
     if getattr(subject.module, "has_numbers", lambda _settings: False)(subject.settings):
-        _comes_once_more(subject)
+        return _comes_once_more(subject)
+    return None
 
 
 def does_not_believe_half_an_answer(subject: Subject) -> None:
@@ -108,8 +109,8 @@ def _spoiled(subject: Subject, **quirk: Any) -> None:
         _recovered(subject, link, side, commanded)
 
 
-def _comes_once_more(subject: Subject) -> None:
-    """The answer before comes ahead of the right one, when what is read has changed since."""
+def _comes_once_more(subject: Subject) -> str | None:
+    """The answer before comes ahead of the right one, when what is read has changed since; says where nothing did."""
     side, spoil = subject.twin()
     with subject.link() as link:
         link.drive(subject.safe())
@@ -117,14 +118,17 @@ def _comes_once_more(subject: Subject) -> None:
         link.read()  # also where outputs stand, so that the next one asks for inputs alone
         link.drive(subject.levels(0.5))
         before, until_s = link.read(), system.now_s() + subject.settling_s
-        while system.now_s() < until_s and not any(
+        while not any(
             abs(side.read()[c.terminal] - before[c.terminal]) > _MOVED * (c.high - c.low)
             for c in subject.wiring.inputs.values()
         ):
+            if system.now_s() >= until_s:
+                return "no input follows the outputs: whether numbers of answers are looked at was not tried"
             system.sleep(0.01)
         spoil(again=True, answers=1)
         with suppress(HardwareError):
             reads_the_truth(subject, link, side, {})
+    return None
 
 
 def _recovered(subject: Subject, link: Any, side: Behind, commanded: Mapping[str, float]) -> None:
