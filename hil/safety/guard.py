@@ -397,9 +397,9 @@ class Guard:
                 if not self._tripped(violations, block):
                     self._keep(block)
                 self._note_all(violations)
-                refuse_after_sleep(self._clock)
                 self._limits.seen()
                 self._refuse_broken(violations)
+                refuse_after_sleep(self._clock)
                 _refuse_no_number(block, self._watches.ended_by)
                 yield block
         self._beat(any(channel.safe != self.levels[name] for name, channel in self.outputs.items()))

@@ -244,6 +244,17 @@ def test_outputs_jump_to_safe_after_a_sleep_of_the_computer() -> None:
     assert wire.levels["a"] == 0.0 and wire.log["a"][-2:] == [(5.0, RATE_HZ), (0.0, None)]
 
 
+def test_a_trip_in_the_block_after_a_sleep_is_what_ends_the_run() -> None:
+    wire, clock = Wire(), VirtualClock()
+    guard = Guard(wire, protection(high("trip")), clock=clock)
+    blocks = guard.play(wave(5.0, 7.0, samples=10))
+    next(blocks)
+    clock.slept_s = 5.0
+    with pytest.raises(TrippedError, match="'high': 7"):
+        next(blocks)
+    assert wire.levels["a"] == 0.0
+
+
 def test_way_down_takes_its_time_and_no_longer_on_a_link_that_has_become_slow() -> None:
     wire = Wire()
     guard = Guard(wire, protection(ramps={"a": 5.0}))
