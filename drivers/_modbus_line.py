@@ -93,12 +93,7 @@ class ModbusLine(RequestLine):
             DeviceLostError: the connection is gone.
         """
         self.meet()
-        asked = request(function, address, count, values, self._settings.unit_id)
-        until_s = system.now_s() + self._timeout_s
-        answer = self._valid_answer(asked)
-        while answer.isError() and answer.exception_code == _BUSY and system.now_s() < until_s:
-            system.sleep(max(self._pause_s, _AGAIN_S))
-            answer = self._valid_answer(asked)
+        answer = self._valid_answer(request(function, address, count, values, self._settings.unit_id))
         if answer.isError():
             raise LinkError(
                 f"function {function} at register {address:#06x} is refused with exception {answer.exception_code}"
@@ -127,31 +122,50 @@ class ModbusLine(RequestLine):
         return answer
 
     def exchange(self, asked: Any, *, blindly: bool = False) -> Any:
-        """A request of the library on the open line, and the answer under its number; `blindly` without waiting for it.
+        """A request of the library on the open line, and its answer; `blindly` without waiting for it.
+
+        Who is busy is asked again while an answer as quick as that one would come in time, and holds the line no
+        longer than one who is silent.
 
         Raises:
             OSError: the connection is gone.
             ModbusException: no answer came in time.
         """
+        with self._port.line:
+            until_s = system.now_s() + self._timeout_s
+            while True:
+                begun_s = system.now_s()
+                self._send(asked)
+                if blindly:
+                    return None
+                answer = self._answer_to(asked, until_s)
+                again_s = max(self._pause_s, _AGAIN_S)
+                took_s = system.now_s() - begun_s
+                if not _is_busy(answer) or system.now_s() + again_s + took_s > until_s:
+                    return answer
+                system.sleep(again_s)
+
+    def _send(self, asked: Any) -> None:
+        asked.transaction_id = self._number = self._number % 0xFFFF + 1
+        self._sent, self._came = self._framer.buildFrame(asked), b""
+        self._log.debug("→ %s", self._sent.hex(" "))
+        self._port.write(self._sent)
+
+    def _answer_to(self, asked: Any, until_s: float) -> Any:
+        """What comes under the number of a request."""
         from pymodbus.exceptions import ModbusIOException
 
-        asked.transaction_id = self._number = self._number % 0xFFFF + 1
-        self._sent, self._came, received = self._framer.buildFrame(asked), b"", b""
-        with self._port.line:
-            self._log.debug("→ %s", self._sent.hex(" "))
-            self._port.write(self._sent)
-            until_s = system.now_s() + self._timeout_s
-            while not blindly:
-                left_s = until_s - system.now_s()
-                received += (more := self._port.read(left_s))
-                if more:
-                    self._take(received)
-                    _, answer = self._framer.handleFrame(self._came, asked.dev_id, asked.transaction_id)
-                    if answer is not None:
-                        return answer
-                elif left_s <= 0.0:
-                    raise ModbusIOException("no answer")
-        return None
+        received = b""
+        while True:
+            left_s = until_s - system.now_s()
+            received += (more := self._port.read(left_s))
+            if more:
+                self._take(received)
+                _, answer = self._framer.handleFrame(self._came, asked.dev_id, asked.transaction_id)
+                if answer is not None:
+                    return answer
+            elif left_s <= 0.0:
+                raise ModbusIOException("no answer")
 
     def _take(self, received: bytes) -> None:
         """What has come up to now, without the echo of what was sent."""
@@ -227,6 +241,10 @@ _EXCEPTIONS = {
 }
 _NO_SUCH_REGISTER, _BUSY = 2, 6
 _AGAIN_S = 0.02  # to who was busy
+
+
+def _is_busy(answer: Any) -> bool:
+    return bool(answer.isError() and answer.exception_code == _BUSY)
 
 
 def _counted_otherwise(code: int, address: int) -> str:
