@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from drivers._visa import VisaPort
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.twin import serve, subject
 from hil.daq.conformance import examine
-from hil.errors import HardwareError
+from hil.errors import HardwareError, LinkError
 from hil.system import system
 from sim_devices import _lines_of_text
 from tests import visa_servers
@@ -57,6 +60,31 @@ def test_driver_passes_on_its_twin(bench: BenchFile, tmp_path: Path) -> None:
         results = list(examine(driver))
     assert broken(results) == {}
     assert sum(result.verdict == "passed" for result in results) >= 8
+
+
+@pytest.mark.parametrize("bench", ["VXI-11"], indirect=True)
+def test_an_instrument_that_does_not_even_say_that_it_has_nothing_to_say_gave_no_answer(
+    bench: BenchFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The library waited a second more, and took that for a line that is gone."""
+    device = bench.devices["io"]
+    wiring, for_ever = device.wiring(bench.bench.channels), threading.Event()
+    with served_by(bench, tmp_path):
+        link = device.pin.link(wiring)
+        monkeypatch.setattr(visa_servers.Vxi11Server, "fetch", lambda *_: b"" * for_ever.wait())
+        with pytest.raises(LinkError, match="no answer within 1 s"):
+            link.standing()
+        for_ever.set()
+        link.close()
+
+
+def test_a_port_of_which_the_library_does_not_tell_its_connection_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    closed = list[bool]()
+    resource = SimpleNamespace(visalib=SimpleNamespace(sessions={}), session=1, close=lambda: closed.append(True))
+    monkeypatch.setattr(system, "visa", lambda *_: resource, raising=False)
+    with pytest.raises(KeyError):
+        VisaPort(ON_TCP["VXI-11"], 1.0, b"\n")
+    assert closed
 
 
 @pytest.mark.parametrize("bench", ON_TCP, indirect=True)
