@@ -27,6 +27,7 @@ _RIGHT: Mapping[str, str] = {
     # what is the same in all skeletons, then what one of them does in another way: `skeleton.change`
     "friction_rise": "friction",
     "breakaway_rise": "friction",
+    "cylinder_open_centre.seal_rise": "friction coulomb seal_friction",
     "stiction_one_side": "friction asymmetry",
     "play": "backlash",
     "axis_two_mass.play": UNEXPLAINED,
@@ -42,6 +43,7 @@ _RIGHT: Mapping[str, str] = {
     "efc_pilot_bleed.slower_pilot": "coil_lag",
     "efc_pilot_bleed.feed_clogged": "rotor_frequency rotor_damping rate_limit",  # the stage after the coil
     "efc_spool.slower_pilot": "coil_lag",
+    "efc_holes.slower_pilot": "coil_lag",
     "hpv41_notched.slower_pilot": _PILOT + " coil_lag resonance",  # an armature in a loop, which rings
     "hpv41_pulsed.slower_pilot": _PILOT + " coil_lag resonance",  # seats in a loop, as those
     "hpv41_notched.loop_weak": _SPOOL,
@@ -50,6 +52,7 @@ _RIGHT: Mapping[str, str] = {
     "hpv41_notched.rate_ceiling": "pilot_rate rate_limit stage_rate",  # of what the electronics give
     "cylinder_hose.slower_pilot": "coil_lag " + _SPOOL,
     "cylinder_pipes.slower_pilot": "coil_lag " + _SPOOL,
+    "cylinder_open_centre.slower_pilot": "coil_lag " + _SPOOL,
     "cylinder_pipes.dither_lost": "friction hysteresis",  # what it hid
     "axis_yaw.slower_drive": "sensor_lag",  # a lag is the same before the mass and after it
     "axis_yaw.force_ceiling": "saturation",
@@ -57,9 +60,11 @@ _RIGHT: Mapping[str, str] = {
     "hpv41_direct.damping_change": _SPOOL + " pilot_rate",  # a dashpot is its only lag
     "hpv41_notched.damping_change": _PILOT,  # the bridge's pressure is all that it has for a dashpot
     "hpv41_pulsed.damping_change": _PILOT,  # against what the seats let in
+    "hpv41_spring_pilot.damping_change": _PILOT,  # orifices before its ends: a ceiling of its speed and a lag
     "efc_slot.damping_change": "rotor_damping rotor_frequency",
     "efc_pilot_bleed.damping_change": "rotor_damping rotor_frequency",
     "efc_spool.damping_change": "rotor_damping rotor_frequency",
+    "efc_holes.damping_change": "rotor_damping rotor_frequency",
     "axis_two_mass.damping_change": "viscous",
     "axis_belt.damping_change": "viscous",
     "axis_wobble.damping_change": "viscous",
@@ -67,33 +72,46 @@ _RIGHT: Mapping[str, str] = {
     "axis_wobble.drag_drift": "viscous " + UNEXPLAINED,  # the drag that is left once it is warm
     "edge_worn": "deadband dead_band leakage curve_exponent first_flow flow_range curve_width curve_centre",
     "efc_spool.edge_worn": "curve_centre curve_width pressure_span saturation",  # it spills where it had closed
+    "efc_holes.edge_worn": "curve_centre curve_width closed_pressure leakage",  # it passes before they meet
     "leakage": "leakage closed_pressure internal_leakage piston_leakage",
     "efc_spool.leakage": "pressure_span saturation",  # past a spill that never closes
     "supply_sag": "supply_droop",
     "hpv41_direct.supply_sag": _FLOW_CEILING,
     "hpv41_compensated.supply_sag": _FLOW_CEILING,
     "hpv41_pulsed.supply_sag": _FLOW_CEILING,
+    "hpv41_spring_pilot.supply_sag": _FLOW_CEILING,
+    "hpv41_spring_pilot.margin_low": "full_flow asymmetry",  # less drop over the notches: less flow everywhere
     "efc_slot.supply_sag": "supply_droop pressure_span saturation",  # a pump that gives less
     "efc_pilot_bleed.supply_sag": "supply_droop pressure_span saturation",
     "efc_spool.supply_sag": "supply_droop pressure_span curve_centre",  # most where the spill is open
+    "efc_holes.supply_sag": "supply_droop pressure_span saturation",  # a plunger that lifts earlier
+    "cylinder_open_centre.supply_sag": "supply_droop saturation rated_flow",  # a pump that gives a flow
+    "cylinder_open_centre.bypass_worn": "supply_droop saturation rated_flow deadband first_flow flow_range",
     "zero_shift": "load_force",
     "efc_slot.zero_shift": "load_force curve_centre",
     "efc_pilot_bleed.zero_shift": "load_force curve_centre",
     "efc_spool.zero_shift": "load_force curve_centre",
+    "efc_holes.zero_shift": "load_force curve_centre",
+    "cylinder_open_centre.rod_load": "load_force asymmetry",
     "gain_loss": "full_flow asymmetry",  # `asymmetry` has a gain of both sides
     "hpv41_direct.gain_loss": "full_flow asymmetry dead_band deadband",  # as the one above
     "hpv41_compensated.gain_loss": "full_flow asymmetry dead_band deadband",
     "hpv41_notched.gain_loss": "full_flow asymmetry dead_band deadband",
     "hpv41_pulsed.gain_loss": "full_flow asymmetry dead_band deadband",
+    "hpv41_spring_pilot.gain_loss": "full_flow asymmetry dead_band deadband",
+    "hpv41_spring_pilot.spring_weak": "full_flow asymmetry dead_band deadband",  # more way by the same pressure
     "hpv41_compensated.spring_weak": "full_flow asymmetry",  # less drop over the edges: less flow everywhere
     "efc_slot.gain_loss": "curve_centre curve_width asymmetry",
     "efc_pilot_bleed.gain_loss": "curve_centre curve_width pressure_span asymmetry",  # a share of what is held
     "efc_spool.gain_loss": "curve_centre curve_width asymmetry",
+    "efc_holes.gain_loss": "curve_centre curve_width asymmetry",
     "efc_spool.spring_weak": "curve_centre curve_width rotor_frequency",
+    "efc_holes.spring_weak": "curve_centre curve_width rotor_frequency",
     "cylinder_hose.gain_loss": "first_flow flow_range deadband asymmetry",
     "cylinder_elastic.gain_loss": "first_flow flow_range deadband asymmetry",
     "cylinder_four_edges.gain_loss": "first_flow flow_range deadband asymmetry",
     "cylinder_pipes.gain_loss": "first_flow flow_range deadband asymmetry",
+    "cylinder_open_centre.gain_loss": "first_flow flow_range deadband asymmetry",
     "axis_two_mass.gain_loss": "asymmetry mass viscous",
     "axis_belt.gain_loss": "asymmetry mass viscous",
     "axis_wobble.gain_loss": "asymmetry mass viscous",
@@ -106,13 +124,19 @@ _RIGHT: Mapping[str, str] = {
     "hpv41_direct.orifice_clogged": "full_flow saturation supply_droop asymmetry",  # those of the load
     "efc_slot.orifice_clogged": "pressure_span curve_centre",
     "efc_spool.orifice_clogged": "pressure_span curve_centre",  # the feed of the chamber
+    "efc_holes.orifice_clogged": "pressure_span curve_centre curve_width",  # the hole
+    "efc_holes.nozzles_worn": "pressure_span curve_centre curve_width",  # the other orifice of the two
     "hpv41_notched.orifice_clogged": _PILOT,  # both of the bridge
     "hpv41_pulsed.orifice_clogged": _PILOT,  # all four seats
     "cylinder_hose.orifice_clogged": "asymmetry edge_a_return",  # what leaves the head side
     "cylinder_pipes.orifice_clogged": "rated_flow asymmetry",  # the pipe of the head side, both ways
+    "cylinder_open_centre.orifice_clogged": "asymmetry edge_a_return",  # what leaves the head side
+    "cylinder_open_centre.check_clogged": "rated_flow asymmetry",  # of the head side, both ways
     "hpv41_compensated.asymmetry": "asymmetry",
     "hpv41_notched.asymmetry": "asymmetry",
     "hpv41_pulsed.asymmetry": "asymmetry",
+    "hpv41_spring_pilot.asymmetry": "asymmetry",
+    "hpv41_spring_pilot.refill_ajar": "asymmetry leakage",  # from one port to the tank
     "axis_two_mass.asymmetry": "asymmetry friction",
     "axis_belt.asymmetry": "asymmetry friction",
     "axis_wobble.asymmetry": "asymmetry friction",
@@ -124,9 +148,12 @@ _RIGHT: Mapping[str, str] = {
     "cylinder_pipes.cocking_rise": "coulomb seal_friction",  # most at the ends
     "cogging_rise": "periodic_disturbance " + UNEXPLAINED,  # by place, where the page has one by the clock
     "axis_wobble.wobble_rise": "periodic_disturbance " + UNEXPLAINED,  # by place, as that
+    "efc_holes.beat_rise": "periodic_disturbance",  # by the clock
     "axis_wobble.chain_stiff": UNEXPLAINED,  # a spring: the page has a steady force at most
     "efc_spool.line_longer": "resonance standing_wave",
     "hpv41_pulsed.line_longer": "resonance sensor_lag",  # inertia that edges damp
+    "hpv41_spring_pilot.load_heavier": "resonance sensor_lag",  # inertia between volumes, after the edges
+    "efc_holes.air_in_rail": "sensor_lag coil_lag",  # a lag is the same wherever it is
     "coupling_soft": "resonance",
     "axis_yaw.feet_soft": "resonance",
 }
