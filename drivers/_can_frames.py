@@ -35,9 +35,10 @@ class CanFrames:
     Args:
         settings: how it is reached.
         take: takes in a frame (identifier, data, whether it has 29 bits); tells whether it was one of ours.
-        claim: to our address; None where nothing is sent, and on plain CAN.
+        claim: to our address; None where nothing is sent, and where there are none.
         driver: whose frames they are, for their log.
         key: where our address is set, for errors.
+        echo: see `BusSettings`.
 
     Raises:
         DeviceLostError: the bus cannot be opened.
@@ -45,10 +46,10 @@ class CanFrames:
     """
 
     def __init__(
-        self, settings: BusSettings, take: Callable[[int, bytes, bool], bool], claim: AddressClaim | None, *,
-        driver: str, key: str,
+        self, settings: OnABus, take: Callable[[int, bytes, bool], bool], claim: AddressClaim | None = None, *,
+        driver: str, key: str = "", echo: bool = False,
     ) -> None:  # fmt: skip
-        self._settings, self._take, self._claim, self._key = settings, take, claim, key
+        self._settings, self._take, self._claim, self._key, self._echo = settings, take, claim, key, echo
         self._echoes: deque[tuple[int, bytes]] = deque(maxlen=_ECHOES)
         self._log = wire_log(driver, settings.address)
         self._bus = open_bus(settings.address, settings.bitrate, settings.timeout_s)
@@ -102,7 +103,7 @@ class CanFrames:
         if message.is_error_frame or message.is_remote_frame or not message.is_rx:
             return False
         self._log.debug("← %X %s", identifier, data.hex(" "))
-        if self._settings.echo and (identifier, data) in self._echoes:
+        if self._echo and (identifier, data) in self._echoes:
             self._echoes.remove((identifier, data))
             return False
         if self._claim is not None and message.is_extended_id and (answer := self._claim.answer_to(identifier, data)):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 from drivers._part import Part
+from drivers._sdo import Sdo
 from hil.description.canopen import CanopenTerminal
 from hil.description.eds import FORMS, Dictionary
 from hil.errors import DeviceLostError, LinkError
@@ -17,14 +17,13 @@ class NodeObjects:
     """The object dictionary of a node on its bus.
 
     Args:
-        network: that it is on.
-        node: of the canopen library.
+        sdo: its server.
         file: the objects of its EDS or DCF; none where there is none, and numbers have a form of their own.
         address: of the bus, for errors.
     """
 
-    def __init__(self, network: Any, node: Any, file: Dictionary, address: str) -> None:
-        self._network, self._node, self._file, self._address = network, node, file, address
+    def __init__(self, sdo: Sdo, file: Dictionary, address: str) -> None:
+        self._sdo, self._file, self._address = sdo, file, address
 
     def recognised(self) -> str:
         """What it says of itself.
@@ -36,17 +35,17 @@ class NodeObjects:
         expected = self._by_file(0x1000, 0)
         if expected and kind != expected:
             raise LinkError(
-                f"node {self._node.id} says that it is of device type {kind:#010x}, its file {expected:#010x}"
+                f"node {self._sdo.node} says that it is of device type {kind:#010x}, its file {expected:#010x}"
             )
         parts = []
         for sub, what, number in self.identity():
             by_file = self._by_file(0x1018, sub)
             if sub <= 2 and by_file and number != by_file:
                 raise LinkError(
-                    f"node {self._node.id} is of {what} {number:#x}; its file is that of {what} {by_file:#x}"
+                    f"node {self._sdo.node} is of {what} {number:#x}; its file is that of {what} {by_file:#x}"
                 )
             parts.append(f"{what} {number:#x}")
-        return f"node {self._node.id}, {', '.join(parts)}" if parts else ""
+        return f"node {self._sdo.node}, {', '.join(parts)}" if parts else ""
 
     def identity(self) -> Iterator[tuple[int, str, int]]:
         """Its identity object (1018), as far as it has that: sub-index, what it says, and the number."""
@@ -71,7 +70,7 @@ class NodeObjects:
         try:
             return self.upload(0x1000, 0)
         except canopen.SdoCommunicationError:
-            raise DeviceLostError(f"node {self._node.id} on {self._address} does not answer") from None
+            raise DeviceLostError(f"node {self._sdo.node} on {self._address} does not answer") from None
 
     def counted(self, terminal: CanopenTerminal, value: float) -> float:
         """A value as the terminal's object, or its part of it, takes it; where it is beyond, the end."""
@@ -96,7 +95,7 @@ class NodeObjects:
 
     def count(self, place: tuple[int, int]) -> float:
         """The number in an object; raises `LinkError` for one of another length than its file says."""
-        form, data = self.form(place), self._sdo("upload", *place)
+        form, data = self.form(place), self._sdo.transfer("upload", *place)
         if len(data) != struct.calcsize(form):
             raise LinkError(
                 f"object {place[0]:04X}.{place[1]} has {len(data)} bytes, its file says {struct.calcsize(form)}"
@@ -114,15 +113,15 @@ class NodeObjects:
 
     def upload(self, index: int, sub: int) -> int:
         """A whole number that is not negative."""
-        return int.from_bytes(self._sdo("upload", index, sub), "little")
+        return int.from_bytes(self._sdo.transfer("upload", index, sub), "little")
 
     def signed(self, index: int, sub: int) -> int:
         """A whole number."""
-        return int.from_bytes(self._sdo("upload", index, sub), "little", signed=True)
+        return int.from_bytes(self._sdo.transfer("upload", index, sub), "little", signed=True)
 
     def download(self, index: int, sub: int, value: float, form: str) -> None:
         """Write a number in this form."""
-        self._sdo("download", index, sub, struct.pack(form, value if form == "<f" else int(value)))
+        self._sdo.transfer("download", index, sub, struct.pack(form, value if form == "<f" else int(value)))
 
     def write(self, place: tuple[int, int], value: float) -> None:
         """Write a number in the type of its object."""
@@ -139,7 +138,3 @@ class NodeObjects:
     def _part(self, terminal: CanopenTerminal) -> Part:
         whole = self._whole(terminal)
         return whole if terminal.field is None else Part(*terminal.field, whole.is_signed)
-
-    def _sdo(self, kind: str, index: int, sub: int, *data: bytes) -> bytes:
-        answer: bytes = self._network.transfer(self._node, kind, index, sub, *data)
-        return answer

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -10,10 +10,11 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, f
 
 from drivers._address_claim import CLAIM_WAIT_S, CLAIMED, REQUEST
 from drivers._can import bus_fault, close_bus, gone, heard, open_bus
-from drivers._edge import wire_log
 from drivers._node_objects import NodeObjects
+from drivers._sdo import Sdo
 from hil.daq.probe import Found
 from hil.description.eds import Dictionary
+from hil.errors import LinkError
 from hil.record.progress import Progress
 from hil.system import system
 
@@ -98,39 +99,35 @@ def _controllers(bus: Any, heard: Mapping[int, str], address: str) -> list[Found
 
 def _nodes(bus: Any, options: Options) -> list[Found]:
     """Nodes of CANopen that answer an upload of their device type, and what their identity object says."""
-    from drivers._canopen_network import CanopenNetwork
+    import can
 
-    network = CanopenNetwork(bus, options.address, wire_log("probe", options.address))
-    network.connect()
-    try:
-        answered: set[int] = set()
+    def send(identifier: int, data: bytes) -> None:
+        try:
+            bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+        except Exception as error:
+            raise gone(bus, options.address, error) from error
 
-        def heard(identifier: int, _data: bytearray, _time: float) -> None:
-            answered.add(identifier - 0x580)
-
-        for node in range(1, 128):
-            network.subscribe(0x580 + node, heard)
-        for node in range(1, 128):
-            network.send_message(0x600 + node, b"\x40\x00\x10\x00\x00\x00\x00\x00")
-        system.sleep(_SEARCH_S + options.timeout_s)
-        network.check_readable()
-        return [Found(f"CANopen node {node}", _identity(network, node, options.timeout_s)) for node in sorted(answered)]
-    finally:
-        with suppress(Exception):
-            network.disconnect()
+    for node in range(1, 128):
+        send(0x600 + node, b"\x40\x00\x10\x00\x00\x00\x00\x00")
+    standard, _ = _listened(bus, _SEARCH_S + options.timeout_s, options.address)
+    nodes = [node for node in range(1, 128) if 0x580 + node in standard]
+    return [Found(f"CANopen node {node}", _identity(bus, options, node, send)) for node in nodes]
 
 
-def _identity(network: Any, node: int, timeout_s: float) -> dict[str, str]:
-    import canopen
+def _identity(bus: Any, options: Options, node: int, send: Callable[[int, bytes], None]) -> dict[str, str]:
+    from canopen import SdoCommunicationError
 
-    remote = network.add_node(node, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
-    sdo = remote.sdo
-    sdo.RESPONSE_TIMEOUT = timeout_s
+    def receive(wait_s: float) -> None:
+        while (message := heard(bus, options.address, wait_s)) is not None:
+            wait_s = 0.0
+            if not message.is_extended_id:
+                sdo.take(message.arbitration_id, bytes(message.data))
+
+    sdo = Sdo(node, options.timeout_s, send, receive)
     answers: dict[str, str] = {}
-    with suppress(canopen.SdoAbortedError, canopen.SdoCommunicationError):
-        kind = int.from_bytes(sdo.upload(0x1000, 0), "little")
+    with suppress(LinkError, SdoCommunicationError):
+        kind = int.from_bytes(sdo.transfer("upload", 0x1000, 0), "little")
         answers["profile"] = f"{kind & 0xFFFF} (type {kind:#010x})"
-    with suppress(canopen.SdoAbortedError, canopen.SdoCommunicationError):  # optional
-        answers["name"] = sdo.upload(0x1008, 0).decode("ascii", "replace").strip("\0 ")
-    objects = NodeObjects(network, remote, Dictionary(), "")
-    return answers | {what: f"{number:#x}" for _, what, number in objects.identity()}
+    with suppress(LinkError):  # optional
+        answers["name"] = sdo.transfer("upload", 0x1008, 0).decode("ascii", "replace").strip("\0 ")
+    return answers | {what: f"{number:#x}" for _, what, number in NodeObjects(sdo, Dictionary(), "").identity()}

@@ -115,7 +115,7 @@ class CanLink(DeviceLink):
         j1939 = self._j1939
         claim = AddressClaim(j1939.source, default_name()) if j1939 and j1939.claim and self._outputs else None
         key = "j1939.source in its description"
-        self._frames = CanFrames(self._settings, self._take, claim, driver="can", key=key)
+        self._frames = CanFrames(self._settings, self._take, claim, driver="can", key=key, echo=self._settings.echo)
         return ""
 
     def _take(self, identifier: int, data: bytes, extended: bool) -> bool:

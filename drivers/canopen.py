@@ -137,9 +137,10 @@ class CanopenLink(NodeLink):
 
     def _put(self, values: Mapping[str, float]) -> list[tuple[str, float]]:
         """Send the PDOs of the outputs, and our heartbeat."""
-        if self._others_moved:
-            self._others_moved = False
-            with suppress(HardwareError):  # a safe value goes out also where nobody answers
+        with suppress(HardwareError):  # a safe value goes out also where nobody answers
+            self._receive()
+            if self._others_moved:
+                self._others_moved = False
                 self._see_shared()
         self._counts |= {name: self._objects.counted(self._outputs[name], value) for name, value in values.items()}
         for name, count in self._counts.items():
@@ -163,6 +164,6 @@ class CanopenLink(NodeLink):
         return {name: self._none(name, whys[name]) if whys[name] else self._objects.value(one, counts[one.place])
                 for name, one in self._inputs.items()}  # fmt: skip
 
-    def _on_emergency(self, _identifier: int, data: bytearray, _time_s: float) -> None:
-        super()._on_emergency(_identifier, data, _time_s)
+    def _on_emergency(self, data: bytes) -> None:
+        super()._on_emergency(data)
         self._others_moved |= self._emergency is not None

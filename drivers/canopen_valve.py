@@ -175,7 +175,6 @@ class CanopenValveLink(NodeLink):
         settings = self._settings
         file = dictionary(settings.eds) if settings.eds else None
         self._connect(settings, settings.node, "canopen_valve", 0x180 + settings.node, file=file)
-        self._network.subscribe(0x700 + settings.node, self._on_heartbeat)
         profile = self._objects.kind() & 0xFFFF
         if profile != PROFILE:
             raise LinkError(f"node {settings.node} is of device profile {profile}, not {PROFILE}")
@@ -277,8 +276,10 @@ class CanopenValveLink(NodeLink):
             beat = f"its last heartbeat came {system.now_s() - self._beat_s:.2g} s ago"
         return super()._failed(f"{text}; {beat}")
 
-    def _on_heartbeat(self, _identifier: int, _data: bytearray, _time_s: float) -> None:
-        self._beat_s = system.now_s()
+    def _take(self, identifier: int, data: bytes, extended: bool) -> bool:
+        if identifier == 0x700 + self._settings.node and not extended:
+            self._beat_s = system.now_s()
+        return super()._take(identifier, data, extended)
 
     def _scaled(self, index: int, value: float) -> int:
         """A value in the unit and prefix that the object itself has."""

@@ -158,7 +158,7 @@ class J1939ValveLink(DeviceLink):
         name, claim = default_name() if settings.name is None else settings.name, None
         if self._wiring.outputs:  # who only listens needs no address
             claim = AddressClaim(settings.source, name)
-        self._frames = CanFrames(settings, self._take, claim, driver="j1939_valve", key="source")
+        self._frames = CanFrames(settings, self._take, claim, driver="j1939_valve", key="source", echo=settings.echo)
         if claim is not None:
             self._frames.send(_PRIORITY << 26 | REQUEST << 8 | settings.device << 8 | settings.source, CLAIMED_GROUP)
             self._requested_s.append(until_s := system.now_s())

@@ -87,10 +87,6 @@ class System:
         """Set and waited for by several."""
         return threading.Event()
 
-    def condition(self) -> threading.Condition:
-        """A change that is waited for."""
-        return threading.Condition()
-
     def queue(self) -> SimpleQueue[Any]:
         """What one thread hands to another."""
         return SimpleQueue()

@@ -412,7 +412,7 @@ def test_driver_and_twin_take_the_same_bits_for_a_terminal(form: str, lowest: in
     kind = next(kind for kind, letter in FORMS.items() if letter == form)
     part = {"bit": lowest} if lowest == highest else {"bits": (lowest, highest)}
     told = CanopenTerminal(direction="out", range=(-200.0, 200.0), object="2000", **part)  # type: ignore[arg-type]
-    objects = NodeObjects(None, None, {(0x2000, 0): SimpleNamespace(data_type=kind)}, "")
+    objects = NodeObjects(None, {(0x2000, 0): SimpleNamespace(data_type=kind)}, "")
     size = 8 * struct.calcsize(form)
     rest = ((1 << size) - 1) & ~(((2 << highest) - 1) & -(1 << lowest))
     for before in (0, (1 << size - 1) - 1, -1 if form.islower() else (1 << size) - 1):

@@ -18,7 +18,9 @@ from drivers import _can_frames, canopen_valve, j1939_valve
 from drivers._can import open_bus
 from drivers._edge import message_of
 from drivers._node_objects import NodeObjects
+from drivers._sdo import Sdo
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.description.eds import Dictionary
 from hil.errors import DeviceLostError, HardwareError, LinkError
 from sim_devices import canopen_valve as canopen_twin
 from sim_devices import j1939_valve as j1939_twin
@@ -170,45 +172,34 @@ def test_another_master_that_drives_the_valve_is_noticed(bus: str) -> None:
 
 
 def test_process_data_of_another_length_are_no_answer(bus: str) -> None:
-    with linked("canopen", bus) as link:
-        link._network.send_message = lambda *_: link._on_pdo(0x181, bytearray(3), 0.0)
-        with pytest.raises(LinkError, match="TPDO 1 has 3 bytes, not 4"):
+    """Another program has it carry the actual value alone."""
+    with can.Bus(interface="virtual", channel=bus) as other, linked("canopen", bus) as link:
+
+        def send(identifier: int, data: bytes) -> None:
+            other.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+
+        def receive(wait_s: float) -> None:
+            while (message := other.recv(wait_s)) is not None:
+                wait_s = 0.0
+                remap.take(message.arbitration_id, bytes(message.data))
+
+        remap = Sdo(1, 1.0, send, receive)
+        for sub, entry in ((0, b"\x00"), (1, struct.pack("<I", 0x63010110)), (0, b"\x01")):
+            remap.transfer("download", 0x1A00, sub, entry)
+        with pytest.raises(LinkError, match="TPDO 1 has 2 bytes, not 4"):
             link.read()
-        del link._network.send_message
 
 
 @pytest.mark.parametrize(
     "garbled", [b"", b"\x00", b"\xff" * 8, b"\x43\x00\x63", b"\x80" + bytes(7), b"\x41" + bytes(7)]
 )
-def test_whatever_answers_a_question_is_a_value_or_a_named_error(garbled: bytes, bus: str) -> None:
-    with can.Bus(interface="virtual", channel=f"{bus}-other") as other:
-        link_bus = can.Bus(interface="virtual", channel=f"{bus}-other")
-        from drivers._canopen_network import CanopenNetwork
+def test_whatever_answers_a_question_is_a_value_or_a_named_error(garbled: bytes) -> None:
+    def answers(_wait_s: float) -> None:
+        server.take(0x581, garbled)
 
-        with linked("canopen", bus) as link:
-            network = CanopenNetwork(link_bus, "other", logging.getLogger("hil.link.test"))
-            network.connect()
-            node = network.add_node(1, node_dictionary())
-            node.sdo.RESPONSE_TIMEOUT = 0.1
-            own, link._objects = link._objects, NodeObjects(network, node, None, "other")
-            answers = can.Notifier(
-                other, [lambda m: other.send(answer_of(garbled)) if m.arbitration_id == 0x601 else 0]
-            )
-            with pytest.raises(HardwareError):
-                link.standing()
-            answers.stop()
-            network.disconnect()
-            link._objects = own
-
-
-def node_dictionary() -> Any:
-    import canopen
-
-    return canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
-
-
-def answer_of(data: bytes) -> can.Message:
-    return can.Message(arbitration_id=0x581, data=data, is_extended_id=False)
+    server = Sdo(1, 0.1, lambda *_: None, answers)
+    with pytest.raises(HardwareError):
+        NodeObjects(server, Dictionary(), "other").signed(0x6300, 1)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -125,9 +125,6 @@ class WorldSystem:
     def queue(self) -> tasks.Queue:
         return tasks.Queue(self.hub, self.call)
 
-    def condition(self) -> Any:
-        raise NotImplementedError("no device of this world needs it")
-
     def pid(self) -> int:
         return self.process.pid
 
