@@ -100,3 +100,17 @@ def test_an_interval_wider_than_its_value_is_none() -> None:
     assert _wider_than_themselves(hpv41, values | {"dead_time": 1.3 * values["dead_time"]}, stds) == ()
     # a value near nothing is told where it is known well beside what is usual
     assert _wider_than_themselves(hpv41, values | {"dead_band": 0.0}, {"dead_band": 0.1}) == ()
+
+
+def test_one_thing_is_said_of_a_parameter_that_no_recording_tells() -> None:
+    drives, rng = typical_model("coupled-drives"), np.random.default_rng(2)
+    columns = {
+        "drive voltage [V]": np.repeat(rng.choice([-0.5, 0.5], 60), 5),
+        "pulley speed [V]": 0.3 * np.abs(rng.normal(size=300)),  # which no command drives
+    }
+    found = fit_plant(drives, bound(drives, [recording("noise", 0.02 * np.arange(300.0), columns)]))
+    assert set(found.on_bound) == {p.name for p in drives.definition.parameters if not p.fixed}
+    for name in found.on_bound:
+        std = found.model.parameters[name].std
+        (said,) = [note for note in found.notes if name in note]
+        assert ("not identifiable" in said) is (std == np.inf) is not ("ended on a bound" in said)

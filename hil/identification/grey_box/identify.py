@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -437,12 +437,15 @@ def _covariance(found: Estimate) -> Covariance:
     return Covariance(tuple(found.named), tuple(map(tuple, found.identifiability.whole.tolist())))
 
 
-def _unidentifiable(found: Estimate, slow_hz: float) -> list[Note]:
-    """What the recordings do not tell, or only together, in words; `slow_hz` as in `_undetermined`."""
+def _unidentifiable(found: Estimate, said: Set[str], slow_hz: float) -> list[Note]:
+    """What the recordings do not tell, or only together, in words, but for what is `said` of a parameter already.
+
+    `slow_hz` as in `_undetermined`.
+    """
     shared = [
         u.name
         for u, is_shared in zip(found.unknowns, found.identifiability.is_shared_beyond_noise, strict=True)
-        if is_shared
+        if is_shared and u.name not in said
     ]
     if len(shared) == 1:
         alone = Note("not identifiable: {name}; drive more levels, some of them near where it acts",
@@ -547,9 +550,10 @@ def _result(
     measured = _noise(made, experiments, errors, answers)
     beyond = discrepancy_of(made, experiments, [-error for error in errors], measured)
     made = replace(made, noise=measured.noise, origin={**made.origin, **({"discrepancy": beyond} if beyond else {})})
-    fixed_at_bound = [found.unknowns[k].name for k in found.fixed_at_bound]
+    driven_out = [found.unknowns[k].name for k in found.fixed_at_bound]
     natural = [u.name for u, v in zip(found.unknowns, found.values.tolist(), strict=True) if u.at_natural_end(v)]
-    ended = [name for name in found.on_bound if name not in natural]
+    # a value that is not identifiable may lie anywhere: where it ended is no second thing to be said of it
+    ended = [name for name in found.on_bound if name not in natural and np.isfinite(stds[name])]
     notes = [Note("parameter '{name}' ended on a bound: a warning, not physics", name=name) for name in ended]
     notes += [
         Note(
@@ -557,11 +561,14 @@ def _result(
             "near where it acts",
             name=name,
         )
-        for name in fixed_at_bound
+        for name in driven_out
+        if np.isinf(stds[name])
     ]
     by_noise = _wider_than_themselves(plant, values, dict(zip(names, _std_of_noise(found).tolist(), strict=True)))
     slow_hz = too_slow_hz(made, experiments)
-    by_test = {name: units[name] for name in wide if name in by_noise}
-    notes += _undetermined(by_test, [name for name in wide if name not in by_noise], slow_hz)
-    notes += [*([note_of(beyond)] if beyond else []), *_unidentifiable(found, slow_hz), *beside.notes]
+    by_test = {name: units[name] for name in wide if name in by_noise and name not in driven_out}
+    by_model = [name for name in wide if name not in by_noise and name not in driven_out]
+    notes += _undetermined(by_test, by_model, slow_hz)
+    together = _unidentifiable(found, {*driven_out, *by_model}, slow_hz)
+    notes += [*([note_of(beyond)] if beyond else []), *together, *beside.notes]
     return GreyBoxFit(made, found.on_bound, fits, (*remarks, *notes, *doubts(made, experiments, fits)))
