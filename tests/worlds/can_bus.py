@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import math
+from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -16,6 +17,7 @@ _EVERY_S, _PATIENCE_S = 0.1, 0.3
 _COMMAND, _ESTIMATED, _CLAIMED, _REQUEST = 0xFE31, 0xFE11, 0xEE00, 0xEA00
 _OURS, _NAME, _ERROR = 0x80, 2 << 60 | 129 << 40 | 1, 14
 _PER_BIT = 0.4
+_LAST_STANDARD = 0x7FF  # identifier of 11 bits
 _MOST_WAITING = 10  # frames: the length of Linux's queue of a CAN controller
 _CONTENDED_S = 0.25  # so long after a claim another one may come (SAE J1939-81, 4.5.2)
 
@@ -115,7 +117,7 @@ class BusEnd:
             self._changed.wait(until_s)
             self._call()
         identifier, data = self._received.popleft()
-        return can.Message(arbitration_id=identifier, data=data, is_extended_id=True)
+        return can.Message(arbitration_id=identifier, data=data, is_extended_id=identifier > _LAST_STANDARD)
 
     def arrived(self, identifier: int, data: bytes) -> None:
         """Of the bus."""
@@ -136,8 +138,8 @@ class BusEnd:
             raise OSError(errno.EBADF, "Bad file descriptor")
 
 
-class Valve(Device):
-    """Obeys its command, tells the flow each 100 ms, and blocks when it hears no command for 0.3 s.
+class OnABus(Device):
+    """A device on a bus of its own.
 
     Attributes:
         mute: tells nothing of itself, and does what it is told.
@@ -145,7 +147,43 @@ class Valve(Device):
 
     def __init__(self, hub: Hub) -> None:
         super().__init__(hub)
-        self.line = CanBus(hub, self._take)
+        self.line = CanBus(hub, self._hear)
+
+    @abstractmethod
+    def put(self, percent: float) -> None:
+        """Somebody else moves it."""
+
+    @abstractmethod
+    def take(self, identifier: int, data: bytes) -> None:
+        """What it does with a frame."""
+
+    def begin(self) -> None:
+        """It has power again."""
+
+    def restart(self, away_s: float) -> None:
+        """Off for a while, its output at zero."""
+        self.is_on = False
+        self.put(0.0)
+        self._hub.after(away_s, self._on_again)
+
+    def _on_again(self) -> None:
+        self.is_on = True
+        self.begin()
+
+    def _hear(self, identifier: int, data: bytes) -> None:
+        if not self.deaf and self.is_on:
+            self.take(identifier, data)
+
+    def _say(self, identifier: int, data: bytes) -> None:
+        if not self.mute and self.is_on:
+            self.line.send(identifier, data, None)
+
+
+class Valve(OnABus):
+    """Obeys its command, tells the flow each 100 ms, and blocks when it hears no command for 0.3 s."""
+
+    def __init__(self, hub: Hub) -> None:
+        super().__init__(hub)
         self._hub.after(0.0, self._tick)
 
     def put(self, percent: float) -> None:
@@ -159,25 +197,12 @@ class Valve(Device):
         self.fails = fails
         self.stands(0.0)
 
-    def restart(self, away_s: float) -> None:
-        self.is_on = False
-        self.stands(0.0)
-        self._hub.after(away_s, self._begin)
-
     def take_address(self) -> None:
         """Another controller, whose NAME goes before every other one, claims the address of the bench."""
         self.line.send(0x18EEFF00 | 0x26, (1).to_bytes(8, "little"), None)
 
-    def _begin(self) -> None:
-        self.is_on = True
-        self._claim()
-
-    def _claim(self) -> None:
+    def begin(self) -> None:
         self._say(0x18EEFF00 | _OURS, _NAME.to_bytes(8, "little"))
-
-    def _say(self, identifier: int, data: bytes) -> None:
-        if not self.mute and self.is_on:
-            self.line.send(identifier, data, None)
 
     def _tick(self) -> None:
         self._tell()
@@ -189,12 +214,10 @@ class Valve(Device):
         told = bytes([flow, 250 - flow, 0b0011_0000 | state, 0b0001_1111, *[0xFF] * 4])
         self._say(3 << 26 | _ESTIMATED << 8 | _OURS, told)
 
-    def _take(self, identifier: int, data: bytes) -> None:
+    def take(self, identifier: int, data: bytes) -> None:
         group, to = identifier >> 8 & 0x3FFFF, identifier >> 8 & 0xFF
-        if self.deaf or not self.is_on:
-            return
         if group & 0x3FF00 == _REQUEST and to in (_OURS, 0xFF) and data[:3] == _CLAIMED.to_bytes(3, "little"):
-            self._hub.at(self.soon(1e-4, 2e-3), self._claim)
+            self._hub.at(self.soon(1e-4, 2e-3), self.begin)
         if group == _COMMAND and len(data) == 8 and data[0] <= 0xFA:
             self._hub.at(self.soon(1e-4, 2e-3), lambda: self._obey(data))
 

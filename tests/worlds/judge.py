@@ -14,6 +14,7 @@ from hil.errors import FileError
 from hil.record.folder import read
 from tests.worlds.devices import FULL
 from tests.worlds.driven import LAWS as DRIVEN
+from tests.worlds.driven import is_no_restart
 from tests.worlds.kept import LAWS as KEPT
 from tests.worlds.left import LAWS as LEFT
 from tests.worlds.left import kinds as _kinds
@@ -227,7 +228,8 @@ def _as_expected(world: World, ran: Ran) -> Iterator[str]:
     if fault.kind in ("low", "hold run"):
         yield from _held(ran, begun_s, fault.lasts_s)
     writes_s = (ran.schedule.block_s - BLOCK_S) * (fault.kind in NO_DISK)
-    if fault.kind not in _ENDINGS or fault.lasts_s < _LEAST_S.get(fault.kind, 0.0) + writes_s:
+    is_short = fault.lasts_s < _LEAST_S.get(fault.kind, 0.0) + writes_s
+    if fault.kind not in _ENDINGS or is_short or is_no_restart(ran, fault):
         return
     status, within_s, text = _ENDINGS[fault.kind]
     if fault.kind == "wd pause" and ran.status == own and ran.changes["command"][-1][0] < begun_s + within_s:

@@ -34,7 +34,8 @@ ROOMS = (
     "hil/daq/device_link.py", "hil/daq/link.py", "hil/daq/polled.py", "hil/daq/polling.py", "drivers/_meeting.py",
     "drivers/_modbus_line.py", "drivers/_modbus_link.py", "drivers/_modbus_ready.py", "drivers/_ports.py",
     "drivers/_shared_port.py", "drivers/_line.py", "drivers/_text_link.py", "drivers/ascii_module.py",
-    "drivers/scpi.py", "drivers/_can_frames.py", "drivers/j1939_valve.py",
+    "drivers/scpi.py", "drivers/_can_frames.py", "drivers/_can_messages.py", "drivers/can.py", "drivers/j1939_valve.py",
+    "drivers/_sdo.py", "drivers/_canopen_node.py", "drivers/canopen.py",
 )  # fmt: skip
 _BATCH, _KEPT = 100, 120
 Place = tuple[str, int]

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 DEVICES = ("io", "aux")
 THIRD = "third"
-THIRDS = {"m": "module", "s": "source", "p": "amplifier", "v": "valve"}
-"""Devices that may stand beside those two, by their mark in a code: three on a serial line, one on CAN."""
+THIRDS = {"m": "module", "s": "source", "p": "amplifier", "v": "valve", "n": "node", "d": "driver", "t": "controller"}
+"""Devices that may stand beside those two, by their mark in a code: four on a serial line, three on CAN."""
 PHASES = ("opening", "driving", "making safe", "closing")
 PROCEDURES = ("plain", "steps", "swallows", "raises", "exits", "blocks", "leaves early")
 KINDS = {
@@ -25,7 +25,8 @@ KINDS = {
 }  # fmt: skip
 _OF_THIRD = {
     "module": {"garble", "echo"}, "source": {"garble", "echo"}, "amplifier": {"garble", "echo", "fails"},
-    "valve": {"fails", "claims", "passive"}, "": set[str](),
+    "controller": {"garble", "echo"}, "valve": {"fails", "claims", "passive"}, "node": {"passive"},
+    "driver": {"passive"}, "": set[str](),
 }  # fmt: skip
 _OF_COUPLERS = {"swap", "over", "low", "pressed", "sticks", "crowd"}
 _WITH_DEVICE = {kind for kind, of in KINDS.items() if of in ("network", "device")} - {"switch"}
@@ -119,7 +120,7 @@ class Schedule:
 def drawn(seed: int) -> Schedule:
     """One of all: one to four faults, half of them close behind another one."""
     draw = random.Random(f"schedule {seed}")
-    third = draw.choices(("", *THIRDS.values()), (4, 1, 1, 1, 1))[0]
+    third = draw.choices(("", *THIRDS.values()), (len(THIRDS), *[1] * len(THIRDS)))[0]
     kinds = kinds_with(third)
     faults: list[Fault] = []
     for _ in range(draw.choice((1, 1, 2, 2, 2, 3, 3, 4))):

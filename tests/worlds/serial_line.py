@@ -1,4 +1,5 @@
-"""A serial line of a world, and devices at its end: a module in ASCII, a source in SCPI, an amplifier on Modbus RTU.
+"""A serial line of a world, and devices at its end: a module in ASCII, a source in SCPI, an amplifier on Modbus RTU,
+a controller in plain text.
 
 Bytes take their time, in order; some may be lost, doubled, garbled or late. A garbled byte has its highest bit set, as
 one whose stop bit was missed: a text without a checksum can have no other defence.
@@ -309,6 +310,28 @@ class Source(OnALine):
         if unit not in answers:
             self._errors.append('-113,"Undefined header"')
         return answers.get(unit, "")
+
+
+class Controller(OnALine):
+    """An Alicat mass flow controller with unit ID A, 0 … 100 l/min: a set point, and one frame that says everything."""
+
+    whole = staticmethod(ended(b"\r"))
+
+    def put(self, percent: float) -> None:
+        self.stands(percent)
+
+    def expire(self) -> None:
+        self.stands(0.0)
+
+    def answer(self, request: bytes) -> bytes:
+        text = request.decode("latin1").rstrip("\r")
+        if found := re.fullmatch(r"AS(\d+(?:\.\d+)?)", text):
+            if not self.lies and float(found[1]) <= 100.0:
+                self.put(float(found[1]))
+        elif text != "A":
+            return b"?\r"
+        flow = self.percent + 0.01 * self._hub.draw.randrange(4)
+        return f"A +014.70 +024.38 {flow:+07.2f} {flow:+07.2f} {self.percent:+07.2f} Air\r".encode()
 
 
 _TENTHS, _ENABLE, _CLEAR, _DEMAND_PER_PERCENT = 10, 11, 12, 100

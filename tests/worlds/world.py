@@ -32,12 +32,13 @@ from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
 from hil.system import system
 from hil.system.tcp import not_for_children
-from tests.worlds.can_bus import CanBus, Valve
+from tests.worlds.can_bus import CanBus, OnABus, Valve
 from tests.worlds.devices import Coupler
 from tests.worlds.network import Cable
+from tests.worlds.nodes import Driver, Node
 from tests.worlds.processes import Process
 from tests.worlds.schedule import DEVICES, Fault, Schedule
-from tests.worlds.serial_line import Amplifier, Module, Source
+from tests.worlds.serial_line import Amplifier, Controller, Module, OnALine, Source
 from tests.worlds.system import STEP_S, WorldSystem
 from tests.worlds.tasks import Hub, Task
 
@@ -159,10 +160,46 @@ address = 0
 table = "input"
 slope = 0.001
 """),
+    "controller": ({"terminal": "set point", "unit": "l/min", "on": 50.0, "high": 100.0, "address": PORT},
+                   'driver = "text"\nmodel = "alicat-mc"\nbaud = 38400'),
+    "node": ({"terminal": "ao1", "unit": "V", "on": 5.0, "high": 10.0, "address": f"socketcan:{BUS}"},
+             'driver = "canopen"\nmodel = "io-401"\nnode = 5'),
+    "driver": ({"terminal": "demand", "unit": "V", "on": 5.0, "high": 10.0, "address": f"socketcan:{BUS}"},
+               f"""driver = "can"
+[devices.third.description]
+summary = "a driver of a valve, by its messages"
+source = "tests/worlds/nodes.py"
+dbc = "{Path(__file__).with_name("pilot.dbc")}"
+watchdog = {{time_s = 0.3, expires_to = 0.0}}
+[devices.third.description.messages.Command]
+every_s = 0.1
+counter = "Count"
+checksum = {{signal = "Sum", kind = "sum"}}
+[devices.third.description.messages.State]
+every_s = 0.02
+timeout_s = 0.3
+counter = "Count"
+checksum = {{signal = "Sum", kind = "sum"}}
+[devices.third.description.terminals.demand]
+direction = "out"
+unit = "V"
+range = [0.0, 10.0]
+message = "Command"
+signal = "Demand"
+read_back = {{message = "State", signal = "Held"}}
+close = 0.002
+[devices.third.description.terminals.output]
+direction = "in"
+unit = "V"
+range = [0.0, 11.0]
+message = "State"
+signal = "Output"
+"""),
     "valve": ({"terminal": "flow command", "unit": "%", "on": 40.0, "high": 100.0, "address": f"socketcan:{BUS}"},
               'driver = "j1939_valve"'),
 }  # fmt: skip
-THIRD_READS = {"source": ("coil current", "A"), "amplifier": ("ai", "V"), "valve": ("estimated flow", "%")}
+THIRD_READS = {"source": ("coil current", "A"), "amplifier": ("ai", "V"), "valve": ("estimated flow", "%"),
+               "controller": ("mass flow", "l/min"), "node": ("ai1", "V"), "driver": ("output", "V")}  # fmt: skip
 OUTPUTS = {"command": "io", "enable": "aux"}
 PILOT = "pilot"
 UNITS = {"command": "%", "enable": "V"}
@@ -240,8 +277,8 @@ def _bench(schedule: Schedule) -> BenchFile:
 
 def _third(schedule: Schedule) -> str:
     about, how = THIRD[schedule.third]
-    has_own = schedule.armed and schedule.third in ("module", "amplifier")
-    timeout_s = 0.25 if schedule.third == "valve" else 0.1
+    has_own = schedule.armed and schedule.third in ("module", "amplifier", "node")
+    timeout_s = 0.25 if schedule.third in ("valve", "driver") else 0.1
     channels = THIRD_BENCH.format(**about, timeout_s=timeout_s) + ("watchdog_s = 1.0\n" if has_own else "") + how
     if schedule.third in THIRD_READS:
         terminal, unit = THIRD_READS[schedule.third]
@@ -270,12 +307,12 @@ class World:
         hosts = {("10.0.0.1", 502): self.couplers["io"].host, ("10.0.0.2", 502): self.couplers["aux"].host}
         self.system = WorldSystem(self.hub, hosts, {"hil.bench.watchdog": watchdog.main}, (0.2, 1.0))
         self.third = _THIRDS[schedule.third](self.hub) if schedule.third else None
-        if isinstance(self.third, Valve):
+        if isinstance(self.third, OnABus):
             self.system.buses[BUS] = self.third.line
         elif self.third is not None:
             self.system.lines[PORT] = self.third.line
         third = {} if self.third is None else {"third": self.third}
-        self.devices: dict[str, Coupler | Module | Source | Amplifier | Valve] = {**self.couplers, **third}
+        self.devices: dict[str, Coupler | OnALine | OnABus] = {**self.couplers, **third}
         self.outputs, self.units = dict(OUTPUTS), dict(UNITS)
         if self.third is not None:
             self.outputs[PILOT], self.units[PILOT] = "third", str(THIRD[schedule.third][0]["unit"])
@@ -519,7 +556,7 @@ class World:
             case _:
                 self._to_any(fault, line, device)
 
-    def _to_any(self, fault: Fault, line: object, device: Coupler | Module | Source | Amplifier | Valve) -> None:
+    def _to_any(self, fault: Fault, line: object, device: Coupler | OnALine | OnABus) -> None:
         """What happens alike to every device and to every way to it."""
         match fault.kind:
             case "out":
@@ -635,8 +672,9 @@ class World:
         self.system.disk.cut(self.folder)
 
 
-_THIRDS: dict[str, type[Module | Source | Amplifier | Valve]] = {
-    "module": Module, "source": Source, "amplifier": Amplifier, "valve": Valve,
+_THIRDS: dict[str, type[OnALine | OnABus]] = {
+    "module": Module, "source": Source, "amplifier": Amplifier, "controller": Controller, "valve": Valve, "node": Node,
+    "driver": Driver,
 }  # fmt: skip
 _OF_DISK = {"disk full": ("fails", errno.ENOSPC), "disk gone": ("fails", errno.EIO), "disk slow": ("slow_s", 0.3)}
 
