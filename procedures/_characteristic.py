@@ -12,6 +12,7 @@ import numpy as np
 from hil.errors import InputError
 from hil.identification.steady.characteristic import (
     Loop,
+    Read,
     largest_slope,
     level_at,
     loop,
@@ -75,6 +76,10 @@ class Swept:
     command: Channel
     response: Channel
 
+    def standing(self, end: Standing) -> Read:
+        """The response at an end, with all that its visits leave open."""
+        return end.response, math.hypot(end.std, self.rounding, self.drifted)
+
 
 def swept(recording: Recording, parts: Sequence[Mapping[str, Any]], of: Channel | None = None) -> Swept:
     """The estimate of sweeps that were driven over one range with waits at their ends.
@@ -107,10 +112,8 @@ def swept(recording: Recording, parts: Sequence[Mapping[str, Any]], of: Channel 
     return Swept(estimate, ends[0], ends[1], drifted, drifted / lasted_s, rounding, speeds, command, response)
 
 
-def characteristic(
-    swept_: Swept, part: Mapping[str, Any], zero: float, of: Mapping[str, Measurement]
-) -> Characteristic:
-    """The curve with the figures that suit its sides, as declared in `of`.
+def characteristic(swept_: Swept, part: Mapping[str, Any], zero: Read, of: Mapping[str, Measurement]) -> Characteristic:
+    """The curve with the figures that suit its sides, as declared in `of`; `zero`: the response at neutral.
 
     Raises:
         InputError: the response does not follow the command beyond the noise.
@@ -122,8 +125,7 @@ def characteristic(
         of[name]
         .at(unit=unit)
         .of(
-            end.response,
-            math.hypot(end.std, swept_.rounding, swept_.drifted),
+            *swept_.standing(end),
             calibration=calibration_std(swept_.response),
         )
         for name, end in (("response_high", swept_.high), ("response_low", swept_.low))
@@ -243,12 +245,12 @@ def _uncovered(swept_: Swept) -> list[Note]:
 
 
 def _both_ways(
-    swept_: Swept, neutral: float, zero: float, of: Mapping[str, Measurement]
+    swept_: Swept, neutral: float, zero: Read, of: Mapping[str, Measurement]
 ) -> tuple[list[Measured], tuple[float, float]]:
     estimate = swept_.estimate
     per = f"{swept_.response.unit} per {swept_.command.unit}"
     sides = {
-        sign: side(estimate, neutral, zero, end.response, sign, rounding_step(swept_.response.values))
+        sign: side(estimate, neutral, zero, swept_.standing(end), sign, rounding_step(swept_.response.values))
         for sign, end in ((1, swept_.high), (-1, swept_.low))
     }  # fmt: skip
     share = math.hypot(calibration_share(swept_.response), calibration_share(swept_.command))

@@ -104,10 +104,10 @@ def evaluate(recording: Recording) -> Findings:
     _, response = roles_of(recording)
     zero, zero_std = steady(recording, parts_of(recording, "neutral")[0], response)
     sweeps = swept(recording, parts[:2])
-    curve = characteristic(sweeps, parts[0], zero, _BY_NAME)
     neutral = parts_of(recording, "neutral")[0]
     crept = sweeps.creep_per_s * (neutral["first"] + neutral["count"]) * recording.interval_s
     zero_std = math.hypot(zero_std, 2.0 * UNIFORM * crept)
+    curve = characteristic(sweeps, parts[0], (zero, zero_std), _BY_NAME)
     leakage = _BY_NAME["leakage"].at(unit=response.unit).of(zero, zero_std, calibration=calibration_std(response))
     drops = pressure_drops(recording, parts[:2], _BY_NAME)
     return Findings(

@@ -213,7 +213,7 @@ def _both_ways(
     unit_in, unit_out = units
     beside = over_all(estimate, lambda curve, _: float(np.interp(neutral, estimate.command, curve)))
     zero, zero_std = found.at_rest or beside
-    sides = {sign: side(estimate, neutral, zero, ends[sign][0], sign, step) for sign in (1, -1)}
+    sides = {sign: side(estimate, neutral, (zero, zero_std), ends[sign], sign, step) for sign in (1, -1)}
     named = [(1, "positive"), (-1, "negative")]
     made = [Figure(f"dead_band_{word}", *sides[sign].edge, unit_in) for sign, word in named]
     made += [Figure(f"gain_{word}", *sides[sign].gain, f"{unit_out} per {unit_in}") for sign, word in named]

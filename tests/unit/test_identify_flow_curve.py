@@ -36,8 +36,9 @@ def estimate(draws=DRAWS, **given):
     return sweep_estimate("sweep", [sweep(**given), sweep(cycle_s=160.0, **given)], draws=draws)
 
 
-def sides(found, lame=1.0):
-    return side(found, 0.0, 0.1, 70.1, 1), side(found, 0.0, 0.1, 0.1 - 70.0 * lame, -1)
+def sides(found, lame=1.0, end_std=0.0):
+    zero, ends = (0.1, 0.0), ((70.1, end_std), (0.1 - 70.0 * lame, end_std))
+    return side(found, 0.0, zero, ends[0], 1), side(found, 0.0, zero, ends[1], -1)
 
 
 def test_figures_of_a_known_curve_lie_within_their_uncertainty():
@@ -61,6 +62,15 @@ def test_the_gain_of_a_curve_that_bends_is_that_of_all_commands_between():
     body = (metered(command) >= 0.3 * 70.0) & (metered(command) <= 0.9 * 70.0)
     truth = np.polyfit(command[body], metered(command[body]), 1)[0]
     assert abs(value - truth) < 1.5e-5  # at 200 places alike, both ends weigh too much: 3.4e-5
+
+
+def test_an_end_that_is_not_known_makes_the_gain_of_a_curve_that_bends_uncertain():
+    found = estimate(exponent=1.8, noise=0.003)
+    (gain, sure), (_, unsure) = sides(found)[0].gain, sides(found, end_std=2.0)[0].gain
+    end = side(found, 0.0, (0.1, 0.0), (72.1, 0.0), 1).gain[0]
+    assert unsure == pytest.approx(abs(end - gain), rel=0.1)
+    assert unsure > 5.0 * sure
+    assert sides(estimate(exponent=1.0), end_std=2.0)[0].gain[1] < 0.004  # a straight line has one slope
 
 
 def test_equal_gains_are_told_as_a_bound_and_unequal_ones_as_their_ratio():
@@ -147,7 +157,7 @@ def test_what_is_no_sweep_is_said():
     dead = triangle(-10.0, 10.0, 40.0, RATE_HZ)
     noise = 1e-3 * np.random.default_rng(0).normal(size=len(dead))
     with pytest.raises(InputError, match="no flow beyond the noise"):
-        side(sweep_estimate("r", [Sweep(dead, noise, 1.0)]), 0.0, 0.0, 1e-4, 1)
+        side(sweep_estimate("r", [Sweep(dead, noise, 1.0)]), 0.0, (0.0, 0.0), (1e-4, 0.0), 1)
 
 
 def test_what_a_slow_lag_takes_from_the_steepest_slope_is_granted():

@@ -78,8 +78,10 @@ def loop(estimate: SweepEstimate, certain: float, speeds: tuple[float, ...]) -> 
     return Loop((estimate.lag_s, lag_std_s), (width, width_std), friction)
 
 
-def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign: int, step: float = 0.0) -> Side:
+def side(estimate: SweepEstimate, neutral: float, zero: Read, end: Read, sign: int, step: float = 0.0) -> Side:
     """Edge of the dead band, gain, and largest departure from its line as a share of the response at the end.
+
+    What is not known of both responses moves the commands between which the line lies; the edge's law is free in both.
 
     Args:
         estimate: of the sweeps.
@@ -93,25 +95,32 @@ def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign:
         InputError: no response beyond the noise, or too few levels carry one.
     """
     noise = float(np.median(np.std(estimate.responses, axis=0)))
-    if abs(end - zero) <= CRITERIA.clear * noise:
+    (at_zero, zero_std), (at_end, end_std) = zero, end
+    if abs(at_end - at_zero) <= CRITERIA.clear * noise:
         raise InputError(f"flow curve: at the {'positive' if sign > 0 else 'negative'} end no flow beyond the noise")
     mine = sign * (estimate.command - neutral) >= 0.0
     command, outwards = estimate.command[mine], slice(None, None, sign)
 
-    def line(response: Array) -> tuple[float, float]:
-        share = ((response[mine] - zero) / (end - zero))[outwards]
+    def line(response: Array, low: float = at_zero, high: float = at_end) -> tuple[float, float]:
+        share = ((response[mine] - low) / (high - low))[outwards]
         first, last = (level_at(command[outwards], share, part) for part in (CRITERIA.gain_from, CRITERIA.gain_to))
         if math.isnan(first) or math.isnan(last):
             raise InputError("flow curve: too few levels carry flow on one side of centre")
         middle, level, gain = line_through(command, response[mine], first, last)
         places = np.linspace(first, last, EFFORT.points)
         left = np.interp(places, command, response[mine]) - level - gain * (places - middle)
-        return gain, float(np.max(np.abs(left))) / abs(end - zero)
+        return gain, float(np.max(np.abs(left))) / abs(high - low)
 
     found = line(estimate.response)
+    # inwards, where the curve surely passes
+    off, far = (math.copysign(std, at_end - at_zero) for std in (zero_std, end_std))
+    moved = line(estimate.response, at_zero - off), line(estimate.response, at_zero, at_end - far)
     resampled = np.array([line(one) for one in estimate.responses])
-    gain, departure = ((value, about(again, value)) for value, again in zip(found, resampled.T, strict=True))
-    return Side(_edge(estimate, neutral, zero, end, sign, step), gain, departure, resampled[:, 1])
+    gain, departure = (
+        (value, math.hypot(about(again, value), *(other - value for other in others)))
+        for value, again, *others in zip(found, resampled.T, *moved, strict=True)
+    )
+    return Side(_edge(estimate, neutral, at_zero, at_end, sign, step), gain, departure, resampled[:, 1])
 
 
 def symmetry(sides: Collection[Side]) -> Read:
