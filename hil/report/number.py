@@ -117,9 +117,9 @@ def _to_place(value: float, place: int) -> str:
 
 def _scaled(value: float, expanded: float) -> tuple[str, str]:
     exponent = math.floor(math.log10(max(abs(value), expanded)))
-    scale = 10.0**exponent
+    scale, power = 10.0**exponent, f"·10{str(exponent).translate(_SUPERSCRIPT)}"
     shown, width = rounded(value / scale, expanded / scale)
-    return shown, f"{width} (·10{str(exponent).translate(_SUPERSCRIPT)})"
+    return f"{shown}{power}" if shown.strip(f"{MINUS}0.,") else "0", f"{width}{power}"
 
 
 def _signed(text: str) -> str:

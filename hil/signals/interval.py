@@ -15,6 +15,8 @@ UNIFORM = 1.0 / math.sqrt(12.0)
 CERTAIN = 4.0
 """Standard uncertainties below which the largest of many values stays by noise alone."""
 
+_DECIMALS, _DIGITS = 9, 12  # more are written with an exponent; no computation keeps more digits
+
 
 def rounded(value: float, std: float | None) -> str:
     """A value to the second digit of its interval; one that has none to six."""
@@ -31,9 +33,12 @@ def width(std: float | None) -> str:
 
 
 def _to_place(value: float, half: float) -> str:
-    """A value to the second digit of half an interval."""
+    """A value to the second digit of half an interval; no digits that arithmetic does not have."""
     places = 1 - math.floor(math.log10(float(f"{half:.1e}")))
-    return f"{round(value, places):.{max(places, 0)}f}"
+    if places <= _DECIMALS:
+        return f"{round(value, places):.{max(places, 0)}f}"
+    digits = places + math.floor(math.log10(abs(value) or half))
+    return f"{value:.{max(digits, 0)}e}" if digits <= _DIGITS else f"{value:.9g}"
 
 
 def exact_limits(count: int, of: int, confidence: float = 0.95) -> tuple[float, float]:
