@@ -11,8 +11,10 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
-from functools import cache, partial
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from heapq import heapify, heappop, heappush
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -28,10 +30,10 @@ from hil.physics.model import Model
 from hil.physics.simulate import ActiveEffect
 from hil.record.durable import write_whole
 from hil.record.invalid_samples import with_blanks
-from hil.record.measurement import Limit, Measured, Verdict
+from hil.record.measurement import Limit, Measured
 from hil.record.plain import to_json
 from hil.record.progress import Progress
-from hil.record.recording import Array, split_heading
+from hil.record.recording import Array, Recording, split_heading
 from hil.report.number import number, with_unit
 from hil.session.procedure import Procedure
 from hil.session.results import evaluated, judged_by, procedure_of
@@ -51,6 +53,8 @@ _SHOWN = 2  # of each limit, the most harmless first
 _SHARES = tuple(2.0**k for k in range(-8, 5, 2))
 _HALVINGS = 4  # of the logarithm between two of them: to 9 %
 _LARGER, _TRIES = 1.2, 4  # a size that fails more rarely than sought is made so much larger, so often
+_ROUNDING = 1e-9  # relative: two evaluations of the same samples agree better than that
+_AT_ONCE = 8  # repeats, before it is asked whether more are of use
 
 Values = Mapping[str, Measured]
 
@@ -109,30 +113,78 @@ def power_of(run: UnitRun, model: Model, progress: Progress, kept: Path | None =
     Raises:
         InputError: the run has no limits, or does not belong to the model.
     """
-    world = _World.of(run, model)
-    progress(0.0, "what limits catch: the healthy unit")
-    healthy = world.repeated(None)
-    passed = [name for name in world.limits if _fraction(healthy, name, "pass") >= _SHARE]
-    scatter = {name: found for name in passed if (found := _scatter(healthy, name)) is not None}
-    state = _State.of(kept, world)
-    growing = [_Growing(term, start) for term in world.terms for start in _ends(term)]
-    for n, one in enumerate(growing):
-        progress(0.05 + 0.8 * n / len(growing), f"what limits catch: {one.term.label}")
-        if one.key not in state.found:
-            state.add(one.key, _least(world, one, scatter))
+    limits = tuple(m.name for m in run.findings.measured if m.verdict is not None)
+    if not limits:
+        raise InputError(f"{run.results.run}: no limit was given")
+    judge = _Judge(procedure_of(run.recording), judged_by(run.recording, run.folder))
+    state, pieces = _State.of(kept, run, model, judge), tuple(_pieces(run, judge, limits))
     faults: list[LeastFault] = []
-    for n, name in enumerate(scatter):
-        progress(0.85 + 0.15 * n / len(scatter), f"what limits catch: confirming {name}")
-        broken = [(one, least) for one in growing if (least := state.found[one.key].get(name))]
-        ranked = sorted(broken, key=lambda found: world.disturbance(found[0].at(found[1])))
-        faults += _confirmed(world, name, ranked)
+    proven, tried = set[str](), dict[str, None]()
+    for n, (piece, names) in enumerate(pieces):
+        try:
+            world = _World.of(piece, model, judge, state, str(n))
+        except InputError:
+            if len(pieces) == 1:
+                raise
+            continue  # a test in which nothing moves tells no fault
+        found = _Search(world, names, _within(progress, n, len(pieces))).faults()
+        faults += found.faults
+        proven |= found.proven
+        tried |= dict.fromkeys(term.label for term in world.terms if _ends(term))
     state.close()
     caught = {fault.limit for fault in faults}
+    order = {name: n for n, name in enumerate(limits)}
     return Power(
-        run.results.run, tuple(faults), tuple(name for name in scatter if name not in caught),
-        tuple(name for name in world.limits if name not in scatter),
-        tuple(dict.fromkeys(one.term.label for one in growing)),
+        run.results.run, tuple(sorted(faults, key=lambda fault: order[fault.limit])),
+        tuple(name for name in limits if name in proven - caught),
+        tuple(name for name in limits if name not in proven), tuple(tried),
     )  # fmt: skip
+
+
+def _within(progress: Progress, place: int, of: int) -> Progress:
+    """Told how far one of several pieces is."""
+    return lambda done, text: progress((place + done) / of, text)
+
+
+@dataclass(frozen=True, slots=True)
+class _Judge:
+    """What evaluates a run and judges it."""
+
+    procedure: Procedure
+    limits: Mapping[str, Limit]
+
+    def values(self, recording: Recording) -> Values:
+        """What is found in a recording, by name; nothing where it cannot be evaluated."""
+        try:
+            return {m.name: m for m in evaluated(self.procedure, recording, self.limits).measured}
+        except InputError:
+            return {}
+
+
+def _pieces(run: UnitRun, judge: _Judge, limits: Sequence[str]) -> Iterator[tuple[Recording, Sequence[str]]]:
+    """Each test of a sequence, with the limits whose values it alone decides; a run of one test is one piece.
+
+    A test is a small part of a long run: a fault's size is then sought in seconds of samples, not in all of them.
+    """
+    parts, left = run.recording.meta.get("parts", ()), list(limits)
+    whole = {m.name: m.value for m in run.findings.measured}
+    tests = dict.fromkeys(part["test"] for part in parts if "test" in part)
+    if not tests:
+        yield run.recording, limits
+        return
+    first = 0
+    for test in tests:
+        end = max(part["first"] + part["count"] for part in parts if part.get("test") == test)
+        piece, first = run.recording.rows(first, end - first), end
+        found = judge.values(piece)
+        names = [name for name in left if name in found and _is_same(found[name].value, whole[name])]
+        if names:
+            yield piece, names
+        left = [name for name in left if name not in names]
+
+
+def _is_same(one: float | None, other: float | None) -> bool:
+    return one is not None and other is not None and math.isclose(one, other, rel_tol=_ROUNDING)
 
 
 _Fault: TypeAlias = "tuple[Term, tuple[float, ...]]"
@@ -145,10 +197,9 @@ class _Growing:
     term: Term
     start: tuple[float, ...]
 
-    @property
-    def key(self) -> str:
+    def key(self, share: float) -> str:
         """Unlike that of any other."""
-        return f"{self.term.name} {self.term.hook} {self.start}"
+        return f"{self.term.name} {self.term.hook} {self.start} {share!r}"
 
     def at(self, share: float) -> _Fault:
         """The fault of this size, as far as it may go."""
@@ -160,51 +211,55 @@ class _Growing:
 
 @dataclass(slots=True)
 class _World:
-    """A run as it would have been: driven as it was, with the model in the place of the unit."""
+    """A run as it would have been: driven as it was, with the model in the place of the unit.
 
-    run: UnitRun
+    `name`: of this world in what is kept. `last`: what was simulated last, and of which fault.
+    """
+
+    recording: Recording
     problem: Problem
-    procedure: Procedure
-    judged_by: Mapping[str, Limit]
-    limits: tuple[str, ...]
+    judge: _Judge
     terms: tuple[Term, ...]
     nominal: Array
-    repeats: dict[_Fault | None, list[Values]]
+    state: _State
+    name: str
+    last: tuple[_Fault | None, Array]
 
     @classmethod
-    def of(cls, run: UnitRun, model: Model) -> _World:
+    def of(cls, recording: Recording, model: Model, judge: _Judge, state: _State, name: str) -> _World:
         from hil.diagnosis.problem import pose
         from hil.diagnosis.search.terms import all_terms
         from hil.identification.preparation.experiment import for_model
 
-        limits = tuple(m.name for m in run.findings.measured if m.verdict is not None)
-        if not limits:
-            raise InputError(f"{run.results.run}: no limit was given")
-        problem = pose(model, [for_model(model, with_blanks(run.recording))])
+        problem = pose(model, [for_model(model, with_blanks(recording))])
         rows = problem.experiments[0].simulated(model)
         terms = all_terms(problem, problem.nominal_residuals)
-        procedure, judged = procedure_of(run.recording), judged_by(run.recording, run.folder)
-        return cls(run, problem, procedure, judged, limits, terms, rows, {})
+        return cls(recording, problem, judge, terms, rows, state, name, (None, rows))
 
     def rows(self, fault: _Fault | None) -> Array:
         """Output and inner signals, shape (1 + observed, n)."""
-        parameters, effects = dict(self.problem.model.values), list[ActiveEffect](self.problem.model.active_effects)
-        if fault is not None:
-            fault[0].apply(fault[1], parameters, effects)
-        with np.errstate(all="ignore"):
-            return self.problem.experiments[0].respond(self.problem.plant, parameters, effects)
+        if fault != self.last[0]:
+            parameters = dict(self.problem.model.values)
+            effects = list[ActiveEffect](self.problem.model.active_effects)
+            if fault is not None:
+                fault[0].apply(fault[1], parameters, effects)
+            with np.errstate(all="ignore"):
+                self.last = fault, self.problem.experiments[0].respond(self.problem.plant, parameters, effects)
+        return self.last[1]
 
     def disturbance(self, fault: _Fault) -> float:
         """By how much the response changes, rms."""
         change = self.rows(fault)[0] - self.nominal[0]
-        return float(np.sqrt(np.mean(change**2)))
+        rms = float(np.sqrt(np.mean(change**2)))
+        return rms if math.isfinite(rms) else math.inf
 
     def still(self, fault: _Fault) -> Values:
         """What is found without noise."""
         return self._found(self.rows(fault))
 
-    def _noisy(self, fault: _Fault | None, seed: int) -> Values:
-        rows, (noise,), (inner,) = self.rows(fault), self.problem.noises, self.problem.observed_noise
+    def noisy(self, rows: Array, seed: int) -> Values:
+        """What is found with noise of this seed."""
+        (noise,), (inner,) = self.problem.noises, self.problem.observed_noise
         rng, n = np.random.default_rng(seed), rows.shape[1]
         white = rng.standard_normal((1, n + 1000))
         shaped = coloured(white, np.array([1.0, *noise.colour]))[0, 1000:]
@@ -214,14 +269,8 @@ class _World:
             rows[k] += inner.get(signal.name, 0.0) * rng.standard_normal(n)
         return self._found(rows)
 
-    def repeated(self, fault: _Fault | None) -> Sequence[Values]:
-        """What repeats with noise find, each with its own."""
-        if fault not in self.repeats:
-            self.repeats[fault] = spread(partial(self._noisy, fault), range(REPEATS))
-        return self.repeats[fault]
-
     def _found(self, rows: Array) -> Values:
-        recording, e = self.run.recording, self.problem.experiments[0]
+        recording, e = self.recording, self.problem.experiments[0]
         name, unit = split_heading(e.output_heading)
         channels = dict(recording.channels)
         signals = [(name, unit), *((s.name, s.unit) for s in self.problem.plant.observed)]
@@ -230,12 +279,7 @@ class _World:
                 values = np.interp(recording.time_s, e.time_s, convert(row, of, channel.unit))
                 channels[own] = replace(channel, values=np.where(np.isnan(channel.values), np.nan, values))
         own_samples = {key: value for key, value in recording.own.items() if key not in dict(signals)}
-        made = replace(recording, channels=channels, own=own_samples)
-        try:
-            found = evaluated(self.procedure, made, self.judged_by)
-        except InputError:
-            return {}
-        return {m.name: m for m in found.measured}
+        return self.judge.values(replace(recording, channels=channels, own=own_samples))
 
 
 def _ends(term: Term) -> tuple[tuple[float, ...], ...]:
@@ -246,25 +290,144 @@ def _ends(term: Term) -> tuple[tuple[float, ...], ...]:
     return tuple(signed.values()) if term.scales else ()
 
 
-def _least(world: _World, growing: _Growing, scatter: Mapping[str, float]) -> dict[str, float]:
-    """The least share at which each limit is missed in 95 %; those that none misses are left out.
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """The most harmless faults of a world's limits, and the limits that its healthy unit passes for sure."""
 
-    From the largest down, until nothing is missed any more.
-    """
-    found = cache(lambda share: world.still(growing.at(share)))
-    lowest: dict[str, float] = {}
-    for share in reversed(_SHARES):
-        missed = [name for name, std in scatter.items() if _misses(found(share).get(name), std)]
-        lowest |= dict.fromkeys(missed, share)
-        if not missed and all(name in found(share) and found(share)[name].value is not None for name in scatter):
-            break
-    for name, share in lowest.items():
-        low, high = share / _SHARES[1] * _SHARES[0], share
-        for _halving in range(_HALVINGS):
-            middle = math.sqrt(low * high)
-            low, high = (low, middle) if _misses(found(middle).get(name), scatter[name]) else (middle, high)
-        lowest[name] = high
-    return lowest
+    faults: tuple[LeastFault, ...]
+    proven: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What a fault does without noise: limits that 95 % of repeats would miss, whether each has a value, rms change."""
+
+    missed: Sequence[str]
+    whole: bool
+    disturbance: float
+
+
+@dataclass(slots=True)
+class _Search:
+    """The least faults in one world: all of them roughly, then those alone that may be the most harmless finely."""
+
+    world: _World
+    limits: Sequence[str]
+    progress: Progress
+    scatter: dict[str, float] = field(default_factory=dict)
+
+    def faults(self) -> _Found:
+        """Those of all limits."""
+        world = self.world
+        self.progress(0.0, "what limits catch: the healthy unit")
+        self._healthy()
+        growing = [_Growing(term, start) for term in world.terms for start in _ends(term)]
+        lowest: list[dict[str, float]] = []
+        for n, one in enumerate(growing):
+            self.progress(0.05 + 0.45 * n / len(growing), f"what limits catch: {one.term.label}")
+            lowest.append(self._roughly(one))
+        found: list[LeastFault] = []
+        for n, limit in enumerate(self.scatter):
+            self.progress(0.5 + 0.5 * n / len(self.scatter), f"what limits catch: {limit}")
+            broken = [(one, shares[limit]) for one, shares in zip(growing, lowest, strict=True) if limit in shares]
+            found += islice(self._most_harmless(limit, broken), _SHOWN)
+        return _Found(tuple(found), frozenset(self.scatter))
+
+    def _healthy(self) -> None:
+        """What repeats of the healthy unit scatter by, of the limits that it passes for sure."""
+        kept = self.world.state.of_world(self.world.name, "healthy")
+        if not kept:
+            repeats = spread(partial(self.world.noisy, self.world.nominal), range(REPEATS))
+            for name in self.limits:
+                passed = sum(one[name].verdict == "pass" for one in repeats if name in one)
+                if passed >= _SHARE * REPEATS and (found := _scatter(repeats, name)) is not None:
+                    kept[name] = found
+            self.world.state.write()
+        self.scatter = {name: kept[name] for name in self.limits if name in kept}
+
+    def _seen(self, growing: _Growing, share: float) -> _Seen:
+        """What this size does without noise."""
+        kept = self.world.state.of_world(self.world.name, "still")
+        if (key := growing.key(share)) not in kept:
+            fault = growing.at(share)
+            found = self.world.still(fault)
+            missed = [name for name, std in self.scatter.items() if _misses(found.get(name), std)]
+            whole = all(name in found and found[name].value is not None for name in self.scatter)
+            kept[key] = missed, whole, self.world.disturbance(fault)
+            self.world.state.write()
+        return _Seen(*kept[key])
+
+    def _roughly(self, growing: _Growing) -> dict[str, float]:
+        """The least of a few shares at which each limit is missed; those that none misses are left out.
+
+        From the largest down, until nothing is missed any more.
+        """
+        lowest: dict[str, float] = {}
+        for share in reversed(_SHARES):
+            seen = self._seen(growing, share)
+            lowest |= dict.fromkeys(seen.missed, share)
+            if not seen.missed and seen.whole:
+                break
+        return lowest
+
+    def _most_harmless(self, limit: str, broken: Sequence[tuple[_Growing, float]]) -> Iterator[LeastFault]:
+        """The faults that fail a limit in 95 % of repeats with noise, the most harmless first; each name once.
+
+        A size is known between two shares. What the lower one changes is the least that the fault may: who has the
+        lowest of these is halved next, and is the most harmless once it is known well enough.
+        """
+        shown = set[str]()
+        step = _SHARES[1] / _SHARES[0]
+        queue = [(self._seen(one, share / step).disturbance, n, share / step, share, _HALVINGS)
+                 for n, (one, share) in enumerate(broken)]  # fmt: skip
+        heapify(queue)
+        while queue:
+            _, n, low, high, halvings = heappop(queue)
+            growing = broken[n][0]
+            if growing.term.name in shown:
+                continue
+            if low == high:
+                if (fault := self._confirmed(limit, growing, high)) is not None:
+                    shown.add(growing.term.name)
+                    yield fault
+                continue
+            if halvings:
+                middle = math.sqrt(low * high)
+                low, high = (low, middle) if limit in self._seen(growing, middle).missed else (middle, high)
+            else:
+                low = high
+            heappush(queue, (self._seen(growing, low).disturbance, n, low, high, halvings - 1))
+
+    def _confirmed(self, limit: str, growing: _Growing, least: float) -> LeastFault | None:
+        """The fault at the least share at which enough repeats fail the limit."""
+        for attempt in range(_TRIES):
+            share = least * _LARGER**attempt
+            if (failed := self._failed(limit, growing, share)) < _SHARE * REPEATS:
+                continue
+            term, values = fault = growing.at(share)
+            u, *others = term.unknowns
+            nominal = term.nominal if term.kind == "parameter" else term.null
+            shape = {one.name: (value, one.unit) for one, value in zip(others, values[1:], strict=True)}
+            return LeastFault(
+                limit, term.name, term.stage, u.name, values[0], nominal, u.unit, shape,
+                self.world.disturbance(fault), failed, REPEATS,
+            )  # fmt: skip
+        return None
+
+    def _failed(self, limit: str, growing: _Growing, share: float) -> int:
+        """How many repeats fail a limit; no more are run once too many of them did not."""
+        kept = self.world.state.of_world(self.world.name, "noisy").setdefault(growing.key(share), [])
+        rows = self.world.rows(growing.at(share)) if len(kept) < REPEATS else self.world.nominal
+
+        def count() -> int:
+            return sum(limit in missed for missed in kept)
+
+        while len(kept) < REPEATS and len(kept) - count() <= (1.0 - _SHARE) * REPEATS:
+            seeds = range(len(kept), min(len(kept) + _AT_ONCE, REPEATS))
+            for found in spread(partial(self.world.noisy, rows), seeds):
+                kept.append([name for name in self.scatter if name in found and found[name].verdict == "fail"])
+            self.world.state.write()
+        return count()
 
 
 def _misses(found: Measured | None, scatter: float) -> bool:
@@ -273,31 +436,6 @@ def _misses(found: Measured | None, scatter: float) -> bool:
         return False
     probability = found.fail_probability(found.value, scatter)
     return found.verdict == "fail" if probability is None else probability >= _SHARE
-
-
-def _confirmed(world: _World, limit: str, ranked: Sequence[tuple[_Growing, float]]) -> Iterator[LeastFault]:
-    """The most harmless faults that fail a limit in 95 % of repeats with noise; each name once."""
-    shown = set[str]()
-    for growing, least in ranked:
-        if len(shown) == _SHOWN or growing.term.name in shown:
-            continue
-        for attempt in range(_TRIES):
-            fault = term, values = growing.at(least * _LARGER**attempt)
-            failed = round(REPEATS * _fraction(world.repeated(fault), limit, "fail"))
-            if failed >= _SHARE * REPEATS:
-                shown.add(term.name)
-                u, *others = term.unknowns
-                nominal = term.nominal if term.kind == "parameter" else term.null
-                shape = {one.name: (value, one.unit) for one, value in zip(others, values[1:], strict=True)}
-                yield LeastFault(
-                    limit, term.name, term.stage, u.name, values[0], nominal, u.unit, shape, world.disturbance(fault),
-                    failed, REPEATS,
-                )  # fmt: skip
-                break
-
-
-def _fraction(repeats: Sequence[Values], limit: str, verdict: Verdict) -> float:
-    return sum(one[limit].verdict == verdict for one in repeats if limit in one) / len(repeats)
 
 
 def _scatter(repeats: Sequence[Values], limit: str) -> float | None:
@@ -310,27 +448,29 @@ def _scatter(repeats: Sequence[Values], limit: str) -> float | None:
 
 @dataclass(slots=True)
 class _State:
-    """What was found so far, in a file that a stop leaves."""
+    """What was found so far, by world and kind, in a file that a stop leaves."""
 
     path: Path | None
     key: str
-    found: dict[str, dict[str, float]]
+    found: dict[str, dict[str, dict[str, Any]]]
 
     @classmethod
-    def of(cls, path: Path | None, world: _World) -> _State:
-        run = world.run
-        judged = {name: asdict(limit) for name, limit in world.judged_by.items()}
-        parts = [run.results.run, run.recording.meta.get("started_utc"), world.problem.model.as_dict(), judged, PROGRAM]
-        text = to_json(parts)
-        key, found = hashlib.sha256(text.encode()).hexdigest(), dict[str, dict[str, float]]()
+    def of(cls, path: Path | None, run: UnitRun, model: Model, judge: _Judge) -> _State:
+        judged = {name: asdict(limit) for name, limit in judge.limits.items()}
+        text = to_json([run.results.run, run.recording.meta.get("started_utc"), model.as_dict(), judged, PROGRAM])
+        key, found = hashlib.sha256(text.encode()).hexdigest(), dict[str, dict[str, dict[str, Any]]]()
         if path is not None and path.is_file():
             with suppress(OSError, ValueError, KeyError):
                 before: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
                 found = before["found"] if before["key"] == key else found
         return cls(path, key, found)
 
-    def add(self, name: str, least: dict[str, float]) -> None:
-        self.found[name] = least
+    def of_world(self, world: str, kind: str) -> dict[str, Any]:
+        """What is kept of this kind: to be read, and to be added to before `write`."""
+        return self.found.setdefault(world, {}).setdefault(kind, {})
+
+    def write(self) -> None:
+        """Keep what was added."""
         if self.path is not None:
             write_whole(self.path, json.dumps({"key": self.key, "found": self.found}))
 
