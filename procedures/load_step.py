@@ -181,7 +181,10 @@ class _Answer:
             made_by_noise=by_noise,
         )  # fmt: skip
         time_s, loose_s = self._settled_s(self.curve), self._settled_s(self.loose)
-        std_s = math.hypot(about(np.array([self._settled_s(curve) for curve in self.again]), time_s), loose_s - time_s)
+        noise_s = about(np.array([self._settled_s(curve) for curve in self.again]), time_s)
+        # what every second sample tells otherwise is as much as lies hidden between samples
+        halves_s = [self._settled_s(self.curve, slice(first, None, 2)) for first in (0, 1)]
+        std_s = math.hypot(noise_s, loose_s - time_s, max(abs(half_s - time_s) for half_s in halves_s))
         what = settling.at(label)
         known = largest.relation == "=" and math.isfinite(std_s)
         return largest, what.of(1e3 * time_s, 1e3 * std_s) if known else what.of(None)
@@ -194,15 +197,15 @@ class _Answer:
             return size, about(sizes, size)
         return end, math.hypot(about(ends, end), 2.0 * UNIFORM * (size - end))
 
-    def _settled_s(self, curve: Array) -> float:
-        """Since when it stays within the band; infinite where it does not."""
-        away = np.abs(curve - _final(curve))
+    def _settled_s(self, curve: Array, seen: slice = slice(None)) -> float:
+        """Since when it stays within the band, by the samples that are seen; infinite where it does not."""
+        time_s, away = self.time_s[seen], np.abs(curve - _final(curve))[seen]
         limit = self.band * float(np.abs(curve).max())
         outside = np.flatnonzero(away > limit)
         if len(outside) == 0:
-            return float(self.time_s[0])
+            return float(time_s[0])
         last = int(outside[-1])
-        return math.inf if last + 1 == len(away) else crossing(self.time_s, away, limit, last, last + 1)
+        return math.inf if last + 1 == len(away) else crossing(time_s, away, limit, last, last + 1)
 
 
 def _final(curves: Array) -> Array:

@@ -14,10 +14,10 @@ RATE_HZ, HELD, REPEATS, LABEL = 1000.0, 300, 5, "+50 %, load 100 → 0 %"
 SETTLED = math.log(20.0)  # time constants until 5 % of a first order are left
 
 
-def answered(answer, seed=0, channel="flow", known=0.0):
+def answered(answer, seed=0, channel="flow", known=0.0, rate_hz=RATE_HZ):
     """20 l/min, and from there `answer` over the time since each step; findings by name."""
     rng, count = np.random.default_rng(seed), 2 * HELD
-    once = np.concatenate((np.full(HELD, 20.0), 20.0 + answer(np.arange(HELD) / RATE_HZ)))
+    once = np.concatenate((np.full(HELD, 20.0), 20.0 + answer(np.arange(HELD) / rate_hz)))
     load = np.repeat([3.0, 60.0], HELD)
 
     def read(name, unit, values, noise, known=0.0):
@@ -34,7 +34,7 @@ def answered(answer, seed=0, channel="flow", known=0.0):
     parts = [{"kind": KIND, "label": LABEL, "held": HELD, "first": k * count, "count": count} for k in range(REPEATS)]
     meta = {"roles": {"command": "command", "response": "flow"}, "parts": parts, "conditions": {},
             "settings": {"band": 5.0}}  # fmt: skip
-    findings = evaluate(Recording("run", np.arange(count * REPEATS) / RATE_HZ, channels, meta))
+    findings = evaluate(Recording("run", np.arange(count * REPEATS) / rate_hz, channels, meta))
     return findings, {one.quantity: one for one in findings.measured}
 
 
@@ -75,6 +75,13 @@ def test_what_comes_back_departs_for_a_while_and_settles_where_it_was(channel, p
         _, one = answered(dip, seed, channel)
         holds(one[f"{prefix}_deviation"], 2.0, 0.03)
         holds(one[f"{prefix}_settling"], 20.0 * 5.744, 4.0)  # x · e^(1 − x) = 0.05 at x = 5.744
+
+
+@pytest.mark.parametrize("interval_s", [0.01, 0.02, 0.05])
+def test_a_response_that_settles_between_two_samples_has_that_in_its_uncertainty(interval_s):
+    for seed in range(3):
+        _, one = answered(lambda at_s: -8.0 * -np.expm1(-at_s / 0.006), seed, rate_hz=1.0 / interval_s)
+        assert abs(one["load_settling"].value - 6.0 * SETTLED) <= 2.0 * one["load_settling"].std
 
 
 def test_what_the_load_does_not_move_has_a_bound_and_nothing_to_settle():
