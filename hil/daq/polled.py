@@ -7,9 +7,11 @@ is measured.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
+from statistics import median
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -115,9 +117,9 @@ class PolledDaq:
             lowest_rate_hz=max([1e-3, *(1.0 / (_SHARE * watchdog_s) for watchdog_s in guarded)]),
             highest_rate_hz=_SHARE / self._cycle_s,
             watchdog_s=max(guarded) if guarded and len(guarded) == len(watchdogs) else None,
-            latency_s=sum(float(np.median(member.read_for_s)) for member in self._members),
-            sample_s=float(np.median(self._samples_s)), blind_s=self._blind_s,
-            delays_s={name: float(np.median(m.read_after_s)) for m in self._members for name in m.wiring.inputs},
+            latency_s=sum(_median(member.read_for_s) for member in self._members),
+            sample_s=_median(self._samples_s), blind_s=self._blind_s,
+            delays_s=_merged(dict.fromkeys(m.wiring.inputs, _median(m.read_after_s)) for m in self._members),
             delay_channels={name: m.delay_name for m in self._members for name in m.wiring.inputs},
         )  # fmt: skip
 
@@ -385,6 +387,10 @@ class PolledDaq:
             for member in reversed(self._members):
                 links.enter_context(suppress(*WHATEVER))  # one that cannot be closed keeps no other from it
                 links.callback(member.link.close)
+
+
+def _median(times_s: deque[float]) -> float:
+    return median(times_s) if times_s else math.nan
 
 
 def _merged(parts: Iterable[Mapping[str, _T]]) -> dict[str, _T]:

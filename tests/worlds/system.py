@@ -48,6 +48,7 @@ class WorldSystem:
         self, hub: tasks.Hub, hosts: dict[tuple[str, int], Host],
         programs: Mapping[str, Callable[..., int]], starts_s: tuple[float, float],
     ) -> None:  # fmt: skip
+        self.call = hub.point
         self.hub, self._hosts, self._programs, self._starts_s = hub, hosts, programs, starts_s
         self.disk = Disk(hub.draw, self.sleep, lambda: hub.now_s)
         self.stepped_s = 0.0
@@ -74,12 +75,6 @@ class WorldSystem:
     def process(self) -> Process:
         """Whose task is at work."""
         return getcurrent().owner  # type: ignore[union-attr]
-
-    def call(self) -> None:
-        """Every call of the seam: others may get their turn, and signals are heard."""
-        process = self.hub.point().owner
-        if process.pending:
-            process.hear()
 
     def now_s(self) -> float:
         self.call()

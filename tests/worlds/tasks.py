@@ -114,8 +114,8 @@ class Hub:
         self.greenlet.switch()
         return task.woken
 
-    def point(self) -> Any:
-        """A call of the seam: a moment in which another task may get its turn; returns whose it is."""
+    def point(self) -> None:
+        """A call of the seam: a moment in which another task may get its turn, and the process hears its signals."""
         self.calls += 1
         self.now_s += self._step_s
         task = getcurrent()
@@ -123,7 +123,9 @@ class Hub:
             task.waits += 1  # type: ignore[attr-defined]
             self.make_ready(task)  # type: ignore[arg-type]
             self.greenlet.switch()
-        return task
+        owner = task.owner  # type: ignore[attr-defined]
+        if owner.pending:
+            owner.hear()
 
     def run(self, until_s: float, is_over: Callable[[], bool] = lambda: False) -> None:
         """Let the world go on, from the outside: until an instant, or until it is over, or nothing is left to do."""
