@@ -251,15 +251,16 @@ class Guard:
 
     @contextmanager
     def _safe_on_error(self) -> Iterator[None]:
+        tripped = self.latch.trips
         try:
             yield
         except BaseException as error:
             if is_end(error):
                 self.end(error)
-            tripped = self.latch.trips
             self._go_safe()
-            if new := [why for name, why in self.latch.trips.items() if name not in tripped]:
-                self._end_tripped()  # of a reader who left nothing else would say it
+            new = [why for name, why in self.latch.trips.items() if name not in tripped and why not in str(error)]
+            if new:
+                self._end_tripped()  # of a reader who left, or a signal on the way, nothing else would say it
                 for why in new:
                     error.add_note(why)
             if error is self._over and isinstance(error, LinkError | DeviceLostError):
@@ -396,7 +397,7 @@ class Guard:
                 violations = [] if are_many else self._watches.judge(block, self._daq.promises.blind_s)
                 if not self._tripped(violations, block):
                     self._keep(block)
-                self._note_all(violations)
+                    self._note_all(violations)
                 self._limits.seen()
                 self._refuse_broken(violations)
                 refuse_after_sleep(self._clock)
@@ -421,17 +422,18 @@ class Guard:
         """Whether nothing at all is to be said of several blocks in one."""
         return all(map(is_measured, block.inputs.values())) and self._watches.pass_over(block)
 
-    def _tripped(self, violations: Iterable[Violation], block: Block) -> bool:
-        """Whether one of them trips: then make safe, latch, and record the block last (a disk may be slow)."""
+    def _tripped(self, violations: Collection[Violation], block: Block) -> bool:
+        """Whether one of them trips: then make safe, latch, and record it all last (a disk may be slow)."""
         trips = {found.interlock.name: found.text for found in violations if found.interlock.action == "trip"}
         if trips:
-            try:
-                with uninterrupted():
+            with uninterrupted():
+                try:
                     self._make_safe()  # its witnesses are heard once the trip is kept
                     self.latch.trip(trips)
-            finally:
-                self._live()  # a slow disk is no program that hangs
-                self._keep_if_possible(block)
+                finally:
+                    self._live()  # a slow disk is no program that hangs
+                    self._keep_if_possible(block)
+                    self._note_all(violations)
         return bool(trips)
 
     def _note_all(self, violations: Iterable[Violation]) -> None:
@@ -504,13 +506,11 @@ class Guard:
                 if self._operator.stop_asked:
                     return
                 violations = self._watches.judge(block)
-                is_over = self._tripped(violations, block)
-                if not is_over:
-                    self._live()
-                    self._keep_if_possible(block)
-                self._note_all(violations)
-                if is_over:
+                if self._tripped(violations, block):
                     return
+                self._live()
+                self._keep_if_possible(block)
+                self._note_all(violations)
 
     def _stand_as_left(self, names: Collection[str]) -> bool:
         """Whether every device that can be asked answers, and these outputs stand where they were left.

@@ -155,6 +155,13 @@ def test_a_trip_on_the_way_down_a_ramp_is_told_and_a_slow_disk_does_not_hang() -
     assert [text for _, by, text in ran.said if by == "run" and "over-pressure" in text and "are safe" in text]
 
 
+def test_a_trip_is_told_and_noted_when_stop_is_pressed_while_it_makes_safe() -> None:
+    """The next run was refused for a trip that neither the run nor its events had told of."""
+    ran = of("510193,0.01,plain,-|over:driving:1:0.2:io|stop:making safe:0:0:")
+    assert not ran.broken and ran.status == 138
+    assert [text for _, by, text in ran.said if by == "run" and "over-pressure" in text]
+
+
 @pytest.mark.parametrize("part", range(2))
 def test_drawn_worlds_hold(part: int) -> None:
     """Others with each commit; one that does not hold is printed as `python -m tests.worlds CODE` takes it."""
