@@ -26,6 +26,8 @@ _ON_ITS_WAY_S = 0.005  # so soon a command arrives that another thread has just 
 _TRIES_S = 80.0  # so long one tries at most
 _LASTING = {"claims", "swap"}  # what is never over
 _ANSWERS_S, _ON_A_LINE_S = 0.5, 0.5  # so soon after it came to its safe value a device has said so; more on a line
+_STAMP_S = 1e-3  # digits of an instant
+_STANDS_STILL = {"pause", "wd pause", "sleep", "disk slow"}  # between an answer and who notes it
 SIGNALLED = {"int", "term", "hup", "stop"}
 
 
@@ -226,6 +228,25 @@ def end_has_the_last_answer(world: World, ran: Ran) -> Iterator[str]:
             yield f"{name} stood at {at:.2f} as it answered at {answered_s:.3f} s, and at the end it is {output}"
 
 
+def what_stands_was_answered(world: World, ran: Ran) -> Iterator[str]:
+    """Where an output is said to stand its device has answered that it stands, just before: no other, and no older."""
+    if kinds(ran) & _STANDS_STILL:
+        return
+    for file in ("end.json", "watchdog.json"):
+        with suppress(OSError, ValueError):
+            outputs = json.loads((world.folder / "run" / file).read_text(encoding="utf-8"))["outputs"]
+            for name, device in OUTPUTS.items():
+                output = outputs.get(name, {"state": ""})
+                if output["state"] not in ("safe", "driven") or output["at"] is None:
+                    continue
+                known_s = instant_s(output["at_utc"])
+                told = [count / FULL * FULL_SCALE[name]
+                        for one in (world.couplers[device], world.strangers.get(device)) if one is not None
+                        for at_s, count in one.read_back if known_s - _SAFE_S < at_s <= known_s + _STAMP_S]  # fmt: skip
+                if not any(abs(at - output["at"]) <= 0.01 for at in told):
+                    yield f"{file} has {name} at {output['at']} since {known_s:.3f} s, and it answered {told[-3:]}"
+
+
 def ramps_down(world: World, ran: Ran) -> Iterator[str]:
     """A run that ends in order goes down its ramp, where it has one."""
     begun_s, calm = (
@@ -333,6 +354,6 @@ def word_comes_first(world: World, ran: Ran) -> Iterator[str]:
 
 LAWS = (
     word_comes_first, end_is_true, told, nothing_is_left, in_time, doubts_end, watchdog_keeps_off, reads_first,
-    samples_are_those, end_has_the_last_answer, ramps_down, stays_safe, events_tell, opens,
+    samples_are_those, end_has_the_last_answer, what_stands_was_answered, ramps_down, stays_safe, events_tell, opens,
     rescue_is_told,
 )  # fmt: skip

@@ -38,6 +38,7 @@ NO_DISK = {"disk full", "disk gone"}
 ARRIVES_LATE = {"hold", "double", "slow line", "swap", "lose", "garble", "echo", "slow", "passive"}
 """What makes that what is on its way may come later, or in another order."""
 BLOCK_S, _LONG_BLOCK_S = 0.1, 0.5
+_ALL = 0.15  # chance that a fault of one device, or of the way to it, strikes every one: a cabinet, a switch, a supply
 _TIMES_S = (0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 
 
@@ -118,7 +119,7 @@ class Schedule:
 
 
 def drawn(seed: int) -> Schedule:
-    """One of all: one to four faults, half of them close behind another one."""
+    """One of all: one to four faults, half of them close behind another one; some strike several devices at once."""
     draw = random.Random(f"schedule {seed}")
     third = draw.choices(("", *THIRDS.values()), (len(THIRDS), *[1] * len(THIRDS)))[0]
     kinds = kinds_with(third)
@@ -130,10 +131,11 @@ def drawn(seed: int) -> Schedule:
         after_s = _after_s(draw, phase)
         if near:
             after_s = max(0.0, near.after_s + draw.choice((-1, 1)) * min(after_s, draw.expovariate(5.0)))
-        faults.append(
-            Fault(kind, phase, round(after_s, 4), 0.0 if kind in _AT_ONCE else draw.choice(_TIMES_S),
-                  draw.choice(_devices(kind, third)) if kind in _WITH_DEVICE else "")
-        )  # fmt: skip
+        there = _devices(kind, third) if kind in _WITH_DEVICE else ("",)
+        strikes_all = draw.random() < _ALL and kind not in _OF_COUPLERS
+        struck = sorted(set(there)) if strikes_all else [draw.choice(there)]
+        lasts_s = 0.0 if kind in _AT_ONCE else draw.choice(_TIMES_S)
+        faults += [Fault(kind, phase, round(after_s, 4), lasts_s, device) for device in struck]
     marks = [draw.random() < 0.3 for _ in range(4)]
     return Schedule(seed, draw.choice((0.01, 0.05, 0.2)), draw.choice(PROCEDURES), *marks, third, tuple(faults))
 
