@@ -100,6 +100,13 @@ def find(kind: Kind, name: str) -> Entry:
     raise UnknownNameError(_SINGULAR[kind], name, (entry.name for entry in entries(kind)))
 
 
+def is_of_others(module: str) -> bool:
+    """Whether a module belongs to a package that somebody else has installed beside this program."""
+    package = module.partition(".")[0]
+    points = (point for kind in KINDS for point in _points(_GROUP.get(kind, f"hil.{kind}")))
+    return any(point.name != "hil" and point.value.partition(".")[0] == package for point in points)
+
+
 def files_of(groups: Iterable[str], folder: str, pattern: str) -> dict[str, Path]:
     """Files that installed packages bring along in a folder of that name, by their stem: benches, models."""
     found = {file.stem: file for home in _folders(groups, folder) for file in sorted(home.glob(pattern))}

@@ -54,7 +54,23 @@ def _text(error: BaseException) -> str:
     if hasattr(error, "format_message"):  # of click or of typer's own copy of it, by version
         return _usage(error)
     hint = "" if debug else "; `hil --debug …` shows where"
-    return f"a fault of this program, not of its input: {type(error).__name__}: {error}{hint}"
+    return f"a fault {_whose(error)}: {type(error).__name__}: {error}{hint}"
+
+
+_OURS = ("hil", "drivers", "sim_devices", "procedures")
+
+
+def _whose(error: BaseException) -> str:
+    """Of this program, or of a file that somebody else has installed; libraries fail for who called them."""
+    from hil.catalog import is_of_others
+
+    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
+        module = str(frame.f_globals.get("__name__", ""))
+        if module.partition(".")[0] in _OURS:
+            break
+        if is_of_others(module):
+            return f"in {frame.f_code.co_filename}, line {line}, which is no part of this program"
+    return "of this program, not of its input"
 
 
 def _notes(error: BaseException) -> list[str]:

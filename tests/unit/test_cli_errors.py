@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 import typer
 
+from drivers import modbus
 from hil.cli.error_message import say
 from hil.errors import marked
 from hil.physics.model import save_model, typical_model
 from hil.safety.interrupt import Terminated
+from tests.conftest import Install
+from tests.links import bench_text
 
 FLOW_PER_COMMAND = 0.5
 
@@ -156,6 +159,19 @@ def test_what_is_raised_is_one_line(
     monkeypatch.setattr("hil.cli.list_.entries", broken)
     ended = command_line("list", "plants")
     assert ended.status == status and ended.err.startswith(says) and ended.err.count("\n") == bool(says)
+
+
+def test_a_fault_in_a_package_of_others_names_its_file(command_line, install_package: Install, tmp_path: Path) -> None:
+    """A twin of a stranger that fails is no fault of this program; nor is one that calls a library wrongly."""
+    twin = '"""A twin."""\nimport json\n\ndef world(simulation, wirings):\n    return json.loads("{")\n'
+    driver = Path(modbus.__file__).read_text(encoding="utf-8")
+    install_package("hil.sim_devices", "twins_of_others", {"broken_gauge.py": twin})
+    install_package("hil.drivers", "drivers_of_others", {"broken_gauge.py": driver})
+    bench = bench_text("hpv41-modbus-tcp", ('driver = "modbus"', 'driver = "broken_gauge"'))
+    (tmp_path / "bench.toml").write_text(bench, encoding="utf-8")
+    status, _, err = command_line("devices", str(tmp_path / "bench.toml"))
+    assert status == 2
+    assert "a fault in " in err and "broken_gauge.py, line 5, which is no part of this program: JSONDecodeError" in err
 
 
 def test_version_and_help_are_no_errors(command_line) -> None:
