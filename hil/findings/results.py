@@ -125,15 +125,16 @@ class FittedFunction(_Strict):
         import numpy as np
 
         from hil.physics.readings import readings
-        from hil.signals.interval import rounded, width
+        from hil.signals.interval import ARITHMETIC, rounded, width
 
         found = readings(
             np.array(self.numerator), np.array(self.denominator), self.dead_time_s,
             np.array(self.covariance, dtype=np.float64), "" if self.unit == "1" else self.unit,
         )  # fmt: skip
         read = [
-            " ".join(filter(None, (one.name, rounded(one.value, one.std), width(one.std) if one.std else "", one.unit)))
+            " ".join(filter(None, (one.name, rounded(one.value, std), width(std) if std else "", one.unit)))
             for one in found
+            for std in (one.std if (one.std or 0.0) > ARITHMETIC * abs(one.value) else None,)
         ]
         return f"transfer function: {self.name}: {'; '.join(filter(None, (', '.join(read), self.formula)))}"
 

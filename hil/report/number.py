@@ -8,11 +8,11 @@ import re
 from hil.language.figures import localised
 from hil.language.note import translated
 from hil.language.words import place_words
+from hil.signals.interval import ARITHMETIC
 
 MINUS = "\N{MINUS SIGN}"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SMALLEST, _LARGEST = 1e-4, 1e7
-_ARITHMETIC = 1e-12  # of a value: less is the rounding of a computer, not an uncertainty
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -35,7 +35,7 @@ def rounded(value: float | None, expanded: float | None) -> tuple[str, str]:
     """
     if value is None or not math.isfinite(value) or expanded is None or not expanded > 0.0:
         return number(value), ""
-    if expanded < _ARITHMETIC * abs(value):
+    if expanded < ARITHMETIC * abs(value):
         return number(value, 9), ""
     if not math.isfinite(expanded):
         return number(value), "∞"

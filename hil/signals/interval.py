@@ -15,6 +15,9 @@ UNIFORM = 1.0 / math.sqrt(12.0)
 CERTAIN = 4.0
 """Standard uncertainties below which the largest of many values stays by noise alone."""
 
+ARITHMETIC = 1e-12
+"""Of a value: an uncertainty below that is a computer's rounding."""
+
 _DECIMALS, _DIGITS = 9, 12  # more are written with an exponent; no computation keeps more digits
 
 
