@@ -55,6 +55,9 @@ _HALVINGS = 4  # of the logarithm between two of them: to 9 %
 _LARGER, _TRIES = 1.2, 4  # a size that fails more rarely than sought is made so much larger, so often
 _ROUNDING = 1e-9  # relative: two evaluations of the same samples agree better than that
 _AT_ONCE = 8  # repeats, before it is asked whether more are of use
+# Of a transfer function only this value depends on the form. Where it has no limit the simplest is fitted: to choose
+# one takes longer than all else that is evaluated.
+_OF_FORM, _SIMPLEST = "model_fit", {"poles": 1, "zeros": 0, "dead_time": False}
 
 Values = Mapping[str, Measured]
 
@@ -155,6 +158,9 @@ class _Judge:
 
     def values(self, recording: Recording) -> Values:
         """What is found in a recording, by name; nothing where it cannot be evaluated."""
+        if not any(name.partition(",")[0] == _OF_FORM for name in self.limits):
+            settings = {**recording.meta.get("settings", {}), **_SIMPLEST}
+            recording = replace(recording, meta={**recording.meta, "settings": settings})
         try:
             return {m.name: m for m in evaluated(self.procedure, recording, self.limits).measured}
         except InputError:
