@@ -187,7 +187,7 @@ class _Answer:
         std_s = math.hypot(noise_s, loose_s - time_s, max(abs(half_s - time_s) for half_s in halves_s))
         what = settling.at(label)
         known = largest.relation == "=" and math.isfinite(std_s)
-        return largest, what.of(1e3 * time_s, 1e3 * std_s) if known else what.of(None)
+        return largest, what.size(1e3 * time_s, 1e3 * std_s) if known else what.of(None)
 
     def _largest(self, by_noise: float) -> tuple[float, float]:
         """Largest size; the final one, and the rest granted, where noise alone could make the curve pass that."""

@@ -81,7 +81,13 @@ def test_what_comes_back_departs_for_a_while_and_settles_where_it_was(channel, p
 def test_a_response_that_settles_between_two_samples_has_that_in_its_uncertainty(interval_s):
     for seed in range(3):
         _, one = answered(lambda at_s: -8.0 * -np.expm1(-at_s / 0.006), seed, rate_hz=1.0 / interval_s)
-        assert abs(one["load_settling"].value - 6.0 * SETTLED) <= 2.0 * one["load_settling"].std
+        found = one["load_settling"]
+        most = found.value + 2.0 * found.std
+        assert 6.0 * SETTLED <= most <= 4e3 * interval_s
+        if interval_s < 0.02:
+            assert found.value - 2.0 * found.std <= 6.0 * SETTLED
+        else:
+            assert found.relation == "<"  # two samples tell no time
 
 
 def test_what_the_load_does_not_move_has_a_bound_and_nothing_to_settle():
