@@ -32,9 +32,16 @@ _BEGINNINGS = {
     b"Origin Time ": ("an accelerogram of K-NET, several samples on a line", f"{_TEXT}, one sample on a line"),
     b"$date": ("a dump of logic signals (VCD)", f"{_TEXT}, one row for each stamp"),
     b"$GP": ("a log of a satellite receiver (NMEA 0183)", f"{_TEXT} of its positions"),
+    b"~V": ("a well log over depth (LAS)", f"{_TEXT} of what lies over time"),
+    b"* Sea-Bird": ("a recording of Sea-Bird (CNV)", f"{_TEXT}, with headings"),
     b"<html": ("a web page", "save it as XLSX or CSV"),
     b"<?xml": ("an XML file", "export CSV, TDMS or MDF4"),
     b"{": ("a JSON file", _TEXT),
+}
+_WITHIN = {
+    b", SLIST, ": ("a list of samples without stamps, several on a line", "export TSPAIR, or CSV"),
+    b"WAVEDESC": ("a waveform of LeCroy", "save it as ASCII at the scope"),
+    b"FMT, 128, 89, FMT,": ("a flight log of ArduPilot", f"{_TEXT} of one of its messages, as mavlogdump does"),
 }
 _ENDINGS = {
     (".dxd", ".dxz", ".d7d", ".d7z"): ("a recording of Dewesoft", f"{_TEXT}, MAT or MDF4 from DewesoftX"),
@@ -69,16 +76,13 @@ def check_read(path: Path, file: BinaryIO, *, by_ending: bool) -> None:
         by_ending: whether its ending counts as well, since no reader has it.
     """
     start = os.pread(file.fileno(), _LONGEST, 0)
-    if b", SLIST, " in start:
-        raise FileError(f"{path}: is a list of samples without stamps, several on a line; export TSPAIR, or CSV")
-    if b"WAVEDESC" in start:
-        raise FileError(f"{path}: is a waveform of LeCroy, which is not read; save it as ASCII at the scope")
     described = path.with_suffix(".cfg")
     if path.suffix.lower() == ".dat" and described.is_file() and CHANNELS.match(whole(described)):
         raise FileError(f"{path}: holds the samples of a COMTRADE recording; give {described.name}, which describes it")
     if by_ending and start.startswith(b"PK\x03\x04"):
         raise FileError(f"{path}: {_packed(file)}")
     found = next((kind for beginning, kind in _BEGINNINGS.items() if start.startswith(beginning)), None)
+    found = found or next((kind for part, kind in _WITHIN.items() if part in start), None)
     if found is None and by_ending:
         found = next((kind for endings, kind in _ENDINGS.items() if path.name.lower().endswith(endings)), None)
     if found is not None:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
+from statistics import median
 
 from hil.record import heading as headings
 from hil.record.columns import Column, Table, even_times
@@ -64,6 +65,18 @@ class _Metadata:
                     step_s = 1.0 / (value * _per_second(unit)) if is_rate and not timed else value
                     return step_s, f"even time base of {step_s:g} s, as line {line} says"
         return 0.0, ""
+
+    def are_times(self, texts: Sequence[str]) -> bool:
+        """Whether values go on as a time does, by the distance of samples where one is stated: numbers of rows do not.
+
+        Never back, and on in most rows; a command that steps up stands.
+        """
+        values = [_number(text) for text in texts if text]
+        steps = [later - before for before, later in pairwise(values)]
+        if not steps or min(steps) < 0.0 or 2 * sum(step > 0.0 for step in steps) <= len(steps):
+            return False
+        interval_s = self.interval()[0]
+        return not interval_s or abs(_size(self.time_unit) * median(steps) - interval_s) < interval_s / 2.0
 
     @property
     def start_s(self) -> float:
@@ -169,7 +182,7 @@ def _known(
     at = [i for i in range(width) if not all(is_blank(row[i]) for row in samples[-_FEWEST_ROWS:])]
     interval_s, words = metadata.interval()
     names = [heading[i] for i in at] if heading is not None else metadata.first_of(_NAMES)[1]
-    found = _columns(len(at), names, metadata, interval_s, _rises([row[at[0]] for row in samples]))
+    found = _columns(len(at), names, metadata, interval_s, metadata.are_times([row[at[0]] for row in samples]))
     if found is None:
         return None
     called, units, timed = found
@@ -273,10 +286,3 @@ def _trimmed(row: Sequence[str]) -> list[str]:
     while cells and not cells[-1]:
         cells.pop()
     return cells
-
-
-def _rises(texts: Sequence[str]) -> bool:
-    """Whether values go on as a time does: never back, and on in most rows; a command that steps up stands."""
-    values = [_number(text) for text in texts if text]
-    steps = [later - before for before, later in pairwise(values)]
-    return bool(steps) and min(steps) >= 0.0 and 2 * sum(step > 0.0 for step in steps) > len(steps)

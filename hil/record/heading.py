@@ -23,7 +23,8 @@ _CURLY = re.compile(r"^\s*(?P<name>.*\S)\s*[{<](?P<unit>[^{}<>]+)[}>]\s*$")
 _AFTER = re.compile(r"^\s*(?P<name>.*\S)(\s+/\s+|\s*[,;]\s+|\s+in\s+)(?P<unit>\S+)\s*$")
 _UNIT_ALONE = re.compile(r"^\s*in\s+(?P<unit>\S+)\s*$")
 _LETTERS = ("a", "b")  # of the parts of a complex number, `Z'(a)`, rather than years and barns
-# Forms that many a name has too: believed where every heading of a table has them, that of the time among them.
+FREQUENCY_UNITS = frozenset({"Hz", "kHz", "mHz", "MHz", "rad/s", "hertz", "1/s", "rpm"})
+# Forms that many a name has too: believed where every heading has them, a time or a frequency among them.
 _LOOSE = (
     re.compile(r"^\s*(?P<name>[^/]*[^/\s])/(?P<unit>\S+)\s*$"),
     re.compile(r"^\s*(?P<name>.*[^\s:-])(\s*:\s*|\s+-\s+|\s+)(?P<unit>\S+)\s*$"),
@@ -123,9 +124,13 @@ def split_loosely(headings: Sequence[str]) -> list[tuple[str, str]] | None:
     for pattern in _LOOSE:
         found = [pattern.match(heading) for heading in headings]
         named = [(m["name"].strip(), unit_text(m["unit"].strip("()"))) for m in found if m and is_unit(m["unit"])]
-        if len(named) == len(headings) and any(is_time(name) and is_time_unit(unit) for name, unit in named):
+        if len(named) == len(headings) and any(_is_axis(name, unit) for name, unit in named):
             return named
     return None
+
+
+def _is_axis(name: str, unit: str) -> bool:
+    return unit in FREQUENCY_UNITS or (is_time(name) and is_time_unit(unit))
 
 
 def unit_text(text: str) -> str:

@@ -31,7 +31,6 @@ _WORDS = {
     "imaginary": {"imaginary", "imag", "im", "imaginary part", "imaginärteil", "y"},
 }  # fmt: skip
 _STD = re.compile(r"\b(std|sigma|sd|uncertainty|std dev|u)\b")
-_FREQUENCY_UNITS = frozenset({"Hz", "kHz", "mHz", "MHz", "rad/s", "hertz", "1/s", "rpm"})
 _ANGLES = frozenset({"deg", "°", "rad", "mrad", "degree", "degrees", "grad", "Deg"})
 _GERMAN_DEGREES = ("Grad", "grad")  # 1/360 of a turn there, 1/400 in English, where nobody measures phases in it
 _DECIBEL = frozenset({"db", "decibel"})
@@ -143,7 +142,7 @@ def response_table(name: str, tables: Sequence[Table], meta: Mapping[str, Any] |
         phase_rad = _phase_rad(name, parts["phase"], notes)
         response = gain * np.exp(1j * phase_rad)
     order = np.argsort(frequency_hz, kind="stable")
-    kept = order[np.isfinite(response[order]) & (frequency_hz[order] > 0.0)]
+    kept = order[np.isfinite(response[order]) & (response[order] != 0.0) & (frequency_hz[order] > 0.0)]
     if len(kept) < len(order):
         notes.append(f"{len(order) - len(kept)} lines without a value or at no frequency are left out")
     found = frequency_hz[kept]
@@ -231,7 +230,7 @@ def _quantity_of(column: Column) -> str:
     bare = headings.plain_name(name)
     if _STD.search(bare):
         return ""
-    if unit in _FREQUENCY_UNITS and (bare in _WORDS["frequency"] or "freq" in bare):
+    if unit in headings.FREQUENCY_UNITS and (bare in _WORDS["frequency"] or "freq" in bare):
         return "frequency"
     named = next((what for what, words in _WORDS.items() if bare in words), "")
     if named:

@@ -238,7 +238,7 @@ def _no_number(path: Path, found: Layout, row: int, column: int) -> str:
     if number == next(_texts(path, found), (0, ""))[0]:
         return _no_row(number, " ".join(cells))
     return (
-        f"line {number}, column {column + 1} ('{found.headings[column]}'): '{cells[column]}' is not a number; "
+        f"line {number}, column {column + 1} ('{found.headings[column]}'): '{cells[column][:_SHOWN]}' is not a number; "
         f"{option('gaps')} "
         f"takes it as a sample that was not taken, {option('columns')} can leave the column out"
     )

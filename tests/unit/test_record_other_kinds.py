@@ -274,6 +274,9 @@ class TestUniversalFiles:
         ("x.csv", b"Time Stamp,ID,Extended,Bus,LEN,D1\n1,0,0,0,8,10\n2,0,0,0,8,10\n", "holds frames of a CAN bus"),
         ("x.s2p", b"# GHZ S MA R 50\n1 0 0 0 0\n", "is a table of scattering parameters, which is not read"),
         ("x.vcd", b"$date\n$end\n", "is a dump of logic signals (VCD), which is not read"),
+        ("x.las", b"~VERSION INFORMATION\n", "is a well log over depth (LAS), which is not read"),
+        ("x.cnv", b"* Sea-Bird SBE 21 Data File:\n", "is a recording of Sea-Bird (CNV), which is not read"),
+        ("x.log", b"V3.1\n\nFMT, 128, 89, FMT, BBnNZ,\n", "is a flight log of ArduPilot, which is not read"),
     ],
 )
 def test_what_is_not_read_says_what_it_is(tmp_path: Path, name: str, content: bytes, said: str) -> None:

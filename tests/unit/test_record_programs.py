@@ -186,12 +186,15 @@ def test_a_scope_without_times_starts_where_it_says(tmp_path: Path) -> None:
     assert found.meta["assumed"] == ["even time base of 0.002 s, as line 4 says"]
 
 
-def test_a_command_that_steps_up_is_no_time_where_lines_above_state_the_interval(tmp_path: Path) -> None:
-    steps = "".join(f"{5.0 * (k > 30)}\t{0.1 * k:.3f}\n" for k in range(60))
-    (tmp_path / "x.txt").write_text(f"[Header]\nSamplingTime=10.000 ms\n[Data]\n{steps}", encoding="utf-8")
+@pytest.mark.parametrize("first", [lambda k: 5.0 * (k > 30), float], ids=["a command that steps up", "a row's number"])
+def test_a_column_that_goes_on_otherwise_than_the_interval_above_is_no_time(
+    tmp_path: Path, first: Callable[[int], float]
+) -> None:
+    rows = "".join(f"{first(k)}\t{0.1 * k:.3f}\n" for k in range(60))
+    (tmp_path / "x.txt").write_text(f"[Header]\nSamplingTime=10.000 ms\n[Data]\n{rows}", encoding="utf-8")
     found = read_recording(tmp_path / "x.txt")
     assert found.time_s == pytest.approx(0.01 * np.arange(60))
-    assert found.values("channel 1").tolist() == [5.0 * (k > 30) for k in range(60)]
+    assert found.values("channel 1").tolist() == [first(k) for k in range(60)]
     assert found.values("channel 2")[-1] == 5.9
 
 

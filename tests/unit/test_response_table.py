@@ -23,6 +23,7 @@ FORMS = {
     "units in a row": ("Frequency,Magnitude,Phase\nHz,dB,deg", (F, DB, DEG)),
     "units for names": ("Freq [Hz],dB,deg", (F, DB, DEG)),
     "German degrees": ("Frequenz [Hz],Betrag [dB],Phase [Grad]", (F, DB, DEG)),
+    "a slash before each unit": ("f/Hz,|G|/dB,phi/°", (F, DB, DEG)),
     "falling frequency and other columns": ("#,Frequency [Hz],CH1 [V],Gain [dB],Phase [deg],coherence",
                                            (np.arange(12), F[::-1], F, DB[::-1], DEG[::-1], 0 * F)),
 }  # fmt: skip
@@ -50,3 +51,14 @@ def test_gains_without_phases_are_refused_in_words(tmp_path):
     path = written(tmp_path / "x.csv", "frequency [Hz],gain [dB]", (F, DB))
     with pytest.raises(FileError, match="frequencies and gains without a phase"):
         read_any(path)
+
+
+@pytest.mark.parametrize("nothing", ["-inf", "nan", ""])
+def test_a_line_without_a_gain_is_left_out_and_said(tmp_path, nothing):
+    rows = "".join(
+        f"{f},{nothing if i == 4 else db},{deg}\n" for i, (f, db, deg) in enumerate(zip(F, DB, DEG, strict=True))
+    )
+    (tmp_path / "x.csv").write_text(f"frequency [Hz],gain [dB],phase [deg]\n{rows}", encoding="utf-8")
+    found = read_any(tmp_path / "x.csv")
+    assert found.response == pytest.approx(np.delete(H, 4), rel=1e-9)
+    assert any(note.startswith("1 lines without a value") for note in found.meta["assumed"])
