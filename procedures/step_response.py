@@ -47,7 +47,6 @@ _HOLD_SETTLINGS = 2.0
 _BEFORE = 0.1  # of a step's time, shown before it
 _MOST_POINTS = 1500
 _TAIL, _CLEAR = 4, 3.0  # the last quarter of a level is steady; a change of so many noise deviations can be read
-_STILL = 0.002  # of the change, by which the response may still move at its end without a word
 
 
 def run(
@@ -135,8 +134,7 @@ def evaluate(recording: Recording) -> Findings:
             notes.append(Note(
                 "a tone of {tone_hz:.3g} Hz goes on before and after it and was taken out.", tone_hz=found.tone_hz
             ).at(label))  # fmt: skip
-        if abs(found.moving) > _STILL * abs(found.figures.final - found.figures.start):
-            notes.append(_still_moving(found, response.unit).at(label))
+        notes += [note.at(label) for note in found.still_moving(response.unit)]
         models, why = _models(label, found, beside)
         notes += why
         curves.append(_curve(recording, part, before, label, found) | models)
@@ -207,14 +205,6 @@ def _time(what: Measurement, value_s: float, std_s: float) -> Measured:
     """A time; what noise can move past the record cannot be told."""
     known = bool(np.isfinite(value_s) and np.isfinite(std_s))
     return what.of(1e3 * value_s, 1e3 * std_s) if known else what.of(None)
-
-
-def _still_moving(found: MeasuredStep, unit: str) -> Note:
-    return Note(
-        "the response still moves by {change:.2g} {unit} over the end of the step, from which its final value is read; "
-        "hold it longer.",
-        change=found.moving, unit=unit,
-    )  # fmt: skip
 
 
 def _curve(

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import shlex
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -362,10 +364,11 @@ def _folder(folder: Path, reading: Reading) -> list[Recording]:
 
 
 def _numbers(text: str) -> list[float]:
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError:
-        raise SettingError(f"'{text}': coefficients are numbers between commas, the highest power first") from None
+    with suppress(ValueError):
+        found = [float(part) for part in text.split(",")]
+        if all(map(math.isfinite, found)):
+            return found
+    raise SettingError(f"'{text}': coefficients are numbers between commas, the highest power first")
 
 
 def _write(out: str, to: str, name: str, model: TransferFunction) -> None:

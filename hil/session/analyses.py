@@ -71,7 +71,7 @@ def models_of_steps(
     response = None if beside is None else as_response([beside])
     names = channels_of(recording, input_name, output_name)
     found = measured_steps(_levels(measured_rows(recording, names)), *names, band=band)
-    return [_of_step(one, response, band) for one in found]
+    return [_of_step(one, recording.channel(names[1]).unit, response, band) for one in found]
 
 
 def models_of_times(
@@ -96,12 +96,14 @@ def _levels(recording: Recording) -> Recording:
     return recording.rows(first, int(parts[-1]["first"]) + int(parts[-1]["count"]) - first)
 
 
-def _of_step(one: MeasuredStep, response: FrequencyResponse | None, band: float) -> StepModels:
+def _of_step(one: MeasuredStep, unit: str, response: FrequencyResponse | None, band: float) -> StepModels:
     label, times = f"{one.from_command:.4g} → {one.to_command:.4g}", (one.figures.rise_s, one.figures.settling_s)
+    stds = (one.std.rise_s, one.std.settling_s)
     try:
-        made = step_models(*times, response, band=band, std_s=(one.std.rise_s, one.std.settling_s))
+        made = step_models(*times, response, band=band, std_s=stds)
     except InputError as error:
-        return StepModels(*times, np.zeros(0, dtype=np.complex128), (), (Note("{why}", why=str(error)),), label)
+        made = StepModels(*times, np.zeros(0, dtype=np.complex128), (), (Note("{why}", why=str(error)),), std_s=stds)
+    made = replace(made, notes=(*made.notes, *one.still_moving(unit)))
     return replace(made, label=label)
 
 
@@ -430,6 +432,8 @@ def _middle_of_branches(path: Path, heads: Sequence[str], rows: Array) -> FlowCu
     if rows.ndim != 2 or rows.shape[1] <= max(picked) or not np.all(np.isfinite(rows[:, [0, *picked]])):
         raise FileError(f"{path}: not a flow curve: a command and a response are needed on every row")
     order = np.argsort(rows[:, 0], kind="stable")
+    if len(order) < 2 or np.any(np.diff(rows[order, 0]) <= 0.0):
+        raise FileError(f"{path}: not a flow curve: at least two levels of '{heads[0]}' are needed, each once")
     flow = rows[order][:, picked].mean(axis=1)
     return FlowCurve(rows[order, 0], flow, heads[0], heads[1])
 

@@ -18,6 +18,7 @@ from hil.errors import FileError, InputError
 from hil.identification.papers.classification import by_thresholds, learn, leave_one_out, ordered_thresholds
 from hil.record.plain import plain
 from hil.record.recording import Array, Integers, Recording
+from hil.record.tokens import as_numbers
 from hil.signals.interval import exact_limits
 from hil.untrusted import read_text
 
@@ -141,7 +142,11 @@ def classes_of_recordings(
     threshold = float(ordered_thresholds(values[:known], labels, 2)[0])
     found = np.array([_by_the_others(rows[:known], labels, k) for k in range(known)], dtype=np.int64)
     new = by_thresholds(values[known:], np.array([threshold]))
-    rule = f"{bad[0]}: '{output}' differs from the mean of the {good[0]} ones by {threshold:.4g} {unit} rms or more"
+    rule = (
+        f"{bad[0]}: '{output}' differs from the mean of the {good[0]} ones by {threshold:.4g} {unit} rms or more"
+        if np.isfinite(threshold)
+        else f"'{output}' does not tell {bad[0]} from {good[0]}: no difference has more of the ones than of the others"
+    )
     judged = _judged([one.name for one in all_of[:known]], names, labels, found, values[:known])
     return ClassAnalysis(
         *names, rule, judged, threshold, unit,
@@ -164,7 +169,7 @@ def classes_of_table(path: Path) -> ClassAnalysis:
     if len(names) != 2:
         raise FileError(f"{path}: column '{head[at]}' holds {len(names)} classes ({', '.join(names)}); two are needed")
     _check_count({name: classes.count(name) for name in names})
-    numbers = {k: column for k in range(len(head)) if k != at and (column := _numbers(rows, k)) is not None}
+    numbers = {k: column for k in range(len(head)) if k != at and (column := _numbers(path, head, rows, k)) is not None}
     if not numbers:
         raise FileError(f"{path}: no column of numbers beside '{head[at]}'")
     features = np.column_stack(list(numbers.values()))
@@ -187,12 +192,21 @@ def _rows_of(path: Path) -> tuple[list[str], list[list[str]]]:
     return head, rows
 
 
-def _numbers(rows: Sequence[Sequence[str]], column: int) -> Array | None:
-    try:
-        made = np.array([float(row[column]) for row in rows])
-    except ValueError:
-        return None
-    return made if np.all(np.isfinite(made)) and np.ptp(made) > 0.0 else None
+def _numbers(path: Path, head: Sequence[str], rows: Sequence[Sequence[str]], column: int) -> Array | None:
+    """A column of numbers; None where it holds texts, or one number alone.
+
+    Raises:
+        FileError: most of its fields are numbers, and others are none.
+    """
+    made = as_numbers([row[column].strip() for row in rows])
+    known = np.isfinite(made)
+    if not known.all() and 2 * np.count_nonzero(known) > len(known):
+        at = int(np.argmin(known))
+        raise FileError(
+            f"{path}: row {at + 2}, column '{head[column]}': '{rows[at][column]}' is not a number; mend it, or leave "
+            "the column out"
+        )
+    return made if known.all() and np.ptp(made) > 0.0 else None
 
 
 def _check_count(counts: Mapping[str, int]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -16,6 +17,7 @@ from hil.identification.frequency.order_choice import fit_together
 from hil.identification.frequency.sine_segments import frequency_responses
 from hil.identification.frequency.table_fit import as_table
 from hil.identification.frequency.transfer_function import TransferFunctionFit
+from hil.identification.preparation.clipped import clipped_note
 from hil.language.note import Note
 from hil.physics.formula import formula
 from hil.record.invalid_samples import measured_rows
@@ -36,6 +38,7 @@ class SineAnalysis:
         responses: lines with covariance and harmonics. `bandwidths`: of each.
         fits: a transfer function of each, all of one structure; None where too few lines lie above the noise.
         input, output: names of the channels.
+        notes: what the reader should know.
     """
 
     responses: tuple[FrequencyResponse, ...]
@@ -43,6 +46,7 @@ class SineAnalysis:
     fits: tuple[TransferFunctionFit | None, ...]
     input: str
     output: str
+    notes: tuple[Note, ...] = ()
 
     @property
     def tables(self) -> tuple[ResponseTable, ...]:
@@ -52,14 +56,14 @@ class SineAnalysis:
     def as_text(self) -> str:
         """Magnitude, phase and distortion of every line, for a terminal."""
         each = zip(self.responses, self.bandwidths, self.fits, strict=True)
-        return "\n".join([*(row for one in each for row in _rows(*one)), f"  note: {_RAW}"])
+        return "\n".join([*(row for one in each for row in _rows(*one)), *(f"  note: {n}" for n in self.notes)])
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
         each = zip(self.responses, self.bandwidths, self.fits, strict=True)
         return plain({
             "schema": "hil.sines/1", "input": self.input, "output": self.output,
-            "responses": [_entry(*one) for one in each], "notes": [_RAW],
+            "responses": [_entry(*one) for one in each], "notes": list(self.notes),
         })  # fmt: skip
 
     def files(self, out: Path) -> list[Path]:
@@ -89,8 +93,10 @@ def sine_analysis(recordings: Sequence[Recording], input_name: str = "", output_
         FileError: nobody says which channels they are. InputError: no sine in one of them.
     """
     names = channels_of(recordings[0], input_name, output_name)
-    found = frequency_responses([measured_rows(one, names) for one in recordings], *names)
-    return SineAnalysis(found, tuple(bandwidth(one) for one in found), fit_together(found), *names)
+    rows = [measured_rows(one, names) for one in recordings]
+    found = frequency_responses(rows, *names)
+    notes = [note for one in rows for note in clipped_note(one.name, names[1], one.values(names[1]))]
+    return SineAnalysis(found, tuple(map(bandwidth, found)), fit_together(found), *names, (*notes, _RAW))
 
 
 def _rows(one: FrequencyResponse, corners: Bandwidth, fit: TransferFunctionFit | None) -> list[str]:
@@ -100,12 +106,17 @@ def _rows(one: FrequencyResponse, corners: Bandwidth, fit: TransferFunctionFit |
     for frequency, gain, gain_std, phase, phase_std, thd in _lines(one):
         rows.append(
             f"  {frequency:10.5g} {rounded(gain, gain_std):>12} {width(gain_std):11} "
-            f"{rounded(phase, phase_std):>10} {width(phase_std):9} {100.0 * thd:14.3g}"
+            f"{rounded(phase, phase_std):>10} {width(phase_std):9} {_percent(thd):>14}"
         )
     rows.append(f"  {corners.amplitude}; {corners.phase}")
     if fit is not None:
         rows += [f"  {formula(fit.model)}, fit {fit.fit_percent:.2f} %", *(f"  note: {one}" for one in doubts(fit))]
     return rows
+
+
+def _percent(share: float) -> str:
+    """A share in %; a dash where the fundamental is too little known to compare anything with."""
+    return f"{100.0 * share:.3g}" if math.isfinite(share) else "–"
 
 
 def _lines(one: FrequencyResponse) -> list[tuple[float, ...]]:

@@ -227,6 +227,49 @@ def test_classes_of_a_table(tmp_path):
     assert found.accepted_bad.count == found.refused_good.count == 0
 
 
+@pytest.mark.parametrize(
+    ("settling", "said"),
+    [
+        (
+            lambda k: "nan" if k == 3 else 0.5 + 0.1 * (k % 3),
+            "row 5, column 'settling': 'nan' is not a number; mend it",
+        ),
+        (lambda k: 0.3 + 0.02 * k, "of the good units a feature stays as it is, or follows exactly from others"),
+        (lambda k: 0.5 + 0.1 * (k > 9), "of the good units a feature stays as it is, or follows exactly from others"),
+    ],
+)
+def test_a_column_that_tells_no_class_is_named(settling, said, tmp_path):
+    rows = "".join(f"{'good' if k < 10 else 'bad'},{0.1 + 0.01 * k:g},{settling(k)}\n" for k in range(16))
+    (tmp_path / "valves.csv").write_text(f"class,rise,settling\n{rows}", encoding="utf-8")
+    with pytest.raises((InputError, hil.errors.FileError), match=said):
+        hil.learn_classes(tmp_path / "valves.csv")
+
+
+def test_a_clipped_response_is_told_with_its_sines():
+    sine = sines(40.0, 20.0, noise=0.01)
+    clipped = recording("clipped", sine.time_s, {
+        "valve [%]": sine.values("valve"), "flow [l/min]": np.minimum(sine.values("flow"), 45.0),
+    })  # fmt: skip
+    (note, _) = hil.frequency_response(clipped, input="valve", output="flow").notes
+    assert note.startswith("clipped: channel 'flow' is clipped at 45 in ") and note.endswith("it falls short there")
+    assert len(hil.frequency_response(sine, input="valve", output="flow").notes) == 1
+
+
+def test_a_step_that_is_held_too_briefly_says_so_and_times_have_intervals():
+    command = np.r_[np.zeros(200), np.full(400, 30.0), np.full(60, 60.0)]
+    long, brief = hil.step_models(made("steps", command, lagged(command, 2.0)), input="valve", output="flow")
+    assert abs(long.rise_s - LAG_S * np.log(9.0)) < 3.0 * long.std_s[0] < 0.1 * long.rise_s
+    assert not any("still moves" in note for note in long.notes)
+    assert any("still moves by " in note and "hold it longer" in note for note in brief.notes)
+    assert long.as_text().startswith("0 → 30: rise 0.17") and " ± 0.00" in long.as_text()
+
+
+@pytest.mark.parametrize("text", ["nan", "1,inf", "a", "1,,2"])
+def test_coefficients_are_numbers(text, command_line):
+    status, _, error = command_line("analyse", "loop", "--numerator", text, "--denominator", "1,2")
+    assert status == 2 and f"'{text}': coefficients are numbers between commas" in error and error.count("\n") == 1
+
+
 def test_a_figure_has_the_digits_that_its_interval_leaves():
     assert str(Figure("response_high", 188.2361, 0.2041, "psi")).split() == [
         "response_high",

@@ -70,13 +70,19 @@ def learn(features: Array, labels: Integers, names: Sequence[str]) -> GaussianCl
         names: of the classes, in order.
 
     Raises:
-        InputError: a class with no more rows than features and one.
+        InputError: a class with no more rows than features and one, or one in which a feature follows from others.
     """
     count = np.bincount(labels, minlength=len(names))
     if count.min() <= features.shape[1] + 1:
         few = ", ".join(f"{name} {n}" for name, n in zip(names, count, strict=True))
         raise InputError(f"classes: {few} units with {features.shape[1]} features; each class needs more")
     rows = [features[labels == k] for k in range(len(names))]
+    for name, row in zip(names, rows, strict=True):
+        spread = row.std(axis=0)
+        if not spread.all() or np.linalg.matrix_rank((row - row.mean(axis=0)) / spread) < row.shape[1]:
+            raise InputError(
+                f"classes: of the {name} units a feature stays as it is, or follows exactly from others; leave it out"
+            )
     return GaussianClasses(
         tuple(names),
         np.array([row.mean(axis=0) for row in rows]),

@@ -33,6 +33,7 @@ from hil.physics.transfer_function import TransferFunction, coefficient_names
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain
 from hil.record.recording import Array, Complex
+from hil.signals.interval import rounded, width
 
 SCHEMA = "hil.step-models/1"
 
@@ -82,6 +83,7 @@ class StepModels:
         models: the two of first order, that of second order if there is one, the third-order fit to a response.
         notes: what the reader should know.
         label: from which command to which, where that is known.
+        std_s: standard uncertainties of T_r and T_s; infinite where noise can move one past the record.
     """
 
     rise_s: float
@@ -90,12 +92,14 @@ class StepModels:
     models: tuple[StepModel, ...]
     notes: tuple[Note, ...]
     label: str = ""
+    std_s: tuple[float, float] | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
         roots = [{"re": float(root.real), "im": float(root.imag)} for root in self.roots]
         return plain({
             "schema": SCHEMA, "step": self.label, "rise_s": self.rise_s, "settling_s": self.settling_s,
+            "rise_std_s": self.std_s and self.std_s[0], "settling_std_s": self.std_s and self.std_s[1],
             "damping_roots": roots,
             "models": [model.as_dict() for model in self.models], "notes": list(self.notes),
         })  # fmt: skip
@@ -103,7 +107,7 @@ class StepModels:
     def as_text(self) -> str:
         """As lines for a terminal."""
         roots = ", ".join(_root(root) for root in self.roots)
-        times = f"rise {self.rise_s:.4g} s, settling {self.settling_s:.4g} s"
+        times = f"rise {self._time(0)}, settling {self._time(1)}"
         of = f"{self.label}: " if self.label else ""
         rows = [f"{of}{times}{', roots of eq. 17: ' + roots if roots else ''}"]
         for one in self.models:
@@ -113,6 +117,17 @@ class StepModels:
                 error = f"; fit {one.fit_percent:.1f} %, rms error {rms}"
             rows.append(f"  {one.name}: {formula(one.model)}{error}")
         return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
+
+    def _time(self, which: int) -> str:
+        value = (self.rise_s, self.settling_s)[which]
+        if not math.isfinite(value):
+            return "not reached"
+        if self.std_s is None:
+            return f"{value:.4g} s"
+        std_s = self.std_s[which]
+        return (
+            f"{rounded(value, std_s)} {width(std_s)} s" if math.isfinite(std_s) else f"{value:.4g} s, not identifiable"
+        )
 
 
 def step_models(
@@ -163,7 +178,8 @@ def step_models(
         over = over_lowest(response)
         made = [_beside(one, over) for one in made]
         made.append(_third_order(over))
-    return StepModels(rise_s, settling_s, damping_roots(rise_s, effective_s), tuple(made), tuple(notes))
+    roots = damping_roots(rise_s, effective_s)
+    return StepModels(rise_s, settling_s, roots, tuple(made), tuple(notes), std_s=std_s)
 
 
 def over_lowest(response: FrequencyResponse) -> FrequencyResponse:

@@ -58,6 +58,19 @@ def clipped_samples(values: Array) -> tuple[Mask | None, float]:
     return clipped, float(at[0])
 
 
+def clipped_note(name: str, heading: str, values: Array) -> tuple[Note, ...]:
+    """What is said of a channel of a file where its clipped samples are used all the same; nothing where none are."""
+    clipped, at = clipped_samples(values)
+    if clipped is None:
+        return ()
+    return (
+        Note(
+            "channel '{channel}' is clipped at {at:.4g} in {share:.1f} % of its samples; it falls short there",
+            channel=heading, at=at, share=100.0 * clipped.mean(),
+        ).of(name),
+    )  # fmt: skip
+
+
 def _sentence(name: str, heading: str, clipped: Mask, at: float) -> Note:
     return Note(
         "channel '{channel}' is clipped at {at:.4g} in {share:.1f} % of its samples; they are left out",

@@ -16,6 +16,7 @@ class Criteria:
         certain_onset: share of resampled responses that must move once and for all.
         sharper: standard deviations from which the sharper reading tells more than noise.
         moving: standard uncertainties of a move at the end: a run of twelve steps that stand says so in 3 %.
+        still: of the change, by which the response may still move at its end without a word.
         sharp: of the time after the step, up to which time counts as it is, and its logarithm from there on.
         coefficients: of the smooth response.
         looser: times less stiff is the foot read, where the response is least smooth. An estimate as stiff as the whole
@@ -30,6 +31,7 @@ class Criteria:
     certain_onset: float = 0.95
     sharper: float = 2.0
     moving: float = 3.0
+    still: float = 0.002
     sharp: float = 0.005
     coefficients: int = 80
     looser: float = 100.0

@@ -18,6 +18,7 @@ from hil.identification.step.criteria import CRITERIA
 from hil.identification.step.step_response import StepFigures, leaves, moves_once, step_figures
 from hil.identification.uncertainty.fit import rms
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, about, draws_of
+from hil.language.note import Note
 from hil.record.recording import Array, Recording
 from hil.signals.autoregression import coloured_noise, whitener_of
 from hil.signals.interval import UNIFORM
@@ -58,6 +59,18 @@ class MeasuredStep:
     from_command: float
     to_command: float
     tone_hz: float | None = None
+
+    def still_moving(self, unit: str) -> tuple[Note, ...]:
+        """What is said of a response, in this unit, that had not come to rest; nothing of one that had."""
+        if abs(self.moving) <= CRITERIA.still * abs(self.figures.final - self.figures.start):
+            return ()
+        return (
+            Note(
+                "the response still moves by {change:.2g} {unit} over the end of the step, from which its final value "
+                "is read; hold it longer.",
+                change=self.moving, unit=unit,
+            ),
+        )  # fmt: skip
 
 
 def measured_steps(
