@@ -2,8 +2,9 @@
 
     python .ci/try_wheel.py
 
-What counts is what the wheel holds: `hil` must come from it, list everything, do the demonstration and find its fixture
-for pytest, and the long description must lead nowhere that only the checkout has.
+What counts is what the wheel holds: `hil` must come from it and list everything. Alone it runs a simulated and a Modbus
+bench and identifies, and names the extras of what it does not make; with two of them it does the demonstration and
+finds its fixture for pytest. The long description must lead nowhere that only the checkout has.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -66,37 +69,69 @@ def check_description(wheel: Path) -> None:
 
 
 def use(wheel: Path, folder: Path) -> None:
-    """In an environment that holds nothing else, from a folder that holds nothing."""
+    """In an environment that holds nothing else, from a folder that holds nothing; extras come at the end."""
     empty, place = folder / "environment", folder / "empty"
     place.mkdir()
     run([sys.executable, "-m", "venv", empty])
     programs = empty / "bin"
-    constraints = ROOT / "constraints.txt"
-    run([programs / "python", "-m", "pip", "install", "--quiet", "-c", constraints, wheel, "pytest"])
-    run([programs / "python", "-m", "pip", "check"], place)
+    hil = programs / "hil"
+    install(programs, wheel)
+    print(run([programs / "python", "-m", "pip", "list"], place))
     where = run([programs / "python", "-P", "-c", "import hil; print(hil.__file__)"], place)
     if not Path(where.strip()).is_relative_to(empty):
         raise SystemExit(f"hil came from {where.strip()}, not from the wheel")
     for kind, expected in _LISTED.items():
-        if expected not in run([programs / "hil", "list", kind], place):
+        if expected not in run([hil, "list", kind], place):
             raise SystemExit(f"hil list {kind}: '{expected}' is not in the wheel")
-    run([programs / "hil", "check", "cummins-efc-acceptance"], place)
-    run([programs / "hil", "demo", "--out", "demo"], place)
+    run([hil, "check", "cummins-efc-acceptance"], place)
+    said = run([hil, "run", "step_response", "--bench", "hpv41-lab", "--out", "steps"], place)
+    for extra in ("pages", "archive"):
+        if said.count(f"valve-hil[{extra}]") != 1:
+            raise SystemExit(f"hil run without the extra '{extra}' does not name it once:\n{said}")
+    run([hil, "identify", "steps", "--plant", "brevini-hpv41", "--out", "model.json"], place)
+    with served([hil, "devices", "cummins-efc-modbus"], place):
+        run([hil, "run", "leakage_check", "--bench", "cummins-efc-modbus", "--out", "leakage"], place)
+    install(programs, f"{wheel}[pages,archive]", "pytest")
+    run([hil, "demo", "--out", "demo"], place)
     if not (place / "demo" / "report.html").is_file():
         raise SystemExit("hil demo wrote no demo/report.html")
     (place / "test_bench.py").write_text(_TEST, encoding="utf-8")
     run([programs / "python", "-m", "pytest", "-q"], place)
 
 
+def install(programs: Path, *wanted: str | Path) -> None:
+    """Install packages as pinned."""
+    python = programs / "python"
+    run([python, "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", *wanted])
+    run([python, "-m", "pip", "check"])
+
+
+@contextmanager
+def served(command: list[str | Path], folder: Path) -> Iterator[None]:
+    """Devices that answer meanwhile."""
+    with subprocess.Popen(command, cwd=folder, env=bare(), text=True, stdin=subprocess.DEVNULL,
+                          stdout=subprocess.PIPE) as devices:  # fmt: skip
+        try:
+            while line := devices.stdout.readline():
+                if line.startswith("simulated"):
+                    break
+            yield
+        finally:
+            devices.terminate()
+
+
 def run(command: list[str | Path], folder: Path | None = None) -> str:
-    """Run a program; its output, shown where it fails."""
-    told = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "VIRTUAL_ENV"))}
-    done = subprocess.run(command, cwd=folder, env=told, text=True, stdin=subprocess.DEVNULL, capture_output=True,
-                          check=False)  # fmt: skip
+    """Run a program; what it says, shown where it fails."""
+    done = subprocess.run(command, cwd=folder, env=bare(), text=True, stdin=subprocess.DEVNULL, check=False,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
     if done.returncode:
-        said = f"{done.stdout}{done.stderr}"
-        raise SystemExit(f"{' '.join(map(str, command))}: exit status {done.returncode}\n{said}")
+        raise SystemExit(f"{' '.join(map(str, command))}: exit status {done.returncode}\n{done.stdout}")
     return done.stdout
+
+
+def bare() -> dict[str, str]:
+    """The environment without what leads Python elsewhere."""
+    return {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "VIRTUAL_ENV"))}
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ from hil.catalog import entries
 from hil.console.form import NOTES
 from hil.diagnosis.false_alarms import Colour
 from hil.findings.difference import Meaning
+from hil.language.figures import POINT
 from hil.physics.compose import effects, plant
 from hil.record.measurement import Verdict
 from hil.report.name import quantity_words, split_unit
@@ -124,6 +125,7 @@ def declared() -> Iterator[str]:
         yield plant(entry.name).title
         yield from (parameter.meaning for parameter in plant(entry.name).parameters)
         yield from (hook.stage for hook in plant(entry.name).hooks)
+    yield POINT
     yield from (name for name, _ in NOTES)
     yield from (*get_args(Verdict), *get_args(Meaning), *get_args(Colour))
     for model in (Conditions, Valve, InstrumentEntry):

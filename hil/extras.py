@@ -6,7 +6,9 @@ import importlib.util
 from collections.abc import Mapping
 
 EXTRAS: Mapping[str, str] = {
-    **dict.fromkeys(("pymodbus", "serial", "can", "canopen", "cantools"), "links"),
+    **dict.fromkeys(("jinja2", "markupsafe", "matplotlib"), "pages"),
+    **dict.fromkeys(("sqlalchemy", "alembic"), "archive"),
+    **dict.fromkeys(("canopen", "cantools"), "links"),
     **dict.fromkeys(
         (
             "h5py",
@@ -26,10 +28,9 @@ EXTRAS: Mapping[str, str] = {
     **dict.fromkeys(
         ("typst", "pyhanko", "pyhanko_certvalidator", "asn1crypto", "cryptography", "pikepdf", "pypdf"), "passport"
     ),
-    **dict.fromkeys(("starlette", "uvicorn", "python_multipart", "argon2", "itsdangerous"), "console"),
+    **dict.fromkeys(("starlette", "anyio", "uvicorn", "python_multipart", "argon2", "itsdangerous"), "console"),
     "pyvisa_py": "visa",
     "nidaqmx": "ni",
-    "control": "control",
     "psycopg": "postgresql",
     "xarray": "notebook",
     "fmpy": "fmu",
@@ -44,6 +45,12 @@ def is_installed(library: str) -> bool:
         return importlib.util.find_spec(library) is not None
     except (ModuleNotFoundError, ValueError):
         return False
+
+
+def of_extra(error: ModuleNotFoundError) -> str:
+    """The library of an extra that was not found; empty where it is none of an extra."""
+    library = (error.name or "").partition(".")[0]
+    return library if library in EXTRAS else ""
 
 
 def remedy(library: str) -> str:

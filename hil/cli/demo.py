@@ -19,6 +19,7 @@ def command(
     from hil import api
     from hil.cli.places import check_folder
     from hil.cli.progress import shown
+    from hil.report.terminal import where
     from hil.session.demo import CONCEALED
 
     check_folder(out)
@@ -26,9 +27,9 @@ def command(
     with shown() as progress:
         done = api.demo(out, progress=progress)
     identified, diagnosis = done.identified, done.diagnosed.diagnosis
-    reports = [f"{name}: {outcome.report}" for name, outcome in done.tests.items()]
+    pages = [line for name, outcome in done.tests.items() for line in where(outcome.report, name)]
     concealed = f"concealed in the second recordings: {CONCEALED.name}"
-    words = "\n".join([identified.summary(), concealed, diagnosis.as_text(), *reports, f"report: {done.report}"])
+    words = "\n".join([identified.summary(), concealed, diagnosis.as_text(), *pages, *where(done.report)])
     tests = {name: outcome.folder for name, outcome in done.tests.items()}
     document = {"tests": tests, "concealed": CONCEALED.name, "model": out / "nominal.json", "fits": identified.fits}
     document |= {"diagnosis": diagnosis.as_dict(), "report": done.report}

@@ -96,6 +96,7 @@ def command(
             "spreads a fleet (--fleet) over machines; one valve is done on this one", param_hint="--scheduler"
         )
     check_distinct(recordings)
+    from hil.report.terminal import where
     from hil.session.diagnosis import DIAGNOSIS_FILE, REPORT_FILE
 
     with shown() as progress:
@@ -107,8 +108,7 @@ def command(
     if as_json:
         typer.echo((out / DIAGNOSIS_FILE).read_text(encoding="utf-8"), nl=False)
         return
-    typer.echo(found.diagnosis.as_text())
-    typer.echo(f"report: {out / REPORT_FILE}")
+    typer.echo("\n".join([found.diagnosis.as_text(), *where(out / REPORT_FILE)]))
 
 
 def _diagnose_fleet(

@@ -7,7 +7,7 @@ from typing import Any
 
 from hil.cli.progress import clear
 from hil.errors import HilError, exit_status_of
-from hil.extras import EXTRAS, lacking
+from hil.extras import lacking, of_extra
 from hil.safety.interrupt import Halted
 from hil.stderr import write
 
@@ -49,7 +49,7 @@ def _text(error: BaseException) -> str:
         return f"{error.filename or 'file'}: {error.strerror or error}"
     if isinstance(error, MemoryError):
         return f"more memory is needed than there is: {error}; a shorter test or recording, or a lower rate, needs less"
-    if isinstance(error, ModuleNotFoundError) and (library := (error.name or "").partition(".")[0]) in EXTRAS:
+    if isinstance(error, ModuleNotFoundError) and (library := of_extra(error)):
         return f"this needs {lacking(library)}"
     if hasattr(error, "format_message"):  # of click or of typer's own copy of it, by version
         return _usage(error)

@@ -116,9 +116,9 @@ def say_outcome(
         outputs = {} if known is None else {"outputs": known.record()}
         say(json.dumps(found | outputs, indent=1, ensure_ascii=False))
         return
-    from hil.report.terminal import findings_text
+    from hil.report.terminal import findings_text, where
 
-    say(f"{findings_text(outcome.findings, simulated=outcome.simulated)}\nreport: {outcome.report}")
+    say("\n".join([findings_text(outcome.findings, simulated=outcome.simulated), *where(outcome.report)]))
 
 
 def _print(text: str) -> None:
@@ -137,7 +137,7 @@ def entered(archive: str, folder: Path) -> None:
         with _reported_when_slow():
             note = _entered(archive, folder)
     except Exception as error:
-        note = f"the run is not in the archive: {error}; `hil archive rebuild` enters it"
+        note = f"the run is not in the archive: {text_of(error)}; `hil archive rebuild` enters it"
     from hil.archive.begun import forget_begun
 
     forget_begun(folder)

@@ -1,22 +1,16 @@
-"""Numbers as the language that is spoken writes them: the decimal sign of its locale, from Unicode's tables."""
+"""Numbers as the language that is spoken writes them, with the decimal sign that stands in its catalogue."""
 
 from __future__ import annotations
 
 import re
-from functools import cache
 
-from hil.language.words import ENGLISH, spoken
+from hil.language.words import ENGLISH, _, spoken
 
-_POINT = re.compile(r"(?<=\d)\.(?=\d)")
+POINT = "."
+"""The decimal sign of the code; the catalogue of a language has its own."""
+_IN_A_NUMBER = re.compile(r"(?<=\d)\.(?=\d)")
 
 
 def localised(number: str) -> str:
     """A number that was written with a point, with the decimal sign; for numbers only, a date or a version has none."""
-    return number if spoken() == ENGLISH else _POINT.sub(_decimal_sign(spoken()), number)
-
-
-@cache
-def _decimal_sign(language: str) -> str:
-    from babel.numbers import get_decimal_symbol
-
-    return get_decimal_symbol(language)
+    return number if spoken() == ENGLISH else _IN_A_NUMBER.sub(_(POINT), number)

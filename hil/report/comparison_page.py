@@ -11,7 +11,6 @@ import numpy as np
 
 from hil.findings.difference import Difference, by_name
 from hil.findings.results import Array, Curve, Results
-from hil.language.choice import in_page_language
 from hil.language.words import _
 from hil.record.measurement import Measured
 from hil.report import results
@@ -19,7 +18,7 @@ from hil.report.figure import DASHES, SERIES, Picture, drawn, legend_above, plai
 from hil.report.local_time import local_text
 from hil.report.name import quantity_words, value_words
 from hil.report.number import number, with_std
-from hil.report.page import write_page
+from hil.report.page import page, write_page
 from hil.report.section import Section, Table
 
 if TYPE_CHECKING:
@@ -31,7 +30,7 @@ _LEAST_CHANCE = 1e-6  # a smaller one is a statement about the tail of a distrib
 _FEW = 20  # points that come in no order are single ones, not a line
 
 
-@in_page_language
+@page
 def write_comparison_page(
     first: Results, second: Results, found: Sequence[Difference], one_bench: bool, path: Path
 ) -> None:

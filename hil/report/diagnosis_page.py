@@ -11,7 +11,6 @@ from typing import Any
 
 from hil.diagnosis.diagnosis import Diagnosis, NextTest, Spectrum, Strip
 from hil.diagnosis.locate import StageShare
-from hil.language.choice import in_page_language
 from hil.language.note import translated
 from hil.language.words import _, marked
 from hil.physics.other_plant import other_plants
@@ -37,7 +36,7 @@ from hil.report.figure import Picture
 from hil.report.name import capital
 from hil.report.number import number, with_unit
 from hil.report.origins import Origin, origin_facts
-from hil.report.page import write_page
+from hil.report.page import page, write_page
 
 _MOST_STAGES = 3
 _VERDICTS = {
@@ -49,7 +48,7 @@ _VERDICTS = {
 }
 
 
-@in_page_language
+@page
 def write_diagnosis_report(diagnosis: Diagnosis, path: Path, origins: Sequence[Origin] = ()) -> None:
     """Write the page of a diagnosis.
 

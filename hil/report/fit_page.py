@@ -11,7 +11,6 @@ import numpy as np
 from hil.identification.grey_box.free import named_values
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.start_in_motion import begun_in_motion
-from hil.language.choice import in_page_language
 from hil.language.words import _
 from hil.physics.formula import formula
 from hil.physics.model import Model, Value
@@ -20,7 +19,7 @@ from hil.physics.transfer_function import from_parameters
 from hil.record.response_table import ResponseTable
 from hil.report.figure import COMMAND, FITTED, LEFT, MEASURED, Picture, drawn, legend_on_top, thinned
 from hil.report.number import note_text, number, with_std
-from hil.report.page import write_page
+from hil.report.page import page, write_page
 from hil.report.responses import bode
 from hil.report.section import Section, Table
 from hil.signals.decibel import PER_NEPER, decibels
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
 _LINE = 400  # points of a drawn transfer function
 
 
-@in_page_language
+@page
 def write_fit_page(
     model: Model,
     measured: Sequence[Experiment | ResponseTable],

@@ -2,18 +2,41 @@
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Callable
+from functools import cache, wraps
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from typing import TYPE_CHECKING, Any, ParamSpec
 
 from hil.errors import storing
+from hil.extras import lacking, of_extra
+from hil.language.choice import in_page_language
 from hil.language.words import _, plural, spoken
 from hil.record.durable import write_whole
 from hil.report.number import limits_text, number, unit_text, with_uncertainty
+from hil.stderr import write
 from hil.version import __version__
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+_Arguments = ParamSpec("_Arguments")
+_WAITS_S = 1.0  # for a terminal that takes nothing
+
+
+def page(make: Callable[_Arguments, None]) -> Callable[_Arguments, None]:
+    """A function that makes a page, in the language of pages; one line where a library for pages is missing."""
+
+    @wraps(make)
+    def made(*args: _Arguments.args, **named: _Arguments.kwargs) -> None:
+        try:
+            in_page_language(make)(*args, **named)
+        except ModuleNotFoundError as error:
+            if not (library := of_extra(error)):
+                raise
+            write(f"hil: no page is made, which needs {lacking(library)}\n", _WAITS_S)
+
+    return made
 
 
 def write_page(template: str, path: Path, *, simulated: bool = False, **values: Any) -> None:
@@ -36,6 +59,8 @@ def render(template: str, *, simulated: bool = False, **values: Any) -> str:
 @cache
 def templates(package: str, folder: str) -> Environment:
     """The templates of a package: escaped, every value asked for must be there, in our words and numbers."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
     environment = Environment(
         loader=PackageLoader(package, folder), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True, extensions=["jinja2.ext.i18n"],

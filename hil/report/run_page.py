@@ -7,7 +7,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from hil.language.choice import in_page_language
 from hil.language.words import _
 from hil.record.header import stated
 from hil.record.measurement import Findings
@@ -18,12 +17,12 @@ from hil.report.facts import facts_of
 from hil.report.local_time import stated_text
 from hil.report.name import capital, quantity_words
 from hil.report.number import note_text, number
-from hil.report.page import write_page
+from hil.report.page import page, write_page
 from hil.report.provenance import channel_table, conditions_of, event_table, identity_of, instrument_line
 from hil.report.results import result_groups, verdict_box
 
 
-@in_page_language
+@page
 def write_run_report(
     recording: Recording, findings: Findings, path: Path, units: Mapping[str, str] = MappingProxyType({})
 ) -> None:

@@ -6,10 +6,16 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from hil.record.measurement import Findings, Measured
 
 _WIDEST = 120  # characters of a column, but of the last one
+
+
+def where(page: Path, name: str = "report") -> list[str]:
+    """The line that says where a page is; none where it was not made."""
+    return [f"{name}: {page}"] if page.is_file() else []
 
 
 def findings_text(findings: Findings, *, simulated: bool = False) -> str:
