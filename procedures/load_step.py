@@ -7,8 +7,9 @@ channel `spool position`, where the bench reads them.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -182,9 +183,8 @@ class _Answer:
         )  # fmt: skip
         time_s, loose_s = self._settled_s(self.curve), self._settled_s(self.loose)
         noise_s = about(np.array([self._settled_s(curve) for curve in self.again]), time_s)
-        # what every second sample tells otherwise is as much as lies hidden between samples
-        halves_s = [self._settled_s(self.curve, slice(first, None, 2)) for first in (0, 1)]
-        std_s = math.hypot(noise_s, loose_s - time_s, max(abs(half_s - time_s) for half_s in halves_s))
+        between_s = _between(partial(self._settled_s, self.curve), time_s)
+        std_s = math.hypot(noise_s, loose_s - time_s, between_s)
         what = settling.at(label)
         known = largest.relation == "=" and math.isfinite(std_s)
         return largest, what.size(1e3 * time_s, 1e3 * std_s) if known else what.of(None)
@@ -194,7 +194,7 @@ class _Answer:
         size, sizes = float(np.abs(self.curve).max()), np.abs(self.again).max(axis=1)
         end, ends = abs(float(_final(self.curve))), np.abs(_final(self.again))
         if size - end > CERTAIN * by_noise or end < CERTAIN * by_noise:
-            return size, about(sizes, size)
+            return size, math.hypot(about(sizes, size), _between(lambda seen: np.abs(self.curve[seen]).max(), size))
         return end, math.hypot(about(ends, end), 2.0 * UNIFORM * (size - end))
 
     def _settled_s(self, curve: Array, seen: slice = slice(None)) -> float:
@@ -206,6 +206,11 @@ class _Answer:
             return float(time_s[0])
         last = int(outside[-1])
         return math.inf if last + 1 == len(away) else crossing(time_s, away, limit, last, last + 1)
+
+
+def _between(figure: Callable[[slice], float], value: float) -> float:
+    """What every second sample tells otherwise: as much may lie hidden between samples."""
+    return max(abs(float(figure(slice(first, None, 2))) - value) for first in (0, 1))
 
 
 def _final(curves: Array) -> Array:

@@ -90,6 +90,15 @@ def test_a_response_that_settles_between_two_samples_has_that_in_its_uncertainty
             assert found.relation == "<"  # two samples tell no time
 
 
+def test_a_peak_between_two_samples_has_that_in_its_uncertainty():
+    def dip(at_s):
+        return -2.0 * at_s / 0.02 * np.exp(1.0 - at_s / 0.02)
+
+    for seed in range(3):
+        found = answered(dip, seed, rate_hz=1.0 / 0.05)[1]["load_deviation"]
+        assert 2.0 <= found.value + 2.0 * found.std <= 6.0
+
+
 def test_what_the_load_does_not_move_has_a_bound_and_nothing_to_settle():
     for seed in range(5):
         _, one = answered(lambda at_s: 0.0 * at_s, seed)
