@@ -205,6 +205,8 @@ def _columns(
     channels = len(names) or len(stated) or (count - 1 if rises else count)
     names = list(names) or ([f"channel {i}" for i in range(1, channels + 1)] if channels > 1 else ["channel"])
     units, of_time = _filled(stated, channels), metadata.time_unit or "s"
+    if count == channels + 1 and (has_time := any(map(headings.is_time, names))):
+        return ["#", *names], ["", *units], has_time  # what stands below the labels numbers the rows
     if count == channels + 1 and rises:
         return ["time", *names], [of_time, *units], True
     if count == 2 * channels and rises:  # each at its own times

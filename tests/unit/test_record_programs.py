@@ -186,6 +186,15 @@ def test_a_scope_without_times_starts_where_it_says(tmp_path: Path) -> None:
     assert found.meta["assumed"] == ["even time base of 0.002 s, as line 4 says"]
 
 
+def test_numbers_of_rows_below_labels_are_no_time_where_one_is_labelled(tmp_path: Path) -> None:
+    head = "Operator: A\n\nChannel,Time,Command,Flow\nUnit,ms,%,l/min\nSensor,,AO1,FM2\n"
+    rows = "".join(f"{k + 1},{10 * k},{k % 7},{0.1 * k:.1f}\n" for k in range(60))
+    (tmp_path / "x.csv").write_text(head + rows, encoding="utf-8")
+    found = read_recording(tmp_path / "x.csv")
+    assert found.time_s == pytest.approx(0.01 * np.arange(60))
+    assert [channel.heading for channel in found.channels.values()] == ["Command [%]", "Flow [l/min]"]
+
+
 @pytest.mark.parametrize("first", [lambda k: 5.0 * (k > 30), float], ids=["a command that steps up", "a row's number"])
 def test_a_column_that_goes_on_otherwise_than_the_interval_above_is_no_time(
     tmp_path: Path, first: Callable[[int], float]
