@@ -16,7 +16,7 @@ from hil.errors import DeviceLostError
 from tests.conftest import Told
 from tests.liars import LIES, WIRES, Port, Server
 
-pytestmark = pytest.mark.xdist_group("waits for liars")  # for clocks: on one worker, beside others that compute
+pytestmark = pytest.mark.together("waits for liars")  # for clocks: on one worker, beside others that compute
 
 BENCH = """
 name = "liar"
