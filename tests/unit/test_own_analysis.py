@@ -8,6 +8,7 @@ import pytest
 import hil
 from hil.errors import InputError
 from hil.identification.frequency.sine_segments import found_segments
+from hil.identification.preparation.clipped import clipped_note, clipped_samples
 from hil.record.recording import recording
 from hil.session.flow_analysis import Figure
 from hil.session.known_signal import command_for
@@ -253,6 +254,9 @@ def test_a_clipped_response_is_told_with_its_sines():
     (note, _) = hil.frequency_response(clipped, input="valve", output="flow").notes
     assert note.startswith("clipped: channel 'flow' is clipped at 45 in ") and note.endswith("it falls short there")
     assert len(hil.frequency_response(sine, input="valve", output="flow").notes) == 1
+    slow = np.sin(0.5 * np.pi * np.arange(20000) / 1000.0) + 0.001 * np.random.default_rng(0).standard_normal(20000)
+    rounded = 2.4 / 256 * np.round(slow / 2.4 * 256)  # at its highest step for longer than at any other
+    assert clipped_samples(rounded)[0] is not None and clipped_note("x", "flow", rounded) == ()
 
 
 def test_a_step_that_is_held_too_briefly_says_so_and_times_have_intervals():

@@ -11,6 +11,8 @@ from hil.language.note import Note
 from hil.record.recording import Array, Mask
 from hil.signals.runs import runs
 
+_TOP = 1.0 / (2.0**0.5 - 1.0)  # of a parabola: most samples of its highest step over those of the next
+
 
 def without_clipped(e: Experiment) -> tuple[Experiment, list[Note]]:
     """The experiment without samples at the end of a channel's range, of the output and of inner signals; in words.
@@ -59,9 +61,13 @@ def clipped_samples(values: Array) -> tuple[Mask | None, float]:
 
 
 def clipped_note(name: str, heading: str, values: Array) -> tuple[Note, ...]:
-    """What is said of a channel of a file where its clipped samples are used all the same; nothing where none are."""
-    clipped, at = clipped_samples(values)
-    if clipped is None:
+    """What is said of a channel of a file where its clipped samples are used all the same; nothing where none are.
+
+    The top of a slow sine that a coarse converter rounds is none: it has few more samples than the step below.
+    """
+    clipped, _ = clipped_samples(values)
+    at = next((v for v in (float(values.max()), float(values.min())) if _stands_out(values, v)), None)
+    if clipped is None or at is None:
         return ()
     return (
         Note(
@@ -69,6 +75,12 @@ def clipped_note(name: str, heading: str, values: Array) -> tuple[Note, ...]:
             channel=heading, at=at, share=100.0 * clipped.mean(),
         ).of(name),
     )  # fmt: skip
+
+
+def _stands_out(values: Array, extreme: float) -> bool:
+    """Whether more samples are at an extreme than a rounded parabola has there, beside those one step before it."""
+    away = np.abs(values - extreme) / resolution(values)
+    return bool(np.count_nonzero(away < 0.5) > _TOP * np.count_nonzero((away >= 0.5) & (away < 1.5)))
 
 
 def _sentence(name: str, heading: str, clipped: Mask, at: float) -> Note:
