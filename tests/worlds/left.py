@@ -311,6 +311,8 @@ def rescue_is_told(world: World, ran: Ran) -> Iterator[str]:
         return
     if any(fault.kind == "kill" and phase == "closing" for fault, phase in ran.took):
         return  # it may have let its watchdog go home already
+    if "power" in kinds(ran) and watchdog.ended_s < world.run.ended_s:
+        return  # it had
     said = " ".join(text for _, by, text in ran.said if by == watchdog.name)
     if not any(word in said for word in ("outputs made safe in", "outputs commanded safe in", "NOT SAFE", "in use by")):
         yield f"the run is dead, and its watchdog says: {said}"
