@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +28,22 @@ class Criteria:
     Attributes:
         chance: that a channel stands as long by its noise, at most.
         codes: half of the conversions move the reading by so many codes, at least: less noise stands by itself.
-        turns: least share of turning points near a level, half of it where noise is white: what moves on has none.
+        turns: least share of turning points among the conversions near a level and `around` them: two thirds where
+            noise is white. What moves on has none, and what swings turns at its ends alone, which are near one level.
+        beside: conversions at a level or next to it are so many times those at it, at least: more than twice where
+            noise is a code, once below a cut-off.
         fewest: conversions near a level that tell how it rests; fewer equal ones are looked at no closer.
+        errors: standard errors by which the chance of the next equal code may be greater than it was seen.
         memory: readings that are remembered.
     """
 
     chance: float = 1e-12
     codes: float = 1.0
     turns: float = 0.25
+    around: int = 10
+    beside: float = 1.5
     fewest: int = 20
+    errors: float = 3.0
     memory: int = 4096
 
 
@@ -95,12 +103,25 @@ def most_by_chance(before: Array, level: float) -> int:
     starts = np.concatenate([[0], np.cumsum(stood)[:-1]])
     conversions = np.repeat(measured[starts], np.maximum(np.rint(stood / period).astype(np.int64), 1))
     steps = np.diff(conversions)
-    scale = float(np.median(np.abs(steps))) if len(steps) else 0.0
-    if scale <= 0.0 or scale < CRITERIA.codes * rounding_step(conversions):
+    scale, code = float(np.median(np.abs(steps))) if len(steps) else 0.0, rounding_step(conversions)
+    if scale <= 0.0 or scale < CRITERIA.codes * code:
         return NEVER
-    from_here = [np.abs(conversions[:-1] - level) <= distance for distance in (scale, 0.0)]
-    turns = np.append(False, steps[1:] * steps[:-1] < 0.0)[from_here[0]]
-    if len(turns) < CRITERIA.fewest or np.mean(turns) < CRITERIA.turns:
+    away = np.abs(conversions[:-1] - level)
+    from_here = [away <= distance for distance in (scale, 0.0)]
+    beside = np.count_nonzero(away <= max(1.5 * code, 0.5 * scale))
+    if beside < CRITERIA.beside * np.count_nonzero(from_here[1]):
         return NEVER
-    likely = max((np.count_nonzero(steps[here] == 0.0) + 1.0) / (np.count_nonzero(here) + 2.0) for here in from_here)
+    turns, near = np.append(False, steps[1:] * steps[:-1] < 0.0), np.flatnonzero(from_here[0])
+    around = (near[:, None] + np.arange(-CRITERIA.around, CRITERIA.around + 1)).clip(0, len(turns) - 1)
+    if len(near) < CRITERIA.fewest or np.mean(turns[np.unique(around)]) < CRITERIA.turns:
+        return NEVER
+    likely = max(_at_most(np.count_nonzero(steps[here] == 0.0) + 1, np.count_nonzero(here) + 2) for here in from_here)
+    if likely >= 1.0:
+        return NEVER
     return max(math.ceil(math.log(CRITERIA.chance) / math.log(likely)) * period, CRITERIA.fewest)
+
+
+def _at_most(of: Any, among: Any) -> float:
+    """A share, and as much more as its own scatter may hide."""
+    share = of / among
+    return share + CRITERIA.errors * math.sqrt(share * (1.0 - share) / among)

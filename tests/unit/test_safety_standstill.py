@@ -39,6 +39,20 @@ def test_what_a_channel_does_by_itself_is_no_standstill(codes: float, period: in
     assert not any(repeated(read(codes, seed, 10_000, period, cut), 250).any() for seed in range(10))
 
 
+@pytest.mark.parametrize("cycle", [8.3, 9.1, 10.3])
+def test_what_swings_without_noise_is_no_noise(cycle: float) -> None:
+    """It rests on a code near which a swing turns; seen from there alone it turns as noise does."""
+    swing = np.rint(60.0 * np.sin(2.0 * np.pi * np.arange(3000) / cycle))
+    assert not repeated(np.concatenate([swing, [200.0, -200.0], np.full(2000, 57.0)])).any()
+
+
+def test_a_rest_below_a_cut_off_is_one_also_after_noise_at_its_edge() -> None:
+    rng = np.random.default_rng(1)
+    edge, middle = (level + 3.0 * rng.standard_normal(2500) for level in (20.0, 0.0))
+    read = np.rint(np.concatenate([-edge, edge, middle]))
+    assert not repeated(np.where(np.abs(read) < 20.0, 0.0, read)).any()
+
+
 @pytest.mark.parametrize("codes", [2.0, 5.0])
 def test_a_reading_that_stands_for_0_4_s_is_found(codes: float) -> None:
     found = 0
