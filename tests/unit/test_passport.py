@@ -12,6 +12,7 @@ from xml.etree.ElementTree import fromstring
 
 import pikepdf
 import pytest
+from pypdf import PdfReader
 
 from hil.catalog import entries
 from hil.errors import FileError, SettingError
@@ -224,14 +225,17 @@ def test_a_passed_run_beside_one_that_was_stopped_passes_nowhere_in_the_file(tmp
     assert json.loads(texts["passport.json"])["verdict"] == "cannot tell"
 
 
-def test_where_nothing_was_judged_values_begin_on_page_one(made: Path, tmp_path: Path) -> None:
+def test_where_nothing_was_judged_values_begin_on_page_one_and_each_page_says_its_number(
+    made: Path, tmp_path: Path
+) -> None:
     found = issue([run_of(tmp_path, limited=False)], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
     assert found.unit.verdict is None
-    pages = []
-    for path in (made, tmp_path / "unit.pdf"):
-        with pikepdf.open(path) as pdf:
-            pages.append(len(pdf.pages))
-    assert pages[1] == pages[0] - 1
+    judged, unjudged = (
+        [page.extract_text() for page in PdfReader(path).pages] for path in (made, tmp_path / "unit.pdf")
+    )
+    assert len(unjudged) == len(judged) - 1
+    for pages in (judged, unjudged):
+        assert all(f"page {n} of {len(pages)}" in text for n, text in enumerate(pages, 1))
 
 
 def test_page_one_says_why_there_is_no_model(tmp_path: Path) -> None:
