@@ -9,6 +9,7 @@ linear problem of Levy, iterated as Sanathanan and Koerner (IEEE Trans. Autom. C
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -112,7 +113,13 @@ def solve(form: Form, given: Data, start: Array | None = None) -> Solution:
     """The best parameters of a form, from a start or, when none is given, from the linear problem's solutions."""
     with np.errstate(all="ignore"):  # where a factor is zero there is no number
         starts = _starts(form, given) if start is None else [start]
-        found = [_refine(form, given, begin) for begin in starts]
+        free = [(_free(form, given, begin), begin) for begin in starts]
+        low, found = bounds(form)[0], []
+        for one, begin in sorted(free, key=lambda pair: pair[0].chi2 if math.isfinite(pair[0].chi2) else 0.0):
+            if math.isfinite(one.chi2) and np.all(one.parameters >= low):
+                found.append(one)
+                break  # within bounds none behind it would come below it
+            found.append(_within(form, given, begin, one.parameters))
     return min(found, key=lambda solution: solution.chi2)
 
 
@@ -156,9 +163,21 @@ def _factored(orders: Array, lags: int, parameters: Array, dead_time: float, s: 
 
 def _whitened(form: Form, given: Data, parameters: Array) -> tuple[Array, Array]:
     """Whitened errors of the model, shape (2n,), and their derivatives, shape (2n, p)."""
-    values, slopes = _model(form, parameters, given.s)
-    white = given.white(np.vstack((values - given.response, slopes)))
+    dead_time = parameters[-1] if form.dead_time else form.dead_time_s
+    orders, lags = np.array(form.lags + form.leads), len(form.lags)
+    white = _errors(orders, lags, parameters, dead_time, given.s, given.response, given.own, given.mirrored)
     return white[:, 0], white[:, 1:]
+
+
+@kernel(error_model="numpy")
+def _errors(
+    orders: Array, lags: int, parameters: Array, dead_time: float,
+    s: Complex, response: Complex, own: Complex, mirrored: Complex,
+) -> Array:  # fmt: skip
+    values, slopes = _factored(orders, lags, parameters, dead_time, s)
+    both = np.empty((len(parameters) + 1, len(s)), np.complex128)
+    both[0], both[1:] = values - response, slopes
+    return (own * both + mirrored * np.conj(both)).view(np.float64).T
 
 
 def bounds(form: Form) -> tuple[Array, Array]:
@@ -169,29 +188,34 @@ def bounds(form: Form) -> tuple[Array, Array]:
     return np.array(low), np.full(len(low), math.inf)
 
 
-def _refine(form: Form, given: Data, start: Array) -> Solution:
-    """Levenberg–Marquardt with the analytic Jacobian; within bounds only where the free optimum leaves them."""
-    from scipy.optimize import least_squares, leastsq
+def _free(form: Form, given: Data, start: Array) -> Solution:
+    """Levenberg–Marquardt with the analytic Jacobian, without bounds."""
+    from scipy.optimize import leastsq
+
+    errors, slopes = _remembered(form, given)
+    x, *_, ended = leastsq(errors, start, (), slopes, full_output=True, xtol=1e-12, ftol=1e-12, gtol=1e-8)
+    return Solution(form, x, errors(x), slopes(x), ended in range(1, 5))
+
+
+def _within(form: Form, given: Data, start: Array, free: Array) -> Solution:
+    """The same within bounds, from a free optimum that leaves them."""
+    from scipy.optimize import least_squares
 
     low, high = bounds(form)
+    errors, slopes = _remembered(form, given)
+    inside = np.maximum(np.where(np.isfinite(free), free, start), np.where(low > 0.0, 2.0 * low, low))
+    found = least_squares(errors, inside, slopes, bounds=(low, high), x_scale="jac", xtol=1e-9, ftol=1e-9)
+    return Solution(form, found.x, errors(found.x), slopes(found.x), found.status > 0)
 
-    @lru_cache(maxsize=1)  # the optimiser asks for the errors of a point, then for their slopes
+
+def _remembered(form: Form, given: Data) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+    """Errors, and their slopes: the optimiser asks for the errors of a point, then for their slopes."""
+
+    @lru_cache(maxsize=1)
     def at(point: bytes) -> tuple[Array, Array]:
         return _whitened(form, given, np.frombuffer(point))
 
-    def residuals(parameters: Array) -> Array:
-        return at(parameters.tobytes())[0]
-
-    def slopes(parameters: Array) -> Array:
-        return at(parameters.tobytes())[1]
-
-    x, *_, ended = leastsq(residuals, start, (), slopes, full_output=True, xtol=1e-12, ftol=1e-12, gtol=1e-8)
-    converged = ended in range(1, 5)
-    if np.any(x < low) or not np.all(np.isfinite(residuals(x))):
-        inside = np.maximum(np.where(np.isfinite(x), x, start), np.where(low > 0.0, 2.0 * low, low))
-        found = least_squares(residuals, inside, slopes, bounds=(low, high), x_scale="jac", xtol=1e-9, ftol=1e-9)
-        x, converged = found.x, found.status > 0
-    return Solution(form, x, *at(x.tobytes()), converged)
+    return lambda parameters: at(parameters.tobytes())[0], lambda parameters: at(parameters.tobytes())[1]
 
 
 def _starts(form: Form, given: Data) -> list[Array]:
