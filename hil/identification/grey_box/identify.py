@@ -147,9 +147,11 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], asked: _Asked, p
         for e in experiments
         if e.stands_still
     )
-    looked = look(model, [e for e in experiments if not e.stands_still])
+    used = [e for e in experiments if not e.stands_still]
+    model, counted = _counted(model, used)
+    looked = look(model, used)
     alive = looked.experiments
-    still = (*still, *looked.notes)
+    still = (*still, *counted, *looked.notes)
     even, remarks = bridged(model, alive)
     found = _fitted(model, even, asked, (*still, *remarks))
     again, remarks = bridged(found.model, alive)
@@ -172,10 +174,24 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], asked: _Asked, p
         found, near = after, after.model
     progress(1.0, "fitted")
     found = replace(found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.on_bound))))
-    used = [e for e in experiments if not e.stands_still]
     content = {e.name: content_of(e) for e in used}  # what tells its recordings from any others
     found = replace(found, model=replace(found.model, origin={**found.model.origin, "content": content}))
     return _none_identifiable(found) if model.definition.structures and one_frequency(alive) else found
+
+
+def _counted(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, tuple[Note, ...]]:
+    """The model with the zero of its output where the readings say that it is, and what is said of that."""
+    if not experiments:
+        return model, ()
+    least = min(float(np.min(e.valid_output)) for e in experiments)
+    greatest = max(float(np.max(e.valid_output)) for e in experiments)
+    told = model.definition.zero(model.values, least, greatest)
+    notes = tuple(
+        Note("'{channel}' reads {least:.4g} to {greatest:.4g}: {name} is taken as {value:.4g}",
+             channel=experiments[0].output_heading, least=least, greatest=greatest, name=name, value=value)
+        for name, value in told.items()
+    )  # fmt: skip
+    return moved(model, told) if told else model, notes
 
 
 def _near(model: Model, found: GreyBoxFit, experiments: Sequence[Experiment], asked: _Asked) -> Model:

@@ -13,6 +13,7 @@ from hil.physics.steps import lag_step, spring_step
 _EDGE_DROP_BAR = 35.0  # over one edge at rated flow
 # Slower than anything that a cylinder is driven with, faster than a wrong flow needs to carry it out of its stroke.
 _OBSERVER_RAD_S = 2.0
+_BEYOND = 0.01  # of the stroke: so far beyond an end a transducer may read
 
 
 def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
@@ -77,7 +78,7 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
     x.lvdt = c.m_keep * x.lvdt + c.m_old * x.before + c.m_new * x.place
     x.before = x.place
     reading = hook.sensor(x.lvdt)
-    return reading, x.spool, x.pressure_a, x.pressure_b, supply
+    return reading + c.mid_reading, x.spool, x.pressure_a, x.pressure_b, supply
 
 
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
@@ -106,6 +107,7 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
             "head_area": head,
             "rod_area": head - rod,
             "half_stroke": p["stroke"] / 2.0,
+            "mid_reading": p["mid_reading"],
             "load": p["load"],
             "coulomb": p["coulomb"],
             "inverse_mass": per_mass,
@@ -122,13 +124,26 @@ def initial(p: Mapping[str, float], _inputs: tuple[float, ...], output: float) -
     half = p["supply_pressure"] / 2.0
     pressure_b = max(half, -10.0 * p["load"] / rod)
     pressure_a = (pressure_b * rod + 10.0 * p["load"]) / head
-    start = 0.0 if math.isnan(output) else min(max(output, -p["stroke"] / 2.0), p["stroke"] / 2.0)
+    place = 0.0 if math.isnan(output) else output - p["mid_reading"]
+    start = min(max(place, -p["stroke"] / 2.0), p["stroke"] / 2.0)
     return {"place": start, "before": start, "lvdt": start, "pressure_a": pressure_a, "pressure_b": pressure_b}
 
 
 def observer(_p: Mapping[str, float], interval_s: float) -> dict[str, float]:
     """The piston and what the LVDT has of it are moved together."""
     return dict.fromkeys(("place", "before", "lvdt"), _OBSERVER_RAD_S * interval_s)
+
+
+def zero(p: Mapping[str, float], least: float, greatest: float) -> dict[str, float]:
+    """What mid-stroke reads: 0, or half a stroke where readings count from an end, or the middle of what was read."""
+    half, beyond = p["stroke"] / 2.0, _BEYOND * p["stroke"]
+
+    def is_within(mid: float) -> bool:
+        return mid - half - beyond <= least and greatest <= mid + half + beyond
+
+    if is_within(p["mid_reading"]):
+        return {}
+    return {"mid_reading": next(filter(is_within, (half, -half)), (least + greatest) / 2.0)}
 
 
 PLANT = Plant(
@@ -168,6 +183,7 @@ PLANT = Plant(
         Parameter("piston_leakage", "ml/min", 0.0, 0.0, 2000.0, "past the piston at 100 bar",
                   growth="internal_leakage", hook="load"),
         Parameter("sensor_lag", "s", 0.001, 0.0, 0.2, "time constant of the LVDT", growth="sensor_lag", hook="sensor"),
+        Parameter("mid_reading", "mm", 0.0, -5000.0, 5000.0, "reading at mid-stroke", fixed=True, hook="sensor"),
     ),
     hooks=(
         Hook("command", "command", "A", 1.1),
@@ -188,6 +204,7 @@ PLANT = Plant(
     sub_step_s=0.0005,
     initial=initial,
     observer=observer,
+    zero=zero,
     source="Gunay: Mathematical modelling and analysis of cartridge proportional valve, 2017; currents, hysteresis: "
     "data sheet of the SP08-47D; Merritt: Hydraulic Control Systems, 1967, ch. 5 and 6",
 )  # fmt: skip

@@ -38,8 +38,13 @@ class Suspicion:
 
 
 def can_be_held_against(model: Model) -> bool:
-    """Whether the model says what to expect: one that was identified, or a plant with units of its own."""
-    plant = model.definition
+    """Whether the model says what to expect: one that was identified, or a plant with units of its own.
+
+    One that followed none of its own recordings says nothing.
+    """
+    plant, own = model.definition, (model.origin.get("fit_percent") or {}).values()
+    if own and max(own) < CRITERIA.poor_fit:
+        return False
     return bool(model.origin) or "any" not in (plant.inputs[0].unit, plant.output.unit)
 
 
