@@ -7,9 +7,9 @@ import io
 import os
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import platformdirs
 import pytest
@@ -18,9 +18,6 @@ from hypothesis import settings
 from hil.catalog import entries
 from tests.once import SHARED
 from tests.workers import pytest_addoption, pytest_runtestloop  # noqa: F401  # hooks
-
-if TYPE_CHECKING:
-    from hil.archive.place import Place
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the console script does, before numpy is imported
 
@@ -50,7 +47,7 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture(autouse=True)
-def signals() -> Iterator[None]:
+def signals():
     """A program that was called within a test, not started, leaves signals ignored as at its end: give them back."""
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
     before = {number: signal.getsignal(number) for number in numbers}
@@ -60,7 +57,7 @@ def signals() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
-def devices_are_closed() -> Iterator[None]:
+def devices_are_closed():
     """What keeps a device alive ends with it: one left open would go on driving beside the tests that follow."""
     before = set(threading.enumerate())
     yield
@@ -95,7 +92,7 @@ def _why(report: pytest.TestReport | pytest.CollectReport) -> str:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def state(tmp_path_factory):
     """Trips and leases of the tests are their own, not the user's, and not those of tests beside them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HIL_STATE_DIR", str(tmp_path_factory.mktemp("state")))
@@ -107,13 +104,13 @@ def state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.fixture
-def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def own_state(tmp_path, monkeypatch):
     """Trips, leases, keys and the audit trail of this test alone, in `tmp_path`/state."""
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
 
 
 @pytest.fixture
-def stranger(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def stranger(monkeypatch):
     """A stranger's package of procedures, installed for one test; yields the folder that brings it along."""
     monkeypatch.syspath_prepend(str(STRANGER))
     entries.cache_clear()
@@ -130,7 +127,7 @@ class Told(NamedTuple):
 
 
 @pytest.fixture
-def command_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Told]:
+def command_line(monkeypatch, capsys):
     """Runs `hil …` within this process; `typed` is what it reads from the keyboard."""
 
     def run(*arguments: object, typed: str = "") -> Told:
@@ -146,7 +143,7 @@ def command_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[
 
 
 @pytest.fixture(scope="module")
-def unprinted() -> Iterator[None]:
+def unprinted():
     """Drawings of a module are filled as ever, and not printed: that is most of a run whose numbers alone count."""
     from matplotlib.figure import Figure
 
@@ -164,7 +161,7 @@ Install = Callable[[str, str, Mapping[str, str]], None]
 
 
 @pytest.fixture
-def install_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
+def install_package(tmp_path, monkeypatch):
     """Installs a stranger's package for one test: group of its entry point, name, files and their text."""
 
     def installed(group: str, package: str, files: Mapping[str, str]) -> None:
@@ -192,7 +189,7 @@ def _forget() -> None:
 
 
 @pytest.fixture(scope="session")
-def postgresql() -> Iterator[str]:
+def postgresql():
     """The address of a PostgreSQL server of this worker's own."""
     from tests.postgres import served, server_programs
 
@@ -204,7 +201,7 @@ def postgresql() -> Iterator[str]:
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
-def place(request: pytest.FixtureRequest, tmp_path: Path) -> Place:
+def place(request, tmp_path):
     """An empty archive, in either database."""
     from hil.archive.place import archive_place
     from tests.postgres import new_database

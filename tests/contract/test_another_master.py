@@ -74,16 +74,16 @@ def said_of_all(tmp_path: Path, turns: int, another: bool) -> dict[str, str]:
     return dict(zip(DRIVERS, side_by_side(said, DRIVERS), strict=True))
 
 
-def test_another_program_that_moves_an_output_is_noticed_by_every_driver(tmp_path: Path) -> None:
+def test_another_program_that_moves_an_output_is_noticed_by_every_driver(tmp_path):
     said = said_of_all(tmp_path, TURNS, another=True)
     assert {case for case, text in said.items() if "as it was driven: " not in text} == set(), said
 
 
-def test_nobody_is_suspected_where_nobody_else_drives(tmp_path: Path) -> None:
+def test_nobody_is_suspected_where_nobody_else_drives(tmp_path):
     assert set(said_of_all(tmp_path, 60, another=False).values()) == {""}
 
 
-def test_the_comparison_stands_in_one_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_comparison_stands_in_one_place(tmp_path, monkeypatch):
     monkeypatch.setattr(device_link, "stands_as_driven", lambda *_: True)
     said = said_of_all(tmp_path, 60, another=True)
     assert not any("as it was driven: " in text for text in said.values()), said

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hil.bench.find import benches
-from hil.bench.read import BenchFile, read_bench
+from hil.bench.read import read_bench
 from hil.daq.contract import Block, Daq, Waveform, joined
 from hil.errors import RangeError
 
@@ -16,12 +16,12 @@ TIMED_BY_THEMSELVES = sorted(n for n, path in benches().items() if "in_process" 
 
 
 @pytest.fixture(params=TIMED_BY_THEMSELVES)
-def file(request: pytest.FixtureRequest) -> BenchFile:
+def file(request):
     return read_bench(benches()[request.param])
 
 
 @pytest.fixture
-def daq(file: BenchFile) -> Daq:
+def daq(file):
     return file.open()
 
 
@@ -35,22 +35,22 @@ def sweep(daq: Daq, samples: int = 300) -> Waveform:
     return Waveform(rate_hz(daq), {name: c.low + share * (c.high - c.low) for name, c in daq.outputs.items()})
 
 
-def test_channels_are_those_of_the_bench(daq: Daq, file: BenchFile) -> None:
+def test_channels_are_those_of_the_bench(daq, file):
     assert {*daq.outputs, *daq.inputs} == set(file.bench.channels)
 
 
-def test_actual_rate_is_a_fixed_point(daq: Daq) -> None:
+def test_actual_rate_is_a_fixed_point(daq):
     actual = daq.actual_rate_hz(0.371 * daq.promises.highest_rate_hz)
     assert daq.actual_rate_hz(actual) == actual
 
 
 @pytest.mark.parametrize("share", [1.5, 1e-9, -1.0])
-def test_rate_that_it_does_not_have_is_refused(daq: Daq, share: float) -> None:
+def test_rate_that_it_does_not_have_is_refused(daq, share):
     with pytest.raises(RangeError, match="Hz"):
         daq.actual_rate_hz(share * daq.promises.highest_rate_hz)
 
 
-def test_one_reading_of_every_input_for_each_sample(daq: Daq) -> None:
+def test_one_reading_of_every_input_for_each_sample(daq):
     waveform = sweep(daq)
     blocks = list(daq.play(waveform, 70))
     assert [len(block) for block in blocks] == [70, 70, 70, 70, 20]
@@ -64,14 +64,14 @@ def test_one_reading_of_every_input_for_each_sample(daq: Daq) -> None:
         assert np.isfinite(values).all() and values.min() >= channel.low - over and values.max() <= channel.high + over
 
 
-def test_time_goes_on_from_task_to_task_at_the_actual_rate(daq: Daq) -> None:
+def test_time_goes_on_from_task_to_task_at_the_actual_rate(daq):
     tasks = [joined(list(daq.play(sweep(daq)))), joined(list(daq.stream([sweep(daq)])))]
     for task in tasks:
         assert np.diff(task.time_s) == pytest.approx(1.0 / rate_hz(daq))
     assert tasks[1].time_s[0] > tasks[0].time_s[-1]
 
 
-def test_finite_and_continuous_acquisition_say_the_same(file: BenchFile) -> None:
+def test_finite_and_continuous_acquisition_say_the_same(file):
     def run(finite: bool) -> Block:
         daq = file.open()
         waveform = sweep(daq)
@@ -82,14 +82,14 @@ def test_finite_and_continuous_acquisition_say_the_same(file: BenchFile) -> None
         assert np.array_equal(finite.inputs[name], continuous.inputs[name])
 
 
-def test_last_value_is_held_and_told(daq: Daq) -> None:
+def test_last_value_is_held_and_told(daq):
     waveform = sweep(daq)
     list(daq.play(waveform))
     for name, values in waveform.outputs.items():
         assert daq.levels[name] == values[-1]
 
 
-def test_output_that_is_not_named_keeps_its_level(daq: Daq) -> None:
+def test_output_that_is_not_named_keeps_its_level(daq):
     list(daq.play(sweep(daq)))
     name = next(iter(daq.outputs))
     before = {other: level for other, level in daq.levels.items() if other != name}
@@ -97,7 +97,7 @@ def test_output_that_is_not_named_keeps_its_level(daq: Daq) -> None:
     assert all((block.outputs[other] == level).all() for other, level in before.items())
 
 
-def test_sample_beyond_the_range_is_refused_before_the_first(daq: Daq) -> None:
+def test_sample_beyond_the_range_is_refused_before_the_first(daq):
     name, channel = next(iter(daq.outputs.items()))
     before = daq.levels[name]
     beyond = np.append(np.full(10, channel.high), channel.high + 0.01 * (channel.high - channel.low))
@@ -106,7 +106,7 @@ def test_sample_beyond_the_range_is_refused_before_the_first(daq: Daq) -> None:
     assert daq.levels[name] == before
 
 
-def test_safe_at_once_in_the_middle_of_a_task_and_again(daq: Daq) -> None:
+def test_safe_at_once_in_the_middle_of_a_task_and_again(daq):
     blocks = daq.play(sweep(daq), 10)
     next(blocks)
     for _ in range(2):
@@ -114,14 +114,14 @@ def test_safe_at_once_in_the_middle_of_a_task_and_again(daq: Daq) -> None:
         assert daq.levels == {name: channel.safe for name, channel in daq.outputs.items()}
 
 
-def test_closing_makes_safe_and_may_be_repeated(daq: Daq) -> None:
+def test_closing_makes_safe_and_may_be_repeated(daq):
     list(daq.play(sweep(daq)))
     daq.close()
     daq.close()
     assert daq.levels == {name: channel.safe for name, channel in daq.outputs.items()}
 
 
-def test_first_input_is_read_when_the_promises_say(daq: Daq) -> None:
+def test_first_input_is_read_when_the_promises_say(daq):
     """A step in the command is first seen after the update, so never in a reading that comes with it."""
     assert 0.0 <= daq.promises.read_at <= 1.0
     name, channel = next(iter(daq.outputs.items()))
@@ -131,5 +131,5 @@ def test_first_input_is_read_when_the_promises_say(daq: Daq) -> None:
     assert abs(moved[0] - quiet.mean()) <= 6.0 * quiet.std() + 1e-3
 
 
-def test_benches_are_found_by_bare_name(file: BenchFile) -> None:
+def test_benches_are_found_by_bare_name(file):
     assert isinstance(file.path, Path) and file.path.parent.name == "benches"

@@ -22,7 +22,6 @@ from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.daq.conformance import CHECKS, Result, Subject, Witness, examine, left_safe, verdict_of
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, LinkError
-from tests.conftest import Install
 from tests.links import moved, patient_valve
 from tests.waits import side_by_side
 
@@ -116,7 +115,7 @@ def bench_of(case: str, folder: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Result]]:
+def found(tmp_path_factory):
     """What is found of every driver: they wait for answers that do not come, at the same time."""
     folders = {case: tmp_path_factory.mktemp(case.replace(" ", "-")) for case in CASES}
     return dict(zip(CASES, side_by_side(lambda case: results_of(case, folders[case]), CASES), strict=True))
@@ -132,14 +131,14 @@ def broken(results: list[Result]) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_driver_passes_on_its_twin(case: str, found: dict[str, list[Result]], tmp_path: Path) -> None:
+def test_driver_passes_on_its_twin(case, found, tmp_path):
     results = found[case] if not broken(found[case]) else results_of(case, tmp_path)  # alone: a busy computer is late
     assert broken(results) == {}
     assert sum(result.verdict == "passed" for result in results) >= 8
 
 
 @pytest.mark.parametrize(("timer", "said"), [(True, "broken"), (False, "passed")])
-def test_driver_that_arms_nothing(timer: bool, said: str, install_package: Install, tmp_path: Path) -> None:
+def test_driver_that_arms_nothing(timer, said, install_package, tmp_path):
     """Where its twin has to be armed it is broken; where its twin is armed at the device, that is said."""
     name = f"lazy_{said}"
     driver, twin = (
@@ -172,7 +171,7 @@ def test_driver_that_arms_nothing(timer: bool, said: str, install_package: Insta
     assert ("outputs stand elsewhere than safe" if timer else "the driver arms nothing") in text
 
 
-def test_every_driver_is_a_case() -> None:
+def test_every_driver_is_a_case():
     on_its_imitation = {"ni"}  # tests/unit/test_driver_ni.py: no protocol to serve
     drivers = {entry.name for entry in entries("drivers")}
     assert {driver for driver, _, _ in CASES.values()} | on_its_imitation == drivers
@@ -391,19 +390,17 @@ def examined(fault: str, check: str) -> Subject:
 
 
 @pytest.mark.parametrize("check", CHECKS)
-def test_check_is_passed_by_a_driver_that_keeps_everything(check: str) -> None:
+def test_check_is_passed_by_a_driver_that_keeps_everything(check):
     assert verdict_of(CHECKS[check], examined("", check)) == ("passed", "")
 
 
 @pytest.mark.parametrize(("check", "fault"), [(check, fault) for check in BREAKS for fault in sorted(BREAKS[check])])
-def test_check_finds_the_driver_that_breaks_it(check: str, fault: str) -> None:
+def test_check_finds_the_driver_that_breaks_it(check, fault):
     verdict, text = verdict_of(CHECKS[check], examined(fault, check))
     assert verdict == "broken" and text
 
 
-def test_an_answer_to_an_earlier_question_is_found_where_answers_have_numbers(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_answer_to_an_earlier_question_is_found_where_answers_have_numbers(tmp_path, monkeypatch):
     """A driver of Modbus TCP that gives every request the same number is like one that does not look at it."""
     check = CHECKS["never_takes_a_late_answer_for_the_next"]
     file = read_bench(bench_of("modbus tcp", tmp_path))
@@ -415,7 +412,7 @@ def test_an_answer_to_an_earlier_question_is_found_where_answers_have_numbers(
     assert verdict == "broken" and " reads " in text
 
 
-def test_where_no_input_follows_numbers_of_answers_are_said_to_be_untried() -> None:
+def test_where_no_input_follows_numbers_of_answers_are_said_to_be_untried():
     check = "never_takes_a_late_answer_for_the_next"
     subject = replace(examined("", check), settling_s=0.0)  # over before anything moves
     subject.module.has_numbers = lambda _settings: True
@@ -423,11 +420,11 @@ def test_where_no_input_follows_numbers_of_answers_are_said_to_be_untried() -> N
     assert verdict == "passed" and "was not tried" in text
 
 
-def test_every_check_has_a_driver_that_breaks_it() -> None:
+def test_every_check_has_a_driver_that_breaks_it():
     assert set(BREAKS) == set(CHECKS)
 
 
-def test_board_that_has_no_link_is_asked_at_the_end_too() -> None:
+def test_board_that_has_no_link_is_asked_at_the_end_too():
     for fault in ("", "does not go safe"):
         device = Device()
         module = driver(device, fault)

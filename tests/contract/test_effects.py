@@ -114,7 +114,7 @@ def plain(name: str) -> tuple[Array, Array]:
 
 
 @for_every_effect
-def test_at_null_it_does_nothing(effect: Effect) -> None:
+def test_at_null_it_does_nothing(effect):
     def holds(definition: Plant, site: Site) -> bool:
         null = run(definition, ActiveEffect(*site.key, effect.null_at(site.hook)))
         return np.allclose(null, plain(definition.name)[0], rtol=0.0, atol=1e-12 * definition.output.full_scale)
@@ -123,7 +123,7 @@ def test_at_null_it_does_nothing(effect: Effect) -> None:
 
 
 @for_every_effect
-def test_at_its_typical_size_it_shows(effect: Effect) -> None:
+def test_at_its_typical_size_it_shows(effect):
     def holds(definition: Plant, site: Site) -> bool:
         without, trace = plain(definition.name)
         arrives = trace[[hook.name for hook in definition.hooks].index(site.hook.name)]
@@ -136,7 +136,7 @@ def test_at_its_typical_size_it_shows(effect: Effect) -> None:
 
 
 @for_every_effect
-def test_the_same_twice_and_in_blocks(effect: Effect) -> None:
+def test_the_same_twice_and_in_blocks(effect):
     def holds(definition: Plant, site: Site) -> bool:
         inputs, active = course(definition), at_typical(site)
         whole = run(definition, active)
@@ -148,7 +148,7 @@ def test_the_same_twice_and_in_blocks(effect: Effect) -> None:
 
 
 @for_every_effect
-def test_at_rest_nothing_moves(effect: Effect) -> None:
+def test_at_rest_nothing_moves(effect):
     def holds(definition: Plant, site: Site) -> bool:
         still = np.repeat(course(definition)[:, 400:401], 1500, axis=1)
         moved = np.ptp(run(definition, at_typical(site), inputs=still), axis=1).max()
@@ -158,7 +158,7 @@ def test_at_rest_nothing_moves(effect: Effect) -> None:
 
 
 @for_every_effect
-def test_at_every_bound_it_stays_finite(effect: Effect) -> None:
+def test_at_every_bound_it_stays_finite(effect):
     for definition, site in places(effect):
         typical = at_typical(site).parameters
         for parameter in effect.parameters_at(site.hook):
@@ -169,14 +169,14 @@ def test_at_every_bound_it_stays_finite(effect: Effect) -> None:
 
 
 @for_every_effect
-def test_some_plant_has_it(effect: Effect) -> None:
+def test_some_plant_has_it(effect):
     assert any(site.effect is effect for _, site in sites())
     known = {hook.name for definition in PLANTS for hook in definition.hooks}
     assert set(effect.hooks) <= known
 
 
 @for_every_effect
-def test_its_parameters_are_sane(effect: Effect) -> None:
+def test_its_parameters_are_sane(effect):
     assert effect.parameters[0].null is not None, "the first parameter says how strong it is, so it has a null"
     for parameter in effect.parameters:
         assert parameter.low <= parameter.typical <= parameter.high
@@ -189,7 +189,7 @@ def test_its_parameters_are_sane(effect: Effect) -> None:
 
 
 @for_every_effect
-def test_it_says_what_it_is(effect: Effect) -> None:
+def test_it_says_what_it_is(effect):
     entry = next(entry for entry in entries("effects") if entry.name == effect.name)
     assert entry.load().EFFECT is effect
     assert entry.summary
@@ -201,7 +201,7 @@ def test_it_says_what_it_is(effect: Effect) -> None:
 
 
 @for_every_effect
-def test_its_fits_start_within_reach(effect: Effect) -> None:
+def test_its_fits_start_within_reach(effect):
     seen = Seen(-60.0, 80.0, 50.0, (10.0, 60.0, 200.0), ((7.0, 0.3, 0.5), (50.0, 0.1, -1.0)), 30.0, 1e-3)
     starts = effect.starts(seen)
     assert starts
@@ -212,7 +212,7 @@ def test_its_fits_start_within_reach(effect: Effect) -> None:
 
 
 @for_every_effect
-def test_its_coefficients_are_what_the_transform_takes(effect: Effect) -> None:
+def test_its_coefficients_are_what_the_transform_takes(effect):
     hook = next(site.hook for _, site in sites() if site.effect is effect)
     site = Site(effect, hook)
     given = {parameter.name: parameter.typical for parameter in effect.parameters_at(hook)}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from hil.bench.find import benches
@@ -16,7 +14,7 @@ from tests.recorded_line import RecordedLine
 
 @pytest.mark.parametrize("bench", ["hpv41-modbus-tcp", "hpv41-serial", "hpv41-canopen", "hpv41-j1939",
                                    "cummins-efc-modbus"])  # fmt: skip
-def test_every_device_is_read_and_left_as_it_is(bench: str, tmp_path: Path) -> None:
+def test_every_device_is_read_and_left_as_it_is(bench, tmp_path):
     with served(bench, tmp_path, *PATIENT) as (file, devices):
         driven = [_counted(device) for device in devices.values()]
         for name, device in file.devices.items():
@@ -43,7 +41,7 @@ def _counted(device: object) -> list[object]:
     return told
 
 
-def test_ni_board_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ni_board_too(monkeypatch):
     board = plugged_in(monkeypatch)
     file = read_bench(benches()["hpv41-usb-6211"])
     board.levels["ao0"] = 3.0
@@ -54,7 +52,7 @@ def test_ni_board_too(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (board.levels["ao0"], board.open) == (3.0, 0)
 
 
-def test_a_simulated_device_too() -> None:
+def test_a_simulated_device_too():
     file = read_bench(benches()["brevini-hpv41"])
     (name,) = file.devices
     daq = file.devices[name].open(_inputs_of(file, name))
@@ -62,7 +60,7 @@ def test_a_simulated_device_too() -> None:
     assert len(block) == 50 and abs(block.inputs["flow"].mean()) < 0.5
 
 
-def test_on_canopen_nothing_but_uploads_is_sent(tmp_path: Path) -> None:
+def test_on_canopen_nothing_but_uploads_is_sent(tmp_path):
     with served("hpv41-canopen", tmp_path, *PATIENT) as (file, _):
         (name,) = (name for name, device in file.bench.devices.items() if device.driver == "canopen_valve")
         port = str(file.bench.devices[name].settings["address"]).rpartition(":")[2]

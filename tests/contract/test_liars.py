@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,7 +13,6 @@ from hil.bench.read import read_bench
 from hil.bench.twin import subject
 from hil.daq.conformance import CHECKS, Subject, examine, left_safe, verdict_of
 from hil.errors import DeviceLostError
-from tests.conftest import Told
 from tests.liars import LIES, WIRES, Port, Server
 
 pytestmark = pytest.mark.together("waits for liars")  # for clocks: on one worker, beside others that compute
@@ -152,7 +151,7 @@ def lying(
 
 
 @pytest.mark.parametrize("wire", WIRES)
-def test_device_that_does_not_lie_passes_every_check(wire: str, tmp_path: Path) -> None:
+def test_device_that_does_not_lie_passes_every_check(wire, tmp_path):
     with lying(wire, "", tmp_path, watchdog=True) as examined:
         results = {result.check: result for result in examine(examined)}
         again = {name: verdict_of(CHECKS[name], examined) for name, r in results.items() if r.verdict == "broken"}
@@ -167,7 +166,7 @@ def test_device_that_does_not_lie_passes_every_check(wire: str, tmp_path: Path) 
 @pytest.mark.parametrize(
     ("wire", "lie"), [(w, lie) for w in WIRES for lie in CAUGHT if w == "modbus" or lie not in ONE_WIRE]
 )
-def test_lie_is_caught_by_its_check(wire: str, lie: str, tmp_path: Path) -> None:
+def test_lie_is_caught_by_its_check(wire, lie, tmp_path):
     with lying(wire, lie, tmp_path, watchdog=CAUGHT[lie] == WATCHDOG or lie == OF_THE_UNIT) as examined:
         verdict, text = verdict_of(CHECKS[CAUGHT[lie]], examined)
     assert verdict == "broken", text
@@ -178,7 +177,7 @@ def test_lie_is_caught_by_its_check(wire: str, lie: str, tmp_path: Path) -> None
     assert "'command'" in text or "'second'" in text
 
 
-def test_every_lie_is_caught_and_is_in_the_guide() -> None:
+def test_every_lie_is_caught_and_is_in_the_guide():
     assert set(CAUGHT) == set(LIES) - {""}
     page = (Path(__file__).parents[2] / "docs" / "how-to" / "add-a-driver.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.MULTILINE)
@@ -186,7 +185,7 @@ def test_every_lie_is_caught_and_is_in_the_guide() -> None:
     assert table == CAUGHT
 
 
-def test_what_no_channel_measures_is_left_out_and_not_passed(tmp_path: Path) -> None:
+def test_what_no_channel_measures_is_left_out_and_not_passed(tmp_path):
     lie = "ignores, repeats what it was told"
     check = CHECKS["an_input_sees_what_it_drives"]
     elsewhere = 'driver = "modbus"\nmodel = "iologik-e1240"\naddress = "127.0.0.1:1"'
@@ -206,7 +205,7 @@ def test_what_no_channel_measures_is_left_out_and_not_passed(tmp_path: Path) -> 
         assert verdict == "broken" and "when the same was told again: the device obeys the command before" in text
 
 
-def test_outputs_that_do_not_go_safe_are_said_at_the_end(tmp_path: Path) -> None:
+def test_outputs_that_do_not_go_safe_are_said_at_the_end(tmp_path):
     with lying("modbus", "ignores the safe command", tmp_path) as examined:
         with examined.asking() as link:
             link.drive(examined.levels(0.5))
@@ -216,7 +215,7 @@ def test_outputs_that_do_not_go_safe_are_said_at_the_end(tmp_path: Path) -> None
             left_safe(examined)
 
 
-def test_an_input_of_another_device_may_measure_it(tmp_path: Path) -> None:
+def test_an_input_of_another_device_may_measure_it(tmp_path):
     check = CHECKS["an_input_sees_what_it_drives"]
     meter = 'driver = "modbus"\nmodel = "wago-750"\naddress = "127.0.0.1:PORT"'
     with lying("modbus", "half scale, repeats what it was told", tmp_path, meter=meter) as examined:
@@ -227,7 +226,7 @@ def test_an_input_of_another_device_may_measure_it(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def check_driver(command_line, tmp_path: Path) -> Callable[..., Told]:
+def check_driver(command_line, tmp_path):
     """How `hil check-driver modbus` of a server ended."""
     return lambda server, *words: command_line(
         "check-driver", "modbus", "--bench", bench("modbus", server, tmp_path), *words
@@ -235,7 +234,7 @@ def check_driver(command_line, tmp_path: Path) -> Callable[..., Told]:
 
 
 @pytest.mark.parametrize(("lie", "status"), [("ignores", 1), ("", 0)])
-def test_command_says_what_is_broken_on_hardware(lie: str, status: int, check_driver: Callable[..., Told]) -> None:
+def test_command_says_what_is_broken_on_hardware(lie, status, check_driver):
     pairs = [word for pair in WIRED.items() for word in ("--measured-by", "=".join(pair))]
     with served("modbus", lie) as server:
         result = check_driver(server, "--hardware", *pairs)
@@ -245,7 +244,7 @@ def test_command_says_what_is_broken_on_hardware(lie: str, status: int, check_dr
     assert "outputs stand at their safe values, read back" in result.out + result.err
 
 
-def test_command_ends_with_an_error_when_outputs_do_not_go_safe(check_driver: Callable[..., Told]) -> None:
+def test_command_ends_with_an_error_when_outputs_do_not_go_safe(check_driver):
     with served("modbus", "ignores the safe command") as server:
         result = check_driver(server, "--hardware")
     assert result.status == 3 and "outputs are not safe: 'command'" in result.err
@@ -259,7 +258,7 @@ def test_command_ends_with_an_error_when_outputs_do_not_go_safe(check_driver: Ca
         ("flow=flow", "no output of device"),
     ],
 )
-def test_pairs_that_cannot_be_are_told(pair: str, text: str, check_driver: Callable[..., Told]) -> None:
+def test_pairs_that_cannot_be_are_told(pair, text, check_driver):
     with served("modbus", "") as server:
         result = check_driver(server, "--measured-by", pair)
     assert text in result.err

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +20,7 @@ ONE_EACH = {CASES[case][0]: case for case in reversed(CASES) if case != "ascii i
 
 
 @pytest.mark.parametrize("driver", ONE_EACH)
-def test_outputs_alone_are_made_safe(driver: str, tmp_path: Path) -> None:
+def test_outputs_alone_are_made_safe(driver, tmp_path):
     _, bench, changes = CASES[ONE_EACH[driver]]
     patient_valve(tmp_path)
     with served(bench, tmp_path, *changes) as (file, devices):
@@ -52,7 +51,7 @@ def arrives(level: Callable[[], float], at: float, near: float) -> bool:
     return abs(level() - at) <= near
 
 
-def test_ni_board_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ni_board_too(monkeypatch):
     board = plugged_in(monkeypatch)
     file = read_bench(benches()["hpv41-usb-6211"])
     assert file.devices["daq"].module is ni

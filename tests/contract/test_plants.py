@@ -53,7 +53,7 @@ def run(definition: Plant, inputs: Array, **changed: float) -> Array:
 
 
 @for_every_plant
-def test_its_file_name_is_its_name(definition: Plant) -> None:
+def test_its_file_name_is_its_name(definition):
     entry = next(entry for entry in entries("plants") if entry.name == definition.name)
     assert entry.load().PLANT is definition
     assert entry.summary
@@ -61,7 +61,7 @@ def test_its_file_name_is_its_name(definition: Plant) -> None:
 
 
 @for_every_plant
-def test_its_parameters_are_sane(definition: Plant) -> None:
+def test_its_parameters_are_sane(definition):
     names = [parameter.name for parameter in definition.parameters]
     assert len(set(names)) == len(names)
     for parameter in definition.parameters:
@@ -74,7 +74,7 @@ def test_its_parameters_are_sane(definition: Plant) -> None:
 
 
 @for_every_plant
-def test_its_signals_and_hooks_carry_units(definition: Plant) -> None:
+def test_its_signals_and_hooks_carry_units(definition):
     signals = (*definition.inputs, definition.output, *definition.observed)
     assert len({signal.name for signal in signals}) == len(signals)
     for unit in [signal.unit for signal in signals] + [hook.unit for hook in definition.hooks]:
@@ -85,7 +85,7 @@ def test_its_signals_and_hooks_carry_units(definition: Plant) -> None:
 
 
 @for_every_plant
-def test_its_coefficients_keep_their_layout(definition: Plant) -> None:
+def test_its_coefficients_keep_their_layout(definition):
     steady = definition.coefficients(definition.typical, math.inf)
     stepped = definition.coefficients(definition.typical, INTERVAL_S)
     assert list(steady) == list(stepped) == list(kernel(definition.name).coefficients)
@@ -95,27 +95,27 @@ def test_its_coefficients_keep_their_layout(definition: Plant) -> None:
 
 
 @for_every_plant
-def test_known_effects_are_named_where_a_parameter_stands_for_one(definition: Plant) -> None:
+def test_known_effects_are_named_where_a_parameter_stands_for_one(definition):
     known = {entry.name for entry in entries("effects")}
     for parameter in definition.parameters:
         assert {parameter.growth, parameter.change} - {""} <= known
 
 
 @for_every_plant
-def test_at_rest_nothing_moves(definition: Plant) -> None:
+def test_at_rest_nothing_moves(definition):
     found = run(definition, step(definition)[:, :300])
     assert np.ptp(found, axis=1).max() < 1e-9 * definition.output.full_scale
 
 
 @for_every_plant
-def test_it_answers_after_the_command_and_not_before(definition: Plant) -> None:
+def test_it_answers_after_the_command_and_not_before(definition):
     found = run(definition, step(definition))[0]
     assert np.ptp(found[:301]) < 1e-9 * definition.output.full_scale
     assert found[-1] - found[0] > 0.02 * definition.output.full_scale
 
 
 @for_every_plant
-def test_the_same_twice_and_in_blocks(definition: Plant) -> None:
+def test_the_same_twice_and_in_blocks(definition):
     inputs = step(definition)
     whole = run(definition, inputs)
     assert np.array_equal(whole, run(definition, inputs))
@@ -125,7 +125,7 @@ def test_the_same_twice_and_in_blocks(definition: Plant) -> None:
 
 
 @for_every_plant
-def test_at_every_bound_it_stays_finite(definition: Plant) -> None:
+def test_at_every_bound_it_stays_finite(definition):
     for parameter in definition.parameters:
         for bound in (parameter.low, parameter.high):
             found = run(definition, step(definition), **{parameter.name: bound})
@@ -133,7 +133,7 @@ def test_at_every_bound_it_stays_finite(definition: Plant) -> None:
 
 
 @for_every_plant
-def test_finer_sub_steps_hardly_change_it(definition: Plant) -> None:
+def test_finer_sub_steps_hardly_change_it(definition):
     step_s = definition.sub_step_s if definition.sub_step_s < 0.1 else interval_s(definition)
     drive = Drive(step(definition), math.nan, step_s)
     coarse = simulate(definition, definition.typical, drive)
@@ -141,7 +141,7 @@ def test_finer_sub_steps_hardly_change_it(definition: Plant) -> None:
     assert np.abs(fine - coarse).max(axis=1)[0] < 2e-3 * np.ptp(fine[0])
 
 
-def test_sub_steps_follow_the_sampling_interval() -> None:
+def test_sub_steps_follow_the_sampling_interval():
     valve = plant("brevini-hpv41")
     assert sub_steps(valve, 1e-3) == 1
     assert sub_steps(valve, 1e-4) == 1
@@ -150,7 +150,7 @@ def test_sub_steps_follow_the_sampling_interval() -> None:
 
 
 @for_every_plant
-def test_the_sampling_interval_hardly_changes_it(definition: Plant) -> None:
+def test_the_sampling_interval_hardly_changes_it(definition):
     near = 1e-9 if definition.sub_step_s > 0.1 else 2e-3  # a linear plant is exact at any step
     slow_inputs = step(definition)[:, ::10].copy()
     fast_inputs = np.repeat(slow_inputs, 10, axis=1)
@@ -160,7 +160,7 @@ def test_the_sampling_interval_hardly_changes_it(definition: Plant) -> None:
 
 
 @pytest.mark.parametrize("definition", [p for p in PLANTS if p.observer], ids=lambda definition: definition.name)
-def test_its_observer_leads_a_simulation_back_where_something_was_measured(definition: Plant) -> None:
+def test_its_observer_leads_a_simulation_back_where_something_was_measured(definition):
     inputs, interval = step(definition, 20_000), interval_s(definition)
     away = 0.1 * definition.output.full_scale
     there, elsewhere = (Drive(inputs, first, interval) for first in (0.0, away))
@@ -173,7 +173,7 @@ def test_its_observer_leads_a_simulation_back_where_something_was_measured(defin
 
 
 @for_every_plant
-def test_a_measured_output_that_cannot_be_followed_is_refused(definition: Plant) -> None:
+def test_a_measured_output_that_cannot_be_followed_is_refused(definition):
     drive = Drive(step(definition), 0.0, interval_s(definition))
     wanted = "measured output" if definition.observer else "observer"
     with pytest.raises(InputError, match=wanted):

@@ -186,7 +186,7 @@ def examined(name: str, lie: Lie | None) -> Iterator[Subject]:
 
 
 @pytest.fixture(autouse=True)
-def few_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+def few_commands(monkeypatch):
     monkeypatch.setattr(outputs, "_COMMANDS", 8)
     monkeypatch.setattr(outputs, "_KEPT_S", 0.01)
 
@@ -201,7 +201,7 @@ def _asked(name: str) -> list[str]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_device_that_is_as_described_passes(name: str) -> None:
+def test_a_device_that_is_as_described_passes(name):
     for check in sorted({LIES[lie].check for lie in _asked(name)}):
         with examined(name, None) as subject:
             for _ in range(_TRIES):
@@ -212,7 +212,7 @@ def test_a_device_that_is_as_described_passes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_lies_are_caught_by_their_checks(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lies_are_caught_by_their_checks(name, monkeypatch):
     monkeypatch.setattr(Subject.stand_there, "__defaults__", (0.1,))  # what lies goes on lying
     for lie in _asked(name):
         with examined(name, LIES[lie]) as subject:
@@ -221,7 +221,7 @@ def test_lies_are_caught_by_their_checks(name: str, monkeypatch: pytest.MonkeyPa
         assert "'" in text or "left alone" in text, f"{lie}: {text}"
 
 
-def test_every_shipped_description_is_lied_about() -> None:
+def test_every_shipped_description_is_lied_about():
     assert set(NAMES) == {path.stem for path in descriptions()[NAMES[0]].parent.glob("*.toml")}
     assert {lie for name in NAMES for lie in _asked(name)} == set(LIES)
     assert all(_asked(name) for name in NAMES)

@@ -32,7 +32,7 @@ ADDRESSES = ON_TCP | AT_THE_SEAM
 
 
 @pytest.fixture
-def bench(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> BenchFile:
+def bench(request, tmp_path, monkeypatch):
     """A bench whose scanner is on this transport."""
     monkeypatch.setattr(_lines_of_text, "serve_stream", visa_servers.serve)
     if request.param in AT_THE_SEAM:
@@ -55,7 +55,7 @@ def served_by(bench: BenchFile, folder: Path) -> Iterator[tuple[Any, Callable[[s
 
 
 @pytest.mark.parametrize("bench", ADDRESSES, indirect=True)
-def test_driver_passes_on_its_twin(bench: BenchFile, tmp_path: Path) -> None:
+def test_driver_passes_on_its_twin(bench, tmp_path):
     with subject(bench, tmp_path, "scpi") as driver:
         results = list(examine(driver))
     assert broken(results) == {}
@@ -63,9 +63,7 @@ def test_driver_passes_on_its_twin(bench: BenchFile, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("bench", ["VXI-11"], indirect=True)
-def test_an_instrument_that_does_not_even_say_that_it_has_nothing_to_say_gave_no_answer(
-    bench: BenchFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_instrument_that_does_not_even_say_that_it_has_nothing_to_say_gave_no_answer(bench, tmp_path, monkeypatch):
     """The library waited a second more, and took that for a line that is gone."""
     device = bench.devices["io"]
     wiring, for_ever = device.wiring(bench.bench.channels), threading.Event()
@@ -78,7 +76,7 @@ def test_an_instrument_that_does_not_even_say_that_it_has_nothing_to_say_gave_no
         link.close()
 
 
-def test_a_port_of_which_the_library_does_not_tell_its_connection_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_port_of_which_the_library_does_not_tell_its_connection_is_closed(monkeypatch):
     closed = list[bool]()
     resource = SimpleNamespace(visalib=SimpleNamespace(sessions={}), session=1, close=lambda: closed.append(True))
     monkeypatch.setattr(system, "visa", lambda *_: resource, raising=False)
@@ -88,9 +86,7 @@ def test_a_port_of_which_the_library_does_not_tell_its_connection_is_closed(monk
 
 
 @pytest.mark.parametrize("bench", ON_TCP, indirect=True)
-def test_what_was_driven_while_packets_were_lost_never_arrives_after_the_safe_value(
-    bench: BenchFile, tmp_path: Path
-) -> None:
+def test_what_was_driven_while_packets_were_lost_never_arrives_after_the_safe_value(bench, tmp_path):
     """The server takes nothing in for a while; a closed socket of the kernel's own would send again within 0.8 s."""
     device = bench.devices["io"]
     wiring = device.wiring(bench.bench.channels)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from efc_bench import failed, outcome, published, value
 
@@ -21,7 +19,7 @@ SHORT = {"sweep_s": 10.0, "levels": ("medium",), "frequencies": (1.0, 3.0, 5.0, 
          {"probability_good", "usual_among_good", "rise_over_good", "bandwidth_over_good"}),
     ],
 )  # fmt: skip
-def test_a_set_of_the_thesis(tmp_path: Path, name: str, condition: set[str], missed: set[str]) -> None:
+def test_a_set_of_the_thesis(tmp_path, name, condition, missed):
     made = outcome(tmp_path, "efc_acceptance", published(name), **SHORT)
     found = made.findings
     assert (found.verdict, made.exit_status) == (("pass", 0) if name == "good" else ("fail", 1))

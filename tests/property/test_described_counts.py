@@ -56,7 +56,7 @@ def on_the_wire(form: str, order: str, count: float) -> list[int]:
 @pytest.mark.parametrize("form", CODES)
 @settings(max_examples=15)
 @given(value=st.floats(-50.0, 150.0, width=32), bits=st.integers(0, (1 << 64) - 1))
-def test_registers_are_those_of_struct(form: str, order: str, scale: dict[str, Any], value: float, bits: int) -> None:
+def test_registers_are_those_of_struct(form, order, scale, value, bits):
     register, twin, (slope, offset) = both_of(form, order, SCALES.index(scale))
     size = struct.calcsize(CODES[form])
 
@@ -78,7 +78,7 @@ def test_registers_are_those_of_struct(form: str, order: str, scale: dict[str, A
     lowest=st.integers(0, 15), width=st.integers(1, 16), word=st.integers(0, 0xFFFF), around=st.integers(0, 0xFFFF),
     signed=st.booleans(),
 )  # fmt: skip
-def test_a_part_of_a_register_leaves_the_rest(lowest: int, width: int, word: int, around: int, signed: bool) -> None:
+def test_a_part_of_a_register_leaves_the_rest(lowest, width, word, around, signed):
     width = min(width, 16 - lowest)
     told = ModbusDescription.model_validate({
         "protocol": "modbus", "summary": "one", "modbus": {"addresses": "wire"},

@@ -94,8 +94,6 @@ locks = st.builds(
     st.sampled_from([0.01, 0.1, 0.7]),
     st.none() | st.builds(dict, kind=st.sampled_from(["lost", "underflow"]), after=st.integers(200, 3000)),
 )
-def test_the_same_is_left_wherever_something_ends(
-    interlocks: list[Interlock], pieces: list[int], block_s: float, fault: Any
-) -> None:
+def test_the_same_is_left_wherever_something_ends(interlocks, pieces, block_s, fault):
     found = left(interlocks, pieces, block_s, fault, at_once=True)
     assert found == left(interlocks, pieces, block_s, fault, at_once=False)

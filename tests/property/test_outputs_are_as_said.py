@@ -236,7 +236,7 @@ faults = st.builds(
 
 
 @pytest.fixture(autouse=True)
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+def impatient(monkeypatch):
     """A device that never answers is waited for in wall-clock time: not for long here."""
     monkeypatch.setattr("hil.safety.outputs._PATIENCE_S", 0.02)
     monkeypatch.setattr("hil.daq.polled._PROBES", 3)
@@ -248,7 +248,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     st.dictionaries(st.integers(1, 150), st.sampled_from(SIGNALS), max_size=3),
     st.one_of(st.none(), st.integers(0, 6)),
 )
-def test_what_is_said_of_outputs_is_so(thrown: list[Fault], signals: dict[int, int], blocks: int | None) -> None:
+def test_what_is_said_of_outputs_is_so(thrown, signals, blocks):
     devices = [
         Device(name, level, [f for f in thrown if f.link == name], signals if name == "first" else {})
         for name, level in (("first", 3.0), ("second", 2.0))

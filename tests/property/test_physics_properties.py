@@ -40,7 +40,7 @@ def drawn(draw: st.DrawFn, definition: Plant) -> tuple[dict[str, float], Array, 
 @for_every_plant
 @settings(max_examples=25)
 @given(data=st.data())
-def test_finite_repeatable_and_the_same_in_blocks(definition: Plant, data: st.DataObject) -> None:
+def test_finite_repeatable_and_the_same_in_blocks(definition, data):
     values, command, active = data.draw(drawn(definition))
     whole = simulate(definition, values, Drive(command, math.nan, INTERVAL_S), active)
     assert np.isfinite(whole).all()
@@ -67,9 +67,9 @@ zeros = st.floats(0.02, 1.0) | st.floats(-1.0, -0.02)
     late=st.integers(0, 40),
 )
 def test_any_linear_plant_is_stepped_exactly(
-    gain: float, lag: float, time1: float, time2: float, damping1: float, damping2: float, zero1: float, zero2: float,
-    late: int,
-) -> None:  # fmt: skip
+    gain, lag, time1, time2, damping1, damping2, zero1, zero2,
+    late,
+):  # fmt: skip
     from scipy.signal import lsim
 
     definition = plant("transfer-function")
@@ -93,9 +93,7 @@ def test_any_linear_plant_is_stepped_exactly(
     presliding=st.just(0.0) | st.floats(1e-9, 1e-4),
     push=st.floats(1.0, 500.0),
 )
-def test_friction_only_ever_takes_energy(
-    coulomb: float, stiction: float, stribeck: float, presliding: float, push: float
-) -> None:
+def test_friction_only_ever_takes_energy(coulomb, stiction, stribeck, presliding, push):
     axis = plant("linear-axis")
     given_values = {"coulomb": coulomb, "stiction": stiction, "stribeck": stribeck, "presliding": presliding}
     force = np.where(np.arange(1500) < 300, push, 0.0)[None, :]

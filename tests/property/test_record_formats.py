@@ -75,7 +75,7 @@ def round_trip(made: Recording, ending: str) -> Recording:
 @settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @example(made=AWKWARD)
 @given(made=recordings().filter(lambda made: len(made) >= 2))
-def test_every_format_gives_back_what_it_got(ending: str, made: Recording) -> None:
+def test_every_format_gives_back_what_it_got(ending, made):
     found = round_trip(made, ending)
     assert np.array_equal(found.time_s, made.time_s)
     assert list(found.channels) == list(made.channels)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import shutil
 from contextlib import suppress
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,7 +31,7 @@ SYNCED_ROWS = sum(len(block(number)[0]) for number in range(SYNCED))
 
 
 @pytest.fixture(scope="module")
-def unclosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, int]]:
+def unclosed(tmp_path_factory):
     """A run folder as a killed process leaves it, and the size that each file had at the last sync."""
     folder = tmp_path_factory.mktemp("unclosed")
     run = RunWriter.create(folder / "open", {}, [("flow", "l/min")])
@@ -51,9 +50,7 @@ def unclosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, 
     max_examples=150, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
-def test_everything_synced_is_there_and_nothing_else_is_made_up(
-    unclosed: tuple[Path, dict[str, int]], tmp_path: Path, data: st.DataObject
-) -> None:
+def test_everything_synced_is_there_and_nothing_else_is_made_up(unclosed, tmp_path, data):
     original, synced = unclosed
     copy = tmp_path / "run"
     shutil.rmtree(copy, ignore_errors=True)
@@ -75,7 +72,7 @@ def test_everything_synced_is_there_and_nothing_else_is_made_up(
 
 
 @pytest.fixture(scope="module")
-def closed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def closed(tmp_path_factory):
     path = tmp_path_factory.mktemp("closed") / "run"
     with RunWriter.create(path, {"procedure": "x"}, [("flow", "l/min")]) as run, run.part({"kind": "step"}):
         run.append(*block(0))
@@ -86,7 +83,7 @@ def closed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     max_examples=150, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
-def test_no_changed_bit_of_a_closed_run_goes_unnoticed(closed: Path, tmp_path: Path, data: st.DataObject) -> None:
+def test_no_changed_bit_of_a_closed_run_goes_unnoticed(closed, tmp_path, data):
     copy = tmp_path / "run"
     shutil.rmtree(copy, ignore_errors=True)
     shutil.copytree(closed, copy)

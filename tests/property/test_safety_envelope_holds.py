@@ -81,9 +81,7 @@ def check(log: list[tuple[float, float | None]], envelope: Envelope, ramp_per_s:
 
 @settings(max_examples=150, deadline=None)
 @given(envelopes, calls, st.sampled_from(["stop", "trip", "hold", "indicate"]), st.sampled_from([5.0, 60.0]))
-def test_nothing_outside_the_envelope_reaches_the_output(
-    envelope: Envelope, sequence: list, action: str, ramp_per_s: float
-) -> None:
+def test_nothing_outside_the_envelope_reaches_the_output(envelope, sequence, action, ramp_per_s):
     wire, clock = Wire(), VirtualClock()
     lock = Interlock("read", action, Band("a read", -4.0, 4.0, minus="a"))  # type: ignore[arg-type]
     protection = Protection(20.0, {"a": envelope}, {"a": ramp_per_s}, (lock,), block_s=0.1, patience_s=0.2)

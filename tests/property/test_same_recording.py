@@ -87,7 +87,7 @@ STYLES = {
 
 
 @pytest.mark.parametrize("style", STYLES)
-def test_in_every_heading_style(tmp_path: Path, style: str) -> None:
+def test_in_every_heading_style(tmp_path, style):
     head, row, reading = STYLES[style]
     (tmp_path / "x.csv").write_text(text(head, row), encoding="utf-8")
     found = read_recording(tmp_path / "x.csv", reading)
@@ -98,7 +98,7 @@ def test_in_every_heading_style(tmp_path: Path, style: str) -> None:
 
 @pytest.mark.parametrize("ending", sorted({m.SUFFIXES[0] for m in formats().values() if hasattr(m, "write")}))
 @pytest.mark.parametrize("sampling", ["slow output", "on change", "late output", "gaps"])
-def test_in_every_format_and_sampling_of_its_channels(tmp_path: Path, ending: str, sampling: str) -> None:
+def test_in_every_format_and_sampling_of_its_channels(tmp_path, ending, sampling):
     whole = made()
     flow, command = whole.values("flow"), whole.values("command")
     changes = np.concatenate(([0], np.flatnonzero(np.diff(command)) + 1))
@@ -112,7 +112,7 @@ def test_in_every_format_and_sampling_of_its_channels(tmp_path: Path, ending: st
     agrees(read_recording(tmp_path / f"x{ending}", Reading(gaps=sampling == "gaps")))
 
 
-def test_the_whole_recording_gives_what_is_true() -> None:
+def test_the_whole_recording_gives_what_is_true():
     agrees(made())
 
 
@@ -198,12 +198,12 @@ WRITTEN = [(w, clock) for w in WRITERS for clock in CLOCKS if w is not by_nptdms
 
 
 @pytest.mark.parametrize(("writer", "clock"), WRITTEN)
-def test_as_other_libraries_write_it(tmp_path: Path, writer: Callable[[Columns, Path], Path], clock: str) -> None:
+def test_as_other_libraries_write_it(tmp_path, writer, clock):
     units = {"command": "%", "flow": "l/min"} if writer is by_scipy else {}
     agrees(read_recording(writer(columns(clock), tmp_path), Reading(gaps=clock != "one clock", units=units)))
 
 
-def test_in_lvm(tmp_path: Path) -> None:
+def test_in_lvm(tmp_path):
     head = (
         "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t,\n"
         "Multi_Headings\tNo\nX_Columns\tOne\n***End_of_Header***\t\n\t\nChannels\t2\t\n"
@@ -215,7 +215,7 @@ def test_in_lvm(tmp_path: Path) -> None:
     agrees(read_recording(tmp_path / "x.lvm"))
 
 
-def test_in_mdf_3(tmp_path: Path) -> None:
+def test_in_mdf_3(tmp_path):
     asammdf = pytest.importorskip("asammdf")
     one = made()
     changes = np.concatenate(([0], np.flatnonzero(np.diff(one.values("command"))) + 1))

@@ -35,7 +35,7 @@ WHOLE = {every: run([], 2000, every, streamed=False) for every in (1, 3)}
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.integers(1, 900), max_size=4), st.integers(1, 999), st.sampled_from([1, 3]), st.booleans())
-def test_cut_as_you_like(tasks: list[int], block: int, every: int, streamed: bool) -> None:
+def test_cut_as_you_like(tasks, block, every, streamed):
     found, whole = run(tasks, block, every, streamed), WHOLE[every]
     assert np.array_equal(found.time_s, whole.time_s)
     for name in INPUTS:

@@ -59,103 +59,103 @@ def of(code: str) -> Ran:
 
 
 @pytest.mark.parametrize("procedure", PROCEDURES)
-def test_without_a_fault_a_run_ends_as_its_procedure_does(procedure: str) -> None:
+def test_without_a_fault_a_run_ends_as_its_procedure_does(procedure):
     ran = one(Schedule(1, procedure=procedure, ramped=True, away=True), judge)
     assert not ran.broken and ran.blocks >= 50
     assert [word.by for word in ran.words if set(word.safe) == {"command", "enable"}]
 
 
 @pytest.mark.parametrize("third", THIRDS.values())
-def test_a_device_on_a_serial_line_or_on_can_is_driven_beside_the_couplers(third: str) -> None:
+def test_a_device_on_a_serial_line_or_on_can_is_driven_beside_the_couplers(third):
     ran = one(Schedule(1, armed=True, third=third), judge)
     assert not ran.broken and ran.status == 0
     assert max(percent for _, percent in ran.changes["pilot"]) >= 40.0 and ran.changes["pilot"][-1][1] == 0.0
 
 
-def test_one_schedule_is_one_course() -> None:
+def test_one_schedule_is_one_course():
     first, again = one(drawn(8), judge), one(drawn(8), judge)
     assert (first.changes, first.said, first.calls) == (again.changes, again.said, again.calls)
     assert Schedule.of(first.schedule.code) == first.schedule
 
 
-def test_outputs_of_a_dead_run_are_made_safe_when_who_took_the_bench_could_not() -> None:
+def test_outputs_of_a_dead_run_are_made_safe_when_who_took_the_bench_could_not():
     code = "702308,0.2,blocks,-|out:making safe:0.0526:10:aux|second:making safe:0:0.05:"
     ran = of(code)
     assert not ran.broken and ran.changes["enable"][-1][1] == 0.0
 
 
-def test_after_a_sample_that_failed_no_sign_of_life_drives_again_what_stood_before() -> None:
+def test_after_a_sample_that_failed_no_sign_of_life_drives_again_what_stood_before():
     """A module that fell silent held up the first step of a ramp, and meanwhile all outputs went up again."""
     assert not of("181748677043,0.2,leaves early,wrm|deaf:driving:2.8788:5:third").broken
 
 
-def test_a_ramp_after_a_lost_answer_begins_with_the_question_where_the_output_stands() -> None:
+def test_a_ramp_after_a_lost_answer_begins_with_the_question_where_the_output_stands():
     """Its first command would drive one that has restarted away from its safe value."""
     assert not of("46,0.01,plain,r|hold:driving:4:0.05:io").broken
     assert not of("31991298,0.01,plain,r|out:driving:1.2:0.05:io|term:driving:1.3:0:").broken  # which covered it
 
 
-def test_a_computer_that_sleeps_while_one_device_is_driven_drives_no_other_afterwards() -> None:
+def test_a_computer_that_sleeps_while_one_device_is_driven_drives_no_other_afterwards():
     """Its own watchdog had made that one safe meanwhile."""
     assert not of("212367646046,0.01,plain,w|sleep:driving:2.9357:1:").broken
 
 
-def test_a_sample_that_lost_its_reading_is_driven_again_by_no_sign_of_life() -> None:
+def test_a_sample_that_lost_its_reading_is_driven_again_by_no_sign_of_life():
     """It would begin a new connection with a command away from the safe value."""
     assert not of("5990665,0.2,leaves early,wv|hold:driving:0.6651:0.2:aux").broken
 
 
-def test_a_signal_while_outputs_are_made_safe_at_the_opening_ends_the_run() -> None:
+def test_a_signal_while_outputs_are_made_safe_at_the_opening_ends_the_run():
     """It was taken for a failure of the device, and the next one was not heard either."""
     assert of("5991776,0.01,plain,p|hup:opening:1.23:0:|int:opening:2:0:").status == 129
 
 
-def test_watchdog_that_did_not_hear_what_a_device_is_learns_it_from_the_run() -> None:
+def test_watchdog_that_did_not_hear_what_a_device_is_learns_it_from_the_run():
     """Else it calls another device, which has come to that address, safe."""
     assert not of("77992380,0.01,plain,-|deaf:opening:0.5:0.5:io|swap:driving:3:0:io").broken
 
 
-def test_a_ramp_is_gone_down_beside_a_device_that_tells_no_level() -> None:
+def test_a_ramp_is_gone_down_beside_a_device_that_tells_no_level():
     """It says that it is not at its safe value: no lost answer."""
     assert not of("616000517,0.01,plain,rv|int:driving:1:0:").broken
 
 
-def test_a_silence_that_the_sign_of_life_met_first_ends_the_run() -> None:
+def test_a_silence_that_the_sign_of_life_met_first_ends_the_run():
     """The next sample drove on, after the devices' own watchdogs had made them safe."""
     assert not of("61610057127,0.01,steps,w|pause:driving:1.9185:1:").broken
 
 
-def test_a_device_that_hung_up_at_rest_is_told_its_safe_value_before_it_is_driven() -> None:
+def test_a_device_that_hung_up_at_rest_is_told_its_safe_value_before_it_is_driven():
     """It may have restarted, and stand elsewhere."""
     assert not of("202000088,0.01,plain,s|reset:opening:0.6979:0:aux").broken
 
 
-def test_a_command_that_is_on_its_way_may_arrive_after_the_safe_value_is_asked_for() -> None:
+def test_a_command_that_is_on_its_way_may_arrive_after_the_safe_value_is_asked_for():
     assert not of("46100073,0.01,plain,-|over:driving:0.9237:0.05:aux|slow:driving:0.3:1:aux").broken
 
 
-def test_beside_a_valve_that_says_only_that_it_is_open_a_command_goes_down_its_ramp() -> None:
+def test_beside_a_valve_that_says_only_that_it_is_open_a_command_goes_down_its_ramp():
     assert not of("46200890,0.01,plain,rv|term:driving:1:0:").broken
 
 
-def test_a_witness_that_was_away_when_its_rest_was_read_is_doubted_and_no_fault() -> None:
+def test_a_witness_that_was_away_when_its_rest_was_read_is_doubted_and_no_fault():
     ran = of("46500092,0.01,leaves early,a|sticks:opening:0:1:aux")
     assert not ran.broken and ran.status == 3
 
 
-def test_a_valve_that_never_said_who_it_is_has_restarted_where_it_claims_its_address() -> None:
+def test_a_valve_that_never_said_who_it_is_has_restarted_where_it_claims_its_address():
     """That it was asked at the opening, and did not hear that, explains no claim of later."""
     ran = of("8,0.01,plain,v|lose:opening:0.068:2:third|restart:driving:3.155:0.05:third")
     assert not ran.broken and ran.status == 3
 
 
-def test_a_trip_on_the_way_down_a_ramp_is_told_and_a_slow_disk_does_not_hang() -> None:
+def test_a_trip_on_the_way_down_a_ramp_is_told_and_a_slow_disk_does_not_hang():
     ran = of("7,0.05,plain,r|disk slow:driving:2:10:|int:driving:2:0:|over:driving:2.05:5:aux")
     assert not ran.broken and ran.status == 130
     assert [text for _, by, text in ran.said if by == "run" and "over-pressure" in text and "are safe" in text]
 
 
-def test_a_trip_is_told_and_noted_when_stop_is_pressed_while_it_makes_safe() -> None:
+def test_a_trip_is_told_and_noted_when_stop_is_pressed_while_it_makes_safe():
     """The next run was refused for a trip that neither the run nor its events had told of."""
     ran = of("510193,0.01,plain,-|over:driving:1:0.2:io|stop:making safe:0:0:")
     assert not ran.broken and ran.status == 138
@@ -163,7 +163,7 @@ def test_a_trip_is_told_and_noted_when_stop_is_pressed_while_it_makes_safe() -> 
 
 
 @pytest.mark.parametrize("part", range(2))
-def test_drawn_worlds_hold(part: int) -> None:
+def test_drawn_worlds_hold(part):
     """Others with each commit; one that does not hold is printed as `python -m tests.worlds CODE` takes it."""
     commit = subprocess.run(["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False).stdout
     seed = 1000 * int(commit[:7] or "0", 16) + 100 * part
@@ -175,20 +175,20 @@ def test_drawn_worlds_hold(part: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_tcp_of_the_world_is_that_of_linux(seed: int) -> None:
+def test_tcp_of_the_world_is_that_of_linux(seed):
     """All of `python -m tests.worlds.kernel -n 500` but two are equal; these are some of them."""
     steps = script(seed)
     linux, world = on_linux(steps), in_world(steps)
     assert (linux.received, linux.failed) == (world.received, world.failed), steps
 
 
-def test_what_a_watchdog_hears_is_what_it_hears_on_linux() -> None:
+def test_what_a_watchdog_hears_is_what_it_hears_on_linux():
     for steps in map(parent_script, range(20)):
         assert parent_on_linux(steps) == parent_in_world(steps), steps
 
 
 @pytest.mark.parametrize("part", range(4))
-def test_signals_and_serial_ports_of_the_world_are_those_of_linux(part: int) -> None:
+def test_signals_and_serial_ports_of_the_world_are_those_of_linux(part):
     for seed in range(10 * part, 10 * part + 10):
         signals, port = signal_script(seed), port_script(seed)
         assert signals_on_linux(signals) == signals_in_world(signals), signals
@@ -350,7 +350,7 @@ FAULTS: dict[str, tuple[Patches, str]] = {
 
 
 @pytest.mark.parametrize("law", FAULTS)
-def test_a_law_notices_the_fault_that_it_is_for(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_law_notices_the_fault_that_it_is_for(law, monkeypatch):
     patches, code = FAULTS[law]
     assert not of(code).broken
     for thing, attribute, instead in patches:
@@ -358,7 +358,7 @@ def test_a_law_notices_the_fault_that_it_is_for(law: str, monkeypatch: pytest.Mo
     assert law.partition(",")[0] in of(code).laws
 
 
-def test_a_schedule_is_shrunk_to_what_breaks_the_law() -> None:
+def test_a_schedule_is_shrunk_to_what_breaks_the_law():
     big = Schedule.of(
         "7,0.2,steps,wras|slow:opening:0.1:1:aux|wd term:driving:1.3456:0:|kill:driving:2.1:0:|low:closing:0:5:io"
     )
@@ -367,7 +367,7 @@ def test_a_schedule_is_shrunk_to_what_breaks_the_law() -> None:
 
 
 @pytest.mark.parametrize("name", MENDS)
-def test_a_mend_that_is_taken_back_is_found(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mend_that_is_taken_back_is_found(name, monkeypatch):
     """By this schedule, or by chance of another seed: a call more or less of the seam shifts what each seed draws."""
     patches, code = MENDS[name]
     schedule = Schedule.of(code)

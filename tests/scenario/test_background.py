@@ -61,7 +61,7 @@ def in_background(*command: str, folder: Path) -> tuple[int, str]:
 
 
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="a terminal of its own")
-def test_run_in_the_background_of_a_terminal_is_not_stopped(tmp_path: Path) -> None:
+def test_run_in_the_background_of_a_terminal_is_not_stopped(tmp_path):
     run = ["-m", "hil", "run", "stand", "--bench", "brevini-hpv41", "--out", str(tmp_path / "run"), "--set", "rounds=2"]
     status, said = in_background(*run, folder=tmp_path)  # writes: SIGTTOU
     assert status == 0 and "report: " in said, said

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from hil.identification.grey_box.identify import fit_plant, starting_model
@@ -15,7 +13,7 @@ from tests.driven import silent_rig
 TRUTH = {"dead_time": 0.03, "pilot_rate": 9.0, "dead_band": 17.0, "full_flow": 64.0}
 
 
-def test_parameters_of_the_simulated_valve_are_found_again(tmp_path: Path) -> None:
+def test_parameters_of_the_simulated_valve_are_found_again(tmp_path):
     path = bench_file(tmp_path / "bench.toml", "brevini-hpv41", simulation={"parameters": TRUTH})
     with silent_rig(path, tmp_path / "run") as rig:
         for level in (40.0, 70.0, 30.0, -50.0, -80.0, -40.0, 60.0, 100.0, 55.0):

@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -43,12 +42,12 @@ def run(*arguments: str | Path, prepare: Callable[[], None] | None = None, cwd: 
 
 
 @pytest.fixture
-def told(command_line: Told, stranger: Path) -> Told:
+def told(command_line, stranger):
     """`run`, but by the program's entry point within this process: for ends that no process need be watched at."""
     return command_line
 
 
-def test_a_run_that_passes(tmp_path: Path) -> None:
+def test_a_run_that_passes(tmp_path):
     status, out, err = run("run", "tiny_step", "--bench", "brevini-hpv41", "--set", "levels=50", cwd=tmp_path)
     assert status == 0
     told = err.splitlines()  # on a busy machine followed by the word that the archive takes its time
@@ -70,9 +69,7 @@ def test_a_run_that_passes(tmp_path: Path) -> None:
         ({"devices": {"daq": {"fault": {"kind": "overrun", "after": 3000}}}}, [], 3, "overwritten before it was read"),
     ],
 )
-def test_each_end_has_its_exit_status_and_one_line(
-    told: Told, tmp_path: Path, changes: dict[str, Any], settings: list[str], status: int, says: str
-) -> None:
+def test_each_end_has_its_exit_status_and_one_line(told, tmp_path, changes, settings, status, says):
     options = [option for setting in settings for option in ("--set", setting)]
     file = bench_file(tmp_path / "bench.toml", "brevini-hpv41", **changes)
     found, _, err = told("run", "tiny_step", "--bench", file, "--out", tmp_path / "run", *options)
@@ -82,7 +79,7 @@ def test_each_end_has_its_exit_status_and_one_line(
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_stopped_by_a_signal_while_driving(tmp_path: Path, number: signal.Signals, status: int) -> None:
+def test_stopped_by_a_signal_while_driving(tmp_path, number, status):
     folder = tmp_path / "run"
     file = bench_file(tmp_path / "bench.toml", "brevini-hpv41", **REAL_TIME)
     with start("run", "tiny_step", "--bench", file, "--out", folder, "--set", "hold_s=60") as process:
@@ -103,7 +100,7 @@ def test_stopped_by_a_signal_while_driving(tmp_path: Path, number: signal.Signal
     assert "Interrupt" in recording.meta["outcome"] or "Terminated" in recording.meta["outcome"]
 
 
-def test_full_disk_ends_safe_and_keeps_what_was_written(tmp_path: Path) -> None:
+def test_full_disk_ends_safe_and_keeps_what_was_written(tmp_path):
     def small_disk() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
 
@@ -117,7 +114,7 @@ def test_full_disk_ends_safe_and_keeps_what_was_written(tmp_path: Path) -> None:
     assert 15_000 < len(recording) < 21_000
 
 
-def test_check_lists_every_fault(told: Told, tmp_path: Path) -> None:
+def test_check_lists_every_fault(told, tmp_path):
     file = bench_file(tmp_path / "bench.toml", "brevini-hpv41", devices={"daq": {"skw": 1}},
                       channels={"flow": {"terminal": "ai99"}})  # fmt: skip
     status, out, err = told("check", file)
@@ -126,24 +123,24 @@ def test_check_lists_every_fault(told: Told, tmp_path: Path) -> None:
     assert err == f"hil: {file}: 2 faults\n"
 
 
-def test_check_of_a_good_bench_shows_it(told: Told) -> None:
+def test_check_of_a_good_bench_shows_it(told):
     status, out, err = told("check", "cummins-efc")
     assert (status, err) == (0, "")
     assert "pwm0  current (command): 0 … 3 A, limits 0 … 2.2, safe at 0" in out
 
 
-def test_describe_needs_no_bench(told: Told) -> None:
+def test_describe_needs_no_bench(told):
     status, out, _ = told("run", "tiny_step", "--describe")
     assert status == 0
     assert "--set kind: step | ramp = step" in out and "rise [l/min]: response to the step" in out
 
 
-def test_usage_without_a_bench(told: Told) -> None:
+def test_usage_without_a_bench(told):
     status, _, err = told("run", "tiny_step")
     assert status == 2 and "--bench" in err
 
 
-def test_help_imports_nothing_heavy() -> None:
+def test_help_imports_nothing_heavy():
     code = (
         "import sys, hil.cli.run, hil.cli.check; print([m for m in ('numpy', 'pydantic', 'rich') if m in sys.modules])"
     )

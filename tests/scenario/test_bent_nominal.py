@@ -41,7 +41,7 @@ def drives(seed: int) -> Experiment:
     )
 
 
-def test_a_model_that_explains_nothing_is_started_from_anywhere() -> None:
+def test_a_model_that_explains_nothing_is_started_from_anywhere():
     nominal, found = answered(drives(seed=3), "coupled-drives")
     unseen = drives(seed=4)
     assert fit(nominal, unseen) < 30.0
@@ -53,14 +53,14 @@ def test_a_model_that_explains_nothing_is_started_from_anywhere() -> None:
 
 
 @pytest.mark.parametrize("seed", [5, 6])
-def test_a_model_that_explains_nothing_does_not_tell_what_was_before_the_recording(seed: int) -> None:
+def test_a_model_that_explains_nothing_does_not_tell_what_was_before_the_recording(seed):
     """Commands before it took what the model lacked: its first 12 s of 12 were said to answer to them."""
     found = fit_plant(starting_model("coupled-drives"), [drives(seed)])
     assert not [note for note in found.notes if "begins in motion" in note]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_law_whose_strength_may_have_either_sign_is_found_with_the_signs_of_the_bench(sign: float) -> None:
+def test_a_law_whose_strength_may_have_either_sign_is_found_with_the_signs_of_the_bench(sign):
     time_s = np.arange(0.0, 10.0, 0.005)
     gap = 2.0 * np.sin(2.0 * np.pi * 0.7 * time_s) + np.sin(2.0 * np.pi * 1.9 * time_s)
     yielding = ActiveEffect("yielding", "field", {"strength": 20.0 * sign, "give": 0.1})

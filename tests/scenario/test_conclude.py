@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -27,14 +26,14 @@ WEAK_SIDE = ActiveEffect("asymmetry", "opening", {"ratio": 1.2, "gain": 1.0})
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def bench(tmp_path_factory):
     path = tmp_path_factory.mktemp("bench") / "worn.toml"
     write_bench_with(WEAK_SIDE, path, seed=5)
     return path
 
 
 @pytest.fixture(scope="module")
-def sines(bench: Path, tmp_path_factory: pytest.TempPathFactory) -> Experiment:
+def sines(bench, tmp_path_factory):
     """Small sines on one side of the valve: they cannot know that the other side is stronger."""
     given = {**SMALL_SINES, "frequencies": (0.7, 1.5), "rate_hz": 250}
     folder = tmp_path_factory.mktemp("sines") / "run"
@@ -43,7 +42,7 @@ def sines(bench: Path, tmp_path_factory: pytest.TempPathFactory) -> Experiment:
 
 
 @pytest.fixture(autouse=True)
-def diagnosed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def diagnosed_once(monkeypatch):
     """The same recordings are diagnosed once, however often they are asked about: that takes seconds."""
     known: dict[tuple[Experiment, ...], Diagnosed] = {}
 
@@ -56,9 +55,7 @@ def diagnosed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.session.diagnosis.diagnose", remembered)
 
 
-def test_the_tests_that_are_asked_for_are_run_and_lead_to_the_name(
-    bench: Path, sines: Experiment, tmp_path: Path
-) -> None:
+def test_the_tests_that_are_asked_for_are_run_and_lead_to_the_name(bench, sines, tmp_path):
     before = conclude(nominal(), [sines], read_bench(bench), 0.0, tmp_path / "before").diagnosis
     assert before.effects == ()
     assert before.next_test is not None

@@ -56,7 +56,7 @@ def bounded(folder: Path, handles: int, capfd: pytest.CaptureFixture[str]) -> It
     assert len(capfd.readouterr().err.splitlines()) <= 3
 
 
-def test_silence_keeps_no_page_and_no_stop_waiting(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_silence_keeps_no_page_and_no_stop_waiting(tmp_path, capfd):
     with bounded(tmp_path, 300, capfd) as lab:
         for said in SAID.values():
             with flooded(lab, 400, said):
@@ -67,7 +67,7 @@ def test_silence_keeps_no_page_and_no_stop_waiting(tmp_path: Path, capfd: pytest
 @pytest.mark.alone
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", SAID)
-def test_eleven_hundred_silent_ones_delay_nothing(kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_eleven_hundred_silent_ones_delay_nothing(kind, tmp_path, capfd):
     with limited(resource.RLIMIT_NOFILE, 4096), bounded(tmp_path, 1024, capfd) as lab:
         for page in PAGES:
             answered_s(lab, page)  # the first of each loads what it needs

@@ -7,17 +7,16 @@ import os
 import re
 import signal
 import time
-from collections.abc import Iterator
 from getpass import getuser
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, expect
+from playwright.sync_api import Page, expect
 
 import hil
 from hil.bench.read import read_bench
 from tests.chromium import chromium, faults_of, serious
-from tests.consoles import Lab, console, real_time_bench
+from tests.consoles import console, real_time_bench
 from tests.links import free_port
 from tests.waits import PATIENCE_S, until
 
@@ -29,13 +28,13 @@ SHORT = {"frequencies": "4,5", "amplitudes": "10", "biases": "50", "measure_s": 
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     with chromium() as found:
         yield found
 
 
 @pytest.fixture(scope="module")
-def lab(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> Iterator[Lab]:
+def lab(tmp_path_factory, browser):
     folder = tmp_path_factory.mktemp("lab")
     real_time_bench(folder)
     for name in ("one", "two"):
@@ -51,7 +50,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> Iterator[
 
 
 @pytest.fixture(scope="module")
-def operator(browser: Browser, lab: Lab) -> Iterator[BrowserContext]:
+def operator(browser, lab):
     """One browser of one operator: two would ask each other for the seat."""
     expect.set_options(timeout=_PATIENCE_MS)
     context = browser.new_context(viewport={"width": 1280, "height": 800}, base_url=lab.address, locale="en-GB")
@@ -61,7 +60,7 @@ def operator(browser: Browser, lab: Lab) -> Iterator[BrowserContext]:
 
 
 @pytest.fixture
-def page(operator: BrowserContext) -> Iterator[Page]:
+def page(operator):
     made = operator.new_page()
     faults = faults_of(made)
     yield made
@@ -81,7 +80,7 @@ def started(page: Page, serial: str = "SN-7", **settings: str) -> str:
     return page.url.rsplit("/", 1)[1]
 
 
-def test_bench_tells_every_channel_and_reads_when_asked(page: Page, lab: Lab) -> None:
+def test_bench_tells_every_channel_and_reads_when_asked(page, lab):
     page.goto("/bench?bench=real")
     channels = read_bench(lab.folder / "real.toml").bench.channels
     rows = page.locator("#lines tr")
@@ -95,7 +94,7 @@ def test_bench_tells_every_channel_and_reads_when_asked(page: Page, lab: Lab) ->
     expect(pressure.first).to_contain_text("not being read")
 
 
-def test_a_run_is_rehearsed_started_followed_and_stopped(page: Page, lab: Lab) -> None:
+def test_a_run_is_rehearsed_started_followed_and_stopped(page, lab):
     page.goto("/run?bench=real&procedure=frequency_response")
     expect(page.locator("#serial")).to_be_focused()
     page.keyboard.type("SN-7\nMK")
@@ -136,7 +135,7 @@ def test_a_run_is_rehearsed_started_followed_and_stopped(page: Page, lab: Lab) -
     assert hil.read(lab.runs / name).channels["command"].values[-1] == pytest.approx(0.0, abs=60.0)
 
 
-def test_bench_shows_the_run_that_drives_it_and_a_killed_one_is_lost(page: Page, lab: Lab) -> None:
+def test_bench_shows_the_run_that_drives_it_and_a_killed_one_is_lost(page, lab):
     name = started(page, "SN-8")
     expect(page.locator("#state")).to_have_text("running")
     page.goto("/bench?bench=real")
@@ -150,7 +149,7 @@ def test_bench_shows_the_run_that_drives_it_and_a_killed_one_is_lost(page: Page,
     expect(page.locator("#lanes")).to_have_class(re.compile("old"))
 
 
-def test_a_page_without_its_server_says_that_it_is_old(page: Page) -> None:
+def test_a_page_without_its_server_says_that_it_is_old(page):
     page.goto("/bench?bench=real")
     page.context.set_offline(True)
     expect(page.locator("#offline")).to_be_visible()
@@ -160,7 +159,7 @@ def test_a_page_without_its_server_says_that_it_is_old(page: Page) -> None:
     page.evaluate("window.scrollTo(0, 0)")
 
 
-def test_results_are_found_compared_and_followed(page: Page) -> None:
+def test_results_are_found_compared_and_followed(page):
     page.goto("/results")
     page.fill("#serial", "SN-1")
     page.get_by_role("button", name="Search").click()
@@ -193,7 +192,7 @@ def test_results_are_found_compared_and_followed(page: Page) -> None:
     expect(page.locator("main")).to_contain_text("No drift can be determined")
 
 
-def test_the_form_of_a_diagnosis_chooses_the_model_of_the_run_or_none(page: Page) -> None:
+def test_the_form_of_a_diagnosis_chooses_the_model_of_the_run_or_none(page):
     page.goto("/diagnose")
     assert page.input_value("#model") == ""
     assert page.locator("#model").get_attribute("required") is not None
@@ -203,7 +202,7 @@ def test_the_form_of_a_diagnosis_chooses_the_model_of_the_run_or_none(page: Page
     expect(page.locator("#model option:checked")).to_have_text("hpv41-identified · brevini-hpv41")
 
 
-def test_hostile_uploads_and_names_reach_no_file(page: Page, lab: Lab) -> None:
+def test_hostile_uploads_and_names_reach_no_file(page, lab):
     page.goto("/diagnose")
     page.select_option("#model", "hpv41-identified")
     page.set_input_files("#file", [{"name": "../../evil.exe", "mimeType": "text/csv", "buffer": b"MZ"}])
@@ -227,7 +226,7 @@ def test_hostile_uploads_and_names_reach_no_file(page: Page, lab: Lab) -> None:
     assert answer.status in (400, 404)
 
 
-def test_browsers_keep_scripts_by_their_contents_and_nothing_else(page: Page) -> None:
+def test_browsers_keep_scripts_by_their_contents_and_nothing_else(page):
     page.goto("/bench")
     script = page.locator('script[src*="/static/stop.js"]').get_attribute("src") or ""
     kept = [page.request.get(path).headers["cache-control"]
@@ -236,7 +235,7 @@ def test_browsers_keep_scripts_by_their_contents_and_nothing_else(page: Page) ->
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_pages_have_no_serious_finding_of_axe_and_fit_a_telephone(page: Page, scheme: str) -> None:
+def test_pages_have_no_serious_finding_of_axe_and_fit_a_telephone(page, scheme):
     page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
     found = {}
     for path in PAGES if scheme == "light" else PAGES[:3]:
@@ -251,7 +250,7 @@ def test_pages_have_no_serious_finding_of_axe_and_fit_a_telephone(page: Page, sc
     assert {path: faults for path, faults in found.items() if faults} == {}
 
 
-def test_the_form_knows_last_bench_units_of_today_and_an_overdue_calibration(page: Page, lab: Lab) -> None:
+def test_the_form_knows_last_bench_units_of_today_and_an_overdue_calibration(page, lab):
     text = (lab.folder / "real.toml").read_text(encoding="utf-8")
     dated = text.replace("date = 2026-03-02", "date = 2020-03-02, due = 2021-03-02", 1)
     assert dated != text
@@ -269,7 +268,7 @@ def test_the_form_knows_last_bench_units_of_today_and_an_overdue_calibration(pag
     assert page.input_value("#bench") == "overdue"
 
 
-def test_pages_speak_german_and_remember_it(page: Page) -> None:
+def test_pages_speak_german_and_remember_it(page):
     page.goto("/bench?bench=real")
     page.get_by_role("link", name="DE", exact=True).click()
     expect(page.locator("nav")).to_contain_text("Prüfstand")
@@ -282,7 +281,7 @@ def test_pages_speak_german_and_remember_it(page: Page) -> None:
     expect(page.locator("#rehearse")).to_have_text("Rehearse")
 
 
-def test_a_latched_trip_is_named_and_reset(page: Page, lab: Lab) -> None:
+def test_a_latched_trip_is_named_and_reset(page, lab):
     installed = Path(__file__).parents[2] / "sim_devices" / "benches" / "hpv41-modbus-tcp.toml"
     text = installed.read_text(encoding="utf-8").replace('name = "HPV41 on Modbus TCP"', 'name = "tripped"')
     (lab.folder / "tripped.toml").write_text(text, encoding="utf-8")
@@ -300,7 +299,7 @@ def test_a_latched_trip_is_named_and_reset(page: Page, lab: Lab) -> None:
     assert "over-pressure" in (audit if audit.is_file() else next(audit.iterdir())).read_text(encoding="utf-8")
 
 
-def test_the_next_test_of_a_diagnosis_stands_ready_on_the_form(page: Page, lab: Lab) -> None:
+def test_the_next_test_of_a_diagnosis_stands_ready_on_the_form(page, lab):
     folder = lab.folder / "state" / "console" / "diagnoses" / "diagnosis-20260101T000000-1"
     folder.mkdir(parents=True)
     friction = {"name": "friction", "probability": 0.98, "stage": "spool", "sentence": "The spool sticks.",
@@ -329,7 +328,7 @@ def test_the_next_test_of_a_diagnosis_stands_ready_on_the_form(page: Page, lab: 
 
 @pytest.mark.alone
 @pytest.mark.slow
-def test_a_killed_run_is_shown_as_lost_within_a_second(page: Page, lab: Lab) -> None:
+def test_a_killed_run_is_shown_as_lost_within_a_second(page, lab):
     for serial in ("SN-20", "SN-21", "SN-22"):
         name = started(page, serial)
         expect(page.locator("#state")).to_have_text("running")
@@ -342,9 +341,7 @@ def test_a_killed_run_is_shown_as_lost_within_a_second(page: Page, lab: Lab) -> 
 
 @pytest.mark.alone
 @pytest.mark.slow
-def test_a_console_that_was_killed_and_started_again_shows_the_run_and_stops_it(
-    browser: Browser, tmp_path: Path
-) -> None:
+def test_a_console_that_was_killed_and_started_again_shows_the_run_and_stops_it(browser, tmp_path):
     real_time_bench(tmp_path)
     port = free_port()
     context = browser.new_context(base_url=f"http://127.0.0.1:{port}", locale="en-GB")

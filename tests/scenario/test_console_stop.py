@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ FORM = {"procedure": "frequency_response", "bench": "real", "set.frequencies": "
 
 
 @pytest.fixture(scope="module")
-def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
+def lab(tmp_path_factory):
     folder = tmp_path_factory.mktemp("lab")
     real_time_bench(folder)
     with console(folder) as found:
@@ -54,7 +54,7 @@ def driven(folder: Path) -> float:
     return float(abs(hil.read(folder).channels["command"].values).max())
 
 
-def test_press_while_a_run_is_starting_ends_it_before_it_drives(lab: Lab) -> None:
+def test_press_while_a_run_is_starting_ends_it_before_it_drives(lab):
     _, begun = asked(lab, "/run/start", FORM)
     run = begun["run"]
     (told,) = asked(lab, "/controls")[1]["runs"]
@@ -73,7 +73,7 @@ def test_press_while_a_run_is_starting_ends_it_before_it_drives(lab: Lab) -> Non
     assert answer["answers"][begun["run"]]["state"] == "confirmed" and answer["pressed"] is None
 
 
-def test_press_where_nothing_is_under_way_keeps_runs_from_starting_until_it_is_released(lab: Lab) -> None:
+def test_press_where_nothing_is_under_way_keeps_runs_from_starting_until_it_is_released(lab):
     until(lambda: asked(lab, "/controls")[1]["runs"] == [])
     _, answer = asked(lab, "/stop", {})
     assert answer["pressed"]["runs"] == [] and answer["answers"] == {}
@@ -103,9 +103,7 @@ def watchdogs(folder: Path) -> list[str]:
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks into /proc")
-def test_console_that_is_terminated_leaves_after_its_runs_and_their_watchdogs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_console_that_is_terminated_leaves_after_its_runs_and_their_watchdogs(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(STRANGER))
     with Coupler() as coupler, console(tmp_path) as lab:
         bench(tmp_path, coupler)

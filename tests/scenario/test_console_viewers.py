@@ -98,7 +98,7 @@ def drive(folder: Path, name: str, viewers: Sequence[Viewer] = (), page: Any = N
     return run, observer
 
 
-def test_twenty_viewers_lose_nothing_and_delay_nothing(tmp_path: Path) -> None:
+def test_twenty_viewers_lose_nothing_and_delay_nothing(tmp_path):
     path = real_time_bench(tmp_path, "eight", channels=CHANNELS - 5)
     path.write_text(path.read_text(encoding="utf-8").replace("block_s = 0.1 ", "block_s = 0.05 "), encoding="utf-8")
     _run, alone = drive(tmp_path, "alone")

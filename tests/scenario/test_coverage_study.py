@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -17,7 +15,7 @@ from tests.bench_files import bench_file
 from tests.coverage_study.cases import BY_HAND, CASES, MADE_OF, SAME_AS, WITHOUT_TRUTH, Case
 from tests.coverage_study.recordings import driven, driven_on, noisy
 from tests.coverage_study.score import Tally
-from tests.coverage_study.situations import HPV41, SITUATIONS, Situation, without_noise
+from tests.coverage_study.situations import HPV41, SITUATIONS, without_noise
 from tests.coverage_study.study import Outcome, tried
 from tests.coverage_study.table import summary
 
@@ -36,7 +34,7 @@ def name_of(case: Case) -> str:
     return f"{case.procedure}-{case.bench}"
 
 
-def test_the_study_counts_what_holds_and_what_a_limit_at_the_truth_would_judge_wrongly() -> None:
+def test_the_study_counts_what_holds_and_what_a_limit_at_the_truth_would_judge_wrongly():
     tally = Tally(10.0, whole=True)
     for value in (9.0, 9.9, 10.1, 11.0, 12.0):
         tally.add(Measured("rise", value, "s", std=0.4))
@@ -46,7 +44,7 @@ def test_the_study_counts_what_holds_and_what_a_limit_at_the_truth_would_judge_w
     assert tally.beside == (1 / 7, 2 / 7)
 
 
-def test_the_summary_counts_what_holds_too_seldom_and_what_is_stated_too_widely() -> None:
+def test_the_summary_counts_what_holds_too_seldom_and_what_is_stated_too_widely():
     narrow, right, wide = (Tally(0.0, whole=True) for _ in range(3))
     for k in range(100):
         for tally, std in ((narrow, 0.2), (right, 0.5), (wide, 3.0)):
@@ -56,14 +54,14 @@ def test_the_summary_counts_what_holds_too_seldom_and_what_is_stated_too_widely(
 
 
 @pytest.mark.parametrize("case", QUICK, ids=name_of)
-def test_a_few_seeds_of_the_bench_as_installed_hold_the_truth(case: Case, tmp_path: Path) -> None:
+def test_a_few_seeds_of_the_bench_as_installed_hold_the_truth(case, tmp_path):
     outcome = tried(case, AS_INSTALLED, range(FIRST, FIRST + SEEDS), tmp_path)
     assert [name for name, tally in outcome.tallies.items() if 2 * tally.held < tally.stated] == []
     assert [name for name, tally in outcome.tallies.items() if 2 * tally.bounds_held < tally.bounds] == []
     assert {name.partition(", ")[0] for name in outcome.strange} <= WITHOUT_TRUTH.keys()
 
 
-def test_every_declared_figure_has_a_truth(tmp_path: Path) -> None:
+def test_every_declared_figure_has_a_truth(tmp_path):
     told: dict[str, set[str]] = {}
     for case in CASES:
         clean = driven(
@@ -82,7 +80,7 @@ def test_every_declared_figure_has_a_truth(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("situation", [one for one in SITUATIONS if one.effects], ids=lambda one: one.name)
-def test_a_situation_has_the_effects_that_its_truths_believe(situation: Situation, tmp_path: Path) -> None:
+def test_a_situation_has_the_effects_that_its_truths_believe(situation, tmp_path):
     for bench, effects in situation.effects.items():
         file = tmp_path / f"{bench}.toml"
         file.write_text(without_noise(bench, situation), encoding="utf-8")
@@ -98,14 +96,14 @@ def test_a_situation_has_the_effects_that_its_truths_believe(situation: Situatio
             assert effect.parameters.items() <= acting[effect.name].items()
 
 
-def test_every_shipped_bench_is_in_the_study_or_like_one_that_is() -> None:
+def test_every_shipped_bench_is_in_the_study_or_like_one_that_is():
     tried_on = {case.bench for case in CASES}
     assert set(benches()) - tried_on - SAME_AS.keys() == set()
     assert set(SAME_AS.values()) <= tried_on
     assert SAME_AS.keys() <= set(benches())
 
 
-def test_a_recording_made_from_one_without_noise_is_that_of_the_bench(tmp_path: Path) -> None:
+def test_a_recording_made_from_one_without_noise_is_that_of_the_bench(tmp_path):
     procedure = load_procedure("step_response")
     made = noisy(driven(procedure, HPV41, {}, AS_INSTALLED, tmp_path / "quiet"), HPV41, AS_INSTALLED, 17)
     text = bench_file(tmp_path / "bench.toml", HPV41, simulation={"seed": 17}).read_text(encoding="utf-8")
@@ -115,7 +113,7 @@ def test_a_recording_made_from_one_without_noise_is_that_of_the_bench(tmp_path: 
     assert np.mean(apart == 0.0) > 0.85  # the command's converter is a finer one there
 
 
-def test_the_response_without_noise_is_that_of_the_published_equations(tmp_path: Path) -> None:
+def test_the_response_without_noise_is_that_of_the_published_equations(tmp_path):
     clean = driven(load_procedure("step_response"), HPV41, {}, AS_INSTALLED, tmp_path / "quiet")
     every, interval_s = 10, 1e-4
     command = np.repeat(clean.values("command"), every)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ CASES: list[tuple[str, str, dict[str, Any]]] = [
 
 
 @pytest.mark.parametrize(("procedure", "bench", "settings"), CASES, ids=[name for name, _, _ in CASES])
-def test_a_dead_meter_gives_no_figure(procedure: str, bench: str, settings: dict[str, Any], tmp_path: Path) -> None:
+def test_a_dead_meter_gives_no_figure(procedure, bench, settings, tmp_path):
     hil.run(procedure, bench, tmp_path / "run", settings=settings)
     run = hil.read(tmp_path / "run")
     flow = replace(run.channels["flow"], values=np.zeros(len(run.time_s)))

@@ -50,7 +50,7 @@ def opened(name: str, address: str, *terminals: str, **more: Any) -> Iterator[An
         link.close()
 
 
-def test_ten_devices_and_three_of_each_kind_of_bus() -> None:
+def test_ten_devices_and_three_of_each_kind_of_bus():
     kinds = [read_description(descriptions()[name]).protocol for name in DEVICES]
     by_bus = {
         "modbus": "modbus",
@@ -82,7 +82,7 @@ class WithCoils(Tables):
         return request[:5]
 
 
-def test_modbus_modules_against_registers_on_a_socket() -> None:
+def test_modbus_modules_against_registers_on_a_socket():
     wago = Tables(holding={0: 0, 0x0200: 0}, inputs={0: 0x4000, 1: 0xC000})
     wago_answer = wago.answered
 
@@ -130,7 +130,7 @@ def answering(answers: Callable[[str], str], end: str, answer_end: str) -> Forei
     return ForeignLine(answer, ended(end.encode()))
 
 
-def test_text_instruments_against_strings_on_a_socket() -> None:
+def test_text_instruments_against_strings_on_a_socket():
     supply = {"volts": "0.000"}
 
     def ql355(line: str) -> str:
@@ -189,7 +189,7 @@ def test_text_instruments_against_strings_on_a_socket() -> None:
         assert link.read() == {"in1": -2.500123, "in20": float("inf")}
 
 
-def test_ascii_modules_against_strings_on_a_socket() -> None:
+def test_ascii_modules_against_strings_on_a_socket():
     last = {"0": "+00.000"}
 
     def module(line: str) -> str:
@@ -212,7 +212,7 @@ def test_ascii_modules_against_strings_on_a_socket() -> None:
         assert link.read() == {"ai1": 7.234, "ai7": 2.5}
 
 
-def test_broadcasts_of_j1939_against_frames_on_a_bus(tmp_path: Path) -> None:
+def test_broadcasts_of_j1939_against_frames_on_a_bus(tmp_path):
     bus = can.Bus(interface="virtual", channel=tmp_path.name)
     terminals = ("hydraulic temperature", "engine oil pressure", "fuel pressure", "engine speed")
     try:
@@ -231,7 +231,7 @@ def test_broadcasts_of_j1939_against_frames_on_a_bus(tmp_path: Path) -> None:
         bus.shutdown()
 
 
-def test_an_encoder_against_frames_on_a_bus(tmp_path: Path) -> None:
+def test_an_encoder_against_frames_on_a_bus(tmp_path):
     bus, ended = can.Bus(interface="virtual", channel=tmp_path.name), threading.Event()
     held = {(0x1000, 0): 0x00010196, (0x1018, 1): 0, (0x6004, 0): 2048}
 
@@ -257,7 +257,7 @@ def test_an_encoder_against_frames_on_a_bus(tmp_path: Path) -> None:
 @pytest.mark.alone
 @pytest.mark.slow
 @pytest.mark.parametrize("name", DEVICES)
-def test_each_passes_the_checks_on_its_twin(name: str, tmp_path: Path) -> None:
+def test_each_passes_the_checks_on_its_twin(name, tmp_path):
     told = read_description(descriptions()[name])
     passed = passes(written(tmp_path, "bench.toml", bench_of(name, told, tmp_path)), told.protocol)
     assert passed >= {"says_what_it_is", "says_soon_that_nobody_is_there"}

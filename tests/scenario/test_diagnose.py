@@ -43,7 +43,7 @@ def names(of: Diagnosed) -> list[str]:
 
 
 @pytest.mark.parametrize(("memory", "seed"), [(0.0, 2), (0.9, 3)])
-def test_a_healthy_unit_is_consistent(memory: float, seed: int) -> None:
+def test_a_healthy_unit_is_consistent(memory, seed):
     of = found(memory=memory, seed=seed)
     assert of.diagnosis.verdict == "consistent"
     assert names(of) == []
@@ -71,7 +71,7 @@ def test_a_healthy_unit_is_consistent(memory: float, seed: int) -> None:
     ],
     ids=lambda value: value.name if isinstance(value, ActiveEffect) else "",
 )
-def test_a_concealed_effect_is_named_first_with_its_size(effect: ActiveEffect, strength: str, value: float) -> None:
+def test_a_concealed_effect_is_named_first_with_its_size(effect, strength, value):
     of = concealed(effect)
     assert of.diagnosis.verdict == "explained"
     assert names(of)[0] == effect.name
@@ -83,7 +83,7 @@ def test_a_concealed_effect_is_named_first_with_its_size(effect: ActiveEffect, s
         assert abs(quantity.value - value) < max(4.0 * quantity.std, 0.03 * value)
 
 
-def test_more_dead_time_is_an_effect_and_a_slower_pilot_is_a_change() -> None:
+def test_more_dead_time_is_an_effect_and_a_slower_pilot_is_a_change():
     late = found(parameters={"dead_time": 0.05}, seed=5)
     assert names(late) == ["dead_time"]
     slow = found(parameters={"pilot_rate": 4.0}, seed=5)
@@ -96,7 +96,7 @@ def test_more_dead_time_is_an_effect_and_a_slower_pilot_is_a_change() -> None:
     assert slow.corrected.origin["intervals_s"] == [1.0 / RATE_HZ]
 
 
-def test_two_effects_are_both_found() -> None:
+def test_two_effects_are_both_found():
     friction = ActiveEffect("friction", "force", {"coulomb": 3.0, "stiction": 1.2, "stribeck": 5.0, "presliding": 0.05})
     of = found(friction, parameters={"dead_time": 0.05}, seed=6)
     assert sorted(names(of)) == ["dead_time", "friction"]
@@ -115,7 +115,7 @@ def held(of: dict[str, np.ndarray], rng: np.random.Generator) -> dict[str, np.nd
     return moved
 
 
-def test_commands_that_do_not_arrive_are_seen_where_the_spool_is_recorded_too() -> None:
+def test_commands_that_do_not_arrive_are_seen_where_the_spool_is_recorded_too():
     recorded = commands(np.random.default_rng(7))
     made = records(seed=7, arriving=held(recorded, np.random.default_rng(0)), with_spool=True)
     problem = pose(nominal(), bound(nominal(), made))
@@ -138,14 +138,14 @@ def repeated(of: np.ndarray) -> None:
     ],
     ids=lambda effect: effect.name,
 )
-def test_a_law_beside_commands_that_do_not_arrive_is_found_too(law: ActiveEffect) -> None:
+def test_a_law_beside_commands_that_do_not_arrive_is_found_too(law):
     of = found(law, seed=7, arriving=held(commands(np.random.default_rng(7)), np.random.default_rng(0)))
     assert sorted(names(of)) == sorted(["dropout", law.name])
     assert next(effect.stage for effect in of.diagnosis.effects if effect.name == "dropout") == "command"
     assert of.diagnosis.verdict == "explained"
 
 
-def test_a_tone_with_a_phase_of_its_own_in_each_recording() -> None:
+def test_a_tone_with_a_phase_of_its_own_in_each_recording():
     made = records(seed=9)
     for k, each in enumerate(made):
         each.channels["flow"].values[:] += 1.5 * np.sin(2.0 * np.pi * 11.3 * each.time_s + 2.0 * k)
@@ -156,7 +156,7 @@ def test_a_tone_with_a_phase_of_its_own_in_each_recording() -> None:
     assert frequency.std is not None and frequency.std > 2.8e-5 * 11.3  # the recorder's time base
 
 
-def test_a_tone_that_runs_through_the_spool_too_is_one() -> None:
+def test_a_tone_that_runs_through_the_spool_too_is_one():
     made = records(seed=9, with_spool=True)
     for k, each in enumerate(made):
         wave = np.sin(2.0 * np.pi * 11.3 * each.time_s + 2.0 * k)
@@ -171,7 +171,7 @@ def test_a_tone_that_runs_through_the_spool_too_is_one() -> None:
     assert rest.excess(nothing(rest).chi2) < CRITERIA.scale
 
 
-def test_a_tone_beside_an_effect_hides_neither() -> None:
+def test_a_tone_beside_an_effect_hides_neither():
     uneven = ActiveEffect("asymmetry", "flow", {"ratio": 0.85, "gain": 1.0})
     made = records((uneven,), seed=9)
     for k, each in enumerate(made):
@@ -181,7 +181,7 @@ def test_a_tone_beside_an_effect_hides_neither() -> None:
     assert of.diagnosis.verdict == "explained"
 
 
-def test_a_tone_that_a_law_foresees_has_the_frequency_of_its_period() -> None:
+def test_a_tone_that_a_law_foresees_has_the_frequency_of_its_period():
     made = records(seed=9)
     for each in made:
         phase = 2.0 * np.pi * 11.3 * each.time_s
@@ -198,7 +198,7 @@ def rounded(of: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(("spoilt", "name"), [(repeated, "dropout"), (rounded, "quantisation"), (None, "dropout")])
-def test_a_tone_beside_other_events_hides_neither(spoilt: Callable[[np.ndarray], None] | None, name: str) -> None:
+def test_a_tone_beside_other_events_hides_neither(spoilt, name):
     arriving = {} if spoilt else {"arriving": held(commands(np.random.default_rng(7)), np.random.default_rng(0))}
     made = records(seed=7, **arriving)
     for k, each in enumerate(made):
@@ -212,7 +212,7 @@ def test_a_tone_beside_other_events_hides_neither(spoilt: Callable[[np.ndarray],
     assert of.diagnosis.changed_parameters == ()
 
 
-def test_a_few_slow_waves_are_a_drift_and_no_tone() -> None:
+def test_a_few_slow_waves_are_a_drift_and_no_tone():
     made = records(seed=9)
     for k, each in enumerate(made):
         each.channels["flow"].values[:] += 5.0 * np.sin(2.0 * np.pi * 2.8 / DURATION_S * each.time_s + 2.0 * k)
@@ -220,7 +220,7 @@ def test_a_few_slow_waves_are_a_drift_and_no_tone() -> None:
     assert tone(problem, nothing(problem)) is None
 
 
-def test_a_gain_that_swings_is_no_tone() -> None:
+def test_a_gain_that_swings_is_no_tone():
     made = records(seed=9)
     for k, each in enumerate(made):
         each.channels["flow"].values[:] *= 1.0 + 0.1 * np.sin(2.0 * np.pi * 1.3 * each.time_s + 2.0 * k)
@@ -232,7 +232,7 @@ def test_a_gain_that_swings_is_no_tone() -> None:
     assert tone(humming, nothing(humming)) is not None
 
 
-def test_a_supply_that_gives_way_at_once_is_a_bent_curve() -> None:
+def test_a_supply_that_gives_way_at_once_is_a_bent_curve():
     """As a spring that stiffens would bend it; which of the two, the flow does not tell."""
     of = found(
         ActiveEffect(
@@ -249,7 +249,7 @@ def test_a_supply_that_gives_way_at_once_is_a_bent_curve() -> None:
     assert of.corrected.effects == ()
 
 
-def test_the_screen_corrects_a_start_that_is_too_strong() -> None:
+def test_the_screen_corrects_a_start_that_is_too_strong():
     """A twelfth of the signal swings; the library starts with four tenths, which would be worse than nothing."""
     ringing = ActiveEffect("resonance", "sensor", {"share": 0.08, "period": 0.19, "damping": 0.06})
     problem = pose(nominal(), bound(nominal(), records((ringing,), seed=14)))
@@ -261,7 +261,7 @@ def test_the_screen_corrects_a_start_that_is_too_strong() -> None:
     assert best.chi2 < 0.5 * (start.chi2 + problem.size)
 
 
-def test_what_no_library_lists_is_unexplained_with_its_place() -> None:
+def test_what_no_library_lists_is_unexplained_with_its_place():
     made = records(seed=10)
     for each in made:  # an output that depends on where it was four seconds ago
         flow = each.channels["flow"].values
@@ -275,7 +275,7 @@ def test_what_no_library_lists_is_unexplained_with_its_place() -> None:
     assert of.left.share > 0.1
 
 
-def test_one_shifted_clock_is_not_a_dead_time() -> None:
+def test_one_shifted_clock_is_not_a_dead_time():
     made = records(seed=11)
     flow = made[0].channels["flow"].values
     flow[:] = np.roll(flow, 12)
@@ -294,13 +294,13 @@ def converted(to_whole: Callable[[np.ndarray], np.ndarray]) -> Diagnosed:
     return diagnose(nominal(), bound(nominal(), made))
 
 
-def test_a_coarse_signal_is_quantised_and_has_no_dead_band() -> None:
+def test_a_coarse_signal_is_quantised_and_has_no_dead_band():
     of = converted(np.round)
     assert names(of) == ["quantisation"]
     assert of.diagnosis.effects[0].parameters["step"].value == pytest.approx(2.0)
 
 
-def test_a_converter_that_cuts_off_is_coarse_and_its_sensor_has_no_offset() -> None:
+def test_a_converter_that_cuts_off_is_coarse_and_its_sensor_has_no_offset():
     of = converted(np.floor)
     assert names(of) == ["quantisation"]
     assert "too little" in of.diagnosis.effects[0].sentence
@@ -308,7 +308,7 @@ def test_a_converter_that_cuts_off_is_coarse_and_its_sensor_has_no_offset() -> N
     assert of.diagnosis.not_separable == ()
 
 
-def test_what_comes_with_every_jump_of_the_command_was_not_lost() -> None:
+def test_what_comes_with_every_jump_of_the_command_was_not_lost():
     recorded = commands(np.random.default_rng(7))
     late = {name: values.copy() for name, values in recorded.items()}
     for at in np.flatnonzero(np.diff(recorded["steps"])):
@@ -319,17 +319,17 @@ def test_what_comes_with_every_jump_of_the_command_was_not_lost() -> None:
 
 
 @answers_kept
-def test_the_same_data_give_the_same_answer_bit_for_bit() -> None:
+def test_the_same_data_give_the_same_answer_bit_for_bit():
     first, second = concealed(BACKLASH), found(BACKLASH, seed=4)
     assert first.corrected == second.corrected
     assert {**first.diagnosis.as_dict(), "seconds": 0} == {**second.diagnosis.as_dict(), "seconds": 0}
 
 
-def test_the_duration_of_recordings_is_as_the_tests_believe() -> None:
+def test_the_duration_of_recordings_is_as_the_tests_believe():
     assert len(records(seed=1)[0]) == round(DURATION_S * RATE_HZ)
 
 
-def test_short_repeats_in_a_coarse_channel_are_dropouts() -> None:
+def test_short_repeats_in_a_coarse_channel_are_dropouts():
     made = records(seed=14)
     for each in made:
         flow = each.channels["flow"].values

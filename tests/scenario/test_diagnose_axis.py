@@ -60,14 +60,14 @@ DRAGGING = ActiveEffect("uneven_drag", "drag", {"difference": 0.2})
 
 
 @pytest.mark.parametrize("effects", [(FRICTION,), (LIMITED, UNEVEN)], ids=lambda e: " and ".join(x.name for x in e))
-def test_its_causes_are_found(effects: tuple[ActiveEffect, ...]) -> None:
+def test_its_causes_are_found(effects):
     of = answer(*effects)
     assert of.verdict == "explained"
     assert sorted(of.chosen.names) == sorted(effect.name for effect in effects)
     assert of.chosen.chi2 < 1.05 * len(of.chosen.residuals)
 
 
-def test_a_guide_that_brakes_one_way_harder_is_told_beside_its_friction() -> None:
+def test_a_guide_that_brakes_one_way_harder_is_told_beside_its_friction():
     of = answer(FRICTION, DRAGGING)
     assert of.verdict == "explained"
     assert sorted(of.chosen.names) == ["asymmetry", "friction"]
@@ -81,7 +81,7 @@ def raw_rms(problem: Problem, f: Fitted) -> float:
     return float(np.sqrt(np.mean([np.mean(((output_of(problem, f, e) - e.output) / n.std) ** 2) for e, n in pairs])))
 
 
-def test_a_start_does_not_bend_to_laws_that_are_off_by_much_more_than_noise() -> None:
+def test_a_start_does_not_bend_to_laws_that_are_off_by_much_more_than_noise():
     """A tone that is no part of the explanation; without friction in it, a start of a few noises would hide some."""
     problem = pose(MODEL, [moved(0, FRICTION, humming_n=20.0)])
     bent = fit(problem, fitted(problem, FRICTION))
@@ -94,14 +94,14 @@ def test_a_start_does_not_bend_to_laws_that_are_off_by_much_more_than_noise() ->
 
 
 @pytest.mark.parametrize("factor", [1000.0, 100.0, 0.1])
-def test_a_wrong_unit_is_refused_though_free_simulations_fit_nothing(factor: float) -> None:
+def test_a_wrong_unit_is_refused_though_free_simulations_fit_nothing(factor):
     e = moved(0, ActiveEffect("load_force", "force", {"force": 3.0}))
     scaled = replace(e, output=factor * e.output, drive=replace(e.drive, first_output=factor * e.drive.first_output))
     with pytest.raises(FileError, match=rf"'force \[N\]'.* by {factor:g};.* with 'position \[m\]' divided"):
         check(MODEL, [scaled])
 
 
-def test_swapped_columns_are_refused_though_free_simulations_fit_nothing() -> None:
+def test_swapped_columns_are_refused_though_free_simulations_fit_nothing():
     e = moved(0, ActiveEffect("load_force", "force", {"force": 3.0}))
     force, position = e.drive.inputs[0], e.output
     turned = recording("turned", e.time_s, {"force [N]": position, "position [m]": force})
@@ -109,7 +109,7 @@ def test_swapped_columns_are_refused_though_free_simulations_fit_nothing() -> No
         check(MODEL, [experiment(turned, AXIS)])
 
 
-def test_a_tone_that_enters_as_a_force_is_told_beside_its_start() -> None:
+def test_a_tone_that_enters_as_a_force_is_told_beside_its_start():
     problem = pose(MODEL, [moved(kind, humming_n=3.0) for kind in range(3)])
     events = tone(problem, nothing(problem))
     assert events is not None
@@ -117,7 +117,7 @@ def test_a_tone_that_enters_as_a_force_is_told_beside_its_start() -> None:
     assert events.values["frequency"][0] == pytest.approx(2.3, abs=0.005)
 
 
-def test_a_healthy_one_is_consistent() -> None:
+def test_a_healthy_one_is_consistent():
     assert answer().verdict == "consistent"
 
 
@@ -128,7 +128,7 @@ LATE = ActiveEffect("dead_time", "sensor", {"delay": 0.006})
 @pytest.mark.parametrize(
     "effects", [(RINGING,), (LATE,), ()], ids=lambda e: " and ".join(x.name for x in e) or "healthy"
 )
-def test_a_law_that_a_coarse_channel_hides_is_told_by_its_levels(effects: tuple[ActiveEffect, ...]) -> None:
+def test_a_law_that_a_coarse_channel_hides_is_told_by_its_levels(effects):
     step_m = 0.001
     fine = replace(MODEL, origin={"resolution": 1e-7})
     made = [moved(kind, *effects) for kind in range(3)]

@@ -53,7 +53,7 @@ def fit(model: Model, e: Experiment) -> float:
     return fit_percent(e.output, simulated)
 
 
-def test_its_description_predicts_what_nobody_has_seen() -> None:
+def test_its_description_predicts_what_nobody_has_seen():
     first, unseen = halves(seed=1)
     nominal = fit_plant(starting_model("hydraulic-actuator"), [first]).model
     found = diagnose(nominal, [first])

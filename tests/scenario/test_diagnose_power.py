@@ -23,12 +23,12 @@ def of_a_healthy_unit(top: float, duration_s: float = 5.6) -> Diagnosis:
     return diagnose(nominal(), bound(nominal(), [one])).diagnosis
 
 
-def test_a_part_kept_back_that_holds_only_a_rest_does_not_undo_what_the_other_shows() -> None:
+def test_a_part_kept_back_that_holds_only_a_rest_does_not_undo_what_the_other_shows():
     of = of_a_healthy_unit(40.0)
     assert of.verdict == "consistent" and "Nothing can be said" not in of.headline
     assert of.held_out.ceiling < 20.0  # of what is kept back
 
 
-def test_an_agreement_beneath_the_noise_means_nothing_and_says_so() -> None:
+def test_an_agreement_beneath_the_noise_means_nothing_and_says_so():
     of = of_a_healthy_unit(21.0)  # just out of the dead band
     assert of.verdict == "consistent" and of.headline.startswith("This unit cannot be judged: noise allows a fit")

@@ -53,9 +53,7 @@ def answer(leak: float, play_mm: float, back: float) -> Choice:
     ("leak", "play_mm", "back", "verdict"),
     [(0.15, 0.0, 1.35, "explained"), (0.15, 0.1, 1.35, "partly_explained"), (0.08, 0.2, 1.3, "partly_explained")],
 )
-def test_three_causes_are_named_where_they_leave_little_beside_what_they_take(
-    leak: float, play_mm: float, back: float, verdict: str
-) -> None:
+def test_three_causes_are_named_where_they_leave_little_beside_what_they_take(leak, play_mm, back, verdict):
     """The sensor sways by what no law has; in the last a lag in place of the leak leaves three times as much."""
     of = answer(leak=leak, play_mm=play_mm, back=back)
     assert of.verdict == verdict

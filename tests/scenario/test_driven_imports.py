@@ -55,7 +55,7 @@ print(json.dumps([name for name in {(*HEAVY, "can", "serial")} if name in sys.mo
 
 
 @pytest.mark.parametrize("case", [QUICK, *(pytest.param(case, marks=pytest.mark.slow) for case in ALL)])
-def test_everything_is_there_before_the_first_output_moves(case: str) -> None:
+def test_everything_is_there_before_the_first_output_moves(case):
     told = subprocess.run([sys.executable, str(WATCHER), *case.split()], capture_output=True, text=True, check=True)
     seen = json.loads(told.stdout)
     assert seen["imported"] == [] and seen["compiled"] == []
@@ -63,14 +63,14 @@ def test_everything_is_there_before_the_first_output_moves(case: str) -> None:
     assert seen["heavy"] == []
 
 
-def test_what_no_procedure_needs_is_not_there_before_it_drives() -> None:
+def test_what_no_procedure_needs_is_not_there_before_it_drives():
     """All procedures at once, in a process of their own: what each adds is seconds before each run."""
     names = sorted({case.split()[0] for case in (QUICK, *ALL)})
     told = subprocess.run([sys.executable, "-c", PRELOADED, *names], capture_output=True, text=True, check=True)
     assert json.loads(told.stdout) == []
 
 
-def test_all_procedures_are_watched() -> None:
+def test_all_procedures_are_watched():
     from hil.catalog import entries
 
     ours = {entry.name for entry in entries("procedures") if entry.module.startswith("procedures.")}

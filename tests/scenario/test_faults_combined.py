@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from tests.faults_combined import LINKS, SECOND, measure
@@ -12,7 +10,7 @@ from tests.faults_combined import LINKS, SECOND, measure
 @pytest.mark.slow
 @pytest.mark.parametrize("second", SECOND)
 @pytest.mark.parametrize("link", LINKS)
-def test_what_is_said_is_so(link: str, second: str, tmp_path: Path) -> None:
+def test_what_is_said_is_so(link, second, tmp_path):
     row = measure(link, second, tmp_path)
     print(row)
     assert row.lies == []

@@ -55,7 +55,7 @@ def told(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "watchdog.json").read_text(encoding="utf-8"))
 
 
-def test_killed(tmp_path: Path) -> None:
+def test_killed(tmp_path):
     with driven(tmp_path) as (process, observer, folder):
         at_s = time.monotonic()
         process.kill()
@@ -71,7 +71,7 @@ def test_killed(tmp_path: Path) -> None:
     assert recording.values("command")[-1] == 40.0
 
 
-def test_hangs(tmp_path: Path) -> None:
+def test_hangs(tmp_path):
     with driven(tmp_path) as (process, observer, folder):
         at_s = time.monotonic()
         process.send_signal(signal.SIGSTOP)
@@ -83,7 +83,7 @@ def test_hangs(tmp_path: Path) -> None:
     assert "gave no sign of life for 1 s while outputs were driven, and was killed" in why
 
 
-def test_the_watchdog_is_killed(tmp_path: Path) -> None:
+def test_the_watchdog_is_killed(tmp_path):
     with driven(tmp_path) as (process, observer, folder):
         at_s = time.monotonic()
         os.kill(watchdog_of(process.pid), signal.SIGKILL)
@@ -95,7 +95,7 @@ def test_the_watchdog_is_killed(tmp_path: Path) -> None:
     assert "StoppedError" in read_recording(folder).meta["outcome"]
 
 
-def test_the_watchdog_hangs(tmp_path: Path) -> None:
+def test_the_watchdog_hangs(tmp_path):
     with driven(tmp_path) as (process, observer, _folder):
         at_s = time.monotonic()
         watchdog = watchdog_of(process.pid)
@@ -110,7 +110,7 @@ def test_the_watchdog_hangs(tmp_path: Path) -> None:
     assert "the watchdog process gave no answer for 1 s; the run was stopped" in err
 
 
-def test_an_ordered_end_leaves_nothing_to_the_watchdog(tmp_path: Path) -> None:
+def test_an_ordered_end_leaves_nothing_to_the_watchdog(tmp_path):
     with driven(tmp_path) as (process, observer, folder):
         at_s = time.monotonic()
         watchdog = watchdog_of(process.pid)
@@ -124,7 +124,7 @@ def test_an_ordered_end_leaves_nothing_to_the_watchdog(tmp_path: Path) -> None:
     assert np.isfinite(read_recording(folder).time_s).all()
 
 
-def test_a_watchdog_that_cannot_reach_the_device_lets_nothing_move(tmp_path: Path) -> None:
+def test_a_watchdog_that_cannot_reach_the_device_lets_nothing_move(tmp_path):
     bench, *changes = TCP
     with served(bench, tmp_path, *changes) as (file, _):
         pass
@@ -143,7 +143,7 @@ def lose(file: BenchFile, run: Path, device: Any) -> None:
         rig.hold(30.0)
 
 
-def test_a_device_that_comes_back_after_its_run_has_ended_is_made_safe(tmp_path: Path) -> None:
+def test_a_device_that_comes_back_after_its_run_has_ended_is_made_safe(tmp_path):
     bench, own, _ = TCP
     with served(bench, tmp_path, own) as (file, devices), observed(devices) as observer:
         device = devices["io"]._device
@@ -162,7 +162,7 @@ def test_a_device_that_comes_back_after_its_run_has_ended_is_made_safe(tmp_path:
     assert after_s is not None
 
 
-def test_a_check_of_a_driver_that_is_killed_leaves_its_outputs_safe(tmp_path: Path) -> None:
+def test_a_check_of_a_driver_that_is_killed_leaves_its_outputs_safe(tmp_path):
     bench, own, _ = TCP
     command = [sys.executable, "-P", "-m", "hil", "check-driver", "modbus", "--hardware", "--bench"]
     environment = {**os.environ, "HIL_STATE_DIR": str(tmp_path / "state")}
@@ -181,9 +181,7 @@ def test_a_check_of_a_driver_that_is_killed_leaves_its_outputs_safe(tmp_path: Pa
     assert after_s is not None and stood == 0.0
 
 
-def test_a_lost_device_is_left_to_the_watchdog_before_the_record_is_closed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lost_device_is_left_to_the_watchdog_before_the_record_is_closed(tmp_path, monkeypatch):
     close, tried = RunWriter.close, list[bool]()
 
     def close_on_a_slow_disk(self: RunWriter, *words: Any, **more: Any) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from tests.faults import Case
@@ -23,7 +21,7 @@ def marked(case: Case):
 
 
 @pytest.mark.parametrize("case", [marked(case) for case in CASES])
-def test_outputs_are_safe_in_time(case: Case, tmp_path: Path) -> None:
+def test_outputs_are_safe_in_time(case, tmp_path):
     seen = measure(case, tmp_path, ANSWERS if is_at_the_desk(case) else ())
     print(seen)
     assert seen.message and case.says in seen.message

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from tests import faults_on_links
@@ -15,7 +13,7 @@ LONGEST_BLOCK = 100  # samples: the first look at the bench
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_outputs_are_safe_and_nothing_recorded_is_lost(case: Case, tmp_path: Path) -> None:
+def test_outputs_are_safe_and_nothing_recorded_is_lost(case, tmp_path):
     seen = measure(case, tmp_path)
     print(seen)
     assert case.says in seen.message
@@ -34,13 +32,13 @@ def test_outputs_are_safe_and_nothing_recorded_is_lost(case: Case, tmp_path: Pat
     assert seen.samples > 0 or case.moment == "before anything moves"
 
 
-def test_without_a_fault_the_course_is_as_the_moments_say(tmp_path: Path) -> None:
+def test_without_a_fault_the_course_is_as_the_moments_say(tmp_path):
     seen = measure(Case("", "none", "while it stands", None, ""), tmp_path)
     assert (seen.message, seen.lost) == ("", 0)
     assert max(MOMENTS.values()) < seen.samples / 1000.0
 
 
-def test_the_page_has_just_these_cases_and_what_it_says_was_measured_keeps_what_is_promised() -> None:
+def test_the_page_has_just_these_cases_and_what_it_says_was_measured_keeps_what_is_promised():
     measured = cells(PAGE.read_text(encoding="utf-8"))
     cases = {str(case): case for case in (*CASES, *faults_on_links.CASES)}
     assert set(measured) == set(cases)

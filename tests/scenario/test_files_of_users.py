@@ -29,7 +29,7 @@ TYPED = [line.split(" ", 1) for line in (SAMPLE / "commands.txt").read_text("utf
 
 
 @pytest.fixture
-def owned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def owned(tmp_path, monkeypatch):
     """A copy of everything, as the folder that one works in."""
     folder = shutil.copytree(SAMPLE, tmp_path / "owned")
     (folder / "state" / "passport-key.pem").chmod(0o600)
@@ -40,13 +40,13 @@ def owned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize(("status", "command"), TYPED, ids=[command[:60] for _, command in TYPED])
-def test_a_command_as_it_was_typed_ends_as_it_did(status: str, command: str, owned: Path, command_line) -> None:
+def test_a_command_as_it_was_typed_ends_as_it_did(status, command, owned, command_line):
     if "hil run" in command:  # the trip that is kept there is of this bench on hardware; a simulated one has none
         assert latch_path("HPV41, end of line").is_relative_to(owned)
     assert command_line(*shlex.split(command)[1:]).status == int(status)
 
 
-def test_numbers_are_those_that_were_written(owned: Path) -> None:
+def test_numbers_are_those_that_were_written(owned):
     written = json.loads((owned / "runs" / "spring" / "results.json").read_text("utf-8"))
     results = hil.results("runs/spring")
     assert len(results.values) == len(written["values"])
@@ -61,7 +61,7 @@ def test_numbers_are_those_that_were_written(owned: Path) -> None:
     assert np.isfinite(run.values("flow")).all()
 
 
-def test_notebook_prints_what_it_printed(owned: Path) -> None:
+def test_notebook_prints_what_it_printed(owned):
     names: dict[str, object] = {}
     for cell in nbformat.read("notebook.ipynb", as_version=4).cells:
         if cell.cell_type == "code":
@@ -70,7 +70,7 @@ def test_notebook_prints_what_it_printed(owned: Path) -> None:
             assert repr(eval(last, names)) == cell.outputs[0]["data"]["text/plain"]
 
 
-def test_state_of_a_lab_is_kept(owned: Path) -> None:
+def test_state_of_a_lab_is_kept(owned):
     with pytest.raises(TrippedError, match="supply pressure reads 120 bar"):
         Latch(latch_path("HPV41, end of line")).check()
     assert Accounts().verified("olga", "correct horse battery")
@@ -78,12 +78,12 @@ def test_state_of_a_lab_is_kept(owned: Path) -> None:
     assert [(line["who"], line["act"]) for line in trail] == [("AM", "drives"), ("AM", "drives")]
 
 
-def test_fmu_holds_what_it_held(owned: Path) -> None:
+def test_fmu_holds_what_it_held(owned):
     with ZipFile(owned / "valve.fmu") as fmu:
         assert "modelDescription.xml" in fmu.namelist()
 
 
-def test_package_of_a_stranger_passes_its_own_tests(owned: Path) -> None:
+def test_package_of_a_stranger_passes_its_own_tests(owned):
     package = owned / "stranger"
     for tried in (package / "tests").glob("test_driver_*.py"):  # their waits are those of an idle computer
         text = tried.read_text("utf-8")

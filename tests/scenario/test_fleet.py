@@ -35,7 +35,7 @@ ORIGIN: dict[str, object] = {"simulated": False, "other_plant": []}  # what the 
 
 
 @pytest.fixture(scope="module")
-def units(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def units(tmp_path_factory):
     made = []
     for name, effects in (("good", ()), ("worn", (ActiveEffect("backlash", "opening", {"half_width": 2.0}),))):
         folder = tmp_path_factory.mktemp(name)
@@ -54,9 +54,7 @@ def answer(of: UnitAnswer) -> tuple[dict[str, Any], dict[str, Any]]:
     return json.loads(json.dumps(diagnosis)), json.loads(json.dumps(corrected))
 
 
-def test_a_cluster_another_process_and_this_one_agree_bit_for_bit(
-    units: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cluster_another_process_and_this_one_agree_bit_for_bit(units, tmp_path, monkeypatch):
     out, script = tmp_path / "out", tmp_path / "cluster.py"
     script.write_text(CLUSTER)
     seen, unseen = units[0], Path(units[1].name)  # which for the worker, in another place, is not there
@@ -73,7 +71,7 @@ def test_a_cluster_another_process_and_this_one_agree_bit_for_bit(
     assert [answer(elsewhere), answer(diagnose_unit(read_unit(unseen, None)))] == cluster
 
 
-def test_a_scheduler_that_is_not_there_is_said(units: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scheduler_that_is_not_there_is_said(units, monkeypatch):
     monkeypatch.setattr(fleet, "_PATIENCE_S", 1)
     with pytest.raises(InputError, match="no Dask scheduler answers"):
         diagnosed_fleet([units[0]], scheduler="tcp://127.0.0.1:9")

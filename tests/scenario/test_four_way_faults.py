@@ -87,9 +87,7 @@ def steps_of(recording: Recording) -> Recording:
 @pytest.mark.parametrize(
     ("fault", "changed", "missed", "named"), FAULTS, ids=[f"{name}-{k}" for k, (name, *_) in enumerate(FAULTS)]
 )
-def test_a_fault_leaves_the_limits_that_it_touches_and_a_healthy_unit_none(
-    fault: str, changed: dict[str, float], missed: set[str], named: set[str]
-) -> None:
+def test_a_fault_leaves_the_limits_that_it_touches_and_a_healthy_unit_none(fault, changed, missed, named):
     unit = noisy(recorded(clean(), **{**own(), **changed}), BENCH, Situation("as installed"), 7000)
     judged = {one.name: one for one in evaluated(TEST, unit, LIMITS).measured if one.verdict is not None}
     assert set(judged) == set(LIMITS)
@@ -104,7 +102,7 @@ def test_a_fault_leaves_the_limits_that_it_touches_and_a_healthy_unit_none(
 
 
 @pytest.mark.slow
-def test_units_with_half_more_than_the_least_fault_fail_and_with_half_of_it_pass(tmp_path: Path) -> None:
+def test_units_with_half_more_than_the_least_fault_fail_and_with_half_of_it_pass(tmp_path):
     """What `hil passport --power` says by the plant's equations, asked of units that share none of them."""
     limits = {"rise, 0 → 25 %": Limit(high=25.0), "change, 0 → 25 %": Limit(6.3, 7.7)}
     given = [limit_text(name, one) for name, one in limits.items()]

@@ -41,7 +41,7 @@ def told(nominal: Model, made: Recording) -> Diagnosed:
 
 
 @pytest.mark.parametrize("coulomb", [1.6, 0.4])
-def test_more_or_less_friction_is_friction(coulomb: float) -> None:
+def test_more_or_less_friction_is_friction(coulomb):
     found = told(model(), steps(coulomb))
     (friction,) = found.diagnosis.effects
     grown = friction.parameters["coulomb"]
@@ -56,7 +56,7 @@ def test_more_or_less_friction_is_friction(coulomb: float) -> None:
     assert kept.parameters["presliding"].value == 0.6
 
 
-def test_new_physics_beside_it_is_told_as_new() -> None:
+def test_new_physics_beside_it_is_told_as_new():
     play = ActiveEffect("backlash", "opening", {"half_width": 2.0})
     found = told(model(), steps(0.8, play)).diagnosis
     assert [(f.name, f.is_new) for f in found.effects] == [("backlash", True)]
@@ -66,14 +66,14 @@ def test_new_physics_beside_it_is_told_as_new() -> None:
 
 
 @pytest.mark.parametrize("coulomb", [0.76, 0.84])
-def test_a_change_too_small_to_be_named_lies_within_its_limit_either_way(coulomb: float) -> None:
+def test_a_change_too_small_to_be_named_lies_within_its_limit_either_way(coulomb):
     found = told(model(known_to=0.001), steps(coulomb)).diagnosis
     assert not found.effects
     (limit,) = (one for one in found.limits if one.effect == "friction")
     assert 0.03 < limit.upper < 0.2
 
 
-def test_what_was_known_no_better_is_no_news() -> None:
+def test_what_was_known_no_better_is_no_news():
     found = told(model(known_to=0.2), steps(1.0))
     assert found.diagnosis.verdict == "consistent"
     assert any("instead of 0.8 %, within what was known of it" in text for text in found.diagnosis.warnings)
@@ -81,7 +81,7 @@ def test_what_was_known_no_better_is_no_news() -> None:
 
 
 @pytest.mark.parametrize(("before", "after"), [(0.8, 1.6), (1.6, 0.8)])
-def test_two_dates_of_a_unit_tell_how_it_grew(before: float, after: float) -> None:
+def test_two_dates_of_a_unit_tell_how_it_grew(before, after):
     first, second = (Dated(name, (steps(c, seed=s),)) for name, c, s in (("old", before, 3), ("new", after, 4)))
     (change,) = (c for c in difference(first, second, model()).changes if c.stage)
     assert (change.name, change.parameter) == ("friction", "coulomb")

@@ -39,7 +39,7 @@ def play(rig: Rig, level: float) -> None:
     rig.play(np.full(round(0.2 * rig.rate_hz), level))
 
 
-def test_hung_up_at_rest_is_connected_again(tmp_path: Path) -> None:
+def test_hung_up_at_rest_is_connected_again(tmp_path):
     with behind_a_relay(tmp_path) as (rig, relay):
         play(rig, 20.0)
         play(rig, 0.0)
@@ -56,6 +56,6 @@ def hang_up_away_from_rest(tmp_path: Path) -> None:
         play(rig, 20.0)
 
 
-def test_hung_up_while_driven_ends_the_run(tmp_path: Path) -> None:
+def test_hung_up_while_driven_ends_the_run(tmp_path):
     with pytest.raises(HardwareError):
         hang_up_away_from_rest(tmp_path)

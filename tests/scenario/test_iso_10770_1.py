@@ -43,7 +43,7 @@ ALONE: dict[str, dict[str, Any]] = {
 
 
 @pytest.fixture(scope="module")
-def file() -> BenchFile:
+def file():
     return read_bench(benches()["brevini-hpv41"])
 
 
@@ -53,7 +53,7 @@ def ran(file: BenchFile, out: Path, **more: Any) -> Any:
 
 
 @pytest.fixture(scope="module")
-def whole(file: BenchFile, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def whole(file, tmp_path_factory):
     return ran(file, tmp_path_factory.mktemp("whole") / "run")
 
 
@@ -71,7 +71,7 @@ def agree(found: Any, other: Any) -> int:
 
 
 @pytest.mark.parametrize("name", ALONE)
-def test_each_test_finds_what_it_finds_alone(file: BenchFile, tmp_path: Path, whole: Any, name: str) -> None:
+def test_each_test_finds_what_it_finds_alone(file, tmp_path, whole, name):
     alone = run_procedure(load_procedure(name), file, ALONE[name], tmp_path / "alone").findings
     mine = {m.name for m in alone.measured}
     part = type(whole)(tuple(m for m in whole.measured if m.name in mine))
@@ -80,9 +80,7 @@ def test_each_test_finds_what_it_finds_alone(file: BenchFile, tmp_path: Path, wh
     assert len(alone.deviations) <= len(whole.deviations)
 
 
-def test_a_run_that_was_broken_off_goes_on_with_the_test_that_was_not_completed(
-    file: BenchFile, tmp_path: Path, whole: Any
-) -> None:
+def test_a_run_that_was_broken_off_goes_on_with_the_test_that_was_not_completed(file, tmp_path, whole):
     def stop(_done: float, text: str) -> None:
         if text.startswith("onward"):
             raise StoppedError("somebody opened the door")
@@ -101,7 +99,7 @@ def test_a_run_that_was_broken_off_goes_on_with_the_test_that_was_not_completed(
     assert sum(p["kind"] == "sweep" for p in parts) == 2  # not driven again
 
 
-def test_what_was_not_driven_to_its_end_is_said_and_judged_by_nobody(file: BenchFile, tmp_path: Path) -> None:
+def test_what_was_not_driven_to_its_end_is_said_and_judged_by_nobody(file, tmp_path):
     def stop(_done: float, text: str) -> None:
         if "sweep of 20" in text:
             raise StoppedError("somebody opened the door")
@@ -116,7 +114,7 @@ def test_what_was_not_driven_to_its_end_is_said_and_judged_by_nobody(file: Bench
     ]
 
 
-def test_a_test_that_this_bench_cannot_do_is_refused_before_anything_moves(tmp_path: Path) -> None:
+def test_a_test_that_this_bench_cannot_do_is_refused_before_anything_moves(tmp_path):
     bench = read_bench(benches()["hydraforce-open-loop"])
     with pytest.raises(SettingError, match="comes to stand"):
         ran(bench, tmp_path / "run", settings={"tests": ("fail_safe",)})
@@ -127,7 +125,7 @@ def test_a_test_that_this_bench_cannot_do_is_refused_before_anything_moves(tmp_p
         ran(bench, tmp_path / "run", settings={"tests": ("threshold", "threshold")})
 
 
-def test_tests_of_adjusted_conditions_join_where_the_bench_has_their_roles(tmp_path: Path) -> None:
+def test_tests_of_adjusted_conditions_join_where_the_bench_has_their_roles(tmp_path):
     lab = read_bench(benches()["four-way-lab"])
     names = ("pressure_gain", "flow_over_pressure_drop")
     joined = ran(lab, tmp_path / "run", settings={"tests": names, "rate_hz": 200.0})
@@ -140,7 +138,7 @@ def test_tests_of_adjusted_conditions_join_where_the_bench_has_their_roles(tmp_p
         ran(read_bench(benches()["brevini-hpv41"]), tmp_path / "hpv41", settings={"tests": ("pressure_gain",)})
 
 
-def test_nobody_has_to_name_the_tests_of_a_bench(file: BenchFile, tmp_path: Path) -> None:
+def test_nobody_has_to_name_the_tests_of_a_bench(file, tmp_path):
     def stop(_done: float, text: str) -> None:
         if text.startswith("sweep"):
             raise StoppedError("somebody opened the door")
@@ -155,7 +153,7 @@ def test_nobody_has_to_name_the_tests_of_a_bench(file: BenchFile, tmp_path: Path
     assert named["lab"] == named["hpv41"] + [f"Not done: {name}." for name in more]
 
 
-def test_multisines_of_a_run_in_which_nobody_named_them_count(file: BenchFile, tmp_path: Path) -> None:
+def test_multisines_of_a_run_in_which_nobody_named_them_count(file, tmp_path):
     ran(file, tmp_path / "run", settings={**SETTINGS, "tests": ("multisine_response",)})
     recording = read_recording(tmp_path / "run")
     recording.meta["settings"]["tests"] = None  # as runs of earlier versions have it
@@ -181,7 +179,7 @@ def unplanned(rig: Any) -> None:
 
 
 @pytest.mark.parametrize(("run", "message"), [(beyond, "-10 … 10 % planned"), (unplanned, "drives before it says")])
-def test_nothing_is_driven_that_a_test_has_not_planned(file: BenchFile, tmp_path: Path, run: Any, message: str) -> None:
+def test_nothing_is_driven_that_a_test_has_not_planned(file, tmp_path, run, message):
     with pytest.raises(RangeError, match=message), open_rig(file, tmp_path / "run", {}, print) as rig:
         drive(rig, [SequencedTest(procedure(run), Note("made"), {})])
     with pytest.raises(FileError, match="0 samples"):

@@ -156,7 +156,7 @@ def _signal(*numbers: int) -> Callable[[Jog], None]:
     ],
     ids=["a key", "Ctrl-C", "Ctrl-C twice", "SIGTERM", "terminal closed"],
 )
-def test_it_ends_and_the_output_is_safe(end: Callable[[Jog], None], status: int, says: str, tmp_path: Path) -> None:
+def test_it_ends_and_the_output_is_safe(end, status, says, tmp_path):
     with jogging(tmp_path) as jog:
         end(jog)
         assert jog.end() == status, jog.text
@@ -164,7 +164,7 @@ def test_it_ends_and_the_output_is_safe(end: Callable[[Jog], None], status: int,
         assert says in jog.text and "NOT SAFE" not in jog.text
 
 
-def test_time_over(tmp_path: Path) -> None:
+def test_time_over(tmp_path):
     with jogging(tmp_path, "1.5s") as jog:
         assert jog.end() == 0, jog.text
         assert abs(jog.watch.now or 0.0) < 0.6
@@ -173,7 +173,7 @@ def test_time_over(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("signals", [(), (signal.SIGINT, signal.SIGINT)], ids=["alone", "and Ctrl-C twice"])
-def test_a_link_that_is_pulled_is_said_to_be_not_safe(signals: tuple[int, ...], tmp_path: Path) -> None:
+def test_a_link_that_is_pulled_is_said_to_be_not_safe(signals, tmp_path):
     with jogging(tmp_path) as jog:
         jog.line.dead = True
         _signal(*signals)(jog)
@@ -183,7 +183,7 @@ def test_a_link_that_is_pulled_is_said_to_be_not_safe(signals: tuple[int, ...], 
         assert jog.watch.wait(lambda: jog.watch.is_safe, 20.0), "the watchdog process makes it safe"
 
 
-def test_a_calibration_holds_its_point_as_long_as_it_takes_and_ctrl_c_ends_it(tmp_path: Path) -> None:
+def test_a_calibration_holds_its_point_as_long_as_it_takes_and_ctrl_c_ends_it(tmp_path):
     told = ("calibrate", str(tmp_path / "driven.toml"), "command", "--reference", "meter 7", "--between", "40..45")
     with jogging(tmp_path, "", *told) as jog:
         before = (tmp_path / "driven.toml").read_bytes()

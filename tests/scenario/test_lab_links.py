@@ -9,7 +9,6 @@ import socket
 import struct
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -22,7 +21,7 @@ SETTINGS = {"commands": (100.0,), "supplies": (50.0, 100.0, 150.0), "hold_s": 2.
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("link", "watchdog"), [("modbus", "watchdog_s = 1.0\n"), ("can", "watchdog_s = 0.5\n")])
-def test_figures_over_a_link_are_those_without_it(link: str, watchdog: str, tmp_path: Path) -> None:
+def test_figures_over_a_link_are_those_without_it(link, watchdog, tmp_path):
     direct = hil.run("flow_over_pressure_drop", "four-way-lab", settings=SETTINGS, out=tmp_path / "direct")
     with served(f"four-way-lab-{link}", tmp_path, (watchdog, "watchdog_s = 10.0\n")) as (file, _):
         linked = hil.run("flow_over_pressure_drop", file, settings=SETTINGS, out=tmp_path / "linked")
@@ -33,7 +32,7 @@ def test_figures_over_a_link_are_those_without_it(link: str, watchdog: str, tmp_
 
 
 @pytest.mark.slow
-def test_killed_between_pump_and_valve_every_output_is_safe(tmp_path: Path) -> None:
+def test_killed_between_pump_and_valve_every_output_is_safe(tmp_path):
     """Stopped, the pressure goes down first and the command stands: there the program is killed."""
     with served("four-way-lab-modbus", tmp_path, ("watchdog_s = 1.0\n", "")) as (file, _):
         port = int(re.findall(r":(\d+)\"", file.text)[0])  # of the first device, which has the command

@@ -107,7 +107,7 @@ def linked(file: BenchFile, folder: Path, rate_hz: float = RATE_HZ) -> tuple[Res
 
 
 @pytest.mark.parametrize("bench", BENCHES)
-def test_response_over_a_link_is_the_direct_one(bench: str, tmp_path: Path) -> None:
+def test_response_over_a_link_is_the_direct_one(bench, tmp_path):
     with served(bench, tmp_path, *CALM, JUDGED, IDLE) as (file, _):
         found, recording, rate_hz = linked(file, tmp_path)
     name = recording.meta["roles"]["response"]
@@ -120,7 +120,7 @@ def test_response_over_a_link_is_the_direct_one(bench: str, tmp_path: Path) -> N
     assert json.dumps(header)
 
 
-def test_delay_of_a_slow_device_is_taken_out(tmp_path: Path) -> None:
+def test_delay_of_a_slow_device_is_taken_out(tmp_path):
     rate_hz = 12.5
     with served("hpv41-modbus-tcp", tmp_path, *CALM, JUDGED, IDLE, quirks={"io": {"late_s": 0.02}}) as (file, _):
         found, _, rate_hz = linked(file, tmp_path, rate_hz)
@@ -131,7 +131,7 @@ def test_delay_of_a_slow_device_is_taken_out(tmp_path: Path) -> None:
     assert found.stalled or found.allowed < abs(uncorrected - plain)
 
 
-def test_devices_are_served_in_a_process_of_their_own(tmp_path: Path) -> None:
+def test_devices_are_served_in_a_process_of_their_own(tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text(moved(answered(bench_text("hpv41-mixed", *CALM)), tmp_path), encoding="utf-8")
     with devices_of(path) as (process, told):
@@ -147,7 +147,7 @@ def test_devices_are_served_in_a_process_of_their_own(tmp_path: Path) -> None:
     assert not (tmp_path / "hil-module").is_symlink()
 
 
-def test_step_response_of_the_procedure_is_the_direct_one(tmp_path: Path) -> None:
+def test_step_response_of_the_procedure_is_the_direct_one(tmp_path):
     def rise(file: BenchFile, folder: Path) -> Measured:
         with silent_rig(file, folder, {"settings": {"band": 2.0}}) as rig:
             procedure.run(rig, levels=(0.0, 60.0), hold_s=0.9, rate_hz=100.0)
@@ -177,7 +177,7 @@ SHORT = {**link_page.WHOLE, "frequencies": (0.5, 1.1, 1.7, 2.9, 4.1, 4.9), "meas
 
 @pytest.mark.alone
 @pytest.mark.slow
-def test_frequency_response_of_the_procedure_over_a_serial_line_is_the_direct_one(tmp_path: Path) -> None:
+def test_frequency_response_of_the_procedure_over_a_serial_line_is_the_direct_one(tmp_path):
     plain = link_page.direct("flow", tmp_path, SHORT)
     seen = link_page.over("hpv41-modbus-rtu", tmp_path, SHORT)
     off = {name: figure.off_by(plain[name]) for name, figure in seen.corrected.items()}
@@ -186,7 +186,7 @@ def test_frequency_response_of_the_procedure_over_a_serial_line_is_the_direct_on
     assert seen.uncorrected["−90° bandwidth"].value > seen.corrected["−90° bandwidth"].value
 
 
-def test_the_page_of_links_names_what_is_off() -> None:
+def test_the_page_of_links_names_what_is_off():
     text = PAGE.read_text(encoding="utf-8").partition(f"\n## {link_page.TITLE}\n")[2]
     table, _, short = text.partition("\n### What falls short\n")
     rows = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ")]

@@ -65,11 +65,11 @@ class Bench:
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Bench:
+def bench(tmp_path):
     return Bench(tmp_path)
 
 
-def test_it_runs_with_its_watchdog_and_ends_safe(bench: Bench) -> None:
+def test_it_runs_with_its_watchdog_and_ends_safe(bench):
     process = bench.start(hold_s=0.3)
     _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, err
@@ -78,7 +78,7 @@ def test_it_runs_with_its_watchdog_and_ends_safe(bench: Bench) -> None:
     assert [column["name"] for column in header["samples"]["columns"]] == ["time", "command", "enable", "flow"]
 
 
-def test_it_is_killed_and_the_watchdog_process_makes_the_board_safe(bench: Bench) -> None:
+def test_it_is_killed_and_the_watchdog_process_makes_the_board_safe(bench):
     process = bench.drive()
     process.kill()
     process.communicate(timeout=PATIENCE_S)
@@ -86,7 +86,7 @@ def test_it_is_killed_and_the_watchdog_process_makes_the_board_safe(bench: Bench
     assert (bench.level("ao0"), bench.level(RELAY)) == (0.0, 0.0)
 
 
-def test_board_is_unplugged_and_found_again_by_the_watchdog_process(bench: Bench) -> None:
+def test_board_is_unplugged_and_found_again_by_the_watchdog_process(bench):
     process = bench.drive()
     unplugged = bench.board.with_suffix(".unplugged")
     unplugged.touch()
@@ -101,7 +101,7 @@ def test_board_is_unplugged_and_found_again_by_the_watchdog_process(bench: Bench
     assert (bench.level("ao0"), bench.level(RELAY)) == (0.0, 0.0)
 
 
-def test_board_itself_is_examined(bench: Bench) -> None:
+def test_board_itself_is_examined(bench):
     out, err = bench.hil("check-driver", "ni", "--bench", "hpv41-usb-6211", "--hardware").communicate(
         timeout=PATIENCE_S
     )
@@ -115,7 +115,7 @@ def test_board_itself_is_examined(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("command", [("devices", "hpv41-usb-6211"), ("check-driver", "ni")])
-def test_nothing_is_served_for_a_board(bench: Bench, command: tuple[str, str]) -> None:
+def test_nothing_is_served_for_a_board(bench, command):
     process = bench.hil(*command)
     _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 2

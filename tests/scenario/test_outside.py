@@ -28,25 +28,25 @@ AT_THE_DESK = (
 
 
 @pytest.fixture(scope="module")
-def seen() -> dict[str, Seen]:
+def seen():
     """What was seen of a few, all at the same time: they wait most of it."""
     every = {**OUTAGES, **NAMED}
     return dict(zip(AT_THE_DESK, side_by_side(lambda name: watched(every[name], QUICK_S), AT_THE_DESK), strict=True))
 
 
 @pytest.mark.parametrize("name", AT_THE_DESK)
-def test_what_is_said_is_so(name: str, seen: dict[str, Seen]) -> None:
+def test_what_is_said_is_so(name, seen):
     assert (seen[name].not_run, seen[name].wrong) == ("", []), seen[name]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*OUTAGES, *NAMED])
-def test_every_situation(name: str) -> None:
+def test_every_situation(name):
     seen = watched({**OUTAGES, **NAMED}[name], 30.0)
     assert (seen.not_run, seen.wrong) == ("", []), seen
 
 
-def test_there_are_twelve_outages_with_five_endings_and_a_seed_is_one_combination() -> None:
+def test_there_are_twelve_outages_with_five_endings_and_a_seed_is_one_combination():
     assert (len(OUTAGES_S), len(ENDINGS), len(OUTAGES)) == (12, 5, 60)
     assert drawn(7).name == drawn(7).name != drawn(8).name
 
@@ -77,9 +77,7 @@ def said(folder: Path, state: str, sentence: str, code: int, at_s: float) -> Pro
         (0.0, "safe", "Traceback (most recent call last)", 7, ["a traceback", "exit status 7"]),
     ],
 )  # fmt: skip
-def test_words_that_are_not_so_are_found(
-    stands: float, state: str, sentence: str, code: int, wrong: list[str], tmp_path: Path
-) -> None:
+def test_words_that_are_not_so_are_found(stands, state, sentence, code, wrong, tmp_path):
     now_s = time.time()
     program = said(tmp_path, state, sentence, code, now_s - 10.0)
     with Coupler() as coupler:
@@ -90,7 +88,7 @@ def test_words_that_are_not_so_are_found(
 
 
 @pytest.mark.parametrize(("rise_ms", "wrong"), [(330.0, False), (535.0, True)])
-def test_a_figure_that_is_not_so_is_found(rise_ms: float, wrong: bool, tmp_path: Path) -> None:
+def test_a_figure_that_is_not_so_is_found(rise_ms, wrong, tmp_path):
     program = said(tmp_path, "safe", "", 0, time.time())
     value = {"name": "rise, 0 → 50 %", "value": rise_ms, "std": 25.0, "unit": "ms"}
     (tmp_path / "out").write_text(json.dumps({**(program.printed or {}), "values": [value]}), encoding="utf-8")

@@ -88,7 +88,7 @@ def driven(after_s: float, answer_s: float) -> tuple[float, Exception]:
 @pytest.mark.slow
 @pytest.mark.parametrize("after_s", [0.0, 0.4])
 @pytest.mark.parametrize("answer_s", [0.0, 0.02, 0.05, 0.1, 0.15])
-def test_reaction_takes_a_block_or_a_sample_and_one_answer_however_slow(answer_s: float, after_s: float) -> None:
+def test_reaction_takes_a_block_or_a_sample_and_one_answer_however_slow(answer_s, after_s):
     took_s, ended = driven(after_s, answer_s)
     assert took_s < max(BLOCK_S, 2.0 * answer_s) + answer_s + FOR_S + BUSY_S
     assert isinstance(ended, StoppedError) and "interlock 'pressure'" in str(ended)
@@ -97,6 +97,6 @@ def test_reaction_takes_a_block_or_a_sample_and_one_answer_however_slow(answer_s
 @pytest.mark.alone
 @pytest.mark.slow
 @pytest.mark.parametrize("answer_s", [0.05, 0.1, 0.15])
-def test_link_that_stays_too_slow_has_ended_the_run_before(answer_s: float) -> None:
+def test_link_that_stays_too_slow_has_ended_the_run_before(answer_s):
     took_s, ended = driven(2.0, answer_s)
     assert took_s < 0.0 and "the link has become too slow" in str(ended)

@@ -29,7 +29,7 @@ def killed_after(path: Path, seed: int, delay_s: float) -> int:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_kill_at_any_moment_loses_nothing_that_was_flushed(tmp_path: Path, seed: int) -> None:
+def test_a_kill_at_any_moment_loses_nothing_that_was_flushed(tmp_path, seed):
     delay_s = float(np.random.default_rng(seed).uniform(0.0, 0.15))
     safe = killed_after(tmp_path / "run", seed, delay_s)
     found = read(tmp_path / "run")

@@ -12,7 +12,6 @@ from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.errors import FileError, SettingError, StoppedError
 from hil.record.read import read_recording
-from hil.session.outcome import Outcome
 from hil.session.procedure import load_procedure
 from hil.session.run import rehearse_procedure, run_procedure
 
@@ -25,12 +24,12 @@ SWEEP: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def file() -> BenchFile:
+def file():
     return read_bench(benches()["brevini-hpv41"])
 
 
 @pytest.fixture(scope="module")
-def whole(file: BenchFile, tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+def whole(file, tmp_path_factory):
     """A run that was not broken off."""
     return run_procedure(load_procedure("frequency_response"), file, SWEEP, tmp_path_factory.mktemp("whole") / "run")
 
@@ -54,9 +53,7 @@ def sines(folder: Path) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize("after", [3, 5])
-def test_the_result_is_that_of_an_uninterrupted_run(
-    file: BenchFile, whole: Outcome, tmp_path: Path, after: int
-) -> None:
+def test_the_result_is_that_of_an_uninterrupted_run(file, whole, tmp_path, after):
     procedure = load_procedure("frequency_response")
     broken_off(file, tmp_path / "broken", after)
     first = sines(tmp_path / "broken")
@@ -81,7 +78,7 @@ def test_the_result_is_that_of_an_uninterrupted_run(
     assert after_it.meta["outcome"] == "completed"
 
 
-def test_the_reference_of_the_standard_needs_what_was_heard_before(file: BenchFile, tmp_path: Path) -> None:
+def test_the_reference_of_the_standard_needs_what_was_heard_before(file, tmp_path):
     settings = {**SWEEP, "frequencies": "1,3,5,7", "amplitudes": "10", "reference": "standard"}
     procedure = load_procedure("frequency_response")
     run_procedure(procedure, file, settings, tmp_path / "whole")
@@ -94,7 +91,7 @@ def test_the_reference_of_the_standard_needs_what_was_heard_before(file: BenchFi
     assert resumed_hz == pytest.approx(whole_hz, rel=0.02)
 
 
-def test_a_resumed_run_can_be_rehearsed(file: BenchFile, tmp_path: Path) -> None:
+def test_a_resumed_run_can_be_rehearsed(file, tmp_path):
     procedure = load_procedure("frequency_response")
     broken_off(file, tmp_path / "broken", 6)
     whole = rehearse_procedure(procedure, file, SWEEP)
@@ -102,7 +99,7 @@ def test_a_resumed_run_can_be_rehearsed(file: BenchFile, tmp_path: Path) -> None
     assert 0.0 < rest.bench_s < 0.5 * whole.bench_s
 
 
-def test_what_cannot_be_resumed_says_why(file: BenchFile, tmp_path: Path) -> None:
+def test_what_cannot_be_resumed_says_why(file, tmp_path):
     procedure = load_procedure("frequency_response")
     broken_off(file, tmp_path / "broken", 1)
     out = tmp_path / "out"

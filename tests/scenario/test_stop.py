@@ -78,7 +78,7 @@ def confirmed(control: dict[str, Any]) -> dict[str, Any]:
     return answer
 
 
-def test_stop_of_a_run_at_work_is_its_own_end(tmp_path: Path) -> None:
+def test_stop_of_a_run_at_work_is_its_own_end(tmp_path):
     with driven(tmp_path) as (process, watch, control):
         mode = stat.S_IMODE((tmp_path / "run" / "control.json").stat().st_mode)
         assert (mode, control["schema"], control["listener"], control["pid"]) == (
@@ -109,9 +109,7 @@ def test_stop_of_a_run_at_work_is_its_own_end(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("forward_s", [8 * 3600.0, 2**31 / 1000.0, 2.0**32])
 @pytest.mark.parametrize("hangs", [False, True], ids=["at work", "hung"])
-def test_stop_when_the_clocks_are_set_forward(
-    forward_s: float, hangs: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stop_when_the_clocks_are_set_forward(forward_s, hangs, tmp_path, monkeypatch):
     ahead = tmp_path / "ahead"
     ahead.mkdir()
     (ahead / "sitecustomize.py").write_text(
@@ -128,7 +126,7 @@ def test_stop_when_the_clocks_are_set_forward(
     assert 0.0 <= answer["seconds"] < 0.85
 
 
-def test_stop_of_a_run_that_hangs_is_taken_over(tmp_path: Path) -> None:
+def test_stop_of_a_run_that_hangs_is_taken_over(tmp_path):
     with driven(tmp_path) as (process, watch, control):
         process.send_signal(signal.SIGSTOP)
         answer = confirmed(control)
@@ -147,7 +145,7 @@ def drive_for_ever(file: BenchFile, run: Path) -> None:
             rig.play(np.full(1000, 20.0))
 
 
-def test_stop_of_a_simulated_run_is_heard_by_the_run_itself(tmp_path: Path) -> None:
+def test_stop_of_a_simulated_run_is_heard_by_the_run_itself(tmp_path):
     answers: list[dict[str, Any]] = []
 
     def press() -> None:

@@ -12,7 +12,6 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from typing import Any
 
-import pytest
 from playwright.sync_api import Page
 
 from hil.bench.stop.consoles import Console, announced
@@ -105,7 +104,7 @@ def waited(page: Page, text: str, within_s: float) -> float:
     return time.monotonic() - begun_s
 
 
-def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
+def test_page_stops_what_it_shows(subtests):
     with ExitStack() as stack:
         browser = stack.enter_context(chromium())
 
@@ -235,7 +234,7 @@ def tell_safe_outputs() -> Any:
     return SAFE
 
 
-def test_page_says_safe_while_only_time_is_missing() -> None:
+def test_page_says_safe_while_only_time_is_missing():
     waits = {"valve": Output(State.UNCONFIRMED, "V", 0.0, confirmed_in_s=1.5)}
 
     def confirm_in_time(desk: StopService, _wish: Asked) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.stop_times import How, distribution, stops
+from tests.stop_times import distribution, stops
 
 STOPS = 100
 
@@ -17,9 +17,7 @@ STOPS = 100
     [("work", 20, 0.1), ("killed", 20, 0.1), ("hung", 20, 0.3)],
     ids=["with 20 viewers", "with the web server killed", "with the run hung"],
 )
-def test_stop_is_read_back_at_the_device_in_time(
-    how: How, viewers: int, p99_s: float, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_stop_is_read_back_at_the_device_in_time(how, viewers, p99_s, capsys):
     found = stops(STOPS, how, viewers)
     with capsys.disabled():
         print(f"\nstop, {how}, {viewers} viewers: {distribution(found)}")

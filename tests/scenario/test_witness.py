@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from tests.links import CALM, opened, served
 JUDGED = ("block_s = 0.1", "block_s = 2.0")  # a busy host takes long for a sample; how long is not what is tried
 
 
-def test_valve_that_sticks_open_is_not_called_safe(tmp_path: Path) -> None:
+def test_valve_that_sticks_open_is_not_called_safe(tmp_path):
     with (
         served("hpv41-modbus-tcp", tmp_path, *CALM, JUDGED, quirks={"io": {"sticks": True}}) as (file, _),
         pytest.raises(NotSafeError) as ended,

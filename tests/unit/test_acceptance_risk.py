@@ -11,7 +11,7 @@ sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from acceptance_risk import Judged, table
 
 
-def test_risks_are_counted_and_stated() -> None:
+def test_risks_are_counted_and_stated():
     judged = [
         *[Judged("good", "pass", 0.9)] * 8,
         Judged("good", "fail", 0.4),
@@ -29,5 +29,5 @@ def test_risks_are_counted_and_stated() -> None:
     assert rows["— of these, cannot tell"] == "1"
 
 
-def test_a_study_that_was_stopped_at_once_still_has_its_table() -> None:
+def test_a_study_that_was_stopped_at_once_still_has_its_table():
     assert "| good valves not accepted | — |" in list(table([("none", [])]))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import fcntl
 import os
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -27,7 +26,7 @@ HERE = ["this computer:502"]
 
 
 @pytest.fixture
-def ports(tmp_path: Path) -> Iterator[list[str]]:
+def ports(tmp_path):
     """Two serial lines."""
     pairs = [os.openpty() for _ in range(2)]
     yield [os.ttyname(slave) for _, slave in pairs]
@@ -42,17 +41,17 @@ def ports(tmp_path: Path) -> Iterator[list[str]]:
      "socket://localhost:502", "SOCKET://127.0.0.1:502", "rfc2217://127.0.0.1:502?ign_set_control",
      "socketcand:localhost:502"],
 )  # fmt: skip
-def test_this_computer_is_one_place(text: str) -> None:
+def test_this_computer_is_one_place(text):
     assert places_of(text) == HERE
 
 
-def test_other_places_are_others() -> None:
+def test_other_places_are_others():
     seen = [places_of(text) for text in ("127.0.0.1:503", "127.0.0.2:502", "192.0.2.1:502", "no.such.invalid:502")]
     assert seen == [["this computer:503"], ["127.0.0.2:502"], ["192.0.2.1:502"], ["no.such.invalid:502"]]
     assert places_of("pcan:PCAN_USBBUS1") == ["pcan:PCAN_USBBUS1"] and places_of("virtual:a") == ["virtual:a"]
 
 
-def test_an_instrument_is_one_place_by_vxi11_and_hislip_and_on_every_spelling() -> None:
+def test_an_instrument_is_one_place_by_vxi11_and_hislip_and_on_every_spelling():
     lan = ("TCPIP::192.0.2.1::INSTR", "tcpip0::192.0.2.1::inst0::instr", "TCPIP0::192.0.2.1::hislip0::INSTR")
     assert {tuple(places_of(text)) for text in lan} == {("instrument 0 at 192.0.2.1:0",)}
     assert places_of("TCPIP::192.0.2.1::gpib0,5::INSTR") != places_of("TCPIP::192.0.2.1::gpib0,6::INSTR")
@@ -60,17 +59,17 @@ def test_an_instrument_is_one_place_by_vxi11_and_hislip_and_on_every_spelling() 
 
 
 @pytest.mark.parametrize("text", ["TCPIP::192.0.2.1::5025::SOCKET", "ASRL1::INSTR", "USB0::1::2::3::RAW"])
-def test_what_of_visa_is_not_used_is_refused_with_what_is(text: str) -> None:
+def test_what_of_visa_is_not_used_is_refused_with_what_is(text):
     assert "socket://host:port" in address.address_fault(text)
 
 
 @pytest.mark.skipif(not Path("/sys/class/net/lo").exists(), reason="needs a network interface that is known")
-def test_a_bus_is_its_network_interface() -> None:
+def test_a_bus_is_its_network_interface():
     index = Path("/sys/class/net/lo/ifindex").read_text(encoding="ascii").strip()
     assert places_of("socketcan:lo") == [f"network interface {index}"]
 
 
-def test_a_port_is_one_under_every_link_to_it(ports: list[str], tmp_path: Path) -> None:
+def test_a_port_is_one_under_every_link_to_it(ports, tmp_path):
     (tmp_path / "by-id").symlink_to(ports[0])
     (tmp_path / "again").symlink_to(tmp_path / "by-id")
     assert places_of(ports[0]) == places_of(f"{tmp_path}/by-id") == places_of(f"{tmp_path}/again")
@@ -78,7 +77,7 @@ def test_a_port_is_one_under_every_link_to_it(ports: list[str], tmp_path: Path) 
     assert places_of(f"{tmp_path}/gone") == [f"{tmp_path}/gone"]
 
 
-def test_a_name_that_belongs_to_another_port_is_refused(ports: list[str], tmp_path: Path) -> None:
+def test_a_name_that_belongs_to_another_port_is_refused(ports, tmp_path):
     name = tmp_path / "name"
     name.symlink_to(ports[0])
     port = Port(str(name))
@@ -96,7 +95,7 @@ def test_a_name_that_belongs_to_another_port_is_refused(ports: list[str], tmp_pa
     assert port.path() == str(name)
 
 
-def test_usb_adapters_are_known_by_number_or_place(ports: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_usb_adapters_are_known_by_number_or_place(ports, monkeypatch):
     def adapter(device: str, number: str | None, place: str) -> SimpleNamespace:
         return SimpleNamespace(device=device, vid=0x0403, pid=0x6001, serial_number=number, location=place)
 
@@ -123,7 +122,7 @@ def test_usb_adapters_are_known_by_number_or_place(ports: list[str], monkeypatch
 
 
 @pytest.mark.parametrize("text", ["spy:///dev/ttyUSB0?file=/tmp/x", "SPY://COM1", "alt:///dev/x?class=y", "loop://"])
-def test_addresses_that_write_files_or_lead_elsewhere_are_refused(text: str, tmp_path: Path) -> None:
+def test_addresses_that_write_files_or_lead_elsewhere_are_refused(text, tmp_path):
     path = tmp_path / "bench.toml"
     good = benches()["hpv41-serial"].read_text(encoding="utf-8")
     path.write_text(good.replace("socket://127.0.0.1:14001", text), encoding="utf-8")
@@ -135,7 +134,7 @@ def test_addresses_that_write_files_or_lead_elsewhere_are_refused(text: str, tmp
         Line(SerialSettings(address=text, timeout_s=0.1, longest_reply_s=0.3), "\r", "\r", driver="ascii_module")
 
 
-def test_the_coupler_that_has_the_name_of_a_lost_one_is_left_alone(tmp_path: Path) -> None:
+def test_the_coupler_that_has_the_name_of_a_lost_one_is_left_alone(tmp_path):
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
     wiring = Wiring({"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)}, {})
@@ -168,7 +167,7 @@ def test_the_coupler_that_has_the_name_of_a_lost_one_is_left_alone(tmp_path: Pat
         link.close()
 
 
-def test_a_port_that_another_program_has_is_said_to_be_so(tmp_path: Path) -> None:
+def test_a_port_that_another_program_has_is_said_to_be_so(tmp_path):
     with served("hpv41-modbus-rtu", tmp_path, *PATIENT) as (file, _):
         settings = modbus.Settings.model_validate(file.bench.devices["io"].settings)
         held = os.open(settings.address, os.O_RDWR | os.O_NOCTTY)
@@ -191,9 +190,7 @@ def _at(settings: modbus.Settings, address: str, volts: float | None = None) -> 
 
 
 @pytest.mark.parametrize("numbered", [False, True])
-def test_the_watchdog_writes_to_its_own_adapter_under_any_name_or_to_none(
-    numbered: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_watchdog_writes_to_its_own_adapter_under_any_name_or_to_none(numbered, tmp_path, monkeypatch):
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
     bench = "hpv41-modbus-rtu"
@@ -224,8 +221,8 @@ def test_the_watchdog_writes_to_its_own_adapter_under_any_name_or_to_none(
      ("", "it does not say what it is; WAGO", 0.0)],
 )  # fmt: skip
 def test_who_answers_as_another_one_is_told_nothing_and_who_says_nothing_is_told_to_be_safe(
-    said: str, says: str, stands: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    said, says, stands, tmp_path, monkeypatch
+):
     with served("hpv41-modbus-tcp", tmp_path, ("watchdog_s = 1.0", "")) as (file, _):
         settings = modbus.Settings.model_validate(file.bench.devices["io"].settings)
         monkeypatch.setattr(ModbusLine, "identity", lambda _line: "WAGO")
@@ -239,7 +236,7 @@ def test_who_answers_as_another_one_is_told_nothing_and_who_says_nothing_is_told
         assert _at(settings, settings.address) == pytest.approx(stands, abs=1e-3)
 
 
-def test_who_answers_as_another_one_is_another_device(tmp_path: Path) -> None:
+def test_who_answers_as_another_one_is_another_device(tmp_path):
     with served("hpv41-serial", tmp_path, *PATIENT) as (file, _):
         device = file.devices["module"]
         for _ in range(2):

@@ -37,7 +37,7 @@ def bench(tmp_path: Path, *changes: tuple[str, str]):
     return read_bench(path)
 
 
-def test_a_condition_is_adjusted_at_its_slew_while_the_command_stands_and_comes_back(tmp_path: Path) -> None:
+def test_a_condition_is_adjusted_at_its_slew_while_the_command_stands_and_comes_back(tmp_path):
     with silent_rig(bench(tmp_path), tmp_path / "run") as rig:
         assert set(rig.adjustable) == {"supply pressure", "load orifice", "tank pressure", "oil temperature"}
         assert rig.adjustable["supply pressure"].operating_point == 70.0
@@ -59,7 +59,7 @@ def test_a_condition_is_adjusted_at_its_slew_while_the_command_stands_and_comes_
     assert read_recording(tmp_path / "run").meta["roles"]["tank pressure"] == "tank setting"
 
 
-def test_a_condition_beyond_its_limits_moves_nothing(tmp_path: Path) -> None:
+def test_a_condition_beyond_its_limits_moves_nothing(tmp_path):
     with silent_rig(bench(tmp_path), tmp_path / "run") as rig:
         with pytest.raises(RangeError, match="supply setting"):
             rig.adjust({"supply pressure": 211.0})
@@ -67,7 +67,7 @@ def test_a_condition_beyond_its_limits_moves_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ordered", [True, False])
-def test_outputs_go_to_their_safe_values_in_the_order_of_the_bench_file(tmp_path: Path, ordered: bool) -> None:
+def test_outputs_go_to_their_safe_values_in_the_order_of_the_bench_file(tmp_path, ordered):
     with silent_rig(bench(tmp_path, *(() if ordered else ((ORDER, ""),))), tmp_path / "run") as rig:
         rig.ramp_to(50.0)
     run = read_recording(tmp_path / "run")
@@ -95,7 +95,7 @@ def test_outputs_go_to_their_safe_values_in_the_order_of_the_bench_file(tmp_path
         ),
     ],
 )
-def test_what_makes_no_sense_is_a_fault_of_the_bench_file(tmp_path: Path, old: str, new: str, message: str) -> None:
+def test_what_makes_no_sense_is_a_fault_of_the_bench_file(tmp_path, old, new, message):
     with pytest.raises(BenchError, match=message):
         bench(tmp_path, (old, new))
 
@@ -112,13 +112,13 @@ def test_what_makes_no_sense_is_a_fault_of_the_bench_file(tmp_path: Path, old: s
         "proof_pressure",
     ],
 )
-def test_a_test_that_lacks_a_role_is_refused_by_name(tmp_path: Path, name: str) -> None:
+def test_a_test_that_lacks_a_role_is_refused_by_name(tmp_path, name):
     hpv41 = read_bench(benches()["brevini-hpv41"])
     with pytest.raises(SettingError, match=r'needs an output with role = "[a-z ]+"; this bench adjusts: nothing'):
         run_procedure(load_procedure(name), hpv41, {}, tmp_path / "run")
 
 
-def test_the_rehearsal_judges_adjusted_conditions_too(tmp_path: Path) -> None:
+def test_the_rehearsal_judges_adjusted_conditions_too(tmp_path):
     def run(rig: Rig) -> None:
         rig.adjust({"supply pressure": 140.0})
 
@@ -143,9 +143,7 @@ def by_hand(tmp_path: Path, change: tuple[str, str] | None = None):
 
 
 @pytest.mark.parametrize(("asked", "message"), [(100.5, ""), (110.0, "supply pressure 110 bar was confirmed, ± 2 is")])
-def test_somebody_sets_a_condition_by_hand_and_the_reading_is_held_against_it(
-    tmp_path: Path, asked: float, message: str
-) -> None:
+def test_somebody_sets_a_condition_by_hand_and_the_reading_is_held_against_it(tmp_path, asked, message):
     operator, heard = Operator(), []
 
     def told(_done: float, text: str) -> None:
@@ -166,7 +164,7 @@ def test_somebody_sets_a_condition_by_hand_and_the_reading_is_held_against_it(
     assert (run.values("command").max() > 0.0) == (not message)  # what contradicts moves no valve
 
 
-def test_nobody_is_asked_where_nobody_is_and_a_value_beyond_the_range_is_refused(tmp_path: Path) -> None:
+def test_nobody_is_asked_where_nobody_is_and_a_value_beyond_the_range_is_refused(tmp_path):
     with silent_rig(by_hand(tmp_path), tmp_path / "run") as rig:
         rig.adjust({"supply pressure": 150.0})
         with pytest.raises(RangeError, match="cannot be set by hand"):
@@ -174,7 +172,7 @@ def test_nobody_is_asked_where_nobody_is_and_a_value_beyond_the_range_is_refused
     assert "hold" not in [event["event"] for event in read_recording(tmp_path / "run").meta["events"]]
 
 
-def test_nobody_is_asked_on_a_simulated_bench_without_a_terminal(tmp_path: Path) -> None:
+def test_nobody_is_asked_on_a_simulated_bench_without_a_terminal(tmp_path):
     def run(rig: Rig) -> None:
         rig.adjust({"supply pressure": 101.0})
         rig.hold(0.1)
@@ -186,7 +184,7 @@ def test_nobody_is_asked_on_a_simulated_bench_without_a_terminal(tmp_path: Path)
     assert "hold" not in events
 
 
-def test_only_what_reads_a_condition_is_set_by_hand(tmp_path: Path) -> None:
+def test_only_what_reads_a_condition_is_set_by_hand(tmp_path):
     with pytest.raises(BenchError, match="by_hand: only an input has this"):
         by_hand(tmp_path, ('role = "supply pressure"\n', ""))
     with pytest.raises(BenchError, match="or an input with by_hand"):

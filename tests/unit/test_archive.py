@@ -407,9 +407,7 @@ def test_a_waiting_run_whose_header_is_torn_keeps_no_other_out(place, monkeypatc
     assert names(place) == ["before", "sound", "last"]
 
 
-def test_a_run_that_is_entered_slowly_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_that_is_entered_slowly_says_so(tmp_path, monkeypatch, capfd):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "run.json").write_text("{}")
     said: list[str] = []

@@ -32,13 +32,13 @@ folder_with_a_run = test_archive.folder_with_a_run  # a fixture
 
 
 @pytest.fixture
-def lab(postgresql: str) -> Place:
+def lab(postgresql):
     """A database that benches share."""
     return archive_place(new_database(postgresql))
 
 
 @pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch):
+def bench(monkeypatch):
     """Be another computer."""
     return lambda name: monkeypatch.setattr("socket.gethostname", lambda: name)
 
@@ -47,7 +47,7 @@ def bench(monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.parametrize("hidden", [True, False], ids=["folders of its own", "the same path on both"])
-def test_rebuild_on_one_bench_leaves_the_runs_of_the_others(lab, bench, tmp_path, hidden: bool) -> None:
+def test_rebuild_on_one_bench_leaves_the_runs_of_the_others(lab, bench, tmp_path, hidden):
     bench("bench-b")
     there = tmp_path / ("b" if hidden else "a")
     enter(lab, [made_run(there / "b1", serial="B1"), made_run(there / "b2", serial="B2", day=1)])
@@ -61,7 +61,7 @@ def test_rebuild_on_one_bench_leaves_the_runs_of_the_others(lab, bench, tmp_path
     assert sorted(names(lab)) == ["a1", "b1", "b2"]
 
 
-def test_the_same_path_on_two_benches_is_two_runs(lab, bench, tmp_path) -> None:
+def test_the_same_path_on_two_benches_is_two_runs(lab, bench, tmp_path):
     for day, host in enumerate(("bench-a", "bench-b")):
         bench(host)
         enter(lab, [made_run(tmp_path / "runs" / "one", serial=host, day=day)])
@@ -69,7 +69,7 @@ def test_the_same_path_on_two_benches_is_two_runs(lab, bench, tmp_path) -> None:
     assert [(run.host, run.serial) for run in find_runs(lab, Search())] == [(h, h) for h in ("bench-a", "bench-b")]
 
 
-def test_a_folder_that_two_benches_share_is_one_run(lab, bench, tmp_path) -> None:
+def test_a_folder_that_two_benches_share_is_one_run(lab, bench, tmp_path):
     shared = made_run(tmp_path / "nas")
     for host in ("bench-a", "bench-b", "bench-a"):
         bench(host)
@@ -77,7 +77,7 @@ def test_a_folder_that_two_benches_share_is_one_run(lab, bench, tmp_path) -> Non
     assert [run.host for run in find_runs(lab, Search())] == ["bench-a"]
 
 
-def test_what_lies_outside_the_searched_folders_stays(place, tmp_path) -> None:
+def test_what_lies_outside_the_searched_folders_stays(place, tmp_path):
     enter(place, [made_run(tmp_path / "lab" / "a"), made_run(tmp_path / "disk" / "b", serial="B2")])
     (tmp_path / "disk").rename(tmp_path / "unplugged")
     assert rebuild(place, [tmp_path / "lab"]) == (1, [])
@@ -86,7 +86,7 @@ def test_what_lies_outside_the_searched_folders_stays(place, tmp_path) -> None:
     assert [run.folder for run in find_runs(place, Search(serial="B2"))] == [tmp_path / "unplugged" / "b"]
 
 
-def test_a_folder_of_another_bench_is_named_with_it_and_not_missed(lab, bench, tmp_path, command_line) -> None:
+def test_a_folder_of_another_bench_is_named_with_it_and_not_missed(lab, bench, tmp_path, command_line):
     bench("bench-b")
     enter(lab, [made_run(tmp_path / "b1")])
     (tmp_path / "b1").rename(tmp_path / "away")
@@ -95,7 +95,7 @@ def test_a_folder_of_another_bench_is_named_with_it_and_not_missed(lab, bench, t
     assert said.status == 0 and f"bench-b:{tmp_path / 'b1'}" in said.out and "not there any more" not in said.err
 
 
-def test_an_index_of_the_version_before_is_taken_over(postgresql, bench, tmp_path) -> None:
+def test_an_index_of_the_version_before_is_taken_over(postgresql, bench, tmp_path):
     import psycopg
 
     place = archive_place(new_database(postgresql))
@@ -133,7 +133,7 @@ def refused_run(folder: Path, how: str) -> Path:
 
 
 @pytest.mark.parametrize("how", BAD)
-def test_a_run_that_the_database_refuses_is_told_and_holds_no_other(lab, tmp_path, how: str) -> None:
+def test_a_run_that_the_database_refuses_is_told_and_holds_no_other(lab, tmp_path, how):
     bad, good = refused_run(tmp_path / "bad", how), made_run(tmp_path / "good")
     said = enter_or_keep(lab, bad)
     assert "not in the archive" in said and str(bad) in said and "refuses it" in said
@@ -154,7 +154,7 @@ RULES = {
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_a_rule_of_the_lab_that_refuses_a_run_holds_no_other(lab, tmp_path, rule: str) -> None:
+def test_a_rule_of_the_lab_that_refuses_a_run_holds_no_other(lab, tmp_path, rule):
     import psycopg
 
     assert enter_or_keep(lab, made_run(tmp_path / "first")) == ""
@@ -168,7 +168,7 @@ def test_a_rule_of_the_lab_that_refuses_a_run_holds_no_other(lab, tmp_path, rule
     assert sorted(names(lab)) == ["first", "good"]
 
 
-def test_runs_that_waited_behind_a_refused_one_are_entered(lab, tmp_path, monkeypatch) -> None:
+def test_runs_that_waited_behind_a_refused_one_are_entered(lab, tmp_path, monkeypatch):
     away = archive_place(lab.url.replace(lab.url.rsplit(":", 1)[1].split("/")[0], "9"))
     for folder in (refused_run(tmp_path / "bad", "too long"), made_run(tmp_path / "good")):
         assert "entered later" in enter_or_keep(away, folder)
@@ -180,7 +180,7 @@ def test_runs_that_waited_behind_a_refused_one_are_entered(lab, tmp_path, monkey
 
 
 @pytest.mark.parametrize("character", ["\udc80", "\x00"])
-def test_a_name_that_is_no_text_is_refused_by_either_database_in_words(place, tmp_path, character: str) -> None:
+def test_a_name_that_is_no_text_is_refused_by_either_database_in_words(place, tmp_path, character):
     folder = run_with(tmp_path / "lab" / "a", operator=f"Eva{character}")
     said = enter_or_keep(place, folder)
     assert said == "" or "refuses it" in said or "JSON was expected" in said
@@ -199,7 +199,7 @@ def newer(folder_with_a_run):
     return place
 
 
-def test_an_index_of_a_newer_version_is_never_removed(newer: Place) -> None:
+def test_an_index_of_a_newer_version_is_never_removed(newer):
     before = (newer.folder / INDEX_FILE).read_bytes()
     with pytest.raises(ArchiveError, match="newer version of this program and stays"):
         rebuild(newer, [newer.folder])
@@ -210,14 +210,14 @@ def test_an_index_of_a_newer_version_is_never_removed(newer: Place) -> None:
     "command",
     [("runs",), ("trend", "gain", "--serial", "A1"), ("archive", "calibrations"), ("compare", "--population")],
 )
-def test_why_an_archive_cannot_be_used_is_said_once_where_runs_wait(command, newer, tmp_path, command_line) -> None:
+def test_why_an_archive_cannot_be_used_is_said_once_where_runs_wait(command, newer, tmp_path, command_line):
     waits = made_run(tmp_path / "waits")
     assert "entered later" in enter_or_keep(newer, waits)
     said = command_line(*command, *([waits] if command[0] == "compare" else []), "--archive", newer.folder)
     assert said.status == 2 and said.err.count("newer version of this program") == 1
 
 
-def test_an_index_that_somebody_locks_is_never_removed(folder_with_a_run) -> None:
+def test_an_index_that_somebody_locks_is_never_removed(folder_with_a_run):
     place, other = folder_with_a_run
     other.execute("BEGIN EXCLUSIVE")
     with pytest.raises(ArchiveError, match="locked"):
@@ -233,7 +233,7 @@ def secret_place(postgresql: str = "postgresql://hil@127.0.0.1:9/none") -> Place
     return archive_place(postgresql.replace("://hil@", f"://hil:{SECRET}@"))
 
 
-def test_a_mark_of_a_run_that_began_holds_no_password_and_is_its_owners(tmp_path, monkeypatch) -> None:
+def test_a_mark_of_a_run_that_began_holds_no_password_and_is_its_owners(tmp_path, monkeypatch):
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     place = secret_place()
     mark_begun(place, made_run(tmp_path / "a"))
@@ -257,13 +257,13 @@ def test_a_mark_of_a_run_that_began_holds_no_password_and_is_its_owners(tmp_path
     ],
 )
 @pytest.mark.parametrize("command", [("runs",), ("archive", "rebuild"), ("trend", "gain", "--serial", "A7")])
-def test_no_message_shows_a_password(url: str, command, tmp_path, monkeypatch, command_line) -> None:
+def test_no_message_shows_a_password(url, command, tmp_path, monkeypatch, command_line):
     monkeypatch.setenv("HIL_ARCHIVE", url)
     status, out, err = command_line("--debug", *command)
     assert status == 2 and "archive" in out + err and SECRET not in out + err
 
 
-def test_a_password_is_in_no_command_line_that_a_console_starts(tmp_path, monkeypatch) -> None:
+def test_a_password_is_in_no_command_line_that_a_console_starts(tmp_path, monkeypatch):
     place = secret_place()
     slow = tmp_path / "hil.py"
     slow.write_text("import os, sys, time; print(os.environ['HIL_ARCHIVE'], flush=True); time.sleep(60)")
@@ -279,12 +279,12 @@ def test_a_password_is_in_no_command_line_that_a_console_starts(tmp_path, monkey
         made.process.wait()
 
 
-def test_a_shown_place_has_no_password() -> None:
+def test_a_shown_place_has_no_password():
     place = secret_place()
     assert SECRET not in repr(place) and SECRET not in str(place) and SECRET in place.address
 
 
-def test_a_run_of_the_command_line_tells_nobody_the_password(postgresql, tmp_path, monkeypatch) -> None:
+def test_a_run_of_the_command_line_tells_nobody_the_password(postgresql, tmp_path, monkeypatch):
     """A whole run with the address in the environment: neither its processes nor its files show the password."""
     environment = {**os.environ, "HIL_ARCHIVE": secret_place(new_database(postgresql)).url.replace("+psycopg", ""),
                    "HIL_STATE_DIR": str(tmp_path / "state")}  # fmt: skip

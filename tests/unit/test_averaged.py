@@ -29,7 +29,7 @@ def _sine(samples: int, interval_s: float, frequency_hz: float) -> Array:
     return np.asarray(60.0 * np.sin(2.0 * np.pi * frequency_hz * interval_s * np.arange(samples)))
 
 
-def test_means_of_white_noise_have_the_variance_of_a_sample_also_where_the_last_mean_is_of_fewer() -> None:
+def test_means_of_white_noise_have_the_variance_of_a_sample_also_where_the_last_mean_is_of_fewer():
     noise = np.random.default_rng(1).normal(size=80_001)
 
     made = means(noise, 8)
@@ -39,7 +39,7 @@ def test_means_of_white_noise_have_the_variance_of_a_sample_also_where_the_last_
     assert made[-1] == noise[-1]
 
 
-def test_only_a_long_recording_of_slow_motion_is_compared_as_means() -> None:
+def test_only_a_long_recording_of_slow_motion_is_compared_as_means():
     model = starting_model("brevini-hpv41")
     cases = ((140_000, 1e-3, 0.4), (20_000, 1e-3, 0.4), (140_000, 4e-3, 10.0))
 
@@ -49,7 +49,7 @@ def test_only_a_long_recording_of_slow_motion_is_compared_as_means() -> None:
     assert notes == ("sine: 2 neighbouring samples are compared as one mean: the plant moves little between them",)
 
 
-def test_means_leave_estimates_and_their_uncertainties_as_they_are() -> None:
+def test_means_leave_estimates_and_their_uncertainties_as_they_are():
     model = starting_model("brevini-hpv41")
     recorded = _recorded(model, _sine(10_000, 1e-3, 0.4), 1e-3)
     unknowns = [unknown_of(model, name) for name in ("full_flow", "dead_time")]

@@ -23,7 +23,7 @@ SIMULATED, LINKED = "brevini-hpv41", "hpv41-modbus-tcp"
 
 
 @pytest.fixture(autouse=True)
-def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def state(tmp_path, monkeypatch):
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     return tmp_path / "state"
 
@@ -32,7 +32,7 @@ def bench(name: str) -> BenchFile:
     return read_bench(benches()[name])
 
 
-def test_a_run_that_drives_and_resets_is_named_by_account_and_operator(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_that_drives_and_resets_is_named_by_account_and_operator(monkeypatch):
     monkeypatch.setenv(ACCOUNT, "otto")
     about = {"procedure": "flow_curve", "operator": "Eva", "limits given": {"lag": {"low": None, "high": 2.0}}}
     with on_the_trail(bench(SIMULATED), Path("runs/one"), about, ["over-pressure"]) as begins:
@@ -50,9 +50,7 @@ def test_a_run_that_drives_and_resets_is_named_by_account_and_operator(monkeypat
     ("stopped", "how", "account"),
     [(KeyboardInterrupt(), "Ctrl-C", "labuser"), (Terminated(), "SIGTERM", ""), (Halted(), "stop was pressed", "")],
 )
-def test_what_stopped_a_run_is_on_the_trail_and_who_only_where_it_is_known(
-    stopped: KeyboardInterrupt, how: str, account: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_stopped_a_run_is_on_the_trail_and_who_only_where_it_is_known(stopped, how, account, monkeypatch):
     monkeypatch.setattr("getpass.getuser", lambda: "labuser")
     stopped.add_note("outputs are safe (read back)")
 
@@ -68,13 +66,13 @@ def test_what_stopped_a_run_is_on_the_trail_and_who_only_where_it_is_known(
     assert last["details"]["how"] == how and last["details"]["outputs"] == "outputs are safe (read back)"
 
 
-def test_run_that_did_not_get_the_bench_drove_nothing_and_stopped_nothing() -> None:
+def test_run_that_did_not_get_the_bench_drove_nothing_and_stopped_nothing():
     with pytest.raises(KeyboardInterrupt), on_the_trail(bench(SIMULATED), Path("run"), {}):
         raise KeyboardInterrupt
     assert not Audit().path.exists()
 
 
-def test_nothing_moves_that_cannot_be_written_down(state: Path) -> None:
+def test_nothing_moves_that_cannot_be_written_down(state):
     state.write_text("no folder", encoding="utf-8")
     with on_the_trail(bench(LINKED), Path("run"), {}) as begins, pytest.raises(StorageError, match="audit trail"):
         begins()
@@ -82,14 +80,14 @@ def test_nothing_moves_that_cannot_be_written_down(state: Path) -> None:
         begins()
 
 
-def test_start_that_is_refused_the_bench_writes_no_line(tmp_path: Path) -> None:
+def test_start_that_is_refused_the_bench_writes_no_line(tmp_path):
     file = bench(LINKED)
     with leased(file), pytest.raises(InUseError):
         run_procedure(load_procedure("jog"), file, {"value": 0.0}, tmp_path / "run")
     assert not Audit().path.exists()
 
 
-def test_a_trail_of_others_is_read_within_limits(tmp_path: Path) -> None:
+def test_a_trail_of_others_is_read_within_limits(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(FileError, match="pipe: is a pipe; only regular files"):
         list(read_audit(tmp_path / "pipe"))

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from hil.bench.device import DeviceInUse, open_devices
 from hil.daq.polled import PolledDaq
-from hil.errors import DeviceLostError, HilError, LinkError, SettingError
+from hil.errors import DeviceLostError, LinkError, SettingError
 
 
 class NoSettings(BaseModel):
@@ -49,9 +49,7 @@ def device(name: str, opening: Any) -> DeviceInUse:
         (SettingError("carrier_hz = 5"), SettingError, "carrier_hz = 5"),
     ],
 )
-def test_what_a_driver_raises_at_opening_is_an_error_of_its_device(
-    raised: Exception, kind: type[HilError], text: str
-) -> None:
+def test_what_a_driver_raises_at_opening_is_an_error_of_its_device(raised, kind, text):
     first = Opened()
     several = {"first": device("first", first), "io": device("io", raised)}
     for devices in ({"io": several["io"]}, several):
@@ -78,7 +76,7 @@ class Breaks(Opened):
         raise LinkError("no answer within 0.2 s")
 
 
-def test_a_device_that_fails_at_its_first_reading_is_named_once() -> None:
+def test_a_device_that_fails_at_its_first_reading_is_named_once():
     """Its driver may call it by its model; the bench's name is the only one in front of the error."""
     broken = Breaks()
 

@@ -24,13 +24,13 @@ MODELS = [
 
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
-def test_every_key_is_in_the_reference(model: type[BaseModel]) -> None:
+def test_every_key_is_in_the_reference(model):
     told_elsewhere = {"direction"}  # filled in by the bench, not written by anybody
     words = set(re.findall(r"\w+", PAGE))
     assert set(model.model_fields) - told_elsewhere <= words
 
 
-def test_the_examples_are_benches_without_faults(tmp_path: Path) -> None:
+def test_the_examples_are_benches_without_faults(tmp_path):
     examples = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
     assert len(examples) == 2
     for example in examples:
@@ -39,7 +39,7 @@ def test_the_examples_are_benches_without_faults(tmp_path: Path) -> None:
         assert read_bench(path).bench.name.startswith("Bench 3")
 
 
-def test_every_promise_is_in_the_reference() -> None:
+def test_every_promise_is_in_the_reference():
     from dataclasses import fields
 
     from hil.daq.contract import Promises

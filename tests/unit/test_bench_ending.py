@@ -80,14 +80,14 @@ def ended(tmp_path: Path, act: Act, more: str = "") -> tuple[BaseException, dict
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signal_that_a_procedure_swallows_ends_the_run(number: signal.Signals, tmp_path: Path) -> None:
+def test_signal_that_a_procedure_swallows_ends_the_run(number, tmp_path):
     error, record, _ = ended(tmp_path, lambda _rig: signal.raise_signal(number))
     assert isinstance(error, KeyboardInterrupt)
     assert "outputs are safe (read back)" in with_notes(error)
     assert record["outcome"].startswith(type(error).__name__)
 
 
-def test_trip_that_a_procedure_swallows_ends_the_run(tmp_path: Path) -> None:
+def test_trip_that_a_procedure_swallows_ends_the_run(tmp_path):
     error, record, _ = ended(tmp_path, lambda rig: rig.ramp_to(80.0), TRIPS)
     assert isinstance(error, TrippedError)
     assert record["outcome"].startswith("TrippedError: interlock 'too-much'")
@@ -115,11 +115,11 @@ def ignored_until_the_next_call(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("act", [swallowed_by_commands, between_two_pieces, ignored_until_the_next_call])
-def test_signal_ends_the_run_wherever_it_comes(act: Act, tmp_path: Path) -> None:
+def test_signal_ends_the_run_wherever_it_comes(act, tmp_path):
     assert isinstance(ended(tmp_path, act)[0], KeyboardInterrupt)
 
 
-def test_record_that_cannot_be_written_ends_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_record_that_cannot_be_written_ends_the_run(tmp_path, monkeypatch):
     def full(*_: object, **__: object) -> None:
         raise StorageError("no space left")
 
@@ -131,7 +131,7 @@ def test_record_that_cannot_be_written_ends_the_run(tmp_path: Path, monkeypatch:
     assert isinstance(error, StorageError) and record["outcome"].startswith("StorageError")
 
 
-def test_run_in_a_thread_of_the_procedure_ends_there_too(tmp_path: Path) -> None:
+def test_run_in_a_thread_of_the_procedure_ends_there_too(tmp_path):
     seen: list[BaseException] = []
 
     def act(rig: Rig) -> None:
@@ -157,14 +157,14 @@ def test_run_in_a_thread_of_the_procedure_ends_there_too(tmp_path: Path) -> None
     assert seen == [error]
 
 
-def test_what_is_refused_before_its_first_sample_is_no_end(tmp_path: Path) -> None:
+def test_what_is_refused_before_its_first_sample_is_no_end(tmp_path):
     with silent_rig(bench(tmp_path), tmp_path / "run") as rig:
         with pytest.raises(RangeError):
             hold(rig, 900.0)
         assert len(hold(rig)) == 100
 
 
-def test_reader_who_leaves_a_stream_may_go_on(tmp_path: Path) -> None:
+def test_reader_who_leaves_a_stream_may_go_on(tmp_path):
     with silent_rig(bench(tmp_path), tmp_path / "run") as rig:
         stream = rig.stream(np.full(50, 40.0) for _ in range(20))
         next(iter(stream))
@@ -179,13 +179,13 @@ def leave_by(error: BaseException, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("error", [GeneratorExit(), ValueError("of the procedure"), StopIteration(), MemoryError()])
-def test_error_of_the_procedure_itself_closes_the_record(error: BaseException, tmp_path: Path) -> None:
+def test_error_of_the_procedure_itself_closes_the_record(error, tmp_path):
     with pytest.raises((type(error), RuntimeError)):
         leave_by(error, tmp_path)
     assert type(error).__name__ in json.loads((tmp_path / "run" / "end.json").read_text())["outcome"]
 
 
-def test_procedure_that_calls_sys_exit_is_named(tmp_path: Path) -> None:
+def test_procedure_that_calls_sys_exit_is_named(tmp_path):
     def run(rig: Rig) -> None:
         hold(rig)
         sys.exit(0)
@@ -209,7 +209,7 @@ def fork_within(tmp_path: Path, pipe: int) -> None:
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
 @pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
-def test_forked_child_drives_nothing_and_the_run_goes_on(tmp_path: Path) -> None:
+def test_forked_child_drives_nothing_and_the_run_goes_on(tmp_path):
     near, far = os.pipe()
     fork_within(tmp_path, far)
     os.close(far)
@@ -282,7 +282,7 @@ opened.__enter__().play(np.full(100, 20.0))
 """
 
 
-def test_bench_that_is_never_left_is_closed_when_the_program_ends(tmp_path: Path) -> None:
+def test_bench_that_is_never_left_is_closed_when_the_program_ends(tmp_path):
     left = subprocess.run(
         [sys.executable, "-P", "-c", LEAKED, str(tmp_path / "run")], capture_output=True, text=True, timeout=300.0,
         check=False, env={**os.environ, "HIL_STATE_DIR": str(tmp_path / "state")},
@@ -298,7 +298,7 @@ Endings = dict[str, tuple[int, str, Path]]
 
 
 @pytest.fixture(scope="module")
-def endings(tmp_path_factory: pytest.TempPathFactory) -> Endings:
+def endings(tmp_path_factory):
     """How a program ended with each procedure, what it said and its folder: forks of one that has imported all."""
 
     def ended_each() -> Endings:
@@ -316,12 +316,12 @@ def endings(tmp_path_factory: pytest.TempPathFactory) -> Endings:
     return once("stubborn", ended_each)
 
 
-def test_procedure_that_leaves_by_itself_has_not_done_its_work(endings: Endings) -> None:
+def test_procedure_that_leaves_by_itself_has_not_done_its_work(endings):
     assert endings["leaves"][0] == 3
 
 
 @pytest.mark.parametrize("stubborn", STUBBORN[1:])
-def test_command_leaves_with_the_status_of_the_end(stubborn: str, endings: Endings) -> None:
+def test_command_leaves_with_the_status_of_the_end(stubborn, endings):
     status, text, folder = endings[stubborn]
     assert status == 128 + signal.SIGTERM, text
     said = [line for line in text.splitlines() if line.startswith("hil: ")]

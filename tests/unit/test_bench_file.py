@@ -100,7 +100,7 @@ def changed(old: str, new: str) -> str:
         ("[protection]", "[protecton]", "protecton", "is not known here; there are: name, sample_rate_hz"),
     ],
 )  # fmt: skip
-def test_one_fault(tmp_path: Path, old: str, new: str, key: str, says: str) -> None:
+def test_one_fault(tmp_path, old, new, key, says):
     text = changed(old, new)
     found = faults(tmp_path, text)
     lines = [fault for fault in found if f": {key}: " in fault and says in fault]
@@ -109,14 +109,14 @@ def test_one_fault(tmp_path: Path, old: str, new: str, key: str, says: str) -> N
     assert any(part.strip('"') in line for part in key.split(".")) or key in ("channels",), (line, lines[0])
 
 
-def test_missing_calibration_says_what_is_needed(tmp_path: Path) -> None:
+def test_missing_calibration_says_what_is_needed(tmp_path):
     line = next(line for line in GOOD.splitlines() if line.startswith("calibration = { slope = 25.0"))
     fault = next(fault for fault in faults(tmp_path, GOOD.replace(line, "")) if "ai2 gives V" in fault)
     assert fault.startswith(f"{line_of(GOOD, line) - 1}:")
     assert "ai2 gives V; for bar say calibration = { slope = … }, in bar per V" in fault
 
 
-def test_all_faults_come_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
+def test_all_faults_come_at_once_in_the_order_of_the_file(tmp_path):
     text = changed("sample_rate_hz = 1000", "sample_rate_hz = -5")
     for old, new in [("settling_s", "settle"), ("skew_s = 14e-6", "skw = 1"), ('"ai0"', '"ai99"'), ("140.0", "999.0"),
                      ("seed = 1", "parameters = { x = 1 }")]:  # fmt: skip
@@ -128,31 +128,31 @@ def test_all_faults_come_at_once_in_the_order_of_the_file(tmp_path: Path) -> Non
     assert [int(fault.split(":")[0]) for fault in found] == sorted(int(fault.split(":")[0]) for fault in found)
 
 
-def test_error_has_the_first_fault_and_the_number_of_others(tmp_path: Path) -> None:
+def test_error_has_the_first_fault_and_the_number_of_others(tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text(changed("sample_rate_hz = 1000", "sample_rate_hz = -5\ncolour = 1"), encoding="utf-8")
     with pytest.raises(FileError, match=r"bench.toml:4: sample_rate_hz: .*\(and 1 more; `hil check` shows all\)"):
         read_bench(path)
 
 
-def test_empty_file_says_what_belongs_in_it(tmp_path: Path) -> None:
+def test_empty_file_says_what_belongs_in_it(tmp_path):
     found = " ".join(faults(tmp_path, ""))
     assert all(f"{key}: is missing" in found for key in ("name", "sample_rate_hz", "valve", "devices", "channels"))
 
 
-def test_two_devices_that_time_themselves_are_refused(tmp_path: Path) -> None:
+def test_two_devices_that_time_themselves_are_refused(tmp_path):
     text = GOOD.replace("[channels.command]", '[devices.other]\nsimulated = "in_process"\n\n[channels.command]', 1)
     assert any("cannot share a bench with other devices" in fault for fault in faults(tmp_path, text))
 
 
-def test_text_that_is_not_toml_names_the_line(tmp_path: Path) -> None:
+def test_text_that_is_not_toml_names_the_line(tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text('name = "a"\nvalve = ]\n', encoding="utf-8")
     with pytest.raises(FileError, match=r"not a bench file: .*line 2"):
         read_bench(path)
 
 
-def test_model_file_is_looked_for_beside_the_bench_file(tmp_path: Path) -> None:
+def test_model_file_is_looked_for_beside_the_bench_file(tmp_path):
     from hil.physics.model import save_model, typical_model
 
     save_model(typical_model("brevini-hpv41"), tmp_path / "valve.json")
@@ -161,7 +161,7 @@ def test_model_file_is_looked_for_beside_the_bench_file(tmp_path: Path) -> None:
     assert read_bench(path).devices["daq"].settings.simulation.plant == str(tmp_path / "valve.json")  # type: ignore[attr-defined]
 
 
-def test_bench_by_path_or_bare_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bench_by_path_or_bare_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert find_bench("cummins-efc").name == "cummins-efc.toml"
     Path("cummins-efc").write_text("", encoding="utf-8")

@@ -25,7 +25,7 @@ linux = pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks into /
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Path:
+def run(tmp_path):
     made = tmp_path / "run"
     made.mkdir()
     return made
@@ -41,7 +41,7 @@ def lose(file: BenchFile, run: Path, known: Outputs) -> None:
         raise LinkError("gone")
 
 
-def test_a_run_that_lost_its_device_tells_who_goes_on_and_where_that_is_told(tmp_path: Path, run: Path) -> None:
+def test_a_run_that_lost_its_device_tells_who_goes_on_and_where_that_is_told(tmp_path, run):
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, _):
         known = Outputs()
         with pytest.raises(LinkError) as raised:
@@ -81,7 +81,7 @@ def lost(file: BenchFile, run: Path, act: Callable[[int], None]) -> str:
 
 
 @linux
-def test_watchdog_that_is_told_to_end_goes_on_trying(tmp_path: Path, run: Path) -> None:
+def test_watchdog_that_is_told_to_end_goes_on_trying(tmp_path, run):
     with served("hpv41-modbus-tcp", tmp_path) as (file, _):
         client = HeartbeatClient(file, run)  # each is sent before it can ignore any, too
         for number in HOLDING_UP:
@@ -98,9 +98,7 @@ def test_watchdog_that_is_told_to_end_goes_on_trying(tmp_path: Path, run: Path) 
     ("sent", "says"),
     [(signal.SIGSTOP, "goes on trying"), (signal.SIGKILL, "process ended: killed by SIGKILL: nobody goes on trying")],
 )
-def test_watchdog_that_was_paused_is_woken_and_of_a_dead_one_nothing_is_promised(
-    sent: signal.Signals, says: str, tmp_path: Path, run: Path
-) -> None:
+def test_watchdog_that_was_paused_is_woken_and_of_a_dead_one_nothing_is_promised(sent, says, tmp_path, run):
     with served("hpv41-modbus-tcp", tmp_path) as (file, _):
         assert says in lost(file, run, lambda watchdog: os.kill(watchdog, sent))
         if sent == signal.SIGSTOP:

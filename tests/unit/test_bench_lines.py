@@ -40,7 +40,7 @@ a.b.c = 1
     [(("name",), 1), (("devices",), 3), (("devices", "daq", "note"), 4), (("devices", "daq", "rate"), 7),
      (("channels", "supply pressure", "limits", "low"), 10)],
 )  # fmt: skip
-def test_key_stands_where_its_statement_begins(place: tuple[str, ...], line: int) -> None:
+def test_key_stands_where_its_statement_begins(place, line):
     assert lines_of(TEXT)[place] == line
     assert ("not", "a", "table") not in lines_of(TEXT)
 
@@ -50,11 +50,11 @@ def test_key_stands_where_its_statement_begins(place: tuple[str, ...], line: int
     [(("values",), 1), (("values", 1), 1), (("after",), 5), (("instruments", 0), 6), (("instruments", 0, "name"), 7),
      (("instruments", 1, "name"), 10), (("instruments", 1, "a", "b", "c"), 11)],
 )  # fmt: skip
-def test_arrays_and_dotted_keys(place: tuple[str | int, ...], line: int) -> None:
+def test_arrays_and_dotted_keys(place, line):
     assert lines_of(LISTS)[place] == line
 
 
-def test_what_is_missing_is_told_where_it_is_missed() -> None:
+def test_what_is_missing_is_told_where_it_is_missed():
     lines = lines_of(TEXT)
     assert line_at(lines, ("devices", "daq", "driver")) == 3
     assert line_at(lines, ("valve",)) is None

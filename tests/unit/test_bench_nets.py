@@ -112,29 +112,29 @@ def changed(tmp_path: Path, name: str, changes: list[tuple[str, str]] | str) -> 
 
 
 @pytest.mark.parametrize("case", SPEAKS)
-def test_missing_net_is_told_with_its_remedy(case: str, tmp_path: Path) -> None:
+def test_missing_net_is_told_with_its_remedy(case, tmp_path):
     rule, bench, changes, what, remedy = SPEAKS[case]
     found = list(rule(changed(tmp_path, bench, changes), DAY))
     assert any(what in text and remedy in text for text in found), found
     assert not any("\n" in text for text in found)
 
 
-def test_every_rule_has_a_bench_on_which_it_speaks() -> None:
+def test_every_rule_has_a_bench_on_which_it_speaks():
     spoken = {rule.__name__ for rule, *_ in SPEAKS.values()}
     assert {rule.__name__ for rule in RULES} - spoken == {"_packages"}  # below
 
 
 @pytest.mark.parametrize("bench", sorted(benches()))
-def test_no_shipped_bench_lacks_a_net(bench: str) -> None:
+def test_no_shipped_bench_lacks_a_net(bench):
     assert missing_protection(read_bench(benches()[bench]), DAY) == []
 
 
-def test_simulated_bench_is_not_warned_of_what_it_cannot_have(tmp_path: Path) -> None:
+def test_simulated_bench_is_not_warned_of_what_it_cannot_have(tmp_path):
     file = changed(tmp_path, "brevini-hpv41", [("[protection]\n", "[protection]\nwatchdog_s = 0\n")])
     assert missing_protection(file, DAY) == []
 
 
-def test_package_that_is_not_installed_is_told_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_package_that_is_not_installed_is_told_with_its_extra(monkeypatch):
     there = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name in ("can", "canopen") else there(name))
     mixed = list(packages.packages_lacking(read_bench(benches()["hpv41-mixed"])))
@@ -143,7 +143,7 @@ def test_package_that_is_not_installed_is_told_with_its_extra(monkeypatch: pytes
     assert list(packages.packages_lacking(read_bench(benches()[TCP]))) == []
 
 
-def test_live_zero_is_watched_by_a_low_limit_too(tmp_path: Path) -> None:
+def test_live_zero_is_watched_by_a_low_limit_too(tmp_path):
     zero = ("calibration = { slope = 25.0,", "calibration = { slope = 31.25, offset = -62.5,")
     low = ("high = 140.0\n", "low = -10.0\nhigh = 140.0\n")
     assert list(channels.live_zeros(changed(tmp_path, TCP, [zero, low]), DAY)) == []
@@ -151,13 +151,13 @@ def test_live_zero_is_watched_by_a_low_limit_too(tmp_path: Path) -> None:
     assert list(channels.live_zeros(changed(tmp_path, TCP, [lvdt]), DAY)) == []
 
 
-def test_calibration_is_good_on_the_day_it_is_due(tmp_path: Path) -> None:
+def test_calibration_is_good_on_the_day_it_is_due(tmp_path):
     file = changed(tmp_path, NI, [("date = 2026-03-02,", "date = 2025-07-01, due = 2026-07-01,")])
     assert list(calibration.overdue_today(file, DAY)) == []
     assert list(calibration.overdue_today(file, DAY + dt.timedelta(days=1))) != []
 
 
-def test_address_of_somebody_else_is_no_listener(tmp_path: Path) -> None:
+def test_address_of_somebody_else_is_no_listener(tmp_path):
     for address in ("192.0.2.10:502", "plc.example:502", "127.0.0.2:502"):
         assert list(devices.open_to_others(changed(tmp_path, TCP, [(ADDRESS, f'address = "{address}"')]), DAY)) == []
 
@@ -171,7 +171,7 @@ SILENT = {
 
 
 @pytest.mark.parametrize("bench", SILENT)
-def test_way_to_safe_takes_no_longer_than_is_said(bench: str, tmp_path: Path) -> None:
+def test_way_to_safe_takes_no_longer_than_is_said(bench, tmp_path):
     """The device with the output falls silent while it is driven, until the program has let go of everything."""
     name, quick = SILENT[bench]
     alone = ("block_s = 0.1", "block_s = 0.1\nwatchdog_s = 0")
@@ -195,7 +195,7 @@ def test_way_to_safe_takes_no_longer_than_is_said(bench: str, tmp_path: Path) ->
     assert took_s <= says_s + 60.0, "it waited without end"  # `make test-slow` judges the seconds
 
 
-def test_check_tells_warnings_and_with_strict_they_are_exit_status_2(tmp_path: Path, command_line) -> None:
+def test_check_tells_warnings_and_with_strict_they_are_exit_status_2(tmp_path, command_line):
     path = changed(tmp_path, TCP, [("watchdog_s = 1.0\n", ""), (ADDRESS, 'address = "0.0.0.0:15502"')]).path
     status, out, err = command_line("check", path)
     assert (status, err) == (0, "") and out.count("warning: ") == 2 and "no faults" in out
@@ -204,9 +204,7 @@ def test_check_tells_warnings_and_with_strict_they_are_exit_status_2(tmp_path: P
     assert command_line("check", TCP, "--strict").status == 0
 
 
-def test_name_of_this_computer_is_a_listener_where_others_reach_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_name_of_this_computer_is_a_listener_where_others_reach_it(tmp_path, monkeypatch):
     monkeypatch.setattr(socket, "gethostname", lambda: "Bench-PC")
     for numbers, warned in (("0.0.0.0", True), ("127.0.1.1", False)):
         place = [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (numbers, 0))]
@@ -221,14 +219,12 @@ def test_name_of_this_computer_is_a_listener_where_others_reach_it(
      (("date = 2026-03-02,", "date = 2026-03-02, due = 2026-03-01,"),
       "command.calibration.due: 2026-03-01 lies before date = 2026-03-02")],
 )  # fmt: skip
-def test_address_and_dates_that_cannot_be_are_faults(change: tuple[str, str], text: str, tmp_path: Path) -> None:
+def test_address_and_dates_that_cannot_be_are_faults(change, text, tmp_path):
     with pytest.raises(HilError, match=text):
         changed(tmp_path, TCP, [change])
 
 
-def test_driver_that_throws_when_it_is_asked_is_a_fault_of_that_driver(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_driver_that_throws_when_it_is_asked_is_a_fault_of_that_driver(tmp_path, monkeypatch):
     def terminals(_settings: object) -> dict[str, object]:
         raise KeyError("x")
 

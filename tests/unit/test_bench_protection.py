@@ -23,7 +23,7 @@ def bench(tmp_path: Path, **tables: Any) -> Bench:
     return read_bench(bench_file(tmp_path / "bench.toml", "cummins-efc", **tables)).bench
 
 
-def test_limits_of_the_file_are_those_of_the_guard(tmp_path: Path) -> None:
+def test_limits_of_the_file_are_those_of_the_guard(tmp_path):
     limits = {"slew_per_s": 40.0, "dwell": [{"level": 2.0, "longest_s": 5.0}]}
     found = bench(tmp_path, channels={"current": {"limits": limits}})
     assert envelopes_of(found) == {"current": Envelope(0.0, 2.2, 40.0, (Dwell(2.0, 5.0),))}
@@ -34,15 +34,13 @@ def test_limits_of_the_file_are_those_of_the_guard(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "low", "high"), [({}, -92.0, math.inf), ({"slope": -40.0, "offset": None}, -math.inf, -8.0)]
 )
-def test_live_zero_is_brought_to_the_unit_of_the_channel(
-    tmp_path: Path, line: dict[str, Any], low: float, high: float
-) -> None:
+def test_live_zero_is_brought_to_the_unit_of_the_channel(tmp_path, line, low, high):
     found = bench(tmp_path, channels={"pressure": {"calibration": line}})
     (lock,) = [lock for lock in protection_of(found, 1000.0).interlocks if lock.name == "live-zero"]
     assert lock == Interlock("live-zero", "stop", Band("pressure", low, high), for_s=0.05)
 
 
-def test_broken_cable_is_noticed_before_anything_moves(tmp_path: Path) -> None:
+def test_broken_cable_is_noticed_before_anything_moves(tmp_path):
     broken = {"instruments": {"pressure": {"value": -100.0}}}
     path = bench_file(tmp_path / "bench.toml", "cummins-efc", simulation=broken)
     with (

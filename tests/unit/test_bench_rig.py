@@ -34,7 +34,7 @@ def rig_of(tmp_path: Path, run: str = "run", **tables: Any) -> Iterator[BenchRig
         yield rig
 
 
-def test_what_is_played_comes_back_in_engineering_units_and_is_on_disk(tmp_path: Path) -> None:
+def test_what_is_played_comes_back_in_engineering_units_and_is_on_disk(tmp_path):
     with rig_of(tmp_path) as rig:
         assert isinstance(rig.rate_hz, float)
         rig.ramp_to(50.0)
@@ -55,7 +55,7 @@ def test_what_is_played_comes_back_in_engineering_units_and_is_on_disk(tmp_path:
     assert declared_read_at(played) == declared_read_at(stored) == 0.0
 
 
-def test_run_folder_says_what_was_promised_and_how_it_ended(tmp_path: Path) -> None:
+def test_run_folder_says_what_was_promised_and_how_it_ended(tmp_path):
     with rig_of(tmp_path) as rig:
         rig.hold(0.2)
         rig.note("thought", depth=3)
@@ -73,7 +73,7 @@ def test_run_folder_says_what_was_promised_and_how_it_ended(tmp_path: Path) -> N
     assert run.channel("flow").source == "dynamic flow meter, ±100 l/min"
 
 
-def test_outputs_end_at_their_safe_values_down_the_ramp(tmp_path: Path) -> None:
+def test_outputs_end_at_their_safe_values_down_the_ramp(tmp_path):
     with rig_of(tmp_path) as rig:
         rig.play(np.full(100, 60.0))
     command = read_recording(tmp_path / "run").values("command")
@@ -84,7 +84,7 @@ def test_outputs_end_at_their_safe_values_down_the_ramp(tmp_path: Path) -> None:
     assert np.diff(down) == pytest.approx(-0.2)
 
 
-def test_time_goes_on_from_part_to_part(tmp_path: Path) -> None:
+def test_time_goes_on_from_part_to_part(tmp_path):
     with rig_of(tmp_path) as rig:
         first, second = rig.hold(0.5), rig.hold(0.5)
         slow = rig.play(np.zeros(5), 100.0)
@@ -93,7 +93,7 @@ def test_time_goes_on_from_part_to_part(tmp_path: Path) -> None:
     assert read_recording(tmp_path / "run").time_s[0] == 0.0
 
 
-def test_time_of_the_run_begins_with_its_first_sample(tmp_path: Path) -> None:
+def test_time_of_the_run_begins_with_its_first_sample(tmp_path):
     """Whatever the clock of the device shows by then."""
     path = tmp_path / "run"
     with RunWriter.create(path, {}, [("a", "V"), ("b", "V")]) as writer:
@@ -105,7 +105,7 @@ def test_time_of_the_run_begins_with_its_first_sample(tmp_path: Path) -> None:
     assert [event["details"] for event in run.meta["events"]] == [{"count": 1}, {"count": 1}]
 
 
-def test_ramp_takes_its_time_and_the_valve_settles(tmp_path: Path) -> None:
+def test_ramp_takes_its_time_and_the_valve_settles(tmp_path):
     with rig_of(tmp_path) as rig:
         ramp = rig.ramp_to(60.0)
         assert ramp.duration_s == pytest.approx(60.0 / 200.0 + rig.settling_s, abs=0.002)
@@ -113,7 +113,7 @@ def test_ramp_takes_its_time_and_the_valve_settles(tmp_path: Path) -> None:
         assert ramp.values("flow")[-200:].mean() == pytest.approx(70.0 * 0.5**1.2, abs=0.1)
 
 
-def test_stream_brings_a_recording_for_each_array_in_one_part(tmp_path: Path) -> None:
+def test_stream_brings_a_recording_for_each_array_in_one_part(tmp_path):
     with rig_of(tmp_path) as rig:
         pieces = list(rig.stream((np.full(50, level) for level in (1.0, 2.0, 3.0)), part={"kind": "steps"}))
     assert [piece.values("command")[0] for piece in pieces] == pytest.approx([1.0, 2.0, 3.0])
@@ -121,7 +121,7 @@ def test_stream_brings_a_recording_for_each_array_in_one_part(tmp_path: Path) ->
     assert (part["kind"], part["count"]) == ("steps", 150)
 
 
-def test_long_pieces_of_a_stream_are_judged_as_often_as_all_others(tmp_path: Path) -> None:
+def test_long_pieces_of_a_stream_are_judged_as_often_as_all_others(tmp_path):
     low = {"over-pressure": {"for_s": 0.5, "minus": "command"}}
     seen: list[Recording] = []
     with pytest.raises(TrippedError, match="over-pressure"), rig_of(tmp_path, **QUICK, interlocks=low) as rig:
@@ -132,7 +132,7 @@ def test_long_pieces_of_a_stream_are_judged_as_often_as_all_others(tmp_path: Pat
     assert driven_until_s < 0.1 + 3.0 + 0.5 + 0.2
 
 
-def test_roles_have_the_limits_in_force(tmp_path: Path) -> None:
+def test_roles_have_the_limits_in_force(tmp_path):
     with rig_of(tmp_path) as rig:
         assert (rig.command.name, rig.command.unit, rig.command.low, rig.command.high) == ("command", "%", -100, 100)
         assert (rig.response.name, rig.response.unit, rig.response.high) == ("flow", "l/min", 100.0)
@@ -142,7 +142,7 @@ def test_roles_have_the_limits_in_force(tmp_path: Path) -> None:
             rig.check(np.full(10, 31.0))
 
 
-def test_valve_tightens_the_limits_of_the_bench(tmp_path: Path) -> None:
+def test_valve_tightens_the_limits_of_the_bench(tmp_path):
     limits = {"low": -60.0, "high": 150.0, "slew_per_s": 400.0}
     with rig_of(tmp_path, valve={"limits": limits}) as rig:
         assert (rig.command.low, rig.command.high, rig.command.slew_per_s) == (-60.0, 100.0, 400.0)
@@ -159,7 +159,7 @@ def door(closed: float) -> dict[str, Any]:
     return {"channels": channels, "interlocks": locks, "simulation": {"instruments": instruments}}
 
 
-def test_enable_line_is_on_while_the_bench_is_open(tmp_path: Path) -> None:
+def test_enable_line_is_on_while_the_bench_is_open(tmp_path):
     with rig_of(tmp_path, **door(1.0)) as rig:
         played = rig.play(np.full(100, 30.0))
     assert (played.values("enable") == 1.0).all() and (played.values("door") == 1.0).all()
@@ -168,13 +168,13 @@ def test_enable_line_is_on_while_the_bench_is_open(tmp_path: Path) -> None:
     assert run.values("enable")[-1] == 0.0
 
 
-def test_enable_line_stays_off_while_a_door_is_open(tmp_path: Path) -> None:
+def test_enable_line_stays_off_while_a_door_is_open(tmp_path):
     with pytest.raises(TrippedError, match="door-open"), rig_of(tmp_path, **door(0.0)):
         pytest.fail("the bench was opened")
     assert (read_recording(tmp_path / "run").values("enable") == 0.0).all()
 
 
-def test_identified_transfer_function_stands_in_for_the_valve(tmp_path: Path) -> None:
+def test_identified_transfer_function_stands_in_for_the_valve(tmp_path):
     """Its signals have the names and units of the channels that it was identified from."""
     model = typical_model("transfer-function")
     values = {**model.parameters, "gain": Value(0.001, "[m^3/s]/[%]"), "lag_time": Value(0.1, "s")}
@@ -187,7 +187,7 @@ def test_identified_transfer_function_stands_in_for_the_valve(tmp_path: Path) ->
         assert rig.hold(1.0).values("flow", "m^3/s").mean() == pytest.approx(0.01, rel=0.01)  # 16 bits of a wide range
 
 
-def test_refused_waveform_drives_nothing_and_ends_safe(tmp_path: Path) -> None:
+def test_refused_waveform_drives_nothing_and_ends_safe(tmp_path):
     with pytest.raises(RangeError, match="sample 3: 101 %"), rig_of(tmp_path) as rig:
         rig.play(np.array([0.0, 90.0, 90.0, 101.0]))
     run = read_recording(tmp_path / "run")
@@ -195,7 +195,7 @@ def test_refused_waveform_drives_nothing_and_ends_safe(tmp_path: Path) -> None:
     assert run.meta["outcome"].startswith("RangeError: output 'command'")
 
 
-def test_rate_is_coerced_to_what_the_device_has(tmp_path: Path) -> None:
+def test_rate_is_coerced_to_what_the_device_has(tmp_path):
     with rig_of(tmp_path) as rig:
         assert rig.actual_rate_hz(300.0) == pytest.approx(1000.0 / 3.0)
         assert rig.play(np.zeros(10), 300.0).meta["sampling"]["rate_hz"] == pytest.approx(1000.0 / 3.0)
@@ -203,7 +203,7 @@ def test_rate_is_coerced_to_what_the_device_has(tmp_path: Path) -> None:
             rig.play(np.zeros(10), 5000.0)
 
 
-def test_rate_that_the_device_makes_differently_is_noted_once(tmp_path: Path) -> None:
+def test_rate_that_the_device_makes_differently_is_noted_once(tmp_path):
     with rig_of(tmp_path) as rig:
         rig.hold(0.1, 300.0)
         rig.hold(0.1, 300.0)
@@ -213,7 +213,7 @@ def test_rate_that_the_device_makes_differently_is_noted_once(tmp_path: Path) ->
     assert noted == [{"asked_hz": 300.0, "made_hz": pytest.approx(1000.0 / 3.0)}]
 
 
-def test_over_pressure_trips(tmp_path: Path) -> None:
+def test_over_pressure_trips(tmp_path):
     pressure = {"parameters": {"supply_pressure": 150.0}}
     with (
         pytest.raises(TrippedError, match=r"over-pressure': 1.* supply pressure ≤ 140"),
@@ -225,7 +225,7 @@ def test_over_pressure_trips(tmp_path: Path) -> None:
     assert run.meta["events"][-1]["event"] == "trip"
 
 
-def test_trip_while_driving_is_over_within_a_block(tmp_path: Path) -> None:
+def test_trip_while_driving_is_over_within_a_block(tmp_path):
     """The flow meter is stuck from the start, and the command is not at rest: only then it is noticed."""
     stuck = {"instruments": {"flow": {"value": 30.0}}}
     with pytest.raises(TrippedError, match="flow-without-command"), rig_of(tmp_path, **QUICK, simulation=stuck) as rig:
@@ -235,7 +235,7 @@ def test_trip_while_driving_is_over_within_a_block(tmp_path: Path) -> None:
     assert run.values("command")[-1] == 0.0
 
 
-def test_dead_sensor_stops(tmp_path: Path) -> None:
+def test_dead_sensor_stops(tmp_path):
     dead = {"instruments": {"flow": {"value": 0.0, "noise": None}}}
     quiet = {"daq": {"noise_v": 0.0}}
     with pytest.raises(StoppedError, match="dead-flow-meter"), rig_of(tmp_path, devices=quiet, simulation=dead) as rig:
@@ -243,7 +243,7 @@ def test_dead_sensor_stops(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["lost", "underflow", "overrun"])
-def test_fault_of_the_device_keeps_what_was_read(tmp_path: Path, kind: str) -> None:
+def test_fault_of_the_device_keeps_what_was_read(tmp_path, kind):
     faulty = {"daq": {"noise_v": None, "fault": {"kind": kind, "after": 3333}}}
     with pytest.raises(HardwareError), rig_of(tmp_path, devices=faulty) as rig:
         rig.play(np.full(9000, 40.0), part={"kind": "level"})
@@ -253,7 +253,7 @@ def test_fault_of_the_device_keeps_what_was_read(tmp_path: Path, kind: str) -> N
     assert kind == "lost" or run.values("command")[-1] == 0.0
 
 
-def test_reading_at_the_end_of_its_range_is_noted(tmp_path: Path) -> None:
+def test_reading_at_the_end_of_its_range_is_noted(tmp_path):
     with rig_of(tmp_path, channels={"spool position": {"range": [-2.0, 2.0]}}) as rig:
         rig.ramp_to(50.0)
     events = read_recording(tmp_path / "run").meta["events"]
@@ -261,13 +261,13 @@ def test_reading_at_the_end_of_its_range_is_noted(tmp_path: Path) -> None:
     assert events[0]["details"]["channel"] == "spool position"
 
 
-def test_existing_folder_is_not_touched(tmp_path: Path) -> None:
+def test_existing_folder_is_not_touched(tmp_path):
     (tmp_path / "run").mkdir()
     with pytest.raises(FileError, match="exists already"), rig_of(tmp_path):
         pytest.fail("it was opened")
 
 
-def test_run_that_lacks_a_channel_is_not_resumed(tmp_path: Path) -> None:
+def test_run_that_lacks_a_channel_is_not_resumed(tmp_path):
     with rig_of(tmp_path) as rig:
         rig.hold(0.1)
     earlier = read_recording(tmp_path / "run")
@@ -279,7 +279,7 @@ def test_run_that_lacks_a_channel_is_not_resumed(tmp_path: Path) -> None:
         pytest.fail("it was opened")
 
 
-def test_samples_do_not_depend_on_how_often_the_bench_is_judged(tmp_path: Path) -> None:
+def test_samples_do_not_depend_on_how_often_the_bench_is_judged(tmp_path):
     flows = []
     for name, block_s in (("one", 1.0), ("two", 0.13)):
         with rig_of(tmp_path, name, protection={"block_s": block_s}) as rig:
@@ -287,7 +287,7 @@ def test_samples_do_not_depend_on_how_often_the_bench_is_judged(tmp_path: Path) 
     assert np.array_equal(*flows)
 
 
-def test_rig_is_what_procedures_were_promised(tmp_path: Path) -> None:
+def test_rig_is_what_procedures_were_promised(tmp_path):
     promised = {name for name in vars(Rig) if not name.startswith("_")}
     with rig_of(tmp_path) as rig:
         offered: Rig = rig

@@ -79,14 +79,14 @@ def rescued(file: BenchFile) -> tuple[list[str], list[str], float]:
 
 
 @pytest.fixture(autouse=True)
-def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+def soon(monkeypatch):
     """It gives up after a moment."""
     monkeypatch.setattr(rescue, "GIVE_UP_S", 0.2)
     monkeypatch.setattr("hil.safety.outputs._PATIENCE_S", 0.02)
 
 
 @pytest.mark.parametrize("error", BROKEN)
-def test_device_that_throws_anything_keeps_no_other_from_it(tmp_path: Path, error: BaseException) -> None:
+def test_device_that_throws_anything_keeps_no_other_from_it(tmp_path, error):
     devices = {"sick": Valve(error, answers=False), "healthy": Valve(None)}
     left, unasked, _ = rescued(bench_of(tmp_path, devices, late_s=0.0))
     assert devices["healthy"].levels["a"] == 0.0 and devices["healthy"].closed
@@ -94,7 +94,7 @@ def test_device_that_throws_anything_keeps_no_other_from_it(tmp_path: Path, erro
     assert devices["sick"].closed > 1  # tried again, and let go of each time
 
 
-def test_what_is_not_safe_is_told_while_it_is_still_tried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_not_safe_is_told_while_it_is_still_tried(tmp_path, monkeypatch):
     monkeypatch.setattr(rescue, "GIVE_UP_S", 6.0)
     monkeypatch.setattr(rescue, "_TELLS_S", 2.0)
     made = rescue.Rescue(
@@ -107,7 +107,7 @@ def test_what_is_not_safe_is_told_while_it_is_still_tried(tmp_path: Path, monkey
     assert time.monotonic() - begun_s >= 6.0, "it went on trying"
 
 
-def test_what_does_not_obey_is_left_to_its_own_watchdog(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_does_not_obey_is_left_to_its_own_watchdog(tmp_path, monkeypatch):
     class Deaf(Valve):
         """Obeys nothing, and closes when it has heard nothing for as long as the bench says."""
 
@@ -125,9 +125,7 @@ def test_what_does_not_obey_is_left_to_its_own_watchdog(tmp_path: Path, monkeypa
     assert deaf.levels["a"] == 0.0
 
 
-def test_what_cannot_be_reached_is_tried_on_for_longer_than_its_watchdog_takes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_reached_is_tried_on_for_longer_than_its_watchdog_takes(tmp_path, monkeypatch):
     """Nothing that is sent on a dead link feeds a watchdog, and when it is back every moment counts."""
 
     class Behind(Valve):
@@ -148,7 +146,7 @@ def test_what_cannot_be_reached_is_tried_on_for_longer_than_its_watchdog_takes(
     assert max(next_s - one_s for one_s, next_s in pairwise(behind.tried_s)) < 1.5  # its silence
 
 
-def test_what_is_safe_at_once_is_told_at_the_end_alone(tmp_path: Path) -> None:
+def test_what_is_safe_at_once_is_told_at_the_end_alone(tmp_path):
     told: list[None] = []
     rescue.Rescue(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=0.0), DESK).with_patience(
         lambda: told.append(None)
@@ -156,7 +154,7 @@ def test_what_is_safe_at_once_is_told_at_the_end_alone(tmp_path: Path) -> None:
     assert not told
 
 
-def test_what_only_time_is_missing_for_is_told_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_only_time_is_missing_for_is_told_at_once(tmp_path, monkeypatch):
     monkeypatch.setattr(rescue, "GIVE_UP_S", 20.0)
     made = rescue.Rescue(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=3.0), DESK)
     told: list[tuple[str, str]] = []
@@ -166,7 +164,7 @@ def test_what_only_time_is_missing_for_is_told_at_once(tmp_path: Path, monkeypat
     assert not made.left and made.outputs["a"].state == "safe" and made.took_s < 3.0  # not what was waited for
 
 
-def test_driver_that_does_not_return_is_tried_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_driver_that_does_not_return_is_tried_anew(tmp_path, monkeypatch):
     class Hanging(Valve):
         tries = 0
 
@@ -184,9 +182,7 @@ def test_driver_that_does_not_return_is_tried_anew(tmp_path: Path, monkeypatch: 
     assert devices["hanging"].levels["a"] == 0.0 and devices["hanging"].tries >= 2
 
 
-def test_a_slow_first_try_does_not_undo_what_the_next_one_found(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_slow_first_try_does_not_undo_what_the_next_one_found(tmp_path, monkeypatch):
     """On a slow line that one was still under way; it failed later, and NOT SAFE was the last word."""
 
     class SlowAtFirst(Valve):
@@ -211,9 +207,7 @@ def test_a_slow_first_try_does_not_undo_what_the_next_one_found(
     assert not slow.was_overtaken and not made.left and slow.levels["a"] == 0.0
 
 
-def test_late_command_of_the_dead_program_does_not_outlast_the_watchdog(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_late_command_of_the_dead_program_does_not_outlast_the_watchdog(tmp_path, monkeypatch):
     class Late(Valve):
         """What the dead program had sent arrives after the outputs were made safe, and after they were read back."""
 
@@ -232,16 +226,14 @@ def test_late_command_of_the_dead_program_does_not_outlast_the_watchdog(
     assert took_s > 0.05, "the time at which it came to stay there is told, not the first one"
 
 
-def test_told_is_not_safe_until_it_is_read_back(tmp_path: Path) -> None:
+def test_told_is_not_safe_until_it_is_read_back(tmp_path):
     devices = {"mute": Valve(None, answers=False)}
     left, _, _ = rescued(bench_of(tmp_path, devices, late_s=0.0))
     remedy = "was commanded safe, and could not be read back (no answer): use the emergency stop"
     assert left == [f"mute: 'a' {remedy}; 'b' {remedy}"]
 
 
-def test_report_goes_to_the_state_folder_when_that_of_the_run_is_gone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_report_goes_to_the_state_folder_when_that_of_the_run_is_gone(tmp_path, monkeypatch, capfd):
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     file = bench_of(tmp_path, {"healthy": Valve(None)}, late_s=0.0)
     watchdog._act(watchdog._Reporter(file, tmp_path / "gone", os.getpid(), "ended"), DESK)
@@ -249,7 +241,7 @@ def test_report_goes_to_the_state_folder_when_that_of_the_run_is_gone(
     assert "safe_after_s" in told.read_text() and "outputs made safe in" in capfd.readouterr().err
 
 
-def test_nothing_of_the_working_folder_is_executed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_of_the_working_folder_is_executed(tmp_path, monkeypatch):
     for name in ("queue", "json", "socket"):
         (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'executed')!r}, 'w')\n")
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, _):
@@ -260,14 +252,14 @@ def test_nothing_of_the_working_folder_is_executed(tmp_path: Path, monkeypatch: 
     assert not (tmp_path / "executed").exists()
 
 
-def test_watchdog_that_dies_says_why(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_watchdog_that_dies_says_why(tmp_path, capfd):
     missing = tmp_path / "nowhere"
     assert watchdog.main(str(tmp_path / "bench.toml"), "1", str(tmp_path), str(missing)) == 3
     said = capfd.readouterr()
     assert said.out.startswith("error died of FileNotFoundError") and "hil watchdog: died of" in said.err
 
 
-def test_run_hears_what_its_watchdog_died_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_hears_what_its_watchdog_died_of(tmp_path, monkeypatch):
     path = tmp_path / "bench.toml"
     path.write_text(moved(bench_text("hpv41-modbus-tcp"), tmp_path), encoding="utf-8")
     heart = HeartbeatClient(read_bench(path), tmp_path / "run")  # nobody serves the device

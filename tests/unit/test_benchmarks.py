@@ -14,7 +14,7 @@ OURS = ("hil", "drivers", "procedures", "sim_devices", "tests")
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.py")), ids=lambda path: path.stem)
-def test_what_a_benchmark_imports_of_ours_exists(path: Path) -> None:
+def test_what_a_benchmark_imports_of_ours_exists(path):
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if not (isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in OURS):
             continue

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any
 
 import numba
@@ -25,7 +24,7 @@ class _Made:
         return {"features": np.arange(6.0).reshape(2, 3), "labels": np.array([0.0, 1.0])}
 
 
-def test_it_is_made_once_and_the_same_comes_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_is_made_once_and_the_same_comes_back(tmp_path, monkeypatch):
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path))
     make = _Made()
     first, again = cached_arrays("kind", "one", make), cached_arrays("kind", "one", make)
@@ -36,7 +35,7 @@ def test_it_is_made_once_and_the_same_comes_back(tmp_path: Path, monkeypatch: py
 
 
 @pytest.mark.parametrize("content", [b"", b"PK", b"not a file of arrays", b"PK\x03\x04" + bytes(40)])
-def test_a_damaged_file_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes) -> None:
+def test_a_damaged_file_is_made_anew(tmp_path, monkeypatch, content):
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path))
     make = _Made()
     cached_arrays("kind", "one", make)
@@ -46,7 +45,7 @@ def test_a_damaged_file_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert make.count == 2
 
 
-def test_where_nothing_can_be_kept_it_is_made_each_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_nothing_can_be_kept_it_is_made_each_time(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path / "file"))
     make = _Made()
@@ -55,7 +54,7 @@ def test_where_nothing_can_be_kept_it_is_made_each_time(tmp_path: Path, monkeypa
     assert make.count == 2
 
 
-def test_the_stamp_differs_with_every_source_and_tool(tmp_path: Path) -> None:
+def test_the_stamp_differs_with_every_source_and_tool(tmp_path):
     one, two = tmp_path / "one.py", tmp_path / "two.py"
     one.write_text("a = 1")
     two.write_text("b = 1")
@@ -66,9 +65,7 @@ def test_the_stamp_differs_with_every_source_and_tool(tmp_path: Path) -> None:
     assert stamp([two, one], ()) == stamp([one, two], ())
 
 
-def test_what_nobody_asked_for_in_a_quarter_goes_when_something_new_comes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_nobody_asked_for_in_a_quarter_goes_when_something_new_comes(tmp_path, monkeypatch):
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path))
     make, kind = _Made(), tmp_path / "kind"
     for name in ("old", "asked_for", "young"):
@@ -83,7 +80,7 @@ def test_what_nobody_asked_for_in_a_quarter_goes_when_something_new_comes(
     assert make.count == 4
 
 
-def test_kept_folder_is_closed_to_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kept_folder_is_closed_to_others(tmp_path, monkeypatch):
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path / "cache"))
     folder = cache_folder("kernels")
     assert folder.stat().st_mode & 0o077 == 0
@@ -96,9 +93,7 @@ def test_kept_folder_is_closed_to_others(tmp_path: Path, monkeypatch: pytest.Mon
     assert folder.stat().st_mode & 0o077 == 0
 
 
-def test_kept_folder_leaves_files_of_the_group_in_a_closed_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_kept_folder_leaves_files_of_the_group_in_a_closed_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path))
     cache_folder("kernels").joinpath("own.nbi").touch()
     (tmp_path / "kernels/own.nbi").chmod(0o664)  # what numba writes where the umask is 002
@@ -106,7 +101,7 @@ def test_kept_folder_leaves_files_of_the_group_in_a_closed_folder(
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file to another user")
-def test_kept_folder_takes_nothing_of_another_owner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kept_folder_takes_nothing_of_another_owner(tmp_path, monkeypatch):
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path / "cache"))
     folder = cache_folder("kernels")
     for name in ("planted.py", "__pycache__/planted.nbi"):
@@ -120,7 +115,7 @@ def test_kept_folder_takes_nothing_of_another_owner(tmp_path: Path, monkeypatch:
         cache_folder("kernels")
 
 
-def test_kept_folder_is_no_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kept_folder_is_no_link(tmp_path, monkeypatch):
     monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path / "cache"))
     (tmp_path / "cache").mkdir()
     (tmp_path / "elsewhere").mkdir()
@@ -129,7 +124,7 @@ def test_kept_folder_is_no_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         cache_folder("kernels")
 
 
-def test_kernels_are_made_where_nothing_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernels_are_made_where_nothing_can_be_kept(monkeypatch):
     njit = numba.njit
 
     def without_a_home(*functions: Any, cache: bool = False, **options: Any) -> Any:

@@ -29,7 +29,7 @@ Calibrated = Callable[..., Told]
 
 
 @pytest.fixture
-def calibrated(command_line, tmp_path: Path) -> Calibrated:
+def calibrated(command_line, tmp_path):
     """How `hil calibrate` of the command ended that was answered so."""
 
     def run(typed: str, *more: str) -> Told:
@@ -40,7 +40,7 @@ def calibrated(command_line, tmp_path: Path) -> Calibrated:
     return run
 
 
-def test_an_output_is_driven_to_each_point_and_the_line_written(calibrated: Calibrated, tmp_path: Path) -> None:
+def test_an_output_is_driven_to_each_point_and_the_line_written(calibrated, tmp_path):
     found = calibrated("-90.1\n-44.9\n0,1\nfast\n45.1 %\n89.9\ny\n", "--between", "-90..90")
     assert found.status == 0, found
     assert "again: " in found.err and "residual +0.08 %" in found.out and "written into" in found.out
@@ -56,7 +56,7 @@ def test_an_output_is_driven_to_each_point_and_the_line_written(calibrated: Cali
     assert run.meta["outputs"]["command"]["state"] == "safe" and (tmp_path / "run" / "report.html").is_file()
 
 
-def test_the_line_is_written_as_a_person_would_with_comments_kept() -> None:
+def test_the_line_is_written_as_a_person_would_with_comments_kept():
     text = '[channels.a]\nunit = "bar"\ncalibration = { offset = 1.0, slope = 25.0, uncertainty = 3.0 }   # old gauge\n'
     old, new = (CalibrationLine.model_validate(line) for line in (
         {"slope": 25.0, "offset": 1.0}, {"slope": 25.25, "offset": 0.5, "date": "2026-11-25", "source": "gauge 7"},
@@ -66,7 +66,7 @@ def test_the_line_is_written_as_a_person_would_with_comments_kept() -> None:
     )
 
 
-def test_not_confirmed_is_not_written_and_json_says_so(calibrated: Calibrated, tmp_path: Path) -> None:
+def test_not_confirmed_is_not_written_and_json_says_so(calibrated, tmp_path):
     found = calibrated("-50\n50.2\nn\n", "--points", "2", "--between", "-50..50", "--json")
     told = json.loads(found.out)
     assert told["schema"] == "hil.calibrate/1" and not told["written"]
@@ -74,29 +74,27 @@ def test_not_confirmed_is_not_written_and_json_says_so(calibrated: Calibrated, t
     assert (tmp_path / "bench.toml").read_text(encoding="utf-8") == bench_text("brevini-hpv41")
 
 
-def test_an_input_that_ends_early_leaves_the_output_safe_and_the_file_as_it_was(
-    calibrated: Calibrated, tmp_path: Path
-) -> None:
+def test_an_input_that_ends_early_leaves_the_output_safe_and_the_file_as_it_was(calibrated, tmp_path):
     found = calibrated("-50\n", "--between", "-50..50")
     assert found.status == 3
     assert read(tmp_path / "run").meta["outputs"]["command"]["state"] == "safe"
     assert (tmp_path / "bench.toml").read_text(encoding="utf-8") == bench_text("brevini-hpv41")
 
 
-def test_beyond_the_limits_nothing_is_driven(calibrated: Calibrated, tmp_path: Path) -> None:
+def test_beyond_the_limits_nothing_is_driven(calibrated, tmp_path):
     found = calibrated("1\n2\n", "--between", "0..120", "--points", "2")
     assert found.status != 0
     assert max(read(tmp_path / "run").values("command", "%")) <= 100.0
 
 
-def test_the_bench_of_a_package_is_not_changed_and_nothing_is_driven(command_line, tmp_path: Path) -> None:
+def test_the_bench_of_a_package_is_not_changed_and_nothing_is_driven(command_line, tmp_path):
     stated = ("--reference", "meter 7", "--out", tmp_path / "run")
     found = command_line("calibrate", "brevini-hpv41", "command", *stated, typed="1\n2\n")
     assert found.status == 2 and 'based_on = "brevini-hpv41"' in found.err
     assert not (tmp_path / "run").exists()
 
 
-def test_an_input_is_averaged_at_each_point(tmp_path: Path) -> None:
+def test_an_input_is_averaged_at_each_point(tmp_path):
     """The valve is moved by hand behind the device; the reference reads what the plant really does."""
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, devices):
         (device,) = devices.values()
@@ -113,7 +111,7 @@ def test_an_input_is_averaged_at_each_point(tmp_path: Path) -> None:
         assert all(0.0 < point.raw_std < 0.02 for point in points)
 
 
-def test_an_input_that_does_not_follow_is_no_line(tmp_path: Path, command_line) -> None:
+def test_an_input_that_does_not_follow_is_no_line(tmp_path, command_line):
     told = ("calibrate", _bench(tmp_path), "flow", "--reference", "cylinder", "--points", "3")
     found = command_line(*told, typed="0\n10\n20\ny\n")
     assert found.status == 2 and "did not move" in found.err

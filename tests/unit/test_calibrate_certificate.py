@@ -56,7 +56,7 @@ def bench(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("width", [WIDTH_2_1, WIDTH_2_2])
-def test_volts_beside_a_reference_are_the_line(tmp_path: Path, width: str) -> None:
+def test_volts_beside_a_reference_are_the_line(tmp_path, width):
     """Reference in m³/s, 1e-3 m³/s = 60 l/min: 1 V stands for 10.1 l/min, and 0.5 l/min at 0 V; U = 0.12 l/min."""
     volts = "-8 -4 0 4 8"
     reference = " ".join(f"{(10.1 * float(v) + 0.5) / 60e3:.12g}" for v in volts.split())
@@ -70,7 +70,7 @@ def test_volts_beside_a_reference_are_the_line(tmp_path: Path, width: str) -> No
     assert found.entry.source == "DCC K-4711, Flow Lab"
 
 
-def test_indications_of_the_channel_itself_went_through_its_line(tmp_path: Path) -> None:
+def test_indications_of_the_channel_itself_went_through_its_line(tmp_path):
     file = bench(tmp_path)
     before = read_bench(file).bench.channels["flow"].line
     table = column("basic_measuredValue", "-40 0 40", r"\litre\minute\tothe{-1}")
@@ -80,7 +80,7 @@ def test_indications_of_the_channel_itself_went_through_its_line(tmp_path: Path)
     assert found.line.offset == pytest.approx(1.05 * before.offset, abs=1e-9)
 
 
-def test_the_command_writes_it_and_asks_for_nothing_else(tmp_path: Path, command_line) -> None:
+def test_the_command_writes_it_and_asks_for_nothing_else(tmp_path, command_line):
     file = bench(tmp_path)
     one = column("basic_measuredValue", "-5 0 5", r"\volt")
     one += column("basic_referenceValue", "-51 0 51", r"\litre\minute\tothe{-1}", WIDTH_2_2.format("0.2"))
@@ -109,15 +109,13 @@ VOLTS, REFERENCE = column("basic_measuredValue", "1 2 3", r"\volt"), "10 20 30"
         (VOLTS, REFERENCE, WIDTH_2_1.format("0.1").replace(">2<", ">0<"), "referenceValue: a coverage factor of 0"),
     ],
 )  # fmt: skip
-def test_what_does_not_fit_or_is_no_number_is_named(
-    measured: str, values: str, width: str, said: str, tmp_path: Path
-) -> None:
+def test_what_does_not_fit_or_is_no_number_is_named(measured, values, width, said, tmp_path):
     table = measured + column("basic_referenceValue", values, r"\litre\minute\tothe{-1}", width)
     with pytest.raises(FileError, match=said):
         api.calibrate(bench(tmp_path), "flow", certificate=certificate(tmp_path, table))
 
 
-def test_tables_of_one_name_are_two(tmp_path: Path) -> None:
+def test_tables_of_one_name_are_two(tmp_path):
     table = VOLTS + column("basic_referenceValue", "10 20 30", r"\litre\minute\tothe{-1}")
     path = certificate(tmp_path, table, table)
     path.write_text(path.read_text("utf-8").replace("table 2", "table 1"), "utf-8")
@@ -127,7 +125,7 @@ def test_tables_of_one_name_are_two(tmp_path: Path) -> None:
         api.calibrate(bench(tmp_path), "flow", certificate=path, table="table 1", reference_uncertainty=0.2)
 
 
-def test_neither_or_no_certificate_is_refused(tmp_path: Path) -> None:
+def test_neither_or_no_certificate_is_refused(tmp_path):
     file = bench(tmp_path)
     (tmp_path / "page.xml").write_text("<html/>", encoding="utf-8")
     with pytest.raises(FileError, match="is no Digital Calibration Certificate"):
@@ -141,5 +139,5 @@ def test_neither_or_no_certificate_is_refused(tmp_path: Path) -> None:
     [(r"\milli\bar", "mbar"), (r"\litre\minute\tothe{-1}", "l/min"), (r"\metre\tothe{3}\per\hour", "m^3/h"),
      (r"\degreecelsius", "°C"), (r"\kilo\pascal", "kPa"), (r"\newton\metre", "Nm")],
 )  # fmt: skip
-def test_units_are_those_of_d_si(d_si: str, unit: str) -> None:
+def test_units_are_those_of_d_si(d_si, unit):
     assert scale_and_offset(unit_of(d_si), unit) == pytest.approx((1.0, 0.0))

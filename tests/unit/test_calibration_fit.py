@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime as dt
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +28,7 @@ def _calibrated(seed: int, count: int, stated: float | None, bend: float = 0.0) 
 
 
 @pytest.mark.parametrize(("count", "stated"), [(5, REFERENCE_STD), (11, REFERENCE_STD), (5, None), (2, REFERENCE_STD)])
-def test_intervals_hold_the_truth_as_often_as_they_say(count: int, stated: float | None) -> None:
+def test_intervals_hold_the_truth_as_often_as_they_say(count, stated):
     lines = [_calibrated(seed, count, stated) for seed in range(300)]
     slopes = np.mean([abs(line.slope - SLOPE) <= line.slope_interval for line in lines])
     offsets = np.mean([abs(line.offset - OFFSET) <= line.offset_interval for line in lines])
@@ -37,25 +36,25 @@ def test_intervals_hold_the_truth_as_often_as_they_say(count: int, stated: float
     assert np.mean([line.exceeds for line in lines]) <= 0.03
 
 
-def test_a_channel_that_is_bent_is_told() -> None:
+def test_a_channel_that_is_bent_is_told():
     lines = [_calibrated(seed, 7, REFERENCE_STD, bend=0.5) for seed in range(20)]
     assert all(line.exceeds and line.non_linearity > 3.0 for line in lines)
     assert all(line.uncertainty > 2.0 * line.non_linearity / np.sqrt(3.0) for line in lines)
 
 
-def test_a_value_read_through_the_line_lies_within_its_uncertainty() -> None:
+def test_a_value_read_through_the_line_lies_within_its_uncertainty():
     """Both parts: the line, and the reference once more."""
     lines = [_calibrated(seed, 5, REFERENCE_STD) for seed in range(300)]
     inside = [abs(line.slope * 7.0 + line.offset - SLOPE * 7.0 - OFFSET) <= line.uncertainty for line in lines]
     assert np.mean(inside) >= 0.95
 
 
-def test_readings_on_a_line_leave_nothing() -> None:
+def test_readings_on_a_line_leave_nothing():
     points = [Point(raw, RAW_STD, 10.1 * raw + 0.2) for raw in (-10.0, -5.0, 0.0, 5.0, 10.0)]
     assert fit_line(points, REFERENCE_STD).residuals == (0.0,) * 5
 
 
-def test_what_is_no_line() -> None:
+def test_what_is_no_line():
     with pytest.raises(SettingError, match="three without"):
         fit_line([Point(0.0, 0.0, 0.0), Point(1.0, 0.0, 1.0)])
     with pytest.raises(SettingError, match="did not move"):
@@ -66,7 +65,7 @@ NEW = CalibrationLine(slope=24.5, offset=-1.5, uncertainty=0.8, date=dt.date(202
                       source="dead weight tester 7", operator="kb")  # fmt: skip
 
 
-def test_a_bench_file_keeps_its_comments_and_what_it_said_before(tmp_path: Path) -> None:
+def test_a_bench_file_keeps_its_comments_and_what_it_said_before(tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text(bench_text("brevini-hpv41"), encoding="utf-8")
     before = read_bench(path)
@@ -82,7 +81,7 @@ def test_a_bench_file_keeps_its_comments_and_what_it_said_before(tmp_path: Path)
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_file_on_another_one_says_it_itself(tmp_path: Path) -> None:
+def test_a_file_on_another_one_says_it_itself(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text('based_on = "brevini-hpv41"\nname = "mine"  # ours\n', encoding="utf-8")
     now = write_calibration(read_bench(path), "flow", NEW)
@@ -92,7 +91,7 @@ def test_a_file_on_another_one_says_it_itself(tmp_path: Path) -> None:
     assert set(said["channels"]["flow"]) == {"calibration", "calibration_history"} and "# ours" in path.read_text()
 
 
-def test_limits_that_the_terminal_does_not_reach_are_narrowed(tmp_path: Path) -> None:
+def test_limits_that_the_terminal_does_not_reach_are_narrowed(tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text(bench_text("brevini-hpv41"), encoding="utf-8")
     now = write_calibration(read_bench(path), "command", NEW.model_copy(update={"slope": 9.9, "offset": 0.5}))
@@ -100,7 +99,7 @@ def test_limits_that_the_terminal_does_not_reach_are_narrowed(tmp_path: Path) ->
     assert limits is not None and (limits.low, limits.high) == (-98.5, 99.5)
 
 
-def test_a_calibration_that_makes_faults_is_not_written(tmp_path: Path) -> None:
+def test_a_calibration_that_makes_faults_is_not_written(tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text(bench_text("brevini-hpv41"), encoding="utf-8")
     file = read_bench(path)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from hil.catalog import KINDS, Entry, Kind, entries, find
+from hil.catalog import KINDS, Entry, entries, find
 from hil.description.find import description_file, descriptions
 from hil.errors import FileError, UnknownNameError
 from hil.physics.compose import effects, kernel
-from tests.conftest import Install
 
 MOISTURE = '''"""Moisture: a made-up effect of a stranger."""
 
@@ -39,7 +36,7 @@ EFFECT = Effect(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_entry_has_a_summary_and_loads(kind: Kind) -> None:
+def test_every_entry_has_a_summary_and_loads(kind):
     for entry in entries(kind):
         assert entry.summary, f"{entry.path}: the first line of its docstring is what `hil list` prints"
         assert entry.path.is_file()
@@ -49,17 +46,17 @@ def test_every_entry_has_a_summary_and_loads(kind: Kind) -> None:
 
 
 @pytest.mark.parametrize("kind", ["plants", "effects"])
-def test_entries_of_the_core_load(kind: Kind) -> None:
+def test_entries_of_the_core_load(kind):
     for entry in entries(kind):
         assert entry.load().__name__ == entry.module
 
 
-def test_dashes_and_underlines_are_the_same() -> None:
+def test_dashes_and_underlines_are_the_same():
     assert find("plants", "brevini_hpv41").name == "brevini-hpv41"
     assert find("effects", "dead-time").name == "dead_time"
 
 
-def test_a_name_that_nobody_has() -> None:
+def test_a_name_that_nobody_has():
     with pytest.raises(
         UnknownNameError, match=r"no effect named 'fricton', did you mean 'friction'\? known: asymmetry"
     ):
@@ -68,20 +65,20 @@ def test_a_name_that_nobody_has() -> None:
         find("plants", "xyz")
 
 
-def test_a_stranger_adds_an_effect_with_one_file(install_package: Install) -> None:
+def test_a_stranger_adds_an_effect_with_one_file(install_package):
     install_package("hil.effects", "damp", {"moisture.py": MOISTURE, "_helper.py": "raise RuntimeError\n"})
     assert "moisture" in [effect.name for effect in effects()]
     assert ("moisture", "coil") in [site.key for site in kernel("linear-axis").sites]
     assert find("effects", "moisture").summary == "Moisture: a made-up effect of a stranger."
 
 
-def test_a_stranger_may_not_take_a_name_that_is_in_use(install_package: Install) -> None:
+def test_a_stranger_may_not_take_a_name_that_is_in_use(install_package):
     install_package("hil.effects", "rival", {"friction.py": MOISTURE})
     with pytest.raises(FileError, match=r"'friction' is provided twice: hil\.physics\.effects\.friction and rival\."):
         entries("effects")
 
 
-def test_an_entry_that_lacks_a_package_says_which(install_package: Install) -> None:
+def test_an_entry_that_lacks_a_package_says_which(install_package):
     install_package("hil.drivers", "needy", {"acme.py": '"""Acme."""\nimport acme_sdk\n'})
     entry = find("drivers", "acme")
     assert entry.summary == "Acme."  # listing it needs nothing
@@ -98,7 +95,7 @@ def test_an_entry_that_lacks_a_package_says_which(install_package: Install) -> N
         ("from . import gone", "ImportError: cannot import name 'gone'"),
     ],
 )
-def test_an_entry_that_throws_is_named(line: str, text: str, install_package: Install) -> None:
+def test_an_entry_that_throws_is_named(line, text, install_package):
     package = f"throws_{text.partition(':')[0].lower()}"  # imported once in this process
     install_package("hil.drivers", package, {"acme.py": f'"""Acme."""\n{line}\n'})
     with pytest.raises(FileError, match=rf"driver 'acme' \(.*acme\.py\) cannot be loaded: {text}"):
@@ -113,22 +110,20 @@ def test_an_entry_that_throws_is_named(line: str, text: str, install_package: In
         ("ghastly", "entry point 'ghastly' for drivers of .* 'throws' is not an importable package"),
     ],
 )  # fmt: skip
-def test_an_entry_point_that_names_nothing_or_what_throws_is_named(
-    value: str, says: str, tmp_path: Path, install_package: Install
-) -> None:
+def test_an_entry_point_that_names_nothing_or_what_throws_is_named(value, says, tmp_path, install_package):
     install_package("hil.drivers", "throws", {"__init__.py": "raise RuntimeError('broken')\n"})
     (tmp_path / "throws-1.0.dist-info" / "entry_points.txt").write_text(f"[hil.drivers]\nx = {value}\n")
     with pytest.raises(FileError, match=says):
         entries("drivers")
 
 
-def test_a_summary_is_read_without_importing(tmp_path: Path) -> None:
+def test_a_summary_is_read_without_importing(tmp_path):
     path = tmp_path / "explosive.py"
     path.write_text('"""What it is.\n\nMore."""\nraise RuntimeError("imported")\n', encoding="utf-8")
     assert Entry("drivers", "explosive", "explosive", path).summary == "What it is."
 
 
-def test_description_is_found_by_its_whole_name_alone() -> None:
+def test_description_is_found_by_its_whole_name_alone():
     for name, path in descriptions().items():
         assert description_file(name) == path
     for name in ("../wago-750", "/etc/wago-750", "*", "wago\0750", "x" * 300, ""):

@@ -30,7 +30,7 @@ from hil.report.comparisons import comparison_sentences
 from hil.session import cause
 from hil.session.cause import with_cause
 from hil.session.outcome import Outcome
-from hil.session.procedure import Procedure, load_procedure
+from hil.session.procedure import load_procedure
 from hil.session.results import cause_found_before, write_outcome
 
 RISE = Measurement("rise", "ms", "rise", high=100.0)
@@ -40,7 +40,7 @@ WARMER = Change("oil temperature", "oil", "bench", "t", Size(40.0, None), Size(5
 
 
 @pytest.fixture
-def certifies() -> Procedure:
+def certifies():
     return replace(load_procedure("step_response"), certificate=True)
 
 
@@ -68,9 +68,7 @@ def found(outcome: Outcome) -> Cause:
     return outcome.findings.cause
 
 
-def test_what_a_diagnosis_finds_stands_on_page_one(
-    tmp_path: Path, certifies: Procedure, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_diagnosis_finds_stands_on_page_one(tmp_path, certifies, monkeypatch):
     answer = ANSWER.dump_json(Cause("", verdict="parameter_change", found=(LEAKS,)), by_alias=True).decode()
     answers(monkeypatch, f"print({answer!r})")
     made = with_cause(certifies, missed(tmp_path), str(tmp_path), 600.0, lambda _d, _t: None)
@@ -82,7 +80,7 @@ def test_what_a_diagnosis_finds_stands_on_page_one(
     assert found(made).command == f"hil diagnose --model efc-good {made.folder} --out DIR"
 
 
-def test_a_difference_names_the_largest_share_first_and_a_part_as_a_part() -> None:
+def test_a_difference_names_the_largest_share_first_and_a_part_as_a_part():
     found = DateDifference((WARMER, LEAKED), (), "changed", is_part=True, not_searched=("a led-back search",))
     cause = of_difference(found)
     assert (cause.verdict, cause.not_searched) == ("partly_explained", "a led-back search")
@@ -90,7 +88,7 @@ def test_a_difference_names_the_largest_share_first_and_a_part_as_a_part() -> No
     assert cause.found[0] == Found("leakage", "valve", 80.0, 0.5, 140.0, 0.5, "ml/min", share=0.6)
 
 
-def test_a_diagnosis_names_effects_with_what_they_were_then_parameters() -> None:
+def test_a_diagnosis_names_effects_with_what_they_were_then_parameters():
     effect = SimpleNamespace(name="friction", parameters={"coulomb": Quantity(4.8, 0.1, "%", "")})
     changed = (
         ChangedParameter("coulomb", 2.1, 4.8, 0.1, "%", ""),
@@ -105,9 +103,7 @@ def test_a_diagnosis_names_effects_with_what_they_were_then_parameters() -> None
     )  # fmt: skip
 
 
-def test_a_search_that_does_not_end_is_ended(
-    tmp_path: Path, certifies: Procedure, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_search_that_does_not_end_is_ended(tmp_path, certifies, monkeypatch):
     mark = tmp_path / "pid"
     answers(monkeypatch, f"import os, time; open({str(mark)!r}, 'w').write(str(os.getpid())); time.sleep(3600)")
     begun_s = time.monotonic()
@@ -120,9 +116,7 @@ def test_a_search_that_does_not_end_is_ended(
             os.kill(int(mark.read_text(encoding="utf-8")), 0)
 
 
-def test_ctrl_c_during_the_search_keeps_the_verdict(
-    tmp_path: Path, certifies: Procedure, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_during_the_search_keeps_the_verdict(tmp_path, certifies, monkeypatch):
     answers(monkeypatch, "import time; time.sleep(60)")
 
     def stopped(_done: float, text: str) -> None:
@@ -134,24 +128,20 @@ def test_ctrl_c_during_the_search_keeps_the_verdict(
     assert "the search was stopped" in made.report.read_text(encoding="utf-8")
 
 
-def test_a_search_that_fails_says_why(tmp_path: Path, certifies: Procedure) -> None:
+def test_a_search_that_fails_says_why(tmp_path, certifies):
     made = with_cause(certifies, missed(tmp_path), str(tmp_path), 600.0, lambda _d, _t: None)
     (said,) = comparison_sentences(made.findings)
     assert said.startswith("The cause is not known:") and "no channel 'current'" in said
 
 
-def test_a_search_that_breaks_is_no_answer(
-    tmp_path: Path, certifies: Procedure, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_search_that_breaks_is_no_answer(tmp_path, certifies, monkeypatch):
     answers(monkeypatch, "print('{'); raise SystemExit(1)")
     made = with_cause(certifies, missed(tmp_path), str(tmp_path), 600.0, lambda _d, _t: None)
     assert found(made).reason == "no answer"
 
 
 @pytest.mark.parametrize("case", ["passed", "no certificate", "switched off"])
-def test_nothing_is_looked_for_where_nothing_is_asked(
-    tmp_path: Path, certifies: Procedure, monkeypatch: pytest.MonkeyPatch, case: str
-) -> None:
+def test_nothing_is_looked_for_where_nothing_is_asked(tmp_path, certifies, monkeypatch, case):
     answers(monkeypatch, "raise SystemExit('must not run')")
     procedure = replace(certifies, certificate=case != "no certificate")
     outcome = missed(tmp_path, 60.0 if case == "passed" else 170.0)
@@ -181,12 +171,12 @@ FRICTION = Found("friction", "valve", 2.1, 0.1, 4.8, 0.1, "%", share=0.97)
         (replace(ASKED, verdict="unchanged"), "not known: the recorded answer agrees with the run A"),
     ],
 )  # fmt: skip
-def test_a_cause_is_said_as_far_as_it_is_known(told: Cause, says: str) -> None:
+def test_a_cause_is_said_as_far_as_it_is_known(told, says):
     (said,) = comparison_sentences(Findings((RISE.of(170.0, 2.0),), cause=told))
     assert says in said and "`hil diff A B --model M` looks again" in said
 
 
-def test_a_report_made_again_keeps_the_cause(tmp_path: Path) -> None:
+def test_a_report_made_again_keeps_the_cause(tmp_path):
     outcome = missed(tmp_path)
     kept = replace(outcome.findings, cause=replace(ASKED, verdict="changed", found=(FRICTION,)))
     write_outcome(read(outcome.folder), kept, outcome.folder)

@@ -19,7 +19,7 @@ GOOD = {"coil_lag": 0.008, "rotor_frequency": 187.0, "rotor_damping": 3.14}
 RETURNED = {"coil_lag": 0.008, "rotor_frequency": 33.0, "rotor_damping": 1.09}
 
 
-def test_a_slow_rotor_is_not_told_as_a_slow_coil() -> None:
+def test_a_slow_rotor_is_not_told_as_a_slow_coil():
     typical = typical_model("cummins-efc")
     values = {name: replace(v, value=GOOD.get(name, v.value)) for name, v in typical.parameters.items()}
     good = replace(typical, parameters=values)

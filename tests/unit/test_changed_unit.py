@@ -21,9 +21,7 @@ EFC = typical_model("cummins-efc")
         ({"closed_pressure": 1.4, "pressure_span": 1.12}, "parameter_change", []),
     ],
 )
-def test_a_parameter_is_told_as_an_effect_unless_others_changed_by_more(
-    changed: dict[str, float], verdict: str, effects: list[str]
-) -> None:
+def test_a_parameter_is_told_as_an_effect_unless_others_changed_by_more(changed, verdict, effects):
     values = {**EFC.values, **{name: times * EFC.values[name] for name, times in changed.items()}}
     time_s = np.arange(0.0, 8.0, 0.004)
     current = 1.6 + 0.4 * np.sin(time_s) + 0.05 * np.sign(np.sin(7.0 * time_s))

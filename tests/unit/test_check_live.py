@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -19,7 +18,7 @@ from tests.links import PATIENT, served
 from tests.recorded_line import RecordedLine
 
 
-def test_a_simulated_bench() -> None:
+def test_a_simulated_bench():
     seen = look_at(read_bench(benches()["brevini-hpv41"]), 1.0)
     inputs = {one.reading.name: one for one in seen.inputs}
     step = 10.0 * 20.0 * 1.048 / 65536  # 10 l/min per V, ±10 V and 2.4 % more either side, 16 bit
@@ -28,7 +27,7 @@ def test_a_simulated_bench() -> None:
     assert seen.rate_hz == 1000.0 and seen.fastest_hz == 50.0
 
 
-def test_a_polled_link_is_measured_and_nothing_is_written(tmp_path: Path) -> None:
+def test_a_polled_link_is_measured_and_nothing_is_written(tmp_path):
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, devices):
         (device,) = devices.values()
         line = RecordedLine(device.port)
@@ -43,21 +42,21 @@ def test_a_polled_link_is_measured_and_nothing_is_written(tmp_path: Path) -> Non
     assert line.modbus_functions <= {3, 4, 43}
 
 
-def test_what_is_not_plausible_is_told(tmp_path: Path) -> None:
+def test_what_is_not_plausible_is_told(tmp_path):
     dead = {"instruments": {"supply pressure": {"value": 0.0}}}
     path = bench_file(tmp_path / "bench.toml", "brevini-hpv41", simulation=dead)
     (remark,) = look_at(read_bench(path), 0.5).remarks
     assert remark.startswith("'supply pressure':") and "of interlock 'pressure-lost'" in remark
 
 
-def test_procedures_that_can_run_and_what_keeps_the_others() -> None:
+def test_procedures_that_can_run_and_what_keeps_the_others():
     file = read_bench(benches()["brevini-hpv41"])
     assert hindrance(load_procedure("frequency_response"), file, 1000.0) == ""
     assert "the bench makes 30 Hz as measured" in hindrance(load_procedure("frequency_response"), file, 30.0)
     assert "through flow" in hindrance(load_procedure("leakage_check"), file, 1000.0)
 
 
-def test_command_line(tmp_path: Path, command_line) -> None:
+def test_command_line(tmp_path, command_line):
     found = command_line("check", "brevini-hpv41", "--live", "--json")
     told = json.loads(found.out)
     assert found.status == 0 and told["schema"] == "hil.live/1"
@@ -67,7 +66,7 @@ def test_command_line(tmp_path: Path, command_line) -> None:
     assert found.status == LinkError.exit_status and "io: 127.0.0.1:1: cannot be reached" in found.err
 
 
-def test_a_device_that_does_not_answer_hides_no_other(tmp_path: Path, command_line) -> None:
+def test_a_device_that_does_not_answer_hides_no_other(tmp_path, command_line):
     with served("hpv41-mixed", tmp_path, *PATIENT) as (file, devices):
         name, device = next(
             (name, one) for name, one in devices.items() if f"127.0.0.1:{getattr(one, 'port', 0)}" in file.text

@@ -22,9 +22,7 @@ NO_REQUESTS, BESIDE = "no requests to read outputs back", "requests a second to 
         ("brevini-hpv41", {}),
     ],
 )
-def test_check_prints_a_line_for_each_link_that_drives(
-    bench: str, per_s: dict[str, float], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_prints_a_line_for_each_link_that_drives(bench, per_s, capsys):
     check.command(bench, strict=False, live=False, reference="", archive="", as_json=False)
     lines = [line for line in capsys.readouterr().out.splitlines() if BESIDE in line or NO_REQUESTS in line]
     assert [line.split(":")[0].strip() for line in lines] == list(per_s)

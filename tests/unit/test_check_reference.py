@@ -16,7 +16,7 @@ pytestmark = pytest.mark.usefixtures("unprinted")
 
 
 @pytest.fixture
-def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def bench(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HIL_ARCHIVE", str(tmp_path / "runs"))
     return tmp_path / "bench.toml"
@@ -26,7 +26,7 @@ Checked = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture
-def checked(bench: Path, command_line) -> Checked:
+def checked(bench, command_line):
     """Exit status of `hil check --reference` of a bench with such values, and what it prints."""
 
     def run(*more: str, **tables: Any) -> tuple[int, str]:
@@ -36,7 +36,7 @@ def checked(bench: Path, command_line) -> Checked:
     return run
 
 
-def test_the_first_time_is_kept_and_a_bench_as_it_was_is_said_to_be_so(checked: Checked) -> None:
+def test_the_first_time_is_kept_and_a_bench_as_it_was_is_said_to_be_so(checked):
     status, first = checked()
     assert status == 0 and "no faults" in first and "differs" not in first
     (kept,) = Path("runs").glob("bench_reference-REF-1-*")
@@ -48,7 +48,7 @@ def test_the_first_time_is_kept_and_a_bench_as_it_was_is_said_to_be_so(checked: 
     assert {one["meaning"] for one in answer["differences"]} == {"within uncertainty", "cannot tell"}
 
 
-def test_a_meter_that_reads_two_per_cent_more_is_an_exit_status_of_one(checked: Checked) -> None:
+def test_a_meter_that_reads_two_per_cent_more_is_an_exit_status_of_one(checked):
     checked()
     status, text = checked(simulation={"seed": 12, "instruments": {"flow": {"slope": 9.8}}})
     assert status == 1
@@ -56,7 +56,7 @@ def test_a_meter_that_reads_two_per_cent_more_is_an_exit_status_of_one(checked: 
     assert {"gain_positive", "gain_negative", "response_high"} <= set(differing)
 
 
-def test_nothing_is_driven_where_strict_refuses_or_the_bench_is_read(checked: Checked) -> None:
+def test_nothing_is_driven_where_strict_refuses_or_the_bench_is_read(checked):
     status, text = checked("--live")
     assert status == 2 and not text
     overdue = {"date": dt.date(2019, 3, 2), "due": dt.date(2020, 3, 2)}
@@ -65,7 +65,7 @@ def test_nothing_is_driven_where_strict_refuses_or_the_bench_is_read(checked: Ch
     assert not Path("runs").exists()
 
 
-def test_json_of_the_first_time_has_no_differences(checked: Checked) -> None:
+def test_json_of_the_first_time_has_no_differences(checked):
     status, text = checked("--json")
     answer = json.loads(text)
     assert status == 0 and answer["schema"] == "hil.run-comparison/1" and answer["differences"] == []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from pathlib import Path
 
 import pytest
 from audit_trail import read_audit
@@ -13,7 +12,7 @@ from hil.bench.audit import Audit, head
 
 
 @pytest.fixture(autouse=True)
-def trail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def trail(tmp_path, monkeypatch):
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path))
     audit = Audit()
     for number in range(4):
@@ -21,7 +20,7 @@ def trail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return audit.path
 
 
-def test_trail_is_printed_with_its_head(trail, command_line) -> None:
+def test_trail_is_printed_with_its_head(trail, command_line):
     status, out, _ = command_line("audit")
     assert status == 0 and out.count("Eva  drives  run runs/") == 4
     found = head(trail)
@@ -41,14 +40,14 @@ def test_trail_is_printed_with_its_head(trail, command_line) -> None:
         lambda lines: [b"[" * 100_000 + b"\n", *lines],
     ],
 )
-def test_changed_line_is_named_with_status_1(trail, edit, command_line) -> None:
+def test_changed_line_is_named_with_status_1(trail, edit, command_line):
     trail.write_bytes(b"".join(edit(trail.read_bytes().splitlines(keepends=True))))
     status, _, err = command_line("audit")
     assert status == 1 and f"{trail}: line " in err and "Traceback" not in err
     assert command_line("audit", "head")[0] == 1
 
 
-def test_a_trail_cut_off_at_the_end_lacks_the_head_that_was_kept(trail, command_line) -> None:
+def test_a_trail_cut_off_at_the_end_lacks_the_head_that_was_kept(trail, command_line):
     kept = head(trail)
     assert kept is not None and command_line("audit", "--head", kept.sha256)[0] == 0
     trail.write_bytes(b"".join(trail.read_bytes().splitlines(keepends=True)[:3]))
@@ -57,7 +56,7 @@ def test_a_trail_cut_off_at_the_end_lacks_the_head_that_was_kept(trail, command_
     assert status == 1 and "not in it" in out
 
 
-def test_a_line_torn_by_a_power_cut_breaks_no_chain(trail, command_line) -> None:
+def test_a_line_torn_by_a_power_cut_breaks_no_chain(trail, command_line):
     os.truncate(trail, trail.stat().st_size - 20)
     assert command_line("audit")[0] == 0
     Audit().write("Eva", "drives", {})
@@ -65,13 +64,13 @@ def test_a_line_torn_by_a_power_cut_breaks_no_chain(trail, command_line) -> None
     assert command_line("audit")[0] == 0
 
 
-def test_a_name_does_not_steer_the_terminal(trail, command_line) -> None:
+def test_a_name_does_not_steer_the_terminal(trail, command_line):
     Audit().write("\x1b]0;owned\x07", "drives", {"run": "\x9b2J"})
     _, out, _ = command_line("audit")
     assert "\\x1b]0;owned" in out and not {"\x1b", "\x07", "\x9b"} & set(out)
 
 
-def test_no_trail_is_said_in_words(trail, command_line) -> None:
+def test_no_trail_is_said_in_words(trail, command_line):
     trail.unlink()
     status, out, _ = command_line("audit")
     assert status == 0 and "no lines yet" in out

@@ -18,7 +18,7 @@ from hil.cli import diagnose
         (["x.csv", "y.csv", "--out", "d"], ["x.csv", "y.csv"], []),
     ],
 )
-def test_words_behind_before_are_of_before(words: list[str], later: list[str], before: list[str]) -> None:
+def test_words_behind_before_are_of_before(words, later, before):
     app = typer.Typer()
     app.command(cls=diagnose.Command)(diagnose.command)
     asked = get_command(app)

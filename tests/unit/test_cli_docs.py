@@ -21,7 +21,6 @@ from hil.physics.compose import effects, kernel, plant
 from hil.physics.model import load_model
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
-from tests.conftest import Install
 from tests.docs_programs import DOCS, program
 from tests.tutorial import alike
 
@@ -31,7 +30,7 @@ WITH_COMMANDS = [ROOT / "README.md", *sorted((DOCS / "tutorial").glob("*.md")), 
 Follow = Callable[[str, str, str], None]
 
 
-def test_generated_pages_are_up_to_date() -> None:
+def test_generated_pages_are_up_to_date():
     generated = program("generate").pages()
     assert {"command-line.md", "plants.md", "effects.md"} <= generated.keys()
     for name, text in generated.items():
@@ -39,7 +38,7 @@ def test_generated_pages_are_up_to_date() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in DOCS.glob("*.py")))
-def test_programs_of_the_documentation_are_loaded(name: str) -> None:
+def test_programs_of_the_documentation_are_loaded(name):
     assert callable(program(name).main)
 
 
@@ -49,7 +48,7 @@ def anchors(page: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_lead_somewhere(page):
     for target in re.findall(r"(?:\]\(|<img src=\")([^)\s\"]+)", page.read_text(encoding="utf-8")):
         if target.startswith(("http", "mailto:")):
             continue
@@ -67,7 +66,7 @@ def fenced(page: Path, language: str) -> list[str]:
 
 
 @pytest.fixture
-def follow(install_package: Install) -> Follow:
+def follow(install_package):
     """Puts the code of a how-to into a package of its own and installs it for one test."""
 
     def followed(group: str, module: str, page: str) -> None:
@@ -80,7 +79,7 @@ def follow(install_package: Install) -> Follow:
     return followed
 
 
-def test_the_effect_of_the_how_to(follow: Follow) -> None:
+def test_the_effect_of_the_how_to(follow):
     follow("hil.effects", "edge_wear", "add-an-effect.md")
     effect = find("effects", "edge_wear").load().EFFECT
     assert effect in effects()
@@ -92,7 +91,7 @@ def test_the_effect_of_the_how_to(follow: Follow) -> None:
     assert set(shown["parameters"]) == {parameter.name for parameter in effect.parameters}
 
 
-def test_the_plant_of_the_how_to(follow: Follow) -> None:
+def test_the_plant_of_the_how_to(follow):
     follow("hil.plants", "relief_valve", "add-a-plant.md")
     found = plant("relief-valve")
     compiled = kernel("relief-valve")
@@ -102,7 +101,7 @@ def test_the_plant_of_the_how_to(follow: Follow) -> None:
     assert list(steady) == list(compiled.coefficients)
 
 
-def test_the_procedure_of_the_how_to(follow: Follow, tmp_path: Path) -> None:
+def test_the_procedure_of_the_how_to(follow, tmp_path):
     follow("hil.procedures", "level_check", "add-a-procedure.md")
     procedure = load_procedure("level_check")
     bench = read_bench(benches()["brevini-hpv41"])
@@ -113,7 +112,7 @@ def test_the_procedure_of_the_how_to(follow: Follow, tmp_path: Path) -> None:
     assert found["level, 80"].unit == "l/min"
 
 
-def test_the_model_file_of_the_reference(tmp_path: Path) -> None:
+def test_the_model_file_of_the_reference(tmp_path):
     (example,) = fenced(DOCS / "reference" / "model-file.md", "json")
     (tmp_path / "model.json").write_text(example, encoding="utf-8")
     model = load_model(tmp_path / "model.json")
@@ -121,7 +120,7 @@ def test_the_model_file_of_the_reference(tmp_path: Path) -> None:
     assert model.values["full_flow"] == plant("brevini-hpv41").typical["full_flow"]
 
 
-def test_every_field_of_a_diagnosis_is_in_the_reference() -> None:
+def test_every_field_of_a_diagnosis_is_in_the_reference():
     tree = ast.parse((ROOT / "hil" / "diagnosis" / "diagnosis.py").read_text(encoding="utf-8"))
     written = {
         name.value
@@ -152,7 +151,7 @@ def said(words: list[str]) -> int:
     return int(ended.value.code or 0)
 
 
-def test_arguments_are_named_in_capitals_and_bracketed_once() -> None:
+def test_arguments_are_named_in_capitals_and_bracketed_once():
     usages = [row.split("`")[1] for row in program("generate").command_rows("hil")]
     assert [usage for usage in usages if "[[" in usage or re.search(r"{[a-z]+}", usage)] == []
 
@@ -161,7 +160,7 @@ EVERY = [(page, line) for page in WITH_COMMANDS for line in commands(page)]
 
 
 @pytest.mark.parametrize(("page", "line"), EVERY, ids=[line for _, line in EVERY])
-def test_every_command_shown_exists_with_its_options(page: Path, line: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_command_shown_exists_with_its_options(page, line, capsys):
     words = shlex.split(line, comments=True)[1:]
     assert said(["hil", *words[:1], "--help"]) == 0
     told = capsys.readouterr().out
@@ -173,7 +172,7 @@ def test_every_command_shown_exists_with_its_options(page: Path, line: str, caps
         assert option in told, f"{page.name}: {line}"
 
 
-def test_alike() -> None:
+def test_alike():
     assert alike("  fit   99.1 %  run", "fit 99.1 %  run")
     assert not alike("  fit   99.1 %  run", "  fit   99.2 %  run")
     assert not alike("rise 319.6 ± 3.0 …", "rise 319.7 ± 3.0 ms")
@@ -181,7 +180,7 @@ def test_alike() -> None:
     assert alike("note: …", "note: anything at all")
 
 
-def test_every_schema_is_on_the_page_of_json() -> None:
+def test_every_schema_is_on_the_page_of_json():
     page = (DOCS / "reference" / "json.md").read_text(encoding="utf-8")
     sources = [path.read_text(encoding="utf-8") for path in (ROOT / "hil").rglob("*.py")]
     written = {name for text in sources for name in re.findall(r'"(hil\.[a-z-]+/\d+)"', text)}

@@ -13,7 +13,6 @@ from hil.cli.error_message import say
 from hil.errors import marked
 from hil.physics.model import save_model, typical_model
 from hil.safety.interrupt import Terminated
-from tests.conftest import Install
 from tests.links import bench_text
 
 FLOW_PER_COMMAND = 0.5
@@ -30,7 +29,7 @@ def write_recording(path: Path, headings: str = "time [s],command [%],flow [l/mi
 
 
 @pytest.fixture(autouse=True)
-def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def folder(monkeypatch, tmp_path):
     """Each command runs in a folder of its own."""
     monkeypatch.chdir(tmp_path)
 
@@ -86,7 +85,7 @@ CASES = [
 
 
 @pytest.fixture
-def recordings(tmp_path: Path) -> None:
+def recordings(tmp_path):
     write_recording(tmp_path / "good.csv")
     write_recording(tmp_path / "capitals.csv", "time [s],Command [%],Flow [l/min]")
     (tmp_path / "alone.csv").write_text("time [s],command [%]\n0,1\n1,2\n2,3\n", encoding="utf-8")
@@ -109,7 +108,7 @@ def recordings(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("recordings")
 @pytest.mark.parametrize(("arguments", "says"), CASES, ids=[" ".join(arguments) for arguments, _ in CASES])
-def test_bad_input_is_one_line_and_exit_status_2(command_line, arguments: tuple[str, ...], says: str) -> None:
+def test_bad_input_is_one_line_and_exit_status_2(command_line, arguments, says):
     before = Path("good.csv").read_bytes()
     status, out, err = command_line(*arguments)
     assert status == 2
@@ -121,21 +120,21 @@ def test_bad_input_is_one_line_and_exit_status_2(command_line, arguments: tuple[
     assert not Path("model.json").exists()
 
 
-def test_no_command_shows_the_help_and_is_exit_status_2(command_line) -> None:
+def test_no_command_shows_the_help_and_is_exit_status_2(command_line):
     status, out, err = command_line()
     assert (status, err) == (2, "")
     assert "Commands:" in out
 
 
 @pytest.mark.usefixtures("recordings")
-def test_debug_adds_the_traceback(command_line) -> None:
+def test_debug_adds_the_traceback(command_line):
     status, _, err = command_line("--debug", "identify", "nan.csv", *IDENTIFY)
     assert status == 2
     assert "Traceback" in err
     assert err.splitlines()[-1].startswith("hil: nan.csv: line 43")
 
 
-def test_debug_is_not_asked_of_the_next_command_of_a_process(command_line) -> None:
+def test_debug_is_not_asked_of_the_next_command_of_a_process(command_line):
     assert "Traceback" in command_line("--debug", "check", "nowhere.toml")[2]
     assert command_line("frobnicate")[2].startswith("hil: ")
 
@@ -150,9 +149,7 @@ def test_debug_is_not_asked_of_the_next_command_of_a_process(command_line) -> No
     ],
     ids=["file system", "fault", "ctrl-c"],
 )  # fmt: skip
-def test_what_is_raised_is_one_line(
-    error: BaseException, status: int, says: str, command_line, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_raised_is_one_line(error, status, says, command_line, monkeypatch):
     def broken(_kind: str) -> None:
         raise error
 
@@ -161,7 +158,7 @@ def test_what_is_raised_is_one_line(
     assert ended.status == status and ended.err.startswith(says) and ended.err.count("\n") == bool(says)
 
 
-def test_a_fault_in_a_package_of_others_names_its_file(command_line, install_package: Install, tmp_path: Path) -> None:
+def test_a_fault_in_a_package_of_others_names_its_file(command_line, install_package, tmp_path):
     """A twin of a stranger that fails is no fault of this program; nor is one that calls a library wrongly."""
     twin = '"""A twin."""\nimport json\n\ndef world(simulation, wirings):\n    return json.loads("{")\n'
     driver = Path(modbus.__file__).read_text(encoding="utf-8")
@@ -174,7 +171,7 @@ def test_a_fault_in_a_package_of_others_names_its_file(command_line, install_pac
     assert "a fault in " in err and "broken_gauge.py, line 5, which is no part of this program: JSONDecodeError" in err
 
 
-def test_version_and_help_are_no_errors(command_line) -> None:
+def test_version_and_help_are_no_errors(command_line):
     assert command_line("--version")[:2] == (0, "hil 0.1.0\n")
     status, out, _ = command_line("--help")
     assert status == 0
@@ -193,21 +190,21 @@ def test_version_and_help_are_no_errors(command_line) -> None:
         ),
     ],
 )
-def test_currents_are_not_driven_as_anything_else(command_line, procedure: str, bench: str, said: str) -> None:
+def test_currents_are_not_driven_as_anything_else(command_line, procedure, bench, said):
     status, _, err = command_line("run", procedure, "--bench", bench, "--out", "r")
     assert status == 2
     assert err.splitlines()[-1] == f"hil: {said}"
 
 
 @pytest.mark.usefixtures("recordings")
-def test_a_unit_that_the_file_stated_otherwise_is_remarked(command_line) -> None:
+def test_a_unit_that_the_file_stated_otherwise_is_remarked(command_line):
     status, out, _ = command_line("convert", "good.csv", "new.csv", "--unit", "flow=bar")
     assert status == 0
     assert "note: 'flow' was in l/min and is now said to be in bar; its numbers are the same" in out
     assert "note" not in command_line("convert", "good.csv", "same.csv", "--unit", "flow=l/min")[1]
 
 
-def test_a_second_signal_says_no_second_end(command_line, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_signal_says_no_second_end(command_line, monkeypatch):
     def stopped(_kind: str) -> None:
         ended = KeyboardInterrupt()
         marked(ended, 130, "outputs are safe (read back)")
@@ -219,7 +216,7 @@ def test_a_second_signal_says_no_second_end(command_line, monkeypatch: pytest.Mo
     assert (status, said) == (130, "hil: stopped; outputs are safe (read back)\n")
 
 
-def test_a_parameter_where_a_recording_should_be_is_told(command_line) -> None:
+def test_a_parameter_where_a_recording_should_be_is_told(command_line):
     write_recording(Path("steps.csv"))
     status, _, said = command_line(
         "identify", "--plant", "brevini-hpv41", "--free", "dead_time", "sensor_lag", "steps.csv", "--out", "m.json"

@@ -33,7 +33,7 @@ def command(arguments: str) -> str:
 
 
 @pytest.mark.parametrize("arguments", COMMANDS)
-def test_little_and_nothing_heavy_is_imported(arguments: str) -> None:
+def test_little_and_nothing_heavy_is_imported(arguments):
     """What takes its time are imports, so they are counted; `make bench` has the seconds (0.3 on an idle machine)."""
     imported = imported_by(command(arguments))
     assert imported.isdisjoint(HEAVY), f"imported: {sorted(imported & set(HEAVY))}"
@@ -54,11 +54,11 @@ BENCH = {"hil.bench", "hil.daq", "hil.report"}
         ("import hil.session.comparison", BENCH | {"hil.findings"}, {"numba", "numpy", "scipy"}),
     ],
 )  # fmt: skip
-def test_what_is_not_needed_is_not_imported(program: str, unneeded: set[str], needed: set[str]) -> None:
+def test_what_is_not_needed_is_not_imported(program, unneeded, needed):
     assert imported_by(program).isdisjoint({*HEAVY, *unneeded} - needed)
 
 
-def test_listing_shows_everything_with_a_summary(command_line) -> None:
+def test_listing_shows_everything_with_a_summary(command_line):
     lines = command_line("list").out.splitlines()
     for kind in KINDS:
         start = lines.index(f"{kind}:") + 1
@@ -76,6 +76,6 @@ def test_listing_shows_everything_with_a_summary(command_line) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_one_kind(kind: str, command_line) -> None:
+def test_one_kind(kind, command_line):
     listed = command_line("list", kind).out
     assert [line.split()[0] for line in listed.splitlines()] == [entry.name for entry in entries(kind)]

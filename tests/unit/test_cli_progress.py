@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import time
 
-import pytest
-
 import hil
 from hil.cli.progress import shown
 
 
-def test_short_work_prints_no_line_and_longer_work_what_it_does(capsys: pytest.CaptureFixture[str]) -> None:
+def test_short_work_prints_no_line_and_longer_work_what_it_does(capsys):
     with shown(5.0) as progress:
         progress(0.5, "reading")
     assert capsys.readouterr().err == ""
@@ -21,7 +19,7 @@ def test_short_work_prints_no_line_and_longer_work_what_it_does(capsys: pytest.C
     assert capsys.readouterr().err == "  0%  reading a.csv\n 50%  a.csv: the model beside 3 samples\n"
 
 
-def test_a_comparison_says_what_it_reads_and_simulates(tmp_path) -> None:
+def test_a_comparison_says_what_it_reads_and_simulates(tmp_path):
     path = tmp_path / "a.csv"
     rows = "".join(f"{i / 100},{i % 40},{(i % 40) / 2}\n" for i in range(200))
     path.write_text(f"time [s],u [V],y [V]\n{rows}", encoding="utf-8")

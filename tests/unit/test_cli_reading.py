@@ -20,12 +20,12 @@ OPTIONS = {"time", "interval", "unit", "rename", "columns", "gaps"}
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.__module__ + "." + command.__name__)
-def test_every_command_takes_every_option_of_reading(command) -> None:
+def test_every_command_takes_every_option_of_reading(command):
     assert set(inspect.signature(command).parameters) >= OPTIONS
     assert "reading" not in inspect.signature(command).parameters
 
 
-def test_what_is_typed_is_the_reading() -> None:
+def test_what_is_typed_is_the_reading():
     taken: list[Reading] = []
 
     @takes_reading

@@ -21,7 +21,7 @@ Run = Callable[..., str]
 
 
 @pytest.fixture
-def hil(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command_line) -> Run:
+def hil(monkeypatch, tmp_path, command_line):
     """Runs `hil …` in a folder of its own; gives stdout."""
     monkeypatch.chdir(tmp_path)
 
@@ -57,7 +57,7 @@ def record(path: Path, seed: int, noise: float = 0.2) -> Path:
     return path
 
 
-def test_simulate_writes_time_and_output_on_the_same_rows(hil: Run, tmp_path: Path) -> None:
+def test_simulate_writes_time_and_output_on_the_same_rows(hil, tmp_path):
     save_model(unit(), tmp_path / "model.json")
     record(tmp_path / "in.csv", 1, noise=0.0)
     hil("simulate", "--model", "model.json", "--input", "in.csv", "--out", "out.csv")
@@ -67,7 +67,7 @@ def test_simulate_writes_time_and_output_on_the_same_rows(hil: Run, tmp_path: Pa
     assert np.allclose(found.values("flow"), given.values("flow"), rtol=0.0, atol=1e-9)
 
 
-def test_a_missing_input_is_named_beside_those_that_the_file_has(tmp_path: Path, command_line) -> None:
+def test_a_missing_input_is_named_beside_those_that_the_file_has(tmp_path, command_line):
     save_model(unit(), tmp_path / "model.json")
     (tmp_path / "other.csv").write_text("time [s],current [A]\n0,1\n1,1\n", encoding="utf-8")
     found = command_line(
@@ -78,7 +78,7 @@ def test_a_missing_input_is_named_beside_those_that_the_file_has(tmp_path: Path,
 
 
 @pytest.mark.parametrize("name", ["brevini-hpv41", "cummins-efc", "hydraforce-sp08-47c", "linear-axis"])
-def test_simulate_uses_of_the_output_its_first_sample_at_most(hil: Run, tmp_path: Path, name: str) -> None:
+def test_simulate_uses_of_the_output_its_first_sample_at_most(hil, tmp_path, name):
     model = typical_model(name)
     save_model(model, tmp_path / "model.json")
     plant = model.definition
@@ -94,7 +94,7 @@ def test_simulate_uses_of_the_output_its_first_sample_at_most(hil: Run, tmp_path
     assert (tmp_path / "out0.csv").read_bytes() == (tmp_path / "out1.csv").read_bytes()
 
 
-def test_uneven_stamps_give_what_even_ones_do(hil: Run, tmp_path: Path) -> None:
+def test_uneven_stamps_give_what_even_ones_do(hil, tmp_path):
     save_model(unit(), tmp_path / "model.json")
     made = np.repeat(command(2), 4)
     time_s = 0.137 + np.cumsum(np.full(len(made), 0.004))
@@ -107,7 +107,7 @@ def test_uneven_stamps_give_what_even_ones_do(hil: Run, tmp_path: Path) -> None:
     assert np.abs(uneven - even[kept]).max() < 1e-3 * np.ptp(even)
 
 
-def test_simulate_takes_other_names_and_units(hil: Run, tmp_path: Path) -> None:
+def test_simulate_takes_other_names_and_units(hil, tmp_path):
     save_model(unit(), tmp_path / "model.json")
     made = command(2)
     for name, heading, values in (("a", "command [%]", made), ("b", "setpoint [1]", made / 100.0)):
@@ -118,7 +118,7 @@ def test_simulate_takes_other_names_and_units(hil: Run, tmp_path: Path) -> None:
     assert np.allclose(a.values("flow"), b.values("flow"), atol=1e-9)
 
 
-def test_identify_then_compare_on_another_recording(hil: Run, tmp_path: Path) -> None:
+def test_identify_then_compare_on_another_recording(hil, tmp_path):
     for seed in (1, 2):
         record(tmp_path / f"run{seed}.csv", seed)
     told = hil("identify", "run1.csv", "--plant", "brevini-hpv41", "--out", "model.json")
@@ -137,7 +137,7 @@ def test_identify_then_compare_on_another_recording(hil: Run, tmp_path: Path) ->
     assert fit_percent(measured, simulated) == pytest.approx(judged["fit"], abs=1e-6)
 
 
-def test_convert_states_a_unit_and_keeps_the_samples(hil: Run, tmp_path: Path) -> None:
+def test_convert_states_a_unit_and_keeps_the_samples(hil, tmp_path):
     record(tmp_path / "run.csv", 1)
     assert "1500 samples" in hil("convert", "run.csv", "copy.csv.gz", "--unit", "flow=gpm")
     copy = read_recording(tmp_path / "copy.csv.gz")
@@ -145,7 +145,7 @@ def test_convert_states_a_unit_and_keeps_the_samples(hil: Run, tmp_path: Path) -
     assert np.array_equal(copy.values("flow"), read_recording(tmp_path / "run.csv").values("flow"))
 
 
-def test_check_says_what_a_bench_is(hil: Run) -> None:
+def test_check_says_what_a_bench_is(hil):
     told = hil("check", "brevini-hpv41")
     assert "no faults" in told
     assert "limits -100 … 100, safe at 0" in told

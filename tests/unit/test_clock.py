@@ -15,7 +15,7 @@ from hil.system import system
 pytestmark = pytest.mark.skipif(not hasattr(time, "CLOCK_BOOTTIME"), reason="nothing tells of a sleep here")
 
 
-def test_a_sleep_is_what_the_monotonic_clock_has_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sleep_is_what_the_monotonic_clock_has_missed(monkeypatch):
     clock, monotonic = RealClock(), system.now_s
     assert clock.slept_s == 0.0
     monkeypatch.setattr(system, "now_s", lambda: monotonic() - 5.0)
@@ -25,14 +25,14 @@ def test_a_sleep_is_what_the_monotonic_clock_has_missed(monkeypatch: pytest.Monk
     assert RealClock().slept_s == 0.0
 
 
-def test_a_step_of_the_wall_clock_is_no_sleep(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_step_of_the_wall_clock_is_no_sleep(monkeypatch):
     clock, wall = RealClock(), time.time
     monkeypatch.setattr(time, "time", lambda: wall() + 3600.0)
     assert clock.slept_s == 0.0
     refuse_after_sleep(clock)
 
 
-def test_a_look_that_takes_long_is_no_sleep(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_look_that_takes_long_is_no_sleep(monkeypatch):
     clock, monotonic = RealClock(), system.now_s
 
     def held_up() -> float:
@@ -43,13 +43,13 @@ def test_a_look_that_takes_long_is_no_sleep(monkeypatch: pytest.MonkeyPatch) -> 
     assert clock.slept_s == 0.0
 
 
-def test_where_nothing_tells_nothing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_nothing_tells_nothing_is_said(monkeypatch):
     monkeypatch.delattr(time, "CLOCK_BOOTTIME")
     refuse_after_sleep(RealClock())
     refuse_after_sleep(VirtualClock())
 
 
-def test_flag_is_waited_for_and_taken_back() -> None:
+def test_flag_is_waited_for_and_taken_back():
     flag = Flag()
     assert not flag.wait(0.0)
     threading.Timer(0.02, flag.set).start()
@@ -58,7 +58,7 @@ def test_flag_is_waited_for_and_taken_back() -> None:
     assert not flag.is_set() and not flag.wait(0.001)
 
 
-def test_no_signal_leaves_a_flag_locked() -> None:
+def test_no_signal_leaves_a_flag_locked():
     """An event of the library is locked for ever after a few of these."""
     flag, came = Flag(), 0
 

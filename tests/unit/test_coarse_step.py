@@ -25,7 +25,7 @@ FINE = 0.01
 @settings(max_examples=40)
 @example(seed=0, step=1.3800639474034435, missing=0.0)
 @given(seed=st.integers(0, 10_000), step=st.floats(0.3, 5.0), missing=st.floats(0.0, 0.7))
-def test_the_step_is_known_better_than_the_converter_rounds(seed: int, step: float, missing: float) -> None:
+def test_the_step_is_known_better_than_the_converter_rounds(seed, step, missing):
     rng = np.random.default_rng(seed)
     number = np.flatnonzero(rng.uniform(size=120) >= missing)
     levels = np.unique(FINE * np.rint((step * (number - 40) + 0.3) / FINE))
@@ -34,7 +34,7 @@ def test_the_step_is_known_better_than_the_converter_rounds(seed: int, step: flo
     assert abs(found - step) < 5.0 * std
 
 
-def test_two_levels_give_no_line() -> None:
+def test_two_levels_give_no_line():
     found, std = lattice(np.array([1.0, 2.5]), 1.5, FINE)
     assert found == 1.5
     assert std == pytest.approx(FINE / 6.0**0.5)
@@ -72,9 +72,7 @@ def with_a_law(problem: Problem, name: str) -> Fitted:
 
 @pytest.mark.parametrize("effects", [(RINGING,), ()], ids=["rings too", "is healthy"])
 @pytest.mark.parametrize("name", ["resonance", "deadband", "hysteresis"])
-def test_only_a_law_that_is_there_passes_from_level_to_level_when_the_recordings_do(
-    effects: tuple[ActiveEffect, ...], name: str
-) -> None:
+def test_only_a_law_that_is_there_passes_from_level_to_level_when_the_recordings_do(effects, name):
     problem = read_in_steps(effects, np.round)
     start, law = nothing(problem), with_a_law(problem, name)
     assert law.chi2 < start.chi2
@@ -88,7 +86,7 @@ def test_only_a_law_that_is_there_passes_from_level_to_level_when_the_recordings
 
 
 @pytest.mark.parametrize("effects", [(RINGING,), ()], ids=["rings too", "is healthy"])
-def test_noise_puts_the_truth_as_far_off_the_levels_as_it_is_said_to(effects: tuple[ActiveEffect, ...]) -> None:
+def test_noise_puts_the_truth_as_far_off_the_levels_as_it_is_said_to(effects):
     """On average over steps: in a single one the output may rest near the end of a level, or far from it."""
     beyond = []
     for step in (3.0, 3.3, 3.7, 4.0, 4.4, 5.0, 6.0):

@@ -20,7 +20,7 @@ def by_name(tmp_path: Path, limits: list[str] | None = None, **settings: object)
     ).findings
 
 
-def test_readings_are_judged_with_their_uncertainty(tmp_path: Path) -> None:
+def test_readings_are_judged_with_their_uncertainty(tmp_path):
     findings = by_name(tmp_path, ["coil_resistance_cold=7.1..7.6", "insulation_resistance=100.."], insulation=150)
     found = {m.name: m for m in findings.measured}
     cold, rise = found["coil_resistance_cold"], found["coil_temperature_rise"]
@@ -34,7 +34,7 @@ def test_readings_are_judged_with_their_uncertainty(tmp_path: Path) -> None:
     assert not findings.deviations
 
 
-def test_a_hot_reading_that_came_late_is_a_deviation(tmp_path: Path) -> None:
+def test_a_hot_reading_that_came_late_is_a_deviation(tmp_path):
     (text,) = by_name(tmp_path, switched_off_s=3).deviations
     assert text == "Hot resistance read 3 s after switching off; 1 s is allowed."
 
@@ -42,7 +42,7 @@ def test_a_hot_reading_that_came_late_is_a_deviation(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("settings", "named"), [({"cold": None, "hot": None}, "cold, hot"), ({"instrument": " "}, "instrument")]
 )
-def test_nothing_read_and_no_instrument_are_refused(tmp_path: Path, settings: dict[str, object], named: str) -> None:
+def test_nothing_read_and_no_instrument_are_refused(tmp_path, settings, named):
     with pytest.raises(SettingError, match=named):
         by_name(tmp_path, **settings)
     assert not (tmp_path / "run").exists()

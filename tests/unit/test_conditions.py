@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +28,7 @@ def a_run(ranges: dict[str, list[float]], **channels: np.ndarray) -> Recording:
     return Recording("run", TIME_S, {name: Channel(name, units[name], values[name]) for name in units}, meta)
 
 
-def test_a_channel_says_first_mean_and_last_in_the_unit_of_the_bench_file() -> None:
+def test_a_channel_says_first_mean_and_last_in_the_unit_of_the_bench_file():
     run = a_run({}, **{"supply pressure [psi]": DROP})
     found = measured_conditions(run)
     assert list(found) == ["supply_pressure_bar"]
@@ -42,7 +41,7 @@ def test_a_channel_says_first_mean_and_last_in_the_unit_of_the_bench_file() -> N
     assert "Ranges" not in rows
 
 
-def test_samples_not_measured_are_no_condition() -> None:
+def test_samples_not_measured_are_no_condition():
     lost = np.where(TIME_S > 2.0, np.nan, 1450.0)
     assert measured_conditions(a_run({}, **{"supply pressure [psi]": lost}))["supply_pressure_bar"].last == (
         pytest.approx(99.974, abs=1e-3)
@@ -51,7 +50,7 @@ def test_samples_not_measured_are_no_condition() -> None:
     assert measured_conditions(a_run({}, **{"supply pressure [mm]": 1.0 * TIME_S})) == {}
 
 
-def test_conditions_are_those_of_the_parts_and_not_of_the_way_there_or_between() -> None:
+def test_conditions_are_those_of_the_parts_and_not_of_the_way_there_or_between():
     rising = np.where(TIME_S < 3.0, 30.0 * TIME_S, np.where(TIME_S < 7.0, 90.0, 60.0))
     run = a_run(
         {"supply_pressure_bar": [85.0, 95.0]}, **{"supply pressure [bar]": rising, "return pressure [bar]": rising}
@@ -65,7 +64,7 @@ def test_conditions_are_those_of_the_parts_and_not_of_the_way_there_or_between()
     assert dict(conditions_of(of_parts))["Return pressure"].startswith("measured: first 90")
 
 
-def test_a_condition_outside_its_declared_range_is_a_deviation() -> None:
+def test_a_condition_outside_its_declared_range_is_a_deviation():
     ranges = {
         "supply_pressure_bar": [98.0, 102.0],
         "fluid_temperature_c": [45.0, 50.0],
@@ -80,7 +79,7 @@ def test_a_condition_outside_its_declared_range_is_a_deviation() -> None:
     assert condition_departures(a_run(kept, **{"supply pressure [psi]": DROP})) == ()
 
 
-def test_a_run_on_a_bench_with_a_range_carries_the_deviation(tmp_path: Path) -> None:
+def test_a_run_on_a_bench_with_a_range_carries_the_deviation(tmp_path):
     from hil.bench.read import read_bench
     from hil.session.procedure import load_procedure
     from hil.session.run import run_procedure
@@ -93,13 +92,13 @@ def test_a_run_on_a_bench_with_a_range_carries_the_deviation(tmp_path: Path) -> 
     assert "Supply pressure was" in outcome.report.read_text(encoding="utf-8")
 
 
-def test_an_operating_point_has_the_unit_of_the_command() -> None:
+def test_an_operating_point_has_the_unit_of_the_command():
     run = a_run({}, **{"current [A]": 0.0 * TIME_S})
     told = {"valve": {"name": "EFC", "operating_point": 1.58}, "roles": {"command": "current", "response": "flow"}}
     assert dict(conditions_of(replace(run, meta={**run.meta, **told})))["Operating point"] == "1.58 A"
 
 
-def test_that_a_response_integrates_is_a_condition_where_it_does() -> None:
+def test_that_a_response_integrates_is_a_condition_where_it_does():
     run = a_run({}, **{"current [A]": 0.0 * TIME_S})
     shown = {
         given: dict(conditions_of(replace(run, meta={**run.meta, "valve": {"name": "V", "integrates": given}})))

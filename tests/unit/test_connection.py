@@ -6,7 +6,7 @@ import os
 import signal
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 import pytest
@@ -60,7 +60,7 @@ def left_to_its_time_out(made: socket.socket) -> None:
 
 
 @pytest.mark.parametrize("how", [given_up, given_up_beside_a_child, left_to_its_time_out])
-def test_what_was_sent_on_a_connection_that_was_given_up_does_not_arrive(how: Callable[[socket.socket], None]) -> None:
+def test_what_was_sent_on_a_connection_that_was_given_up_does_not_arrive(how):
     with pair() as (made, other, listener):
         with lost(other, listener):
             made.sendall(b"old write")
@@ -69,7 +69,7 @@ def test_what_was_sent_on_a_connection_that_was_given_up_does_not_arrive(how: Ca
         assert received(other, AFTER_S) == b""
 
 
-def test_nothing_arrives_from_a_process_that_was_killed_though_its_child_lives() -> None:
+def test_nothing_arrives_from_a_process_that_was_killed_though_its_child_lives():
     with socket.create_server(("127.0.0.1", 0)) as listener:
         program = os.fork()
         if program == 0:
@@ -90,14 +90,14 @@ def test_nothing_arrives_from_a_process_that_was_killed_though_its_child_lives()
             assert received(other, AFTER_S) == b""
 
 
-def test_what_was_sent_in_order_arrives_though_it_is_closed_at_once() -> None:
+def test_what_was_sent_in_order_arrives_though_it_is_closed_at_once():
     with pair() as (made, other, _):
         made.sendall(b"safe")
         close(made, 1.0)
         assert received(other, AFTER_S) == b"safe"
 
 
-def test_no_forked_child_holds_what_is_closed_in_children() -> None:
+def test_no_forked_child_holds_what_is_closed_in_children():
     reading, writing = os.pipe()
     held = os.fdopen(writing, "wb", buffering=0)
     close_in_children(held)

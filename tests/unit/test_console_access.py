@@ -7,7 +7,7 @@ import json
 import os
 import stat
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -38,7 +38,7 @@ ORIGIN, PASSWORD = "http://127.0.0.1:8123", "twelve chars"
 
 
 @pytest.fixture(autouse=True)
-def cheap(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
+def cheap(monkeypatch, tmp_path):
     """Hashes that cost nothing, and a state folder of its own."""
     from argon2 import PasswordHasher
 
@@ -110,7 +110,7 @@ async def _who(request: Request) -> Response:
 
 
 @pytest.fixture
-def accounts() -> Accounts:
+def accounts():
     made = Accounts()
     for name, role in (("vera", "viewer"), ("otto", "operator"), ("olga", "operator"), ("emil", "engineer")):
         made.add(name, role, PASSWORD)
@@ -141,11 +141,11 @@ def console(
 
 
 @pytest.fixture(autouse=True)
-def plain_login(monkeypatch: pytest.MonkeyPatch) -> None:
+def plain_login(monkeypatch):
     monkeypatch.setattr(access, "page", lambda _request, name, status, **told: JSONResponse(told, status))
 
 
-def test_on_this_computer_without_accounts_whoever_started_it_is_an_engineer(tmp_path: Path) -> None:
+def test_on_this_computer_without_accounts_whoever_started_it_is_an_engineer(tmp_path):
     status, text, told = Browser(console(Accounts(tmp_path / "none"))).ask("/diagnose/accept", {"a": "1"})
     assert status == 200 and json.loads(text)["role"] == "engineer" and json.loads(text)["account"]
     assert "HttpOnly" in told["set-cookie"] and "SameSite=strict" in told["set-cookie"]
@@ -155,14 +155,14 @@ def test_on_this_computer_without_accounts_whoever_started_it_is_an_engineer(tmp
     ("name", "allowed"),
     [("vera", ["/bench"]), ("otto", ["/bench", "/run/start"]), ("emil", ["/bench", "/run/start", "/diagnose/accept"])],
 )
-def test_role_says_what_an_account_may(name: str, allowed: list[str], accounts: Accounts) -> None:
+def test_role_says_what_an_account_may(name, allowed, accounts):
     browser = Browser(console(accounts)).logged_in(name)
     asked = {"/bench": None, "/run/start": {"a": "1"}, "/diagnose/accept": {"a": "1"}}
     answers = {path: browser.ask(path, fields)[0] for path, fields in asked.items()}
     assert answers == {path: 200 if path in allowed else 403 for path in asked}
 
 
-def test_nobody_sees_anything_but_what_a_stop_needs(accounts: Accounts) -> None:
+def test_nobody_sees_anything_but_what_a_stop_needs(accounts):
     browser = Browser(console(accounts))
     assert browser.ask("/bench")[0] == 303 and browser.ask("/bench")[2]["location"] == "/login?next=/bench"
     assert browser.ask("/bench", accept="application/json")[0] == 401
@@ -170,7 +170,7 @@ def test_nobody_sees_anything_but_what_a_stop_needs(accounts: Accounts) -> None:
     assert [browser.ask(path)[0] for path in ("/controls", "/static/stop.js", "/login")] == [200, 200, 200]
 
 
-def test_account_that_is_removed_or_has_another_password_is_out_at_once(accounts: Accounts) -> None:
+def test_account_that_is_removed_or_has_another_password_is_out_at_once(accounts):
     browser, other = (Browser(console(accounts)).logged_in(name) for name in ("otto", "emil"))
     assert browser.ask("/bench")[0] == other.ask("/bench")[0] == 200
     accounts.remove("otto")
@@ -180,7 +180,7 @@ def test_account_that_is_removed_or_has_another_password_is_out_at_once(accounts
         accounts.remove("otto")
 
 
-def test_cookie_that_was_changed_is_nobodys(accounts: Accounts) -> None:
+def test_cookie_that_was_changed_is_nobodys(accounts):
     app = console(accounts)
     cookie = Browser(app).logged_in("otto").cookie
     name, _, value = cookie.partition("=")
@@ -190,7 +190,7 @@ def test_cookie_that_was_changed_is_nobodys(accounts: Accounts) -> None:
     assert Browser(app, cookie).ask("/bench")[0] == 200
 
 
-def test_session_ends_with_its_time(accounts: Accounts, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_session_ends_with_its_time(accounts, monkeypatch):
     app = console(accounts)
     browser = Browser(app).logged_in("otto")
     monkeypatch.setattr("hil.console.access_session.LASTS_S", -1)
@@ -200,17 +200,17 @@ def test_session_ends_with_its_time(accounts: Accounts, monkeypatch: pytest.Monk
 @pytest.mark.parametrize(
     "origin", ["http://evil.example", "http://127.0.0.1:8124", "null", "https://127.0.0.1:8123", None]
 )
-def test_act_from_another_page_is_refused(origin: str | None, accounts: Accounts) -> None:
+def test_act_from_another_page_is_refused(origin, accounts):
     browser = Browser(console(accounts)).logged_in("emil")
     assert browser.ask("/run/start", {"a": "1"}, origin=origin)[0] == 403
     assert browser.ask("/run/start", {"a": "1"}, origin="http://localhost:8123")[0] == 200
 
 
-def test_another_name_for_this_computer_is_refused(accounts: Accounts) -> None:
+def test_another_name_for_this_computer_is_refused(accounts):
     assert Browser(console(accounts)).ask("/controls", host="evil.example:8123")[0] == 421
 
 
-def test_console_at_every_address_takes_acts_of_the_page_that_it_served(accounts: Accounts) -> None:
+def test_console_at_every_address_takes_acts_of_the_page_that_it_served(accounts):
     there = Where("0.0.0.0", 8123, Path("c"), Path("k"))
     browser = Browser(console(accounts, there))
     answers = [
@@ -220,7 +220,7 @@ def test_console_at_every_address_takes_acts_of_the_page_that_it_served(accounts
     assert answers == [403, 403, 303]
 
 
-def test_who_tries_passwords_is_slowed_and_nobody_else_is(accounts: Accounts, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_tries_passwords_is_slowed_and_nobody_else_is(accounts, monkeypatch):
     waited: list[float] = []
 
     async def waits(seconds: float) -> None:
@@ -237,9 +237,7 @@ def test_who_tries_passwords_is_slowed_and_nobody_else_is(accounts: Accounts, mo
     assert beside.ask("/login", {"name": "emil", "password": PASSWORD})[0] == 303 and waited[-1] == 0
 
 
-def test_owner_at_the_address_of_who_tries_passwords_logs_in_at_once(
-    accounts: Accounts, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_owner_at_the_address_of_who_tries_passwords_logs_in_at_once(accounts, monkeypatch):
     monkeypatch.setattr(access, "_LOGINS", Rate(3.0, 0.0001))
     stranger = Browser(console(accounts))
     owner = Browser(stranger.app).logged_in("otto")
@@ -248,9 +246,7 @@ def test_owner_at_the_address_of_who_tries_passwords_logs_in_at_once(
     assert owner.ask("/login", {"name": "otto", "password": PASSWORD})[0] == 303
 
 
-def test_a_new_browser_at_the_address_of_who_tries_passwords_logs_in_at_once(
-    accounts: Accounts, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_new_browser_at_the_address_of_who_tries_passwords_logs_in_at_once(accounts, monkeypatch):
     waited: list[float] = []
 
     async def waits(seconds: float) -> None:
@@ -270,7 +266,7 @@ def test_a_new_browser_at_the_address_of_who_tries_passwords_logs_in_at_once(
     assert last == 429
 
 
-def test_who_floods_slows_nobody_else_at_the_same_address(accounts: Accounts, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_floods_slows_nobody_else_at_the_same_address(accounts, monkeypatch):
     monkeypatch.setattr(access, "_ALL", Rate(20.0, 0.0))
     monkeypatch.setattr(access, "_ACTS", Rate(3.0, 0.0))
     stranger = Browser(console(accounts))
@@ -279,7 +275,7 @@ def test_who_floods_slows_nobody_else_at_the_same_address(accounts: Accounts, mo
     assert owner.ask("/bench")[0] == owner.ask("/run/start", {"a": "1"})[0] == 200
 
 
-def test_two_consoles_on_one_computer_keep_their_sessions_apart(accounts: Accounts) -> None:
+def test_two_consoles_on_one_computer_keep_their_sessions_apart(accounts):
     one, two = (Browser(console(accounts, Where("127.0.0.1", port))) for port in (8123, 8124))
     for browser, port in ((one, 8123), (two, 8124)):
         told = browser.ask("/login", {"name": "otto", "password": PASSWORD}, origin=f"http://127.0.0.1:{port}",
@@ -300,7 +296,7 @@ def test_two_consoles_on_one_computer_keep_their_sessions_apart(accounts: Accoun
         ("application/x-www-form-urlencoded", b"a=1&" * 400),
     ],
 )  # fmt: skip
-def test_malformed_form_is_refused_in_words(kind: str, body: bytes, accounts: Accounts) -> None:
+def test_malformed_form_is_refused_in_words(kind, body, accounts):
     browser = Browser(console(accounts)).logged_in("otto")
     browser.headers["content-type"] = kind
     for path in ("/login", "/seat"):
@@ -308,7 +304,7 @@ def test_malformed_form_is_refused_in_words(kind: str, body: bytes, accounts: Ac
         assert (status, "the form cannot be read" in text) == (400, True)
 
 
-def test_console_behind_a_proxy_believes_that_one_alone(accounts: Accounts) -> None:
+def test_console_behind_a_proxy_believes_that_one_alone(accounts):
     there = Where("127.0.0.1", 8123, public="https://bench7.lab", proxies=("127.0.0.1",))
     check_where(there, accounts)
     assert (there.is_local, there.origins, there.listeners) == (False, ("https://bench7.lab",), "")
@@ -322,21 +318,21 @@ def test_console_behind_a_proxy_believes_that_one_alone(accounts: Accounts) -> N
             check_where(wrong, accounts)
 
 
-def test_too_many_acts_are_refused(accounts: Accounts, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_acts_are_refused(accounts, monkeypatch):
     monkeypatch.setattr(access, "_ACTS", Rate(3.0, 0.0))
     browser = Browser(console(accounts))
     assert [browser.ask("/run/start", {"a": "1"})[0] for _ in range(5)] == [401] * 3 + [429] * 2
     assert browser.ask("/run/start", {"a": "1"})[2]["connection"] == "close"  # what was sent ahead is not answered
 
 
-def test_page_for_logging_in_is_made_beside_the_loop(accounts: Accounts, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_page_for_logging_in_is_made_beside_the_loop(accounts, monkeypatch):
     made: list[threading.Thread] = []
     monkeypatch.setattr(access, "page", lambda *_, **__: made.append(threading.current_thread()) or JSONResponse({}))
     assert Browser(console(accounts)).ask("/login")[0] == 200
     assert made and made[0] is not threading.main_thread()  # a flood of them keeps no stop waiting
 
 
-def test_limiter_gives_tokens_back_and_forgets_the_oldest(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_limiter_gives_tokens_back_and_forgets_the_oldest(monkeypatch):
     now = [0.0]
     monkeypatch.setattr("hil.console.access_limits.time.monotonic", lambda: now[0])
     limiter = Limiter(Rate(1.0, 2.0))
@@ -348,7 +344,7 @@ def test_limiter_gives_tokens_back_and_forgets_the_oldest(monkeypatch: pytest.Mo
     assert len(limiter._left) == 4096
 
 
-def test_body_that_is_too_large_is_refused(accounts: Accounts, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_body_that_is_too_large_is_refused(accounts, monkeypatch):
     browser = Browser(console(accounts)).logged_in("emil")
     large = b"a=" + b"x" * (1 << 20)
     assert browser.ask("/run/start", body=large)[0] == 413
@@ -360,7 +356,7 @@ def test_body_that_is_too_large_is_refused(accounts: Accounts, monkeypatch: pyte
     assert browser.ask("/diagnose/upload", body=large)[0] == 413
 
 
-def test_login_leads_back_to_a_page_of_this_console_and_nowhere_else(accounts: Accounts) -> None:
+def test_login_leads_back_to_a_page_of_this_console_and_nowhere_else(accounts):
     for wanted, goes in (("/live/run%207?x=1", "/live/run 7"), ("//evil.example", "/"), ("https://evil.example", "/"),
                          ("/\\evil.example", "/"), ("/a%0d%0aSet-Cookie:x", "/")):  # fmt: skip
         browser = Browser(console(accounts), address=wanted)
@@ -368,7 +364,7 @@ def test_login_leads_back_to_a_page_of_this_console_and_nowhere_else(accounts: A
         assert told["location"].partition("?")[0].replace("%20", " ") == goes
 
 
-def test_one_operates_and_the_others_look(accounts: Accounts) -> None:
+def test_one_operates_and_the_others_look(accounts):
     clock = VirtualClock(100.0)
     app = console(accounts, lock=OperatorLock(clock))
     first, second = Browser(app).logged_in("otto"), Browser(app).logged_in("olga")
@@ -385,7 +381,7 @@ def test_one_operates_and_the_others_look(accounts: Accounts) -> None:
     assert Browser(app).logged_in("vera").ask("/seat", {"take": "1"})[0] == 403
 
 
-def test_seat_lapses_when_its_pages_are_gone() -> None:
+def test_seat_lapses_when_its_pages_are_gone():
     clock = VirtualClock(100.0)
     lock = OperatorLock(clock)
     assert lock.take("a", "otto") and not lock.take("a", "otto")
@@ -398,7 +394,7 @@ def test_seat_lapses_when_its_pages_are_gone() -> None:
     assert lock.take("b", "olga") and lock.holder == "olga"
 
 
-def test_audit_names_who_did_what_and_when(accounts: Accounts) -> None:
+def test_audit_names_who_did_what_and_when(accounts):
     audit = Audit()
     app = console(accounts, audit=audit)
     Browser(app).logged_in("otto").ask("/run/start", {"a": "1"})
@@ -412,7 +408,7 @@ def test_audit_names_who_did_what_and_when(accounts: Accounts) -> None:
     assert stat.S_IMODE(audit.path.stat().st_mode) == 0o600 and PASSWORD not in audit.path.read_text()
 
 
-def test_audit_shows_a_line_that_was_changed_or_taken_out(tmp_path: Path) -> None:
+def test_audit_shows_a_line_that_was_changed_or_taken_out(tmp_path):
     audit = Audit(tmp_path / "audit.jsonl")
     for number in range(4):
         audit.write("otto", "run", {"number": number, "text": "x" * 70_000})
@@ -424,7 +420,7 @@ def test_audit_shows_a_line_that_was_changed_or_taken_out(tmp_path: Path) -> Non
             list(read_audit(audit.path))
 
 
-def test_act_is_refused_when_it_cannot_be_written_down(accounts: Accounts, tmp_path: Path) -> None:
+def test_act_is_refused_when_it_cannot_be_written_down(accounts, tmp_path):
     audit = Audit(tmp_path / "file" / "audit.jsonl")
     app = console(accounts, audit=audit)
     browser = Browser(app).logged_in("otto")
@@ -438,7 +434,7 @@ def test_act_is_refused_when_it_cannot_be_written_down(accounts: Accounts, tmp_p
         assert status == 503 and "the audit trail cannot be written" in text
 
 
-def test_accounts_are_kept_for_their_owner_alone(accounts: Accounts) -> None:
+def test_accounts_are_kept_for_their_owner_alone(accounts):
     path = accounts._path
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     assert PASSWORD not in path.read_text() and "$argon2id$" in path.read_text()
@@ -453,12 +449,12 @@ def test_accounts_are_kept_for_their_owner_alone(accounts: Accounts) -> None:
     [("", "viewer", PASSWORD, "NAME"), ("a\nb", "viewer", PASSWORD, "NAME"), ("a", "root", PASSWORD, "--role root"),
      ("a", "viewer", "short", "5 characters"), ("a", "viewer", "x" * 1025, "1025 characters")],
 )  # fmt: skip
-def test_account_that_is_not_allowed_names_what_is(name: str, role: str, password: str, says: str) -> None:
+def test_account_that_is_not_allowed_names_what_is(name, role, password, says):
     with pytest.raises(SettingError, match=says):
         Accounts().add(name, role, password)
 
 
-def test_password_of_an_account(accounts: Accounts) -> None:
+def test_password_of_an_account(accounts):
     found = accounts.verified("otto", PASSWORD)
     assert found is not None and found.role == "operator"
     assert accounts.verified("otto", "wrong") is accounts.verified("nobody", PASSWORD) is None
@@ -469,7 +465,7 @@ def test_password_of_an_account(accounts: Accounts) -> None:
     assert isinstance(found, Account)
 
 
-def test_console_beyond_this_computer_needs_accounts_and_a_certificate(accounts: Accounts, tmp_path: Path) -> None:
+def test_console_beyond_this_computer_needs_accounts_and_a_certificate(accounts, tmp_path):
     cert = tmp_path / "cert.pem"
     cert.touch()
     none = Accounts(tmp_path / "none")
@@ -484,7 +480,7 @@ def test_console_beyond_this_computer_needs_accounts_and_a_certificate(accounts:
     check_where(Where("localhost", 1), none)
 
 
-def test_user_add_asks_for_the_password_and_console_refuses_others(command_line) -> None:
+def test_user_add_asks_for_the_password_and_console_refuses_others(command_line):
     console = partial(command_line, "console")
     refused = console("--host", "0.0.0.0")
     assert refused.status == 2 and "has no accounts" in refused.err
@@ -502,7 +498,7 @@ def test_user_add_asks_for_the_password_and_console_refuses_others(command_line)
     assert lines[1]["details"] == {"name": "otto", "role": "viewer", "role before": "operator"} and lines[1]["account"]
 
 
-def test_nobody_is_told_where_to_stop_and_nothing_else(accounts: Accounts, tmp_path: Path) -> None:
+def test_nobody_is_told_where_to_stop_and_nothing_else(accounts, tmp_path):
     from hil.archive.place import archive_place
     from hil.console.app import application
     from hil.console.site import Site

@@ -39,12 +39,12 @@ from hil.errors import FileError, SettingError, StorageError, UnknownNameError
 from hil.findings.results import Results
 from hil.record.folder import RunWriter
 from hil.record.header import new_header
-from hil.record.measurement import RESULTS_FILE, Verdict
+from hil.record.measurement import RESULTS_FILE
 from hil.session.procedure import load_procedure
 
 
 @pytest.fixture(autouse=True)
-def looks_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def looks_each_time(monkeypatch):
     monkeypatch.setattr(underway_module, "_FRESH_S", 0.0)
 
 
@@ -52,7 +52,7 @@ BENCH = Path("sim_devices/benches/brevini-hpv41.toml").resolve()
 
 
 @pytest.fixture
-def site(tmp_path: Path) -> Site:
+def site(tmp_path):
     (tmp_path / "benches").mkdir()
     (tmp_path / "benches" / "own.toml").write_text(BENCH.read_text(encoding="utf-8"), encoding="utf-8")
     runs = tmp_path / "runs"
@@ -69,7 +69,7 @@ def written(folder: Path, seconds: float = 1.0) -> RunWriter:
     return writer
 
 
-def test_envelope_keeps_the_extremes_of_each_stretch_and_of_the_whole() -> None:
+def test_envelope_keeps_the_extremes_of_each_stretch_and_of_the_whole():
     values = np.random.default_rng(1).normal(size=(2, 10_000))
     whole, recent = Envelope(2, 0.01, 100, merges=True), Envelope(2, 0.01, 100, merges=False)
     for first in range(0, 10_000, 130):
@@ -84,13 +84,13 @@ def test_envelope_keeps_the_extremes_of_each_stretch_and_of_the_whole() -> None:
     assert len(recent.start_s) == 100
 
 
-def test_envelope_tells_what_was_not_measured_as_nothing() -> None:
+def test_envelope_tells_what_was_not_measured_as_nothing():
     seen = Envelope(1, 0.01, 100, merges=False)
     seen.take(np.arange(30) / 1000.0, np.concatenate((np.zeros(10), np.full(10, np.nan), np.full(10, np.inf)))[None])
     assert seen.since(-np.inf)["low"] == [[0.0, None, None]]
 
 
-def test_bode_point_is_of_a_whole_sine_that_tells_its_response() -> None:
+def test_bode_point_is_of_a_whole_sine_that_tells_its_response():
     sine = {"kind": "sine", "frequency_hz": 2.0, "amplitude": 5.0, "bias": 50.0, "response": [0.0, -0.1]}
     point = bode_point(sine)
     assert point is not None
@@ -100,7 +100,7 @@ def test_bode_point_is_of_a_whole_sine_that_tells_its_response() -> None:
     assert bode_point({"kind": "ramp"}) is None
 
 
-def test_fields_are_those_of_the_signature_and_faults_stand_beside_them() -> None:
+def test_fields_are_those_of_the_signature_and_faults_stand_beside_them():
     procedure = load_procedure("frequency_response")
     fields = {field.name: field for field in fields_of(procedure)}
     assert list(fields) == list(procedure.settings)
@@ -114,20 +114,20 @@ def test_fields_are_those_of_the_signature_and_faults_stand_beside_them() -> Non
 
 
 @pytest.mark.parametrize("name", ["../runs/a", "..", ".", "a/b", "/etc", "", "a\x00b", "a\\b", ".hidden"])
-def test_site_finds_no_run_outside_its_folder(site: Site, name: str) -> None:
+def test_site_finds_no_run_outside_its_folder(site, name):
     written(site.runs / "a").close()
     assert site.run("a") == site.runs / "a"
     with pytest.raises(FileError, match="no run"):
         site.run(name)
 
 
-def test_site_knows_benches_by_name_alone(site: Site) -> None:
+def test_site_knows_benches_by_name_alone(site):
     assert site.bench("own").bench.name
     with pytest.raises(UnknownNameError):
         site.bench(str(BENCH))
 
 
-def test_underway_tells_a_run_whose_process_is_gone_as_lost(site: Site) -> None:
+def test_underway_tells_a_run_whose_process_is_gone_as_lost(site):
     process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
     writer = written(site.runs / "a")
     control = {"schema": "hil.control/1", "run": "a", "pid": process.pid, "stop_url": "http://127.0.0.1:1/stop"}
@@ -143,7 +143,7 @@ def test_underway_tells_a_run_whose_process_is_gone_as_lost(site: Site) -> None:
     assert run_of(site.runs / "a").state == "ended"
 
 
-def test_underway_leaves_closed_runs_alone_and_finds_new_ones(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_underway_leaves_closed_runs_alone_and_finds_new_ones(site, monkeypatch):
     written(site.runs / "old").close()
     underway = Underway(site.runs)
     assert underway.look() == []
@@ -155,7 +155,7 @@ def test_underway_leaves_closed_runs_alone_and_finds_new_ones(site: Site, monkey
     assert underway.look() == []
 
 
-def test_follower_tells_every_sample_and_sine_once(tmp_path: Path) -> None:
+def test_follower_tells_every_sample_and_sine_once(tmp_path):
     writer = written(tmp_path / "run")
     follower = Follower(tmp_path / "run")
     first = follower.look()
@@ -177,7 +177,7 @@ def test_follower_tells_every_sample_and_sine_once(tmp_path: Path) -> None:
     assert len(follower.snapshot()["bode"]) == 1
 
 
-def test_board_shows_a_silent_bench_as_missing_and_never_as_zero() -> None:
+def test_board_shows_a_silent_bench_as_missing_and_never_as_zero():
     file = read_bench(BENCH)
     lines = lines_of(file, [], {})
     assert [line.name for line in lines] == list(file.bench.channels)
@@ -186,7 +186,7 @@ def test_board_shows_a_silent_bench_as_missing_and_never_as_zero() -> None:
     assert {lock["state"] for lock in interlocks_of(file, lines)} <= {"not known", "judged by the run"}
 
 
-def test_board_reads_a_run_as_watch_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_board_reads_a_run_as_watch_does(tmp_path, monkeypatch):
     file = read_bench(BENCH)
     writer = written(tmp_path / "run")
     reader = RunReader(file, tmp_path / "run")
@@ -205,14 +205,14 @@ def test_board_reads_a_run_as_watch_does(tmp_path: Path, monkeypatch: pytest.Mon
     writer.close()
 
 
-def test_start_gives_arguments_one_by_one_and_tells_the_last_words(tmp_path: Path) -> None:
+def test_start_gives_arguments_one_by_one_and_tells_the_last_words(tmp_path):
     made = start("x", ["list", "; touch harmed"], tmp_path / "logs" / "x.log")
     assert made.process.wait(600.0) == 2
     assert "touch harmed" in made.last_line
     assert not list(tmp_path.glob("harmed"))
 
 
-def test_everything_that_scripts_say_is_in_the_catalogues() -> None:
+def test_everything_that_scripts_say_is_in_the_catalogues():
     said = set()
     for script in (Path(page.__file__).parent / "static").glob("*.js"):
         said |= set(re.findall(r'\bsay\("([^"]+)"', script.read_text(encoding="utf-8")))
@@ -220,9 +220,7 @@ def test_everything_that_scripts_say_is_in_the_catalogues() -> None:
     assert said <= set(SCRIPT_MESSAGES)
 
 
-def test_a_lean_installation_names_the_extra_in_one_line(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command_line
-) -> None:
+def test_a_lean_installation_names_the_extra_in_one_line(monkeypatch, tmp_path, command_line):
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path))
     monkeypatch.setitem(sys.modules, "uvicorn", None)
     status, _, said = command_line("console", "--port", "0")
@@ -230,7 +228,7 @@ def test_a_lean_installation_names_the_extra_in_one_line(
     assert "pip install 'valve-hil[console]'" in said
 
 
-def test_a_certificate_needs_a_serial_number_on_the_form(site: Site) -> None:
+def test_a_certificate_needs_a_serial_number_on_the_form(site):
     console = Console(site, Underway(site.runs))
     own = site.benches / "own.toml"
     own.write_text(own.read_text(encoding="utf-8").replace('serial = "simulated"', 'serial = "ask"'), encoding="utf-8")
@@ -249,7 +247,7 @@ def _refusing(site: Site) -> Console:
     return Console(site, Underway(site.runs), audit=full)
 
 
-def test_a_run_that_cannot_be_written_down_is_not_started(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_that_cannot_be_written_down_is_not_started(site, monkeypatch):
     async def form(_request: object) -> dict[str, str]:
         return {"procedure": "jog", "bench": "own"}
 
@@ -263,7 +261,7 @@ def test_a_run_that_cannot_be_written_down_is_not_started(site: Site, monkeypatc
     assert started == []
 
 
-def test_a_reset_that_cannot_be_written_down_is_not_done(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reset_that_cannot_be_written_down_is_not_done(site, monkeypatch):
     class Request:
         def __init__(self) -> None:
             self.path_params, self.headers = {"bench": "own"}, {}
@@ -281,7 +279,7 @@ def test_a_reset_that_cannot_be_written_down_is_not_done(site: Site, monkeypatch
     assert done == []
 
 
-def test_a_quick_run_whose_process_still_looks_for_a_cause_is_not_said_to_start(site: Site, tmp_path: Path) -> None:
+def test_a_quick_run_whose_process_still_looks_for_a_cause_is_not_said_to_start(site, tmp_path):
     console = Console(site, Underway(site.runs))
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
         console.starting["quick"] = Started("quick", process, tmp_path / "log")
@@ -292,7 +290,7 @@ def test_a_quick_run_whose_process_still_looks_for_a_cause_is_not_said_to_start(
         process.communicate(b"\n")
 
 
-def test_the_form_says_how_far_each_output_may_go(site: Site) -> None:
+def test_the_form_says_how_far_each_output_may_go(site):
     console = Console(site, Underway(site.runs))
     assert run_routes._allowed(console.site.bench("own")) == ["command −100 … 100 %"]
     (site.benches / "lab.toml").write_text('based_on = "four-way-lab"\n', encoding="utf-8")
@@ -304,9 +302,7 @@ def test_the_form_says_how_far_each_output_may_go(site: Site) -> None:
     ("verdict", "word"),
     [("cannot tell", "Did not end as planned"), (None, "Did not end as planned"), ("fail", "Fail")],
 )
-def test_results_of_a_run_that_tripped_say_so_in_place_of_a_verdict(
-    site: Site, monkeypatch: pytest.MonkeyPatch, verdict: Verdict | None, word: str
-) -> None:
+def test_results_of_a_run_that_tripped_say_so_in_place_of_a_verdict(site, monkeypatch, verdict, word):
     console = Console(site, Underway(site.runs))
     monkeypatch.setattr(Console, "of", lambda _request: console)
     writer = written(site.runs / "tripped")
@@ -319,7 +315,7 @@ def test_results_of_a_run_that_tripped_say_so_in_place_of_a_verdict(
     assert f'<span class="word">{word}</span>' in text
 
 
-def test_jobs_wait_until_fewer_than_two_are_at_work(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_jobs_wait_until_fewer_than_two_are_at_work(site, monkeypatch):
     console = Console(site, Underway(site.runs))
     ready = site.runs / "ready"
     code = f"import pathlib, time\nwhile not pathlib.Path({str(ready)!r}).exists(): time.sleep(0.02)"
@@ -339,7 +335,7 @@ def test_jobs_wait_until_fewer_than_two_are_at_work(site: Site, monkeypatch: pyt
         console.begin_job(["diagnose"], "diagnosis-20", "/diagnose/x")
 
 
-def test_same_message_is_logged_once_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_same_message_is_logged_once_a_minute(monkeypatch):
     now = [1000.0]
     monkeypatch.setattr("hil.console.server.time.monotonic", lambda: now[0])
     once = OnceAMinute()
@@ -349,7 +345,7 @@ def test_same_message_is_logged_once_a_minute(monkeypatch: pytest.MonkeyPatch) -
     assert once.filter(records[0])
 
 
-def test_limits_order_and_oil_of_the_form_reach_the_run(site: Site) -> None:
+def test_limits_order_and_oil_of_the_form_reach_the_run(site):
     console = Console(site, Underway(site.runs))
     form = {"procedure": "step_response", "bench": "own", "note.order": " 4711", "note.oil": "",
             "limits": "rise=..0.2 s\n\novershoot=..5 %\n"}  # fmt: skip
@@ -358,7 +354,7 @@ def test_limits_order_and_oil_of_the_form_reach_the_run(site: Site) -> None:
         _run_asked(console, {**form, "limits": "lap=0.."})
 
 
-def test_the_form_is_filled_with_a_preset_of_its_bench(site: Site) -> None:
+def test_the_form_is_filled_with_a_preset_of_its_bench(site):
     own = site.benches / "own.toml"
     preset = '\n[presets.step_response.quick]\nlevels = [0, 50]\nhold_s = "3 s"\n'
     own.write_text(own.read_text(encoding="utf-8") + preset, encoding="utf-8")

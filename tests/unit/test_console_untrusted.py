@@ -10,7 +10,6 @@ import socket
 import stat
 import threading
 import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
@@ -43,7 +42,7 @@ PAGES = ("/bench", "/run", "/results", "/results/trend", "/diagnose", "/controls
 
 
 @pytest.fixture
-def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def lab(tmp_path, monkeypatch):
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     runs = tmp_path / "runs"
     runs.mkdir()
@@ -90,7 +89,7 @@ def linked(path: Path) -> None:
     ["run.json", "control.json", "end.json", "results.json", "report.html", "events.jsonl", "samples.f8",
      "progress.json", "watchdog.json", "seal.json"],
 )  # fmt: skip
-def test_bad_file_in_a_run_folder_takes_no_page(name: str, made: Callable[[Path], None], lab: Path) -> None:
+def test_bad_file_in_a_run_folder_takes_no_page(name, made, lab):
     path = lab / "runs" / "one" / name
     path.unlink(missing_ok=True)
     made(path)
@@ -112,7 +111,7 @@ HUGE = "1" + "0" * 400
         ("progress.json", f'"share": {HUGE}'), ("progress.json", '"share": 1e999'),
     ],
 )  # fmt: skip
-def test_value_of_another_kind_takes_no_page(name: str, text: str, lab: Path) -> None:
+def test_value_of_another_kind_takes_no_page(name, text, lab):
     folder = lab / "runs" / "one"
     end, here = (folder / "end.json").read_text(encoding="utf-8"), f'"pid": {os.getpid()}'
     (folder / "end.json").unlink()
@@ -149,7 +148,7 @@ def test_value_of_another_kind_takes_no_page(name: str, text: str, lab: Path) ->
     ],
     ids=repr,
 )
-def test_name_of_a_run_folder_breaks_no_page(name: bytes, lab: Path) -> None:
+def test_name_of_a_run_folder_breaks_no_page(name, lab):
     shutil.copytree(os.fsencode(lab / "runs" / "one"), os.path.join(os.fsencode(lab / "runs"), name))  # noqa: PTH118
     there = browser(lab)
     for page in PAGES:
@@ -162,7 +161,7 @@ def test_name_of_a_run_folder_breaks_no_page(name: bytes, lab: Path) -> None:
     ["0001-01-01T00:00:00+23:59", "9999-12-31T23:59:59-23:59", "0001-01-01T00:00:00Z", "\ud800"],
     ids=repr,
 )
-def test_date_that_no_time_zone_has_hides_no_other_run(started_utc: str, lab: Path, command_line) -> None:
+def test_date_that_no_time_zone_has_hides_no_other_run(started_utc, lab, command_line):
     shutil.copytree(lab / "runs" / "one", lab / "runs" / "two")
     header = json.loads((lab / "runs" / "two" / "run.json").read_text(encoding="utf-8"))
     (lab / "runs" / "two" / "run.json").write_text(json.dumps({**header, "started_utc": started_utc}), encoding="utf-8")
@@ -173,7 +172,7 @@ def test_date_that_no_time_zone_has_hides_no_other_run(started_utc: str, lab: Pa
         assert status == 0 and shown in out
 
 
-def test_linked_folder_and_passport_are_not_followed(lab: Path) -> None:
+def test_linked_folder_and_passport_are_not_followed(lab):
     (lab / "elsewhere").mkdir()
     (lab / "elsewhere" / "a.pdf").write_text("the secret", encoding="utf-8")
     (lab / "elsewhere" / "run.json").write_bytes((lab / "runs" / "one" / "run.json").read_bytes())
@@ -192,16 +191,16 @@ def test_linked_folder_and_passport_are_not_followed(lab: Path) -> None:
      ("/results/compared/x", "no comparison of that name"), ("/passports/x", "no passport &#39;x&#39;"),
      ("/diagnose/x", "no diagnosis &#39;x&#39;")],
 )  # fmt: skip
-def test_what_is_not_there_is_not_found_and_called_what_it_is(page: str, says: str, lab: Path) -> None:
+def test_what_is_not_there_is_not_found_and_called_what_it_is(page, says, lab):
     status, text, _ = browser(lab).ask(page)
     assert (status, says in text) == (404, True), text
 
 
-def test_runs_that_no_index_holds_yet_can_be_diagnosed(lab: Path) -> None:
+def test_runs_that_no_index_holds_yet_can_be_diagnosed(lab):
     assert 'value="one"' in browser(lab).ask("/diagnose")[1]
 
 
-def test_report_is_served_as_it_lies_there(lab: Path) -> None:
+def test_report_is_served_as_it_lies_there(lab):
     (lab / "runs" / "one" / "report.html").write_text("<p>the report", encoding="utf-8")
     status, text, headers = browser(lab).ask("/results/one/report")
     assert (status, text) == (200, "<p>the report") and "sandbox" in headers["content-security-policy"]
@@ -211,7 +210,7 @@ def test_report_is_served_as_it_lies_there(lab: Path) -> None:
     "address",
     ["http://192.0.2.1:80/hold", "http://localhost.evil.example:80/hold", "file:///etc/passwd", "http://[", 7],
 )
-def test_server_posts_to_this_computer_alone(address: object, lab: Path) -> None:
+def test_server_posts_to_this_computer_alone(address, lab):
     with pytest.raises(LinkError, match="an address of this computer was expected"):
         ask_listener(lab / "runs" / "one", {**CONTROL, "hold_url": address}, "hold", hold="1")
     run = lab / "runs" / "one"
@@ -225,7 +224,7 @@ def test_server_posts_to_this_computer_alone(address: object, lab: Path) -> None
     assert control_of(run)["stop_urls"] == []
 
 
-def test_server_posts_to_a_listener_and_no_other_path(lab: Path) -> None:
+def test_server_posts_to_a_listener_and_no_other_path(lab):
     paths: list[str] = []
 
     class Other(BaseHTTPRequestHandler):
@@ -247,7 +246,7 @@ def test_server_posts_to_a_listener_and_no_other_path(lab: Path) -> None:
 
 
 @pytest.mark.parametrize("made", [fifo, endless, deep], ids=lambda made: made.__name__)
-def test_file_that_nobody_can_read_is_a_press_and_no_console(made: Callable[[Path], None], lab: Path) -> None:
+def test_file_that_nobody_can_read_is_a_press_and_no_console(made, lab):
     made(lab / "runs" / "stop-pressed.json")
     assert StopSwitch(lab / "runs").pressed is not None
     (lab / "state" / "consoles").mkdir(parents=True)
@@ -258,7 +257,7 @@ def test_file_that_nobody_can_read_is_a_press_and_no_console(made: Callable[[Pat
         Accounts(lab / "accounts.json").all()
 
 
-def test_stop_that_many_press_at_once_is_refused_to_none(tmp_path: Path) -> None:
+def test_stop_that_many_press_at_once_is_refused_to_none(tmp_path):
     switch = StopSwitch(tmp_path)
     with ThreadPoolExecutor(8) as pressing:
         accounts = [press.account for press in pressing.map(switch.press, map(str, range(200)))]
@@ -267,7 +266,7 @@ def test_stop_that_many_press_at_once_is_refused_to_none(tmp_path: Path) -> None
     assert [path.name for path in tmp_path.iterdir()] == ["stop-pressed.json"]
 
 
-def test_large_files_about_a_run_are_not_read_for_every_page(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_files_about_a_run_are_not_read_for_every_page(lab, monkeypatch):
     run, read = lab / "runs" / "one", []
     monkeypatch.setattr(underway, "read_header", lambda folder: read.append(folder) or read_header(folder))
     header = json.loads((run / "run.json").read_text(encoding="utf-8"))
@@ -283,12 +282,12 @@ def test_large_files_about_a_run_are_not_read_for_every_page(lab: Path, monkeypa
 
 
 @pytest.mark.parametrize("path", ["/run/check", "/seat"])
-def test_null_character_in_a_form_is_refused(path: str, lab: Path) -> None:
+def test_null_character_in_a_form_is_refused(path, lab):
     status, text, _ = browser(lab).ask(path, {"bench": "one", "note": "\0"})
     assert (status, "null character" in text) == (400, True), text
 
 
-def test_a_stop_is_pressed_whatever_its_form_holds(lab: Path) -> None:
+def test_a_stop_is_pressed_whatever_its_form_holds(lab):
     page = browser(lab)
     for form in ({"run": "a\0"}, {f"f{k}": "" for k in range(300)}):
         status, text, _ = page.ask("/stop", form)
@@ -296,7 +295,7 @@ def test_a_stop_is_pressed_whatever_its_form_holds(lab: Path) -> None:
         page.ask("/stop/release", {})
 
 
-def test_at_once_waits_for_no_page() -> None:
+def test_at_once_waits_for_no_page():
     async def asked() -> str:
         current_default_thread_limiter().total_tokens = 1
         made = threading.Event()
@@ -311,7 +310,7 @@ def test_at_once_waits_for_no_page() -> None:
     assert asyncio.run(asked()) == "stop of one"
 
 
-def test_hard_link_to_a_file_of_another_user_is_not_served(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hard_link_to_a_file_of_another_user_is_not_served(lab, monkeypatch):
     (lab / "secret").write_text("the secret", encoding="utf-8")
     (lab / "runs" / "one" / "report.html").hardlink_to(lab / "secret")
     there, fstat = browser(lab), os.fstat

@@ -7,7 +7,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -18,7 +17,7 @@ from hil.errors import SettingError
 
 
 @pytest.fixture
-def three_cores(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Semaphore]:
+def three_cores(monkeypatch):
     idle = threading.Semaphore(2)
     monkeypatch.setattr(cores, "_idle", idle)
     with ThreadPoolExecutor(3) as threads:
@@ -34,7 +33,7 @@ def permits(idle: threading.Semaphore) -> int:
     return count
 
 
-def test_results_come_in_the_order_of_what_was_given(three_cores: threading.Semaphore) -> None:
+def test_results_come_in_the_order_of_what_was_given(three_cores):
     def late_first(k: int) -> int:
         time.sleep(0.002 * (10 - k))
         return k * k
@@ -44,7 +43,7 @@ def test_results_come_in_the_order_of_what_was_given(three_cores: threading.Sema
     assert permits(three_cores) == 2
 
 
-def test_idle_cores_help_and_no_more_than_there_are(three_cores: threading.Semaphore) -> None:
+def test_idle_cores_help_and_no_more_than_there_are(three_cores):
     at_work, most, lock = 0, 0, threading.Lock()
 
     def watched(k: int) -> int:
@@ -65,12 +64,12 @@ def test_idle_cores_help_and_no_more_than_there_are(three_cores: threading.Semap
     assert permits(three_cores) == 2
 
 
-def test_without_an_idle_core_the_caller_does_it_all(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_an_idle_core_the_caller_does_it_all(monkeypatch):
     monkeypatch.setattr(cores, "_idle", threading.Semaphore(0))
     assert set(spread(lambda _: threading.get_ident(), range(6))) == {threading.get_ident()}
 
 
-def test_depth_beyond_the_number_of_threads_ends(three_cores: threading.Semaphore) -> None:
+def test_depth_beyond_the_number_of_threads_ends(three_cores):
     def deep(depth: int) -> int:
         return sum(spread(deep, [depth - 1] * 3)) if depth else 1
 
@@ -79,7 +78,7 @@ def test_depth_beyond_the_number_of_threads_ends(three_cores: threading.Semaphor
 
 
 @pytest.mark.parametrize("failing", [0, 7])
-def test_the_first_failure_ends_it_and_is_raised(three_cores: threading.Semaphore, failing: int) -> None:
+def test_the_first_failure_ends_it_and_is_raised(three_cores, failing):
     begun = []
 
     def fails(k: int) -> int:
@@ -95,7 +94,7 @@ def test_the_first_failure_ends_it_and_is_raised(three_cores: threading.Semaphor
     assert permits(three_cores) == 2
 
 
-def test_ctrl_c_ends_what_other_cores_are_at(three_cores: threading.Semaphore) -> None:
+def test_ctrl_c_ends_what_other_cores_are_at(three_cores):
     done, begun = 0, threading.Event()
 
     def step(_k: int) -> None:
@@ -119,7 +118,7 @@ def test_ctrl_c_ends_what_other_cores_are_at(three_cores: threading.Semaphore) -
     assert spread(lambda k: k, range(9)) == list(range(9))
 
 
-def test_the_environment_says_how_many_cores_are_used(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_environment_says_how_many_cores_are_used(monkeypatch):
     monkeypatch.setenv("HIL_CORES", "3")
     assert cores.cores() == 3
     monkeypatch.delenv("HIL_CORES")
@@ -127,13 +126,13 @@ def test_the_environment_says_how_many_cores_are_used(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize("said", ["0", "-1", "two", "1.5"])
-def test_a_number_of_cores_that_is_none_is_refused_by_name(said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_number_of_cores_that_is_none_is_refused_by_name(said, monkeypatch):
     monkeypatch.setenv("HIL_CORES", said)
     with pytest.raises(SettingError, match=f"^HIL_CORES = {said!r} in the environment: say how many"):
         cores.cores()
 
 
-def test_at_the_prompt_it_is_one_line_and_exit_2() -> None:
+def test_at_the_prompt_it_is_one_line_and_exit_2():
     command = [sys.executable, "-m", "hil", "identify", "no.csv", "--plant", "transfer-function", "--out", "m.json"]
     done = subprocess.run(command, env={**os.environ, "HIL_CORES": "two"}, capture_output=True, text=True)
     assert done.returncode == 2

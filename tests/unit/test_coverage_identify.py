@@ -9,7 +9,7 @@ from tests.coverage_identify.study import tried
 
 
 @pytest.mark.parametrize(("name", "at"), [("HPV41", "half range"), ("SP08-47C, closed loop", "half range")])
-def test_parameters_hold_their_truths(name: str, at: str) -> None:
+def test_parameters_hold_their_truths(name, at):
     (case,) = [one for one in CASES if one.name == name]
     found = tried(case, at, range(7, 8))
     off = {
@@ -21,7 +21,7 @@ def test_parameters_hold_their_truths(name: str, at: str) -> None:
     assert len(off) >= len(case.truth) - 3
 
 
-def test_what_two_levels_tell_of_an_open_loop_only_together_has_wide_intervals() -> None:
+def test_what_two_levels_tell_of_an_open_loop_only_together_has_wide_intervals():
     (case,) = [one for one in CASES if one.name == "SP08-47C, open loop"]
     found = tried(case, "two levels", range(7, 8))
     assert found.tallies["hysteresis"].untold == 1
@@ -33,7 +33,7 @@ def test_what_two_levels_tell_of_an_open_loop_only_together_has_wide_intervals()
 
 
 @pytest.mark.slow
-def test_lags_that_may_change_places_are_said_and_have_wide_intervals() -> None:
+def test_lags_that_may_change_places_are_said_and_have_wide_intervals():
     (case,) = [one for one in CASES if one.name == "EFC with drive"]
     found = tried(case, "half range", range(7, 8))
     coil_lag = found.tallies["coil_lag"]

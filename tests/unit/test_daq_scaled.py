@@ -18,7 +18,7 @@ CALIBRATIONS = {
 }
 
 
-def test_what_is_driven_and_read_goes_through_the_calibrations() -> None:
+def test_what_is_driven_and_read_goes_through_the_calibrations():
     wire = Wire()
     block = joined(list(Scaled(wire, CALIBRATIONS).play(Waveform(100.0, {"a": np.array([50.0, 100.0])}))))
     assert [value for value, _ in wire.log["a"]] == [5.0, 10.0]
@@ -26,7 +26,7 @@ def test_what_is_driven_and_read_goes_through_the_calibrations() -> None:
     assert block.outputs["a"].tolist() == [50.0, 100.0]
 
 
-def test_ranges_safe_values_and_levels_are_in_engineering_units() -> None:
+def test_ranges_safe_values_and_levels_are_in_engineering_units():
     scaled = Scaled(Wire(levels={"b": 2.0}, safe={"b": 1.0}), CALIBRATIONS)
     channel = scaled.outputs["b"]
     assert (channel.unit, channel.low, channel.high, channel.safe) == ("bar", -40.0, 60.0, 5.0)
@@ -34,7 +34,7 @@ def test_ranges_safe_values_and_levels_are_in_engineering_units() -> None:
     assert (scaled.inputs["a read"].low, scaled.inputs["a read"].high) == (-39.0, 41.0)
 
 
-def test_leaving_a_stream_early_ends_the_task() -> None:
+def test_leaving_a_stream_early_ends_the_task():
     asked = []
 
     def endless():

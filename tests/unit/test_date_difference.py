@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -20,7 +18,7 @@ from tests.concealed import nominal, records
 from tests.passports import run_of
 
 
-def test_friction_that_came_is_the_valves_with_its_size_and_share() -> None:
+def test_friction_that_came_is_the_valves_with_its_size_and_share():
     stuck = ActiveEffect("friction", "force", {"coulomb": 4.0, "stiction": 1.2, "stribeck": 10.0, "presliding": 0.2})
     found = difference(Dated("old", tuple(records(seed=2))), Dated("new", tuple(records([stuck], seed=3))), nominal())
     assert found.verdict == "changed"
@@ -33,7 +31,7 @@ def test_friction_that_came_is_the_valves_with_its_size_and_share() -> None:
     assert told["schema"] == "hil.diff/1" and told["changes"][0]["from"]["value"] == 0.0
 
 
-def test_without_a_model_it_says_which_option_helps() -> None:
+def test_without_a_model_it_says_which_option_helps():
     with pytest.raises(SettingError, match="--model"):
         difference(Dated("old", ()), Dated("new", ()), None)
 
@@ -43,7 +41,7 @@ def test_without_a_model_it_says_which_option_helps() -> None:
     [("spool", (), "valve"), ("sensor", (), "bench"), ("command", (), "open"), ("spool", ("sensor",), "open"),
      ("pilot", ("spool",), "valve")],
 )  # fmt: skip
-def test_what_cannot_be_told_from_the_other_side_is_open(stage: str, rivals: tuple[str, ...], owner: str) -> None:
+def test_what_cannot_be_told_from_the_other_side_is_open(stage, rivals, owner):
     assert owner_among(stage, rivals) == owner
     assert rivals or owner_of(stage) == owner
 
@@ -53,7 +51,7 @@ def _at(temperature_c: float) -> Recording:
     return recording("r", time_s, {"oil temperature [degC]": temperature_c + 0.1 * np.sin(time_s)})
 
 
-def test_colder_oil_is_the_benchs() -> None:
+def test_colder_oil_is_the_benchs():
     (change,) = condition_changes([_at(48.0)], [_at(40.0)])
     assert (change.name, change.of, change.stage) == ("oil temperature", "bench", "oil")
     assert change.before.value == pytest.approx(48.0, abs=0.2) and change.after.value == pytest.approx(40.0, abs=0.2)
@@ -61,7 +59,7 @@ def test_colder_oil_is_the_benchs() -> None:
 
 
 @pytest.mark.usefixtures("stranger")
-def test_a_date_is_a_run_folder_or_a_folder_of_runs_and_says_what_it_is_not(tmp_path: Path) -> None:
+def test_a_date_is_a_run_folder_or_a_folder_of_runs_and_says_what_it_is_not(tmp_path):
     run = run_of(tmp_path / "runs")
     assert read_dated(run, tmp_path / "a").serials == {"SN-7"}
     assert len(read_dated(tmp_path / "runs", tmp_path / "b").recordings) == 1
@@ -70,7 +68,7 @@ def test_a_date_is_a_run_folder_or_a_folder_of_runs_and_says_what_it_is_not(tmp_
         read_dated(tmp_path / "empty", tmp_path / "c")
 
 
-def test_what_may_have_changed_unseen_is_not_called_unchanged() -> None:
+def test_what_may_have_changed_unseen_is_not_called_unchanged():
     tight = _excluded(Limit("leakage", "spool", "gain", "%", 0.2, 2.0, visible=True))
     wide = _excluded(Limit("backlash", "spool", "width", "%", 3.0, 2.0, visible=True))
     stop = _excluded(Limit("end_stop", "load", "upper", "%", 80.0, 80.0, visible=True))

@@ -21,14 +21,14 @@ def dead(each: Recording) -> Recording:
     return each
 
 
-def test_an_output_that_never_moves_is_refused() -> None:
+def test_an_output_that_never_moves_is_refused():
     with pytest.raises(
         FileError, match=r"steps: channel 'flow \[l/min\]' stands at 3 .* in every recording: a dead sensor"
     ):
         check(nominal(), bound(nominal(), [dead(each) for each in records(seed=20)]))
 
 
-def test_a_recording_whose_sensor_was_dead_is_left_out_and_said() -> None:
+def test_a_recording_whose_sensor_was_dead_is_left_out_and_said():
     made = records(seed=20)
     made[1] = dead(made[1])
     checked = check(nominal(), bound(nominal(), made))
@@ -37,7 +37,7 @@ def test_a_recording_whose_sensor_was_dead_is_left_out_and_said() -> None:
     assert "sweep: channel 'flow [l/min]' stands at 3 all the time, where the model moves by" in checked.warnings[0]
 
 
-def test_a_coarse_channel_may_stand_still_while_little_moves() -> None:
+def test_a_coarse_channel_may_stand_still_while_little_moves():
     made = records(seed=20)
     still = made[2].channels["flow"].values
     for each in made[:2]:
@@ -50,13 +50,13 @@ def test_a_coarse_channel_may_stand_still_while_little_moves() -> None:
     assert problem.noises[2] == problem.noises[1]  # it stands still because its converter is as coarse as the others'
 
 
-def test_no_model_is_identified_from_a_dead_sensor() -> None:
+def test_no_model_is_identified_from_a_dead_sensor():
     start = typical_model(PLANT)
     with pytest.raises(FileError, match="in every recording: a dead sensor"):
         fit_plant(start, bound(start, [dead(each) for each in records(seed=20)]))
 
 
-def test_a_model_is_identified_from_the_recordings_whose_sensor_lived() -> None:
+def test_a_model_is_identified_from_the_recordings_whose_sensor_lived():
     start = typical_model(PLANT)
     steps, sweep, sine = records(seed=20)
     with_it, without = (fit_plant(start, bound(start, made)) for made in ((steps, dead(sweep), sine), (steps, sine)))
@@ -69,14 +69,14 @@ def with_gauge(each: Recording, bar: float) -> Recording:
     return replace(each, channels={**each.channels, "supply pressure": gauge})
 
 
-def test_a_gauge_whose_needle_sticks_has_no_say() -> None:
+def test_a_gauge_whose_needle_sticks_has_no_say():
     start, made = typical_model(PLANT), records(seed=20)
     stuck = bound(start, [with_gauge(each, 105.0) for each in made])
     assert fit_plant(start, stuck).model.parameters == fit_plant(start, bound(start, made)).model.parameters
     assert all(not own for own in pose(nominal(), stuck).observed_noise)
 
 
-def test_what_is_left_must_still_tell_something() -> None:
+def test_what_is_left_must_still_tell_something():
     start = typical_model(PLANT)
     steps, sweep, _ = records(seed=20)
     sweep.channels["command"].values[:] = 50.0

@@ -134,7 +134,7 @@ def by_hand(folder: Path) -> Iterator[tuple[driver.CanLink, ByHand]]:
         device.close()
 
 
-def test_frames_are_those_of_the_dbc(tmp_path: Path) -> None:
+def test_frames_are_those_of_the_dbc(tmp_path):
     with by_hand(tmp_path) as (link, device):
         link.drive({"set": -2.5})
         link.drive({"set": 1.234})
@@ -157,11 +157,11 @@ def j1850(data: bytes) -> int:
     return number ^ 0xFF
 
 
-def test_checksum_of_the_published_example() -> None:
+def test_checksum_of_the_published_example():
     assert checksum("crc8", b"123456789") == j1850(b"123456789") == 0x4B
 
 
-def test_a_counter_that_stands_still_is_a_sender_that_hangs(tmp_path: Path) -> None:
+def test_a_counter_that_stands_still_is_a_sender_that_hangs(tmp_path):
     with by_hand(tmp_path) as (link, device):
         assert link.read() == {"measured": 2.0}
         device.advances = False
@@ -170,7 +170,7 @@ def test_a_counter_that_stands_still_is_a_sender_that_hangs(tmp_path: Path) -> N
             link.read()
 
 
-def test_a_message_whose_checksum_does_not_fit_is_none(tmp_path: Path) -> None:
+def test_a_message_whose_checksum_does_not_fit_is_none(tmp_path):
     with by_hand(tmp_path) as (link, device):
         assert link.read() == {"measured": 2.0}
         device.spoil = 0x40
@@ -184,7 +184,7 @@ def test_a_message_whose_checksum_does_not_fit_is_none(tmp_path: Path) -> None:
         assert link.read() == {"measured": 2.0}
 
 
-def test_an_output_that_stands_elsewhere_and_a_lapsed_watchdog_are_told(tmp_path: Path) -> None:
+def test_an_output_that_stands_elsewhere_and_a_lapsed_watchdog_are_told(tmp_path):
     with by_hand(tmp_path) as (link, device):
         link.drive({"set": 3.0})
         until(lambda: len(device.heard) == 1)
@@ -199,7 +199,7 @@ def test_an_output_that_stands_elsewhere_and_a_lapsed_watchdog_are_told(tmp_path
             link.read()
 
 
-def test_outputs_that_would_fall_elsewhere_than_safe_are_refused(tmp_path: Path) -> None:
+def test_outputs_that_would_fall_elsewhere_than_safe_are_refused(tmp_path):
     written(tmp_path, "amplifier.dbc", DBC)
     path = written(tmp_path, "amplifier.toml", AMPLIFIER)
     wiring = Wiring({"u": OutputChannel("u", "set", "voltage", "V", -10.0, 10.0, 5.0)}, {})
@@ -218,16 +218,14 @@ def test_outputs_that_would_fall_elsewhere_than_safe_are_refused(tmp_path: Path)
         ('kind = "xor"', 'kind = "md5"', 15, "input should be 'xor', 'sum' or 'crc8'"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_line(old: str, new: str, line: int, told: str, tmp_path: Path) -> None:
+def test_what_is_wrong_is_told_with_its_line(old, new, line, told, tmp_path):
     written(tmp_path, "amplifier.dbc", DBC)
     is_told(tmp_path, AMPLIFIER, old, new, told, line)
 
 
 @given(start=st.integers(0, 63), length=st.integers(1, 32), big=st.booleans(), signed=st.booleans(),
        data=st.binary(min_size=8, max_size=8), bits=st.integers(0, (1 << 32) - 1))  # fmt: skip
-def test_bits_of_the_twin_are_those_of_the_library(
-    start: int, length: int, big: bool, signed: bool, data: bytes, bits: int
-) -> None:
+def test_bits_of_the_twin_are_those_of_the_library(start, length, big, signed, data, bits):
     from cantools.database.can import Message, Signal
     from cantools.database.conversion import BaseConversion
     from cantools.database.errors import Error
@@ -249,7 +247,7 @@ def test_bits_of_the_twin_are_those_of_the_library(
     assert all((a ^ b) & ~m & 0xFF == 0 for a, b, m in zip(data, changed, mask, strict=True))
 
 
-def test_groups_of_j1939() -> None:
+def test_groups_of_j1939():
     assert group_of(0x0CFE31FE) == 0xFE31 and group_of(0x18EF8026) == 0xEF00
 
 
@@ -258,7 +256,7 @@ CHANNELS = output("command", "set", role="command") + input_("volts", "measured"
 
 @pytest.mark.alone
 @pytest.mark.slow
-def test_the_amplifier_passes_the_checks_on_its_twin(tmp_path: Path) -> None:
+def test_the_amplifier_passes_the_checks_on_its_twin(tmp_path):
     written(tmp_path, "amplifier.dbc", DBC)
     written(tmp_path, "amplifier.toml", AMPLIFIER)
     told = f'driver = "can"\nmodel = "amplifier.toml"\naddress = "virtual:{tmp_path.name}"\n'
@@ -268,7 +266,7 @@ def test_the_amplifier_passes_the_checks_on_its_twin(tmp_path: Path) -> None:
     assert "has_the_watchdog_that_it_promises" in passed
 
 
-def test_an_isobus_valve_by_its_dbc_frame_by_frame(tmp_path: Path) -> None:
+def test_an_isobus_valve_by_its_dbc_frame_by_frame(tmp_path):
     wiring = Wiring({"c": OutputChannel("c", "flow command", "value", "%", -100.0, 100.0)},
                     {"f": InputChannel("f", "estimated flow", "value", "%", -125.0, 125.0)})  # fmt: skip
     valve = can.Bus(interface="virtual", channel=tmp_path.name)
@@ -298,7 +296,7 @@ def test_an_isobus_valve_by_its_dbc_frame_by_frame(tmp_path: Path) -> None:
         valve.shutdown()
 
 
-def test_what_is_no_dbc_is_told(tmp_path: Path) -> None:
+def test_what_is_no_dbc_is_told(tmp_path):
     from hil.errors import FileError
 
     with pytest.raises(FileError, match="not a DBC file"):

@@ -143,7 +143,7 @@ def read_on(link: Any) -> None:
     until(lambda: link.read() is None)
 
 
-def test_a_mapping_that_would_drive_other_outputs_is_told_anew_and_read_back(tmp_path: Path) -> None:
+def test_a_mapping_that_would_drive_other_outputs_is_told_anew_and_read_back(tmp_path):
     """The file maps four outputs into one PDO; the bench has but one of them."""
     with by_hand(tmp_path, module(), watchdog_s=1.0) as (link, node):
         assert node._entries(0x1601) == [(0x6411, 1)]  # ours alone
@@ -167,7 +167,7 @@ def test_a_mapping_that_would_drive_other_outputs_is_told_anew_and_read_back(tmp
             read_on(link)
 
 
-def test_a_mapping_that_cannot_be_changed_is_told(tmp_path: Path) -> None:
+def test_a_mapping_that_cannot_be_changed_is_told(tmp_path):
     with (
         pytest.raises(
             LinkError, match=r"object 1601 reads 0x64110110, .* back, not what it was told: its mapping is fixed"
@@ -177,7 +177,7 @@ def test_a_mapping_that_cannot_be_changed_is_told(tmp_path: Path) -> None:
         raise AssertionError("it was opened")
 
 
-def test_another_device_than_the_file_says_and_nobody(tmp_path: Path) -> None:
+def test_another_device_than_the_file_says_and_nobody(tmp_path):
     objects = module() | {(0x1000, 0): struct.pack("<I", 0x00020194)}
     with (
         pytest.raises(LinkError, match="of device type 0x00020194, its file 0x000c0191"),
@@ -189,7 +189,7 @@ def test_another_device_than_the_file_says_and_nobody(tmp_path: Path) -> None:
         driver.open_link(settings, WIRING)
 
 
-def test_a_node_that_is_only_read_is_asked_by_sdo_and_left_as_it_is(tmp_path: Path) -> None:
+def test_a_node_that_is_only_read_is_asked_by_sdo_and_left_as_it_is(tmp_path):
     objects = {(0x1000, 0): struct.pack("<I", 0x00020194), (0x1018, 1): b"\0" * 4,
                (0x6130, 1): struct.pack("<f", 123.5)}  # fmt: skip
     wiring = Wiring({}, {"p": InputChannel("p", "pressure", "value", "bar", 0.0, 250.0)})
@@ -209,7 +209,7 @@ BY_EDS = pytest.mark.parametrize(
 
 
 @BY_EDS
-def test_the_twin_reads_a_file_as_the_library_does(name: str) -> None:
+def test_the_twin_reads_a_file_as_the_library_does(name):
     path = str(descriptions()[name].with_suffix(".eds"))
     objects, by_library = objects_of(path, 5), import_od(path, 0)
     known = {(found.index, found.subindex): found for entry in by_library.values()
@@ -221,7 +221,7 @@ def test_the_twin_reads_a_file_as_the_library_does(name: str) -> None:
 
 
 @BY_EDS
-def test_a_file_without_faults_is_read_as_the_library_does(name: str) -> None:
+def test_a_file_without_faults_is_read_as_the_library_does(name):
     path = str(descriptions()[name].with_suffix(".eds"))
     by_library = import_od(path, 0)
     for found in (own := dictionary(path)).values():
@@ -235,7 +235,7 @@ def test_a_file_without_faults_is_read_as_the_library_does(name: str) -> None:
     assert len(own) == sum(len(entry) if hasattr(entry, "subindices") else 1 for entry in by_library.values())
 
 
-def test_identifiers_go_with_the_node() -> None:
+def test_identifiers_go_with_the_node():
     objects = dictionary(str(HERE / "encoder-406.eds"))
     (first, second) = pdos_for(objects, 9, [(0x6004, 0)], "sent")
     assert (first.identifier, second.identifier, first.as_file) == (0x189, 0x289, True)
@@ -253,14 +253,14 @@ def test_identifiers_go_with_the_node() -> None:
         ('object = "6443.1"', 'object = "6401.1"', 7, "no object of io-401.eds that can be written"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_line(old: str, new: str, line: int, told: str, tmp_path: Path) -> None:
+def test_what_is_wrong_is_told_with_its_line(old, new, line, told, tmp_path):
     with_eds(tmp_path, "io-401")
     is_told(tmp_path, IO, old, new, told, line)
     with pytest.raises(FileError, match="not an EDS or DCF"):
         dictionary(str(written(tmp_path, "no.eds", "nothing")))
 
 
-def test_pdos_that_come_at_changes_alone_are_left_and_their_inputs_asked_for(tmp_path: Path) -> None:
+def test_pdos_that_come_at_changes_alone_are_left_and_their_inputs_asked_for(tmp_path):
     """As small I/O nodes have them: transmission type 255, identifiers without remote frames, neither to be changed."""
     file = (HERE / "io-401.eds").read_text(encoding="utf-8")
     fixed = re.sub(r"(\[180\dsub[12]\][^\[]*AccessType=)rw", r"\1const", file)
@@ -293,7 +293,7 @@ def with_words(folder: Path, words: str = WORDS) -> str:
 
 
 @pytest.mark.parametrize("outputs", [True, False], ids=["by PDO", "by SDO"])
-def test_counts_and_flags_that_are_no_measurement_are_told_in_words(outputs: bool, tmp_path: Path) -> None:
+def test_counts_and_flags_that_are_no_measurement_are_told_in_words(outputs, tmp_path):
     wiring = WIRING if outputs else Wiring({}, {"ai1": WIRING.inputs["ai1"]})
     objects = module() | {(0x1001, 0): b"\0"}
     with by_hand(tmp_path, objects, model=with_words(tmp_path), wiring=wiring) as (link, node):
@@ -317,7 +317,7 @@ def test_counts_and_flags_that_are_no_measurement_are_told_in_words(outputs: boo
         assert link.read()["ai1"] == 0.0 and link.invalid_reasons == {}
 
 
-def test_the_twin_says_that_a_broken_sensor_has_no_measurement(tmp_path: Path) -> None:
+def test_the_twin_says_that_a_broken_sensor_has_no_measurement(tmp_path):
     terminal = read_description(Path(with_words(tmp_path))).terminals["ai1"]
     assert twin.laid(terminal, "h", 0, math.nan) == -32768
     assert twin.laid(terminal, "h", 0, 5.0) == 16384
@@ -349,7 +349,7 @@ def stands_soon(node: ByHand, place: tuple[int, int], byte: int) -> None:
     until(lambda: node.objects[place] == bytes([byte]))
 
 
-def test_bits_of_an_object_are_driven_and_the_others_stay_as_they_were_found(tmp_path: Path) -> None:
+def test_bits_of_an_object_are_driven_and_the_others_stay_as_they_were_found(tmp_path):
     with by_hand(tmp_path, digital_module(), model="dio-401", wiring=lines(), watchdog_s=1.0) as (link, node):
         assert node.objects[0x6206, 1] == b"\xff"
         assert link.standing() == {"do2": 0.0, "do5": 0.0}
@@ -365,7 +365,7 @@ def test_bits_of_an_object_are_driven_and_the_others_stay_as_they_were_found(tmp
             link.read()
 
 
-def test_bits_of_others_that_a_node_switched_off_by_itself_are_not_switched_on_again(tmp_path: Path) -> None:
+def test_bits_of_others_that_a_node_switched_off_by_itself_are_not_switched_on_again(tmp_path):
     with by_hand(tmp_path, digital_module(), model="dio-401", wiring=lines(), watchdog_s=1.0) as (link, node):
         link.drive({"do2": 1.0, "do5": 1.0})
         stands_soon(node, (0x6200, 1), 0b1011_0010)
@@ -377,7 +377,7 @@ def test_bits_of_others_that_a_node_switched_off_by_itself_are_not_switched_on_a
         stands_soon(node, (0x6200, 1), 0b0001_0000)
 
 
-def test_bits_are_asked_for_by_sdo_where_nothing_is_driven(tmp_path: Path) -> None:
+def test_bits_are_asked_for_by_sdo_where_nothing_is_driven(tmp_path):
     inputs = lines((), ("di1", "di2", "di8"))
     with by_hand(tmp_path, digital_module(), model="dio-401", wiring=inputs) as (link, node):
         node.objects[0x6000, 1] = b"\x82"
@@ -400,7 +400,7 @@ def test_bits_are_asked_for_by_sdo_where_nothing_is_driven(tmp_path: Path) -> No
         (DIGITAL, "[terminals.\"di", f"{LAMP}[terminals.\"di", "'do{n}' is driven by bit 7 of 6200.1 already"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_readings_that_are_none_and_bits_is_told(text, old, new, told, tmp_path) -> None:
+def test_what_is_wrong_with_readings_that_are_none_and_bits_is_told(text, old, new, told, tmp_path):
     for name in ("io-401", "dio-401"):
         with_eds(tmp_path, name)
     is_told(tmp_path, text, old, new, told)
@@ -408,7 +408,7 @@ def test_what_is_wrong_with_readings_that_are_none_and_bits_is_told(text, old, n
 
 @pytest.mark.parametrize("form", ["b", "h", "i", "B", "H", "I"])
 @pytest.mark.parametrize(("lowest", "highest"), [(0, 0), (3, 3), (7, 7), (0, 7), (2, 5), (6, 7)])
-def test_driver_and_twin_take_the_same_bits_for_a_terminal(form: str, lowest: int, highest: int) -> None:
+def test_driver_and_twin_take_the_same_bits_for_a_terminal(form, lowest, highest):
     kind = next(kind for kind, letter in FORMS.items() if letter == form)
     part = {"bit": lowest} if lowest == highest else {"bits": (lowest, highest)}
     told = CanopenTerminal(direction="out", range=(-200.0, 200.0), object="2000", **part)  # type: ignore[arg-type]
@@ -427,7 +427,7 @@ def test_driver_and_twin_take_the_same_bits_for_a_terminal(form: str, lowest: in
 
 @pytest.mark.alone
 @pytest.mark.slow
-def test_the_module_passes_the_checks_on_its_twin(tmp_path: Path) -> None:
+def test_the_module_passes_the_checks_on_its_twin(tmp_path):
     told = f'driver = "canopen"\nmodel = "io-401"\nnode = 5\nwatchdog_s = 0.4\naddress = "virtual:{tmp_path.name}"'
     channels = output("command", "ao1", role="command") + input_("volts", "ai1", role="response")
     passed = passes(written(tmp_path, "bench.toml", bench(told, channels, "volts")), "canopen")

@@ -34,7 +34,7 @@ Register,Name,Data type,Unit,Scale,Min,Max,R/W
 FROM_ONE = "addr;parameter;format;range\n0x0001;Pressure;u16;0-400\n0x0002;Pressure;s16;\n"
 
 
-def test_a_table_becomes_a_description_and_what_it_lacks_is_marked(tmp_path: Path) -> None:
+def test_a_table_becomes_a_description_and_what_it_lacks_is_marked(tmp_path):
     table = written(tmp_path, "acme.csv", TABLE)
     told = hil("new", "device", "--from", str(table), "--in", str(tmp_path))
     path = tmp_path / "acme.toml"
@@ -63,7 +63,7 @@ def test_a_table_becomes_a_description_and_what_it_lacks_is_marked(tmp_path: Pat
         hil("new", "device", "--from", str(table), "--in", str(tmp_path))
 
 
-def test_a_table_that_counts_from_nobody_knows_where(tmp_path: Path) -> None:
+def test_a_table_that_counts_from_nobody_knows_where(tmp_path):
     text = first_description(written(tmp_path, "one.csv", FROM_ONE))
     assert 'addresses = "wire"   # GAP: from 0? This table begins at 1; counting from 1 is one too high' in text
     assert 'table = "holding"   # GAP: holding (function 3) or input (4)?' in text
@@ -91,18 +91,18 @@ def test_a_table_that_counts_from_nobody_knows_where(tmp_path: Path) -> None:
          {"unit": "1", "table": "holding", "address": 16, "type": "u16"}),
     ],
 )  # fmt: skip
-def test_headings_as_manuals_print_them(tmp_path: Path, table: str, name: str, expected: dict[str, object]) -> None:
+def test_headings_as_manuals_print_them(tmp_path, table, name, expected):
     made = tomllib.loads(first_description(written(tmp_path, "manual.csv", table)))["terminals"]
     assert made[name] == {"direction": "in", "slope": 1.0} | expected and len(made) == table.count("\n") - 1
 
 
-def test_an_address_that_is_not_understood_is_left_out_and_said(tmp_path: Path) -> None:
+def test_an_address_that_is_not_understood_is_left_out_and_said(tmp_path):
     text = first_description(written(tmp_path, "a.csv", "Address,Name\n4x0000,Output\n7,Flow\n"))
     assert list(tomllib.loads(text)["terminals"]) == ["Flow"]
     assert "'Output' is left out: its address 4x0000 is not understood" in text
 
 
-def test_a_filled_table_is_described_as_manuals_count(tmp_path: Path) -> None:
+def test_a_filled_table_is_described_as_manuals_count(tmp_path):
     text = first_description(written(tmp_path, "acme.csv", TABLE))
     filled = re.sub(r"# range = \[0, 0\]", "range = [0, 1000]", text).replace(
         '"in"   # GAP: may be written', '"out"   #'
@@ -113,7 +113,7 @@ def test_a_filled_table_is_described_as_manuals_count(tmp_path: Path) -> None:
     assert "**It has no watchdog**" in told and "still marked in" in told
 
 
-def test_an_eds_and_a_dbc_become_descriptions(tmp_path: Path) -> None:
+def test_an_eds_and_a_dbc_become_descriptions(tmp_path):
     (tmp_path / "there").mkdir()
     dbc = written(tmp_path / "there", "amplifier.dbc", DBC)
     hil("new", "device", "amp", "--from", str(dbc), "--in", str(tmp_path))
@@ -128,7 +128,7 @@ def test_an_eds_and_a_dbc_become_descriptions(tmp_path: Path) -> None:
     assert [(name, t["count"], t["bit"]) for name, t in lines.items()] == [("di1.{n}", 8, 0), ("do1.{n}", 8, 0)]
 
 
-def test_what_is_no_table_is_told(tmp_path: Path) -> None:
+def test_what_is_no_table_is_told(tmp_path):
     with pytest.raises(
         FileError, match="no heading with a name and an address; columns are known by these words: name: "
     ):
@@ -141,7 +141,7 @@ def test_what_is_no_table_is_told(tmp_path: Path) -> None:
         hil("new", "driver")
 
 
-def test_faults_are_listed_before_the_end(tmp_path: Path) -> None:
+def test_faults_are_listed_before_the_end(tmp_path):
     path = written(
         tmp_path, "x.toml", EVERYTHING.replace("address = 40101", "address = 1").replace("gap = 2", "gap = -2")
     )
@@ -150,12 +150,12 @@ def test_faults_are_listed_before_the_end(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", descriptions())
-def test_every_installed_description_survives_being_written(name: str, tmp_path: Path) -> None:
+def test_every_installed_description_survives_being_written(name, tmp_path):
     survives(descriptions()[name].read_text(encoding="utf-8"), descriptions()[name].parent)
 
 
 @pytest.mark.parametrize("text", [EVERYTHING, REGULATOR, AMPLIFIER], ids=["modbus", "text", "can"])
-def test_a_description_with_every_key_survives_being_written(text: str, tmp_path: Path) -> None:
+def test_a_description_with_every_key_survives_being_written(text, tmp_path):
     written(tmp_path, "amplifier.dbc", DBC)
     survives(text, tmp_path)
 
@@ -181,7 +181,7 @@ def survives(text: str, folder: Path) -> None:
 HOW_TO = Path(__file__).parents[2] / "docs" / "how-to" / "a-new-bench.md"
 
 
-def test_the_files_of_the_how_to_have_no_faults(tmp_path: Path) -> None:
+def test_the_files_of_the_how_to_have_no_faults(tmp_path):
     page = HOW_TO.read_text(encoding="utf-8")
     (table,) = re.findall(r"```\n(Address.*?)```", page, re.DOTALL)
     described, bench = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)

@@ -64,7 +64,7 @@ address = 8
         ("address = 8", "address = 8\ncount = 2", 13, "2 terminals need {n} in their name, such as ai{n}"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_told_with_its_line(old: str, new: str, line: int, text: str, tmp_path: Path) -> None:
+def test_what_is_wrong_is_told_with_its_line(old, new, line, text, tmp_path):
     is_told(tmp_path, SMALL, old, new, text, line)
 
 
@@ -73,7 +73,7 @@ def test_what_is_wrong_is_told_with_its_line(old: str, new: str, line: int, text
     [("{minutes}", "value: '{minutes}': a number, {tenths}, {seconds}, {ms} or {safe:TERMINAL}"),
      ("{safe:ao7}", "no output 'ao7'; there are: ao0")],
 )  # fmt: skip
-def test_watchdog_with_an_unknown_placeholder_or_output_is_told(value: str, text: str, tmp_path: Path) -> None:
+def test_watchdog_with_an_unknown_placeholder_or_output_is_told(value, text, tmp_path):
     more = 'direction = "out"\nrange = [0, 9]\ntable = "holding"\naddress = 0\n[watchdog]\narm = ['
     new = f'address = 8\n\n[terminals.ao0]\n{more}{{ address = 9, value = "{value}" }}]\n'
     is_told(tmp_path, SMALL, "address = 8\n", new, text, 20)
@@ -85,13 +85,13 @@ def test_watchdog_with_an_unknown_placeholder_or_output_is_told(value: str, text
      (49999, ("holding", 9998)), (400001, ("holding", 0)), (465536, ("holding", 65535)), (300101, ("input", 100)),
      (20001, ("coil", 20000)), (50001, ("coil", 50000))],  # five digits without a table in front
 )  # fmt: skip
-def test_addresses_as_manuals_count(said: int, place: tuple[str, int]) -> None:
+def test_addresses_as_manuals_count(said, place):
     assert on_the_wire(said, None, "40001") == place
     assert on_the_wire(int(as_in_manuals(*place)), None, "40001") == place  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("said", [0, 40000, 400000, 465537, 1400001])
-def test_addresses_that_no_manual_has(said: int) -> None:
+def test_addresses_that_no_manual_has(said):
     with pytest.raises(ValueError, match="as manuals count there are"):
         on_the_wire(said, None, "40001")
 
@@ -150,7 +150,7 @@ def opened(device: Foreign, tmp_path: Path, **more: Any) -> Iterator[modbus.Modb
             link.close()
 
 
-def test_everything_against_a_device_that_shares_nothing(tmp_path: Path) -> None:
+def test_everything_against_a_device_that_shares_nothing(tmp_path):
     device = Foreign()
     device.holding[310] = 0x80  # it reports a fault
     with opened(device, tmp_path) as link:
@@ -186,7 +186,7 @@ def test_everything_against_a_device_that_shares_nothing(tmp_path: Path) -> None
     assert device.holding[309] == 0  # disabled when it was let go of
 
 
-def test_what_cannot_be_cleared_or_is_no_measurement_is_told_in_the_words_of_the_file(tmp_path: Path) -> None:
+def test_what_cannot_be_cleared_or_is_no_measurement_is_told_in_the_words_of_the_file(tmp_path):
     device = Foreign()
     device.holding[310], device.stuck = 0x80, True
     with (
@@ -215,7 +215,7 @@ EVERYTHING_BENCH = (
 
 @pytest.mark.alone
 @pytest.mark.slow
-def test_everything_passes_the_checks_on_its_twin(tmp_path: Path) -> None:
+def test_everything_passes_the_checks_on_its_twin(tmp_path):
     written(tmp_path, "everything.toml", EVERYTHING)
     told = 'driver = "modbus"\nmodel = "everything.toml"\nwatchdog_s = 0.9\ntimeout_s = 0.3\nlongest_reply_s = 0.6\n'
     text = bench(f'{told}address = "127.0.0.1:{free_port()}"', EVERYTHING_BENCH, "volts")
@@ -224,7 +224,7 @@ def test_everything_passes_the_checks_on_its_twin(tmp_path: Path) -> None:
     assert "has_the_watchdog_that_it_promises" in passed
 
 
-def test_a_description_may_stand_in_the_bench_file_and_its_faults_have_their_line_there(tmp_path: Path) -> None:
+def test_a_description_may_stand_in_the_bench_file_and_its_faults_have_their_line_there(tmp_path):
     inside = SMALL.replace('protocol = "modbus"\n', "").replace("[terminals", "[devices.io.description.terminals")
     inside = inside.replace("[modbus]", "[devices.io.description.modbus]")
     told = f'driver = "modbus"\naddress = "127.0.0.1:9"\n[devices.io.description]\n{inside}'
@@ -240,7 +240,7 @@ def test_a_description_may_stand_in_the_bench_file_and_its_faults_have_their_lin
         read_bench(path)
 
 
-def test_a_file_of_another_protocol_or_none_is_told(tmp_path: Path) -> None:
+def test_a_file_of_another_protocol_or_none_is_told(tmp_path):
     settings = modbus.Settings(model=str(tmp_path / "no.toml"), address="127.0.0.1:502")
     assert "no such description; it is looked for beside" in next(modbus.faults(settings))[1]
     assert modbus.terminals(settings) == {}
@@ -251,7 +251,7 @@ def test_a_file_of_another_protocol_or_none_is_told(tmp_path: Path) -> None:
     assert tomllib.loads(EVERYTHING)["protocol"] == "modbus"
 
 
-def test_what_fits_into_no_request_is_told(tmp_path: Path) -> None:
+def test_what_fits_into_no_request_is_told(tmp_path):
     text = SMALL.replace('"wire"', '"wire"\nlongest_read = 1').replace("address = 8", 'address = 8\ntype = "f32"')
     with pytest.raises(
         BenchError, match=r":14: terminals.pressure.type: 'f32' takes 2 registers, more than longest_read = 1"
@@ -259,7 +259,7 @@ def test_what_fits_into_no_request_is_told(tmp_path: Path) -> None:
         read_description(written(tmp_path, "acme.toml", text))
 
 
-def test_echo_and_pause_are_those_of_the_description(tmp_path: Path) -> None:
+def test_echo_and_pause_are_those_of_the_description(tmp_path):
     path = written(tmp_path, "acme.toml", SMALL.replace('"wire"', '"wire"\necho = true\npause_s = 0.05'))
     device, asked_s = Tables(inputs={8: 77}), [0.0]
 
@@ -276,7 +276,7 @@ def test_echo_and_pause_are_those_of_the_description(tmp_path: Path) -> None:
         link.close()
 
 
-def test_a_bit_of_a_register_is_digital_so_its_1_is_a_reading(tmp_path: Path) -> None:
+def test_a_bit_of_a_register_is_digital_so_its_1_is_a_reading(tmp_path):
     text = SMALL.replace("[0.0, 250.0]", "[0.0, 1.0]").replace('unit = "bar"\n', "") + "bit = 3\n"
     port = read_description(written(tmp_path, "small.toml", text)).ports["pressure"]
     assert port.kind == "digital"

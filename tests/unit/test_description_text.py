@@ -113,7 +113,7 @@ def opened(device: Callable[[bytes], bytes], folder: Path, **more: Any) -> Itera
             link.close()
 
 
-def test_what_is_told_and_asked_is_what_the_file_says(tmp_path: Path) -> None:
+def test_what_is_told_and_asked_is_what_the_file_says(tmp_path):
     device = Regulator()
     with opened(device, tmp_path, watchdog_s=2.0) as link:
         assert device.lines == ["ID", "REMOTE", "WD 0020", "WS 1000,0", "ERR?"]
@@ -138,7 +138,7 @@ def test_what_is_told_and_asked_is_what_the_file_says(tmp_path: Path) -> None:
      ("1.5V", ".", '; a unit behind the number? Then say answer = "{value}V"'),
      ("----", ".", '; a word for no measurement? Then say no_measurement = ["----"]'), ("#12", ".", ""), ("", ".", "")],
 )  # fmt: skip
-def test_an_answer_of_another_form_is_told_with_what_may_help(text: str, decimal: str, hint: str) -> None:
+def test_an_answer_of_another_form_is_told_with_what_may_help(text, decimal, hint):
     assert remedy(text, Numbers(decimal)) == hint
 
 
@@ -151,7 +151,7 @@ def test_an_answer_of_another_form_is_told_with_what_may_help(text: str, decimal
      ("ID", "PUMP 3", "to ID it says 'PUMP 3', not 'REG-{any} V{any}'"),
      ("M?", "----;0,0", "volts 1 reads no measurement from the first on")],
 )  # fmt: skip
-def test_an_answer_of_another_form_is_none(asked: str, says: str, error: str | None, tmp_path: Path) -> None:
+def test_an_answer_of_another_form_is_none(asked, says, error, tmp_path):
     device = Regulator()
     device.says[asked] = says
 
@@ -168,7 +168,7 @@ def test_an_answer_of_another_form_is_none(asked: str, says: str, error: str | N
         use()
 
 
-def test_no_measurement_after_a_first_one_is_told_as_such(tmp_path: Path) -> None:
+def test_no_measurement_after_a_first_one_is_told_as_such(tmp_path):
     device = Regulator()
     with opened(device, tmp_path) as link:
         link.read()
@@ -182,20 +182,20 @@ def test_no_measurement_after_a_first_one_is_told_as_such(tmp_path: Path) -> Non
     [("9.9E37", math.inf), ("-9.9e37", -math.inf), ("9.91E37", None), ("NAN", None), ("OL", math.inf),
      ("-OL", -math.inf),      ("+9999", None), (" 1.5 ", 1.5), (".5", 0.5), ("1.", 1.0), ("--", None)],
 )  # fmt: skip
-def test_numbers_that_are_none(said: str, value: float | None) -> None:
+def test_numbers_that_are_none(said, value):
     read = Numbers(none=("+9999", "--")).read(said)
     assert read is not None and (math.isnan(read) if value is None else read == value)
 
 
 @pytest.mark.parametrize("said", ["1,5", "1.5 V", "", "0x10", "1.5.2", "volts 1"])
-def test_what_is_no_number(said: str) -> None:
+def test_what_is_no_number(said):
     assert Numbers().read(said) in (None, 0.0) if said == "volts 1" else Numbers().read(said) is None
 
 
 @given(value=st.floats(-1e6, 1e6), decimal=st.sampled_from([".", ","]),
        form=st.sampled_from(["{value:.4f}", "{value:+014.4f}", "{value:.12e}", "{value:.12g}"]),
        around=st.sampled_from(["{}", "P {} bar", ">{};{{any}}", "{{any}}={}"]))  # fmt: skip
-def test_what_is_filled_in_is_found_again(value: float, decimal: str, form: str, around: str) -> None:
+def test_what_is_filled_in_is_found_again(value, decimal, form, around):
     numbers = Numbers(decimal)
     template = around.format(form)
     line = filled(template, numbers, value=value).replace("{any}", "")
@@ -215,11 +215,11 @@ def test_what_is_filled_in_is_found_again(value: float, decimal: str, form: str,
         ('reply = "OK"\nask', 'replies = "OK"\nask', 21, "did you mean 'reply'?"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_told_with_its_line(old: str, new: str, line: int, told: str, tmp_path: Path) -> None:
+def test_what_is_wrong_is_told_with_its_line(old, new, line, told, tmp_path):
     is_told(tmp_path, REGULATOR, old, new, told, line)
 
 
-def test_a_watchdog_that_would_drive_the_valve_is_not_armed(tmp_path: Path) -> None:
+def test_a_watchdog_that_would_drive_the_valve_is_not_armed(tmp_path):
     path = written(tmp_path, "regulator.toml", REGULATOR.replace("[watchdog]\n", "[watchdog]\nexpires_to = 0.0\n"))
     settings = text.Settings(model=str(path), address="socket://127.0.0.1:1", watchdog_s=1.0)
     with pytest.raises(SettingError, match="puts set at 0 V, but 'u' is safe at 1 V"):
@@ -233,7 +233,7 @@ CHANNELS = (
 
 @pytest.mark.alone
 @pytest.mark.slow
-def test_the_regulator_passes_the_checks_on_its_twin(tmp_path: Path) -> None:
+def test_the_regulator_passes_the_checks_on_its_twin(tmp_path):
     written(tmp_path, "regulator.toml", REGULATOR)
     told = 'driver = "text"\nmodel = "regulator.toml"\nwatchdog_s = 0.3\ntimeout_s = 0.1\nlongest_reply_s = 0.2\n'
     path = written(tmp_path, "bench.toml",
@@ -263,7 +263,7 @@ answer = "{value} V"
 """
 
 
-def test_a_described_scpi_instrument_by_hand(tmp_path: Path) -> None:
+def test_a_described_scpi_instrument_by_hand(tmp_path):
     lines: list[str] = []
 
     def device(came: bytes) -> bytes:
@@ -284,7 +284,7 @@ def test_a_described_scpi_instrument_by_hand(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["scanner", "agilent-34970a"])
-def test_a_reading_that_lost_a_byte_on_the_line_is_no_answer(name: str) -> None:
+def test_a_reading_that_lost_a_byte_on_the_line_is_no_answer(name):
     answer, said = read_description(descriptions()[name]).terminals["in{n}"].answer, "+7.03835487E-02"
     assert matched(answer, said, Numbers()) == 0.0703835487
     assert matched(answer, "-9.90000000E+37", Numbers()) == -math.inf

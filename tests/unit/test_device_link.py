@@ -79,7 +79,7 @@ def compared(cell: Cell) -> Mapping[str, float]:
     return cell.read()
 
 
-def test_what_it_holds_is_what_it_was_driven_to_as_it_rounds() -> None:
+def test_what_it_holds_is_what_it_was_driven_to_as_it_rounds():
     cell = Cell()
     cell.drive({"out": 2.7})
     assert compared(cell) == {"in": 1.0} and cell.identity == "cell 7"
@@ -89,7 +89,7 @@ def test_what_it_holds_is_what_it_was_driven_to_as_it_rounds() -> None:
             compared(cell)
 
 
-def test_an_output_stands_within_what_was_driven_of_late_and_no_number_nowhere() -> None:
+def test_an_output_stands_within_what_was_driven_of_late_and_no_number_nowhere():
     assert stands_as_driven(2.0, (3.0, 1.0), 0.0) and stands_as_driven(3.4, (3.0, 1.0), 0.5)
     assert not stands_as_driven(3.6, (3.0, 1.0), 0.5) and not stands_as_driven(math.nan, (3.0,), 9.0)
     assert stands_as_driven(7.0, (), 0.0)
@@ -102,7 +102,7 @@ def pulled_at(cell: Cell) -> None:
         time.sleep(0.01)
 
 
-def test_a_device_that_tells_late_is_not_suspected_and_one_that_is_pulled_at_now_and_then_is() -> None:
+def test_a_device_that_tells_late_is_not_suspected_and_one_that_is_pulled_at_now_and_then_is():
     cell = Cell(reports_each_s=0.02, longest_reply_s=0.3)
     cell.drive({"out": 5.0})
     cell.holds = 0.0
@@ -114,7 +114,7 @@ def test_a_device_that_tells_late_is_not_suspected_and_one_that_is_pulled_at_now
         pulled_at(cell)
 
 
-def test_after_silence_nothing_is_driven_but_a_safe_value() -> None:
+def test_after_silence_nothing_is_driven_but_a_safe_value():
     cell = Cell(watchdog_s=WATCHDOG_S, expires_to=0.0)
     cell.drive({"out": 5.0})
     time.sleep(1.5 * WATCHDOG_S)
@@ -151,7 +151,7 @@ class Stalling(Cell):
 
 
 @pytest.mark.parametrize("where", ["in driving", "in reading"])
-def test_a_program_that_stood_still_drives_nothing_on(where: str) -> None:
+def test_a_program_that_stood_still_drives_nothing_on(where):
     cell = Stalling(where)
     with closing(PolledDaq({"cell": cell}, {"cell": CELL})) as daq:
         for _ in range(2):  # also who comes later, until outputs are safe
@@ -161,7 +161,7 @@ def test_a_program_that_stood_still_drives_nothing_on(where: str) -> None:
     assert set(cell.afterwards) == {0.0}
 
 
-def test_an_input_without_a_measurement_is_told_and_refused_where_it_never_had_one() -> None:
+def test_an_input_without_a_measurement_is_told_and_refused_where_it_never_had_one():
     with pytest.raises(LinkError, match="in reads no measurement from the first on: its wire is off"):
         Cell(reads=math.nan).read()
     cell = Cell()
@@ -170,7 +170,7 @@ def test_an_input_without_a_measurement_is_told_and_refused_where_it_never_had_o
     assert math.isnan(cell.read()["in"]) and cell.invalid_reasons == {"in": "its wire is off"}
 
 
-def test_what_is_opened_is_the_device_that_is_meant_and_can_be_made_safe() -> None:
+def test_what_is_opened_is_the_device_that_is_meant_and_can_be_made_safe():
     with pytest.raises(SettingError, match="puts out at 1 V, but 'u' is safe at 0 V; take watchdog_s away"):
         Cell(watchdog_s=1.0, expires_to=1.0)
     with pytest.raises(DeviceLostError, match="another device answers: it says that it is cell 7"):
@@ -181,7 +181,7 @@ def test_what_is_opened_is_the_device_that_is_meant_and_can_be_made_safe() -> No
     assert Cell(Wiring(CELL.outputs, {}, only_safe=True), fails="it does not obey").happened == []
 
 
-def test_after_an_answer_that_did_not_come_what_is_late_passes_first() -> None:
+def test_after_an_answer_that_did_not_come_what_is_late_passes_first():
     cell = Cell(longest_reply_s=2.0)
     cell.reads = math.inf
     with pytest.raises(LinkError, match="no answer"):
@@ -193,7 +193,7 @@ def test_after_an_answer_that_did_not_come_what_is_late_passes_first() -> None:
     assert cell.happened == ["forgot"]
 
 
-def test_readings_come_after_one_slow_answer_and_not_after_two(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_readings_come_after_one_slow_answer_and_not_after_two(monkeypatch):
     """By the clock of the device, which answers slowly twice: however slow this computer is."""
     device, clock = Tables(inputs={0: 20}, holding={8: 0}), SimpleNamespace(now_s=0.0, answer_s=0.0)
     monkeypatch.setattr(system, "now_s", lambda: clock.now_s)
@@ -216,7 +216,7 @@ def test_readings_come_after_one_slow_answer_and_not_after_two(monkeypatch: pyte
 
 
 @pytest.mark.parametrize("usual_s", [0.0005, 0.004, 0.1])
-def test_a_line_that_was_always_that_slow_is_asked_twice_a_second(usual_s: float) -> None:
+def test_a_line_that_was_always_that_slow_is_asked_twice_a_second(usual_s):
     times = ReadBackTimes()
     for _ in range(3):
         times.took(usual_s)

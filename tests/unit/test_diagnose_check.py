@@ -16,7 +16,7 @@ from hil.record.recording import Recording
 from tests.concealed import PLANT, WORN, bound, changed, noise, nominal, poor, records, with_rows
 
 
-def test_swapped_columns_are_refused() -> None:
+def test_swapped_columns_are_refused():
     def swap(each: Recording) -> None:
         command, flow = each.channels["command"].values, each.channels["flow"].values
         kept = command.copy()
@@ -26,7 +26,7 @@ def test_swapped_columns_are_refused() -> None:
         check(nominal(), bound(nominal(), changed(swap)))
 
 
-def test_columns_that_look_swapped_are_taken_where_their_units_are_stated() -> None:
+def test_columns_that_look_swapped_are_taken_where_their_units_are_stated():
     def swap(each: Recording) -> None:
         command, flow = each.channels["command"].values, each.channels["flow"].values
         command[:], flow[:] = flow.copy(), command.copy()
@@ -36,7 +36,7 @@ def test_columns_that_look_swapped_are_taken_where_their_units_are_stated() -> N
 
 
 @pytest.mark.parametrize("gain", [1.0, 1.4])
-def test_swapped_columns_are_refused_where_the_model_never_fitted_well(gain: float) -> None:
+def test_swapped_columns_are_refused_where_the_model_never_fitted_well(gain):
     """Of a unit that may have changed besides, and whose command was measured with more noise than its flow."""
     made = records([WORN], {"full_flow": gain * plant(PLANT).typical["full_flow"]}, seed=25)
     for each in made:
@@ -47,12 +47,12 @@ def test_swapped_columns_are_refused_where_the_model_never_fitted_well(gain: flo
         check(poor(), bound(poor(), made))
 
 
-def test_a_recording_shorter_than_a_time_constant_is_refused() -> None:
+def test_a_recording_shorter_than_a_time_constant_is_refused():
     with pytest.raises(FileError, match="at least one time constant"):
         check(nominal(), bound(nominal(), [with_rows(each, slice(20)) for each in records(seed=21)]))
 
 
-def test_recordings_may_be_as_short_as_those_of_identification() -> None:
+def test_recordings_may_be_as_short_as_those_of_identification():
     """A cylinder's piston creeps with 44 s; it was identified from recordings of 20 s, and is diagnosed on as many."""
     model = nominal()
     assert model.origin["longest_s"] == max(e.duration_s for e in bound(model, records(seed=21)))
@@ -61,7 +61,7 @@ def test_recordings_may_be_as_short_as_those_of_identification() -> None:
     assert len(check(known, short).experiments) == len(short)
 
 
-def test_a_constant_command_is_refused() -> None:
+def test_a_constant_command_is_refused():
     def stand_still(each: Recording) -> None:
         each.channels["command"].values[:] = 50.0
 
@@ -69,7 +69,7 @@ def test_a_constant_command_is_refused() -> None:
         check(nominal(), bound(nominal(), changed(stand_still)))
 
 
-def test_a_clipped_channel_is_left_out_and_said() -> None:
+def test_a_clipped_channel_is_left_out_and_said():
     def clip(each: Recording) -> None:
         flow = each.channels["flow"].values
         flow[:] = np.clip(flow, -20.0, 20.0)
@@ -79,7 +79,7 @@ def test_a_clipped_channel_is_left_out_and_said() -> None:
     assert all(e.invalid["output"].any() for e in checked.experiments)
 
 
-def test_a_slow_channel_is_clipped_where_noise_lets_it_go_for_a_moment_too() -> None:
+def test_a_slow_channel_is_clipped_where_noise_lets_it_go_for_a_moment_too():
     def clip(each: Recording) -> None:
         flow = each.channels["flow"].values
         flow[:] = np.minimum(flow, np.quantile(flow, 0.9))
@@ -92,5 +92,5 @@ def test_a_slow_channel_is_clipped_where_noise_lets_it_go_for_a_moment_too() -> 
         assert ignored.mean() > 0.98  # a sample at the end is half a noise too low, wherever it lies
 
 
-def test_good_recordings_pass_without_a_word() -> None:
+def test_good_recordings_pass_without_a_word():
     assert check(nominal(), bound(nominal(), records(seed=23))).warnings == ()

@@ -18,7 +18,7 @@ BOTH_WAYS, ONE_WAY = Span(0.0, 100.0, -90.0, 90.0), Span(0.0, 2.0, 1.1, 1.9)
 
 
 @pytest.mark.parametrize("span", [BOTH_WAYS, ONE_WAY], ids=["both ways", "one way"])
-def test_every_test_of_the_menu_can_be_run_and_stays_in_its_span(span: Span) -> None:
+def test_every_test_of_the_menu_can_be_run_and_stays_in_its_span(span):
     for test in menu(span):
         settings = parse_settings(load_procedure(test.procedure).settings, {**test.settings, "full_command": span.full})
         assert settings["full_command"] == span.full
@@ -38,7 +38,7 @@ def small_sine() -> Experiment:
     return for_model(model, recording("small sine", time_s, {"command [%]": command, "flow [l/min]": flow}))
 
 
-def test_a_small_sine_shows_little_and_says_so() -> None:
+def test_a_small_sine_shows_little_and_says_so():
     found = diagnose(nominal(), [small_sine()]).diagnosis
     assert found.verdict == "consistent"
     hidden = {limit.effect for limit in found.limits if not limit.visible}

@@ -32,7 +32,7 @@ def fitted(problem: Problem, effect: ActiveEffect) -> Fitted:
     return fit(problem, replace(start, terms=(term,), values=(values,)))
 
 
-def test_half_the_steps_are_taken_where_they_change_next_to_nothing() -> None:
+def test_half_the_steps_are_taken_where_they_change_next_to_nothing():
     problem = problem_of()
     taken, warnings = settled(problem)
     assert (taken.factor, warnings) == (0.5, ())
@@ -40,19 +40,19 @@ def test_half_the_steps_are_taken_where_they_change_next_to_nothing() -> None:
     assert taken.excess(nothing(taken).chi2) < 0.03
 
 
-def test_a_short_recording_keeps_the_steps_of_its_plant() -> None:
+def test_a_short_recording_keeps_the_steps_of_its_plant():
     assert settled(problem_of(count=2))[0].factor == 1.0
 
 
 @pytest.mark.parametrize(("share", "least"), [(0.02, 1.0), (1e-4, 4.0)])
-def test_less_noise_asks_for_finer_steps(share: float, least: float) -> None:
+def test_less_noise_asks_for_finer_steps(share, least):
     problem = problem_of()
     quiet = replace(problem, noises=tuple(replace(n, std=share * n.std) for n in problem.noises))
     taken, _ = settled(quiet)
     assert taken.factor >= least
 
 
-def test_friction_is_told_at_the_steps_of_its_plant() -> None:
+def test_friction_is_told_at_the_steps_of_its_plant():
     problem = replace(problem_of(FRICTION), factor=0.5)
     found = fitted(problem, FRICTION)
     told = finished(problem, found)
@@ -61,7 +61,7 @@ def test_friction_is_told_at_the_steps_of_its_plant() -> None:
     assert np.sum(told.residuals**2) < 1.001 * np.sum(residuals_of(own, found) ** 2)
 
 
-def test_a_limit_that_few_steps_reach_is_told_at_the_steps_of_its_plant() -> None:
+def test_a_limit_that_few_steps_reach_is_told_at_the_steps_of_its_plant():
     late = {"dead_time": 0.0189}  # the command arrives within a sub-step
     model = nominal()
     model = replace(model, parameters={**model.parameters, "dead_time": Value(late["dead_time"], "s")})
@@ -74,7 +74,7 @@ def test_a_limit_that_few_steps_reach_is_told_at_the_steps_of_its_plant() -> Non
     assert np.array_equal(told.residuals, residuals_of(replace(problem, factor=1.0), told))
 
 
-def test_half_the_steps_are_exact_enough_for_a_dead_band() -> None:
+def test_half_the_steps_are_exact_enough_for_a_dead_band():
     problem = replace(problem_of(DEADBAND), factor=0.5)
     found = fitted(problem, DEADBAND)
     assert np.sqrt(np.mean((residuals_of(problem, found, factor=4.0) - found.residuals) ** 2)) < 0.02

@@ -49,13 +49,13 @@ SLUGGISH = ActiveEffect("coil_lag", "command", {"lag": 0.1, "second": 0.0, "dire
         ("flow", -1.0, r"'flow \[l/min\]' runs the other way.* is its sign right"),
     ],
 )
-def test_a_channel_in_a_wrong_unit_or_the_other_way_is_refused(channel: str, factor: float, says: str) -> None:
+def test_a_channel_in_a_wrong_unit_or_the_other_way_is_refused(channel, factor, says):
     with pytest.raises(FileError, match=says):
         check(nominal(), bound(nominal(), scaled(records(seed=20), channel, factor)))
 
 
 @pytest.mark.parametrize("factor", [10.0, 0.1, 60.0])
-def test_a_wrong_unit_is_refused_though_a_sticking_part_moves_less(factor: float) -> None:
+def test_a_wrong_unit_is_refused_though_a_sticking_part_moves_less(factor):
     valve, time_s = plant(PLANT), np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
     command = -50.0 + 10.0 * np.sin(2.0 * np.pi * 0.3 * time_s)
     flow = simulate(valve, valve.typical, Drive(command[None, :], 0.0, 1.0 / RATE_HZ, 0.0), (STICKING,))[0]
@@ -66,7 +66,7 @@ def test_a_wrong_unit_is_refused_though_a_sticking_part_moves_less(factor: float
 
 
 @pytest.mark.parametrize("factor", [60.0, 10.0, 0.1, 1.0 / 60.0])
-def test_a_wrong_unit_is_refused_though_the_supply_gives_way(factor: float) -> None:
+def test_a_wrong_unit_is_refused_though_the_supply_gives_way(factor):
     shape = {"droop": 0.5, "recovery": 0.3, "power": 1.0, "line": 0.0, "lean": 0.0}
     (made, *_) = records((ActiveEffect("supply_droop", "supply", shape),), seed=23)
     made.channels["flow"].values[:] *= factor
@@ -75,7 +75,7 @@ def test_a_wrong_unit_is_refused_though_the_supply_gives_way(factor: float) -> N
 
 
 @pytest.mark.parametrize("factor", [1000.0, 25.4, 10.0, 0.1])
-def test_a_loop_whose_output_has_a_wrong_unit_is_refused(factor: float) -> None:
+def test_a_loop_whose_output_has_a_wrong_unit_is_refused(factor):
     loop, time_s = typical_model("hydraforce-sp08-47c"), np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
     request = 125.0 + 40.0 * np.sin(2.0 * np.pi * 0.3 * time_s)
     drive = Drive(request[None, :], 125.0, 1.0 / RATE_HZ, 0.0)
@@ -85,7 +85,7 @@ def test_a_loop_whose_output_has_a_wrong_unit_is_refused(factor: float) -> None:
         check(loop, [for_model(loop, made)])
 
 
-def test_an_offset_many_times_what_moves_is_no_unit() -> None:
+def test_an_offset_many_times_what_moves_is_no_unit():
     def offset(each: Recording) -> None:
         each.channels["flow"].values[:] += 130.0
 
@@ -104,7 +104,7 @@ def stretched(made: Sequence[Recording], factor: float) -> list[Recording]:
     return [replace(each, time_s=each.time_s * factor) for each in made]
 
 
-def test_a_model_that_never_fitted_well_is_not_asked_for_more() -> None:
+def test_a_model_that_never_fitted_well_is_not_asked_for_more():
     model, made = poor(), records([WORN], seed=25)
     assert np.median(list(model.origin["fit_percent"].values())) < 60.0
     check(model, bound(model, made))
@@ -113,7 +113,7 @@ def test_a_model_that_never_fitted_well_is_not_asked_for_more() -> None:
             check(model, bound(model, scaled(made, channel, factor)))
 
 
-def test_a_recording_that_a_poor_model_cannot_follow_is_in_no_wrong_unit() -> None:
+def test_a_recording_that_a_poor_model_cannot_follow_is_in_no_wrong_unit():
     """In another unit it would be as large as the model's answer, and no more like it."""
     good = nominal()
     unfit = replace(good, origin={**good.origin, "fit_percent": {"steps": 20.0}})
@@ -125,7 +125,7 @@ def test_a_recording_that_a_poor_model_cannot_follow_is_in_no_wrong_unit() -> No
     check(unfit, bound(unfit, changed(unlike)))
 
 
-def test_a_force_that_a_led_back_model_does_better_without_is_in_no_wrong_unit() -> None:
+def test_a_force_that_a_led_back_model_does_better_without_is_in_no_wrong_unit():
     """Led back to a slow motion it fits that well undriven, and so in any unit that makes its force small."""
     time_s = np.arange(0.0, 16.0, 1.0 / RATE_HZ)
     force = 40.0 * np.sin(2.0 * np.pi * 0.3 * time_s) + 20.0 * np.sin(2.0 * np.pi * 1.7 * time_s)
@@ -135,7 +135,7 @@ def test_a_force_that_a_led_back_model_does_better_without_is_in_no_wrong_unit()
 
 
 @pytest.mark.parametrize("factor", [1000.0, 100.0, 10.0])
-def test_an_axis_that_moves_many_times_as_much_as_it_can_is_refused(factor: float) -> None:
+def test_an_axis_that_moves_many_times_as_much_as_it_can_is_refused(factor):
     """Its friction is in no model yet, so that the right unit does not fit well either."""
     axis, time_s = plant("linear-axis"), np.arange(0.0, 16.0, 1.0 / RATE_HZ)
     force = 40.0 * np.sin(2.0 * np.pi * 0.3 * time_s) + 20.0 * np.sin(2.0 * np.pi * 1.7 * time_s)
@@ -155,7 +155,7 @@ def test_an_axis_that_moves_many_times_as_much_as_it_can_is_refused(factor: floa
 
 @pytest.mark.parametrize("factor", [1000.0, 60.0])
 @pytest.mark.parametrize("effects", [(), (STICKING,), (SLUGGISH,)], ids=["healthy", "sticking", "sluggish"])
-def test_a_time_in_a_wrong_unit_is_refused(effects: Sequence[ActiveEffect], factor: float) -> None:
+def test_a_time_in_a_wrong_unit_is_refused(effects, factor):
     made = stretched([with_rows(each, slice(1200)) for each in records(effects, seed=27)], factor)
     with pytest.raises(FileError, match=rf"time divided by {factor:g}; it looks like a wrong unit of time"):
         check(nominal(), bound(nominal(), made))
@@ -165,22 +165,22 @@ def test_a_time_in_a_wrong_unit_is_refused(effects: Sequence[ActiveEffect], fact
 
 
 @pytest.mark.parametrize("effects", [(), (STICKING,), (SLUGGISH,)], ids=["healthy", "sticking", "sluggish"])
-def test_a_recording_at_a_tenth_of_the_rate_is_none(effects: Sequence[ActiveEffect]) -> None:
+def test_a_recording_at_a_tenth_of_the_rate_is_none(effects):
     made = [with_rows(each, slice(None, None, 10)) for each in records(effects, seed=28)]
     check(nominal(), bound(nominal(), made))
 
 
-def test_no_unit_of_time_is_ten_times_another() -> None:
+def test_no_unit_of_time_is_ten_times_another():
     check(nominal(), bound(nominal(), stretched(records(seed=29), 10.0)))
 
 
-def test_an_interval_that_the_model_knows_is_no_wrong_unit() -> None:
+def test_an_interval_that_the_model_knows_is_no_wrong_unit():
     model = nominal()
     known: Model = replace(model, origin={**model.origin, "intervals_s": [1.0 / RATE_HZ, 60.0 / RATE_HZ]})
     check(known, bound(known, stretched(records(seed=29), 60.0)))
 
 
-def test_moves_that_are_many_times_what_is_expected_at_the_right_level_are_no_unit() -> None:
+def test_moves_that_are_many_times_what_is_expected_at_the_right_level_are_no_unit():
     """A seal adds its friction to the small changes of force that the pressure makes."""
     cylinder, time_s = plant("pneumatic-cylinder"), np.arange(0.0, 20.0, 0.01)
     seal = ActiveEffect("seal_friction", "seal", {"share": 0.02, "constant": 0.002, "presliding": 0.3})
@@ -196,7 +196,7 @@ def test_moves_that_are_many_times_what_is_expected_at_the_right_level_are_no_un
     check(fit_plant(start, made).model, made)
 
 
-def test_factors_are_those_of_the_unit() -> None:
+def test_factors_are_those_of_the_unit():
     gallon, psi_in_kpa, rate = 3.785, 6.895, 60.0
 
     def holds(unit: str, factor: float) -> bool:
@@ -208,7 +208,7 @@ def test_factors_are_those_of_the_unit() -> None:
     assert not any(holds("%", factor) for factor in (gallon, psi_in_kpa, rate, 57.3))
 
 
-def test_what_a_model_was_made_of_is_never_refused() -> None:
+def test_what_a_model_was_made_of_is_never_refused():
     """However wrong it was: a model of a reversed, scaled channel fits it."""
     model = nominal()
     turned = scaled(records(seed=31), "flow", -1.0)

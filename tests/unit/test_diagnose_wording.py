@@ -22,7 +22,6 @@ from hil.diagnosis.wording import (
 from hil.language.note import translated
 from hil.language.words import speaking
 from hil.physics.compose import effect, effects, plant
-from hil.physics.effect import Effect
 
 
 @pytest.mark.parametrize(
@@ -34,25 +33,25 @@ from hil.physics.effect import Effect
         (0.0041, float("inf"), "s", "0.0041 s"),
     ],
 )
-def test_as_many_digits_as_the_uncertainty_supports(value: float, std: float | None, unit: str, text: str) -> None:
+def test_as_many_digits_as_the_uncertainty_supports(value, std, unit, text):
     assert quantity_text(value, std, unit) == text
 
 
-def test_a_share_is_told_in_percent() -> None:
+def test_a_share_is_told_in_percent():
     droop = effect("supply_droop")
     term = Term("effect", "supply_droop", "supply", "supply", (), ())
     said = sentence(droop, term, {"droop": Quantity(0.2792, 0.00097, "1", "share of supply pressure lost")})
     assert said == "The supply gives way: at full flow its pressure falls by 27.92 ± 0.19 %."
 
 
-def test_a_stop_that_was_not_reached_is_not_told() -> None:
+def test_a_stop_that_was_not_reached_is_not_told():
     term = Term("effect", "end_stop", "load", "carriage", (), ())
     lower, upper = Quantity(-0.0994, 0.00002, "m", "lower stop"), Quantity(0.314, float("inf"), "m", "upper stop")
     said = sentence(effect("end_stop"), term, {"lower": lower, "upper": upper})
     assert said == "It runs against a stop: below at -0.099400 ± 0.000039 m, above at none that was reached."
 
 
-def test_where_each_of_several_would_do_the_library_is_not_said_to_have_nothing() -> None:
+def test_where_each_of_several_would_do_the_library_is_not_said_to_have_nothing():
     left = Left(0.145, 0.029, 0.3, "l/min", None, (), 2.5)
     several = headline("unexplained", (), (), left, alike=("dead_time", "sensor_lag"))
     assert several.endswith("Dead time and sensor lag come nearest, and something unknown explains it as well.")
@@ -61,7 +60,7 @@ def test_where_each_of_several_would_do_the_library_is_not_said_to_have_nothing(
     assert cut.endswith("Not finished: the budget was spent before all causes were looked at.")
 
 
-def test_the_headline_says_what_stays_beside_the_noise() -> None:
+def test_the_headline_says_what_stays_beside_the_noise():
     where = Where("", (), (0.0, 1.0), "", {})
     droop = Finding("supply_droop", "drooping supply", 0.9, "supply", "supply", {}, where, "", "", "")
     lag = Finding("sensor_lag", "lag of the sensor", 0.9, "sensor", "sensor", {}, where, "", "", "")
@@ -81,7 +80,7 @@ def test_the_headline_says_what_stays_beside_the_noise() -> None:
 
 
 @pytest.mark.parametrize(("after", "said"), [(10.0, True), (0.1, True), (2.0, False), (0.4, False)])
-def test_a_parameter_that_changed_beyond_wear_brings_a_word_about_units(after: float, said: bool) -> None:
+def test_a_parameter_that_changed_beyond_wear_brings_a_word_about_units(after, said):
     changed = ChangedParameter("spool_frequency", 33.0, 33.0 * after, 0.1, "rad/s", "natural frequency of the spool")
     word = f"spool_frequency is {after:g} times what it was: if that cannot be, look at the units of the channels"
     assert [text.startswith(word) for text in unlikely([changed])] == [True] * said
@@ -99,7 +98,7 @@ def is_german(note: str) -> bool:
 
 
 @pytest.mark.parametrize("each", effects(), ids=lambda each: each.name)
-def test_an_effect_is_told_in_sentences_that_can_be_read(each: Effect) -> None:
+def test_an_effect_is_told_in_sentences_that_can_be_read(each):
     told = {p.name: Quantity(1.2345, 0.05, p.unit.format(value="l/min", motion="mm"), "") for p in each.parameters}
     said = sentence(each, Term("effect", each.name, "", "", (), ()), told)
     assert longest(said) <= 25
@@ -109,9 +108,7 @@ def test_an_effect_is_told_in_sentences_that_can_be_read(each: Effect) -> None:
 @pytest.mark.parametrize("is_change", [False, True])
 @pytest.mark.parametrize("count", [1, 3])
 @pytest.mark.parametrize("verdict", get_args(DiagnosisVerdict))
-def test_a_verdict_is_told_in_sentences_that_can_be_read(
-    verdict: DiagnosisVerdict, count: int, is_change: bool
-) -> None:
+def test_a_verdict_is_told_in_sentences_that_can_be_read(verdict, count, is_change):
     where = Where("", (), (0.0, 1.0), "", {})
     found = [Finding("friction", "friction with sticking", 0.9, "spool", "force", {}, where, "", "", "")] * count
     changed = [ChangedParameter("mass", 3.0, 4.0, 0.1, "kg", "moved mass, motor and screw included")] * count
@@ -121,7 +118,7 @@ def test_a_verdict_is_told_in_sentences_that_can_be_read(
     assert is_german(said) and is_german(nothing_identifiable(4.0))
 
 
-def test_warnings_are_told_in_sentences_that_can_be_read() -> None:
+def test_warnings_are_told_in_sentences_that_can_be_read():
     changed = ChangedParameter("speed_extend", 100.0, 700.0, 0.1, "mm/s", "extension at full opening")
     axis = plant("linear-axis")
     moved = drifted(axis.parameters[:2], axis.typical, {p.name: 1.01 * p.typical for p in axis.parameters})

@@ -48,11 +48,11 @@ def _telling(node: ast.AST) -> Iterator[ast.AST]:
     ["changed", "choice", "explain", "question", "score", "within_prior",
      "search/beam", "search/fits", "search/fitted", "search/probes", "events/event"],
 )  # fmt: skip
-def test_what_reads_the_verdict_has_no_numbers_of_its_own(module: str) -> None:
+def test_what_reads_the_verdict_has_no_numbers_of_its_own(module):
     assert literals(ROOM / f"{module}.py") == []
 
 
-def test_numbers_of_the_room_become_no_more() -> None:
+def test_numbers_of_the_room_become_no_more():
     homes = (ROOM / "criteria.py", ROOM / "search" / "effort.py")
     modules = [*ROOM.rglob("*.py"), HIL / "identification" / "uncertainty" / "noise.py"]
     assert sum(len(literals(path)) for path in modules if path not in homes) <= OWED

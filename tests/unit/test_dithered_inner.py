@@ -16,7 +16,7 @@ from hil.record.recording import recording
 NOISE_V = 0.02
 
 
-def test_the_ripple_of_a_dither_counts_as_noise_of_the_coils_voltage() -> None:
+def test_the_ripple_of_a_dither_counts_as_noise_of_the_coils_voltage():
     model = starting_model("efc-drive")
     time_s, command = np.arange(1200) * 1e-3, np.repeat([1.3, 1.6, 1.4], 400)
     fine_s = np.arange(24_000) * 5e-5

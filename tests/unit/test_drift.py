@@ -14,7 +14,7 @@ from tests.concealed import bound, nominal, records
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(1.004, "consistent"), (1.025, "parameter_change")])
-def test_the_corrected_model_has_what_drifted_and_far_is_a_change(share: float, verdict: str) -> None:
+def test_the_corrected_model_has_what_drifted_and_far_is_a_change(share, verdict):
     """That all fits with one parameter moved is no reason to call the model consistent with it where it was."""
     model = nominal()
     flow = model.values["full_flow"]
@@ -29,7 +29,7 @@ def test_the_corrected_model_has_what_drifted_and_far_is_a_change(share: float, 
     assert [c.name for c in told.changed_parameters] == ([] if said else ["full_flow"])
 
 
-def test_a_place_on_a_steep_curve_may_drift_less_than_its_size_says() -> None:
+def test_a_place_on_a_steep_curve_may_drift_less_than_its_size_says():
     model = typical_model("cummins-efc")
     time_s = np.arange(0.0, 8.0, 0.004)
     current = 1.6 + 0.4 * np.sin(time_s)

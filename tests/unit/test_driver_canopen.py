@@ -62,7 +62,7 @@ def linked(bus: str, **settings: Any) -> Any:
 
 
 @pytest.fixture
-def bus(request: pytest.FixtureRequest) -> str:
+def bus(request):
     return str(request.node.name)
 
 
@@ -82,11 +82,11 @@ def bus(request: pytest.FixtureRequest) -> str:
         ("60 00 10 00 00 00 00 00", "80 00 10 00 01 00 04 05"),  # no such command
     ],
 )  # fmt: skip
-def test_sdo_frames_after_cia_301(request_: str, answer: str) -> None:
+def test_sdo_frames_after_cia_301(request_, answer):
     assert Bus().send(0x601, request_) == [(SDO_ANSWER, answer)]
 
 
-def test_state_machine_climbs_step_by_step_and_only_active_moves_the_spool() -> None:
+def test_state_machine_climbs_step_by_step_and_only_active_moves_the_spool():
     bus = Bus()
     bus.send(0x601, "2b 00 63 01 00 20 00 00")
     assert bus.control(0x7) == 0b1000  # no leap from INIT
@@ -96,7 +96,7 @@ def test_state_machine_climbs_step_by_step_and_only_active_moves_the_spool() -> 
     ]  # fmt: skip
 
 
-def test_missed_heartbeat_is_a_fault_with_an_emergency_until_it_is_reset() -> None:
+def test_missed_heartbeat_is_a_fault_with_an_emergency_until_it_is_reset():
     bus = Bus()
     bus.send(0x601, "23 16 10 01 64 00 7f 00")  # node 127, 100 ms
     bus.send(0x601, "2b 00 63 01 00 20 00 00")
@@ -110,7 +110,7 @@ def test_missed_heartbeat_is_a_fault_with_an_emergency_until_it_is_reset() -> No
     assert bus.control(0x8) == 0b1000
 
 
-def test_ramp_limits_the_set_point() -> None:
+def test_ramp_limits_the_set_point():
     bus = Bus()
     bus.send(0x601, "2b 31 63 01 e8 03 00 00")  # 1000 ms
     bus.send(0x601, "2f 30 63 00 01 00 00 00")
@@ -123,7 +123,7 @@ def test_ramp_limits_the_set_point() -> None:
     assert bus.side.standing("set point") == 100.0
 
 
-def test_valve_is_made_active_and_driven(bus: str) -> None:
+def test_valve_is_made_active_and_driven(bus):
     with linked(bus) as (link, _, side):
         assert link.standing() == {"set point": 0.0}
         for percent in (37.5, -100.0, 0.0):
@@ -132,7 +132,7 @@ def test_valve_is_made_active_and_driven(bus: str) -> None:
             assert link.read() == {"actual value": pytest.approx(percent, abs=0.02)}
 
 
-def test_what_the_bench_file_says_stands_in_the_valve(bus: str) -> None:
+def test_what_the_bench_file_says_stands_in_the_valve(bus):
     told = {"ramp_s": 0.25, "dither_amplitude": 30, "dither_hz": 120.0, "dead_band_a": 10.0, "dead_band_b": 20.0}
     with linked(bus, **told) as (_, served, _):
         values = served._node.values
@@ -141,7 +141,7 @@ def test_what_the_bench_file_says_stands_in_the_valve(bus: str) -> None:
     assert [values[index, 1] for index in numbers] == [250, 30, 120, 1638, 3277]
 
 
-def test_silent_program_is_a_fault_of_the_valve_and_the_driver_says_so(bus: str) -> None:
+def test_silent_program_is_a_fault_of_the_valve_and_the_driver_says_so(bus):
     with linked(bus, watchdog_s=1.5) as (link, _, side):
         link.drive({"set point": 50.0})
         until(lambda: side.standing("set point") == 50.0)
@@ -157,7 +157,7 @@ def test_silent_program_is_a_fault_of_the_valve_and_the_driver_says_so(bus: str)
             link.read()
 
 
-def test_fault_is_reset_when_the_valve_is_opened_again(bus: str) -> None:
+def test_fault_is_reset_when_the_valve_is_opened_again(bus):
     with linked(bus, watchdog_s=1.5) as (link, served, side):
         link.drive({"set point": 50.0})
         until(lambda: side.standing("set point") == 50.0)
@@ -173,7 +173,7 @@ def test_fault_is_reset_when_the_valve_is_opened_again(bus: str) -> None:
         again.close()
 
 
-def test_late_actual_value_is_never_taken_for_the_next_one(bus: str) -> None:
+def test_late_actual_value_is_never_taken_for_the_next_one(bus):
     with linked(bus) as (link, served, _):
         link.drive({"set point": 50.0})
         time.sleep(0.005)
@@ -184,7 +184,7 @@ def test_late_actual_value_is_never_taken_for_the_next_one(bus: str) -> None:
         assert link.read() == {"actual value": pytest.approx(-50.0, abs=0.02)}
 
 
-def test_restart_of_the_valve_is_noticed(bus: str) -> None:
+def test_restart_of_the_valve_is_noticed(bus):
     with linked(bus) as (link, served, side):
         link.drive({"set point": 50.0})
         served.behaviour.quirks = Quirks(reboot=True, answers=1)
@@ -193,14 +193,14 @@ def test_restart_of_the_valve_is_noticed(bus: str) -> None:
         assert side.standing("set point") == 0.0
 
 
-def test_no_bus_is_said_at_once() -> None:
+def test_no_bus_is_said_at_once():
     settings = canopen_valve.Settings(address="socketcand:127.0.0.1:1")
     with pytest.raises(DeviceLostError, match=r"this bus cannot be opened: .*refused"):
         canopen_valve.open_link(settings, WIRING)
 
 
 @pytest.mark.parametrize("address", ["can0", "socketcand:can0", "socketcan:"])
-def test_address_that_is_none_is_told(address: str) -> None:
+def test_address_that_is_none_is_told(address):
     ((place, text),) = canopen_valve.faults(canopen_valve.Settings(address=address))
     assert place == ("address",) and address in text
 
@@ -211,7 +211,7 @@ FRAMES = st.lists(
 
 
 @given(FRAMES)
-def test_hostile_frames_neither_crash_nor_move_the_spool_unless_it_is_active(frames: list[tuple[int, bytes]]) -> None:
+def test_hostile_frames_neither_crash_nor_move_the_spool_unless_it_is_active(frames):
     for identifier, data in frames:
         for answer in HOSTILE.valve.on_frame(identifier, data):
             assert len(answer[1]) <= 8
@@ -223,7 +223,7 @@ def test_hostile_frames_neither_crash_nor_move_the_spool_unless_it_is_active(fra
 HOSTILE = Bus()
 
 
-def test_hub_passes_frames_on_and_survives_nonsense() -> None:
+def test_hub_passes_frames_on_and_survives_nonsense():
     import can
 
     hub = Hub("127.0.0.1", 0)
@@ -239,7 +239,7 @@ def test_hub_passes_frames_on_and_survives_nonsense() -> None:
     assert not any(thread.is_alive() for thread in hub._threads)
 
 
-def test_the_twin_s_file_is_that_of_such_a_valve() -> None:
+def test_the_twin_s_file_is_that_of_such_a_valve():
     more = {"ramp_s": 0.1, "dither_amplitude": 1, "dither_hz": 100, "dead_band_a": 1, "dead_band_b": 1}
     path = Path(twin.__file__).with_suffix(".eds")
     told = {"address": "virtual:x", "eds": str(path), **more}
@@ -256,7 +256,7 @@ def test_the_twin_s_file_is_that_of_such_a_valve() -> None:
         ("", "ramp_s", "ramp_s", "the valve has no object 6331.1, says .*; take this away"),
     ],
 )
-def test_what_the_maker_s_file_lacks_is_told(old: str, new: str, place: str, text: str, tmp_path: Path) -> None:
+def test_what_the_maker_s_file_lacks_is_told(old, new, place, text, tmp_path):
     sections = ["1000", "1016sub1", "1A00sub1", "6040", "6041", "6300sub1", "6301sub1"]
     records = [
         "[1016]\nParameterName=x\nObjectType=9\nSubNumber=1\n",

@@ -25,7 +25,6 @@ from hil.description.find import descriptions
 from hil.errors import DeviceLostError, LinkError
 from sim_devices import kit
 from sim_devices.kit import Quirks
-from tests.conftest import Install
 from tests.links import moved
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -33,14 +32,14 @@ PAGE = (DOCS / "reference" / "drivers.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", [entry.name for entry in entries("drivers")])
-def test_every_setting_and_model_is_in_the_reference(name: str) -> None:
+def test_every_setting_and_model_is_in_the_reference(name):
     module = next(entry for entry in entries("drivers") if entry.name == name).load()
     words = set(re.findall(r"[\w-]+", PAGE))
     assert f"## `{name}`" in PAGE
     assert set(module.Settings.model_fields) | set(getattr(module, "MODELS", ())) <= words
 
 
-def test_every_key_of_a_description_is_in_its_reference() -> None:
+def test_every_key_of_a_description_is_in_its_reference():
     page = (DOCS / "reference" / "descriptions.md").read_text(encoding="utf-8")
     words = set(re.findall(r"\w+", page))
     kinds = [
@@ -55,7 +54,7 @@ def test_every_key_of_a_description_is_in_its_reference() -> None:
     assert {name for name in descriptions() if f"`{name}`" not in devices} == set()
 
 
-def test_every_quirk_and_bench_is_in_the_reference() -> None:
+def test_every_quirk_and_bench_is_in_the_reference():
     words = set(re.findall(r"[\w-]+", PAGE))
     assert set(Quirks.model_fields) <= words
     on_links = {name for name, path in benches().items() if not read_bench(path).is_simulated}
@@ -71,7 +70,7 @@ def blocks(language: str) -> list[str]:
 
 
 @pytest.fixture
-def guide(install_package: Install, tmp_path: Path) -> Path:
+def guide(install_package, tmp_path):
     """The driver, the twin and the bench of the guide, word for word, installed; yields the bench file."""
     driver, twin = blocks("python")
     install_package("hil.drivers", "g_drivers", {"gauge.py": driver})
@@ -84,7 +83,7 @@ def guide(install_package: Install, tmp_path: Path) -> Path:
     return path
 
 
-def test_the_driver_of_the_guide_passes_every_check_on_the_twin_of_the_guide(guide: Path) -> None:
+def test_the_driver_of_the_guide_passes_every_check_on_the_twin_of_the_guide(guide):
     with subject(read_bench(guide), guide.parent, "gauge") as examined:
         results = list(examine(examined))
     assert {r.check: r.text for r in results if r.verdict == "broken"} == {}
@@ -92,7 +91,7 @@ def test_the_driver_of_the_guide_passes_every_check_on_the_twin_of_the_guide(gui
     assert {"reads_what_is_there", "does_not_believe_half_an_answer", "says_that_no_answer_came"} <= passed
 
 
-def test_the_driver_of_the_guide_when_the_gauge_goes_away(guide: Path) -> None:
+def test_the_driver_of_the_guide_when_the_gauge_goes_away(guide):
     driver = find("drivers", "gauge").load()
     wiring = Wiring({}, {"p": InputChannel("p", "pressure", "value", "bar", 0.0, 400.0)})
     with socket.create_server(("127.0.0.1", 0)) as listener:
@@ -117,6 +116,6 @@ def test_the_driver_of_the_guide_when_the_gauge_goes_away(guide: Path) -> None:
         thread.join()
 
 
-def test_every_name_of_the_kit_is_explained() -> None:
+def test_every_name_of_the_kit_is_explained():
     page = str(kit.__doc__)
     assert [name for name in kit.__all__ if name not in page and not getattr(kit, name).__doc__] == []

@@ -44,12 +44,12 @@ def linked(bus: str, **settings: Any) -> Any:
 
 
 @pytest.fixture(autouse=True)
-def _claimed_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+def _claimed_soon(monkeypatch):
     monkeypatch.setattr(_can_frames, "CLAIM_WAIT_S", 0.02)
 
 
 @pytest.fixture
-def bus(request: pytest.FixtureRequest) -> str:
+def bus(request):
     return str(request.node.name)
 
 
@@ -61,12 +61,12 @@ def bus(request: pytest.FixtureRequest) -> str:
         (-100.0, "fa ff 32 ff ff ff ff ff"),  # 250 bits, retract
     ],
 )
-def test_command_bit_by_bit(percent: float, text: str) -> None:
+def test_command_bit_by_bit(percent, text):
     assert j1939_valve.command_frame(percent, "block").hex(" ") == text
     assert j1939_valve.command_frame(percent, "float")[2] == bytes.fromhex(text)[2] | 0x40
 
 
-def test_valve_nine_has_the_groups_of_the_standard() -> None:
+def test_valve_nine_has_the_groups_of_the_standard():
     valve, side, clock = by_hand()
     (answer,) = valve.on_frame(0x0CFE3926, bytes.fromhex("64 ff 31 ff ff ff ff ff"))
     assert side.standing("flow command") == 40.0
@@ -78,7 +78,7 @@ def test_valve_nine_has_the_groups_of_the_standard() -> None:
     assert list(valve.on_frame(0x0CFE3826, bytes.fromhex("fa ff 31 ff ff ff ff ff"))) == []
 
 
-def test_valve_blocks_when_commands_stop() -> None:
+def test_valve_blocks_when_commands_stop():
     valve, side, clock = by_hand()
     list(valve.on_frame(0x0CFE3926, bytes.fromhex("64 ff 31 ff ff ff ff ff")))
     clock.sleep_until(0.29)
@@ -89,7 +89,7 @@ def test_valve_blocks_when_commands_stop() -> None:
     assert side.standing("flow command") == 0.0
 
 
-def test_what_is_driven_is_estimated(bus: str) -> None:
+def test_what_is_driven_is_estimated(bus):
     with linked(bus) as (link, _, side):
         for percent in (40.0, -62.0, 0.0):
 
@@ -101,7 +101,7 @@ def test_what_is_driven_is_estimated(bus: str) -> None:
             assert side.standing("flow command") == pytest.approx(percent, abs=0.2)
 
 
-def test_silence_is_an_error_and_others_are_not_believed(bus: str) -> None:
+def test_silence_is_an_error_and_others_are_not_believed(bus):
     with linked(bus) as (link, served, _):
         served.behaviour.quirks = Quirks(silent=True)
         with pytest.raises(LinkError, match=r"no estimated flow of valve 1 for 1 s"):
@@ -118,18 +118,18 @@ def test_silence_is_an_error_and_others_are_not_believed(bus: str) -> None:
         ("7d 7d 30 df ff ff ff ff", "by a fault that it does not recover from"),
     ],
 )
-def test_error_of_the_valve_is_told(bus: str, text: str, message: str) -> None:
+def test_error_of_the_valve_is_told(bus, text, message):
     with linked(bus) as (link, _, _), pytest.raises(LinkError, match=message):
         link._estimated(bytes.fromhex(text))
 
 
-def test_valve_that_estimates_no_flow_has_no_measurement(bus: str) -> None:
+def test_valve_that_estimates_no_flow_has_no_measurement(bus):
     with linked(bus) as (link, _, _):
         assert math.isnan(link._estimated(bytes.fromhex("ff ff 30 1f ff ff ff ff")))
 
 
 @given(st.lists(st.tuples(st.integers(0, 0x1FFFFFFF) | st.just(0x0CFE3926), st.binary(max_size=8)), max_size=20))
-def test_hostile_frames_neither_crash_nor_move_an_output(frames: list[tuple[int, bytes]]) -> None:
+def test_hostile_frames_neither_crash_nor_move_an_output(frames):
     valve, side, _ = HOSTILE
     commands = 0
     for identifier, data in frames:
@@ -145,7 +145,7 @@ CLAIM = "18EEFF26"
 NAME = 0x2000_FF00_FFE0_0001
 
 
-def test_claim_bit_by_bit() -> None:
+def test_claim_bit_by_bit():
     """NAME, least significant byte first, from our address to all, with priority 6; requests are those of J1939-21."""
     claim = AddressClaim(0x26, NAME)
     told = (int(CLAIM, 16), bytes.fromhex("01 00 e0 ff 00 ff 00 20"))
@@ -156,7 +156,7 @@ def test_claim_bit_by_bit() -> None:
     assert claim.answer_to(0x18EAFF80, bytes.fromhex("da fe 00")) is None
 
 
-def test_smaller_name_keeps_the_address() -> None:
+def test_smaller_name_keeps_the_address():
     claim = AddressClaim(0x26, NAME)
     assert claim.answer_to(0x18EEFF27, bytes(8)) is None and claim.lost_to is None
     assert claim.answer_to(0x18EEFF26, (NAME + 1).to_bytes(8, "little")) == claim.claim()
@@ -166,13 +166,13 @@ def test_smaller_name_keeps_the_address() -> None:
     assert claim.answer_to(0x18EEFF26, bytes(8)) is None  # said once
 
 
-def test_second_program_with_our_name_ends_both() -> None:
+def test_second_program_with_our_name_ends_both():
     claim = AddressClaim(0x26, NAME)
     claim.answer_to(*claim.claim())
     assert claim.lost_to == NAME
 
 
-def test_every_other_controller_goes_before_a_bench_without_a_name() -> None:
+def test_every_other_controller_goes_before_a_bench_without_a_name():
     by_fields = {"industry group": default_name() >> 60, "function": default_name() >> 40 & 0xFF}
     assert by_fields == {"industry group": 2, "function": 255}
     assert default_name() > 2 << 60 | 254 << 40 | (1 << 40) - 1 and default_name() < 1 << 63
@@ -198,7 +198,7 @@ def claims(name: int) -> can.Message:
     return can.Message(arbitration_id=int(CLAIM, 16), data=name.to_bytes(8, "little"), is_extended_id=True)
 
 
-def test_address_is_claimed_before_the_first_command(bus: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_address_is_claimed_before_the_first_command(bus, monkeypatch):
     monkeypatch.setattr(_can_frames, "CLAIM_WAIT_S", CLAIM_WAIT_S)
     with beside(bus) as other:
         begun_s = time.monotonic()
@@ -210,7 +210,7 @@ def test_address_is_claimed_before_the_first_command(bus: str, monkeypatch: pyte
     assert bytes(ours[0].data) == NAME.to_bytes(8, "little")
 
 
-def test_address_that_is_lost_ends_the_commands(bus: str) -> None:
+def test_address_that_is_lost_ends_the_commands(bus):
     with beside(bus) as other, linked(bus, name=NAME) as (link, _, _):
         link.drive({"flow command": 40.0})
         other.send(claims(NAME + 1))
@@ -223,7 +223,7 @@ def test_address_that_is_lost_ends_the_commands(bus: str) -> None:
     assert len(commands) == 2
 
 
-def test_valve_that_restarted_is_told_before_it_is_driven_on(bus: str) -> None:
+def test_valve_that_restarted_is_told_before_it_is_driven_on(bus):
     with linked(bus) as (link, served, side), beside(bus) as other:
 
         def is_driven() -> bool:
@@ -245,7 +245,7 @@ def test_valve_that_restarted_is_told_before_it_is_driven_on(bus: str) -> None:
         until(is_driven)  # it is said once
 
 
-def test_request_in_a_pause_is_answered_with_the_next_command(bus: str) -> None:
+def test_request_in_a_pause_is_answered_with_the_next_command(bus):
     with beside(bus) as other, linked(bus, name=NAME) as (link, _, _):
         while other.recv(0.0) is not None:
             pass
@@ -254,7 +254,7 @@ def test_request_in_a_pause_is_answered_with_the_next_command(bus: str) -> None:
         assert heard(other, int(CLAIM, 16)) == [NAME.to_bytes(8, "little")]
 
 
-def test_valve_claims_defends_and_loses_its_address() -> None:
+def test_valve_claims_defends_and_loses_its_address():
     valve, side, clock = by_hand()
     ((identifier, name),) = list(valve.tick())
     assert identifier == 0x18EEFF80
@@ -269,6 +269,6 @@ def test_valve_claims_defends_and_loses_its_address() -> None:
     assert list(valve.tick()) == [] and side.standing("flow command") == 0.0
 
 
-def test_settings_that_cannot_be_are_told() -> None:
+def test_settings_that_cannot_be_are_told():
     found = [text for _, text in j1939_valve.faults(j1939_valve.Settings(address="can0", source=0x80))]
     assert "INTERFACE:CHANNEL" in found[0] and "0x80" in found[1]

@@ -175,7 +175,7 @@ def stood(carrier: Carrier, folder: Path) -> Iterator[tuple[Place, ForeignLine, 
 
 
 @pytest.mark.parametrize("carrier", CARRIERS.values(), ids=CARRIERS)
-def test_another_device_on_a_new_connection_is_written_nothing(carrier: Carrier, tmp_path: Path) -> None:
+def test_another_device_on_a_new_connection_is_written_nothing(carrier, tmp_path):
     with stood(carrier, tmp_path) as (place, line, daq):
         (member,) = daq._members
         member.drive({carrier.name: 1.0})
@@ -194,7 +194,7 @@ def test_another_device_on_a_new_connection_is_written_nothing(carrier: Carrier,
 
 
 @pytest.mark.parametrize("carrier", CARRIERS.values(), ids=CARRIERS)
-def test_a_device_that_hangs_up_at_rest_is_connected_again(carrier: Carrier, tmp_path: Path) -> None:
+def test_a_device_that_hangs_up_at_rest_is_connected_again(carrier, tmp_path):
     with stood(carrier, tmp_path) as (place, line, daq):
         (member,) = daq._members
         hang_up(line, member.link)
@@ -214,7 +214,7 @@ def hang_up(line: ForeignLine, link: Any) -> None:
     until(lambda: link._line.is_hung_up)
 
 
-def test_a_question_that_a_module_leaves_unanswered_keeps_no_safe_value_waiting() -> None:
+def test_a_question_that_a_module_leaves_unanswered_keeps_no_safe_value_waiting():
     place = Place(at=5.0)
 
     def answer(came: bytes) -> bytes:
@@ -229,7 +229,7 @@ def test_a_question_that_a_module_leaves_unanswered_keeps_no_safe_value_waiting(
 
 
 @pytest.mark.parametrize("known_as", ["one", ""])
-def test_who_hangs_up_when_it_is_asked_who_it_is_is_written_nothing_where_that_matters(known_as: str) -> None:
+def test_who_hangs_up_when_it_is_asked_who_it_is_is_written_nothing_where_that_matters(known_as):
     place, asked = Place(who="another", at=5.0), list[bytes]()
 
     def answer(frame: bytes) -> bytes | None:
@@ -249,7 +249,7 @@ def test_who_hangs_up_when_it_is_asked_who_it_is_is_written_nothing_where_that_m
         assert (place.writes > 0) == (not known_as)
 
 
-def test_what_a_serial_adapter_holds_goes_when_its_bus_is_given_up() -> None:
+def test_what_a_serial_adapter_holds_goes_when_its_bus_is_given_up():
     flushed: list[bool] = []
 
     class Port:

@@ -93,13 +93,13 @@ EXAMPLES = {  # request and answer as printed in the specification
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_twin_answers_as_the_specification_prints(name: str) -> None:
+def test_twin_answers_as_the_specification_prints(name):
     request, answer = (bytes.fromhex(text) for text in EXAMPLES[name])
     assert answered(request, Manual()).hex(" ") == answer.hex(" ")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_driver_sends_and_understands_what_the_specification_prints(name: str) -> None:
+def test_driver_sends_and_understands_what_the_specification_prints(name):
     """Against a socket that knows nothing but this one exchange."""
     request, answer = (bytes.fromhex(text) for text in EXAMPLES[name])
     function, address, rest = request[0], *struct.unpack(">HH", request[1:5])
@@ -117,7 +117,7 @@ def test_driver_sends_and_understands_what_the_specification_prints(name: str) -
         assert [bool(0x056BCD >> k & 1) for k in range(19)] == got.bits[:19]
 
 
-def test_checksum_and_frame_of_the_serial_line_guide() -> None:
+def test_checksum_and_frame_of_the_serial_line_guide():
     """02 07 → CRC 41 12, low byte first: appendix B of the Modbus serial line guide V1.02."""
     assert crc16(bytes.fromhex("02 07")).hex(" ") == "41 12"
     frames = RtuFrames(Manual(), 0x11)  # type: ignore[arg-type]
@@ -128,7 +128,7 @@ def test_checksum_and_frame_of_the_serial_line_guide() -> None:
     assert answer == bytes.fromhex("11 03 06 02 2B 00 00 00 64") + crc16(answer[:-2])
 
 
-def test_full_scale_counts_of_the_coupler() -> None:
+def test_full_scale_counts_of_the_coupler():
     register = encodings(description_of(Described(model="wago-750"), "modbus"))["ao0"]
     assert [register.count_of(volts) for volts in (10.0, 0.0, -10.0)] == [0x7FFF, 0, 0x8001]
     assert register.value_of([0x8001]) == pytest.approx(-10.0)
@@ -138,16 +138,16 @@ SERVER = {"transport": "rtu", "address": "socket://127.0.0.1:0"}
 
 
 @pytest.fixture
-def port(tmp_path: Any) -> dict[str, Any]:
+def port(tmp_path):
     return {"transport": "rtu", "address": str(tmp_path / "tty")}
 
 
 @pytest.fixture(params=["tcp", "rtu over a serial server", "rtu on a port"])
-def line(request: pytest.FixtureRequest, port: dict[str, Any]) -> dict[str, Any]:
+def line(request, port):
     return {"tcp": {}, "rtu on a port": port}.get(request.param, SERVER)
 
 
-def test_what_is_driven_is_read(line: dict[str, Any]) -> None:
+def test_what_is_driven_is_read(line):
     with linked(**line) as (link, _, terminals):
         assert link.standing() == {"ao0": 0.0}
         for volts in (2.5, -10.0, 0.0):
@@ -159,11 +159,11 @@ def test_what_is_driven_is_read(line: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("quirk", ["late_s", "silent", "cut"])
-def test_bad_answer_is_an_error_and_the_next_one_is_right(line: dict[str, Any], quirk: str) -> None:
+def test_bad_answer_is_an_error_and_the_next_one_is_right(line, quirk):
     check_bad_answer(line, quirk)
 
 
-def test_garbled_answer_on_a_serial_line_is_an_error(port: dict[str, Any]) -> None:
+def test_garbled_answer_on_a_serial_line_is_an_error(port):
     """A frame on TCP has no checksum of its own."""
     for line in (SERVER, port):
         check_bad_answer(line, "garbled")
@@ -180,7 +180,7 @@ def check_bad_answer(line: dict[str, Any], quirk: str) -> None:
         assert link.read()["ai0"] == pytest.approx(-5.0, abs=1e-3)
 
 
-def test_late_answer_is_never_taken_for_the_next_one(port: dict[str, Any]) -> None:
+def test_late_answer_is_never_taken_for_the_next_one(port):
     """On a serial line an answer has no number. The library alone takes the old reading for the new one."""
     from pymodbus.client import ModbusSerialClient
     from pymodbus.exceptions import ModbusIOException
@@ -207,7 +207,7 @@ def test_late_answer_is_never_taken_for_the_next_one(port: dict[str, Any]) -> No
         assert stale == 0x10000 - round(0.5 * 0x7FFF)
 
 
-def test_safe_value_does_not_wait_for_a_line_that_is_not_clean(port: dict[str, Any]) -> None:
+def test_safe_value_does_not_wait_for_a_line_that_is_not_clean(port):
     with linked(**port, longest_reply_s=4.0) as (link, served, terminals):
         link.drive({"ao0": 5.0})
         served.behaviour.quirks = Quirks(silent=True, answers=1)
@@ -220,7 +220,7 @@ def test_safe_value_does_not_wait_for_a_line_that_is_not_clean(port: dict[str, A
         thread.join()
 
 
-def test_watchdog_of_the_coupler_makes_safe_by_itself_and_the_driver_notices() -> None:
+def test_watchdog_of_the_coupler_makes_safe_by_itself_and_the_driver_notices():
     with linked(watchdog_s=0.2) as (link, _, terminals):
         link.drive({"ao0": 5.0})
         until(lambda: terminals.standing("ao0") == 0.0)
@@ -229,7 +229,7 @@ def test_watchdog_of_the_coupler_makes_safe_by_itself_and_the_driver_notices() -
             link.read()
 
 
-def test_without_a_watchdog_the_coupler_keeps_its_output() -> None:
+def test_without_a_watchdog_the_coupler_keeps_its_output():
     with linked() as (link, _, terminals):
         link.drive({"ao0": 5.0})
         link.close()
@@ -241,7 +241,7 @@ SECONDS = {"ao0": modbus.Register("out", "voltage", "V", 0.0, 10.0, "holding", 1
 
 
 @pytest.mark.parametrize(("unit", "count"), [("tenths", 20), ("seconds", 2), ("ms", 2000)])
-def test_watchdog_is_told_its_time_in_its_own_unit_and_where_the_output_is_safe(unit: str, count: int) -> None:
+def test_watchdog_is_told_its_time_in_its_own_unit_and_where_the_output_is_safe(unit, count):
     model = modbus.Model(SECONDS, watchdog=((140, f"{{{unit}}}"), (141, "{safe:ao0}"), (142, 1)))
     wiring = Wiring({"valve": OutputChannel("valve", "ao0", "voltage", "V", 0.0, 10.0, 5.0)}, {})
     for connected, written in (
@@ -256,7 +256,7 @@ def test_watchdog_is_told_its_time_in_its_own_unit_and_where_the_output_is_safe(
 
 
 @pytest.mark.parametrize("text", ["{minutes}", "2", "{safe:ao1}", "{safe}", "{safe:}", ""])
-def test_watchdog_with_an_unknown_placeholder_is_no_model(text: str) -> None:
+def test_watchdog_with_an_unknown_placeholder_is_no_model(text):
     with pytest.raises(
         SettingError,
         match=r"watchdog\.arm\.0\.value: .*(a number, \{tenths\}, \{seconds\}, \{ms\} or \{safe:|no output 'ao1')",
@@ -264,7 +264,7 @@ def test_watchdog_with_an_unknown_placeholder_is_no_model(text: str) -> None:
         modbus.Model(SECONDS, watchdog=((140, text),))
 
 
-def test_watchdog_that_the_device_cannot_count_is_told() -> None:
+def test_watchdog_that_the_device_cannot_count_is_told():
     model = modbus.Model(SECONDS, watchdog=((140, "{seconds}"),))
     settings = modbus.LineSettings(address="127.0.0.1:502", watchdog_s=0.5)
     assert [text for _, text in modbus.line_faults(settings, model)] == [
@@ -272,7 +272,7 @@ def test_watchdog_that_the_device_cannot_count_is_told() -> None:
     ]
 
 
-def test_watchdog_that_would_drive_the_valve_is_not_armed() -> None:
+def test_watchdog_that_would_drive_the_valve_is_not_armed():
     wiring = Wiring(output(safe=5.0), {})
     with (
         pytest.raises(SettingError, match=r"puts ao0 at 0 V, but 'command' is safe at 5 V; take watchdog_s away"),
@@ -295,7 +295,7 @@ def asked(where: str, address: int) -> int:
         return int(struct.unpack(">H", line.recv(260)[9:11])[0])
 
 
-def test_valve_whose_neutral_is_5_v_stands_there_after_a_run_when_the_watchdog_has_expired() -> None:
+def test_valve_whose_neutral_is_5_v_stands_there_after_a_run_when_the_watchdog_has_expired():
     wiring = Wiring(output(0.0, safe=5.0), {})
     with (
         pytest.raises(
@@ -314,7 +314,7 @@ def test_valve_whose_neutral_is_5_v_stands_there_after_a_run_when_the_watchdog_h
         assert terminals.standing("ao0") == pytest.approx(5.0, abs=0.002)
 
 
-def test_stranger_s_device_is_told_where_the_output_is_safe_and_stands_there_after_the_run() -> None:
+def test_stranger_s_device_is_told_where_the_output_is_safe_and_stands_there_after_the_run():
     """By the template of `hil new driver`: the safe value is written with the watchdog's time."""
     model = modbus.Model(SECONDS, watchdog=((141, "{safe:ao0}"), (140, "{tenths}")))
     wiring = Wiring(output(0.0, safe=5.0), {})
@@ -338,7 +338,7 @@ def test_stranger_s_device_is_told_where_the_output_is_safe_and_stands_there_aft
         served.close()
 
 
-def test_restart_of_the_device_is_noticed() -> None:
+def test_restart_of_the_device_is_noticed():
     with linked() as (link, served, _):
         link.drive({"ao0": 5.0})
         served.behaviour.quirks = Quirks(reboot=True, answers=1)
@@ -349,7 +349,7 @@ def test_restart_of_the_device_is_noticed() -> None:
             link.read()
 
 
-def test_cable_that_is_pulled_is_a_lost_device() -> None:
+def test_cable_that_is_pulled_is_a_lost_device():
     with linked() as (link, served, _):
         served.close()
         with pytest.raises(DeviceLostError, match="the connection is lost"):
@@ -359,7 +359,7 @@ def test_cable_that_is_pulled_is_a_lost_device() -> None:
 METER = Wiring(OUT, {"flow": InputChannel("flow", "flow", "value", "l/min", -500.0, 500.0)})
 
 
-def test_float_in_the_wrong_word_order_is_not_believed() -> None:
+def test_float_in_the_wrong_word_order_is_not_believed():
     with linked(METER, model="flow-meter") as (link, served, terminals):
         terminals.drive({"ao0": 3.3})
         time.sleep(0.003)
@@ -373,14 +373,14 @@ def test_float_in_the_wrong_word_order_is_not_believed() -> None:
             link.read()
 
 
-def test_float_in_the_word_order_of_the_bench_file() -> None:
+def test_float_in_the_word_order_of_the_bench_file():
     with linked(METER, model="flow-meter", word_order="little") as (link, _, terminals):
         terminals.drive({"ao0": 3.3})
         time.sleep(0.003)
         assert link.read()["flow"] == pytest.approx(33.0, rel=1e-3)
 
 
-def test_no_number_is_no_reading() -> None:
+def test_no_number_is_no_reading():
     with (
         linked(METER, Quirks(not_a_number=True), model="flow-meter") as (link, _, _),
         pytest.raises(LinkError, match="flow reads no measurement from the first on: reads nan l/min: a dead sensor"),
@@ -391,7 +391,7 @@ def test_no_number_is_no_reading() -> None:
 E1241 = Wiring(output(0.0), {})
 
 
-def test_outputs_in_safe_mode_are_noticed_and_left_from_the_safe_value() -> None:
+def test_outputs_in_safe_mode_are_noticed_and_left_from_the_safe_value():
     settings = {"model": "iologik-e1241", "watchdog_s": 1.5}
     with linked(E1241, **settings) as (link, served, terminals):
         link.drive({"ao0": 7.0})
@@ -406,7 +406,7 @@ def test_outputs_in_safe_mode_are_noticed_and_left_from_the_safe_value() -> None
         again.close()
 
 
-def test_inputs_of_the_e1240() -> None:
+def test_inputs_of_the_e1240():
     wiring = Wiring(OUT, {"level": InputChannel("level", "ai3", "voltage", "V", 0.0, 10.0)})
     with linked(wiring, model="iologik-e1240") as (link, _, terminals):
         terminals.drive({"ao0": 4.2})
@@ -414,7 +414,7 @@ def test_inputs_of_the_e1240() -> None:
         assert link.read()["ai3"] == pytest.approx(4.2, abs=1e-3)
 
 
-def test_refusal_says_which_register_and_why() -> None:
+def test_refusal_says_which_register_and_why():
     with (
         linked() as (link, _, _),
         pytest.raises(LinkError, match=r"function 3 at register 0x0999 .* exception 2 \(no such"),
@@ -422,7 +422,7 @@ def test_refusal_says_which_register_and_why() -> None:
         link._ask(3, 0x0999, count=1)
 
 
-def test_speed_of_the_line_is_kept() -> None:
+def test_speed_of_the_line_is_kept():
     with linked(**SERVER, quirks=Quirks(baud=9600)) as (link, _, _):
         begun_s = time.monotonic()
         link.read()
@@ -435,7 +435,7 @@ FRAMES = st.lists(
 
 
 @given(FRAMES, st.booleans())
-def test_hostile_bytes_neither_crash_nor_hang_nor_move_an_output(pieces: list[bytes], tcp: bool) -> None:
+def test_hostile_bytes_neither_crash_nor_hang_nor_move_an_output(pieces, tcp):
     terminals = HOSTILE_SIDE
     bank = twin.Wago750(terminals)
     frames = TcpFrames(bank, 1) if tcp else RtuFrames(bank, 1)
@@ -468,19 +468,19 @@ HOSTILE_SIDE = turned(SIMULATION, WAGO)
         ({"longest_reply_s": 0.1}, "shorter than timeout_s"),
     ],
 )
-def test_settings_that_cannot_be_are_told(changes: dict[str, Any], text: str) -> None:
+def test_settings_that_cannot_be_are_told(changes, text):
     settings = modbus.Settings.model_validate({"model": "wago-750", "address": "10.0.0.1:502", **changes})
     assert any(text in fault for _, fault in modbus.faults(settings))
 
 
-def test_refused_value_writes_nothing() -> None:
+def test_refused_value_writes_nothing():
     bank = twin._bank({"model": "iologik-e1241"}, turned(SIMULATION, WAGO))
     answer = answered(bytes.fromhex("10 04 00 00 02 04 01 00 FF FF"), bank)
     assert answer == bytes.fromhex("90 03")
     assert bank.holding(0x0400) == 0
 
 
-def test_frozen_outputs_are_agreed_to_and_stand_still_until_they_thaw() -> None:
+def test_frozen_outputs_are_agreed_to_and_stand_still_until_they_thaw():
     with linked() as (link, served, terminals):
         link.drive({"ao0": 2.5})
         served.behaviour.quirks = Quirks(frozen=True)

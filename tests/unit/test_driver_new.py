@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,7 +19,7 @@ from tests.commands import hil
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Iterator[Path]:
+def folder(tmp_path):
     """A folder whose packages are searched like the project's own, for one test."""
     for package in (drivers, sim_devices):
         (tmp_path / package.__name__).mkdir()
@@ -34,7 +33,7 @@ def folder(tmp_path: Path) -> Iterator[Path]:
     entries.cache_clear()
 
 
-def test_what_is_written_passes_as_written(folder: Path) -> None:
+def test_what_is_written_passes_as_written(folder):
     told = hil("new", "driver", "acme_7", "--in", str(folder))
     test = folder / "tests" / "test_driver_acme_7.py"
     assert str(test) in told
@@ -47,19 +46,19 @@ def test_what_is_written_passes_as_written(folder: Path) -> None:
     assert "acme_7" in hil("list", "drivers")
 
 
-def test_nothing_is_written_over(folder: Path) -> None:
+def test_nothing_is_written_over(folder):
     hil("new", "driver", "acme_7", "--in", str(folder))
     with pytest.raises(FileError, match=r"acme_7\.py: is there already; nothing was written"):
         hil("new", "driver", "acme_7", "--in", str(folder))
 
 
 @pytest.mark.parametrize("name", ["Acme", "7acme", "_acme", "ac me", "acme-7"])
-def test_name_that_is_none_is_told(name: str, folder: Path) -> None:
+def test_name_that_is_none_is_told(name, folder):
     with pytest.raises(SettingError, match="is no name of a driver"):
         hil("new", "driver", name, "--in", str(folder))
 
 
-def test_other_kinds_and_folders_are_told(folder: Path, tmp_path: Path) -> None:
+def test_other_kinds_and_folders_are_told(folder, tmp_path):
     with pytest.raises(SettingError, match="there are: driver, device, "):
         hil("new", "valve", "acme_7", "--in", str(folder))
     with pytest.raises(FileError, match="no such folder"):
@@ -71,7 +70,7 @@ def test_other_kinds_and_folders_are_told(folder: Path, tmp_path: Path) -> None:
         hil("new", "package", "hil", "--in", str(folder))
 
 
-def test_folder_without_a_package_offers_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folder_without_a_package_offers_one(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SettingError, match=r"no package here .* `hil new package NAME`, then `hil new driver acme_7`"):
         hil("new", "driver", "acme_7")
@@ -80,7 +79,7 @@ def test_folder_without_a_package_offers_one(tmp_path: Path, monkeypatch: pytest
     assert "no faults" in hil("check", "acme_7.toml")
 
 
-def test_package_without_a_group_says_what_is_missing(tmp_path: Path) -> None:
+def test_package_without_a_group_says_what_is_missing(tmp_path):
     (tmp_path / "pyproject.toml").write_text('[project.entry-points."hil.drivers"]\nx = "x"\n', encoding="utf-8")
     (tmp_path / "x").mkdir()
     with pytest.raises(SettingError, match=r'has no \[project\.entry-points\."hil\.procedures"\]; add it'):
@@ -106,7 +105,7 @@ def run_tests(root: Path, *tests: str) -> str:
     return done.stdout + done.stderr
 
 
-def test_package_passes_its_tests_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_package_passes_its_tests_at_once(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     hil("new", "package", "acme")
     monkeypatch.chdir(tmp_path / "acme" / "acme")  # anywhere in it
@@ -117,7 +116,7 @@ def test_package_passes_its_tests_at_once(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 @pytest.mark.slow
-def test_plant_and_effect_of_a_package_pass_their_tests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_plant_and_effect_of_a_package_pass_their_tests(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     hil("new", "package", "acme")
     hil("new", "plant", "relief-valve", "--in", "acme")
@@ -126,7 +125,7 @@ def test_plant_and_effect_of_a_package_pass_their_tests(tmp_path: Path, monkeypa
     assert "2 passed" in run_tests(tmp_path / "acme", *names)
 
 
-def test_folder_that_hides_a_package_of_ours_is_one_sentence(tmp_path: Path) -> None:
+def test_folder_that_hides_a_package_of_ours_is_one_sentence(tmp_path):
     for name in ("drivers", "procedures"):
         (tmp_path / name).mkdir()
         command = [sys.executable, "-m", "hil", "list", name]
@@ -137,12 +136,12 @@ def test_folder_that_hides_a_package_of_ours_is_one_sentence(tmp_path: Path) -> 
         assert len(done.stderr.splitlines()) == 1
 
 
-def test_driver_that_is_not_installed_is_told() -> None:
+def test_driver_that_is_not_installed_is_told():
     with pytest.raises(UnknownNameError, match="no driver named 'modbuss', did you mean 'modbus'"):
         hil("check-driver", "modbuss")
 
 
-def test_a_device_or_driver_that_the_bench_has_not_is_told() -> None:
+def test_a_device_or_driver_that_the_bench_has_not_is_told():
     with pytest.raises(SettingError, match=r"no device 'nobody' with driver = \"modbus\"; there are: io"):
         hil("check-driver", "modbus", "--bench", "hpv41-modbus-tcp", "--device", "nobody")
     with pytest.raises(SettingError, match='no device with driver = "scpi"'):
@@ -157,6 +156,6 @@ def test_a_device_or_driver_that_the_bench_has_not_is_told() -> None:
         (("devices", "hpv41-mixed", "--quirk", "meter.lazy=1"), "there are: late_s"),
     ],
 )
-def test_devices_that_cannot_be_served_are_told(words: tuple[str, ...], text: str) -> None:
+def test_devices_that_cannot_be_served_are_told(words, text):
     with pytest.raises(SettingError, match=text):
         hil(*words)

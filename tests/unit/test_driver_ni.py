@@ -40,12 +40,12 @@ WIRING = Wiring(
 
 
 @pytest.fixture
-def board(monkeypatch: pytest.MonkeyPatch) -> Board:
+def board(monkeypatch):
     return plugged_in(monkeypatch)
 
 
 @pytest.fixture
-def daq(board: Board) -> ni.NiDaq:
+def daq(board):
     return ni.open_daq(ni.Settings(), WIRING)
 
 
@@ -53,11 +53,11 @@ def ramp(samples: int = 30) -> Waveform:
     return Waveform(RATE_HZ, {"a": np.linspace(0.0, 2.0, samples)})
 
 
-def test_outputs_are_found_where_they_stand(daq: ni.NiDaq) -> None:
+def test_outputs_are_found_where_they_stand(daq):
     assert daq.levels == {"a": 3.0, "b": 4.0}
 
 
-def test_outputs_wait_for_the_trigger_of_the_inputs_and_start_first(daq: ni.NiDaq, board: Board) -> None:
+def test_outputs_wait_for_the_trigger_of_the_inputs_and_start_first(daq, board):
     block = joined(list(daq.play(ramp(), 10)))
     assert board.calls[:2] == ["start outputs", "start inputs"]
     assert np.array_equal(block.outputs["a"], ramp().outputs["a"]) and (block.outputs["b"] == 4.0).all()
@@ -66,9 +66,7 @@ def test_outputs_wait_for_the_trigger_of_the_inputs_and_start_first(daq: ni.NiDa
     assert daq.levels["a"] == 2.0 and board.open == 0
 
 
-def test_ranges_and_wiring_are_said_as_the_default_is_five_volts(
-    daq: ni.NiDaq, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ranges_and_wiring_are_said_as_the_default_is_five_volts(daq, monkeypatch):
     seen: list[dict[str, Any]] = []
     monkeypatch.setattr(Task, "close", lambda self: seen.extend(self.kwargs))
     list(daq.play(ramp(4)))
@@ -76,12 +74,12 @@ def test_ranges_and_wiring_are_said_as_the_default_is_five_volts(
     assert [k["terminal_config"].name for k in seen if "terminal_config" in k] == ["DIFF", "DIFF"]
 
 
-def test_one_sample_is_played_though_a_buffer_needs_two(daq: ni.NiDaq) -> None:
+def test_one_sample_is_played_though_a_buffer_needs_two(daq):
     (block,) = daq.play(Waveform(RATE_HZ, {"a": np.array([1.5])}))
     assert len(block) == 1 and daq.levels["a"] == 1.5
 
 
-def test_finite_and_continuous_acquisition_say_the_same(board: Board) -> None:
+def test_finite_and_continuous_acquisition_say_the_same(board):
     blocks = []
     for finite in (True, False):
         board.levels |= {"ao0": 0.0, "ao1": 0.0}
@@ -91,7 +89,7 @@ def test_finite_and_continuous_acquisition_say_the_same(board: Board) -> None:
     assert np.array_equal(blocks[0].outputs["a"], blocks[1].outputs["a"])
 
 
-def test_stream_never_regenerates(daq: ni.NiDaq, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stream_never_regenerates(daq, monkeypatch):
     modes: list[Any] = []
     monkeypatch.setattr(
         Task, "start", lambda self, start=Task.start: (modes.append((self.mode, self.regen_mode)), start(self))
@@ -100,7 +98,7 @@ def test_stream_never_regenerates(daq: ni.NiDaq, monkeypatch: pytest.MonkeyPatch
     assert modes[0] == (AcquisitionType.CONTINUOUS, RegenerationMode.DONT_ALLOW_REGENERATION)
 
 
-def test_safe_values_are_written_at_once(daq: ni.NiDaq, board: Board) -> None:
+def test_safe_values_are_written_at_once(daq, board):
     blocks = daq.play(ramp(), 5)
     next(blocks)
     daq.make_safe()
@@ -117,23 +115,21 @@ def test_safe_values_are_written_at_once(daq: ni.NiDaq, board: Board) -> None:
         (-200045, DeviceLostError), (-999999, LinkError),
     ],
 )  # fmt: skip
-def test_codes_become_errors_of_one_line_with_the_whole_cause(
-    daq: ni.NiDaq, board: Board, code: int, kind: type[Exception]
-) -> None:
+def test_codes_become_errors_of_one_line_with_the_whole_cause(daq, board, code, kind):
     board.codes["read"] = code
     with pytest.raises(kind) as raised:
         list(daq.play(ramp()))
     assert str(raised.value) == f"Dev1: the reason. Device: Dev1 ({code})" and board.open == 0
 
 
-def test_lines_that_another_task_holds_are_told_with_what_may_hold_them(daq: ni.NiDaq, board: Board) -> None:
+def test_lines_that_another_task_holds_are_told_with_what_may_hold_them(daq, board):
     board.codes["read"] = -50103
     with pytest.raises(LinkError, match=r"\(-50103\): another task or program holds it, such as"):
         list(daq.play(ramp()))
 
 
 @pytest.mark.parametrize("code", [-200324, -200045, -50808, -201003, -88705, -50405, -88302, -200284, -999999])
-def test_outputs_that_cannot_be_made_safe_are_told_with_the_remedy(daq: ni.NiDaq, board: Board, code: int) -> None:
+def test_outputs_that_cannot_be_made_safe_are_told_with_the_remedy(daq, board, code):
     board.gone = code
     with pytest.raises(DeviceLostError) as raised:
         daq.make_safe()
@@ -145,7 +141,7 @@ def test_outputs_that_cannot_be_made_safe_are_told_with_the_remedy(daq: ni.NiDaq
     assert known.text.count(remedy) == 2 and known.status(None, 0) == 3
 
 
-def test_lost_board_ends_a_run_with_the_emergency_stop(daq: ni.NiDaq, board: Board) -> None:
+def test_lost_board_ends_a_run_with_the_emergency_stop(daq, board):
     guard = Guard(daq, Protection(RATE_HZ))
     blocks = guard.play(ramp(), 5)
     next(blocks)
@@ -157,7 +153,7 @@ def test_lost_board_ends_a_run_with_the_emergency_stop(daq: ni.NiDaq, board: Boa
     assert guard.known.status(None, 0) == 3
 
 
-def test_late_program_meets_an_underflow(daq: ni.NiDaq, board: Board) -> None:
+def test_late_program_meets_an_underflow(daq, board):
     blocks = daq.stream(ramp(40).slices(10))
     next(blocks)
     assert board.playing is not None
@@ -166,7 +162,7 @@ def test_late_program_meets_an_underflow(daq: ni.NiDaq, board: Board) -> None:
         list(blocks)
 
 
-def test_rate_is_what_the_board_makes_of_it(board: Board) -> None:
+def test_rate_is_what_the_board_makes_of_it(board):
     board.rates_of = 51200.0
     daq = ni.open_daq(ni.Settings(), WIRING)
     assert daq.actual_rate_hz(1000.0) == pytest.approx(51200.0 / 51) and daq.actual_rate_hz(2048.0) == 2048.0
@@ -176,13 +172,13 @@ def test_rate_is_what_the_board_makes_of_it(board: Board) -> None:
     assert np.diff(block.time_s) == pytest.approx(51 / 51200.0)
 
 
-def test_rates_of_inputs_and_outputs_that_differ_are_told(daq: ni.NiDaq, board: Board) -> None:
+def test_rates_of_inputs_and_outputs_that_differ_are_told(daq, board):
     board.output_hz = 999.0
     with pytest.raises(LinkError, match="Dev1 makes 999 Hz of 1000 Hz: its rates are divisions of its own clocks"):
         list(daq.play(ramp()))
 
 
-def test_rates_and_ranges_that_it_does_not_have_are_refused(daq: ni.NiDaq) -> None:
+def test_rates_and_ranges_that_it_does_not_have_are_refused(daq):
     with pytest.raises(RangeError, match="Hz"):
         daq.actual_rate_hz(1e6)
     with pytest.raises(RangeError, match="'b', sample 1"):
@@ -190,7 +186,7 @@ def test_rates_and_ranges_that_it_does_not_have_are_refused(daq: ni.NiDaq) -> No
     assert daq.actual_rate_hz(daq.actual_rate_hz(333.3)) == daq.actual_rate_hz(333.3)
 
 
-def test_outputs_alone_are_timed_by_the_clock_of_an_input_within_the_board(board: Board) -> None:
+def test_outputs_alone_are_timed_by_the_clock_of_an_input_within_the_board(board):
     daq = ni.open_daq(ni.Settings(), Wiring(WIRING.outputs, {}))
     block = joined(list(daq.play(ramp(), 7)))
     assert np.array_equal(block.outputs["a"], ramp().outputs["a"]) and block.inputs == {}
@@ -199,7 +195,7 @@ def test_outputs_alone_are_timed_by_the_clock_of_an_input_within_the_board(board
     assert (board.levels["ao0"], board.levels["ao1"]) == (1.0, 0.5) and board.open == 0
 
 
-def test_where_the_board_does_not_tell_its_outputs_it_drives_nothing_beside_them(board: Board) -> None:
+def test_where_the_board_does_not_tell_its_outputs_it_drives_nothing_beside_them(board):
     board.internal = False
     daq = ni.open_daq(ni.Settings(), WIRING)
     assert all(np.isnan(level) for level in daq.levels.values())
@@ -214,13 +210,13 @@ STOP = {"stop": InputChannel("stop", "di2", "digital", "1", 0.0, 1.0)}
 
 
 @pytest.fixture
-def lines(board: Board) -> ni.NiDaq:
+def lines(board):
     board.levels["port0/line2"] = 1.0
     return ni.open_daq(ni.Settings(), Wiring({**WIRING.outputs, **RELAY}, {**STOP, **WIRING.inputs}))
 
 
 @pytest.mark.parametrize("finite", [True, False])
-def test_relay_is_switched_before_the_waveform_that_wants_it(lines: ni.NiDaq, board: Board, finite: bool) -> None:
+def test_relay_is_switched_before_the_waveform_that_wants_it(lines, board, finite):
     closed = [Waveform(RATE_HZ, {"enable": np.full(10, value)}) for value in (1.0, 1.0, 0.0)]
     seen = []
     for block in (b for w in closed for b in lines.play(w)) if finite else lines.stream(closed):
@@ -229,7 +225,7 @@ def test_relay_is_switched_before_the_waveform_that_wants_it(lines: ni.NiDaq, bo
     assert lines.levels == {"a": 3.0, "b": 4.0, "enable": 0.0}
 
 
-def test_relay_opens_first_and_alone_if_need_be(lines: ni.NiDaq, board: Board) -> None:
+def test_relay_opens_first_and_alone_if_need_be(lines, board):
     list(lines.play(Waveform(RATE_HZ, {"enable": np.ones(5)})))
     board.calls.clear()
     lines.make_safe()
@@ -261,7 +257,7 @@ def edges_come(board: Board) -> bool:
     return True
 
 
-def test_heartbeat_changes_while_it_is_on_and_stands_still_when_safe(board: Board) -> None:
+def test_heartbeat_changes_while_it_is_on_and_stands_still_when_safe(board):
     daq = ni.open_daq(ni.Settings(heartbeat_s=0.005), Wiring({**WIRING.outputs, **BEAT}, WIRING.inputs))
     assert daq.levels["relay"] == 0.0 and edges(board, 0.05) == 0
     list(daq.play(Waveform(RATE_HZ, {"relay": np.ones(5)})))
@@ -274,7 +270,7 @@ def test_heartbeat_changes_while_it_is_on_and_stands_still_when_safe(board: Boar
 
 
 @pytest.mark.parametrize("stands_at", [0.0, 1.0])
-def test_heartbeat_that_fails_ends_the_task(board: Board, stands_at: float) -> None:
+def test_heartbeat_that_fails_ends_the_task(board, stands_at):
     """Wherever the line stood when it failed: the board's reason is told, not what the line looks like."""
     daq = ni.open_daq(ni.Settings(heartbeat_s=0.005), Wiring({**WIRING.outputs, **BEAT}, WIRING.inputs))
     list(daq.play(Waveform(RATE_HZ, {"relay": np.ones(5)})))
@@ -288,21 +284,21 @@ def test_heartbeat_that_fails_ends_the_task(board: Board, stands_at: float) -> N
     assert board.open == 0
 
 
-def test_line_is_a_heartbeat_or_not(board: Board) -> None:
+def test_line_is_a_heartbeat_or_not(board):
     assert "hb0" not in ni.terminals(ni.Settings()) and "hb3" in ni.terminals(ni.Settings(heartbeat_s=0.1))
     both = {"enable": OutputChannel("enable", "do3", "digital", "1", 0.0, 1.0), **BEAT}
     with pytest.raises(SettingError, match="'relay': hb3 is the line of do3, which 'enable' has"):
         ni.open_daq(ni.Settings(heartbeat_s=0.1), Wiring(both, {}))
 
 
-def test_found_relay_and_input_are_as_they_stand(board: Board) -> None:
+def test_found_relay_and_input_are_as_they_stand(board):
     board.levels |= {"port1/line1": 1.0, "port0/line2": 1.0}
     daq = ni.open_daq(ni.Settings(), Wiring(RELAY, STOP))
     (block,) = daq.play(Waveform(RATE_HZ, {"enable": np.ones(4)}))
     assert daq.levels == {"enable": 1.0} and block.inputs["stop"].tolist() == [1.0, 1.0, 1.0, 1.0]
 
 
-def test_line_that_another_program_switches_ends_the_task(lines: ni.NiDaq, board: Board) -> None:
+def test_line_that_another_program_switches_ends_the_task(lines, board):
     blocks = lines.stream([Waveform(RATE_HZ, {"enable": np.ones(5)})] * 3)
     next(blocks)
     board.levels["port1/line1"] = 0.0
@@ -310,9 +306,7 @@ def test_line_that_another_program_switches_ends_the_task(lines: ni.NiDaq, board
         list(blocks)
 
 
-def test_voltage_that_does_not_stand_where_it_was_driven_is_told_when_the_task_ends(
-    daq: ni.NiDaq, board: Board
-) -> None:
+def test_voltage_that_does_not_stand_where_it_was_driven_is_told_when_the_task_ends(daq, board):
     blocks = daq.play(ramp(), 15)
     assert [len(next(blocks)) for _ in range(2)] == [15, 15]
     board.levels["ao0"] = 2.3
@@ -320,7 +314,7 @@ def test_voltage_that_does_not_stand_where_it_was_driven_is_told_when_the_task_e
         list(blocks)
 
 
-def test_line_that_falls_is_seen_at_the_end_of_its_block(lines: ni.NiDaq, board: Board) -> None:
+def test_line_that_falls_is_seen_at_the_end_of_its_block(lines, board):
     blocks = lines.play(ramp(), 5)
     assert next(blocks).inputs["stop"].tolist() == [1.0] * 5
     board.levels["port0/line2"] = 0.0
@@ -335,7 +329,7 @@ def test_line_that_falls_is_seen_at_the_end_of_its_block(lines: ni.NiDaq, board:
         ([0.5, 0.5], "nothing between"),
     ],
 )
-def test_line_is_no_waveform(lines: ni.NiDaq, values: list[float], says: str) -> None:
+def test_line_is_no_waveform(lines, values, says):
     waveform = Waveform(RATE_HZ, {"enable": np.array(values)})
     with pytest.raises(RangeError, match=says):
         lines.play(waveform)
@@ -343,7 +337,7 @@ def test_line_is_no_waveform(lines: ni.NiDaq, values: list[float], says: str) ->
         list(lines.stream([waveform]))
 
 
-def test_pairs_are_those_of_the_board(board: Board) -> None:
+def test_pairs_are_those_of_the_board(board):
     def opened(terminal: str) -> ni.NiDaq:
         wiring = Wiring({}, {"p": InputChannel("p", terminal, "voltage", "V", -10.0, 10.0)})
         return ni.open_daq(ni.Settings(inputs=32), wiring)
@@ -355,7 +349,7 @@ def test_pairs_are_those_of_the_board(board: Board) -> None:
         opened("ai8")
 
 
-def test_board_that_samples_all_at_once_has_no_convert_clock(board: Board, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_board_that_samples_all_at_once_has_no_convert_clock(board, monkeypatch):
     rates: list[float] = []
     monkeypatch.setattr(Task, "close", lambda self, close=Task.close: (rates.append(self.ai_conv_rate), close(self)))
     daq = ni.open_daq(ni.Settings(skew_s=0.0), WIRING)
@@ -364,7 +358,7 @@ def test_board_that_samples_all_at_once_has_no_convert_clock(board: Board, monke
     assert [text for _, text in ni.faults(ni.Settings(skew_s=1e-9))]
 
 
-def test_without_the_driver_of_ni_it_says_so() -> None:
+def test_without_the_driver_of_ni_it_says_so():
     with pytest.raises(DeviceLostError, match="NI-DAQmx is not installed"):
         ni.open_daq(ni.Settings(), WIRING)
 
@@ -377,7 +371,7 @@ def test_odd_inputs_are_no_pairs_and_lines_of_both_directions_need_two_ports():
 
 
 @pytest.fixture
-def pwm(board: Board) -> ni.NiDaq:
+def pwm(board):
     return ni.open_daq(ni.Settings(counters=1), Wiring({**WIRING.outputs, **PWM}, WIRING.inputs))
 
 
@@ -390,9 +384,7 @@ def seen_while_reading(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 @pytest.mark.parametrize("finite", [True, False])
-def test_duty_cycle_follows_the_samples_on_the_clock_of_the_inputs(
-    pwm: ni.NiDaq, board: Board, monkeypatch: pytest.MonkeyPatch, finite: bool
-) -> None:
+def test_duty_cycle_follows_the_samples_on_the_clock_of_the_inputs(pwm, board, monkeypatch, finite):
     seen = seen_while_reading(monkeypatch)
     duty = Waveform(RATE_HZ, {"duty": np.linspace(10.0, 90.0, 30)})
     block = joined(list(pwm.play(duty, 7) if finite else pwm.stream(duty.slices(7))))
@@ -402,7 +394,7 @@ def test_duty_cycle_follows_the_samples_on_the_clock_of_the_inputs(
     assert board.pulses_hz == {1000.0}
 
 
-def test_duty_cycle_is_kept_up_between_tasks_and_until_the_next_one(pwm: ni.NiDaq, board: Board) -> None:
+def test_duty_cycle_is_kept_up_between_tasks_and_until_the_next_one(pwm, board):
     list(pwm.play(Waveform(RATE_HZ, {"duty": np.full(5, 40.0)})))
     assert board.levels["ctr0"] == pytest.approx(0.4) and pwm.levels["duty"] == 40.0
     block = joined(list(pwm.play(ramp(5))))
@@ -413,7 +405,7 @@ def test_duty_cycle_is_kept_up_between_tasks_and_until_the_next_one(pwm: ni.NiDa
     assert board.open == 0
 
 
-def test_counter_stands_still_when_a_task_is_left_early(pwm: ni.NiDaq, board: Board) -> None:
+def test_counter_stands_still_when_a_task_is_left_early(pwm, board):
     blocks = pwm.play(Waveform(RATE_HZ, {"duty": np.full(20, 40.0)}), 5)
     next(blocks)
     assert board.levels["ctr0"] == pytest.approx(0.4)
@@ -421,13 +413,13 @@ def test_counter_stands_still_when_a_task_is_left_early(pwm: ni.NiDaq, board: Bo
     assert board.levels["ctr0"] == 0.0 and pwm.levels["duty"] == 0.0 and board.open == 0
 
 
-def test_ends_of_the_range_are_pulses_and_pauses_of_100_ns(pwm: ni.NiDaq, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ends_of_the_range_are_pulses_and_pauses_of_100_ns(pwm, monkeypatch):
     seen = seen_while_reading(monkeypatch)
     list(pwm.play(Waveform(RATE_HZ, {"duty": np.array([0.0, 100.0, 50.0])})))
     assert seen[:3] == pytest.approx([1e-4, 1.0 - 1e-4, 0.5])
 
 
-def test_counter_alone_needs_no_voltage_output(board: Board) -> None:
+def test_counter_alone_needs_no_voltage_output(board):
     daq = ni.open_daq(ni.Settings(counters=1, pwm_hz=200.0), Wiring(PWM, WIRING.inputs))
     block = joined(list(daq.play(Waveform(RATE_HZ, {"duty": np.array([25.0])}))))
     assert len(block) == 1 and daq.levels == {"duty": 25.0} and board.pulses_hz == {200.0}
@@ -436,19 +428,19 @@ def test_counter_alone_needs_no_voltage_output(board: Board) -> None:
     assert board.levels["ctr0"] == 0.0 and board.open == 0
 
 
-def test_counter_that_cannot_be_started_is_let_go_of(pwm: ni.NiDaq, board: Board) -> None:
+def test_counter_that_cannot_be_started_is_let_go_of(pwm, board):
     board.codes["start"] = -200022
     with pytest.raises(LinkError, match="-200022"):
         list(pwm.play(Waveform(RATE_HZ, {"duty": np.full(5, 40.0)})))
     assert board.open == 0
 
 
-def test_only_standing_still_can_be_safe_for_a_counter(board: Board) -> None:
+def test_only_standing_still_can_be_safe_for_a_counter(board):
     unsafe = {"duty": OutputChannel("duty", "ctr0", "value", "%", 0.0, 100.0, 10.0)}
     with pytest.raises(SettingError, match=r"'duty': safe = 10 %; ctr0 stands still .* only 0 % can be its safe value"):
         ni.open_daq(ni.Settings(counters=1), Wiring(unsafe, WIRING.inputs))
 
 
-def test_counters_are_terminals_where_the_device_is_said_to_have_them() -> None:
+def test_counters_are_terminals_where_the_device_is_said_to_have_them():
     assert "ctr0" not in ni.terminals(ni.Settings())
     assert [name for name in ni.terminals(ni.Settings(counters=2)) if name.startswith("ctr")] == ["ctr0", "ctr1"]

@@ -90,11 +90,11 @@ def ramp(samples: int = 20) -> Waveform:
     return Waveform(RATE_HZ, {"a": np.linspace(0.0, 2.0, samples)})
 
 
-def test_outputs_are_told_where_they_were_found() -> None:
+def test_outputs_are_told_where_they_were_found():
     assert daq(Loop()).levels == {"a": 1.5}
 
 
-def test_each_sample_is_driven_then_read_and_has_the_stamp_it_had() -> None:
+def test_each_sample_is_driven_then_read_and_has_the_stamp_it_had():
     device, _ = timed(takes_s=1e-3)
     before_s = 17e-3  # asked where it stands, then eight probes
     block = joined(list(device.play(ramp(), 7)))
@@ -104,14 +104,14 @@ def test_each_sample_is_driven_then_read_and_has_the_stamp_it_had() -> None:
     assert block.late == 0
 
 
-def test_samples_are_taken_as_wall_time_goes_on() -> None:
+def test_samples_are_taken_as_wall_time_goes_on():
     begun_s = time.monotonic()
     block = joined(list(daq(Loop()).play(ramp(), 7)))
     assert (np.diff(block.time_s) > 0.0).all()
     assert 19 / RATE_HZ < block.time_s[-1] < time.monotonic() - begun_s
 
 
-def test_each_reading_has_the_delay_that_it_had() -> None:
+def test_each_reading_has_the_delay_that_it_had():
     device, _ = timed(takes_s=1e-3, slow_readings={5: 8e-3, 13: 2e-3})
     block = joined(list(device.play(ramp(), 7)))
     expected_s = np.full(20, 1e-3)
@@ -124,7 +124,7 @@ def test_each_reading_has_the_delay_that_it_had() -> None:
     assert promises.sampling(device.inputs, RATE_HZ)["read_at"] == 0.0
 
 
-def test_age_of_what_a_device_tells_unasked_is_part_of_the_delay() -> None:
+def test_age_of_what_a_device_tells_unasked_is_part_of_the_delay():
     clock = VirtualClock()
     link = Loop(clock=clock)
     link.reading_age_s = 0.05  # type: ignore[attr-defined]
@@ -134,7 +134,7 @@ def test_age_of_what_a_device_tells_unasked_is_part_of_the_delay() -> None:
     assert device.promises.delays_s == {"b": pytest.approx(-0.05)}
 
 
-def test_delays_are_known_before_the_first_sample() -> None:
+def test_delays_are_known_before_the_first_sample():
     clock = VirtualClock()
     first, second = Loop(clock=clock), Loop(clock=clock)
     first.takes_s, second.takes_s = 4e-3, 2e-3
@@ -148,7 +148,7 @@ def test_delays_are_known_before_the_first_sample() -> None:
     }
 
 
-def test_stream_asks_for_the_next_waveform_while_one_plays() -> None:
+def test_stream_asks_for_the_next_waveform_while_one_plays():
     link, seen = Loop(), []
 
     def waveforms():  # type: ignore[no-untyped-def]
@@ -160,7 +160,7 @@ def test_stream_asks_for_the_next_waveform_while_one_plays() -> None:
     assert seen[1] < 10 and 10 <= seen[2] < 20 + 10
 
 
-def test_sample_that_is_late_counts_and_those_after_it_catch_up_without_a_burst() -> None:
+def test_sample_that_is_late_counts_and_those_after_it_catch_up_without_a_burst():
     device, _ = timed(takes_s=1e-4, stalls={12: 0.03})
     block = joined(list(device.play(ramp(60))))
     steps_s = np.diff(block.time_s)
@@ -170,7 +170,7 @@ def test_sample_that_is_late_counts_and_those_after_it_catch_up_without_a_burst(
     assert block.time_s[-1] - block.time_s[0] == pytest.approx(59 / RATE_HZ, abs=1e-6)
 
 
-def test_rate_beyond_what_the_link_has_shown_is_refused() -> None:
+def test_rate_beyond_what_the_link_has_shown_is_refused():
     slow, _ = timed(takes_s=0.005)
     assert slow.promises.highest_rate_hz == pytest.approx(80.0)
     assert slow.promises.latency_s == pytest.approx(0.005)
@@ -178,7 +178,7 @@ def test_rate_beyond_what_the_link_has_shown_is_refused() -> None:
         slow.actual_rate_hz(81.0)
 
 
-def test_blocks_end_by_the_clock_where_samples_come_late() -> None:
+def test_blocks_end_by_the_clock_where_samples_come_late():
     device, link = timed()
     link.takes_s = 0.02  # slower than it was when it was opened: 40 ms for a sample, 5 ms are planned
     blocks = list(device.play(ramp(20), 20))  # a block for 0.1 s
@@ -187,7 +187,7 @@ def test_blocks_end_by_the_clock_where_samples_come_late() -> None:
     assert device.promises.sample_s == pytest.approx(0.04)
 
 
-def test_link_that_falls_behind_says_at_once_how_long_nothing_is_seen() -> None:
+def test_link_that_falls_behind_says_at_once_how_long_nothing_is_seen():
     device, _ = timed(takes_s=0.001, slow_readings={20: 0.03})
     list(device.play(ramp()))  # its last sample is the slow one
     assert device.promises.blind_s == pytest.approx(0.032)
@@ -195,7 +195,7 @@ def test_link_that_falls_behind_says_at_once_how_long_nothing_is_seen() -> None:
     assert device.promises.blind_s == 0.0
 
 
-def test_whole_waveforms_are_counted_where_blocks_end_early() -> None:
+def test_whole_waveforms_are_counted_where_blocks_end_early():
     device, link = timed()
     link.takes_s = 0.02
     asked: list[int] = []
@@ -211,7 +211,7 @@ def test_whole_waveforms_are_counted_where_blocks_end_early() -> None:
     assert 1 + sum(len(block) for block in blocks) > 57 and len(asked) == 3
 
 
-def test_link_that_has_become_too_slow_for_its_blocks_ends_the_task_in_words() -> None:
+def test_link_that_has_become_too_slow_for_its_blocks_ends_the_task_in_words():
     device, link = timed()
     link.takes_s = 0.15
     begun_s = device._clock.now_s
@@ -223,12 +223,12 @@ def test_link_that_has_become_too_slow_for_its_blocks_ends_the_task_in_words() -
     assert link.value == -1.0
 
 
-def test_one_long_stall_does_not_end_a_task() -> None:
+def test_one_long_stall_does_not_end_a_task():
     device, _ = timed(takes_s=1e-4, stalls={12: 2.0})
     assert len(joined(list(device.play(ramp(100), 20)))) == 100
 
 
-def test_link_too_slow_for_the_watchdog_of_its_device_is_refused_at_opening() -> None:
+def test_link_too_slow_for_the_watchdog_of_its_device_is_refused_at_opening():
     with pytest.raises(LinkError, match=r"loop: a sample takes 0\.2 s as measured, too long .* watchdog_s = 0\.2 s"):
         timed(takes_s=0.1, watchdog_s=0.2)
     device, link = timed(takes_s=0.01, watchdog_s=0.5)
@@ -238,7 +238,7 @@ def test_link_too_slow_for_the_watchdog_of_its_device_is_refused_at_opening() ->
         device.actual_rate_hz(2.0)
 
 
-def test_nothing_is_driven_on_after_the_computer_has_slept() -> None:
+def test_nothing_is_driven_on_after_the_computer_has_slept():
     device, link = timed()
     list(device.play(ramp()))
     count = len(link.written)
@@ -251,7 +251,7 @@ def test_nothing_is_driven_on_after_the_computer_has_slept() -> None:
     assert link.value == -1.0
 
 
-def test_nothing_is_kept_alive_after_the_computer_has_slept() -> None:
+def test_nothing_is_kept_alive_after_the_computer_has_slept():
     clock = VirtualClock()
     link = Loop(keep_alive_s=0.01)
     with closing(PolledDaq({"loop": link}, {"loop": wiring()}, clock)) as device:
@@ -263,7 +263,7 @@ def test_nothing_is_kept_alive_after_the_computer_has_slept() -> None:
             list(device.play(ramp()))
 
 
-def test_blocks_before_a_failure_are_handed_over_before_it_is_raised() -> None:
+def test_blocks_before_a_failure_are_handed_over_before_it_is_raised():
     link = Loop()
     device = daq(link)
     blocks = device.play(ramp(40), 10)
@@ -276,7 +276,7 @@ def test_blocks_before_a_failure_are_handed_over_before_it_is_raised() -> None:
     assert link.value == -1.0 and device.levels == {"a": -1.0}
 
 
-def test_reader_that_leaves_early_ends_the_task() -> None:
+def test_reader_that_leaves_early_ends_the_task():
     link = Loop()
     blocks = daq(link).play(ramp(400), 10)
     next(blocks)
@@ -286,7 +286,7 @@ def test_reader_that_leaves_early_ends_the_task() -> None:
     assert len(link.written) == count < 400
 
 
-def test_program_that_brings_no_waveform_loses_the_task() -> None:
+def test_program_that_brings_no_waveform_loses_the_task():
     pause = threading.Event()
 
     def waveforms():  # type: ignore[no-untyped-def]
@@ -298,7 +298,7 @@ def test_program_that_brings_no_waveform_loses_the_task() -> None:
         list(daq(Loop()).stream(waveforms()))
 
 
-def test_nothing_is_played_after_outputs_could_not_be_made_safe_until_they_were() -> None:
+def test_nothing_is_played_after_outputs_could_not_be_made_safe_until_they_were():
     link = Loop()
     device = daq(link)
     link.failures = [LinkError("no answer")]
@@ -313,7 +313,7 @@ def test_nothing_is_played_after_outputs_could_not_be_made_safe_until_they_were(
     assert link.closed == 1
 
 
-def test_one_link_that_is_gone_does_not_keep_the_others_from_safety() -> None:
+def test_one_link_that_is_gone_does_not_keep_the_others_from_safety():
     gone, good = Loop(), Loop()
     device = PolledDaq({"gone": gone, "good": good}, {"gone": wiring("1"), "good": wiring("2")})
     gone.failures = [DeviceLostError("cable pulled")] * 4
@@ -322,7 +322,7 @@ def test_one_link_that_is_gone_does_not_keep_the_others_from_safety() -> None:
     assert good.value == -1.0 and device.levels == {"a1": 1.5, "a2": -1.0}
 
 
-def test_devices_share_one_time_base() -> None:
+def test_devices_share_one_time_base():
     clock = VirtualClock()
     links = {"x": Loop(clock=clock), "y": Loop(clock=clock)}
     links["x"].takes_s = links["y"].takes_s = 1e-4
@@ -333,7 +333,7 @@ def test_devices_share_one_time_base() -> None:
     assert 0.0 < delays["b1"] < delays["b2"]
 
 
-def test_levels_are_driven_again_in_a_pause() -> None:
+def test_levels_are_driven_again_in_a_pause():
     link = Loop(keep_alive_s=0.02)
     device = daq(link)
     device.make_safe()

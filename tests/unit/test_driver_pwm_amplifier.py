@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -79,7 +78,7 @@ def linked(channel: OutputChannel = OUT, **settings: Any) -> Iterator[tuple[Any,
         server.close()
 
 
-def test_current_carrier_and_dither_are_what_the_bench_says() -> None:
+def test_current_carrier_and_dither_are_what_the_bench_says():
     with linked() as (link, amplifier):
         link.drive({"current": 1.2344})
         assert [amplifier.holding(address) for address in range(5)] == [1234, 1000, 1250, 20, 600]
@@ -88,12 +87,12 @@ def test_current_carrier_and_dither_are_what_the_bench_says() -> None:
         assert link.standing() == pytest.approx(stands)
 
 
-def test_without_dither_there_is_none() -> None:
+def test_without_dither_there_is_none():
     with linked(replace(OUT, pwm=Pwm(400.0))) as (_, amplifier):
         assert [amplifier.holding(address) for address in (1, 2, 3)] == [400, 100, 0]
 
 
-def test_dither_moves_the_coil_only_once_it_is_set() -> None:
+def test_dither_moves_the_coil_only_once_it_is_set():
     clock = VirtualClock()
     terminals = side(clock)
     amplifier = Amplifier(terminals)
@@ -124,7 +123,7 @@ def test_dither_moves_the_coil_only_once_it_is_set() -> None:
         (Pwm(1000.0, 100.0, 0.7), r"pwm.dither_amplitude = 0.7 A; the amplifier makes 0 … 0.5 A"),
     ],
 )
-def test_what_it_does_not_make_is_refused_before_it_is_connected(pwm: Pwm, text: str) -> None:
+def test_what_it_does_not_make_is_refused_before_it_is_connected(pwm, text):
     settings = pwm_amplifier.Settings(address="127.0.0.1:1")
     with pytest.raises(SettingError, match=text):
         pwm_amplifier.open_link(settings, replace(WIRING, outputs={"current": replace(OUT, pwm=pwm)}))
@@ -139,7 +138,7 @@ def test_what_it_does_not_make_is_refused_before_it_is_connected(pwm: Pwm, text:
         (None, "carrier stands at 100 Hz, not at 1000 Hz as it was driven"),  # it restarts
     ],
 )
-def test_faults_that_it_reports_and_a_restart_are_errors(status: int | None, text: str) -> None:
+def test_faults_that_it_reports_and_a_restart_are_errors(status, text):
     with linked() as (link, amplifier):
         link.drive({"current": 0.0})
         if status is None:
@@ -154,7 +153,7 @@ def _read_until_looked_at(link: Any) -> None:
     until(lambda: link.read() is None)
 
 
-def test_expired_watchdog_lets_no_current_through_until_it_is_set_anew() -> None:
+def test_expired_watchdog_lets_no_current_through_until_it_is_set_anew():
     clock = VirtualClock()
     amplifier = Amplifier(side(clock))
     amplifier.heard()
@@ -176,14 +175,14 @@ def test_expired_watchdog_lets_no_current_through_until_it_is_set_anew() -> None
 @pytest.mark.parametrize(
     ("address", "count", "code"), [(0, 3001, 3), (1, 99, 3), (1, 5001, 3), (2, 5001, 3), (3, 501, 3), (5, 0, 2)]
 )
-def test_twin_refuses_what_is_out_of_range(address: int, count: int, code: int) -> None:
+def test_twin_refuses_what_is_out_of_range(address, count, code):
     amplifier = Amplifier(side(VirtualClock()))
     with pytest.raises(Refused) as refused:
         amplifier.may_write(address, count)
     assert refused.value.code == code
 
 
-def test_driver_after_the_watchdog_expired_drives_again_when_it_is_opened_anew() -> None:
+def test_driver_after_the_watchdog_expired_drives_again_when_it_is_opened_anew():
     with linked(watchdog_s=1.0) as (link, amplifier):
         link.drive({"current": 1.0})
         until(lambda: amplifier.side.standing("current") == 0.0)
@@ -200,7 +199,7 @@ def test_driver_after_the_watchdog_expired_drives_again_when_it_is_opened_anew()
         assert amplifier.side.standing("current") == 1.0
 
 
-def test_coil_of_an_efc_is_measured_over_the_link(tmp_path: Path) -> None:
+def test_coil_of_an_efc_is_measured_over_the_link(tmp_path):
     procedure = load_procedure("electrical_check")
     with served("cummins-efc-modbus", tmp_path, *PATIENT) as (file, _):
         settings = {"repeats": 2, "hold_s": 0.4}

@@ -67,7 +67,7 @@ def scanner(**settings: Any) -> Any:
     return linked(scpi, scpi_twin, SCANNER, model="scanner", **settings)
 
 
-def test_lines_of_the_module_as_its_manual_prints_them() -> None:
+def test_lines_of_the_module_as_its_manual_prints_them():
     side = by_hand(MODULE)
     told = module_twin.Module(side, module_of("adam-4024"), 0x0A)
     conversation = [
@@ -81,14 +81,14 @@ def test_lines_of_the_module_as_its_manual_prints_them() -> None:
     assert side.standing("ao0") == 7.456
 
 
-def test_module_is_driven_and_read_back() -> None:
+def test_module_is_driven_and_read_back():
     with module() as (link, _, side):
         link.drive({"ao0": -3.25})
         assert side.standing("ao0") == -3.25
         assert link.standing() == {"ao0": -3.25}
 
 
-def test_module_with_inputs_is_read() -> None:
+def test_module_with_inputs_is_read():
     used = Wiring({}, INPUTS.inputs)
     with linked(ascii_module, module_twin, INPUTS, used=used, model="adam-4017") as (link, _, side):
         side.drive({"unused": 4.5})
@@ -96,7 +96,7 @@ def test_module_with_inputs_is_read() -> None:
         assert link.read() == {"ai2": pytest.approx(4.5, abs=2e-3)}
 
 
-def test_another_module_than_the_one_that_was_named_is_refused() -> None:
+def test_another_module_than_the_one_that_was_named_is_refused():
     side = module_twin.world(SIMULATION, {"": MODULE}).side("")
     served = module_twin.serve({"model": "adam-4017", "address": "socket://127.0.0.1:0"}, side, Quirks())
     with pytest.raises(LinkError, match="module 01 is a '4017', not a 4024"):
@@ -104,7 +104,7 @@ def test_another_module_than_the_one_that_was_named_is_refused() -> None:
     served.close()
 
 
-def test_watchdog_of_the_module_makes_safe_by_itself_and_the_driver_notices() -> None:
+def test_watchdog_of_the_module_makes_safe_by_itself_and_the_driver_notices():
     with module(watchdog_s=0.2) as (link, _, side):
         link.drive({"ao0": 5.0})
         until(lambda: side.standing("ao0") == 0.0)
@@ -115,7 +115,7 @@ def test_watchdog_of_the_module_makes_safe_by_itself_and_the_driver_notices() ->
         link._outputs_stand()  # the module tells what it was sent last; only the driver's own clock gives it away
 
 
-def test_another_master_is_noticed() -> None:
+def test_another_master_is_noticed():
     with module() as (link, served, _):
         link.drive({"ao0": 5.0})
         served._device.answer_to("#01C0+01.000")
@@ -123,14 +123,14 @@ def test_another_master_is_noticed() -> None:
             link._outputs_stand()
 
 
-def test_output_that_is_set_to_give_a_current_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_output_that_is_set_to_give_a_current_is_refused(monkeypatch):
     monkeypatch.setattr(module_twin.Module, "_answered_value", lambda self, what, channel: "!01C030")
     with pytest.raises(LinkError, match="ao0 is of output type 30, not 32"), module():
         pass
 
 
 @pytest.mark.parametrize("port", ["", "tty"], ids=["socket", "serial port"])
-def test_scanner_is_driven_and_read(port: str, tmp_path: Any) -> None:
+def test_scanner_is_driven_and_read(port, tmp_path):
     with scanner(**({"address": str(tmp_path / port)} if port else {})) as (link, _, side):
         link.drive({"dac4": 6.5})
         time.sleep(0.003)
@@ -158,7 +158,7 @@ def bridged(listener: socket.socket, device: Any) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial's own
-def test_scanner_behind_a_serial_server_after_rfc_2217() -> None:
+def test_scanner_behind_a_serial_server_after_rfc_2217():
     side = by_hand(SCANNER)
     with socket.create_server(("127.0.0.1", 0)) as listener:
         thread = threading.Thread(target=bridged, args=(listener, instrument(side)))
@@ -172,7 +172,7 @@ def test_scanner_behind_a_serial_server_after_rfc_2217() -> None:
     assert not thread.is_alive()
 
 
-def test_error_queue_keeps_the_oldest_and_says_when_it_ran_over() -> None:
+def test_error_queue_keeps_the_oldest_and_says_when_it_ran_over():
     scanner_ = instrument(by_hand(SCANNER))
     for _ in range(25):
         assert scanner_.answer_to("NONSENSE 1") is None
@@ -187,21 +187,21 @@ def test_error_queue_keeps_the_oldest_and_says_when_it_ran_over() -> None:
         ("SOUR:VOLT 13,(@204)", -222), ("*ESE", -109), ("*ESE x", -121), ("*CLS 1", -108), ("SOU:VOLT 1,(@204)", -113),
     ],
 )  # fmt: skip
-def test_errors_by_their_numbers_in_the_standard(message: str, code: int) -> None:
+def test_errors_by_their_numbers_in_the_standard(message, code):
     side = by_hand(SCANNER)
     scanner_ = instrument(side)
     assert str(scanner_.answer_to(f"{message};:SYST:ERR?")).startswith(f"{code},")
     assert side.standing("dac4") == 0.0
 
 
-def test_refused_command_is_raised_with_the_error_of_the_instrument() -> None:
+def test_refused_command_is_raised_with_the_error_of_the_instrument():
     with scanner() as (link, _, _):
         with pytest.raises(LinkError, match=r"refused SOUR:VOLT 13\.00000,\(@204\): -222 Data out of range"):
             link.drive({"dac4": 13.0})
         link.drive({"dac4": 1.0})
 
 
-def test_meter_without_a_measurement_says_so() -> None:
+def test_meter_without_a_measurement_says_so():
     with scanner() as (link, served, _):
         served.behaviour.quirks = Quirks(not_a_number=True)
         assert math.isnan(link.read()["in3"])
@@ -213,7 +213,7 @@ def test_meter_without_a_measurement_says_so() -> None:
     [(scanner, "SOUR:VOLT -5,(@204)"), (module, "#01C0-05.000")],
     ids=["scpi", "module"],
 )
-def test_bad_answer_is_an_error_and_the_next_one_is_right(make: Any, elsewhere: str, quirk: str) -> None:
+def test_bad_answer_is_an_error_and_the_next_one_is_right(make, elsewhere, quirk):
     with make() as (link, served, _):
         (terminal,) = link.standing()
         link.drive({terminal: 5.0})
@@ -228,7 +228,7 @@ def test_bad_answer_is_an_error_and_the_next_one_is_right(make: Any, elsewhere: 
 
 
 @pytest.mark.parametrize("make", [scanner, module], ids=["scpi", "module"])
-def test_safe_value_does_not_wait_for_a_line_that_is_not_clean(make: Any) -> None:
+def test_safe_value_does_not_wait_for_a_line_that_is_not_clean(make):
     with make(longest_reply_s=4.0) as (link, served, side):
         (terminal,) = link.standing()
         link.drive({terminal: 5.0})
@@ -242,14 +242,14 @@ def test_safe_value_does_not_wait_for_a_line_that_is_not_clean(make: Any) -> Non
         thread.join()
 
 
-def test_line_that_is_gone_is_a_lost_device() -> None:
+def test_line_that_is_gone_is_a_lost_device():
     with scanner() as (link, served, _):
         served.close()
         with pytest.raises(DeviceLostError):
             link.read()
 
 
-def test_no_port_is_said_at_once(tmp_path: Any) -> None:
+def test_no_port_is_said_at_once(tmp_path):
     settings = scpi.Settings(model="scanner", address=str(tmp_path / "none"))
     with pytest.raises(DeviceLostError, match="cannot be opened"):
         scpi.open_link(settings, SCANNER)
@@ -266,7 +266,7 @@ TARGETS = [
 
 
 @given(HOSTILE, st.sampled_from(TARGETS))
-def test_hostile_bytes_neither_crash_nor_hang_nor_move_an_output(received: bytes, target: Any) -> None:
+def test_hostile_bytes_neither_crash_nor_hang_nor_move_an_output(received, target):
     received += target.end
     for _ in range(len(received) + 1):
         request, received = target.request_in(received)
@@ -278,7 +278,7 @@ def test_hostile_bytes_neither_crash_nor_hang_nor_move_an_output(received: bytes
 
 
 @pytest.mark.parametrize("driver", [scpi, ascii_module])
-def test_settings_that_cannot_be_are_told(driver: ModuleType) -> None:
+def test_settings_that_cannot_be_are_told(driver):
     model = {"scpi": "scanner", "ascii_module": "adam-4017"}[driver.__name__.removeprefix("drivers.")]
     told = {"model": model, "address": "x", "timeout_s": 3.0, **({"watchdog_s": 1.0} if "adam" in model else {})}
     found = [text for _, text in driver.faults(driver.Settings.model_validate(told))]

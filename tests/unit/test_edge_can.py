@@ -53,7 +53,7 @@ ILL = (
 
 
 @pytest.fixture(autouse=True)
-def _sick(monkeypatch: pytest.MonkeyPatch) -> None:
+def _sick(monkeypatch):
     monkeypatch.setitem(can.interfaces.BACKENDS, "sick", ("tests.sick_bus", "SickBus"))
     monkeypatch.setattr(can.util, "VALID_INTERFACES", can.VALID_INTERFACES | {"sick"})
     monkeypatch.setattr(SickBus, "illness", {})
@@ -62,7 +62,7 @@ def _sick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def bus(request: pytest.FixtureRequest) -> str:
+def bus(request):
     return str(request.node.name)
 
 
@@ -96,7 +96,7 @@ def moved(kind: str, link: Any, percent: float) -> dict[str, float]:
 @pytest.mark.parametrize("where", ["send", "recv"])
 @pytest.mark.parametrize("error", ILL, ids=lambda e: f"{type(e).__name__}")
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_bus_that_falls_ill_is_a_lost_device_by_name(kind: str, error: Exception, where: str, bus: str) -> None:
+def test_a_bus_that_falls_ill_is_a_lost_device_by_name(kind, error, where, bus):
     threads = {thread.name for thread in threading.enumerate()}
     with linked(kind, bus) as link:
         moved(kind, link, 20.0)
@@ -117,20 +117,20 @@ def test_a_bus_that_falls_ill_is_a_lost_device_by_name(kind: str, error: Excepti
 
 @pytest.mark.parametrize("where", ["send", "recv"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_bus_that_is_ill_at_opening_is_named_and_let_go_of(kind: str, where: str, bus: str) -> None:
+def test_a_bus_that_is_ill_at_opening_is_named_and_let_go_of(kind, where, bus):
     SickBus.illness[where] = ILL[0]
     with pytest.raises(DeviceLostError, match=r"the bus is gone: .*No buffer space"), linked(kind, bus):
         pass
     assert not [thread for thread in threading.enumerate() if thread.name.startswith("can.notifier")]
 
 
-def test_no_such_interface_is_named() -> None:
+def test_no_such_interface_is_named():
     settings = j1939_valve.Settings(address="neverheard:0")
     with pytest.raises(DeviceLostError, match="neverheard:0: this bus cannot be opened: "):
         j1939_valve.open_link(settings, J1939)
 
 
-def test_frames_with_29_bits_belong_to_others(bus: str) -> None:
+def test_frames_with_29_bits_belong_to_others(bus):
     """A frame of J1939 whose identifier is 0x181 is no process data of node 1."""
     with can.Bus(interface="virtual", channel=bus) as other, linked("canopen", bus) as link:
         moved("canopen", link, 40.0)
@@ -153,7 +153,7 @@ def test_frames_with_29_bits_belong_to_others(bus: str) -> None:
             thread.join()
 
 
-def test_another_master_that_drives_the_valve_is_noticed(bus: str) -> None:
+def test_another_master_that_drives_the_valve_is_noticed(bus):
     with can.Bus(interface="virtual", channel=bus) as other, linked("canopen", bus) as link:
         moved("canopen", link, 70.0)
         pulls = can.Message(arbitration_id=0x501, data=struct.pack("<Hhh", 7, 4588, 0), is_extended_id=False)
@@ -171,7 +171,7 @@ def test_another_master_that_drives_the_valve_is_noticed(bus: str) -> None:
             until(pulled, PATIENCE_S)
 
 
-def test_process_data_of_another_length_are_no_answer(bus: str) -> None:
+def test_process_data_of_another_length_are_no_answer(bus):
     """Another program has it carry the actual value alone."""
     with can.Bus(interface="virtual", channel=bus) as other, linked("canopen", bus) as link:
 
@@ -193,7 +193,7 @@ def test_process_data_of_another_length_are_no_answer(bus: str) -> None:
 @pytest.mark.parametrize(
     "garbled", [b"", b"\x00", b"\xff" * 8, b"\x43\x00\x63", b"\x80" + bytes(7), b"\x41" + bytes(7)]
 )
-def test_whatever_answers_a_question_is_a_value_or_a_named_error(garbled: bytes) -> None:
+def test_whatever_answers_a_question_is_a_value_or_a_named_error(garbled):
     def answers(_wait_s: float) -> None:
         server.take(0x581, garbled)
 
@@ -203,7 +203,7 @@ def test_whatever_answers_a_question_is_a_value_or_a_named_error(garbled: bytes)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_an_adapter_that_echoes(kind: str, bus: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_adapter_that_echoes(kind, bus, monkeypatch):
     monkeypatch.setattr(SickBus, "echoes", True)
     if kind == "j1939":
         with (
@@ -215,7 +215,7 @@ def test_an_adapter_that_echoes(kind: str, bus: str, monkeypatch: pytest.MonkeyP
         assert next(iter(moved(kind, link, 30.0).values())) == pytest.approx(30.0, abs=1.0)
 
 
-def test_with_an_echo_another_controller_still_takes_the_address(bus: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_with_an_echo_another_controller_still_takes_the_address(bus, monkeypatch):
     monkeypatch.setattr(SickBus, "echoes", True)
     with can.Bus(interface="virtual", channel=bus) as other, linked("j1939", bus, echo=True) as link:
         moved("j1939", link, 30.0)
@@ -225,15 +225,13 @@ def test_with_an_echo_another_controller_still_takes_the_address(bus: str, monke
 
 
 @pytest.mark.parametrize(("kind", "said"), [("canopen", "node 1, vendor 0x"), ("j1939", "NAME 0x2000810000000001")])
-def test_what_a_valve_says_of_itself(kind: str, said: str, bus: str) -> None:
+def test_what_a_valve_says_of_itself(kind, said, bus):
     with linked(kind, bus) as link:
         moved(kind, link, 10.0)
         assert link.identity.startswith(said)
 
 
-def test_frames_are_logged_for_who_listens_and_nobody_else_is_silenced(
-    bus: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_frames_are_logged_for_who_listens_and_nobody_else_is_silenced(bus, caplog):
     before = {name: logging.getLogger(name).level for name in ("can", "canopen")}
     for kind in KINDS:
         with linked(kind, bus) as link:
@@ -247,7 +245,7 @@ def test_frames_are_logged_for_who_listens_and_nobody_else_is_silenced(
     assert {name: logging.getLogger(name).level for name in before} == before
 
 
-def test_traceback_that_a_library_puts_into_its_text_is_left_out() -> None:
+def test_traceback_that_a_library_puts_into_its_text_is_left_out():
     try:
         float("0*000")
     except ValueError:
@@ -256,7 +254,7 @@ def test_traceback_that_a_library_puts_into_its_text_is_left_out() -> None:
     assert message_of(OSError("two\n lines")) == "two lines"
 
 
-def test_a_bus_that_says_no_end_of_things_is_told_in_one_short_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bus_that_says_no_end_of_things_is_told_in_one_short_line(monkeypatch):
     def endless(**_settings: object) -> object:
         raise can.CanError("Expected '< hi >' got: " + "< hi >" * 5000)
 

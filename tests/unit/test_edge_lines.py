@@ -101,13 +101,13 @@ def source(device: Callable[[bytes], bytes | None], **more: Any) -> Any:
     return linked(scpi, "dc-source", device, COIL, **more)
 
 
-def test_inputs_are_read_in_the_one_form_that_the_manual_has() -> None:
+def test_inputs_are_read_in_the_one_form_that_the_manual_has():
     with module(Module(), inputs("ai0", "ai4", "ai7")) as link:
         assert link.read() == {"ai0": 1.234, "ai4": -9.999, "ai7": -0.001}
         assert link.identity == "4017 at 01"
 
 
-def test_readings_with_a_lost_byte_are_no_answer() -> None:
+def test_readings_with_a_lost_byte_are_no_answer():
     def reads(lost: int) -> None:
         device = Module()
         with module(device, inputs("ai0")) as link:
@@ -119,7 +119,7 @@ def test_readings_with_a_lost_byte_are_no_answer() -> None:
 
 
 @pytest.mark.parametrize(("request_of", "count"), [("#01C0", 4), ("$016C0", 11)])
-def test_an_acknowledgement_or_read_back_with_a_lost_byte_is_no_answer(request_of: str, count: int) -> None:
+def test_an_acknowledgement_or_read_back_with_a_lost_byte_is_no_answer(request_of, count):
     def asks(lost: int) -> None:
         device, spoils = Module(name="4024"), [False]
 
@@ -143,7 +143,7 @@ def test_an_acknowledgement_or_read_back_with_a_lost_byte_is_no_answer(request_o
     ("said", "read"),
     [("+9999", math.inf), ("-0000", -math.inf), ("+9999.9", math.inf), ("-9999.9", -math.inf), ("+09.999", 9.999)],
 )
-def test_what_a_module_says_beyond_its_range_is_no_number(said: str, read: float) -> None:
+def test_what_a_module_says_beyond_its_range_is_no_number(said, read):
     device = Module()
     device.readings = ">" + said + 7 * "+00.000"
     with module(device, inputs("ai0", "ai1")) as link:
@@ -159,12 +159,12 @@ def test_what_a_module_says_beyond_its_range_is_no_number(said: str, read: float
         ("080602", "format hexadecimal"),
     ],
 )
-def test_a_module_that_is_set_otherwise_is_refused_at_opening(settings: str, says: str) -> None:
+def test_a_module_that_is_set_otherwise_is_refused_at_opening(settings, says):
     with pytest.raises(LinkError, match=says), module(Module(settings), inputs("ai0")):
         pass
 
 
-def test_an_echo_is_named_and_a_setting_helps() -> None:
+def test_an_echo_is_named_and_a_setting_helps():
     device = Module()
     with (
         pytest.raises(LinkError, match="what was sent came back: the adapter echoes, say echo = true"),
@@ -177,7 +177,7 @@ def test_an_echo_is_named_and_a_setting_helps() -> None:
         assert link.read()["ai0"] == 1.234
 
 
-def test_a_pause_between_frames_and_noise_around_them() -> None:
+def test_a_pause_between_frames_and_noise_around_them():
     device, answered_s = Module(), [0.0]
 
     def slow(came: bytes) -> bytes:
@@ -194,7 +194,7 @@ def test_a_pause_between_frames_and_noise_around_them() -> None:
         module(lambda _came: b"", inputs("ai0")).__enter__()
 
 
-def test_what_has_no_answer_waits_for_the_pause_too() -> None:
+def test_what_has_no_answer_waits_for_the_pause_too():
     came_s: list[float] = []
 
     def device(came: bytes) -> bytes:
@@ -219,7 +219,7 @@ def test_what_has_no_answer_waits_for_the_pause_too() -> None:
         (" 1.5", 1.5), ("-.25", -0.25), ("3", 3.0),
     ],
 )  # fmt: skip
-def test_an_overload_is_no_number(said: str, read: float) -> None:
+def test_an_overload_is_no_number(said, read):
     with source(Instrument(amperes=said)) as link:
         found = link.read()
         assert found["coil current"] == pytest.approx(read, nan_ok=True) and found["coil voltage"] == 12.0
@@ -227,7 +227,7 @@ def test_an_overload_is_no_number(said: str, read: float) -> None:
 
 
 @pytest.mark.parametrize("said", ["", "1,5", "1.5 A", "x", "1_0", "++1", "0x10", "1.5;2.5"])
-def test_what_is_no_number_is_no_answer(said: str) -> None:
+def test_what_is_no_number_is_no_answer(said):
     device = Instrument()
     with source(device) as link:
         device.amperes = said
@@ -236,13 +236,13 @@ def test_what_is_no_number_is_no_answer(said: str) -> None:
 
 
 @pytest.mark.parametrize("none", ['0,"No error"', '+0, "No error"', '0 , "No error; queue empty"'])
-def test_no_error_in_many_spellings(none: str) -> None:
+def test_no_error_in_many_spellings(none):
     with source(Instrument(error=none)) as link:
         link.drive({"current": 1.0})
         assert link.standing() == {"current": 1.0}
 
 
-def test_an_error_text_with_a_semicolon_is_told_whole() -> None:
+def test_an_error_text_with_a_semicolon_is_told_whole():
     with (
         source(Instrument(error='-222,"Data out of range; ""CURR"" 5 A"')) as link,
         pytest.raises(LinkError, match=r'-222 Data out of range; ""CURR"" 5 A'),
@@ -250,7 +250,7 @@ def test_an_error_text_with_a_semicolon_is_told_whole() -> None:
         link.drive({"current": 1.0})
 
 
-def test_a_source_with_coarse_steps_works_when_they_are_said() -> None:
+def test_a_source_with_coarse_steps_works_when_they_are_said():
     device = Instrument()
     device.step = 0.01
     for step, works in ((0.0, False), (0.01, True)):
@@ -265,7 +265,7 @@ def test_a_source_with_coarse_steps_works_when_they_are_said() -> None:
 
 
 @pytest.mark.parametrize(("end", "answers_with"), [*ENDS.items(), ("LF", b"\r\n")])
-def test_line_ends(end: Any, answers_with: bytes) -> None:
+def test_line_ends(end, answers_with):
     device = Instrument()
     device.end = ENDS[end]
     with source(lambda came: device(came).replace(device.end, answers_with), end=end) as link:
@@ -279,7 +279,7 @@ def test_line_ends(end: Any, answers_with: bytes) -> None:
     ids=lambda e: type(e).__name__,
 )  # fmt: skip
 @pytest.mark.parametrize("make", ["module", "source"])
-def test_whatever_the_port_raises_is_a_named_error(make: str, error: Exception) -> None:
+def test_whatever_the_port_raises_is_a_named_error(make, error):
     linked_to = module(Module(name="4024"), OUT, "adam-4024") if make == "module" else source(Instrument())
     with linked_to as link:
         (terminal,) = link.standing()
@@ -296,7 +296,7 @@ SPOILED = (b"", b"\xfe\r", b"\n", b"!01\r!01\r", b"?01\r", b";;;\n", b'1;2;+0,"'
 
 
 @pytest.mark.parametrize("make", [module, source])
-def test_whatever_comes_back_is_a_reading_or_a_named_error(make: Any) -> None:
+def test_whatever_comes_back_is_a_reading_or_a_named_error(make):
     def reads(spoiled: bytes) -> None:
         device, spoil = Module() if make is module else Instrument(), [False]
 
@@ -314,7 +314,7 @@ def test_whatever_comes_back_is_a_reading_or_a_named_error(make: Any) -> None:
     side_by_side(reads, SPOILED)
 
 
-def test_lines_are_logged_for_who_listens(caplog: pytest.LogCaptureFixture) -> None:
+def test_lines_are_logged_for_who_listens(caplog):
     with module(Module(), inputs("ai0")) as link:
         link.read()
         assert not caplog.records
@@ -324,7 +324,7 @@ def test_lines_are_logged_for_who_listens(caplog: pytest.LogCaptureFixture) -> N
     assert said == [r"→ b'#01\r'", f"← b'{READINGS}\\r'"]
 
 
-def test_a_line_that_nobody_serves_is_named_once() -> None:
+def test_a_line_that_nobody_serves_is_named_once():
     address = f"socket://127.0.0.1:{free_port()}"
     with pytest.raises(DeviceLostError) as told:
         Line(SerialSettings(address=address, timeout_s=1.0), "\n", "\n", driver="text")

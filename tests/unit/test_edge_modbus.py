@@ -64,7 +64,7 @@ def linked(
             yield link
 
 
-def test_neighbouring_addresses_of_two_tables_are_two_requests() -> None:
+def test_neighbouring_addresses_of_two_tables_are_two_requests():
     """Address 0 of the input registers and 1 of the holding registers are no neighbours."""
     device = Tables(holding={0: 111, 1: 222}, inputs={0: 444, 1: 333})
     model = Model({"a": gauge("u16", "input", 0), "b": gauge("u16", "holding", 1)})
@@ -73,14 +73,14 @@ def test_neighbouring_addresses_of_two_tables_are_two_requests() -> None:
 
 
 @pytest.mark.parametrize(("order", "data"), ORDERS.items())
-def test_byte_orders_by_name(order: Any, data: str) -> None:
+def test_byte_orders_by_name(order, data):
     device = Tables(inputs=dict(enumerate(registers(data))))
     with linked(device.on_tcp, DEG_C, word_order=order) as link:
         assert link.read()["t"] == pytest.approx(45.3, rel=1e-6)
 
 
 @pytest.mark.parametrize("data", [d for name, d in ORDERS.items() if name in ("CDAB", "BADC", "DCBA")])
-def test_a_float_in_another_byte_order_is_no_measurement(data: str) -> None:
+def test_a_float_in_another_byte_order_is_no_measurement(data):
     device = Tables(inputs=dict(enumerate(registers(ORDERS["ABCD"]))))
     with linked(device.on_tcp, DEG_C) as link:
         assert link.read()["t"] == pytest.approx(45.3, rel=1e-6)
@@ -100,7 +100,7 @@ def test_a_float_in_another_byte_order_is_no_measurement(data: str) -> None:
         ([45.3, 2e4, 250.0, math.inf], [True, False, True, True]),  # beyond the range is not for the driver to judge
     ],
 )
-def test_what_counts_as_a_reading(readings: list[float], measured: list[bool]) -> None:
+def test_what_counts_as_a_reading(readings, measured):
     device = Tables()
     with linked(device.on_tcp, DEG_C) as link:
         for reading, good in zip(readings, measured, strict=True):
@@ -113,14 +113,14 @@ def test_what_counts_as_a_reading(readings: list[float], measured: list[bool]) -
     [("u16", [0xFFFE], 65.534), ("s16", [0xFFFE], -0.002), ("u32", [0x0001, 0xE240], 123.456),
      ("s32", [0x0001, 0xE240], 123.456), ("s32", [0xFFFE, 0x1DC0], -123.456)],
 )  # fmt: skip
-def test_formats_of_whole_numbers(form: Any, words: list[int], value: float) -> None:
+def test_formats_of_whole_numbers(form, words, value):
     device = Tables(inputs=dict(enumerate(words)))
     with linked(device.on_tcp, Model({"t": gauge(form, slope=1e-3)})) as link:
         assert link.read()["t"] == pytest.approx(value)
 
 
 @pytest.mark.parametrize(("key", "said"), [("type", "f16"), ("type", "int16"), ("table", "coils")])
-def test_an_unknown_format_or_table_is_no_register(key: str, said: str) -> None:
+def test_an_unknown_format_or_table_is_no_register(key, said):
     with pytest.raises(SettingError, match=rf"terminals\.t\.{key}: "):
         Model({"t": gauge(**{"at": 4, "form" if key == "type" else key: said})})
     with pytest.raises(SettingError, match="an output stands in a coil or a holding register"):
@@ -128,7 +128,7 @@ def test_an_unknown_format_or_table_is_no_register(key: str, said: str) -> None:
 
 
 @pytest.mark.parametrize("form", ["f32", "s32"])
-def test_outputs_in_two_registers_are_driven_and_read_back(form: Any) -> None:
+def test_outputs_in_two_registers_are_driven_and_read_back(form):
     device = Tables(holding={8: 0, 9: 0, 10: 0})
     model = Model({
         "p": Register("out", "value", "bar", -500.0, 500.0, "holding", 8, form, 1.0 if form == "f32" else 1e-3),
@@ -147,13 +147,13 @@ def test_outputs_in_two_registers_are_driven_and_read_back(form: Any) -> None:
 
 
 @given(value=st.floats(-500.0, 500.0, width=32), order=st.sampled_from(list(ORDERS)))
-def test_what_is_written_is_what_is_read(value: float, order: Any) -> None:
+def test_what_is_written_is_what_is_read(value, order):
     model = Model({"q": Register("out", "value", "bar", -500.0, 500.0, "holding", 0, "f32")}, word_order=order)
     register = model.registers["q"]
     assert register.value_of(register.words_of(value)) == value
 
 
-def test_a_gateway_that_numbers_by_itself_is_told_apart_from_silence() -> None:
+def test_a_gateway_that_numbers_by_itself_is_told_apart_from_silence():
     device = Tables(inputs=float_at(0, 45.3))
     with (
         linked(lambda frame: b"\x99\x02" + device.on_tcp(frame)[2:], DEG_C) as link,
@@ -166,7 +166,7 @@ def echoing(device: Tables) -> Callable[[bytes], bytes]:
     return lambda frame: frame + device.on_serial(frame)
 
 
-def test_an_adapter_that_echoes_is_named_and_a_setting_helps() -> None:
+def test_an_adapter_that_echoes_is_named_and_a_setting_helps():
     echoes, says = echoing(Tables(inputs={0: 453})), "what was sent came back: the adapter echoes, say echo = true"
     with linked(echoes, transport="rtu") as link, pytest.raises(LinkError, match=says):
         link.read()
@@ -174,7 +174,7 @@ def test_an_adapter_that_echoes_is_named_and_a_setting_helps() -> None:
         assert [link.read()["t"] for _ in range(3)] == [453.0] * 3
 
 
-def test_an_echo_of_what_was_written_is_named_too() -> None:
+def test_an_echo_of_what_was_written_is_named_too():
     """The echo of function 6 is just what its answer would be; what came behind it is taken for the next answer."""
     device = Tables(inputs={0: 453}, holding={4: 0, 8: 0, 9: 0})
     out = {name: Register("out", "value", "bar", 0.0, 9.0, "holding", at) for name, at in (("q", 8), ("r", 9))}
@@ -200,7 +200,7 @@ def slow(device: Tables, pause_s: float, transport: str = "rtu") -> Callable[[by
 
 
 @pytest.mark.parametrize("transport", FRAMES)
-def test_a_device_that_needs_a_pause_is_told_of_the_setting(transport: str) -> None:
+def test_a_device_that_needs_a_pause_is_told_of_the_setting(transport):
     device, out = Tables(holding={4: 0}), Register("out", "value", "bar", 0.0, 9.0, "holding", 4)
     model = Model({"q": out}, watchdog=((4, "{tenths}"), (4, 1)))
     with (
@@ -222,7 +222,7 @@ def busy(device: Tables, times: float) -> Callable[[bytes], bytes]:
     return answer
 
 
-def test_a_busy_device_is_asked_again_for_as_long_as_an_answer_may_take() -> None:
+def test_a_busy_device_is_asked_again_for_as_long_as_an_answer_may_take():
     device = Tables(inputs={0: 453})
     with linked(busy(device, 3)) as link:
         assert link.read()["t"] == 453.0
@@ -233,7 +233,7 @@ def test_a_busy_device_is_asked_again_for_as_long_as_an_answer_may_take() -> Non
         link.read()
 
 
-def test_a_busy_device_and_one_that_then_falls_silent_take_one_time_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_busy_device_and_one_that_then_falls_silent_take_one_time_out(monkeypatch):
     """It was asked again within the time of an answer, and that one then had the whole time once more."""
     asked_s, spent_s = list[float](), [0.0]
     refuses = busy(Tables(inputs={0: 453}), 1)
@@ -263,17 +263,17 @@ def test_a_busy_device_and_one_that_then_falls_silent_take_one_time_out(monkeypa
     assert len(asked_s) == 2 and sum(spent_s) == pytest.approx(0.2)
 
 
-def test_echo_belongs_to_a_serial_line() -> None:
+def test_echo_belongs_to_a_serial_line():
     settings = LineSettings(address="127.0.0.1:502", echo=True)
     assert [place for place, _ in modbus.line_faults(settings, DEG_C)] == [("echo",)]
 
 
-def test_a_device_that_needs_a_pause_between_frames_gets_it() -> None:
+def test_a_device_that_needs_a_pause_between_frames_gets_it():
     with linked(slow(Tables(inputs={0: 453}), 0.3), transport="rtu", pause_s=0.35) as link:
         assert [link.read()["t"] for _ in range(3)] == [453.0] * 3
 
 
-def test_noise_before_an_answer_on_a_serial_line_is_passed_over() -> None:
+def test_noise_before_an_answer_on_a_serial_line_is_passed_over():
     device = Tables(inputs={0: 453})
     with linked(lambda frame: b"\x00\xff" + device.on_serial(frame), transport="rtu") as link:
         assert link.read()["t"] == 453.0
@@ -283,7 +283,7 @@ SPOILED = (b"", b"\x00", b"\xff" * 99, b"\x01\x84\x02", b"\x01\x04\xff\x00", b"\
 
 
 @pytest.mark.parametrize("transport", FRAMES)
-def test_whatever_comes_back_is_a_reading_or_a_link_error(transport: str) -> None:
+def test_whatever_comes_back_is_a_reading_or_a_link_error(transport):
     def reads(spoiled: bytes) -> None:
         device, spoil = Tables(inputs={0: 453}), [False]
         answer = device.on_tcp if transport == "tcp" else device.on_serial
@@ -311,7 +311,7 @@ ANYTHING = (
 
 
 @pytest.mark.parametrize("error", ANYTHING, ids=lambda e: type(e).__name__)
-def test_whatever_the_library_raises_is_a_named_error(error: Exception) -> None:
+def test_whatever_the_library_raises_is_a_named_error(error):
     device = Tables(inputs={0: 453}, holding={8: 0})
     model = Model({"t": gauge("u16"), "q": Register("out", "value", "bar", -500.0, 500.0, "holding", 8, "s16")})
     with linked(device.on_tcp, model) as link:
@@ -324,13 +324,13 @@ def test_whatever_the_library_raises_is_a_named_error(error: Exception) -> None:
 
 
 @pytest.mark.parametrize("said", ["Moxa E1241 V3.2", ""])
-def test_what_a_device_says_of_itself(said: str) -> None:
+def test_what_a_device_says_of_itself(said):
     with linked(Tables(inputs={0: 453}, identity=said).on_tcp) as link:
         assert link.identity == said
         assert link.read()["t"] == 453.0
 
 
-def test_an_answer_to_another_question_is_no_identity() -> None:
+def test_an_answer_to_another_question_is_no_identity():
     device = Tables(inputs={0: 453})
     other = bytes.fromhex("000000000005010402ffff")
 
@@ -341,9 +341,7 @@ def test_an_answer_to_another_question_is_no_identity() -> None:
         assert link.identity == "" and link.read()["t"] == 453.0
 
 
-def test_frames_are_logged_for_who_listens_and_nobody_else(
-    caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_frames_are_logged_for_who_listens_and_nobody_else(caplog, capfd):
     levels = {name: logging.getLogger(name).level for name in ("pymodbus", "pymodbus.logging")}
     with linked(Tables(inputs={0: 453}).on_tcp) as link:
         link.read()
@@ -361,7 +359,7 @@ def test_frames_are_logged_for_who_listens_and_nobody_else(
     assert capfd.readouterr().err == ""
 
 
-def test_a_late_answer_is_not_called_an_echo_once_readings_have_come() -> None:
+def test_a_late_answer_is_not_called_an_echo_once_readings_have_come():
     """An adapter that echoes would have been noticed before."""
     device, before = Tables(inputs={0: 453}), [b"", b""]
 
@@ -388,7 +386,7 @@ def _in_pieces(sent: bytes, *pieces: bytes) -> bool:
 
 
 @pytest.mark.parametrize("first", [1, 3, 6])
-def test_an_answer_that_comes_in_pieces_or_twice_is_one(first: int) -> None:
+def test_an_answer_that_comes_in_pieces_or_twice_is_one(first):
     """Its bytes may be those with which an answer begins: 260 is 01 04."""
     sent, read = b"\x01\x04\x00\x00\x00\x02", b"\x01\x04\x04\x00\x07\x01\x04"
     sent, read = sent + crc(sent), read + crc(read)

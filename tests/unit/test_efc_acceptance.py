@@ -6,8 +6,6 @@ One that cannot be tested in full ends early, says why, and leaves the outputs s
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +20,7 @@ pytestmark = [pytest.mark.together("efc population"), pytest.mark.usefixtures("u
 SHORT = {"sweep_s": 8.0, "levels": ("medium",), "frequencies": (1.0, 3.0, 5.0, 8.0)}
 
 
-def test_a_good_valve_passes_the_whole_sequence(tmp_path: Path) -> None:
+def test_a_good_valve_passes_the_whole_sequence(tmp_path):
     made = outcome(tmp_path, "efc_acceptance", **SHORT)
     found = made.findings
     assert (found.verdict, made.exit_status) == ("pass", 0)
@@ -40,7 +38,7 @@ def test_a_good_valve_passes_the_whole_sequence(tmp_path: Path) -> None:
     assert run.values("current").max() <= 2.0 and run.values("pressure").max() < 280.0
 
 
-def test_a_worn_valve_that_leaks_fails_with_its_class(tmp_path: Path) -> None:
+def test_a_worn_valve_that_leaks_fails_with_its_class(tmp_path):
     worn = valve(friction(0.004), rotor_frequency=25.0, rotor_damping=1.05, leakage=140)
     made = outcome(tmp_path, "efc_acceptance", worn, **SHORT)
     assert made.exit_status == 1
@@ -52,7 +50,7 @@ def test_a_worn_valve_that_leaks_fails_with_its_class(tmp_path: Path) -> None:
     assert "this one differs in" in made.report.read_text(encoding="utf-8")
 
 
-def test_a_valve_unlike_every_class_is_called_so_and_not_accepted(tmp_path: Path) -> None:
+def test_a_valve_unlike_every_class_is_called_so_and_not_accepted(tmp_path):
     sticks = valve(friction(0.06), rotor_damping=1.3)  # a fast rotor that sticks
     made = outcome(tmp_path, "efc_acceptance", sticks, **SHORT)
     assert made.exit_status == 1
@@ -86,9 +84,7 @@ def test_the_class_of_the_thesis_says_what_was_assumed():
     ],
     ids=("short", "open", "24 V", "normally open", "normally closed", "stuck sensor"),
 )
-def test_what_ends_the_test_early(
-    tmp_path: Path, changes: dict[str, Any], settings: dict[str, object], reason: str, highest_a: float
-) -> None:
+def test_what_ends_the_test_early(tmp_path, changes, settings, reason, highest_a):
     made = outcome(tmp_path, "efc_acceptance", changes, **SHORT, **settings)
     found = made.findings
     assert (found.verdict, made.exit_status) == ("fail", 1)
@@ -100,19 +96,19 @@ def test_what_ends_the_test_early(
     assert current[-1] == 0.0 and np.abs(current).max() <= highest_a + 1e-3
 
 
-def test_a_valve_that_current_closes_passes_as_one(tmp_path: Path) -> None:
+def test_a_valve_that_current_closes_passes_as_one(tmp_path):
     found = outcome(tmp_path, "efc_acceptance", valve(normally_open=1), **SHORT, normally_open=True).findings
     assert not failed(found)
     assert value(found, "leakage") == pytest.approx(80.0, abs=4.0)
 
 
-def test_a_level_that_the_valve_does_not_reach_is_left_out_and_said(tmp_path: Path) -> None:
+def test_a_level_that_the_valve_does_not_reach_is_left_out_and_said(tmp_path):
     found = outcome(tmp_path, "efc_acceptance", valve(supply_pressure=140), **SHORT).findings
     assert "parts_completed" in failed(found)
     assert value(found, "parts_completed") == 5.0
     assert any(note.startswith("Level medium of the frequency response left out") for note in found.notes)
 
 
-def test_a_top_current_that_does_not_open_the_valve_is_refused(tmp_path: Path) -> None:
+def test_a_top_current_that_does_not_open_the_valve_is_refused(tmp_path):
     with pytest.raises(SettingError, match=r"top_current: 1\.5 A; it must be at least 1\.8"):
         outcome(tmp_path, "efc_acceptance", top_current=1.5)

@@ -54,13 +54,13 @@ def coil_readings(ohm: float, henry: float, rate_hz: float = 5000.0, noise: floa
 
 
 @pytest.mark.parametrize(("ohm", "henry"), [(2.1, 0.09), (7.2, 0.12), (2.1, 0.01)])
-def test_resistance_and_inductance_of_a_known_coil(ohm: float, henry: float) -> None:
+def test_resistance_and_inductance_of_a_known_coil(ohm, henry):
     coil = fit_coil(coil_readings(ohm, henry))
     assert coil.resistance_ohm == pytest.approx(ohm, rel=1e-3)
     assert coil.inductance_h == pytest.approx(henry, rel=0.02)
 
 
-def test_noise_of_a_coil_is_in_its_uncertainty() -> None:
+def test_noise_of_a_coil_is_in_its_uncertainty():
     coil = fit_coil(coil_readings(2.1, 0.09, noise=0.01))
     assert abs(coil.resistance_ohm - 2.1) < 3.0 * coil.resistance_std_ohm + 2e-3
     assert abs(coil.inductance_h - 0.09) < 3.0 * coil.inductance_std_h + 2e-3
@@ -68,7 +68,7 @@ def test_noise_of_a_coil_is_in_its_uncertainty() -> None:
 
 
 @pytest.mark.parametrize("first", [0.2, 1.4])
-def test_coil_is_measured_over_a_link_that_answers_early_and_late(first: float) -> None:
+def test_coil_is_measured_over_a_link_that_answers_early_and_late(first):
     even = coil_readings(2.1, 0.09)
     t = even.time_s[:: round(5000.0 * 0.005)]  # polled every 5 ms; each answer up to 2 ms early or late
     stamps = t + 0.002 * np.random.default_rng(1).uniform(-1.0, 1.0, len(t))
@@ -79,25 +79,25 @@ def test_coil_is_measured_over_a_link_that_answers_early_and_late(first: float) 
     assert coil.inductance_h == pytest.approx(0.09, abs=3.0 * coil.inductance_std_h)
 
 
-def test_rest_that_is_shorter_than_0_2_s_is_none() -> None:
+def test_rest_that_is_shorter_than_0_2_s_is_none():
     readings = coil_readings(2.1, 0.09)
     with pytest.raises(InputError, match=r"at least 0.2 s"):
         fit_coil(replace(readings, time_s=readings.time_s / 3.1))  # rests of 0.6 s
 
 
-def test_coil_needs_a_current_that_moves() -> None:
+def test_coil_needs_a_current_that_moves():
     readings = coil_readings(2.1, 0.09)
     still = CoilReadings(readings.time_s, np.zeros(len(readings.time_s)), readings.current_a, readings.voltage_v)
     with pytest.raises(InputError, match="must rise and fall"):
         fit_coil(still)
 
 
-def test_copper_at_220_fahrenheit() -> None:
+def test_copper_at_220_fahrenheit():
     # 2.78 Ω of a coil with 2.1 Ω at 72 °F, from the temperature coefficient at 20 °C
     assert 2.1 * copper_factor((220 - 32) / 1.8, (72 - 32) / 1.8) == pytest.approx(2.78, abs=0.01)
 
 
-def test_electrical_check_of_the_usual_coil(tmp_path: Path) -> None:
+def test_electrical_check_of_the_usual_coil(tmp_path):
     found = run(tmp_path, "electrical_check")
     assert found.verdict == "pass"
     assert value(found, "coil_resistance") == pytest.approx(2.1, abs=3 * std(found, "coil_resistance"))
@@ -106,12 +106,12 @@ def test_electrical_check_of_the_usual_coil(tmp_path: Path) -> None:
     assert np.abs(read_recording(tmp_path / "run").values("current")).max() <= 0.5
 
 
-def test_a_coil_of_24_v_passes_where_it_is_said_to_be_one(tmp_path: Path) -> None:
+def test_a_coil_of_24_v_passes_where_it_is_said_to_be_one(tmp_path):
     found = run(tmp_path, "electrical_check", valve(resistance=7.2), repeats=2, voltage="24")
     assert named(found, "coil_resistance").verdict == "pass"
 
 
-def test_current_above_the_coil_s_rating_is_refused_before_anything_moves(tmp_path: Path) -> None:
+def test_current_above_the_coil_s_rating_is_refused_before_anything_moves(tmp_path):
     with pytest.raises(SettingError, match=r"takes 6\.38 A at most"):
         run(tmp_path / "a", "electrical_check", test_current=6.5)
     with pytest.raises(RangeError, match=r"outside 0 … 2\.2 A"):
@@ -119,7 +119,7 @@ def test_current_above_the_coil_s_rating_is_refused_before_anything_moves(tmp_pa
     assert not (tmp_path / "run").exists()
 
 
-def test_a_coil_that_is_open_trips_before_the_current_is_far_up(tmp_path: Path) -> None:
+def test_a_coil_that_is_open_trips_before_the_current_is_far_up(tmp_path):
     with pytest.raises(TrippedError, match="coil-open"):
         run(tmp_path, "pressure_current", valve(resistance=1e5), cycle_s=8.0)
     # 0.5 s and a block of 1 s after 0.7 A, at 0.5 A/s
@@ -127,7 +127,7 @@ def test_a_coil_that_is_open_trips_before_the_current_is_far_up(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("procedure", ["electrical_check", "efc_acceptance"])
-def test_bench_without_a_voltmeter_says_what_is_missing_before_anything_moves(tmp_path: Path, procedure: str) -> None:
+def test_bench_without_a_voltmeter_says_what_is_missing_before_anything_moves(tmp_path, procedure):
     gone = {"coil voltage": None}
     changes = {"channels": gone, "simulation": {"instruments": gone}}
     with pytest.raises(SettingError, match="needs the channels coil voltage; the bench reads: pressure, coil current"):
@@ -147,7 +147,7 @@ def test_bench_without_a_voltmeter_says_what_is_missing_before_anything_moves(tm
         ({"supply_pressure": 100}, "cannot tell", "no supply pressure"),
     ],
 )
-def test_leakage_verdicts(tmp_path: Path, parameters: dict[str, float], judged: str, says: str) -> None:
+def test_leakage_verdicts(tmp_path, parameters, judged, says):
     found = run(tmp_path, "leakage_check", valve(**parameters), settle_s=0.5, hold_s=1.0)
     assert named(found, "leakage").verdict == judged
     assert not says or any(says in note for note in found.notes)
@@ -171,7 +171,7 @@ def played(width: float, lag_s: float) -> list[Sweep]:
 
 
 @pytest.mark.parametrize(("width", "lag_s"), [(0.0, 0.0), (0.05, 0.0), (0.0, 0.03), (0.05, 0.03)])
-def test_hysteresis_and_lag_are_told_apart(width: float, lag_s: float) -> None:
+def test_hysteresis_and_lag_are_told_apart(width, lag_s):
     curve = pressure_curve("played", played(width, lag_s))
     assert curve.estimate.mean_width == pytest.approx(width, abs=1e-3)
     assert curve.estimate.lag_s == pytest.approx(lag_s, abs=1e-3)
@@ -179,7 +179,7 @@ def test_hysteresis_and_lag_are_told_apart(width: float, lag_s: float) -> None:
     assert np.interp(1.2, curve.current, curve.nominal) == pytest.approx(100.0, abs=2.0)
 
 
-def test_pressure_curve_needs_two_speeds_and_a_pressure_that_is_reached() -> None:
+def test_pressure_curve_needs_two_speeds_and_a_pressure_that_is_reached():
     sweeps = played(0.0, 0.0)
     with pytest.raises(InputError, match="two speeds"):
         pressure_curve("played", sweeps[:1])
@@ -187,7 +187,7 @@ def test_pressure_curve_needs_two_speeds_and_a_pressure_that_is_reached() -> Non
         pressure_curve("played", sweeps).current_at(300.0)
 
 
-def test_pressure_curve_of_a_valve_that_sticks(tmp_path: Path) -> None:
+def test_pressure_curve_of_a_valve_that_sticks(tmp_path):
     found = run(tmp_path, "pressure_current", valve(friction(0.03, 1.0)), cycle_s=8.0)
     assert found.verdict == "pass"
     assert value(found, "hysteresis") == pytest.approx(60.0, abs=3.0)
@@ -198,7 +198,7 @@ def test_pressure_curve_of_a_valve_that_sticks(tmp_path: Path) -> None:
     ("changes", "says"),
     [(valve(normally_open=1), "the type is mistaken"), (STUCK, "sensor stuck, valve stuck, or no supply")],
 )
-def test_curve_that_is_none(tmp_path: Path, changes: dict[str, Any], says: str) -> None:
+def test_curve_that_is_none(tmp_path, changes, says):
     found = run(tmp_path, "pressure_current", changes, cycle_s=8.0)
     assert found.verdict == "fail"
     assert any(says in note for note in found.notes)
@@ -207,7 +207,7 @@ def test_curve_that_is_none(tmp_path: Path, changes: dict[str, Any], says: str) 
 # -- steps -------------------------------------------------------------------------------------------------
 
 
-def test_steps_reach_the_pressures_of_the_thesis(tmp_path: Path) -> None:
+def test_steps_reach_the_pressures_of_the_thesis(tmp_path):
     found = run(tmp_path, "efc_step_response", hold_s=1.0, repeats=2)
     for current, pressure in ((1.4, 26.0), (1.6, 120.0), (1.8, 160.0), (2.0, 210.0)):
         assert value(found, f"step_pressure, {current:g} A") == pytest.approx(pressure, abs=3.0)
@@ -219,7 +219,7 @@ def test_steps_reach_the_pressures_of_the_thesis(tmp_path: Path) -> None:
 # -- frequency response ------------------------------------------------------------------------------------
 
 
-def test_frequency_response_finds_the_currents_of_its_level(tmp_path: Path) -> None:
+def test_frequency_response_finds_the_currents_of_its_level(tmp_path):
     found = run(tmp_path, "efc_frequency_response", cycle_s=8.0, levels=("high", "medium"), frequencies=(1.0, 5.0),
                 measure_s=0.5)  # fmt: skip
     gains = [m.value for m in found.measured if m.quantity == "gain"]
@@ -230,12 +230,12 @@ def test_frequency_response_finds_the_currents_of_its_level(tmp_path: Path) -> N
     assert [round(part["amplitude"], 2) for part in sines] == [0.04, 0.04, 0.16, 0.16]
 
 
-def test_level_that_the_supply_does_not_reach_is_refused(tmp_path: Path) -> None:
+def test_level_that_the_supply_does_not_reach_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"setting levels: pressure 140 psi: the curve goes from .* to 9.* psi"):
         run(tmp_path, "efc_frequency_response", valve(supply_pressure=100), cycle_s=8.0, levels=("medium",))
 
 
-def test_pressure_far_below_burst_trips(tmp_path: Path) -> None:
+def test_pressure_far_below_burst_trips(tmp_path):
     with pytest.raises(TrippedError, match=r"over-pressure.*pressure ≤ 280"):
         run(tmp_path, "efc_step_response", valve(supply_pressure=330), currents=(2.0,), repeats=1)
     assert read_recording(tmp_path / "run").values("pressure").max() < 400.0

@@ -53,7 +53,7 @@ def judged(*readings: float, why: str = "") -> str:
     return "" if found is None else found.text
 
 
-def test_a_person_is_told_from_a_link() -> None:
+def test_a_person_is_told_from_a_link():
     assert judged(1.0, 1.0) == ""
     assert judged(1.0, 0.0) == "emergency stop 'stop': pressed at 0.100 s (its contact is open, 0)"
     assert judged(np.inf, np.inf) == "", "a closed contact may read the upper end of its range"
@@ -63,7 +63,7 @@ def test_a_person_is_told_from_a_link() -> None:
     )
 
 
-def test_a_pressed_stop_ends_a_simulated_run_and_stands_in_its_record(tmp_path: Path, command_line) -> None:
+def test_a_pressed_stop_ends_a_simulated_run_and_stands_in_its_record(tmp_path, command_line):
     out = tmp_path / "run"
     bench_file = bench(tmp_path, "brevini-hpv41", pressed=3.0)
     ended = command_line("run", "step_response", "--bench", bench_file, "--out", out)
@@ -78,7 +78,7 @@ def test_a_pressed_stop_ends_a_simulated_run_and_stands_in_its_record(tmp_path: 
     assert "safe" in str(end)
 
 
-def test_a_stop_that_nobody_presses_lets_a_run_pass_and_a_rehearsal_too(tmp_path: Path) -> None:
+def test_a_stop_that_nobody_presses_lets_a_run_pass_and_a_rehearsal_too(tmp_path):
     file = read_bench(bench(tmp_path, "hpv41-modbus-tcp", device="io", terminal="ai3"))
     daq = twin_of(file).open()
     (block,) = daq.play(Waveform(100.0, {"command": np.zeros(5)}))
@@ -86,7 +86,7 @@ def test_a_stop_that_nobody_presses_lets_a_run_pass_and_a_rehearsal_too(tmp_path
     assert np.all(block.inputs["emergency stop"] > 5.0)
 
 
-def test_the_twin_of_a_link_presses_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_twin_of_a_link_presses_it(tmp_path, monkeypatch):
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))  # no other test of this bench finds the trip
     contact = CONTACT.format(device="io", terminal="ai3", more="pressed_below = 5.0")
     changes = (
@@ -106,20 +106,20 @@ def test_the_twin_of_a_link_presses_it(tmp_path: Path, monkeypatch: pytest.Monke
         ("pressed_below = 20.0", "20 V is not within what 'emergency stop' reads, -10 … 10 V"),
     ],
 )
-def test_a_contact_that_cannot_be_told_open_is_a_fault(tmp_path: Path, more: str, said: str) -> None:
+def test_a_contact_that_cannot_be_told_open_is_a_fault(tmp_path, more, said):
     with pytest.raises(BenchError) as raised:
         read_bench(bench(tmp_path, "brevini-hpv41", more=more))
     assert any(said in fault for fault in raised.value.faults)
 
 
-def test_check_knows_the_role(tmp_path: Path, command_line) -> None:
+def test_check_knows_the_role(tmp_path, command_line):
     status, with_notes, _ = command_line("check", bench(tmp_path, "brevini-hpv41"))
     assert status == 0
     assert "emergency stop (emergency stop): -10 … 10 V" in with_notes
     assert "trip     emergency stop: pressed below 5" in with_notes
 
 
-def test_the_documented_bench_has_one(tmp_path: Path) -> None:
+def test_the_documented_bench_has_one(tmp_path):
     page = (DOCS / "explanation" / "safety.md").read_text(encoding="utf-8")
     (text,) = [block for block in re.findall(r"^```toml\n(.*?)^```", page, re.M | re.S) if "emergency stop" in block]
     (tmp_path / "bench.toml").write_text(text, encoding="utf-8")
@@ -169,9 +169,7 @@ class Powered:
         (False, False, LinkError, "io: no answer*; emergency stop 'stop': its contact could not be read (door: *"),
     ],
 )
-def test_a_stop_that_cuts_off_the_device_read_first_is_told_from_its_dead_link(
-    presses: bool, contact_lives: bool, kind: type[Exception], says: str
-) -> None:
+def test_a_stop_that_cuts_off_the_device_read_first_is_told_from_its_dead_link(presses, contact_lives, kind, says):
     clock = VirtualClock()
     io, door = Powered(5.0), Powered(8.0)
     wirings = {

@@ -36,7 +36,7 @@ def with_moved(problem: Problem, term: Term, moved: int) -> Option:
     return Option(problem, fitted, (), fitted.residuals, 1.0)
 
 
-def test_every_parameter_that_has_to_change_for_an_effect_is_a_cause() -> None:
+def test_every_parameter_that_has_to_change_for_an_effect_is_a_cause():
     problem = asked()
     effect = next(t for t in all_terms(problem, problem.nominal_residuals) if t.kind == "effect")
     alone, one, three = (with_moved(problem, effect, k).hypothesis(()) for k in (0, 1, 3))
@@ -44,7 +44,7 @@ def test_every_parameter_that_has_to_change_for_an_effect_is_a_cause() -> None:
     assert (three.causes, three.unknowns) == (alone.causes + 3, alone.unknowns + 3)
 
 
-def test_what_the_model_lacked_had_bent_its_parameters_and_moving_them_back_is_no_cause() -> None:
+def test_what_the_model_lacked_had_bent_its_parameters_and_moving_them_back_is_no_cause():
     """In the recordings that it was identified from: what these tell of the parameters is not known beside them."""
     problem = asked()
     own = replace(problem, is_own=True)

@@ -25,7 +25,7 @@ SMALL = ("run.json", "end.json", "events.jsonl", "samples.f8", "samples.log")
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     time_s = np.arange(200) * 0.05
     made = recording("r", time_s, {"command [%]": np.sin(time_s), "flow [l/min]": np.sin(time_s)})
@@ -50,7 +50,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("devices dotted.toml", "TOML"),
     ],
 )
-def test_what_is_nested_too_deep_is_one_line(command: str, kind: str, folder: Path, command_line) -> None:
+def test_what_is_nested_too_deep_is_one_line(command, kind, folder, command_line):
     assert folder.exists()
     status, _, err = command_line(*command.split())
     assert status == 2 and len(err.splitlines()) == 1, err
@@ -58,7 +58,7 @@ def test_what_is_nested_too_deep_is_one_line(command: str, kind: str, folder: Pa
 
 
 @pytest.mark.parametrize("command", ["analyse classes pipe", "analyse compose pipe pipe --out m.json"])
-def test_tables_are_not_waited_for(command: str, folder: Path, command_line) -> None:
+def test_tables_are_not_waited_for(command, folder, command_line):
     os.mkfifo(folder / "pipe")
     status, _, err = command_line(*command.split())
     assert status == 2 and "pipe: is a pipe; only regular files are read here" in err
@@ -66,7 +66,7 @@ def test_tables_are_not_waited_for(command: str, folder: Path, command_line) -> 
 
 @pytest.mark.parametrize("name", SMALL)
 @pytest.mark.parametrize("kind", ["link", "pipe", "socket", "sparse", "folder"])
-def test_a_run_folder_holds_regular_files_alone(kind: str, name: str, folder: Path, command_line) -> None:
+def test_a_run_folder_holds_regular_files_alone(kind, name, folder, command_line):
     path = folder / "run" / name
     shutil.move(path, folder / name)
     if kind == "link":
@@ -90,7 +90,7 @@ def test_a_run_folder_holds_regular_files_alone(kind: str, name: str, folder: Pa
 
 
 @pytest.mark.parametrize("text", [DEEP, "[]", "null", "1", '{"format": "hil-run"}', '{"a": NaN}', "\0"])
-def test_a_run_folder_whose_files_say_anything_is_one_line(text: str, folder: Path, command_line) -> None:
+def test_a_run_folder_whose_files_say_anything_is_one_line(text, folder, command_line):
     for name in ("run.json", "end.json", "results.json"):
         shutil.copytree(folder / "run", folder / "made")
         (folder / "made" / name).write_text(text)
@@ -99,7 +99,7 @@ def test_a_run_folder_whose_files_say_anything_is_one_line(text: str, folder: Pa
         shutil.rmtree(folder / "made")
 
 
-def test_end_json_seals_no_file_outside(folder: Path, command_line) -> None:
+def test_end_json_seals_no_file_outside(folder, command_line):
     text = (folder / "run/end.json").read_text()
     assert '"run.json"' in text
     (folder / "run/end.json").write_text(text.replace('"run.json"', '"../../../../../../etc/passwd"'))
@@ -107,7 +107,7 @@ def test_end_json_seals_no_file_outside(folder: Path, command_line) -> None:
     assert status == 2 and "seals '../../../../../../etc/passwd', which is no file of the run folder" in err
 
 
-def test_archive_rebuild_leaves_bad_folders_out(folder: Path, command_line) -> None:
+def test_archive_rebuild_leaves_bad_folders_out(folder, command_line):
     runs = folder / "runs"
     runs.mkdir()
     shutil.copytree(folder / "run", runs / "good")
@@ -135,9 +135,7 @@ def test_archive_rebuild_leaves_bad_folders_out(folder: Path, command_line) -> N
         ("end", ("deviations",), {}), ("end", ("notes",), 1),
     ],
 )  # fmt: skip
-def test_meta_of_another_kind_is_named(
-    file: str, key: tuple[str, ...], found: object, folder: Path, command_line
-) -> None:
+def test_meta_of_another_kind_is_named(file, key, found, folder, command_line):
     path = folder / f"run/{file}.json"
     content = json.loads(path.read_text())
     *tables, last = key
@@ -153,18 +151,18 @@ def test_meta_of_another_kind_is_named(
     ["identify circle --plant linear-axis --out m.json", "runs --archive circle", "convert good.csv circle",
      "archive rebuild --archive circle", "run jog --bench brevini-hpv41 --out circle/x"],
 )  # fmt: skip
-def test_links_that_go_round_in_a_circle_are_told(command: str, folder: Path, command_line) -> None:
+def test_links_that_go_round_in_a_circle_are_told(command, folder, command_line):
     (folder / "circle").symlink_to("circle")
     status, _, err = command_line(*command.split())
     assert status == 2 and "circle" in err and err.count("\n") == 1 and "fault of this program" not in err, err
 
 
-def test_check_folder_whose_name_is_no_text(tmp_path: Path) -> None:
+def test_check_folder_whose_name_is_no_text(tmp_path):
     with pytest.raises(FileError, match="its name is no text in UTF-8"):
         check_folder(tmp_path / os.fsdecode(b"b\xff") / "x")
 
 
-def test_resolved_where_the_working_folder_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_resolved_where_the_working_folder_is_gone(tmp_path, monkeypatch):
     (tmp_path / "gone").mkdir()
     monkeypatch.chdir(tmp_path / "gone")
     (tmp_path / "gone").rmdir()

@@ -25,7 +25,7 @@ def table(path: Path) -> Path:
     return path
 
 
-def test_a_table_is_drawn_with_the_transfer_function_that_was_fitted_to_it(tmp_path: Path, command_line) -> None:
+def test_a_table_is_drawn_with_the_transfer_function_that_was_fitted_to_it(tmp_path, command_line):
     source = table(tmp_path / "bode.csv")
     model, page = tmp_path / "m.json", tmp_path / "p.html"
     assert command_line("identify", source, "--plant", "transfer-function", "--out", model, "--page", page).status == 0
@@ -36,7 +36,7 @@ def test_a_table_is_drawn_with_the_transfer_function_that_was_fitted_to_it(tmp_p
     assert " / (s + " in text
 
 
-def test_comparing_draws_table_and_samples(tmp_path: Path, command_line) -> None:
+def test_comparing_draws_table_and_samples(tmp_path, command_line):
     source = table(tmp_path / "bode.csv")
     api.save_model(TRUE.to_model("command [%]", "flow [l/min]"), tmp_path / "m.json")
     time_s = 0.01 * np.arange(500)
@@ -52,7 +52,7 @@ def test_comparing_draws_table_and_samples(tmp_path: Path, command_line) -> None
     assert fit in text  # what the terminal says of the table stands on the page
 
 
-def test_a_page_replaces_none_of_what_it_is_made_of(tmp_path: Path, command_line) -> None:
+def test_a_page_replaces_none_of_what_it_is_made_of(tmp_path, command_line):
     source = table(tmp_path / "bode.csv")
     api.save_model(TRUE.to_model("command [%]", "flow [l/min]"), tmp_path / "m.json")
     before = source.read_bytes()

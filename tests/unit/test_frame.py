@@ -28,7 +28,7 @@ def measured() -> dict[str, Any]:
     return {**UNITS, "flow [l/min]": flow + np.random.default_rng(1).normal(0.0, 0.3, 400)}
 
 
-def test_identify_takes_arrays_a_frame_and_its_index_alike() -> None:
+def test_identify_takes_arrays_a_frame_and_its_index_alike():
     given = measured()
     frame = pd.DataFrame(given)
     kinds = [given, frame, frame.set_index("time [s]"), [frame], hil.read(frame)]
@@ -38,7 +38,7 @@ def test_identify_takes_arrays_a_frame_and_its_index_alike() -> None:
     assert found[0].values["full_flow"] == pytest.approx(true, rel=0.02)
 
 
-def test_read_takes_numbers_that_are_objects_and_tables_of_others() -> None:
+def test_read_takes_numbers_that_are_objects_and_tables_of_others():
     frame = pd.DataFrame(MEASURED)
     objects = frame.astype(object)
     objects["flow [l/min]"] = [Decimal(0), None, *[0.0] * 398]
@@ -53,12 +53,12 @@ def test_read_takes_numbers_that_are_objects_and_tables_of_others() -> None:
      (pd.Series(COMMAND), "float")],
     ids=["matrix", "tuple", "number", "nothing", "series"],
 )  # fmt: skip
-def test_identify_says_how_arrays_are_given(given: Any, kind: str) -> None:
+def test_identify_says_how_arrays_are_given(given, kind):
     with pytest.raises(HilError, match=rf"^a {kind}: a recording is a path, a DataFrame, or arrays by name and unit: "):
         hil.identify(given, "brevini-hpv41")
 
 
-def test_read_takes_what_a_frame_does_not_say() -> None:
+def test_read_takes_what_a_frame_does_not_say():
     frame = pd.DataFrame({"ch1": COMMAND, "flow": np.arange(400.0)})
     units = {"command": "%", "flow": "l/min"}
     read = hil.read(frame, interval_s=0.01, renamed={"ch1": "command"}, units=units)
@@ -80,7 +80,7 @@ def test_read_takes_what_a_frame_does_not_say() -> None:
     ],
     ids=["no time", "no unit", "no output", "lengths", "matrix"],
 )  # fmt: skip
-def test_identify_says_what_is_missing_in_words_of_python(given: dict[str, Any], said: str) -> None:
+def test_identify_says_what_is_missing_in_words_of_python(given, said):
     for one in (given, pd.DataFrame(given)) if said.startswith(("no ", "the")) else (given,):
         with pytest.raises(HilError) as raised:
             hil.identify(one, "brevini-hpv41")
@@ -88,7 +88,7 @@ def test_identify_says_what_is_missing_in_words_of_python(given: dict[str, Any],
         assert "--" not in str(raised.value)
 
 
-def test_notes_and_warnings_name_arguments_too(tmp_path: Any) -> None:
+def test_notes_and_warnings_name_arguments_too(tmp_path):
     notes: list[str] = []
     model = hil.typical_model("brevini-hpv41")
     given = {name.replace(" [s]", ""): values for name, values in measured().items()}
@@ -99,7 +99,7 @@ def test_notes_and_warnings_name_arguments_too(tmp_path: Any) -> None:
     assert "--" not in "".join((*notes, *found.diagnosis.warnings))
 
 
-def test_a_bench_that_is_driven_by_hand_names_arguments_in_its_errors(tmp_path: Any) -> None:
+def test_a_bench_that_is_driven_by_hand_names_arguments_in_its_errors(tmp_path):
     bench = tmp_path / "bench.toml"
     bench.write_text('based_on = "brevini-hpv41"\n[valve]\nserial = "ask"\n', encoding="utf-8")
     with pytest.raises(HilError, match="say which unit this is with serial=SN"):
@@ -110,7 +110,7 @@ def test_a_bench_that_is_driven_by_hand_names_arguments_in_its_errors(tmp_path: 
         api.demo(tmp_path / "demo")
 
 
-def test_an_option_is_called_as_at_the_outermost_door() -> None:
+def test_an_option_is_called_as_at_the_outermost_door():
     assert option("gaps") == "--gaps" and option("unit", "flow rate=l/min") == "--unit 'flow rate=l/min'"
     assert option("time", "my clock") == "--time 'my clock'" and option("input", "NAME") == "--input NAME"
     with options_of("python"):
@@ -121,7 +121,7 @@ def test_an_option_is_called_as_at_the_outermost_door() -> None:
         assert option("gaps") == "--gaps"
 
 
-def test_the_command_line_keeps_its_options(tmp_path: Any, command_line) -> None:
+def test_the_command_line_keeps_its_options(tmp_path, command_line):
     path = str(tmp_path / "one.csv")
     pd.DataFrame({**UNITS, "flow": COMMAND}).to_csv(path, index=False)
     refused = command_line("identify", path, "--plant", "brevini-hpv41", "--out", tmp_path / "m")
@@ -130,7 +130,7 @@ def test_the_command_line_keeps_its_options(tmp_path: Any, command_line) -> None
         hil.identify(path, "brevini-hpv41")
 
 
-def test_a_fit_is_never_above_what_noise_allows_and_no_lag_is_minus_nothing() -> None:
+def test_a_fit_is_never_above_what_noise_allows_and_no_lag_is_minus_nothing():
     (found,) = hil.compare(hil.typical_model("brevini-hpv41"), measured())
     assert found.fit is not None and found.ceiling is not None and found.fit <= found.ceiling
     assert "-0.0 ms" not in replace(found, lag_s=-2e-6).as_text()

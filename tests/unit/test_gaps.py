@@ -32,7 +32,7 @@ def residuals(e: Experiment) -> Array:
     return error[e.valid]
 
 
-def test_a_healthy_unit_fits_beside_a_long_gap() -> None:
+def test_a_healthy_unit_fits_beside_a_long_gap():
     made = [with_rows(each, np.delete(np.arange(len(each)), slice(800, 1200))) for each in records(seed=41)]
     checked = check(nominal(), bound(nominal(), made))
     for e in checked.experiments:
@@ -44,7 +44,7 @@ def test_a_healthy_unit_fits_beside_a_long_gap() -> None:
         assert all(said in text for text in checked.warnings)
 
 
-def test_a_healthy_unit_fits_with_a_fifth_of_its_samples_missing_anywhere() -> None:
+def test_a_healthy_unit_fits_with_a_fifth_of_its_samples_missing_anywhere():
     rng, made = np.random.default_rng(42), []
     for each in records(seed=42):
         kept = rng.random(len(each)) > 0.2
@@ -56,7 +56,7 @@ def test_a_healthy_unit_fits_with_a_fifth_of_its_samples_missing_anywhere() -> N
         assert white_floor(e.output) > 0.85 * NOISE  # what is drawn looks nearly as noisy as the rest
 
 
-def test_what_is_drawn_through_a_gap_is_not_taken_for_samples_that_repeat() -> None:
+def test_what_is_drawn_through_a_gap_is_not_taken_for_samples_that_repeat():
     made = [with_rows(each, np.delete(np.arange(len(each)), slice(700, 950))) for each in records(seed=46)]
     for each in made:
         flow = each.channels["flow"].values
@@ -64,7 +64,7 @@ def test_what_is_drawn_through_a_gap_is_not_taken_for_samples_that_repeat() -> N
     assert without_stale(check(nominal(), bound(nominal(), made)).experiments)[1] == ()
 
 
-def test_a_command_that_jumps_in_a_hole_is_unknown_and_one_that_moves_on_is_not() -> None:
+def test_a_command_that_jumps_in_a_hole_is_unknown_and_one_that_moves_on_is_not():
     steps, sweep, _ = bound(nominal(), [with_rows(each, np.delete(np.arange(len(each)), 2 * SECOND))
                                         for each in records(seed=43)])  # fmt: skip
     jumped, said = filled(steps, 0.1, forgets=True)
@@ -75,7 +75,7 @@ def test_a_command_that_jumps_in_a_hole_is_unknown_and_one_that_moves_on_is_not(
     assert "drawn straight through" in said[0]
 
 
-def test_what_integrates_keeps_the_longest_stretch() -> None:
+def test_what_integrates_keeps_the_longest_stretch():
     axis, time_s = plant("linear-axis"), np.arange(0.0, 8.0, 1.0 / RATE_HZ)
     force = 250.0 * np.sin(2.0 * np.pi * 0.5 * time_s)
     position = simulate(axis, axis.typical, Drive(force[None, :], 0.0, 1.0 / RATE_HZ))[0]
@@ -87,7 +87,7 @@ def test_what_integrates_keeps_the_longest_stretch() -> None:
     assert "are used" in said[0]
 
 
-def test_a_recording_that_never_settles_between_its_holes_is_refused() -> None:
+def test_a_recording_that_never_settles_between_its_holes_is_refused():
     steps = records(seed=43)[0]
     holed = with_rows(steps, np.flatnonzero((np.arange(len(steps)) + 115) % SECOND < 125))
     (e,) = bound(nominal(), [holed])
@@ -98,14 +98,14 @@ def test_a_recording_that_never_settles_between_its_holes_is_refused() -> None:
         filled(e, 10.0, forgets=True)
 
 
-def test_stamps_on_no_grid_are_left_as_they_are() -> None:
+def test_stamps_on_no_grid_are_left_as_they_are():
     (each, *_) = records(seed=44)
     shifts = np.random.default_rng(44).uniform(-0.3, 0.3, len(each)) / RATE_HZ
     (e,) = bound(nominal(), [replace(each, time_s=each.time_s + shifts)])
     assert filled(e, 0.1, forgets=True) == (e, [])
 
 
-def test_an_inner_signal_says_nothing_in_a_gap_either() -> None:
+def test_an_inner_signal_says_nothing_in_a_gap_either():
     made = records(seed=47, with_spool=True)
     gapped = [with_rows(each, np.delete(np.arange(len(each)), slice(800, 1200))) for each in made]
     problem = pose(nominal(), check(nominal(), bound(nominal(), gapped)).experiments)
@@ -114,7 +114,7 @@ def test_an_inner_signal_says_nothing_in_a_gap_either() -> None:
     assert float(r @ r) < 1.1 * problem.size
 
 
-def test_samples_that_said_nothing_before_say_nothing_on_the_even_grid() -> None:
+def test_samples_that_said_nothing_before_say_nothing_on_the_even_grid():
     (each, *_) = records(seed=48, with_spool=True)
     (e,) = bound(nominal(), [with_rows(each, np.delete(np.arange(len(each)), slice(800, 810)))])
     until, inner = np.arange(len(e.output)) < 50, np.arange(len(e.output)) >= 900
@@ -126,7 +126,7 @@ def test_samples_that_said_nothing_before_say_nothing_on_the_even_grid() -> None
     assert not spool[810:910].any() and spool[910:].all()
 
 
-def test_a_stretch_that_is_kept_keeps_what_said_nothing_before() -> None:
+def test_a_stretch_that_is_kept_keeps_what_said_nothing_before():
     (each, *_) = records(seed=48, with_spool=True)
     (e,) = bound(nominal(), [with_rows(each, np.delete(np.arange(len(each)), slice(200, 600)))])
     late = np.arange(len(e.output)) >= len(e.output) - 30
@@ -136,7 +136,7 @@ def test_a_stretch_that_is_kept_keeps_what_said_nothing_before() -> None:
 
 
 @pytest.mark.parametrize("kept", ["all but a second", "four of five"])
-def test_missing_samples_do_not_bend_what_is_identified(kept: str) -> None:
+def test_missing_samples_do_not_bend_what_is_identified(kept):
     rng, start = np.random.default_rng(48), typical_model(PLANT)
     made = []
     for each in records(seed=48):
@@ -151,7 +151,7 @@ def test_missing_samples_do_not_bend_what_is_identified(kept: str) -> None:
     assert sum("missing" in note or "gap" in note for note in found.notes) == 3
 
 
-def test_a_comparison_is_made_where_the_recording_says_something() -> None:
+def test_a_comparison_is_made_where_the_recording_says_something():
     whole = records(seed=49)[0]
     gapped = with_rows(whole, np.delete(np.arange(len(whole)), slice(900, 1150)))
     beside, alone = (compare(nominal(), *bound(nominal(), [each])) for each in (gapped, whole))
@@ -159,7 +159,7 @@ def test_a_comparison_is_made_where_the_recording_says_something() -> None:
     assert len(beside.notes) == 1 and alone.notes == ()
 
 
-def test_what_is_drawn_through_a_gap_is_not_shown_as_recorded() -> None:
+def test_what_is_drawn_through_a_gap_is_not_shown_as_recorded():
     made = [with_rows(each, np.delete(np.arange(len(each)), slice(800, 1200))) for each in records(seed=45)]
     (strip, *_) = diagnose(nominal(), bound(nominal(), made)).diagnosis.strips
     assert np.isnan(strip.measured[800:1200]).all()
@@ -167,7 +167,7 @@ def test_what_is_drawn_through_a_gap_is_not_shown_as_recorded() -> None:
     assert (strip.off(strip.nominal)[800:1200] == 0.0).all()
 
 
-def test_noise_is_measured_where_samples_say_something() -> None:
+def test_noise_is_measured_where_samples_say_something():
     (made,) = records(seed=8)[:1]
     flow = made.channels["flow"].values
     for start in range(200, len(flow) - 200, 400):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +23,7 @@ def responses(command: Array, conditions: dict[str, float], **changed: float) ->
     return simulate(LOADED, LOADED.typical | changed, Drive(np.array(rows), math.nan, 1e-3))
 
 
-def test_with_ample_pressure_it_is_the_plain_valve() -> None:
+def test_with_ample_pressure_it_is_the_plain_valve():
     command = np.repeat([0.0, 50.0, 90.0, -70.0, 30.0], 800)
     flow, spool, *_ = responses(command, AMPLE, compensator_lag=0.001)
     plain, plain_spool, _ = simulate(PLAIN, PLAIN.typical, Drive(command[None], math.nan, 1e-3))
@@ -41,7 +40,7 @@ def test_with_ample_pressure_it_is_the_plain_valve() -> None:
         {"supply": 150.0, "load": 0.0, "tank": 2.0, "oil_c": 20.0},  # ports A and B blocked
     ],
 )
-def test_at_rest_it_shows_what_its_balances_have_as_roots(command: float, conditions: dict[str, float]) -> None:
+def test_at_rest_it_shows_what_its_balances_have_as_roots(command, conditions):
     changed = {"give": 1.0, "null": 0.8, "null_supply": 0.45, "null_tank": -0.3, "null_temperature": 1.6}
     seen = dict(zip(NAMES, responses(np.full(3000, command), conditions, **changed)[:4, -1], strict=True))
     known = Valve(**changed).at_rest(command, **conditions)
@@ -50,7 +49,7 @@ def test_at_rest_it_shows_what_its_balances_have_as_roots(command: float, condit
         assert seen[name] == pytest.approx(known[name], abs=1e-3), name
 
 
-def test_a_leakage_without_a_peak_is_its_level_and_has_no_place(tmp_path: Path) -> None:
+def test_a_leakage_without_a_peak_is_its_level_and_has_no_place(tmp_path):
     """Within the overlap it is the same everywhere: the largest of noisy values is too large, and lies anywhere."""
     run = hil.run("internal_leakage", "hpv41-lab", tmp_path / "run", settings={"rate_hz": 200.0})
     found = {one.name: one for one in run.findings.measured}

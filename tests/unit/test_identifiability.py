@@ -24,7 +24,7 @@ pytestmark = pytest.mark.together("moves of a cylinder")  # on one worker: it is
 TYPICAL = typical_model("hydraforce-sp08-47c")
 
 
-def test_directions_that_no_sample_tells_are_told_from_those_that_samples_do() -> None:
+def test_directions_that_no_sample_tells_are_told_from_those_that_samples_do():
     unknowns = [Unknown(name, "1", 1.0, 0.0, 5.0, 1.0) for name in "abc"]
     noise = np.random.default_rng(1).normal(size=500)
 
@@ -60,7 +60,7 @@ def identified() -> GreyBoxFit:
     return fit_plant(TYPICAL, [small_moves(1, {}), small_moves(2, {})])
 
 
-def test_the_model_knows_what_they_are_together() -> None:
+def test_the_model_knows_what_they_are_together():
     assert any(note.startswith("confounded: loop_gain, speed_extend") for note in identified().notes)
     assert "not identifiable" in identified().summary()
     problem = pose(identified().model, [small_moves(3, {})])
@@ -80,7 +80,7 @@ def test_the_model_knows_what_they_are_together() -> None:
 
 
 @pytest.mark.parametrize("changed", [{"loop_gain": 0.8}, {"speed_extend": 0.85, "spool_frequency": 0.7}, {}])
-def test_a_unit_that_changed_in_what_they_are_together_has_changed(changed: dict[str, float]) -> None:
+def test_a_unit_that_changed_in_what_they_are_together_has_changed(changed):
     told = diagnose(identified().model, [small_moves(5, changed), small_moves(6, changed)]).diagnosis
     assert told.verdict == ("parameter_change" if changed else "consistent")
     assert told.effects == ()
@@ -92,7 +92,7 @@ def test_a_unit_that_changed_in_what_they_are_together_has_changed(changed: dict
     assert all(fit.corrected > fit.ceiling - 0.1 for fit in told.recordings.values())
 
 
-def test_an_interval_wider_than_its_value_is_none() -> None:
+def test_an_interval_wider_than_its_value_is_none():
     hpv41 = plant("brevini-hpv41")
     values = {p.name: p.typical for p in hpv41.parameters}
     stds = {name: 0.1 * abs(value) for name, value in values.items()} | {"dead_time": 0.6 * values["dead_time"]}
@@ -102,7 +102,7 @@ def test_an_interval_wider_than_its_value_is_none() -> None:
     assert _wider_than_themselves(hpv41, values | {"dead_band": 0.0}, {"dead_band": 0.1}) == ()
 
 
-def test_one_thing_is_said_of_a_parameter_that_no_recording_tells() -> None:
+def test_one_thing_is_said_of_a_parameter_that_no_recording_tells():
     drives, rng = typical_model("coupled-drives"), np.random.default_rng(2)
     columns = {
         "drive voltage [V]": np.repeat(rng.choice([-0.5, 0.5], 60), 5),

@@ -19,10 +19,10 @@ assert new.__name__ == "hil.identification.step.step_response"
 """
 
 
-def test_modules_are_found_under_their_names_of_before() -> None:
+def test_modules_are_found_under_their_names_of_before():
     subprocess.run([sys.executable, "-c", _OLD], check=True)
 
 
-def test_what_never_stood_there_is_not_found() -> None:
+def test_what_never_stood_there_is_not_found():
     with pytest.raises(ModuleNotFoundError, match=r"hil\.identification\.nothing"):
         __import__("hil.identification.nothing")

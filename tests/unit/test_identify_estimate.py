@@ -24,13 +24,13 @@ def two_that_act_as_their_sum(count: int = 4000, noise: float = 0.1) -> Estimate
     return estimate(residuals, [Unknown("a", "s", 1.0, -10.0, 10.0, 1.0), Unknown("b", "s", 1.0, -10.0, 10.0, 1.0)])
 
 
-def test_what_acts_as_a_sum_cannot_be_told_apart_but_is_there() -> None:
+def test_what_acts_as_a_sum_cannot_be_told_apart_but_is_there():
     found = two_that_act_as_their_sum()
     assert found.values.sum() == pytest.approx(3.0, abs=0.01)
     assert np.all(np.isinf(found.std))
 
 
-def test_samples_that_say_nothing_make_no_interval_narrower() -> None:
+def test_samples_that_say_nothing_make_no_interval_narrower():
     rng = np.random.default_rng(3)
     measured = 2.0 + rng.standard_normal(4000)
     says = rng.random(4000) < 0.2
@@ -52,7 +52,7 @@ class Counted:
         return np.concatenate([values - 1.0, 3.0 * (values[1:] - values[:-1] ** 2), 0.1 * np.sin(values - 1.0)])
 
 
-def test_secants_lead_where_differences_lead_with_fewer_simulations() -> None:
+def test_secants_lead_where_differences_lead_with_fewer_simulations():
     valley = Counted()
     found = estimate(valley, [Unknown(f"x{k}", "1", 0.3, -5.0, 5.0, 1.0) for k in range(8)], tolerance=1e-10)
     assert found.converged
@@ -60,7 +60,7 @@ def test_secants_lead_where_differences_lead_with_fewer_simulations() -> None:
     assert valley.calls < 70  # 85 by differences alone
 
 
-def test_nobody_pays_for_an_uncertainty_that_is_not_asked_for() -> None:
+def test_nobody_pays_for_an_uncertainty_that_is_not_asked_for():
     valley = Counted()
     found = estimate(valley, [Unknown(f"x{k}", "1", 0.3, -5.0, 5.0, 1.0) for k in range(8)])
     before = valley.calls
@@ -69,7 +69,7 @@ def test_nobody_pays_for_an_uncertainty_that_is_not_asked_for() -> None:
     assert found.covariance.shape == (8, 8) and valley.calls == before + 8
 
 
-def test_a_sketch_is_asked_for_slopes_and_the_whole_for_what_they_bring() -> None:
+def test_a_sketch_is_asked_for_slopes_and_the_whole_for_what_they_bring():
     valley, rough = Counted(), Counted()
 
     def sketch(values: Array) -> Array:
@@ -100,7 +100,7 @@ def along_a_bent_valley(*, careful: bool) -> Estimate:
     return estimate(residuals, unknowns, careful=careful)
 
 
-def test_the_bend_of_a_valley_is_no_information_about_the_way_along_it() -> None:
+def test_the_bend_of_a_valley_is_no_information_about_the_way_along_it():
     found = along_a_bent_valley(careful=True)
     assert found.identifiability.is_shared_beyond_noise.all()
     assert found.std[0] == np.inf
@@ -109,7 +109,7 @@ def test_the_bend_of_a_valley_is_no_information_about_the_way_along_it() -> None
     assert np.all(along_a_bent_valley(careful=False).identifiability.whole.diagonal()[1:] > 1e-3)
 
 
-def test_what_bounds_leave_of_a_valley_is_no_matter_of_rounding_or_order() -> None:
+def test_what_bounds_leave_of_a_valley_is_no_matter_of_rounding_or_order():
     """One sum of three values shows: whatever rounding leaves of their slopes, and however they are listed."""
     rng, slopes, widths = np.random.default_rng(7), np.array([0.5, 1.0, 0.4]), np.array([0.3, 1.0, 3.0])
     found = []
@@ -123,7 +123,7 @@ def test_what_bounds_leave_of_a_valley_is_no_matter_of_rounding_or_order() -> No
     assert found[0] == pytest.approx([0.0866, 0.289, 0.722], rel=0.2)
 
 
-def test_what_is_no_more_certain_than_its_bounds_is_not_told() -> None:
+def test_what_is_no_more_certain_than_its_bounds_is_not_told():
     noise = np.random.default_rng(3).standard_normal(400)
 
     def residuals(values: Array) -> Array:
@@ -136,7 +136,7 @@ def test_what_is_no_more_certain_than_its_bounds_is_not_told() -> None:
     assert found.std[1] < 0.05
 
 
-def test_a_step_to_where_the_plant_runs_away_is_taken_back_without_a_word() -> None:
+def test_a_step_to_where_the_plant_runs_away_is_taken_back_without_a_word():
     def residuals(values: Array) -> Array:
         far = np.full(2, 1e200)
         return far if values[0] < -3.0 else np.array([np.arctan(values[0]), 0.0])
@@ -145,7 +145,7 @@ def test_a_step_to_where_the_plant_runs_away_is_taken_back_without_a_word() -> N
     assert found.values[0] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_all_of_something_is_the_natural_end_of_a_share_and_no_other_bound() -> None:
+def test_all_of_something_is_the_natural_end_of_a_share_and_no_other_bound():
     share, ratio = Unknown("share", "1", 0.5, 0.0, 1.0, 1.0), Unknown("ratio", "1", 1.0, 0.3, 3.0, 1.0)
     assert share.at_natural_end(1.0) and share.at_natural_end(0.0) and not share.at_natural_end(0.5)
     assert ratio.at_bound(3.0) and not ratio.at_natural_end(3.0)

@@ -57,7 +57,7 @@ def repeated_and_stated(found: GreyBoxFit) -> tuple[np.ndarray, np.ndarray]:
     return np.sqrt(np.diag(np.array(found.model.covariance.matrix))), np.array(stds, dtype=np.float64)
 
 
-def test_coloured_noise_is_no_lack_of_the_model() -> None:
+def test_coloured_noise_is_no_lack_of_the_model():
     """It was told as missing physics where nothing tells which of the two it is."""
     made, noise = driven(), np.random.default_rng(5).standard_normal(16_000)
     flow = made.channels["flow"].values + 0.3 * filtered([0.6], [1.0, -0.8], noise)
@@ -68,7 +68,7 @@ def test_coloured_noise_is_no_lack_of_the_model() -> None:
     assert max(off(found).values()) < 3.5
 
 
-def test_intervals_hold_the_truth_where_the_model_lacks_friction_and_a_note_says_so() -> None:
+def test_intervals_hold_the_truth_where_the_model_lacks_friction_and_a_note_says_so():
     found = fitted(driven(FRICTION))
     assert max(off(found).values()) < 2.5
     assert any("the model lacks something, most likely at its" in note for note in found.notes)
@@ -76,7 +76,7 @@ def test_intervals_hold_the_truth_where_the_model_lacks_friction_and_a_note_says
     assert np.all(repeated <= stated)  # repeats lack the same
 
 
-def test_what_is_only_noise_widens_nothing() -> None:
+def test_what_is_only_noise_widens_nothing():
     found = without_friction()
     assert max(off(found).values()) < 3.0
     assert not any("lacks" in note for note in found.notes)
@@ -84,7 +84,7 @@ def test_what_is_only_noise_widens_nothing() -> None:
     assert np.all(stated < 1.2 * repeated)
 
 
-def test_a_stated_calibration_is_kept_apart() -> None:
+def test_a_stated_calibration_is_kept_apart():
     made = driven()
     flow = replace(made.channels["flow"], calibration={"uncertainty": 1.4})
     found = fitted(replace(made, channels={**made.channels, "flow": flow}))
@@ -98,7 +98,7 @@ def test_a_stated_calibration_is_kept_apart() -> None:
     assert "with calibration" not in without_friction().summary()
 
 
-def test_finer_steps_of_the_solver_move_an_effects_parameter_as_they_move_the_plants() -> None:
+def test_finer_steps_of_the_solver_move_an_effects_parameter_as_they_move_the_plants():
     start = starting_model("hpv41-identified", ("friction.coulomb",))
     time_s = np.arange(16_000) * 0.001
     command = np.concatenate((np.repeat(LEVELS, 1000), 70.0 * np.sin(1.3 * time_s[:9000])))

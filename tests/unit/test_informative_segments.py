@@ -20,7 +20,7 @@ INTERVAL_S = 0.01
 
 
 @pytest.fixture
-def few(monkeypatch: pytest.MonkeyPatch) -> None:
+def few(monkeypatch):
     monkeypatch.setattr(module, "EFFORT", Effort(most_samples=6000, segment_samples=1000))
 
 
@@ -45,18 +45,18 @@ def bound(start: Model, one: Recording) -> tuple[list[Experiment], tuple[str, ..
     return experiments_of(start, [one], lambda _: "command", lambda part: experiment(part, start.definition))
 
 
-def test_stretches_are_taken_where_the_command_tells() -> None:
+def test_stretches_are_taken_where_the_command_tells():
     found = informative_segments(long_command(), 5000, 1000)
     taken = {first for s in found for first in range(*s, 1000)}
     assert len(taken) == 5 and {30_000, 31_000, 32_000} <= taken
     assert all(8000 <= first < 12_000 or 30_000 <= first < 33_000 for first in taken)
 
 
-def test_a_command_that_is_short_enough_is_taken_whole() -> None:
+def test_a_command_that_is_short_enough_is_taken_whole():
     assert informative_segments(long_command()[8000:8900], 1000, 100) == [(0, 900)]
 
 
-def test_a_long_recording_is_identified_from_a_part_of_it_and_that_is_said(few: None) -> None:
+def test_a_long_recording_is_identified_from_a_part_of_it_and_that_is_said(few):
     start, whole = starting_model("brevini-hpv41"), made(long_command())
     experiments, said = bound(start, whole)
     assert "40000 samples are more than a fit needs; 6000 (60 s) in informative segments (2) are used" in said[0]
@@ -71,13 +71,13 @@ def test_a_long_recording_is_identified_from_a_part_of_it_and_that_is_said(few: 
         assert std is not None and abs(found[name].value - true) < 4.0 * std < 0.1 * true
 
 
-def test_a_recording_that_is_no_longer_than_that_is_used_as_it_is(few: None) -> None:
+def test_a_recording_that_is_no_longer_than_that_is_used_as_it_is(few):
     start, short = starting_model("brevini-hpv41"), made(long_command()[29_000:34_000])
     (e,), said = bound(start, short)
     assert (e.name, len(e.output), said) == ("long", 5000, ())
 
 
-def test_a_stretch_says_nothing_of_a_warmth_that_came_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stretch_says_nothing_of_a_warmth_that_came_before_it(monkeypatch):
     monkeypatch.setattr(module, "EFFORT", Effort(most_samples=900, segment_samples=300))
     start = starting_model("efc-drive")
     command = np.concatenate((np.full(1800, 1.9), np.tile(np.repeat([1.2, 1.7, 1.45], 40), 20)))

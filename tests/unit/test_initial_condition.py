@@ -37,14 +37,14 @@ def healthy(hum_m: float = 0.0) -> Model:
     return fit_plant(typical_model("linear-axis"), [axis(seed, hum_m) for seed in (1, 2)]).model
 
 
-def test_parameters_of_an_integrating_plant_are_those_of_the_truth() -> None:
+def test_parameters_of_an_integrating_plant_are_those_of_the_truth():
     found = healthy().parameters
     for name, true in (("mass", 100.0), ("viscous", 200.0)):
         std = found[name].std
         assert std is not None and abs(found[name].value - true) < 4.0 * std + 1e-4 * true
 
 
-def test_a_free_start_takes_an_offset_and_nothing_else() -> None:
+def test_a_free_start_takes_an_offset_and_nothing_else():
     e = axis(1)
     slope = start_slope(e, AXIS, AXIS.typical, (), NOISE_M)
     assert slope is not None and np.allclose(slope, slope[0])  # a carriage keeps for good what its start got wrong
@@ -56,7 +56,7 @@ def test_a_free_start_takes_an_offset_and_nothing_else() -> None:
     assert np.isclose(offset @ offset, 25.0 * len(slope) / (1.0 + power))  # the marginal likelihood, exactly
 
 
-def test_samples_that_say_nothing_do_not_say_where_a_plant_started() -> None:
+def test_samples_that_say_nothing_do_not_say_where_a_plant_started():
     e = axis(1)
     held = e.without(np.arange(len(e.output)) % 500 > 350)
     other = replace(held, output=np.where(held.valid, held.output, held.output + 0.1))
@@ -71,7 +71,7 @@ def started(force: np.ndarray, position: np.ndarray) -> float:
     return experiment(made, AXIS).drive.first_output
 
 
-def test_a_recording_that_begins_at_rest_starts_at_the_mean_of_the_rest() -> None:
+def test_a_recording_that_begins_at_rest_starts_at_the_mean_of_the_rest():
     noise = NOISE_M * np.random.default_rng(3).standard_normal(2000)
     force = np.where(np.arange(2000) < 1000, 5.0, 20.0)  # it stands against a stop
     start = started(force, 0.3 + noise)
@@ -79,19 +79,19 @@ def test_a_recording_that_begins_at_rest_starts_at_the_mean_of_the_rest() -> Non
     assert abs(start - 0.3) < 4.0 * NOISE_M / np.sqrt(1000.0)
 
 
-def test_a_recording_that_begins_in_motion_starts_near_its_first_reading() -> None:
+def test_a_recording_that_begins_in_motion_starts_near_its_first_reading():
     time_s = np.arange(2000) / RATE_HZ
     noise = NOISE_M * np.random.default_rng(4).standard_normal(2000)
     start = started(np.full(2000, 5.0) + (time_s > 4.0), 0.05 * time_s + noise)
     assert abs(start) < 20.0 * NOISE_M  # 50 mm after a second are 2500 times the noise
 
 
-def test_a_command_that_moves_at_once_leaves_the_first_reading() -> None:
+def test_a_command_that_moves_at_once_leaves_the_first_reading():
     position = NOISE_M * np.random.default_rng(5).standard_normal(200)
     assert started(np.sin(np.arange(200) / 9.0), position) == position[0]
 
 
-def test_a_plant_that_does_not_start_from_its_reading_has_no_free_start() -> None:
+def test_a_plant_that_does_not_start_from_its_reading_has_no_free_start():
     valve = plant("brevini-hpv41")
     time_s = np.arange(0.0, 2.0, 0.004)
     command = 50.0 * np.sign(np.sin(2.0 * np.pi * time_s))
@@ -101,11 +101,11 @@ def test_a_plant_that_does_not_start_from_its_reading_has_no_free_start() -> Non
     assert with_free_start(residuals, None) is residuals
 
 
-def test_a_healthy_axis_is_consistent_whatever_its_first_reading() -> None:
+def test_a_healthy_axis_is_consistent_whatever_its_first_reading():
     assert explained(pose(healthy(), [axis(seed) for seed in (11, 12)]))[1].verdict == "consistent"
 
 
-def test_hum_that_the_healthy_unit_had_is_no_news_and_more_of_it_is() -> None:
+def test_hum_that_the_healthy_unit_had_is_no_news_and_more_of_it_is():
     model = healthy(hum_m=2.0 * NOISE_M)
     assert model.noise is not None and model.noise.hum_hz is not None
     assert abs(model.noise.hum_hz - 47.3) < 0.1
@@ -117,7 +117,7 @@ def test_hum_that_the_healthy_unit_had_is_no_news_and_more_of_it_is() -> None:
     assert [e.name for e in more.events] == ["periodic_disturbance"]
 
 
-def test_no_line_is_found_in_noise() -> None:
+def test_no_line_is_found_in_noise():
     rng = np.random.default_rng(5)
     quiet = [axis(1), axis(2)]
     for _ in range(20):

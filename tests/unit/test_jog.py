@@ -31,17 +31,17 @@ def _bench(folder: Path, **tables: Any) -> BenchFile:
     [("2s", "s", 2.0), ("200 ms", "s", 0.2), ("1 min", "s", 60.0), ("50 %", "%", 50.0), ("-3,5", "bar", -3.5),
      ("1e1bar", "bar", 10.0), (".5 V", "V", 0.5), ("100 psi", "bar", 6.894757)],
 )  # fmt: skip
-def test_quantities_as_people_type_them(text: str, unit: str, value: float) -> None:
+def test_quantities_as_people_type_them(text, unit, value):
     assert quantity(text, unit, "VALUE") == pytest.approx(value)
 
 
 @pytest.mark.parametrize("text", ["", "fast", "1.2.3", "nan", "2 furlongs per", "3 bar", "1e999"])
-def test_what_is_no_quantity(text: str) -> None:
+def test_what_is_no_quantity(text):
     with pytest.raises(SettingError, match="VALUE"):
         quantity(text, "s", "VALUE")
 
 
-def test_the_output_goes_there_and_back_and_the_run_says_so(tmp_path: Path) -> None:
+def test_the_output_goes_there_and_back_and_the_run_says_so(tmp_path):
     outcome = run_procedure(
         load_procedure("jog"), _bench(tmp_path), {"value": 30.0, "for_s": 1.0}, tmp_path / "run", commanding="command"
     )
@@ -59,7 +59,7 @@ def test_the_output_goes_there_and_back_and_the_run_says_so(tmp_path: Path) -> N
     assert found["noise, flow"].value == pytest.approx(0.3, abs=0.05)
 
 
-def test_it_ends_when_it_is_not_wanted_any_more(tmp_path: Path) -> None:
+def test_it_ends_when_it_is_not_wanted_any_more(tmp_path):
     asked = iter(range(10_000))
     mine = to_be_ended(load_procedure("jog"), lambda: next(asked) < 12)
     outcome = run_procedure(mine, _bench(tmp_path), {"value": 30.0, "for_s": 60.0}, tmp_path / "run")
@@ -68,7 +68,7 @@ def test_it_ends_when_it_is_not_wanted_any_more(tmp_path: Path) -> None:
     assert "ended by hand" in [event["event"] for event in recording.meta["events"]]
 
 
-def test_it_ends_at_once_too(tmp_path: Path) -> None:
+def test_it_ends_at_once_too(tmp_path):
     outcome = run_procedure(
         to_be_ended(load_procedure("jog"), lambda: False), _bench(tmp_path), {"value": 30.0}, tmp_path / "run"
     )
@@ -76,7 +76,7 @@ def test_it_ends_at_once_too(tmp_path: Path) -> None:
     assert outcome.findings.notes[0] == "The output never stood at its value."
 
 
-def test_any_output_of_a_bench_and_the_command_stands(tmp_path: Path) -> None:
+def test_any_output_of_a_bench_and_the_command_stands(tmp_path):
     line = {"device": "daq", "terminal": "do0", "unit": "1", "safe": 0, "on": 1}
     bench = _bench(tmp_path, channels={"enable": line}, simulation={"instruments": {"enable": {"signal": ""}}})
     outcome = run_procedure(
@@ -89,7 +89,7 @@ def test_any_output_of_a_bench_and_the_command_stands(tmp_path: Path) -> None:
     assert np.all(recording.values("command", "%") == 0.0) and held["channel"] == "enable"
 
 
-def test_what_cannot_be_driven(tmp_path: Path) -> None:
+def test_what_cannot_be_driven(tmp_path):
     bench = read_bench(benches()["brevini-hpv41"])
     with pytest.raises(SettingError, match="'flow' is an input; what can be driven: command"):
         output_of(bench, "flow")
@@ -100,7 +100,7 @@ def test_what_cannot_be_driven(tmp_path: Path) -> None:
     assert not (tmp_path / "run").exists()
 
 
-def test_command_line(tmp_path: Path, command_line) -> None:
+def test_command_line(tmp_path, command_line):
     archive = ("--archive", tmp_path)
     where = ("--out", tmp_path / "run", *archive, "--operator", "kb")
     found = command_line("jog", "brevini-hpv41", "command", "-20", "--for", "500 ms", *where)

@@ -34,14 +34,14 @@ def built(values: np.ndarray, saturating: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("second", [0.0, 0.7, 1.0, 1.8])
-def test_a_sensor_at_rest_stays_there_and_lags_a_ramp_by_its_time_constant(second: float) -> None:
+def test_a_sensor_at_rest_stays_there_and_lags_a_ramp_by_its_time_constant(second):
     assert sensed(np.full(50, 80.0), 0.01, second) == pytest.approx(80.0)
     time_s = STEP_S * np.arange(400)
     behind = 30.0 * time_s - sensed(30.0 * time_s, 0.01, second)
     assert behind[-1] == pytest.approx(30.0 * 0.01, rel=1e-6)
 
 
-def test_a_turbine_lags_most_at_small_flow_and_when_it_falls() -> None:
+def test_a_turbine_lags_most_at_small_flow_and_when_it_falls():
     rise = np.concatenate([[0.0], np.full(2000, 1.0)])
     quick, slow = turned(70.0 * rise, 0.02, 0.4, 1.0), turned(0.7 * rise, 0.02, 0.4, 1.0)
     assert np.argmax(quick > 0.63 * 70.0) < np.argmax(slow > 0.63 * 0.7)
@@ -50,7 +50,7 @@ def test_a_turbine_lags_most_at_small_flow_and_when_it_falls() -> None:
     assert turned(fall, 0.02, 1.0, 1.5)[20] > turned(fall, 0.02, 1.0, 1.0)[20]
 
 
-def test_a_saturated_coil_follows_sooner() -> None:
+def test_a_saturated_coil_follows_sooner():
     step = np.concatenate([[0.0], np.full(100, 90.0)])
     assert built(step, 0.5)[20] > built(step, 0.0)[20]
     assert built(0.05 * step, 0.5)[20] == pytest.approx(built(0.05 * step, 0.0)[20], rel=2e-3)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import re
-from pathlib import Path
 
 import pikepdf
 import pytest
@@ -39,7 +38,7 @@ BANDWIDTH = Measurement(
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_catalogues_are_in_step_with_the_code(path: Path) -> None:
+def test_catalogues_are_in_step_with_the_code(path):
     made = catalogue(path.stem, path)
     assert path.stem in ROOMS
     assert path.read_bytes() == text_of(made), "python docs/catalogues.py brings it up to date"
@@ -47,7 +46,7 @@ def test_catalogues_are_in_step_with_the_code(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_everything_is_translated_with_the_same_places(path: Path) -> None:
+def test_everything_is_translated_with_the_same_places(path):
     for message in read_po(io.BytesIO(path.read_bytes())):
         if message.id:
             texts = zip(*(([t] if isinstance(t, str) else t) for t in (message.id, message.string)), strict=True)
@@ -56,7 +55,7 @@ def test_everything_is_translated_with_the_same_places(path: Path) -> None:
                 assert _places(said) == _places(translated), said
 
 
-def test_no_sentence_is_too_long_for_one_reading() -> None:
+def test_no_sentence_is_too_long_for_one_reading():
     assert list(long_sentences()) == []
 
 
@@ -65,7 +64,7 @@ def _places(text: str) -> set[str]:
     return {place.replace("!c", "") for place in re.findall(r"{[^{}]*}", text)}
 
 
-def test_german_numbers_have_a_comma_and_english_ones_a_point() -> None:
+def test_german_numbers_have_a_comma_and_english_ones_a_point():
     shown = [number(1.5), number(-0.25), fixed(2.0, 2), with_uncertainty(1.269, 0.012, "Hz"), number(1e-9)]
     assert shown == ["1.5", "−0.25", "2.00", "1.269 ± 0.012 Hz", "1·10⁻⁹"]
     with speaking("de"):
@@ -74,7 +73,7 @@ def test_german_numbers_have_a_comma_and_english_ones_a_point() -> None:
     assert shown == ["1,5", "−0,25", "2,00", "1,269 ± 0,012 Hz", "1·10⁻⁹"]
 
 
-def test_a_language_lasts_as_long_as_its_context_and_no_other_is_spoken() -> None:
+def test_a_language_lasts_as_long_as_its_context_and_no_other_is_spoken():
     assert languages() == ("en", "de")
     with speaking("de"), speaking("en"):
         assert (spoken(), _("Verdict"), plural("{n} run", "{n} runs", 2)) == ("en", "Verdict", "{n} runs")
@@ -93,20 +92,18 @@ def test_a_language_lasts_as_long_as_its_context_and_no_other_is_spoken() -> Non
         ({"HIL_LANGUAGE": "en", "LANG": "de_AT"}, "en"), ({"HIL_LANGUAGE": "DE-ch"}, "de"),
     ],
 )  # fmt: skip
-def test_the_environment_decides_where_nobody_says(environment: dict[str, str], language: str) -> None:
+def test_the_environment_decides_where_nobody_says(environment, language):
     assert page_language(environment) == language
 
 
-def test_a_language_that_is_not_spoken_is_refused_by_name() -> None:
+def test_a_language_that_is_not_spoken_is_refused_by_name():
     with pytest.raises(SettingError, match=r"--language nl: en, de are spoken"):
         choose("nl")
     with pytest.raises(SettingError, match="HIL_LANGUAGE=nl: en, de are spoken"):
         page_language({"HIL_LANGUAGE": "nl"})
 
 
-def test_the_page_of_a_run_is_german_and_what_is_printed_is_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_of_a_run_is_german_and_what_is_printed_is_not(tmp_path, monkeypatch):
     monkeypatch.setenv("HIL_LANGUAGE", "de")
     found = Findings((BANDWIDTH.of(1.26912, 0.00612), BANDWIDTH.at("−50 %").of(0.99, 0.08)))
     write_run_report(a_recording(), found, tmp_path / "report.html")
@@ -119,7 +116,7 @@ def test_the_page_of_a_run_is_german_and_what_is_printed_is_not(
     assert "bandwidth_3db, −50 %  0.99 ± 0.16    Hz" in findings_text(found)
 
 
-def test_a_german_table_of_values_fits_a_telephone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_german_table_of_values_fits_a_telephone(tmp_path, monkeypatch):
     monkeypatch.setenv("HIL_LANGUAGE", "de")
     symmetry = Measurement("symmetry", "l/min per %", "gain of the weaker side", 0.99712, 0.99723)
     found = Findings((BANDWIDTH.of(1.26912, 0.00012), BANDWIDTH.at("−50 %").of(None), symmetry.of(0.99706, 0.00008)))
@@ -132,7 +129,7 @@ def test_a_german_table_of_values_fits_a_telephone(tmp_path: Path, monkeypatch: 
 
 
 @pytest.mark.usefixtures("stranger")
-def test_a_page_in_german_by_option(tmp_path: Path, command_line) -> None:
+def test_a_page_in_german_by_option(tmp_path, command_line):
     runs = [run_of(tmp_path, name=name, gain=gain) for name, gain in (("a", 50.0), ("b", 53.0))]
     page = tmp_path / "page.html"
     assert command_line("compare", *runs, "--page", page, "--language", "de").status == 0
@@ -141,7 +138,7 @@ def test_a_page_in_german_by_option(tmp_path: Path, command_line) -> None:
 
 
 @pytest.mark.usefixtures("stranger")
-def test_the_certificate_in_german_and_its_files_in_english(tmp_path: Path, command_line) -> None:
+def test_the_certificate_in_german_and_its_files_in_english(tmp_path, command_line):
     run = run_of(tmp_path)
     assert command_line("passport", run, "--out", tmp_path / "p.pdf", "--language", "de").status == 0
     with pikepdf.open(tmp_path / "p.pdf") as pdf:
@@ -154,7 +151,7 @@ def test_the_certificate_in_german_and_its_files_in_english(tmp_path: Path, comm
     assert not re.search(r"\d,\d", xml), "a decimal comma in a file for programs"
 
 
-def test_what_a_run_says_before_it_drives_is_german_for_a_console_only(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_run_says_before_it_drives_is_german_for_a_console_only(monkeypatch):
     monkeypatch.setenv("HIL_LANGUAGE", "de")
     procedure = load_procedure("frequency_response")
     assert understood(procedure, {"biases": "50"}, {}) == "\nsetting biases = 50 %"
@@ -163,13 +160,13 @@ def test_what_a_run_says_before_it_drives_is_german_for_a_console_only(monkeypat
 
 
 @pytest.mark.parametrize("language", languages())
-def test_a_console_finds_what_a_rehearsal_has_shown_in_every_language(language: str) -> None:
+def test_a_console_finds_what_a_rehearsal_has_shown_in_every_language(language):
     with speaking(language):
         lines = list(map(translated, Rehearsal(12.5, ("supply is low",)).notes))
     assert all(map(is_of_rehearsal, lines)) and not is_of_rehearsal("50 %: 1 Hz")
 
 
-def test_the_board_of_a_bench_is_german_and_keeps_the_names_of_channels() -> None:
+def test_the_board_of_a_bench_is_german_and_keeps_the_names_of_channels():
     bench = read_bench(benches()["brevini-hpv41"])
     with speaking("de"):
         lines = lines_of(bench, [], {"command": (12.5, 0.0)})
@@ -191,7 +188,7 @@ def test_the_board_of_a_bench_is_german_and_keeps_the_names_of_channels() -> Non
         ("a stranger's 1.2 A, -3 Hz", "a stranger's 1,2 A, −3 Hz"),
     ],
 )
-def test_where_a_value_was_measured_is_said_in_the_language_of_the_page(place: str, german: str) -> None:
+def test_where_a_value_was_measured_is_said_in_the_language_of_the_page(place, german):
     with speaking("de"):
         assert label_text(place) == german
         note = Note("no figures: {why}.", why="?").at(place).translated

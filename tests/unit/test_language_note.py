@@ -7,7 +7,6 @@ import datetime as dt
 import json
 import pickle
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -39,7 +38,7 @@ def stored_and_read(*notes: str) -> tuple[str, ...]:
     return revived(json.loads(json.dumps(notes)), json.loads(json.dumps(codes_of(notes))))
 
 
-def test_a_note_is_english_text_and_keeps_its_values() -> None:
+def test_a_note_is_english_text_and_keeps_its_values():
     made = Note("its fit is {fit:.1f} %, where {least:g} % are asked for", fit=np.float64(71.25), least=80.0).at(
         "0.5 A"
     )
@@ -51,7 +50,7 @@ def test_a_note_is_english_text_and_keeps_its_values() -> None:
         assert (again, again.code, again.values) == (made, made.code, made.values)
 
 
-def test_lists_names_and_labels_of_a_note() -> None:
+def test_lists_names_and_labels_of_a_note():
     listed = Note("Not stated: {listed}.", listed=(Note("the fluid"), "v1.5"))
     assert (listed, german(listed)) == ("Not stated: the fluid, v1.5.", "Nicht angegeben: das Öl, v1.5.")
     label = Note("setting {setting!l}", setting="rate = 0.5 Hz")
@@ -70,12 +69,12 @@ def test_lists_names_and_labels_of_a_note() -> None:
     ],
     ids=str,
 )  # fmt: skip
-def test_what_a_file_says_a_note_is_made_of_is_not_believed(made_of: object) -> None:
+def test_what_a_file_says_a_note_is_made_of_is_not_believed(made_of):
     (again,) = revived(["it hums"], {"it hums": made_of})
     assert (again, type(again)) == ("it hums", str)
 
 
-def test_an_error_says_its_note_in_the_language_of_the_page() -> None:
+def test_an_error_says_its_note_in_the_language_of_the_page():
     error, other = InputError(Note("no measurement: {why}", why=Note("no sample yet"))), OSError(2, "gone")
     assert (str(error), error_text(error)) == ("no measurement: no sample yet",) * 2
     with speaking("de"):
@@ -88,7 +87,7 @@ def recording(**conditions: object) -> Recording:
     return Recording("run", t, {oil.name: oil}, {"conditions": conditions})
 
 
-def test_conditions_that_depart_are_said_in_german() -> None:
+def test_conditions_that_depart_are_said_in_german():
     found = recording(
         supply_pressure_bar=90.0, fluid="HLP 46",
         ranges={"fluid_temperature_c": (38, 42), "supply_pressure_bar": (98.5, 102), "ambient_temperature_c": (15, 30)},
@@ -102,7 +101,7 @@ def test_conditions_that_depart_are_said_in_german() -> None:
     assert said[4].startswith("Das Öl hatte 52,8 °C")
 
 
-def test_overdue_calibrations_are_said_in_german_with_names_and_dates_as_they_are() -> None:
+def test_overdue_calibrations_are_said_in_german_with_names_and_dates_as_they_are():
     file = read_bench(benches()["brevini-hpv41"])
     due = dt.date(2026, 1, 2)
     channels = {
@@ -121,7 +120,7 @@ def test_overdue_calibrations_are_said_in_german_with_names_and_dates_as_they_ar
 
 @pytest.mark.parametrize("place", [1, 2, 4, 15, 22], ids=lambda i: f"{CASES[i].procedure}-{CASES[i].bench}")
 @pytest.mark.parametrize("situation", [SITUATIONS[0], SITUATIONS[1]], ids=lambda one: one.name)
-def test_what_procedures_note_is_said_in_german(place: int, situation: object, tmp_path: Path) -> None:
+def test_what_procedures_note_is_said_in_german(place, situation, tmp_path):
     case = CASES[place]
     procedure = load_procedure(case.procedure)
     clean = driven(procedure, case.bench, case.settings, situation, tmp_path / "run")
@@ -133,6 +132,6 @@ def test_what_procedures_note_is_said_in_german(place: int, situation: object, t
         assert not re.search(r"\d\.\d", said), said
 
 
-def test_a_sentence_of_a_stranger_stays_as_it_is_and_english_pages_keep_theirs() -> None:
+def test_a_sentence_of_a_stranger_stays_as_it_is_and_english_pages_keep_theirs():
     assert german("odd: it hums at -3.5 Hz") == "odd: it hums at −3.5 Hz"
     assert note_text("0 → 80 %: noise alone") == "0 → 80 %: noise alone"

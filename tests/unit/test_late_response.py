@@ -41,9 +41,7 @@ def lagging() -> np.ndarray:
 
 @pytest.mark.parametrize("late_s", [0.0, 2.0])
 @pytest.mark.parametrize("gap_s", [(0.0, 0.0), (3.0, 3.4), (3.9, 5.5)])
-def test_a_late_start_or_a_gap_of_the_response_alone_takes_nothing_of_the_command(
-    late_s: float, gap_s: tuple[float, float]
-) -> None:
+def test_a_late_start_or_a_gap_of_the_response_alone_takes_nothing_of_the_command(late_s, gap_s):
     read = logged(lagging(), late_s, gap_s)
     said = any("flow begins 2 s after" in said and "known before" in said for said in read.meta.get("assumed", ()))
     assert said is (late_s == 2.0)
@@ -54,7 +52,7 @@ def test_a_late_start_or_a_gap_of_the_response_alone_takes_nothing_of_the_comman
     assert lag.value == pytest.approx(LAG_S, abs=4.0 * lag.std)
 
 
-def test_a_gap_on_stamps_off_every_grid_takes_nothing_of_the_command() -> None:
+def test_a_gap_on_stamps_off_every_grid_takes_nothing_of_the_command():
     read = logged(lagging(), 2.0, (3.0, 3.4))
     shifted = replace(read.own["flow"], time_s=read.own["flow"].time_s + 0.0033)
     e = experiment(replace(read, own={**read.own, "flow": shifted}), plant("transfer-function"), "command", "flow")
@@ -66,7 +64,7 @@ def test_a_gap_on_stamps_off_every_grid_takes_nothing_of_the_command() -> None:
 
 
 @pytest.mark.parametrize(("gap_s", "count"), [((0.0, 0.0), 300), ((4.0, 4.5), 250)])
-def test_an_integrator_stands_where_its_late_response_begins(gap_s: tuple[float, float], count: int) -> None:
+def test_an_integrator_stands_where_its_late_response_begins(gap_s, count):
     position = 3.0 + 5.0 * STEP_S * np.concatenate(([0.0], np.cumsum(COMMAND)[:-1]))
     linear = plant("transfer-function")
     e = experiment(logged(position, 3.0, gap_s), linear, "command", "flow", 0.0)
@@ -75,6 +73,6 @@ def test_an_integrator_stands_where_its_late_response_begins(gap_s: tuple[float,
     np.testing.assert_allclose(e.respond(linear, drives)[0][e.valid], e.valid_output, atol=1e-6)
 
 
-def test_a_response_without_a_late_start_is_bound_as_before() -> None:
+def test_a_response_without_a_late_start_is_bound_as_before():
     e = experiment(logged(lagging(), 0.0), plant("transfer-function"), "command", "flow")
     assert e.grid_s is None and not e.is_late and len(e.output) == len(TIME_S)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import sys
 import tomllib
-from collections.abc import Callable
 from importlib.machinery import ModuleSpec
 from importlib.metadata import packages_distributions
 from pathlib import Path
@@ -33,7 +32,7 @@ class Hiding:
 
 
 @pytest.fixture
-def hide(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., None]:
+def hide(monkeypatch, tmp_path):
     """Takes packages away; others stay, as what a test before has imported may still ask for them."""
     monkeypatch.chdir(tmp_path)
 
@@ -72,9 +71,7 @@ COMMANDS = [
 @pytest.mark.parametrize(
     ("arguments", "package"), COMMANDS, ids=lambda value: " ".join(value[:4]) if isinstance(value, tuple) else value
 )
-def test_command_names_the_extra_in_one_line(
-    arguments: tuple[str, ...], package: str, hide: Callable[..., None], command_line
-) -> None:
+def test_command_names_the_extra_in_one_line(arguments, package, hide, command_line):
     write_recording()
     hide(package)
     status, _, err = command_line(*arguments)
@@ -84,7 +81,7 @@ def test_command_names_the_extra_in_one_line(
     assert sorted(path.name for path in Path().iterdir()) == ["a.csv", "a.h5", "a.mf4", "a.parquet", "a.tdms"]
 
 
-def test_what_needs_no_extra_works(hide: Callable[..., None], command_line) -> None:
+def test_what_needs_no_extra_works(hide, command_line):
     hide(*EXTRAS)
     assert not any(is_installed(package) for package in EXTRAS)
     for arguments in (["list"], ["check", "brevini-hpv41", "--strict"]):
@@ -94,7 +91,7 @@ def test_what_needs_no_extra_works(hide: Callable[..., None], command_line) -> N
     assert command_line("check", "hpv41-mixed", "--strict").status == 2
 
 
-def test_every_library_of_every_extra_is_known() -> None:
+def test_every_library_of_every_extra_is_known():
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
     of_package: dict[str, set[str]] = {}
     for imported, packages in packages_distributions().items():
@@ -110,7 +107,7 @@ def test_every_library_of_every_extra_is_known() -> None:
             assert imported & known, f"{package} of the extra {extra}"
 
 
-def test_a_run_without_the_libraries_of_pages_says_so(hide: Callable[..., None], command_line) -> None:
+def test_a_run_without_the_libraries_of_pages_says_so(hide, command_line):
     hide(*EXTRAS)
     status, out, err = command_line("run", "leakage_check", "--bench", "cummins-efc-acceptance", "--out", "runs/one")
     assert status == 0 and "verdict: " in out and "report: " not in out

@@ -28,7 +28,7 @@ def often_held() -> dict[str, Array]:
     return made
 
 
-def test_the_quieter_part_of_the_time_is_the_same_in_every_channel() -> None:
+def test_the_quieter_part_of_the_time_is_the_same_in_every_channel():
     problem = pose(nominal(), bound(nominal(), records(seed=3, with_spool=True)[:1]))
     ((output, spool),) = problem.channel_slices()
     residuals = np.ones(len(problem.nominal_residuals))
@@ -41,7 +41,7 @@ def test_the_quieter_part_of_the_time_is_the_same_in_every_channel() -> None:
     assert keep[output].mean() > 0.6
 
 
-def test_a_law_does_not_bend_to_what_happens_beside_it() -> None:
+def test_a_law_does_not_bend_to_what_happens_beside_it():
     problem = pose(nominal(), bound(nominal(), records((LOOP,), seed=7, arriving=often_held())))
     start = nothing(problem)
     terms = all_terms(problem, start.residuals)

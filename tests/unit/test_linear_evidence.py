@@ -53,7 +53,7 @@ FAR_PAIR = transfer_function([3.0], np.polymul([0.2, 1.0], [1.0 / 600.0**2, 2.4 
         (transfer_function([3.0], [0.2, 1.0]), Form(1, 0, dead_time=True), "the interval of dead time is wider"),
     ],
 )
-def test_what_no_line_says_anything_of_is_named(model: TransferFunction, form: Form, says: str):
+def test_what_no_line_says_anything_of_is_named(model, form, says):
     found = unresolved(fit_form(noisy(model, 0.001), form))
     assert sum(text.startswith(says) for text in found) == 1, found
 
@@ -61,7 +61,7 @@ def test_what_no_line_says_anything_of_is_named(model: TransferFunction, form: F
 @pytest.mark.parametrize(
     ("noise", "says"), [(0.6, ("its fit is ", "where 80 % are asked for")), (10.0, ("it fits no better than a const",))]
 )
-def test_a_poor_fit_is_none(noise: float, says: tuple[str, ...]):
+def test_a_poor_fit_is_none(noise, says):
     fit = replace(fit_form(noisy(TWO_POLES, 0.001), Form(2, 0)), fit_percent={0.6: 63.0, 10.0: -60.0}[noise])
     (text,) = doubts(fit)
     assert all(part in text for part in says) and "-60" not in text

@@ -28,7 +28,7 @@ def bound(model, seed: int, count: int = 512) -> Experiment:
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
-def test_poles_are_those_of_the_unit(count: int) -> None:
+def test_poles_are_those_of_the_unit(count):
     factors = [(0.2,), (0.01, 2.5e-3), (1.2e-4, 1.6e-4)]
     model = from_factors(1.0, {1: factors[:1], 2: factors[1:2], 3: factors[:2], 4: factors[1:]}[count])
     found = poles_rad_s([bound(model, seed=3)], count)
@@ -36,11 +36,11 @@ def test_poles_are_those_of_the_unit(count: int) -> None:
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(model.poles), rtol=0.05)
 
 
-def test_too_few_samples_show_none() -> None:
+def test_too_few_samples_show_none():
     assert poles_rad_s([bound(ARM, seed=0, count=40)], 4) is None
 
 
-def test_two_light_resonances_are_identified_and_foretold() -> None:
+def test_two_light_resonances_are_identified_and_foretold():
     model = fit_plant(starting_model("transfer-function"), [bound(ARM, seed=0)]).model
     unseen = bound(ARM, seed=1)
     assert fit_percent(unseen.output, unseen.respond(PLANT, model.values)[0]) > 95.0

@@ -7,7 +7,7 @@ import numpy as np
 from hil.identification.grey_box.lines import prominence
 
 
-def test_a_falling_spectrum_has_no_line_but_the_one_put_there() -> None:
+def test_a_falling_spectrum_has_no_line_but_the_one_put_there():
     frequency = np.arange(1.0, 2000.0)
     power = frequency**-4.0
     assert prominence(power).max() < 1.1

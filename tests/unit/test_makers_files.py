@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import tomllib
-from pathlib import Path
 
 import pytest
 
@@ -159,7 +158,7 @@ signal = "One"
 """
 
 
-def test_an_eds_with_the_faults_of_the_trade_is_read(tmp_path: Path) -> None:
+def test_an_eds_with_the_faults_of_the_trade_is_read(tmp_path):
     path = tmp_path / "odd.eds"
     path.write_bytes(EDS.encode("cp1252"))
     objects = dictionary(str(path))
@@ -174,13 +173,13 @@ def test_an_eds_with_the_faults_of_the_trade_is_read(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-def test_a_node_reads_no_pipe_for_an_eds(tmp_path: Path) -> None:
+def test_a_node_reads_no_pipe_for_an_eds(tmp_path):
     os.mkfifo(tmp_path / "node.eds")
     with pytest.raises(FileError, match=r"node\.eds: is a pipe; only regular files"):
         objects_of(str(tmp_path / "node.eds"), 1)
 
 
-def test_what_an_eds_does_not_say_is_marked(tmp_path: Path) -> None:
+def test_what_an_eds_does_not_say_is_marked(tmp_path):
     path = tmp_path / "odd.eds"
     path.write_bytes(EDS.encode("cp1252"))
     text = first_description(path)
@@ -196,7 +195,7 @@ def test_what_an_eds_does_not_say_is_marked(tmp_path: Path) -> None:
         assert said in text, said
 
 
-def test_pdos_that_an_eds_only_counts_are_there(tmp_path: Path) -> None:
+def test_pdos_that_an_eds_only_counts_are_there(tmp_path):
     path = tmp_path / "odd.eds"
     path.write_bytes(EDS.encode("cp1252"))
     (pdo,) = pdos_for(dictionary(str(path)), 5, [(0x7130, 1), (0x7130, 2)], "sent")
@@ -205,19 +204,19 @@ def test_pdos_that_an_eds_only_counts_are_there(tmp_path: Path) -> None:
     assert pdo.identifier == 0x205
 
 
-def test_a_dcf_says_its_node_and_values_go_before_defaults(tmp_path: Path) -> None:
+def test_a_dcf_says_its_node_and_values_go_before_defaults(tmp_path):
     objects = dictionary(str(written(tmp_path, "node.dcf", DCF)))
     assert objects.node_id == 10
     first, second = pdos_for(objects, 10, [(0x2100, 0), (0x2200, 0)], "sent")
     assert (first.identifier, second.identifier) == (0x18A, 0x1F0)
 
 
-def test_a_file_without_a_section_is_no_eds(tmp_path: Path) -> None:
+def test_a_file_without_a_section_is_no_eds(tmp_path):
     with pytest.raises(FileError, match="not an EDS or DCF: no \\[section\\] in it"):
         dictionary(str(written(tmp_path, "a.eds", "nothing\n")))
 
 
-def test_an_eds_without_an_object_for_a_pdo_has_those_that_can_be_asked_for(tmp_path: Path) -> None:
+def test_an_eds_without_an_object_for_a_pdo_has_those_that_can_be_asked_for(tmp_path):
     text = "[DeviceInfo]\n[1000]\nParameterName=Type\nDataType=7\n"
     with pytest.raises(FileError, match="no object with a number beyond those of communication"):
         first_description(written(tmp_path, "none.eds", text))
@@ -227,7 +226,7 @@ def test_an_eds_without_an_object_for_a_pdo_has_those_that_can_be_asked_for(tmp_
     assert tomllib.loads(said)["terminals"]["Temperature"]["object"] == "3000.0"
 
 
-def test_a_dbc_with_the_faults_of_the_trade_is_read(tmp_path: Path) -> None:
+def test_a_dbc_with_the_faults_of_the_trade_is_read(tmp_path):
     path = written(tmp_path, "odd.dbc", DBC)
     found = database(str(path))
     assert [message.name for message in found.messages] == ["Pressures", "Forgotten", "Paged"]
@@ -248,7 +247,7 @@ def test_a_dbc_with_the_faults_of_the_trade_is_read(tmp_path: Path) -> None:
     assert f"# values = {{ Page = 0 }}   {GAP} where the bench sends it: which of its pages" in text
 
 
-def test_counts_that_a_dbc_names_are_no_measurement_and_say_so(tmp_path: Path) -> None:
+def test_counts_that_a_dbc_names_are_no_measurement_and_say_so(tmp_path):
     written(tmp_path, "odd.dbc", DBC)
     text = first_description(tmp_path / "odd.dbc").replace("# range = [0, 0]", "range = [0, 9]")
     told = read_description(written(tmp_path, "odd.toml", text))
@@ -261,7 +260,7 @@ def test_counts_that_a_dbc_names_are_no_measurement_and_say_so(tmp_path: Path) -
     assert received.value(oil, 0.0) == 60.0 and not received.why_none(oil)
 
 
-def test_a_page_that_the_file_does_not_have_is_passed_over(tmp_path: Path) -> None:
+def test_a_page_that_the_file_does_not_have_is_passed_over(tmp_path):
     path = written(tmp_path, "odd.dbc", DBC)
     paged = database(str(path)).get_message_by_name("Paged")
     told = read_description(
@@ -281,23 +280,23 @@ def test_a_page_that_the_file_does_not_have_is_passed_over(tmp_path: Path) -> No
         ("[messages.Paged]\nvalues = { Page = 2 }", "One is not on the page that values choose; it is on 1"),
     ],
 )
-def test_a_message_with_pages_is_sent_as_one_of_them(tmp_path: Path, values: str, wrong: str) -> None:
+def test_a_message_with_pages_is_sent_as_one_of_them(tmp_path, values, wrong):
     written(tmp_path, "odd.dbc", DBC)
     with pytest.raises(BenchError, match=wrong):
         read_description(written(tmp_path, "sent.toml", SENT.format(values=values)))
 
 
-def test_a_message_whose_page_is_said_is_sent(tmp_path: Path) -> None:
+def test_a_message_whose_page_is_said_is_sent(tmp_path):
     written(tmp_path, "odd.dbc", DBC)
     read_description(written(tmp_path, "right.toml", SENT.format(values="[messages.Paged]\nvalues = { Page = 1 }")))
 
 
-def test_a_dbc_without_signals_says_so(tmp_path: Path) -> None:
+def test_a_dbc_without_signals_says_so(tmp_path):
     with pytest.raises(FileError, match="no message with a signal in it"):
         first_description(written(tmp_path, "empty.dbc", 'CM_ "IMPORT other.dbc"\n'))
 
 
-def test_each_input_of_a_row_has_a_flag_of_its_own() -> None:
+def test_each_input_of_a_row_has_a_flag_of_its_own():
     terminals = read_description(descriptions()["adam-6024"]).by_name
     assert {flag.address for flag in terminals["ai0"].status} == {20}
     assert {flag.address for flag in terminals["ai5"].status} == {25}, "40026, as the manual has it"

@@ -16,7 +16,7 @@ from hil.record.recording import recording
 FLAP = plant("throttle-flap")
 
 
-def test_a_unit_far_from_the_usual_one_is_identified() -> None:
+def test_a_unit_far_from_the_usual_one_is_identified():
     truth = FLAP.typical | {"gain": -0.7, "frequency": 2.0, "damping": 0.2, "rest": 9.0}
     time_s = np.arange(0.0, 15.0, 0.02)
     command = 20.0 * np.sign(np.sin(2.0 * np.pi * 0.17 * time_s)) + 8.0 * np.sin(2.0 * np.pi * 0.6 * time_s)
@@ -30,7 +30,7 @@ def test_a_unit_far_from_the_usual_one_is_identified() -> None:
     assert abs(found.model.values["frequency"] - 2.0) < 0.01
 
 
-def test_places_are_within_bounds_and_the_same_again() -> None:
+def test_places_are_within_bounds_and_the_same_again():
     unknowns = [unknown_of(typical_model(FLAP.name), p.name) for p in FLAP.parameters]
     places = far_places(unknowns, 16)
     assert np.array_equal(places, far_places(unknowns, 16))

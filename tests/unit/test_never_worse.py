@@ -17,24 +17,24 @@ from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
 
 
-def test_gains_in_every_block_are_no_chance() -> None:
+def test_gains_in_every_block_are_no_chance():
     assert by_sign_changes(np.ones(6)) == 1.0 / 64.0
     assert by_sign_changes(np.ones(5)) == 1.0 / 32.0
 
 
-def test_as_many_losses_as_gains_are() -> None:
+def test_as_many_losses_as_gains_are():
     assert by_sign_changes(np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])) > 0.5
     assert by_sign_changes(np.array([9.0, -1.0, -1.0, -1.0, -1.0, -1.0, -1.0])) > 0.4
 
 
-def test_many_blocks_are_drawn() -> None:
+def test_many_blocks_are_drawn():
     rng = np.random.default_rng(1)
     assert by_sign_changes(rng.normal(1.0, 1.0, 40)) < 0.01
     assert by_sign_changes(rng.normal(-1.0, 1.0, 40)) > 0.9
 
 
 @pytest.fixture(scope="module")
-def uneven() -> tuple[Problem, Choice]:
+def uneven():
     effect = ActiveEffect("asymmetry", "flow", {"ratio": 0.85, "gain": 1.0})
     problem = pose(nominal(), bound(nominal(), records((effect,), seed=9)))
     return explained(problem)
@@ -44,7 +44,7 @@ def answer_of(problem: Problem, choice: Choice) -> Answer:
     return Answer(problem, choice, (), None, Question("left_out", "no table"))
 
 
-def test_what_predicts_better_is_named_and_stands_in_the_file(uneven: tuple[Problem, Choice]) -> None:
+def test_what_predicts_better_is_named_and_stands_in_the_file(uneven):
     answer = answer_of(*uneven)
     told = answer.diagnosis(0.0)
     assert (told.verdict, told.corrected_is) == ("explained", "named")
@@ -52,9 +52,7 @@ def test_what_predicts_better_is_named_and_stands_in_the_file(uneven: tuple[Prob
 
 
 @pytest.mark.parametrize("is_worse", [False, True])
-def test_what_is_not_better_beyond_chance_or_worse_keeps_its_name_and_is_not_in_the_file(
-    is_worse: bool, uneven: tuple[Problem, Choice], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_not_better_beyond_chance_or_worse_keeps_its_name_and_is_not_in_the_file(is_worse, uneven, monkeypatch):
     problem, choice = uneven
     if is_worse:
         monkeypatch.setattr("hil.diagnosis.answer.predicted", lambda *_: 1.1 * choice.nominal.residuals)
@@ -72,7 +70,7 @@ def test_what_is_not_better_beyond_chance_or_worse_keeps_its_name_and_is_not_in_
         assert told.why_corrected == "it may be chance"
 
 
-def test_a_description_is_never_in_the_file(uneven: tuple[Problem, Choice]) -> None:
+def test_a_description_is_never_in_the_file(uneven):
     problem, choice = uneven
     answer = answer_of(problem, replace(choice, verdict="unexplained"))
     told = answer.diagnosis(0.0)

@@ -30,25 +30,25 @@ RISE = Measurement("rise", "ms", "from 10 % to 90 %", None, 100.0)
         (RISE.of(80.0, 0.0, relation=">"), "there is only a bound"),
     ],
 )
-def test_the_next_step_follows_from_what_keeps_a_value_open(found: Measured, text: str) -> None:
+def test_the_next_step_follows_from_what_keeps_a_value_open(found, text):
     step = next_step([found])
     assert text in step
     assert step.startswith("Next: ") and all(len(one.split()) <= 25 for one in step.split(". "))
     assert verdict_box(Findings((found,)), {})["next"] == step
 
 
-def test_a_miss_goes_before_what_is_open_and_a_pass_needs_nothing() -> None:
+def test_a_miss_goes_before_what_is_open_and_a_pass_needs_nothing():
     assert "set the unit aside" in next_step([RISE.of(98.0, 5.0), RISE.of(140.0, 5.0)])
     assert next_step(()) == ""
     assert verdict_box(Findings((RISE.of(50.0, 1.0),)), {})["next"] == ""
 
 
-def test_a_value_that_would_pass_needs_the_test_to_end() -> None:
+def test_a_value_that_would_pass_needs_the_test_to_end():
     (cut,) = Findings((RISE.of(50.0, 1.0),)).of_unfinished().measured
     assert "run the test to its end" in next_step([cut])
 
 
-def test_the_console_gives_reasons_and_the_next_step_in_the_language_of_the_page() -> None:
+def test_the_console_gives_reasons_and_the_next_step_in_the_language_of_the_page():
     values = (
         Measured(name="rise", value=140.0, std=5.0, unit="ms", high=100.0, verdict="fail"),
         Measured(name="settling", value=50.0, std=5.0, unit="ms", high=100.0, verdict="pass"),
@@ -64,7 +64,7 @@ def test_the_console_gives_reasons_and_the_next_step_in_the_language_of_the_page
     assert reasons_of(Results.model_construct(verdict="pass", values=values[1:])) == []
 
 
-def test_the_next_unit_has_the_same_test_and_no_serial(tmp_path) -> None:
+def test_the_next_unit_has_the_same_test_and_no_serial(tmp_path):
     site = Site(tmp_path, tmp_path, tmp_path, tmp_path)
     procedure = load_procedure("flow_curve")
     settings = parse_settings(procedure.settings, {"cycle_s": "20", "half_speed": "no"})

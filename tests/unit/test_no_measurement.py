@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -56,18 +55,18 @@ def block(pressure: list[float], command: list[float] | None = None, start: int 
         (10.0, channel(0.0, 10.0), np.inf),
     ],
 )
-def test_a_reading_at_the_end_of_its_range_is_none(reading: float, of: InputChannel, becomes: float) -> None:
+def test_a_reading_at_the_end_of_its_range_is_none(reading, of, becomes):
     assert measured(np.array([1.0, reading]), of).tolist() == [1.0, becomes]
 
 
-def test_a_line_that_is_on_or_off_is_always_read() -> None:
+def test_a_line_that_is_on_or_off_is_always_read():
     line = replace(channel(0.0, 1.0), kind="digital")
     assert measured(np.array([0.0, 1.0]), line).tolist() == [0.0, 1.0]
 
 
 @pytest.mark.parametrize("none", NONE)
 @pytest.mark.parametrize("band", [Band("pressure", high=1.0), Band("pressure", low=-1.0), Band("pressure", -1.0, 1.0)])
-def test_no_measurement_breaks_an_interlock_for_as_long_as_it_lasts(none: float, band: Band) -> None:
+def test_no_measurement_breaks_an_interlock_for_as_long_as_it_lasts(none, band):
     watch = Watch(Interlock("p", "trip", band, for_s=0.25))
     assert watch.judge(block([0.0, none, none, 0.0])) is None
     found = watch.judge(block([none] * 4, start=4))
@@ -76,18 +75,18 @@ def test_no_measurement_breaks_an_interlock_for_as_long_as_it_lasts(none: float,
 
 
 @pytest.mark.parametrize("none", NONE)
-def test_a_condition_that_nobody_knows_blinds_no_interlock(none: float) -> None:
+def test_a_condition_that_nobody_knows_blinds_no_interlock(none):
     lock = Interlock("leak", "trip", Band("command", -1.0, 1.0), only_while=Band("pressure", -5.0, 5.0))
     assert Watch(lock).judge(block([9.0], [3.0])) is None
     assert Watch(lock).judge(block([none], [3.0])) is not None
 
 
-def test_two_that_are_not_measured_have_no_difference() -> None:
+def test_two_that_are_not_measured_have_no_difference():
     lock = Interlock("error", "stop", Band("pressure", -1.0, 1.0, minus="command"))
     assert Watch(lock).judge(block([np.inf], [np.inf])) is not None
 
 
-def test_a_channel_that_never_reads_anything_is_stale_too() -> None:
+def test_a_channel_that_never_reads_anything_is_stale_too():
     watch = Watch(Interlock("dead", "stop", Band("pressure"), stale_s=0.3))
     assert watch.judge(block([np.nan, 1.0, 2.0, 3.0])) is None
     found = watch.judge(block([np.nan] * 5, start=4))
@@ -111,12 +110,12 @@ def guarded(reading: float, *locks: Interlock) -> Guard:
     return Guard(Dead(reading), Protection(interlocks=locks, rate_hz=100.0))
 
 
-def test_without_an_interlock_a_dead_channel_ends_the_task() -> None:
+def test_without_an_interlock_a_dead_channel_ends_the_task():
     with pytest.raises(LinkError, match="'b read' has no measurement at"):
         guarded(np.nan).ready()
 
 
-def test_why_there_is_none_is_said_in_the_devices_words() -> None:
+def test_why_there_is_none_is_said_in_the_devices_words():
     with pytest.raises(LinkError, match=r"'b read' has no measurement at .* s: open wire"):
         Guard(Dead(np.nan, says_why=True), Protection(rate_hz=100.0)).ready()
     watch = Watch(Interlock("p", "trip", Band("pressure", high=1.0)))
@@ -124,7 +123,7 @@ def test_why_there_is_none_is_said_in_the_devices_words() -> None:
     assert found is not None and "no measurement (sensor broken); allowed" in found.text
 
 
-def test_an_interlock_decides_how_long_its_channel_may_be_dead() -> None:
+def test_an_interlock_decides_how_long_its_channel_may_be_dead():
     guard = guarded(np.nan, Interlock("b", "stop", Band("b read", high=1.0), for_s=1e3))
     guard.ready()
     blind = guarded(np.nan, Interlock("b", "indicate", Band("b read", high=1.0)))
@@ -132,7 +131,7 @@ def test_an_interlock_decides_how_long_its_channel_may_be_dead() -> None:
         blind.ready()
 
 
-def test_beyond_the_range_of_a_channel_that_nobody_watches_the_task_goes_on() -> None:
+def test_beyond_the_range_of_a_channel_that_nobody_watches_the_task_goes_on():
     guarded(np.inf).ready()
 
 
@@ -141,14 +140,14 @@ def recording(values: list[float], events: tuple[object, ...] = ()) -> Recording
     return Recording("r", time_s, {"a": Channel("a", "V", np.array(values))}, {"events": list(events)})
 
 
-def test_suppositions_are_numbers_and_leave_alone_what_was_measured() -> None:
+def test_suppositions_are_numbers_and_leave_alone_what_was_measured():
     event = {"event": "no measurement", "row": 1, "details": {"channel": "a", "low": -10.0, "high": 10.0}}
     made = recording([1.0, np.nan, 3.0, np.inf, -np.inf], (event,))
     assert supposed(made, "near").values("a").tolist() == [1.0, 2.0, 3.0, 10.0, -10.0]
     assert supposed(made, "far").values("a").tolist() == [1.0, 10.0, 3.0, 30.0, -30.0]
 
 
-def test_rows_without_a_measurement_are_cut_and_a_dead_channel_left_out() -> None:
+def test_rows_without_a_measurement_are_cut_and_a_dead_channel_left_out():
     made = recording([1.0, np.nan, 3.0, np.inf, 5.0])
     dead = replace(made, channels={**made.channels, "b": Channel("b", "V", np.full(5, np.nan))})
     told = with_blanks(dead)
@@ -166,7 +165,7 @@ def test_rows_without_a_measurement_are_cut_and_a_dead_channel_left_out() -> Non
         with_blanks(recording([np.nan, np.inf]))
 
 
-def test_only_channels_that_are_used_decide_which_samples_tell() -> None:
+def test_only_channels_that_are_used_decide_which_samples_tell():
     """A second meter at the end of its range costs nothing; samples of the response that are none are not told."""
     (made, *_) = records(seed=5)
     flow, spool = made.values("flow").copy(), made.values("flow").copy()
@@ -184,7 +183,7 @@ def test_only_channels_that_are_used_decide_which_samples_tell() -> None:
     assert np.isfinite(e.output).all() and np.isfinite(e.observed["spool position"]).all()
 
 
-def test_only_what_rests_on_no_measurement_is_not_given() -> None:
+def test_only_what_rests_on_no_measurement_is_not_given():
     def evaluate(made: Recording) -> Findings:
         a = made.values("a")
         first, largest = Measurement("first", "V", ""), Measurement("largest", "V", "", high=5.0)
@@ -205,7 +204,7 @@ def test_only_what_rests_on_no_measurement_is_not_given() -> None:
     assert measured_findings(evaluate, whole).notes == ("seen",)
 
 
-def test_a_step_beyond_the_range_of_the_flow_meter_has_no_figure(tmp_path: Path) -> None:
+def test_a_step_beyond_the_range_of_the_flow_meter_has_no_figure(tmp_path):
     """The meter ends at 42 l/min, the valve gives 50: no change of 42 may be told."""
     stands_still = {"dead-flow-meter": {"stale_s": 60.0}}  # as the meter does at its end
     path = bench_file(tmp_path / "narrow.toml", "brevini-hpv41", channels={"flow": {"range": [-4.0, 4.0]}},

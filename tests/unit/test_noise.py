@@ -33,7 +33,7 @@ def slow(size: float) -> Array:
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.5, 0.8, 0.95])
-def test_noise_of_holds_the_level_of_noise_at_rest(pole: float) -> None:
+def test_noise_of_holds_the_level_of_noise_at_rest(pole):
     held = 0
     for seed in range(40):
         found = noise_of([coloured(pole, 400, 4 * seed + k) for k in range(4)], 0.01)
@@ -42,7 +42,7 @@ def test_noise_of_holds_the_level_of_noise_at_rest(pole: float) -> None:
 
 
 @pytest.mark.parametrize("steps", [0.5, 0.8, 1.0, 1.6, 5.0])
-def test_the_floor_of_a_coarse_channel_lies_between_the_multiples_of_its_step(steps: float) -> None:
+def test_the_floor_of_a_coarse_channel_lies_between_the_multiples_of_its_step(steps):
     """`steps`: noise over the converter's step; without interpolation 0.8 and 1.6 are off by five standard errors."""
     moving = 200.0 * np.sin(np.arange(40_000) * 0.005)
     read = [np.round(moving + steps * coloured(0.0, len(moving), seed)) for seed in range(4)]
@@ -50,14 +50,14 @@ def test_the_floor_of_a_coarse_channel_lies_between_the_multiples_of_its_step(st
     assert floor == pytest.approx(np.hypot(steps, np.sqrt(1.0 / 12.0)), rel=0.025 if steps < 0.8 else 0.01)
 
 
-def test_a_misfit_counts_as_discrepancy_and_not_as_noise() -> None:
+def test_a_misfit_counts_as_discrepancy_and_not_as_noise():
     found = measured(0.0, slow(2.0), [])
     assert found.noise.std == pytest.approx(1.0, rel=0.05)
     assert found.discrepancy == pytest.approx(np.sqrt(2.0), rel=0.05)
     assert not found.is_witnessed
 
 
-def test_coloured_noise_is_believed_at_rest_alone() -> None:
+def test_coloured_noise_is_believed_at_rest_alone():
     rest = [coloured(0.9, 1000, seed) for seed in (5, 6, 7)]
     assert measured(0.9, slow(0.0), []).discrepancy > 0.8
     seen = measured(0.9, slow(0.0), rest)
@@ -79,7 +79,7 @@ def frictionless() -> Model:
     return fit_plant(typical_model(FLAP.name), [flap(0.0, 1), flap(0.0, 2)]).model
 
 
-def test_identification_says_what_a_model_leaves_beyond_the_noise() -> None:
+def test_identification_says_what_a_model_leaves_beyond_the_noise():
     found = fit_plant(typical_model(FLAP.name), [flap(3.0, 1), flap(3.0, 2)])
     assert found.model.noise is not None
     assert found.model.noise.std == pytest.approx(NOISE_V, rel=0.1)
@@ -88,7 +88,7 @@ def test_identification_says_what_a_model_leaves_beyond_the_noise() -> None:
     assert "discrepancy" not in frictionless().origin
 
 
-def test_a_comparison_has_the_noise_of_the_model_and_a_ceiling_that_nothing_exceeds() -> None:
+def test_a_comparison_has_the_noise_of_the_model_and_a_ceiling_that_nothing_exceeds():
     found = frictionless()
     one = compare(found, flap(0.0, 3).reading_at(found.read_at))
     assert found.noise is not None
@@ -98,7 +98,7 @@ def test_a_comparison_has_the_noise_of_the_model_and_a_ceiling_that_nothing_exce
     assert one.ceiling >= one.fit
 
 
-def test_what_leaves_nothing_at_all_has_the_noise_of_its_numbers() -> None:
+def test_what_leaves_nothing_at_all_has_the_noise_of_its_numbers():
     level = np.round(slow(20.0), 3)
     found = measured_noise([level], [], [np.zeros(8000)], 0.01)
     assert found.noise.std == pytest.approx(1e-3 / np.sqrt(12.0), rel=1e-3)

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -36,7 +34,7 @@ TOLD = "is a run of the plant cummins-efc, the model is of "
         ({"valve": "HPV41"}, ""),
     ],
 )  # fmt: skip
-def test_a_run_says_its_plant_and_an_older_one_by_the_model_of_its_valve(meta: Mapping[str, Any], plant: str) -> None:
+def test_a_run_says_its_plant_and_an_older_one_by_the_model_of_its_valve(meta, plant):
     assert plant_of_run(meta) == plant
 
 
@@ -49,11 +47,11 @@ def test_a_run_says_its_plant_and_an_older_one_by_the_model_of_its_valve(meta: M
         ("cummins-efc", "efc-measured", False), ("brevini-hpv41", "brevini_hpv41", False),
     ],
 )  # fmt: skip
-def test_other_plants_are_told_but_for_those_of_no_valve(own: str, model: str, told: bool) -> None:
+def test_other_plants_are_told_but_for_those_of_no_valve(own, model, told):
     assert bool(other_plants(model, [("one", {"plant": own})])) is told
 
 
-def test_the_header_of_a_run_has_the_plant_of_a_model_file(tmp_path: Path) -> None:
+def test_the_header_of_a_run_has_the_plant_of_a_model_file(tmp_path):
     save_model(typical_model("brevini-hpv41"), tmp_path / "unit.json")
     bench = tmp_path / "bench.toml"
     bench.write_text('based_on = "brevini-hpv41"\n[valve]\nplant = "unit.json"\n', encoding="utf-8")
@@ -69,7 +67,7 @@ def efc_run(folder: Path) -> Path:
     return folder
 
 
-def test_compare_and_diff_say_it_before_what_they_found(tmp_path: Path, command_line) -> None:
+def test_compare_and_diff_say_it_before_what_they_found(tmp_path, command_line):
     run = str(efc_run(tmp_path / "run"))
     compared = command_line("compare", "--model", "efc-good", run)
     assert compared.status == 0 and f"note: {run} {TOLD}efc-drive" in compared.out.splitlines()[0]
@@ -78,7 +76,7 @@ def test_compare_and_diff_say_it_before_what_they_found(tmp_path: Path, command_
     assert TOLD in notes[0]
 
 
-def test_a_diagnosis_has_it_above_its_verdict(tmp_path: Path) -> None:
+def test_a_diagnosis_has_it_above_its_verdict(tmp_path):
     efc = read(efc_run(tmp_path / "run"))
     (said,) = other_plants("brevini-hpv41", [(efc.name, efc.meta)])
     diagnosis = replace(a_diagnosis(), warnings=(said, "a clipped channel"))
@@ -91,7 +89,7 @@ def test_a_diagnosis_has_it_above_its_verdict(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))["other_plant"] == [said]
 
 
-def test_hil_diagnose_warns_first_of_another_plant(tmp_path: Path) -> None:
+def test_hil_diagnose_warns_first_of_another_plant(tmp_path):
     notes: list[str] = []
     found = hil.diagnose("efc-good", efc_run(tmp_path / "run"), budget_s=0.1, notes=notes.append)
     assert TOLD in notes[0]
@@ -99,7 +97,7 @@ def test_hil_diagnose_warns_first_of_another_plant(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("stranger")
-def test_a_passport_refuses_the_model_of_another_plant(tmp_path: Path, command_line) -> None:
+def test_a_passport_refuses_the_model_of_another_plant(tmp_path, command_line):
     run = run_of(tmp_path, plant="cummins-efc")
     out = tmp_path / "p.pdf"
     refused = command_line("passport", run, "--out", out, "--model", "hpv41-identified")

@@ -29,7 +29,7 @@ def day(ahead: int = 0) -> dt.date:
 
 
 @pytest.fixture(autouse=True)
-def here(stranger: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def here(stranger, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HIL_ARCHIVE", str(tmp_path / "archive"))
 
@@ -46,7 +46,7 @@ Run = Callable[[Path], Told]
 
 
 @pytest.fixture
-def run(command_line) -> Run:
+def run(command_line):
     return lambda path: command_line("run", "tiny_step", "--bench", path, "--out", "run")
 
 
@@ -57,7 +57,7 @@ def overdue_in_archive() -> list[tuple[Path, dt.date]]:
     return [(run.run, run.due) for one in found for run in one.overdue]
 
 
-def test_overdue_instrument_is_a_deviation_in_header_findings_and_page(run: Run) -> None:
+def test_overdue_instrument_is_a_deviation_in_header_findings_and_page(run):
     yesterday = day(-1)
     when = f"its calibration was due on {yesterday}; the day of this test is {day()}."
     text = f"Instrument 'flow meter' (serial 4711): {when}"
@@ -70,7 +70,7 @@ def test_overdue_instrument_is_a_deviation_in_header_findings_and_page(run: Run)
     assert report_again(Path("run")).findings.deviations.count(text) == 1  # the day is that of the run
 
 
-def test_overdue_channel_is_one_too(run: Run) -> None:
+def test_overdue_channel_is_one_too(run):
     yesterday = day(-1)
     line = {"calibration": {"date": dt.date(2020, 3, 2), "due": yesterday}}
     assert run(bench(day(1), channels={"command": line})).status == 0
@@ -80,13 +80,13 @@ def test_overdue_channel_is_one_too(run: Run) -> None:
 
 
 @pytest.mark.parametrize("ahead", [0, 1])
-def test_what_is_due_today_or_later_is_none(ahead: int, run: Run) -> None:
+def test_what_is_due_today_or_later_is_none(ahead, run):
     assert run(bench(day(ahead), **REFUSE)).status == 0
     assert read(Path("run")).meta["deviations"] == []
     assert overdue_in_archive() == []
 
 
-def test_overdue_run_is_refused_where_the_bench_file_says_so(run: Run) -> None:
+def test_overdue_run_is_refused_where_the_bench_file_says_so(run):
     yesterday = day(-1)
     status, _, err = run(bench(yesterday, **REFUSE))
     assert status == 2 and f"'flow meter' (serial 4711): its calibration was due on {yesterday}" in err
@@ -94,5 +94,5 @@ def test_overdue_run_is_refused_where_the_bench_file_says_so(run: Run) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(benches()))
-def test_no_shipped_bench_ever_falls_due(name: str) -> None:
+def test_no_shipped_bench_ever_falls_due(name):
     assert list(calibration.overdue(read_bench(benches()[name]).bench, dt.date.max)) == []

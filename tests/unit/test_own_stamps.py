@@ -60,7 +60,7 @@ def median_only(run: Recording) -> Recording:
     return replace(run, meta={**run.meta, "sampling": sampling})
 
 
-def test_stamps_of_a_channel_are_those_of_its_link() -> None:
+def test_stamps_of_a_channel_are_those_of_its_link():
     run = linked(np.linspace(0.0, 1.0, 40))
     assert np.array_equal(run.stamps("flow"), run.time_s + run.values("delay of meter"))
     assert run.stamps("command") is run.time_s
@@ -68,7 +68,7 @@ def test_stamps_of_a_channel_are_those_of_its_link() -> None:
     assert np.array_equal(run.rows(10, 5).stamps("flow"), run.stamps("flow")[10:15])
 
 
-def test_frequency_response_uses_the_stamps_of_each_sample() -> None:
+def test_frequency_response_uses_the_stamps_of_each_sample():
     frequencies = (0.5, 1.3, 2.0, 3.0)
     run = linked(np.concatenate([sine(f, 10.0, RATE_HZ, max(6, math.ceil(6 * f)), bias=50.0) for f in frequencies]))
     errors = []
@@ -80,7 +80,7 @@ def test_frequency_response_uses_the_stamps_of_each_sample() -> None:
     assert errors[1][-1] > 0.04
 
 
-def test_command_that_comes_late_is_held_half_an_interval_on_the_whole() -> None:
+def test_command_that_comes_late_is_held_half_an_interval_on_the_whole():
     stalls = np.zeros(2000)
     for k in range(50, 1900, 190):  # 60 ms late, then on time again by samples at twice the rate
         stalls[k : k + 12] = np.linspace(0.06, 0.005, 12)
@@ -96,7 +96,7 @@ def test_command_that_comes_late_is_held_half_an_interval_on_the_whole() -> None
     assert abs(valve.response[0] / MODEL.at(valve.frequency_hz)[0] - 1.0) < 0.01
 
 
-def test_step_counts_from_the_command_to_the_reading() -> None:
+def test_step_counts_from_the_command_to_the_reading():
     run = linked(np.repeat([0.0, 50.0], [50, 150]))
     plain, shifted = (measured_steps(told, "command", "flow")[0].figures for told in (run, median_only(run)))
     fine = np.repeat([0.0, 50.0], [1, 20000])
@@ -106,7 +106,7 @@ def test_step_counts_from_the_command_to_the_reading() -> None:
     assert plain.response_s - shifted.response_s > 0.001
 
 
-def test_multisine_takes_out_the_mean_delay() -> None:
+def test_multisine_takes_out_the_mean_delay():
     wave = odd_multisine(0.5, 4.0, 0.5, RATE_HZ, 10.0, seed=1)
     command = np.tile(wave.period, 5) + 50.0
     part = {**wave.as_part(), "first": 0, "count": len(command), "bias": 50.0}
@@ -118,7 +118,7 @@ def test_multisine_takes_out_the_mean_delay() -> None:
     assert "on average" in found.response.corrections[0]
 
 
-def test_first_order_model_knows_when_the_response_was_read() -> None:
+def test_first_order_model_knows_when_the_response_was_read():
     run = linked(np.repeat([0.0, 1.0], [1, 199]))
     flow = 2.0 * -np.expm1(-np.maximum(run.stamps("flow") - 1.0 / RATE_HZ, 0.0) / 0.3)
     made = replace(run, channels={**run.channels, "flow": replace(run.channels["flow"], values=flow)})
@@ -128,7 +128,7 @@ def test_first_order_model_knows_when_the_response_was_read() -> None:
     assert exact < 0.2 * rough
 
 
-def test_simulated_samples_are_read_when_the_recorded_ones_were() -> None:
+def test_simulated_samples_are_read_when_the_recorded_ones_were():
     run = linked(np.repeat([0.0, 50.0, 20.0, 70.0], 60))
     bound = experiment(run, plant("transfer-function"), "command", "flow")
     answer = bound.respond(plant("transfer-function"), values())[0]
@@ -139,7 +139,7 @@ def test_simulated_samples_are_read_when_the_recorded_ones_were() -> None:
     assert np.abs(off).max() > 0.01 * np.ptp(rough.output)
 
 
-def test_chain_says_how_the_response_was_read_and_how_sure() -> None:
+def test_chain_says_how_the_response_was_read_and_how_sure():
     run = linked(np.linspace(0.0, 1.0, 400))
     chain = chain_of(run)
     mean_s = float(np.mean(run.values("delay of meter")))
@@ -149,7 +149,7 @@ def test_chain_says_how_the_response_was_read_and_how_sure() -> None:
     assert "read 1 ms after" in reading_of(median_only(run), chain_of(median_only(run)))
 
 
-def test_uncertain_delay_is_the_dead_times_and_no_other_parameters() -> None:
+def test_uncertain_delay_is_the_dead_times_and_no_other_parameters():
     frequency_hz = np.linspace(0.2, 5.0, 25)
     exact = MODEL.at(frequency_hz)
     table = from_table("lines", frequency_hz, 20.0 * np.log10(np.abs(exact)), np.degrees(np.angle(exact)))
@@ -184,7 +184,7 @@ class Echo:
         self.marked.append(samples)
 
 
-def test_sine_that_a_stalling_host_squeezes_is_listened_to_all_the_same() -> None:
+def test_sine_that_a_stalling_host_squeezes_is_listened_to_all_the_same():
     rig: Any = Echo()
     course: Any = SimpleNamespace(rate_hz=RATE_HZ, heard=lambda _piece, _text: None, say=lambda _text: None)
     patience = Patience(settling_s=0.4, periods=2, seconds=2.0, tolerance=0.005, longest_wait_s=2.0)
@@ -193,7 +193,7 @@ def test_sine_that_a_stalling_host_squeezes_is_listened_to_all_the_same() -> Non
     assert abs(heard.response) == pytest.approx(1.0, abs=0.3)
 
 
-def test_an_inner_channel_of_two_values_that_was_read_late_is_no_error() -> None:
+def test_an_inner_channel_of_two_values_that_was_read_late_is_no_error():
     t = np.arange(400) / RATE_HZ
     command = np.where(t % 2.0 < 1.0, 40.0, 0.0)
     spool = np.where(command > 0.0, 30.0, 0.0)  # as a coarse switch gives it: no noise anywhere

@@ -6,7 +6,6 @@ import io
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from xml.etree.ElementTree import fromstring
 
@@ -35,7 +34,7 @@ SPACE = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
 
 
 @pytest.fixture(scope="module")
-def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def lab(tmp_path_factory):
     """A folder with the state of a computer, on which the procedure of the runs is installed."""
     folder = tmp_path_factory.mktemp("lab")
     with pytest.MonkeyPatch.context() as patch:
@@ -47,7 +46,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.fixture(scope="module")
-def made(lab: Path) -> Path:
+def made(lab):
     """A passport that nobody changes, beside its run."""
     issue([run_of(lab)], lab / "unit.pdf", signing_key(None), WITHOUT_MODEL)
     return lab / "unit.pdf"
@@ -57,7 +56,7 @@ def own() -> list[object]:
     return read_certificates(state_folder() / "passport-certificate.pem")
 
 
-def test_after_signing_it_is_still_pdf_a_3b_with_everything_that_asks_for(made: Path) -> None:
+def test_after_signing_it_is_still_pdf_a_3b_with_everything_that_asks_for(made):
     with pikepdf.open(made) as pdf:
         with pdf.open_metadata() as xmp:
             assert (xmp["pdfaid:part"], xmp["pdfaid:conformance"]) == ("3", "B")
@@ -74,7 +73,7 @@ def test_after_signing_it_is_still_pdf_a_3b_with_everything_that_asks_for(made: 
         assert "/Encrypt" not in pdf.trailer
 
 
-def test_checksums_inside_are_those_of_the_files(made: Path) -> None:
+def test_checksums_inside_are_those_of_the_files(made):
     import hashlib
 
     with pikepdf.open(made) as pdf:
@@ -86,7 +85,7 @@ def test_checksums_inside_are_those_of_the_files(made: Path) -> None:
             assert hashlib.sha256(inside).hexdigest() == one["sha256"]
 
 
-def test_the_digital_certificate_says_the_same_in_si_units(made: Path) -> None:
+def test_the_digital_certificate_says_the_same_in_si_units(made):
     with pikepdf.open(made) as pdf:
         root = fromstring(pdf.attachments["certificate.xml"].get_file().read_bytes())
     assert root.get("schemaVersion") == "3.2.1"
@@ -98,7 +97,7 @@ def test_the_digital_certificate_says_the_same_in_si_units(made: Path) -> None:
     assert [one.text for one in root.iterfind(".//dcc:conformity", SPACE)] == ["pass", "pass"]
 
 
-def test_who_signed_is_known_on_his_own_machine_and_nowhere_else(made: Path, tmp_path: Path) -> None:
+def test_who_signed_is_known_on_his_own_machine_and_nowhere_else(made, tmp_path):
     content = made.read_bytes()
     (certificate,) = own()
     assert verify(content, Trust([certificate])).outcome is SignatureStatus.SOUND
@@ -118,12 +117,12 @@ def test_who_signed_is_known_on_his_own_machine_and_nowhere_else(made: Path, tmp
         (lambda c: c.replace(b"/Contents <3082", b"/Contents <308 ", 1), "digits"),
     ],
 )
-def test_what_the_signature_does_not_cover_is_found(made: Path, change, says: str) -> None:
+def test_what_the_signature_does_not_cover_is_found(made, change, says):
     changed = verify(change(made.read_bytes()), Trust(own()))
     assert changed.outcome is SignatureStatus.CHANGED and says in changed.sentence
 
 
-def test_a_title_changed_by_an_update_is_found(made: Path) -> None:
+def test_a_title_changed_by_an_update_is_found(made):
     from pyhanko.pdf_utils.generic import NameObject, TextStringObject
     from pyhanko.pdf_utils.incremental_writer import IncrementalPdfFileWriter
 
@@ -136,11 +135,11 @@ def test_a_title_changed_by_an_update_is_found(made: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"%PDF-1.7\n%%EOF\n", b"PK\x03\x04"])
-def test_what_is_no_passport_is_called_that(content: bytes) -> None:
+def test_what_is_no_passport_is_called_that(content):
     assert verify(content, Trust()).exit_status == 2
 
 
-def test_openssl_takes_the_signature_too(made: Path, tmp_path: Path) -> None:
+def test_openssl_takes_the_signature_too(made, tmp_path):
     """By a program that shares no code with the signer."""
     from hil.passport.seal import seal_of
 
@@ -155,7 +154,7 @@ def test_openssl_takes_the_signature_too(made: Path, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_a_lab_key_of_a_lab_authority_is_known_by_the_authority(tmp_path: Path) -> None:
+def test_a_lab_key_of_a_lab_authority_is_known_by_the_authority(tmp_path):
     authority, lab = _lab(tmp_path)
     out = tmp_path / "unit.pdf"
     issue([run_of(tmp_path)], out, read_key(lab), WITHOUT_MODEL)
@@ -163,7 +162,7 @@ def test_a_lab_key_of_a_lab_authority_is_known_by_the_authority(tmp_path: Path) 
     assert verify(out.read_bytes(), Trust()).outcome is SignatureStatus.UNKNOWN_SIGNER
 
 
-def test_opened_it_gives_back_run_folders_that_read(made: Path, tmp_path: Path) -> None:
+def test_opened_it_gives_back_run_folders_that_read(made, tmp_path):
     content, found = opened(made)
     assert found.is_as_signed
     (run,) = lay_out(content, tmp_path / "laid")
@@ -175,7 +174,7 @@ def test_opened_it_gives_back_run_folders_that_read(made: Path, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("name", ["../out.txt", "/etc/out.txt", "a/../../out.txt", "C:\\out.txt", "a//b", "a\nb"])
-def test_no_name_inside_leads_out_of_the_folder(tmp_path: Path, name: str) -> None:
+def test_no_name_inside_leads_out_of_the_folder(tmp_path, name):
     pdf = pikepdf.new()
     pdf.add_blank_page()
     pdf.attachments[name] = pikepdf.AttachedFileSpec(pdf, b"x", filename=name)
@@ -186,7 +185,7 @@ def test_no_name_inside_leads_out_of_the_folder(tmp_path: Path, name: str) -> No
     assert not (tmp_path / "laid").exists() and not (tmp_path / "out.txt").exists()
 
 
-def test_names_are_left_out_of_every_file_inside(tmp_path: Path) -> None:
+def test_names_are_left_out_of_every_file_inside(tmp_path):
     out = tmp_path / "unit.pdf"
     issue([run_of(tmp_path)], out, signing_key(None), Wanted(names=False, identify=False))
     with pikepdf.open(out) as pdf:
@@ -196,20 +195,20 @@ def test_names_are_left_out_of_every_file_inside(tmp_path: Path) -> None:
     assert "operator" not in read(run).meta
 
 
-def test_runs_of_two_units_or_of_none_are_refused(tmp_path: Path) -> None:
+def test_runs_of_two_units_or_of_none_are_refused(tmp_path):
     with pytest.raises(SettingError, match="SN-7, SN-8"):
         read_unit_runs([run_of(tmp_path, name="a"), run_of(tmp_path, "SN-8", name="b")])
     with pytest.raises(SettingError, match="--serial"):
         read_unit_runs([run_of(tmp_path, "", name="c")])
 
 
-def test_several_runs_have_the_worst_verdict_of_all(tmp_path: Path) -> None:
+def test_several_runs_have_the_worst_verdict_of_all(tmp_path):
     unit = read_unit_runs([run_of(tmp_path, name="later", hour=11, gain=70.0), run_of(tmp_path, name="first")])
     assert unit.verdict == "fail"
     assert [run.folder.name for run in unit.runs] == ["first", "later"]
 
 
-def test_a_passed_run_beside_one_that_was_stopped_passes_nowhere_in_the_file(tmp_path: Path) -> None:
+def test_a_passed_run_beside_one_that_was_stopped_passes_nowhere_in_the_file(tmp_path):
     stopped = run_of(tmp_path, name="stopped", hour=11, outcome="tripped: over-pressure", limited=False)
     out = tmp_path / "unit.pdf"
     found = issue([run_of(tmp_path, name="first"), stopped], out, signing_key(None), WITHOUT_MODEL)
@@ -225,9 +224,7 @@ def test_a_passed_run_beside_one_that_was_stopped_passes_nowhere_in_the_file(tmp
     assert json.loads(texts["passport.json"])["verdict"] == "cannot tell"
 
 
-def test_where_nothing_was_judged_values_begin_on_page_one_and_each_page_says_its_number(
-    made: Path, tmp_path: Path
-) -> None:
+def test_where_nothing_was_judged_values_begin_on_page_one_and_each_page_says_its_number(made, tmp_path):
     found = issue([run_of(tmp_path, limited=False)], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
     assert found.unit.verdict is None
     judged, unjudged = (
@@ -238,18 +235,18 @@ def test_where_nothing_was_judged_values_begin_on_page_one_and_each_page_says_it
         assert all(f"page {n} of {len(pages)}" in text for n, text in enumerate(pages, 1))
 
 
-def test_page_one_says_why_there_is_no_model(tmp_path: Path) -> None:
+def test_page_one_says_why_there_is_no_model(tmp_path):
     found = issue([run_of(tmp_path)], tmp_path / "unit.pdf", signing_key(None))
     assert "names no plant" in found.understood.says and "--model" in found.understood.says
 
 
-def test_the_key_of_this_machine_is_made_once_and_read_by_its_owner_only() -> None:
+def test_the_key_of_this_machine_is_made_once_and_read_by_its_owner_only():
     first, second = signing_key(None), signing_key(None)
     assert first.certificate == second.certificate
     assert (state_folder() / "passport-key.pem").stat().st_mode & 0o077 == 0
 
 
-def test_a_file_without_a_key_is_refused_by_name(tmp_path: Path) -> None:
+def test_a_file_without_a_key_is_refused_by_name(tmp_path):
     path = tmp_path / "key.pem"
     path.write_text("nothing")
     with pytest.raises(FileError, match="HIL_KEY_PASSPHRASE"):
@@ -269,7 +266,7 @@ def _lab(folder: Path) -> tuple[Path, Path]:
     return folder / "authority.pem", folder / "lab.p12"
 
 
-def test_a_plant_named_as_an_installed_model_is_found(tmp_path: Path) -> None:
+def test_a_plant_named_as_an_installed_model_is_found(tmp_path):
     from dataclasses import replace
 
     from hil.passport.identified import understood
@@ -282,7 +279,7 @@ def test_a_plant_named_as_an_installed_model_is_found(tmp_path: Path) -> None:
     assert "could not be identified from these runs" in says and "no plant named" not in says
 
 
-def test_a_program_that_has_verified_can_sign(tmp_path: Path) -> None:
+def test_a_program_that_has_verified_can_sign(tmp_path):
     sample = Path(__file__).parents[1] / "samples" / "8f99e50"
     program = (
         "from pathlib import Path; import sys\n"

@@ -64,7 +64,7 @@ def on_a_trail(folder: Path, **given: float) -> Path:
 # -- the seal ----------------------------------------------------------------------------------------------
 
 
-def test_every_file_of_a_closed_run_is_sealed(tmp_path: Path) -> None:
+def test_every_file_of_a_closed_run_is_sealed(tmp_path):
     run = run_of(tmp_path)
     end, seal = read_end(run), read_seal(run)
     assert end is not None and seal is not None
@@ -75,7 +75,7 @@ def test_every_file_of_a_closed_run_is_sealed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["../state/secret", "/etc/hostname"])
-def test_a_seal_names_files_of_its_folder_only(tmp_path: Path, name: str) -> None:
+def test_a_seal_names_files_of_its_folder_only(tmp_path, name):
     run = run_of(tmp_path)
     edited(run / "seal.json", lambda seal: seal["sha256"].update({name: "0" * 64}))
     with pytest.raises(FileError, match="no file of the run folder"):
@@ -84,7 +84,7 @@ def test_a_seal_names_files_of_its_folder_only(tmp_path: Path, name: str) -> Non
 
 @pytest.mark.parametrize("name", ["run.json", "end.json", "samples.f8", "samples.log", "events.jsonl", "results.json"])
 @pytest.mark.parametrize("how", ["changed", "gone"])
-def test_a_file_that_is_another_is_named(tmp_path: Path, name: str, how: str) -> None:
+def test_a_file_that_is_another_is_named(tmp_path, name, how):
     run = run_of(tmp_path)
     if how == "gone":
         (run / name).unlink()
@@ -96,14 +96,14 @@ def test_a_file_that_is_another_is_named(tmp_path: Path, name: str, how: str) ->
         read_unit_runs([run])
 
 
-def test_results_that_were_edited_are_shown_nowhere(tmp_path: Path) -> None:
+def test_results_that_were_edited_are_shown_nowhere(tmp_path):
     run = run_of(tmp_path, gain=70.0)
     better(run)
     with pytest.raises(FileError, match=r"results\.json: changed after .*hil report"):
         results_of_run(run)
 
 
-def test_limits_of_a_report_belong_to_the_run(tmp_path: Path) -> None:
+def test_limits_of_a_report_belong_to_the_run(tmp_path):
     run = run_of(tmp_path)
     assert report_again(run, {"gain": Limit(None, 45.0)}).findings.verdict == "fail"
     assert read_seal(run).limits == {"gain": Limit(None, 45.0)}
@@ -116,7 +116,7 @@ def test_limits_of_a_report_belong_to_the_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("sealed", ["sealed again", "as by an earlier version"])
-def test_a_failed_valve_gets_no_pass_by_an_editor(tmp_path: Path, sealed: str) -> None:
+def test_a_failed_valve_gets_no_pass_by_an_editor(tmp_path, sealed):
     run = run_of(tmp_path, gain=70.0)
     better(run)
     if sealed == "sealed again":
@@ -143,7 +143,7 @@ def test_a_failed_valve_gets_no_pass_by_an_editor(tmp_path: Path, sealed: str) -
         ({"meaning": "what we like"}, True),
     ],
 )
-def test_a_figure_moves_by_no_more_than_a_hundredth_of_its_width(tmp_path: Path, edit: dict, refused: bool) -> None:
+def test_a_figure_moves_by_no_more_than_a_hundredth_of_its_width(tmp_path, edit, refused):
     run = run_of(tmp_path)
     edited(run / "results.json", lambda results: results["values"][0].update(edit))
     resealed(run, "results.json")
@@ -154,7 +154,7 @@ def test_a_figure_moves_by_no_more_than_a_hundredth_of_its_width(tmp_path: Path,
         assert read_unit_runs([run]).verdict == "pass"
 
 
-def test_a_curve_or_a_deviation_that_was_taken_out_is_missed(tmp_path: Path) -> None:
+def test_a_curve_or_a_deviation_that_was_taken_out_is_missed(tmp_path):
     run = run_of(tmp_path)
     edited(run / "results.json", lambda results: results.update(deviations=[]))
     resealed(run, "results.json")
@@ -167,7 +167,7 @@ def test_a_curve_or_a_deviation_that_was_taken_out_is_missed(tmp_path: Path) -> 
         read_unit_runs([run])
 
 
-def test_samples_sealed_again_with_a_forged_checksum_are_another_run_on_the_trail(tmp_path: Path) -> None:
+def test_samples_sealed_again_with_a_forged_checksum_are_another_run_on_the_trail(tmp_path):
     run = on_a_trail(tmp_path, gain=70.0)
     assert issue([run], tmp_path / "a.pdf", signing_key(None), WITHOUT_MODEL).unit.verdict == "fail"
     twin = run_of(tmp_path / "elsewhere", gain=50.0)
@@ -178,7 +178,7 @@ def test_samples_sealed_again_with_a_forged_checksum_are_another_run_on_the_trai
 
 
 @pytest.mark.parametrize("moved", [False, True])
-def test_limits_edited_in_the_seal_are_not_those_on_the_trail(tmp_path: Path, moved: bool) -> None:
+def test_limits_edited_in_the_seal_are_not_those_on_the_trail(tmp_path, moved):
     run = on_a_trail(tmp_path, gain=70.0)
     if moved:
         run = run.rename(tmp_path / "moved")
@@ -191,7 +191,7 @@ def test_limits_edited_in_the_seal_are_not_those_on_the_trail(tmp_path: Path, mo
         issue([run], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
 
 
-def test_a_report_with_limits_stands_on_the_trail_and_on_page_one(tmp_path: Path) -> None:
+def test_a_report_with_limits_stands_on_the_trail_and_on_page_one(tmp_path):
     run = on_a_trail(tmp_path)
     report_again(run, {"gain": Limit(None, 55.0)})
     assert list(chain(Audit().path))[-1].line["details"]["limits"] == {"gain": {"low": None, "high": 55.0}}
@@ -205,12 +205,12 @@ def test_a_report_with_limits_stands_on_the_trail_and_on_page_one(tmp_path: Path
     assert issued is not None and issued.line["details"]["sha256"] == sha256_of(tmp_path / "unit.pdf")
 
 
-def test_a_run_that_the_trail_does_not_hold_is_said_on_page_one(tmp_path: Path) -> None:
+def test_a_run_that_the_trail_does_not_hold_is_said_on_page_one(tmp_path):
     issue([run_of(tmp_path)], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
     assert "Audit trail does not hold these runs" in page_one(tmp_path / "unit.pdf")
 
 
-def test_a_run_that_was_stopped_is_closed_on_the_trail(tmp_path: Path) -> None:
+def test_a_run_that_was_stopped_is_closed_on_the_trail(tmp_path):
     def stopped() -> None:
         with on_the_trail(read_bench(benches()["brevini-hpv41"]), tmp_path / "run", {}) as begins:
             begins()
@@ -239,7 +239,7 @@ def evaluated_by_another(run: Path) -> Path:
     return run
 
 
-def test_another_version_is_named_and_its_values_stand_until_told(tmp_path: Path, command_line) -> None:
+def test_another_version_is_named_and_its_values_stand_until_told(tmp_path, command_line):
     run, out = evaluated_by_another(run_of(tmp_path)), tmp_path / "unit.pdf"
     status, _, err = command_line("passport", run, "--out", out, "--no-model")
     assert status == 2 and OLDER in err and "gain: 49 ± 1" in err and "--evaluated-anew" in err
@@ -253,14 +253,14 @@ def test_another_version_is_named_and_its_values_stand_until_told(tmp_path: Path
     assert results_of_run(run)["gain"].value == 49.0  # the runs are as they were
 
 
-def test_the_same_figures_of_another_version_need_no_word(tmp_path: Path) -> None:
+def test_the_same_figures_of_another_version_need_no_word(tmp_path):
     run = run_of(tmp_path)
     edited(run / "seal.json", lambda seal: seal.update(program=OLDER))
     issue([run], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
     assert f"evaluated: {OLDER}" in page_one(tmp_path / "unit.pdf")
 
 
-def test_a_folder_of_a_version_that_did_not_seal_is_taken_and_said_to_be_one(tmp_path: Path) -> None:
+def test_a_folder_of_a_version_that_did_not_seal_is_taken_and_said_to_be_one(tmp_path):
     run = run_of(tmp_path)
     (run / "seal.json").unlink()
     edited(run / "end.json", lambda end: [end["sha256"].pop(name) for name in ("samples.f8", "samples.log")])
@@ -275,7 +275,7 @@ def test_a_folder_of_a_version_that_did_not_seal_is_taken_and_said_to_be_one(tmp
 
 @pytest.mark.parametrize("language", ["en", "de"])
 @pytest.mark.parametrize("names", [True, False])
-def test_the_receiver_evaluates_what_he_has(tmp_path, language: str, names: bool, command_line) -> None:
+def test_the_receiver_evaluates_what_he_has(tmp_path, language, names, command_line):
     run, out = run_of(tmp_path, gain=70.0), tmp_path / "unit.pdf"
     asked = ("passport", run, "--out", out, "--no-model", "--language", language, *(() if names else ("--no-names",)))
     assert command_line(*asked)[0] == 0
@@ -320,7 +320,7 @@ def forged(tmp_path: Path, monkeypatch, part: str) -> Path:
         ("results", "gain: 50 ± 1 l/min, limits 40 … 60, pass in the results, 70 ± 1"),
     ],
 )
-def test_who_holds_the_key_cannot_make_one_part_lie(tmp_path, monkeypatch, stranger, part, says, command_line) -> None:
+def test_who_holds_the_key_cannot_make_one_part_lie(tmp_path, monkeypatch, stranger, part, says, command_line):
     state = tmp_path / "state"
     file = forged(tmp_path, monkeypatch, part)
     monkeypatch.setenv("HIL_STATE_DIR", str(state))
@@ -333,7 +333,7 @@ def test_who_holds_the_key_cannot_make_one_part_lie(tmp_path, monkeypatch, stran
     )
 
 
-def test_samples_that_were_exchanged_inside_do_not_follow(tmp_path: Path) -> None:
+def test_samples_that_were_exchanged_inside_do_not_follow(tmp_path):
     out = tmp_path / "unit.pdf"
     issue([run_of(tmp_path, gain=70.0)], out, signing_key(None), WITHOUT_MODEL)
     other = run_of(tmp_path / "other", gain=50.0)
@@ -346,7 +346,7 @@ def test_samples_that_were_exchanged_inside_do_not_follow(tmp_path: Path) -> Non
     assert "changed after the run was sealed" in faults[0] and "hil report" not in faults[0]
 
 
-def test_pages_that_cannot_be_read_do_not_follow(tmp_path: Path) -> None:
+def test_pages_that_cannot_be_read_do_not_follow(tmp_path):
     out = tmp_path / "unit.pdf"
     issue([run_of(tmp_path)], out, signing_key(None), WITHOUT_MODEL)
     with pikepdf.open(out) as pdf:
@@ -356,12 +356,12 @@ def test_pages_that_cannot_be_read_do_not_follow(tmp_path: Path) -> None:
     assert any("page one does not say" in fault for fault in faults)
 
 
-def test_a_passport_of_8f99e50_is_evaluated_and_its_results_called_unsealed() -> None:
+def test_a_passport_of_8f99e50_is_evaluated_and_its_results_called_unsealed():
     found = evaluate_passport((SAMPLES / "8f99e50" / "passport.pdf").read_bytes())
     assert (found.faults, found.values, found.runs) == ((), 14, 1) and "did not seal" in found.notes[0]
 
 
-def test_the_annex_says_the_model_that_is_inside(tmp_path: Path) -> None:
+def test_the_annex_says_the_model_that_is_inside(tmp_path):
     with pikepdf.open(SAMPLES / "8f99e50" / "passport.pdf") as pdf:
         inside = pdf.attachments["model.json"].get_file()
         model = json.loads(inside.read_bytes())
@@ -373,7 +373,7 @@ def test_the_annex_says_the_model_that_is_inside(tmp_path: Path) -> None:
     assert fault.startswith(f"the annex does not say what model.json says: {name.replace('_', ' ')}")
 
 
-def test_a_broken_trail_issues_nothing(tmp_path: Path) -> None:
+def test_a_broken_trail_issues_nothing(tmp_path):
     run = on_a_trail(tmp_path)
     lines = Audit().path.read_bytes().splitlines(keepends=True)
     Audit().path.write_bytes(b"".join(lines[1:]))
@@ -381,7 +381,7 @@ def test_a_broken_trail_issues_nothing(tmp_path: Path) -> None:
         issue([run], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
 
 
-def test_a_procedure_that_is_not_here_can_be_evaluated_by_nobody(tmp_path, monkeypatch, stranger, command_line) -> None:
+def test_a_procedure_that_is_not_here_can_be_evaluated_by_nobody(tmp_path, monkeypatch, stranger, command_line):
     from hil.catalog import entries
 
     out = tmp_path / "unit.pdf"
@@ -395,7 +395,7 @@ def test_a_procedure_that_is_not_here_can_be_evaluated_by_nobody(tmp_path, monke
     assert command_line("passport", run, "--out", tmp_path / "b.pdf", "--no-model")[0] == 2
 
 
-def test_a_run_with_holes_and_one_that_broke_off_are_evaluated_like_others(tmp_path: Path) -> None:
+def test_a_run_with_holes_and_one_that_broke_off_are_evaluated_like_others(tmp_path):
     run = run_of(tmp_path, outcome="tripped: over-pressure")
     (run / "results.json").unlink()
     (run / "seal.json").unlink()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,8 +13,8 @@ from hil.api import issue_passport, run
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.passport import power
 from hil.passport.contents import lay_out
-from hil.passport.unit import UnitRun, read_unit_runs
-from hil.physics.model import Model, typical_model
+from hil.passport.unit import read_unit_runs
+from hil.physics.model import typical_model
 from hil.session.results import evaluated
 
 pytestmark = pytest.mark.together("power of a passport")  # on one worker: it is fitted once
@@ -25,7 +24,7 @@ TRIED = ("full_flow", "load_force at spool", "sensor_lag")
 
 
 @pytest.fixture(autouse=True)
-def a_short_search(monkeypatch: pytest.MonkeyPatch) -> None:
+def a_short_search(monkeypatch):
     def few(*posed: Any) -> tuple[Term, ...]:
         return tuple(term for term in all_terms(*posed) if term.label in TRIED)
 
@@ -34,7 +33,7 @@ def a_short_search(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     """A run on the simulated HPV41: one step, its change and its overshoot limited."""
     at = tmp_path_factory.mktemp("power") / "run"
     limits = [f"{CHANGE}=19..24", f"{OVERSHOOT}=..30"]
@@ -43,12 +42,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def unit(folder: Path) -> UnitRun:
+def unit(folder):
     return read_unit_runs([folder]).runs[0]
 
 
 @pytest.fixture
-def model() -> Model:
+def model():
     return replace(typical_model("brevini-hpv41"), input="command [%]", output="flow [l/min]")
 
 
@@ -60,7 +59,7 @@ def sizes(found: power.Power, limit: str) -> dict[str, float]:
     return {fault.name: fault.size for fault in found.faults if fault.limit == limit}
 
 
-def test_least_size_is_where_the_value_leaves_its_guarded_limit(unit: UnitRun, model: Model) -> None:
+def test_least_size_is_where_the_value_leaves_its_guarded_limit(unit, model):
     """The flow is proportional to the full flow: it fails where the change is U and 1.6 scatters beyond 24 l/min."""
     found = power.power_of(unit, model, silent)
     change = unit.results[CHANGE]
@@ -73,9 +72,7 @@ def test_least_size_is_where_the_value_leaves_its_guarded_limit(unit: UnitRun, m
     assert set(found.tried) == set(TRIED)
 
 
-def test_stopped_it_goes_on_where_it_was(
-    unit: UnitRun, model: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stopped_it_goes_on_where_it_was(unit, model, tmp_path, monkeypatch):
     kept, evaluations = tmp_path / "kept.json", list[int]()
 
     def counting(*given: Any) -> Any:
@@ -97,7 +94,7 @@ def test_stopped_it_goes_on_where_it_was(
     assert not kept.exists()
 
 
-def test_passport_says_it_in_the_annex_and_in_a_file(folder: Path, tmp_path: Path) -> None:
+def test_passport_says_it_in_the_annex_and_in_a_file(folder, tmp_path):
     found = issue_passport(folder, tmp_path / "unit.pdf", power=True)
     (one,) = found.powers
     assert "full_flow" in sizes(one, CHANGE)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 
 import pikepdf
 import pytest
@@ -27,7 +26,7 @@ def key_of(who: Holder) -> SigningKey:
 
 
 @pytest.fixture(scope="module")
-def unsigned(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def unsigned(tmp_path_factory):
     """The pages of a passport before they are signed."""
     from tests.conftest import STRANGER
 
@@ -45,7 +44,7 @@ def unsigned(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 @pytest.fixture
-def at(monkeypatch: pytest.MonkeyPatch):
+def at(monkeypatch):
     """Sign at another time, as a computer with another clock does."""
 
     def sign(pdf: bytes, who: Holder, moment: datetime) -> bytes:
@@ -73,7 +72,7 @@ def said(found, *words: str) -> bool:
 
 
 @pytest.mark.parametrize("bare", [False, True])
-def test_a_leaf_that_is_trusted_vouches_for_itself_alone(unsigned: bytes, bare: bool) -> None:
+def test_a_leaf_that_is_trusted_vouches_for_itself_alone(unsigned, bare):
     leaf = holder("Lab 12", bare=bare)
     under = holder("Somebody", leaf)
     if not bare:
@@ -82,7 +81,7 @@ def test_a_leaf_that_is_trusted_vouches_for_itself_alone(unsigned: bytes, bare: 
     assert found.outcome is SignatureStatus.UNKNOWN_SIGNER and found.exit_status == 1
 
 
-def test_an_authority_vouches_through_those_between_and_a_leaf_between_does_not(unsigned: bytes) -> None:
+def test_an_authority_vouches_through_those_between_and_a_leaf_between_does_not(unsigned):
     root = holder("Root", authority=True)
     between, leaf = holder("Between", root, authority=True), holder("Leaf", root)
     lab, under = holder("Lab 12", between), holder("Somebody", leaf)
@@ -94,7 +93,7 @@ def test_an_authority_vouches_through_those_between_and_a_leaf_between_does_not(
     assert verify(signed(unsigned, key_of(under)), trust).outcome is SignatureStatus.UNKNOWN_SIGNER
 
 
-def test_another_key_under_the_name_of_a_known_one_is_unknown(unsigned: bytes, caplog) -> None:
+def test_another_key_under_the_name_of_a_known_one_is_unknown(unsigned, caplog):
     known, other = holder("Lab 12"), holder("Lab 12")
     assert verify(signed(unsigned, key_of(other)), Trust([known.certificate])).outcome is SignatureStatus.UNKNOWN_SIGNER
     assert not caplog.records  # a record that nobody handles is a trace on the terminal
@@ -103,13 +102,13 @@ def test_another_key_under_the_name_of_a_known_one_is_unknown(unsigned: bytes, c
 # -- when --------------------------------------------------------------------------------------------------
 
 
-def test_the_time_of_a_signature_is_told(unsigned: bytes) -> None:
+def test_the_time_of_a_signature_is_told(unsigned):
     lab = holder("Lab 12")
     found = verify(signed(unsigned, key_of(lab)), Trust([lab.certificate]))
     assert found.signed_utc is not None and abs(found.signed_utc - datetime.now(UTC)) < timedelta(minutes=5)
 
 
-def test_a_signature_from_2099_is_not_sound_and_says_its_time(unsigned: bytes, at) -> None:
+def test_a_signature_from_2099_is_not_sound_and_says_its_time(unsigned, at):
     lab = holder("Lab 12", valid=(NOW - DAY, datetime(2120, 1, 1, tzinfo=UTC)))
     found = verify(at(unsigned, lab, datetime(2099, 1, 1, tzinfo=UTC)), Trust([lab.certificate]))
     assert found.outcome is SignatureStatus.NOT_VALID_THEN and found.exit_status == 1 and found.is_as_signed
@@ -125,9 +124,7 @@ def test_a_signature_from_2099_is_not_sound_and_says_its_time(unsigned: bytes, a
     ],
 )
 @pytest.mark.parametrize("by_authority", [False, True])
-def test_an_expired_certificate_counts_for_the_time_in_which_it_held(
-    unsigned: bytes, at, valid, outcome: SignatureStatus, by_authority: bool
-) -> None:
+def test_an_expired_certificate_counts_for_the_time_in_which_it_held(unsigned, at, valid, outcome, by_authority):
     root = holder("Root", authority=True)
     lab = holder("Lab 12", root if by_authority else None, valid=valid)
     trust = Trust([(root if by_authority else lab).certificate])
@@ -138,7 +135,7 @@ def test_an_expired_certificate_counts_for_the_time_in_which_it_held(
     )
 
 
-def test_nobody_signs_with_a_certificate_that_has_expired(tmp_path: Path, stranger: Path) -> None:
+def test_nobody_signs_with_a_certificate_that_has_expired(tmp_path, stranger):
     lab = holder("Lab 12", valid=(NOW - 20 * DAY, NOW - DAY))
     with pytest.raises(InputError, match=r"own check says: .* did not hold"):
         issue([run_of(tmp_path)], tmp_path / "unit.pdf", key_of(lab), Wanted(identify=False))
@@ -151,7 +148,7 @@ def test_nobody_signs_with_a_certificate_that_has_expired(tmp_path: Path, strang
     ids=["nobody says", "before it was revoked", "after it was revoked", "before it was signed"],
 )
 @pytest.mark.parametrize("whose", ["the signer's", "the authority's"])
-def test_a_key_is_revoked_from_a_date_on(unsigned: bytes, at, received, outcome: int, whose: str) -> None:
+def test_a_key_is_revoked_from_a_date_on(unsigned, at, received, outcome, whose):
     root = holder("Root", authority=True)
     lab = holder("Lab 12", root)
     revoked = {fingerprint((lab if whose == "the signer's" else root).certificate): Revoked(NOW - 10 * DAY, "stolen")}
@@ -163,7 +160,7 @@ def test_a_key_is_revoked_from_a_date_on(unsigned: bytes, at, received, outcome:
     assert late.exit_status == 1 and said(late, "revoked from", "signed on")
 
 
-def test_revoked_certificates_are_read_from_a_file_that_says_where_it_is_wrong(tmp_path: Path, monkeypatch) -> None:
+def test_revoked_certificates_are_read_from_a_file_that_says_where_it_is_wrong(tmp_path, monkeypatch):
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path))
     assert read_revocations(None) == {}
     digits = fingerprint(holder("Lab 12").certificate)
@@ -177,7 +174,7 @@ def test_revoked_certificates_are_read_from_a_file_that_says_where_it_is_wrong(t
             read_revocations(None)
 
 
-def test_at_the_prompt_a_revoked_key_needs_a_date_of_ones_own(tmp_path, unsigned, at, own_state, command_line) -> None:
+def test_at_the_prompt_a_revoked_key_needs_a_date_of_ones_own(tmp_path, unsigned, at, own_state, command_line):
     lab = holder("Lab 12")
     (tmp_path / "lab.pem").write_bytes(lab.certificate_pem)
     (tmp_path / "unit.pdf").write_bytes(at(unsigned, lab, NOW - 30 * DAY))
@@ -240,7 +237,7 @@ def signed_again(content: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("change", [swapped, rewritten, signed_again, lambda content: content + content])
-def test_a_file_that_was_changed_is_not_sound(unsigned: bytes, change) -> None:
+def test_a_file_that_was_changed_is_not_sound(unsigned, change):
     lab = holder("Lab 12")
     content = signed(unsigned, key_of(lab))
     other = change(content)
@@ -248,7 +245,7 @@ def test_a_file_that_was_changed_is_not_sound(unsigned: bytes, change) -> None:
     assert verify(other, Trust([lab.certificate])).outcome is SignatureStatus.CHANGED
 
 
-def test_the_signature_of_another_passport_does_not_fit(unsigned: bytes) -> None:
+def test_the_signature_of_another_passport_does_not_fit(unsigned):
     lab = holder("Lab 12")
     content, other = signed(unsigned, key_of(lab)), signed(unsigned.replace(b"%PDF-1.7", b"%PDF-1.7 "), key_of(lab))
     from hil.passport.seal import seal_of
@@ -258,6 +255,6 @@ def test_the_signature_of_another_passport_does_not_fit(unsigned: bytes) -> None
     assert verify(b"".join(mixed), Trust([lab.certificate])).outcome is SignatureStatus.CHANGED
 
 
-def test_power_without_a_model_is_refused_before_a_run_is_read(tmp_path: Path) -> None:
+def test_power_without_a_model_is_refused_before_a_run_is_read(tmp_path):
     with pytest.raises(SettingError, match="leave out --no-model"):
         issue([tmp_path / "nowhere"], tmp_path / "unit.pdf", signing_key(None), Wanted(identify=False, power=True))

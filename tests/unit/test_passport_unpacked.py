@@ -7,7 +7,6 @@ import os
 import pty
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pikepdf
@@ -32,7 +31,7 @@ def _made(attachments: dict[str, bytes]) -> bytes:
     return made.getvalue()
 
 
-def test_files_inside_stops_at_what_is_allowed() -> None:
+def test_files_inside_stops_at_what_is_allowed():
     made = _made({"a.txt": bytes(600_000), "b.txt": bytes(600_000)})
     assert len(made) < 10_000
     assert sum(len(inside) for _, inside in files_inside(made)) == 1_200_000
@@ -41,19 +40,19 @@ def test_files_inside_stops_at_what_is_allowed() -> None:
     assert [str(name) for name, _ in files_inside(made, 700_000, "b.*")] == ["b.txt"]
 
 
-def test_a_pipe_is_no_passport(tmp_path: Path) -> None:
+def test_a_pipe_is_no_passport(tmp_path):
     os.mkfifo(tmp_path / "pipe.pdf")
     with pytest.raises(FileError, match=r"pipe\.pdf: is a pipe; only regular files"):
         verifying.verify_file(tmp_path / "pipe.pdf", verifying.Trust())
 
 
-def test_lay_out_writes_nothing_of_what_is_too_large(tmp_path: Path) -> None:
+def test_lay_out_writes_nothing_of_what_is_too_large(tmp_path):
     with pytest.raises(LargeError):
         lay_out(_made({"a.txt": b"1", "b.txt": bytes(600_000)}), tmp_path / "out", 1000)
     assert not (tmp_path / "out").exists()
 
 
-def test_files_inside_refuses_another_packing() -> None:
+def test_files_inside_refuses_another_packing():
     made = _made({"a.txt": b"1" * 100})
     with pikepdf.open(io.BytesIO(made)) as pdf:
         stream = pdf.attachments["a.txt"].get_file().obj
@@ -65,7 +64,7 @@ def test_files_inside_refuses_another_packing() -> None:
 
 
 @pytest.fixture
-def strange(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def strange(tmp_path, monkeypatch):
     """A passport by a key that this computer does not know; its run unpacks to more than a stranger's may."""
     monkeypatch.syspath_prepend(str(STRANGER))  # whose procedure the run is of
     entries.cache_clear()
@@ -79,7 +78,7 @@ def strange(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     entries.cache_clear()
 
 
-def test_open_of_an_unknown_signer_has_a_limit(strange: Path, command_line) -> None:
+def test_open_of_an_unknown_signer_has_a_limit(strange, command_line):
     for words in ([], ["--most", "0.001"]):
         status, _, err = command_line("open", "unit.pdf", "--out", "out", *words)
         assert status == 2 and len(err.splitlines()) == 1
@@ -92,7 +91,7 @@ def test_open_of_an_unknown_signer_has_a_limit(strange: Path, command_line) -> N
 
 
 @pytest.mark.parametrize(("answer", "status"), [(b"y\n", 0), (b"n\n", 2)])
-def test_open_asks_at_a_terminal(strange: Path, answer: bytes, status: int) -> None:
+def test_open_asks_at_a_terminal(strange, answer, status):
     program = (
         "import sys; from hil.passport import verify; verify.STRANGERS_BYTES = 2000\n"
         "from hil.cli.app import main; sys.argv[1:] = ['open', 'unit.pdf', '--out', 'out']; sys.exit(main())"

@@ -27,7 +27,7 @@ def axis(force_n: Array, effect: ActiveEffect, factor: float = 1.0) -> tuple[Arr
     return place, speed
 
 
-def test_below_breakaway_it_truly_sticks() -> None:
+def test_below_breakaway_it_truly_sticks():
     force = 0.99 * COULOMB_N * np.sin(2 * np.pi * np.arange(4000) * 1e-3)
     place, speed = axis(force, friction())
     assert np.abs(place).max() < 1e-18
@@ -35,7 +35,7 @@ def test_below_breakaway_it_truly_sticks() -> None:
 
 
 @pytest.mark.parametrize("presliding_m", [1e-9, 1e-6, 1e-4])
-def test_bristles_hold_within_their_give_and_without_creep(presliding_m: float) -> None:
+def test_bristles_hold_within_their_give_and_without_creep(presliding_m):
     force = 0.5 * COULOMB_N * np.sin(2 * np.pi * np.arange(8000) * 1e-3)
     place, _ = axis(force, friction(presliding=presliding_m))
     assert 0.0 < np.abs(place).max() < 3.0 * presliding_m + 0.5e-6  # the rest is one step of 1 ms
@@ -45,14 +45,14 @@ def test_bristles_hold_within_their_give_and_without_creep(presliding_m: float) 
 
 @pytest.mark.parametrize("factor", [1.0, 4.0])
 @pytest.mark.parametrize("presliding_m", [0.0, 1e-9, 1e-6, 1e-4])
-def test_when_it_slides_it_takes_the_coulomb_force(presliding_m: float, factor: float) -> None:
+def test_when_it_slides_it_takes_the_coulomb_force(presliding_m, factor):
     force_n = 80.0
     _, speed = axis(np.full(6000, force_n), friction(presliding=presliding_m), factor)
     assert speed[-1] == pytest.approx((force_n - COULOMB_N) / AXIS.typical["viscous"], rel=1e-3)
 
 
 @pytest.mark.parametrize("presliding_m", [0.0, 1e-9, 1e-6])
-def test_at_standstill_it_does_not_chatter(presliding_m: float) -> None:
+def test_at_standstill_it_does_not_chatter(presliding_m):
     force = np.where(np.arange(6000) < 1000, 80.0, 0.0)
     place, speed = axis(force, friction(presliding=presliding_m))
     assert place[-1] > 0.05
@@ -60,7 +60,7 @@ def test_at_standstill_it_does_not_chatter(presliding_m: float) -> None:
     assert np.abs(speed[-1000:]).max() < 1e-20
 
 
-def test_breaking_away_takes_the_static_force() -> None:
+def test_breaking_away_takes_the_static_force():
     force = np.linspace(0.0, 60.0, 12000)
     _, speed = axis(force, friction(stiction=1.5, stribeck=0.005))
     started = force[np.flatnonzero(speed > 1e-9)[0]]
@@ -69,7 +69,7 @@ def test_breaking_away_takes_the_static_force() -> None:
 
 @pytest.mark.parametrize("coulomb", [0.5, 5.0, 20.0])
 @pytest.mark.parametrize("presliding", [1e-3, 0.2, 5.0])
-def test_the_valve_stays_stable_at_every_stiffness(coulomb: float, presliding: float) -> None:
+def test_the_valve_stays_stable_at_every_stiffness(coulomb, presliding):
     time_s = np.arange(6000) * 1e-3
     command = 50.0 + 12.0 * np.sin(2 * np.pi * 0.5 * time_s)
     effect = friction(coulomb=coulomb, stiction=1.3, stribeck=10.0, presliding=presliding)
@@ -80,7 +80,7 @@ def test_the_valve_stays_stable_at_every_stiffness(coulomb: float, presliding: f
     assert np.sqrt(np.mean((spool - fine) ** 2)) < 0.02 * 12.0
 
 
-def test_small_commands_look_slower_and_the_spool_sticks_at_reversals() -> None:
+def test_small_commands_look_slower_and_the_spool_sticks_at_reversals():
     time_s = np.arange(8000) * 1e-3
     effect = friction(coulomb=2.0, stiction=1.2, stribeck=10.0, presliding=0.05)
     ratios = []
@@ -92,7 +92,7 @@ def test_small_commands_look_slower_and_the_spool_sticks_at_reversals() -> None:
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0])
-def test_a_part_that_slips_as_soon_as_it_moves_is_simulated_as_with_fine_steps(factor: float) -> None:
+def test_a_part_that_slips_as_soon_as_it_moves_is_simulated_as_with_fine_steps(factor):
     """Stiction is gone at 1 %/s: the force falls to a half within a step."""
     time_s = np.arange(0.0, 8.0, 0.004)
     command = 45.0 + 12.0 * np.sin(2.0 * np.pi * 0.8 * time_s)

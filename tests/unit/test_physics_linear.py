@@ -21,7 +21,7 @@ INPUT = np.concatenate(([0.0], RNG.normal(size=len(TIME_S) - 1)))
 
 @pytest.mark.parametrize("lag_s", [1e-4, 0.01, 0.3, 20.0])
 @pytest.mark.parametrize("held", [False, True], ids=["straight inputs", "held inputs"])
-def test_first_order(held: bool, lag_s: float) -> None:
+def test_first_order(held, lag_s):
     from scipy.signal import lsim
 
     keep, old, new = first_order(lag_s, STEP_S)
@@ -33,7 +33,7 @@ def test_first_order(held: bool, lag_s: float) -> None:
 
 
 @pytest.mark.parametrize("drag", [0.0, 1e-9, 0.002, 30.0, 3000.0])
-def test_a_braked_mass_under_a_held_force(drag: float) -> None:
+def test_a_braked_mass_under_a_held_force(drag):
     from scipy.signal import lsim
 
     mass = 2.0
@@ -51,7 +51,7 @@ def test_a_braked_mass_under_a_held_force(drag: float) -> None:
 
 @pytest.mark.parametrize("damping", [0.05, 0.7, 1.0 - 1e-14, 1.0, 1.0 + 1e-6, 3.0])
 @pytest.mark.parametrize("frequency_rad_s", [1.0, 33.0, 300.0])
-def test_second_order_between_straight_inputs(frequency_rad_s: float, damping: float) -> None:
+def test_second_order_between_straight_inputs(frequency_rad_s, damping):
     from scipy.signal import lsim
 
     xx, xv, x0, x1, vx, vv, v0, v1 = second_order(frequency_rad_s, damping, STEP_S)
@@ -68,7 +68,7 @@ def test_second_order_between_straight_inputs(frequency_rad_s: float, damping: f
     assert np.allclose(found[:, 1], exact[:, 1], atol=1e-8 * frequency_rad_s)
 
 
-def test_a_step_of_infinity_is_the_steady_state() -> None:
+def test_a_step_of_infinity_is_the_steady_state():
     assert first_order(0.3, math.inf) == (0.0, 0.0, 1.0)
     assert held_first_order(0.3, math.inf) == 0.0
     assert braked_mass(2.0, 30.0, math.inf) == (0.0, 0.0, 0.0, 0.0)
@@ -79,7 +79,7 @@ def test_a_step_of_infinity_is_the_steady_state() -> None:
 
 
 @pytest.mark.parametrize("steps", [0.0, 1.0, 2.25, 7.5, 40.0])
-def test_the_delay_line_keeps_the_mean_over_a_split_step(steps: float) -> None:
+def test_the_delay_line_keeps_the_mean_over_a_split_step(steps):
     line = np.zeros(50)
     delayed.py_func(line, 0.0, -1.0)
     found = np.array([delayed.py_func(line, float(value), steps) for value in INPUT])
@@ -98,7 +98,7 @@ PARAMETERS = [
 
 
 @pytest.mark.parametrize("given", PARAMETERS)
-def test_the_linear_plant_is_exact_at_any_interval(given: dict[str, float]) -> None:
+def test_the_linear_plant_is_exact_at_any_interval(given):
     from scipy.signal import lsim
 
     definition = plant("transfer-function")

@@ -36,13 +36,13 @@ def valve_with_friction() -> Model:
     )
 
 
-def test_a_model_comes_back_as_it_was_written(tmp_path: Path) -> None:
+def test_a_model_comes_back_as_it_was_written(tmp_path):
     path = tmp_path / "valve.json"
     save_model(valve_with_friction(), path)
     assert load_model(path) == valve_with_friction()
 
 
-def test_parameters_left_out_take_their_typical_value(tmp_path: Path) -> None:
+def test_parameters_left_out_take_their_typical_value(tmp_path):
     path = changed(tmp_path, lambda content: content["parameters"].pop("sensor_lag"))
     assert load_model(path).values["sensor_lag"] == typical_model("brevini-hpv41").values["sensor_lag"]
 
@@ -80,7 +80,7 @@ FAULTS: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
 
 
 @pytest.mark.parametrize(("change", "says"), FAULTS, ids=[says for _, says in FAULTS])
-def test_a_fault_is_named(tmp_path: Path, change: Callable[[dict[str, Any]], Any], says: str) -> None:
+def test_a_fault_is_named(tmp_path, change, says):
     path = changed(tmp_path, change)
     with pytest.raises(FileError) as caught:
         load_model(path)
@@ -88,25 +88,25 @@ def test_a_fault_is_named(tmp_path: Path, change: Callable[[dict[str, Any]], Any
     assert str(path) in str(caught.value)
 
 
-def test_a_plant_that_is_not_installed(tmp_path: Path) -> None:
+def test_a_plant_that_is_not_installed(tmp_path):
     path = changed(tmp_path, lambda c: c.update(plant="brevini-hpv42"))
     with pytest.raises(UnknownNameError, match="did you mean 'brevini-hpv41'"):
         load_model(path)
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[1, 2]", b"time [s],flow [l/min]\n0,1\n", b"\xff\xfe\x00"])
-def test_what_is_no_model_file(tmp_path: Path, content: bytes) -> None:
+def test_what_is_no_model_file(tmp_path, content):
     path = tmp_path / "valve.json"
     path.write_bytes(content)
     with pytest.raises(FileError, match="not a model file"):
         load_model(path)
 
 
-def test_a_plant_where_a_model_should_be_is_called_that() -> None:
+def test_a_plant_where_a_model_should_be_is_called_that():
     with pytest.raises(FileError, match=r"brevini-hpv41: not a model file: .*; a plant: .*`hil list models`"):
         load_model(Path("brevini-hpv41"))
 
 
-def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(FileError, match="not a model file"):
         load_model(tmp_path / "nothing.json")

@@ -120,7 +120,7 @@ def zigzag(definition: Plant) -> Array:
 
 @pytest.mark.parametrize("read_at", [0.0, 1.0])
 @pytest.mark.parametrize("definition", PLANTS, ids=lambda definition: definition.name)
-def test_the_page_without_effects(definition: Plant, read_at: float) -> None:
+def test_the_page_without_effects(definition, read_at):
     inputs = zigzag(definition)
     steps = sub_steps(definition, interval_s(definition))
     compiled = simulate(definition, definition.typical, Drive(inputs, math.nan, interval_s(definition), read_at))
@@ -130,7 +130,7 @@ def test_the_page_without_effects(definition: Plant, read_at: float) -> None:
 
 
 @pytest.mark.parametrize("definition", PLANTS, ids=lambda definition: definition.name)
-def test_the_page_with_each_effect(definition: Plant) -> None:
+def test_the_page_with_each_effect(definition):
     inputs = zigzag(definition)[:, :100].copy()
     steps = sub_steps(definition, interval_s(definition))
     for site in kernel(definition.name).sites:

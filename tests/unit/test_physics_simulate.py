@@ -6,9 +6,8 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -44,7 +43,7 @@ def run(inputs: np.ndarray, effects: tuple[ActiveEffect, ...] = (), **given: Any
         (np.zeros((1, COUNT)), {"effects": (ActiveEffect("friction", "flow", {}),)}, "'friction at flow'.*known: "),
     ],
 )
-def test_what_does_not_fit_is_refused(inputs: np.ndarray, given: dict[str, Any], said: str) -> None:
+def test_what_does_not_fit_is_refused(inputs, given, said):
     with pytest.raises(InputError, match=said):
         run(inputs, **given)
 
@@ -82,7 +81,7 @@ def undeclared(force: Any, x: Any, c: Any, hook: Any) -> Any:
     ],
     ids=lambda of: getattr(of, "__name__", None),
 )
-def test_a_fault_of_a_page_is_said_with_its_line(page: Callable[..., Any], line: int, said: str) -> None:
+def test_a_fault_of_a_page_is_said_with_its_line(page, line, said):
     axis = kernel("linear-axis")
     at = page.__code__.co_firstlineno + line
     with pytest.raises(FileError, match=rf"test_physics_simulate\.py:{at}: {said}"):
@@ -123,7 +122,7 @@ WRONG = {
 }  # fmt: skip
 
 
-def test_a_strangers_plant_that_calls_a_hook_wrongly_is_told_when_it_is_loaded(tmp_path: Path) -> None:
+def test_a_strangers_plant_that_calls_a_hook_wrongly_is_told_when_it_is_loaded(tmp_path):
     package = tmp_path / "bent_plants"
     package.mkdir()
     (package / "__init__.py").write_text('"""Plants of a stranger."""\n')
@@ -146,21 +145,21 @@ def test_a_strangers_plant_that_calls_a_hook_wrongly_is_told_when_it_is_loaded(t
     ], done.stderr
 
 
-def test_a_twin_refuses_a_block_of_another_shape() -> None:
+def test_a_twin_refuses_a_block_of_another_shape():
     twin = Twin(VALVE, VALVE.typical, 1e-3)
     twin.advance(np.zeros((1, COUNT)))
     with pytest.raises(InputError, match="inputs of shape"):
         twin.advance(np.zeros((2, COUNT)))
 
 
-def test_an_effect_is_found_under_its_name() -> None:
+def test_an_effect_is_found_under_its_name():
     assert tuple(effect(entry.name) for entry in entries("effects")) == effects()
     assert [found.name for found in effects()] == [entry.name for entry in entries("effects")]
     with pytest.raises(UnknownNameError, match="no effect named 'fricton', did you mean 'friction'"):
         effect("fricton")
 
 
-def test_values_that_were_simulated_before_are_not_mistaken_for_others() -> None:
+def test_values_that_were_simulated_before_are_not_mistaken_for_others():
     inputs = np.tile([40.0, -60.0], (1, 50))
     leaks = [ActiveEffect("leakage", "flow", {"leak": leak, "fall": 0.3, "lean": 0.0}) for leak in (3.0, 4.0)]
     slow = VALVE.typical | {"pilot_rate": 3.0}
@@ -186,7 +185,7 @@ def test_values_that_were_simulated_before_are_not_mistaken_for_others() -> None
     assert answers(fresh=False) == alone
 
 
-def test_a_fit_works_out_the_same_values_once_for_all_its_recordings() -> None:
+def test_a_fit_works_out_the_same_values_once_for_all_its_recordings():
     calls = []
 
     def counted(values: Mapping[str, float], step_s: float) -> Mapping[str, float | np.ndarray]:
@@ -202,7 +201,7 @@ def test_a_fit_works_out_the_same_values_once_for_all_its_recordings() -> None:
     assert len(calls) == 4
 
 
-def test_what_another_process_hands_over_is_simulated_the_same() -> None:
+def test_what_another_process_hands_over_is_simulated_the_same():
     """A cluster hands arrays over read-only, a table's column lies in strides."""
     inputs = np.linspace(0.0, 50.0, COUNT)[None, :]
     locked = inputs.copy()
@@ -213,7 +212,7 @@ def test_what_another_process_hands_over_is_simulated_the_same() -> None:
         np.testing.assert_array_equal(run(given), run(inputs))
 
 
-def test_a_plant_is_compiled_once_however_many_processes_need_it(tmp_path: Path) -> None:
+def test_a_plant_is_compiled_once_however_many_processes_need_it(tmp_path):
     alone = [sys.executable, "-c", COMPILED]
     environment = os.environ | {"HIL_CACHE_DIR": str(tmp_path)}
     started = [subprocess.Popen(alone, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(3)]

@@ -24,7 +24,7 @@ def pins(text: str) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("file", "extras"), [("requirements.txt", ("dev",)), ("benchmarks/requirements.txt", ("bench",))]
 )
-def test_every_pin_has_hashes_and_is_that_of_the_constraints(file: str, extras: tuple[str, ...]) -> None:
+def test_every_pin_has_hashes_and_is_that_of_the_constraints(file, extras):
     text, told = (ROOT / file).read_text("utf-8"), pins((ROOT / "constraints.txt").read_text("utf-8"))
     found = pins(text)
     assert found and {name: version for name, version in found.items() if told.get(name) != version} == {}
@@ -36,7 +36,7 @@ def test_every_pin_has_hashes_and_is_that_of_the_constraints(file: str, extras: 
     assert names <= set(found)
 
 
-def test_licences_that_ask_for_more_are_named() -> None:
+def test_licences_that_ask_for_more_are_named():
     notice = (ROOT / "NOTICE").read_text("utf-8")
     pinned = pins((ROOT / "requirements.txt").read_text("utf-8"))
     for one in distributions():

@@ -1,7 +1,5 @@
 """Settings by the name that a bench file gives them."""
 
-from pathlib import Path
-
 import pytest
 
 from hil.bench.find import benches
@@ -17,7 +15,7 @@ STEP = load_procedure("step_response")
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Path:
+def bench(tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text(
         'based_on = "brevini-hpv41"\n[presets.step_response.quick]\nlevels = [0, 50]\nhold_s = "3 s"\n'
@@ -26,7 +24,7 @@ def bench(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_preset_is_understood_as_typed_settings_are(bench: Path) -> None:
+def test_a_preset_is_understood_as_typed_settings_are(bench):
     file = read_bench(bench)
     assert preset_names(file, STEP) == ["quick", "wrong"]
     assert preset_settings(file, STEP, "quick") == {"levels": (0.0, 50.0), "hold_s": 3.0}
@@ -43,12 +41,12 @@ def test_a_preset_is_understood_as_typed_settings_are(bench: Path) -> None:
         ("wrong", r"\[presets.step_response.wrong\]: setting hold_s"),
     ],
 )
-def test_a_preset_that_cannot_be_taken_names_the_file(bench: Path, name: str, why: str) -> None:
+def test_a_preset_that_cannot_be_taken_names_the_file(bench, name, why):
     with pytest.raises(SettingError, match=f"{bench}: {why}"):
         preset_settings(read_bench(bench), STEP, name)
 
 
-def test_run_takes_a_preset_and_what_is_typed_goes_before(bench: Path, command_line) -> None:
+def test_run_takes_a_preset_and_what_is_typed_goes_before(bench, command_line):
     out = bench.parent / "run"
     typed = ["--preset", "quick", "--set", "hold_s=2", "--out", out, "--archive", bench.parent]
     assert command_line("run", "step_response", "--bench", bench, *typed).status == 0
@@ -56,7 +54,7 @@ def test_run_takes_a_preset_and_what_is_typed_goes_before(bench: Path, command_l
     assert (settings["levels"], settings["hold_s"]) == ([0.0, 50.0], 2.0)
 
 
-def test_check_names_a_preset_of_an_unknown_procedure(bench: Path, command_line) -> None:
+def test_check_names_a_preset_of_an_unknown_procedure(bench, command_line):
     bench.write_text('based_on = "brevini-hpv41"\n[presets.step_respnse.quick]\nlevels = [0, 50]\n')
     status, out, err = command_line("check", bench)
     assert status == 2 and "presets.step_respnse" in out + err

@@ -28,7 +28,7 @@ GAIN = Measurement("gain", "psi per A", "gain")
 
 
 @pytest.fixture
-def lab(tmp_path: Path) -> Path:
+def lab(tmp_path):
     return tmp_path / "lab"
 
 
@@ -51,7 +51,7 @@ def beside_earlier(
     return recording, with_earlier(CERTIFIES, recording, change(found), lab / "now", str(lab))
 
 
-def test_what_changed_since_the_run_that_passed_is_said_and_kept_in_the_results(lab: Path) -> None:
+def test_what_changed_since_the_run_that_passed_is_said_and_kept_in_the_results(lab):
     made(lab / "worse", 1, 170.0)
     recording, found = beside_earlier(lab, 60.0)
     said, rests = comparison_sentences(found)
@@ -63,7 +63,7 @@ def test_what_changed_since_the_run_that_passed_is_said_and_kept_in_the_results(
 
 
 @pytest.mark.parametrize("case", ["passed", "other unit", "later", "no certificate", "no archive"])
-def test_nothing_is_said_where_there_is_nothing_to_say(lab: Path, case: str) -> None:
+def test_nothing_is_said_where_there_is_nothing_to_say(lab, case):
     made(lab / "other", 5 if case == "later" else 0, 60.0, "B1" if case == "other unit" else "A7")
     recording, found = made(lab / "now", 2, 70.0 if case == "passed" else 180.0)
     procedure = replace(CERTIFIES, certificate=case != "no certificate")
@@ -71,7 +71,7 @@ def test_nothing_is_said_where_there_is_nothing_to_say(lab: Path, case: str) -> 
     assert with_earlier(procedure, recording, found, lab / "now", archive).since is None
 
 
-def test_each_miss_states_what_this_bench_would_have_failed(lab: Path) -> None:
+def test_each_miss_states_what_this_bench_would_have_failed(lab):
     [reason] = reasons(beside_earlier(lab)[1])
     assert reason.endswith(
         "2.3 % of tests on this bench would fail a unit exactly at the limit; "
@@ -79,7 +79,7 @@ def test_each_miss_states_what_this_bench_would_have_failed(lab: Path) -> None:
     )
 
 
-def test_calibration_of_one_bench_adds_nothing_to_the_unit_of_then(lab: Path) -> None:
+def test_calibration_of_one_bench_adds_nothing_to_the_unit_of_then(lab):
     shared = RISE.of(180.0, 0.5, calibration=2.0)
     since = beside_earlier(lab, change=lambda found: replace(found, measured=(shared, *found.measured[1:])))[1].since
     assert since is not None
@@ -87,7 +87,7 @@ def test_calibration_of_one_bench_adds_nothing_to_the_unit_of_then(lab: Path) ->
     assert since.missed[0].fail_probability == pytest.approx(1.0 - NormalDist(99.0, std).cdf(100.0 + guard))
 
 
-def test_a_miss_that_is_a_figure_of_the_condition_too_is_beside_the_unit_of_then(lab: Path) -> None:
+def test_a_miss_that_is_a_figure_of_the_condition_too_is_beside_the_unit_of_then(lab):
     figure = replace(RISE, high=75.0).of(180.0, 2.0)
     population = PopulationComparison((replace(figure, verdict=None),), 100)
     since = beside_earlier(lab, change=lambda found: replace(found, population=population))[1].since

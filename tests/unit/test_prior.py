@@ -29,7 +29,7 @@ def shape(of: Prior) -> Any:
 
 
 @pytest.mark.parametrize(("std", "origin"), [(None, {}), (5.0, {"std": {"mass": 5.0, "viscous": None}}), (5.0, {})])
-def test_what_identification_printed_is_no_prior(std: float | None, origin: dict[str, Any]) -> None:
+def test_what_identification_printed_is_no_prior(std, origin):
     """Its interval holds what the model lacks too; another recording would move the value by less."""
     assert shape(prior(std, origin)) == pytest.approx(np.array(FOUND.matrix))
 
@@ -38,11 +38,11 @@ def test_what_identification_printed_is_no_prior(std: float | None, origin: dict
     ("std", "origin"),
     [(50.0, {"std": {"mass": None}}), (50.0, {"std": {"mass": 5.0}}), (0.1, {"std": {"mass": 5.0}}), (0.1, {})],
 )
-def test_a_typed_std_takes_the_place_of_the_covariance(std: float, origin: dict[str, Any]) -> None:
+def test_a_typed_std_takes_the_place_of_the_covariance(std, origin):
     assert shape(prior(std, origin)) == pytest.approx(np.array([[std**2, 0.0], [0.0, 9.0]]))
 
 
-def test_what_the_recordings_in_question_told_is_not_known_beside_them() -> None:
+def test_what_the_recordings_in_question_told_is_not_known_beside_them():
     widths = {p.name: p.high - p.low for p in AXIS.parameters}
     own = replace(prior(None, {}), is_own=True)
     assert shape(own) == pytest.approx(np.diag([widths["mass"] ** 2, widths["viscous"] ** 2]))

@@ -7,7 +7,6 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 
 import can
 import pytest
@@ -31,7 +30,7 @@ def _address(file: BenchFile, driver: str) -> str:
     return str(found)
 
 
-def test_modbus_tcp_with_reads_alone(tmp_path: Path) -> None:
+def test_modbus_tcp_with_reads_alone(tmp_path):
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (_, devices):
         (device,) = devices.values()
         line = RecordedLine(device.port)
@@ -41,7 +40,7 @@ def test_modbus_tcp_with_reads_alone(tmp_path: Path) -> None:
         assert line.modbus_functions == {3, 43}
 
 
-def test_modbus_rtu_behind_a_serial_server(tmp_path: Path) -> None:
+def test_modbus_rtu_behind_a_serial_server(tmp_path):
     changes = ('"/tmp/hil-modbus-rtu"', '"socket://127.0.0.1:1"')
     with served("hpv41-modbus-rtu", tmp_path, *PATIENT, changes) as (file, _):
         address = next(d.settings["address"] for d in file.bench.devices.values() if "socket" in d.settings["address"])
@@ -52,7 +51,7 @@ def test_modbus_rtu_behind_a_serial_server(tmp_path: Path) -> None:
         assert {frame[1] for frame in line.asked} <= {3, 43}
 
 
-def test_canopen_with_uploads_alone(tmp_path: Path) -> None:
+def test_canopen_with_uploads_alone(tmp_path):
     with served("hpv41-canopen", tmp_path, *PATIENT) as (file, _):
         address = _address(file, "canopen_valve")
         line = RecordedLine(int(address.rpartition(":")[2]))
@@ -67,7 +66,7 @@ def test_canopen_with_uploads_alone(tmp_path: Path) -> None:
             assert data[0] & 0xE0 in (0x40, 0x60), words  # upload: begun, and its segments
 
 
-def test_j1939_is_heard_and_not_asked_by_sdo(tmp_path: Path) -> None:
+def test_j1939_is_heard_and_not_asked_by_sdo(tmp_path):
     with served("hpv41-j1939", tmp_path, *PATIENT) as (file, _):
         address = _address(file, "j1939_valve")
         heard: list[can.Message] = []
@@ -90,7 +89,7 @@ def _listening(address: str, heard: list[can.Message]) -> Iterator[None]:
         bus.shutdown()
 
 
-def test_scpi_with_one_question(tmp_path: Path) -> None:
+def test_scpi_with_one_question(tmp_path):
     with served("hpv41-j1939", tmp_path, *PATIENT) as (file, _):
         address = _address(file, "scpi")
         line = RecordedLine(int(address.rpartition(":")[2]))
@@ -100,7 +99,7 @@ def test_scpi_with_one_question(tmp_path: Path) -> None:
         assert b"".join(line.asked) == b"*IDN?\n"
 
 
-def test_a_foreign_server_tells_its_name() -> None:
+def test_a_foreign_server_tells_its_name():
     with _pymodbus() as port:
         (found,) = _who("modbus", f"127.0.0.1:{port}", units="7", timeout_s="1")
         assert found == Found("unit 7", {"maker": "Somebody", "product": "XY", "version": "1.2"})
@@ -147,7 +146,7 @@ def _pymodbus() -> Iterator[int]:
         loop.close()
 
 
-def test_faults_in_one_line(tmp_path: Path) -> None:
+def test_faults_in_one_line(tmp_path):
     with pytest.raises(UnknownNameError, match="known: can, modbus, scpi"):
         _who("profibus", "x")
     with pytest.raises(SettingError, match=r"bauds: .*there are: address, units, baud"):
@@ -160,7 +159,7 @@ def test_faults_in_one_line(tmp_path: Path) -> None:
         _who("modbus", f"127.0.0.1:{free_port()}")
 
 
-def test_command_line(tmp_path: Path, command_line) -> None:
+def test_command_line(tmp_path, command_line):
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (_, devices):
         (device,) = devices.values()
         told = ["probe", "modbus", f"127.0.0.1:{device.port}", "--set", "units=1", "--set", "timeout_s=5.0"]

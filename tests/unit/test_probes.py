@@ -12,7 +12,7 @@ from hil.diagnosis.search.probes import gains
 
 
 @given(seed=st.integers(0, 10_000), alike=st.floats(0.0, 0.95))
-def test_two_changes_take_as_much_as_bounded_least_squares_says(seed: int, alike: float) -> None:
+def test_two_changes_take_as_much_as_bounded_least_squares_says(seed, alike):
     rng = np.random.default_rng(seed)
     common = rng.standard_normal(60)
     changes = (alike * common + (1.0 - alike) * rng.standard_normal((4, 60))).astype(np.float32)

@@ -29,7 +29,7 @@ def values(one: Evaluated) -> dict[str, float | None]:
     return {m.quantity: m.value for m in one.measured()}
 
 
-def test_a_response_within_its_noise_has_no_bandwidth() -> None:
+def test_a_response_within_its_noise_has_no_bandwidth():
     lost = found(noise=5.0)
     assert values(lost)["bandwidth_3db"] is None
     assert values(lost)["bandwidth_90deg"] is None
@@ -39,7 +39,7 @@ def test_a_response_within_its_noise_has_no_bandwidth() -> None:
     assert reference_deviations([lost]) == ()
 
 
-def test_a_response_that_follows_has_one() -> None:
+def test_a_response_that_follows_has_one():
     clear = found(noise=0.001)
     assert values(clear)["bandwidth_3db"] == pytest.approx(1.0, rel=0.03)
     assert clear.curve()["bandwidth_3db_hz"] == pytest.approx(1.0, rel=0.03)

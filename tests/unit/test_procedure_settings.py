@@ -196,7 +196,7 @@ def test_every_default_is_within_its_own_range(entry):
         assert setting.parsed(setting.default) == setting.default
 
 
-def test_say_memory_that_is_not_there_is_one_line(capfd: pytest.CaptureFixture[str]) -> None:
+def test_say_memory_that_is_not_there_is_one_line(capfd):
     assert error_message.say(MemoryError("Unable to allocate 7.11 PiB")) == 2
     told = capfd.readouterr().err
     assert told.startswith("hil: more memory is needed than there is: Unable to allocate 7.11 PiB; a shorter test")

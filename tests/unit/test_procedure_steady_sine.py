@@ -18,9 +18,7 @@ PATIENCE = Patience(settling_s=0.5, periods=2, seconds=0.0, tolerance=0.01, long
     bias=st.floats(-50.0, 50.0),
     rate_hz=st.sampled_from([100.0, 250.0, 1000.0]),
 )
-def test_a_sine_that_lasts_longer_stays_within_its_checked_path(
-    frequency_hz: float, amplitude: float, bias: float, rate_hz: float
-) -> None:
+def test_a_sine_that_lasts_longer_stays_within_its_checked_path(frequency_hz, amplitude, bias, rate_hz):
     tones = [Tone(0.7, amplitude, bias), Tone(frequency_hz, amplitude, bias)]
     path = steady_path(tones, PATIENCE, rate_hz)
     assert path.min() == pytest.approx(bias - amplitude, abs=1e-12)

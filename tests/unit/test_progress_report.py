@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,7 +32,7 @@ def block(told: ProgressReporter, until_s: float, current: float = 1.2, pressure
     told.heard(np.array([until_s]), {"current": np.array([current]), "pressure": np.array([pressure])})
 
 
-def test_a_sequence_has_one_time_over_all_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sequence_has_one_time_over_all_its_parts(monkeypatch):
     told, said = heard_by(monkeypatch)
     with told.before(30.0):
         told.expect(10.0)
@@ -48,7 +47,7 @@ def test_a_sequence_has_one_time_over_all_its_parts(monkeypatch: pytest.MonkeyPa
     assert "almost done" in said[4][1]
 
 
-def test_a_part_that_takes_longer_stands_still_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_part_that_takes_longer_stands_still_and_says_so(monkeypatch):
     told, said = heard_by(monkeypatch)
     told.expect(10.0)
     block(told, 9.0)
@@ -60,7 +59,7 @@ def test_a_part_that_takes_longer_stands_still_and_says_so(monkeypatch: pytest.M
     assert said[2][1].startswith("49 s left")
 
 
-def test_where_no_time_is_known_the_procedure_says_how_far_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_no_time_is_known_the_procedure_says_how_far_it_is(monkeypatch):
     told, said = heard_by(monkeypatch)
     told.say(0.4, "by hand")
     block(told, 1.0)
@@ -68,7 +67,7 @@ def test_where_no_time_is_known_the_procedure_says_how_far_it_is(monkeypatch: py
     assert [time_text(s) for s in (45.0, 380.0, 3900.0)] == ["45 s", "6 min 20 s", "1 h 5 min"]
 
 
-def test_the_acceptance_of_an_efc_tells_the_time_of_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_acceptance_of_an_efc_tells_the_time_of_the_whole(tmp_path, monkeypatch):
     """Against the bench's own clock: what was said to be left at each moment is what then came."""
     monkeypatch.setattr("hil.bench.progress_report._EVERY_S", 0.0)
     said: list[tuple[float, str]] = []

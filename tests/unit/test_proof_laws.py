@@ -45,13 +45,13 @@ def conceal(law: str, plant: str, strength: float) -> Unit:
 
 
 @pytest.mark.parametrize("law", all_laws())
-def test_null_strength_changes_nothing(law: str) -> None:
+def test_null_strength_changes_nothing(law):
     shown = {plant: short_stand(plant, 750).sigma(conceal(law, plant, 0.0)) for plant in all_laws()[law].largest}
     assert [plant for plant, sigma in shown.items() if not sigma < 0.01] == [], shown
 
 
 @pytest.mark.parametrize(("law", "plant"), ONE_PLACE_EACH)
-def test_a_law_can_be_made_to_show_as_large_as_asked(law: str, plant: str) -> None:
+def test_a_law_can_be_made_to_show_as_large_as_asked(law, plant):
     on, wanted = short_stand(plant), WANTED_SIGMA.get(plant, 3.0)
     hidden = strengthened(conceal(law, plant, 0.0).hidden[0], on, wanted)
     found = on.sigma(Unit(on.healthy.plant, on.healthy.parameters, (hidden,)))
@@ -61,7 +61,7 @@ def test_a_law_can_be_made_to_show_as_large_as_asked(law: str, plant: str) -> No
 
 
 @pytest.mark.parametrize("law", [name for name, law in all_laws().items() if law.equation is not None])
-def test_halving_the_step_changes_less_than_a_tenth_of_the_noise(law: str) -> None:
+def test_halving_the_step_changes_less_than_a_tenth_of_the_noise(law):
     changed = {plant: by_halving(law, plant) / PLANTS[plant].channels[0].noise for plant in all_laws()[law].largest}
     assert [plant for plant, sigma in changed.items() if not sigma < 0.1] == [], changed
 
@@ -76,17 +76,17 @@ def by_halving(law: str, plant: str) -> float:
     return float(np.sqrt(np.mean((coarse - fine) ** 2)))
 
 
-def test_every_name_of_the_contract_is_concealed_but_overflow_which_needs_a_tank() -> None:
+def test_every_name_of_the_contract_is_concealed_but_overflow_which_needs_a_tank():
     assert set(effects(listed=True)) == CONTRACT - {"overflow"}
 
 
-def test_at_least_ten_effects_are_on_no_list() -> None:
+def test_at_least_ten_effects_are_on_no_list():
     assert len(effects(listed=False)) >= 10
     assert not set(effects(listed=False)) & CONTRACT
 
 
 @pytest.mark.parametrize("law", all_laws())
-def test_a_law_acts_in_exactly_one_way_and_names_its_parameters(law: str) -> None:
+def test_a_law_acts_in_exactly_one_way_and_names_its_parameters(law):
     found = all_laws()[law]
     assert sum(way is not None for way in (found.equation, found.before, found.after)) == 1
     for plant in found.largest:

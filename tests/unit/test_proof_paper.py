@@ -11,7 +11,7 @@ from tests.proof.paper import NOISE_LPM, RATE_HZ, SLOPE, recorded
 
 
 @pytest.mark.parametrize("run", tordal.RUNS, ids=lambda run: run.name)
-def test_a_slow_sine_has_the_gain_of_the_metering_edge(run: tordal.Run) -> None:
+def test_a_slow_sine_has_the_gain_of_the_metering_edge(run):
     made = recorded(run.name, run.transfer_function, run.amplitude, run.bias, seed=1)
     slow = slice(round(2.0 * RATE_HZ), round(22.0 * RATE_HZ))  # 0.1 Hz, two periods
     flow = made.values("flow")[slow]

@@ -22,7 +22,7 @@ def found(leakage: tuple[float, ...], supply: tuple[float, ...], seed: int = 0) 
 
 
 @pytest.mark.parametrize("grown", [0.0, 0.1])
-def test_what_the_valve_leaks_more_afterwards_is_held_by_its_interval(grown: float) -> None:
+def test_what_the_valve_leaks_more_afterwards_is_held_by_its_interval(grown):
     for seed in range(5):
         one = found((0.4, 0.2, 0.2, 0.4 + grown), (70.0, 91.5, 91.0, 70.0), seed)
         assert one["leakage_change"].value == pytest.approx(grown, abs=3.5 * one["leakage_change"].std)

@@ -80,7 +80,7 @@ def run(out: Path, diagnoser: object, jobs: int = 1, known: Path | None = None) 
 
 
 @pytest.fixture(scope="module")
-def proof(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def proof(tmp_path_factory):
     """A proof with an oracle that tells the truth; the one that the oracle knows already is not drawn once more."""
     out = tmp_path_factory.mktemp("proof")
     (out / "truth").mkdir()
@@ -89,7 +89,7 @@ def proof(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_an_oracle_is_right_and_closes_the_whole_gap(proof: Path) -> None:
+def test_an_oracle_is_right_and_closes_the_whole_gap(proof):
     results, fingerprint = run(proof, None)  # everything is on disk: nobody is asked again
     assert [r.said for r in results] == ["named first", "consistent"]
     assert results[0].closed == pytest.approx(1.0, abs=0.01)
@@ -98,12 +98,12 @@ def test_an_oracle_is_right_and_closes_the_whole_gap(proof: Path) -> None:
     assert fingerprint in markdown(results, SEED, fingerprint)
 
 
-def test_the_seals_can_be_checked_by_anybody(proof: Path) -> None:
+def test_the_seals_can_be_checked_by_anybody(proof):
     lines = (proof / "seals.sha256").read_text().splitlines()
     assert [line.split("  ")[1] for line in lines] == [f"truth/{label}.json" for label in sorted(map(str, LABELS))]
 
 
-def test_a_proof_goes_on_from_published_results(proof: Path, tmp_path: Path) -> None:
+def test_a_proof_goes_on_from_published_results(proof, tmp_path):
     results, fingerprint = run(proof, None)
     keep(results, SEED, fingerprint, tmp_path)
     fresh = tmp_path / "fresh"
@@ -118,7 +118,7 @@ def test_a_proof_goes_on_from_published_results(proof: Path, tmp_path: Path) -> 
         run(fresh, None, known=other)
 
 
-def test_a_truth_that_was_touched_stops_the_proof(proof: Path, tmp_path: Path) -> None:
+def test_a_truth_that_was_touched_stops_the_proof(proof, tmp_path):
     (tmp_path / "truth").mkdir()
     for name in ("seals.sha256", *(f"truth/{label}.json" for label in LABELS)):
         (tmp_path / name).write_bytes((proof / name).read_bytes())
@@ -128,7 +128,7 @@ def test_a_truth_that_was_touched_stops_the_proof(proof: Path, tmp_path: Path) -
         run(tmp_path, Oracle())
 
 
-def test_a_liar_is_found_out(proof: Path, tmp_path: Path) -> None:
+def test_a_liar_is_found_out(proof, tmp_path):
     _reuse_truths(proof, tmp_path)
     results, _ = run(tmp_path, Oracle(lies=True))
     assert [r.said for r in results] == ["wrong name", "wrong name"]
@@ -139,7 +139,7 @@ def test_a_liar_is_found_out(proof: Path, tmp_path: Path) -> None:
     assert results[0].closed == pytest.approx(0.0, abs=0.01)
 
 
-def test_what_is_not_begun_in_time_is_not_counted(proof: Path, tmp_path: Path) -> None:
+def test_what_is_not_begun_in_time_is_not_counted(proof, tmp_path):
     _reuse_truths(proof, tmp_path)
     results, fingerprint = prove(LABELS, SEED, tmp_path, Oracle(), 1, lambda *_: None, begin_until_s=0.0)
     assert results == []
@@ -150,7 +150,7 @@ def _break(arguments: Sequence[str], log: Path) -> None:
     raise RuntimeError("no license")
 
 
-def test_a_program_that_fails_is_counted_not_forgiven(proof: Path, tmp_path: Path) -> None:
+def test_a_program_that_fails_is_counted_not_forgiven(proof, tmp_path):
     _reuse_truths(proof, tmp_path)
     results, _ = prove([HEALTHY], SEED, tmp_path, Commands(_break), 2, lambda *_: None)  # in a process of its own
     assert [(r.said, r.right, r.error) for r in results] == [("failed", False, "RuntimeError: no license")]

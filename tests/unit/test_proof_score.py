@@ -63,28 +63,28 @@ def says(verdict: str, *names: str, parameters: dict | None = None, changed: lis
         (truth("parameter_change", changed={"pilot": 9.0}), says("explained", "coil_lag"), "wrong name", False),
     ],
 )
-def test_every_answer_is_judged(hidden: Truth, diagnosis: dict, said: str, right: bool) -> None:
+def test_every_answer_is_judged(hidden, diagnosis, said, right):
     found = judge(hidden, diagnosis)
     assert (found.said, found.right) == (said, right)
 
 
-def test_names_too_many_are_counted_beside_a_right_one() -> None:
+def test_names_too_many_are_counted_beside_a_right_one():
     assert judge(truth("friction", FRICTION), says("explained", "friction", "leakage")).surplus == 1
 
 
-def test_a_fit_is_the_papers_fit() -> None:
+def test_a_fit_is_the_papers_fit():
     measured = np.array([0.0, 1.0, 2.0, 3.0])
     assert fit_percent(measured, measured) == 100.0
     assert fit_percent(measured, np.full(4, 1.5)) == pytest.approx(0.0)
 
 
-def test_the_gap_is_that_between_nominal_model_and_truth() -> None:
+def test_the_gap_is_that_between_nominal_model_and_truth():
     assert gap_closed(nominal=80.0, corrected=95.0, truth=99.0) == pytest.approx(15 / 19)
     assert gap_closed(nominal=80.0, corrected=70.0, truth=99.0) < 0
     assert misfit_sigma(np.zeros(4), np.full(4, 0.6), 0.3) == pytest.approx(2.0)
 
 
-def test_an_interval_counts_where_the_unit_tells_which_parameter_is_meant() -> None:
+def test_an_interval_counts_where_the_unit_tells_which_parameter_is_meant():
     hidden = truth("dead_time", DELAY)
     right = {"a": {"value": 0.0201, "std": 1e-4, "unit": "s"}, "b": {"value": 1.0, "std": 1.0, "unit": "1"}}
     assert [i.holds for i in intervals(hidden, says("explained", "dead_time", parameters=right))] == [True]
@@ -96,13 +96,13 @@ def test_an_interval_counts_where_the_unit_tells_which_parameter_is_meant() -> N
 
 
 @pytest.mark.parametrize(("lower", "holds"), [(-89.1, True), (-89.0, False), (89.0, False)])
-def test_a_stop_on_either_side_is_where_it_was_met(lower: float, holds: bool) -> None:
+def test_a_stop_on_either_side_is_where_it_was_met(lower, holds):
     hidden = truth("end_stop", Hidden("end_stop_contact", (11.9, 101.0, 300.0, 0.002)))
     said = {"upper": {"value": 130.0, "std": None, "unit": "%"}, "lower": {"value": lower, "std": 0.02, "unit": "%"}}
     assert [i.holds for i in intervals(hidden, says("explained", "end_stop", parameters=said))] == [holds]
 
 
-def test_an_interval_of_a_changed_parameter_is_compared_by_name() -> None:
+def test_an_interval_of_a_changed_parameter_is_compared_by_name():
     changed = [{"name": "pilot_rate", "from": 8.0, "to": 9.1, "std": 0.1, "unit": "rad/s"}]
     found = intervals(
         truth("parameter_change", changed={"pilot": 9.0}), says("parameter_change", changed=changed)
@@ -110,7 +110,7 @@ def test_an_interval_of_a_changed_parameter_is_compared_by_name() -> None:
     assert [(i.true, i.holds) for i in found] == [(9.0, True)]
 
 
-def test_rates_carry_exact_intervals() -> None:
+def test_rates_carry_exact_intervals():
     low, high = Rate(0, 300).interval()
     assert low == 0.0
     assert high == pytest.approx(1 - 0.025 ** (1 / 300))
@@ -140,13 +140,13 @@ PERFECT = {
 }
 
 
-def test_a_perfect_diagnoser_reaches_the_bar() -> None:
+def test_a_perfect_diagnoser_reaches_the_bar():
     found = claims(population(PERFECT))
     assert {claim.met for claim in found} == {True, None}  # None: no intervals were given
     assert found[0].found == "100 % [16…100]"
 
 
-def test_one_that_always_names_the_wrong_effect_misses_it() -> None:
+def test_one_that_always_names_the_wrong_effect_misses_it():
     missed = {
         c.what for c in claims(population({kind: says("explained", "leakage") for kind in PERFECT})) if c.met is False
     }
@@ -156,7 +156,7 @@ def test_one_that_always_names_the_wrong_effect_misses_it() -> None:
     }  # fmt: skip
 
 
-def test_one_that_never_dares_to_name_is_right_only_where_no_name_exists() -> None:
+def test_one_that_never_dares_to_name_is_right_only_where_no_name_exists():
     found = {c.what: c.met for c in claims(population({kind: says("unexplained") for kind in PERFECT}))}
     assert found["out of library called unexplained"] is True
     assert found["wrong names, full severity"] is True
@@ -164,7 +164,7 @@ def test_one_that_never_dares_to_name_is_right_only_where_no_name_exists() -> No
     assert found["false alarms where nothing is concealed"] is False
 
 
-def test_what_hardly_shows_is_tabulated_but_not_scored() -> None:
+def test_what_hardly_shows_is_tabulated_but_not_scored():
     faint = scored(truth("friction", FRICTION, sigma=0.05), says("consistent"))
     assert not faint.visible
     row = sections([faint])[0].rows[0]
@@ -172,7 +172,7 @@ def test_what_hardly_shows_is_tabulated_but_not_scored() -> None:
     assert claims([faint])[0].met is None
 
 
-def test_every_row_of_the_table_has_a_cell_for_each_heading() -> None:
+def test_every_row_of_the_table_has_a_cell_for_each_heading():
     for section in sections(population(PERFECT)):
         for row in section.rows:
             assert len(cells(row)) == len(HEADINGS)

@@ -169,5 +169,5 @@ def test_average_in_python_refuses_other_frequencies():
     assert hil.average([one, one]).response == pytest.approx(one.response)
 
 
-def test_an_identification_starts_from_an_installed_model_by_name() -> None:
+def test_an_identification_starts_from_an_installed_model_by_name():
     assert starting_model("hpv41-identified").parameters["pilot_ratio"].value == 1.107

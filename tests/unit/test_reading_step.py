@@ -34,15 +34,13 @@ def coil(temperature: str, at: float, step: float) -> Recording:
 
 
 @pytest.mark.parametrize(("unit", "at", "step"), [("degC", 40.0, 0.39), ("degF", 104.0, 1.8 * 0.39)])
-def test_a_temperature_on_one_code_repeats_to_the_step_over_the_root_of_twelve(
-    unit: str, at: float, step: float
-) -> None:
+def test_a_temperature_on_one_code_repeats_to_the_step_over_the_root_of_twelve(unit, at, step):
     (found,) = (m for m in judged(coil(unit, at, step), {"voltage": "12"}, {}).measured if m.name == "coil_temperature")
     assert found.value == pytest.approx(40.0)
     assert found.repeatability == pytest.approx(0.39 / math.sqrt(12.0), rel=0.03)
 
 
-def test_a_position_on_one_code_may_have_moved_within_it() -> None:
+def test_a_position_on_one_code_may_have_moved_within_it():
     made = read(
         {"command [mm]": np.zeros(20_000), "position [mm]": np.full(20_000, 0.1)},
         roles={"command": "command", "response": "position"}, read={"position": {"step": 0.25}},
@@ -55,14 +53,14 @@ def test_a_position_on_one_code_may_have_moved_within_it() -> None:
     assert found["drift"].relation == "<" and found["drift"].value >= 0.2
 
 
-def test_codes_that_are_seen_count_more_than_what_is_said_and_nothing_is_made_up() -> None:
+def test_codes_that_are_seen_count_more_than_what_is_said_and_nothing_is_made_up():
     values = np.array([0.0, 0.5, 0.0, 1.0])
     made = read({"flow [l/min]": values, "still [l/min]": np.ones(4)}, read={"flow": {"step": 0.1}})
     assert reading_step(made, made.channel("flow")) == 0.5
     assert reading_step(made, made.channel("still")) == 0.0
 
 
-def test_a_register_says_what_one_count_more_means() -> None:
+def test_a_register_says_what_one_count_more_means():
     def step(**more: Any) -> float:
         model = Model({"x": Register("in", "value", "bar", 0.0, 400.0, more.pop("table", "input"), 0, **more)})
         return model.terminals["x"].step

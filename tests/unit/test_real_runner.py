@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from typer import Typer
@@ -16,14 +14,14 @@ from hil.record.recording import recording
 from tests.proof.real.__main__ import main
 from tests.proof.real.prove import prove
 from tests.proof.real.publish import START, STOP, cells, inserted, parameters
-from tests.proof.real.sets import SETS, RealSet
+from tests.proof.real.sets import SETS
 
 SEAL = next(real for real in SETS if real.name == "pneumatic seal")
 FILES = {"nap310-3bar.csv": 3.0, "nap310-7bar.csv": 7.0, "nap310-5bar.csv": 5.0}
 
 
 @pytest.fixture(scope="module")
-def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recordings(tmp_path_factory):
     """A folder with the files of one set: two to be fitted, one to be kept back."""
     folder = tmp_path_factory.mktemp("recordings")
     (folder / SEAL.folder).mkdir()
@@ -41,13 +39,13 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def run() -> Typer:
+def run():
     app = Typer()
     app.command()(main)
     return app
 
 
-def test_a_set_is_fitted_and_judged_on_what_was_kept_back(recordings: Path) -> None:
+def test_a_set_is_fitted_and_judged_on_what_was_kept_back(recordings):
     outcome = prove(SEAL, recordings)
     assert outcome.failure == ""
     assert outcome.verdict == "explained"
@@ -61,11 +59,11 @@ def test_a_set_is_fitted_and_judged_on_what_was_kept_back(recordings: Path) -> N
 
 
 @pytest.mark.parametrize("real", SETS, ids=lambda real: real.name)
-def test_what_is_fitted_by_hand_is_physics_that_its_plant_has(real: RealSet) -> None:
+def test_what_is_fitted_by_hand_is_physics_that_its_plant_has(real):
     assert {*real.by_hand} <= {site.key for site in kernel(real.plant).sites}
 
 
-def test_an_absent_folder_is_one_line_and_status_two(run: Typer, tmp_path: Path) -> None:
+def test_an_absent_folder_is_one_line_and_status_two(run, tmp_path):
     absent = tmp_path / "nowhere"
     result = CliRunner().invoke(run, ["--recordings", str(absent)])
     assert result.exit_code == 2
@@ -76,7 +74,7 @@ def test_an_absent_folder_is_one_line_and_status_two(run: Typer, tmp_path: Path)
     assert "emps" in empty.stderr
 
 
-def test_a_broken_recording_fails_its_set_and_no_other(tmp_path: Path) -> None:
+def test_a_broken_recording_fails_its_set_and_no_other(tmp_path):
     (tmp_path / SEAL.folder).mkdir()
     (tmp_path / SEAL.folder / "nap310-3bar.csv").write_text("time [s],displacement [mm]\n0,1\n0.01,2\n")
     outcome = prove(SEAL, tmp_path)
@@ -84,7 +82,7 @@ def test_a_broken_recording_fails_its_set_and_no_other(tmp_path: Path) -> None:
     assert "failed" in cells(outcome)[2]
 
 
-def test_the_tables_go_between_their_marks() -> None:
+def test_the_tables_go_between_their_marks():
     page = f"# Title\n\n{START}\nold\n{STOP}\n\nrest\n"
     assert inserted(page, "new") == f"# Title\n\n{START}\n\nnew\n\n{STOP}\n\nrest\n"
     assert inserted(inserted(page, "new"), "newer") == inserted(page, "newer")

@@ -34,28 +34,26 @@ def local(start: datetime, hour_at: int, hours: int) -> list[str]:
     ("start", "hours", "said"),
     [(datetime(2025, 3, 30, 1, 59, 58), 1, "an hour forward"), (datetime(2026, 10, 25, 2, 59, 58), -1, "an hour back")],
 )
-def test_the_hour_of_changed_clocks_is_taken_out_and_said(
-    start: datetime, hours: int, said: str, tmp_path: Path
-) -> None:
+def test_the_hour_of_changed_clocks_is_taken_out_and_said(start, hours, said, tmp_path):
     found = read(tmp_path, "Timestamp", local(start, 40, hours))
     assert found.time_s == pytest.approx(STEP_S * np.arange(COUNT))
     assert said in " ".join(found.meta["assumed"])
 
 
-def test_an_hour_without_samples_on_another_day_stays(tmp_path: Path) -> None:
+def test_an_hour_without_samples_on_another_day_stays(tmp_path):
     found = read(tmp_path, "Timestamp", local(datetime(2025, 3, 31, 1, 59, 58), 40, 1))
     assert found.time_s[-1] == pytest.approx(3600.0 + STEP_S * (COUNT - 1))
 
 
 @pytest.mark.parametrize("bits", [16, 32])
-def test_a_counter_that_rolls_over_goes_on(bits: int, tmp_path: Path) -> None:
+def test_a_counter_that_rolls_over_goes_on(bits, tmp_path):
     counts = [(2**bits - 2000 + 50 * i) % 2**bits for i in range(COUNT)]
     found = read(tmp_path, "time (ms)", [str(count) for count in counts])
     assert found.time_s - found.time_s[0] == pytest.approx(STEP_S * np.arange(COUNT))
     assert f"{bits} bits" in " ".join(found.meta["assumed"])
 
 
-def test_a_time_that_goes_back_otherwise_is_refused(tmp_path: Path) -> None:
+def test_a_time_that_goes_back_otherwise_is_refused(tmp_path):
     with pytest.raises(FileError, match="does not come after"):
         read(tmp_path, "time (ms)", [str(50 * (i % 60)) for i in range(COUNT)])
 
@@ -66,7 +64,7 @@ def contradicting() -> tuple[str, list[str]]:
     return "Test_Time (s),DateTime", [f"{50 * i},{moment:%Y-%m-%d %H:%M:%S.%f}" for i, moment in enumerate(moments)]
 
 
-def test_two_clocks_of_different_units_are_refused_until_somebody_says(tmp_path: Path) -> None:
+def test_two_clocks_of_different_units_are_refused_until_somebody_says(tmp_path):
     heading, stamps = contradicting()
     with pytest.raises(FileError, match=r"took 5950 s.* 5.95 s; --time DateTime .*--unit 'Test_Time=UNIT'"):
         read(tmp_path, heading, stamps)
@@ -75,13 +73,13 @@ def test_two_clocks_of_different_units_are_refused_until_somebody_says(tmp_path:
 
 
 @pytest.mark.parametrize("form", ["%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S"])
-def test_a_midnight_tells_which_number_is_the_month(tmp_path: Path, form: str) -> None:
+def test_a_midnight_tells_which_number_is_the_month(tmp_path, form):
     start = datetime(2024, 6, 5, 23, 59, 55)
     stamps = [f"{start + timedelta(seconds=i):{form}}" for i in range(20)]
     assert read(tmp_path, "DateTime", stamps).duration_s == 19.0
 
 
-def test_two_clocks_without_a_sample_are_a_file_without_one(tmp_path: Path) -> None:
+def test_two_clocks_without_a_sample_are_a_file_without_one(tmp_path):
     pandas = pytest.importorskip("pandas")
     empty = {"Test_Time [s]": np.zeros(0), "DateTime": np.zeros(0, dtype="M8[ns]"), "u [V]": np.zeros(0)}
     pandas.DataFrame(empty).to_parquet(tmp_path / "x.parquet")
@@ -89,7 +87,7 @@ def test_two_clocks_without_a_sample_are_a_file_without_one(tmp_path: Path) -> N
         read_recording(tmp_path / "x.parquet")
 
 
-def test_stamps_that_are_shown_to_the_minute_contradict_nothing(tmp_path: Path) -> None:
+def test_stamps_that_are_shown_to_the_minute_contradict_nothing(tmp_path):
     start = datetime(2025, 6, 5, 9, 0, 57)
     moments = [start + timedelta(seconds=STEP_S * i) for i in range(COUNT)]
     stamps = [f"{STEP_S * i:.2f},{moment:%Y-%m-%d %H:%M}" for i, moment in enumerate(moments)]
@@ -110,45 +108,45 @@ def test_stamps_that_are_shown_to_the_minute_contradict_nothing(tmp_path: Path) 
         ("Date,Time,Millitm", "2026-11-28T10:11:12", "%m/%d/%Y,%H:%M:%S,MS"),  # as FactoryTalk writes them
     ],
 )
-def test_clocks_are_read_however_their_parts_are_separated(heading: str, start: str, form: str, tmp_path: Path) -> None:
+def test_clocks_are_read_however_their_parts_are_separated(heading, start, form, tmp_path):
     moments = [datetime.fromisoformat(start) + timedelta(seconds=STEP_S * i) for i in range(COUNT)]
     stamps = [f"{moment:{form}}".replace("MS", f"{moment.microsecond // 1000:03d}") for moment in moments]
     assert read(tmp_path, heading, stamps).time_s == pytest.approx(STEP_S * np.arange(COUNT), abs=1e-6)
 
 
 @pytest.mark.parametrize(("form", "step_s"), [("{0:02d}:{1:02d}", 60.0), ("00.{0:02d}.{1:02d}", 1.0)])
-def test_clocks_without_seconds_and_with_points_are_no_days(form: str, step_s: float, tmp_path: Path) -> None:
+def test_clocks_without_seconds_and_with_points_are_no_days(form, step_s, tmp_path):
     found = read(tmp_path, "Time", [form.format(*divmod(590 + i, 60)) for i in range(COUNT)])
     assert found.time_s == pytest.approx(step_s * np.arange(COUNT))
     assert ("hours and minutes" in " ".join(found.meta.get("assumed", ()))) == (step_s == 60.0)
 
 
-def test_a_clock_of_minutes_beyond_a_day_counts_minutes_and_seconds(tmp_path: Path) -> None:
+def test_a_clock_of_minutes_beyond_a_day_counts_minutes_and_seconds(tmp_path):
     found = read(tmp_path, "Time", [f"{i // 2}:{i % 2 * 30:02d}" for i in range(COUNT)])
     assert found.time_s == pytest.approx(30.0 * np.arange(COUNT))
 
 
 @pytest.mark.parametrize("back_s", [0.2, 11 * 3600.0])
-def test_only_a_step_back_of_half_a_day_is_a_midnight(back_s: float, tmp_path: Path) -> None:
+def test_only_a_step_back_of_half_a_day_is_a_midnight(back_s, tmp_path):
     begun = datetime(2026, 11, 28, 12, 59, 58)
     clocks = [begun + timedelta(seconds=STEP_S * i - (back_s if i >= COUNT // 2 else 0.0)) for i in range(COUNT)]
     with pytest.raises(FileError, match="does not come after"):
         read(tmp_path, "Time", [f"{clock:%H:%M:%S.%f}" for clock in clocks])
 
 
-def test_a_clock_may_be_written_as_one_number(tmp_path: Path) -> None:
+def test_a_clock_may_be_written_as_one_number(tmp_path):
     begun = datetime(2026, 11, 28, 10, 59, 58)
     found = read(tmp_path, "Time", [f"{begun + timedelta(seconds=STEP_S * i):%H%M%S.%f}" for i in range(COUNT)])
     assert found.time_s - found.time_s[0] == pytest.approx(STEP_S * np.arange(COUNT))
     assert "101159.5 is 10:11:59.5" in " ".join(found.meta["assumed"])
 
 
-def test_a_pause_of_a_minute_is_none_of_a_clock(tmp_path: Path) -> None:
+def test_a_pause_of_a_minute_is_none_of_a_clock(tmp_path):
     stamps = [f"{STEP_S * i + (40.0 if i > 60 else 0.0):.2f}" for i in range(COUNT)]
     assert read(tmp_path, "Time", stamps).time_s[-1] == pytest.approx(STEP_S * (COUNT - 1) + 40.0)
 
 
 @pytest.mark.parametrize(("heading", "unit_s"), [("ms", 1e-3), ("millis", 1e-3), ("micros", 1e-6)])
-def test_a_column_called_by_its_unit_alone_is_the_time(heading: str, unit_s: float, tmp_path: Path) -> None:
+def test_a_column_called_by_its_unit_alone_is_the_time(heading, unit_s, tmp_path):
     found = read(tmp_path, heading, [f"{STEP_S * i / unit_s:.0f}" for i in range(COUNT)])
     assert found.time_s == pytest.approx(STEP_S * np.arange(COUNT))

@@ -123,7 +123,7 @@ KINDS: dict[str, dict[str, Any]] = {".h5": {}, ".mat": {"userblock_size": 512}, 
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     (tmp_path / "secret").write_text(SECRET)
     with h5py.File(tmp_path / "target.h5", "w") as target:
         target.create_dataset("values", data=TIME_S * 1.5, maxshape=(None,))
@@ -133,9 +133,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("suffix", KINDS)
 @pytest.mark.parametrize("make", OUTSIDE, ids=lambda make: make.__name__)
-def test_hdf5_does_not_reach_outside_itself(
-    make: Callable[[h5py.File, Path], None], suffix: str, folder: Path, command_line
-) -> None:
+def test_hdf5_does_not_reach_outside_itself(make, suffix, folder, command_line):
     path = folder / f"made{suffix}"
     with _begun(path, **KINDS[suffix]) as file:
         if suffix == ".nc.h5":
@@ -149,14 +147,14 @@ def test_hdf5_does_not_reach_outside_itself(
     assert not (folder / "out.csv").exists()
 
 
-def test_diagnose_reads_no_other_file(folder: Path, command_line) -> None:
+def test_diagnose_reads_no_other_file(folder, command_line):
     with _begun(folder / "made.h5") as file:
         external(file, folder)
     status, _, err = command_line("diagnose", "--model", "efc-good", "made.h5", "--out", "d")
     assert status == 2 and "has its samples in another file" in err and len(err.splitlines()) == 1
 
 
-def test_hdf5_with_links_within_is_read(folder: Path) -> None:
+def test_hdf5_with_links_within_is_read(folder):
     with _begun(folder / "made.h5") as file:
         file.create_dataset("a/flow", data=np.ones(len(TIME_S))).attrs["unit"] = "l/min"
         file["soft"], file["nowhere"] = h5py.SoftLink("/a/flow"), h5py.SoftLink("/b")
@@ -168,7 +166,7 @@ def _rows(count: int = 50) -> Any:
     return recording("r", np.arange(count) * 0.1, {"flow [l/min]": np.arange(count) * 1.0})
 
 
-def test_mdf_takes_nothing_from_an_attachment_outside(folder: Path) -> None:
+def test_mdf_takes_nothing_from_an_attachment_outside(folder):
     import asammdf
 
     (folder / "valve-hil.json").write_text('{"meta": {"serial": "of another file"}}')
@@ -181,7 +179,7 @@ def test_mdf_takes_nothing_from_an_attachment_outside(folder: Path) -> None:
         read_recording(folder / "made.mf4")
 
 
-def test_mdf_with_entities_in_its_remarks_ends_at_once(folder: Path, command_line) -> None:
+def test_mdf_with_entities_in_its_remarks_ends_at_once(folder, command_line):
     import asammdf
 
     entities = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 12))
@@ -198,13 +196,13 @@ def test_mdf_with_entities_in_its_remarks_ends_at_once(folder: Path, command_lin
         assert status or SECRET not in (folder / "out.csv").read_text()
 
 
-def test_tdms_takes_nothing_from_an_index_beside_it(folder: Path) -> None:
+def test_tdms_takes_nothing_from_an_index_beside_it(folder):
     write_recording(_rows(), folder / "made.tdms")
     (folder / "made.tdms_index").write_text(SECRET)
     assert len(read_recording(folder / "made.tdms")) == 50
 
 
-def test_tdms_that_says_it_is_huge_is_refused(folder: Path) -> None:
+def test_tdms_that_says_it_is_huge_is_refused(folder):
     write_recording(_rows(50), folder / "made.tdms")
     content = (folder / "made.tdms").read_bytes()
     assert content.count(struct.pack("<Q", 50)) >= 2
@@ -212,7 +210,7 @@ def test_tdms_that_says_it_is_huge_is_refused(folder: Path) -> None:
     assert len(read_recording(folder / "made.tdms")) == 50  # as many as there are
 
 
-def test_matlab_that_says_it_is_huge_is_refused(folder: Path) -> None:
+def test_matlab_that_says_it_is_huge_is_refused(folder):
     write_recording(_rows(50), folder / "made.mat")
     content = (folder / "made.mat").read_bytes()
     dimensions, huge_ones = struct.pack("<ii", 50, 1), struct.pack("<ii", 1 << 30, 1 << 30)
@@ -321,7 +319,7 @@ BOMBS: dict[str, Callable[[Path], None]] = {
 
 
 @pytest.mark.parametrize("bomb", BOMBS)
-def test_what_needs_far_more_than_it_stores_is_refused(bomb: str, folder: Path) -> None:
+def test_what_needs_far_more_than_it_stores_is_refused(bomb, folder):
     path = folder / f"made.{bomb.partition(',')[0]}"
     BOMBS[bomb](path)
     with pytest.raises(FileError, match=rf"^{path}: .* may unpack to \S+ MB on this computer.*$"):
@@ -353,7 +351,7 @@ def _without_landlock(program: str, *words: str) -> subprocess.CompletedProcess[
     return done
 
 
-def test_a_kernel_without_landlock_refuses_the_same_and_says_so(folder: Path) -> None:
+def test_a_kernel_without_landlock_refuses_the_same_and_says_so(folder):
     makes = (external, link, virtual, huge)
     for make in makes:
         with _begun(folder / f"{make.__name__}.h5") as file:
@@ -370,7 +368,7 @@ for name in sys.argv[1:]:
     assert [path.name for path in folder.glob("*.csv")] == ["sound.csv"]
 
 
-def test_a_kernel_without_landlock_opens_nothing(folder: Path) -> None:
+def test_a_kernel_without_landlock_opens_nothing(folder):
     opens = """
 from hil.record.confined_reader import confine
 print(confine(0))
@@ -381,7 +379,7 @@ except OSError as error: print(error.strerror)
     assert done.stdout == "False\nToo many open files\n", done.stderr
 
 
-def test_a_compressed_text_that_unpacks_to_much_more_is_refused(folder: Path, command_line) -> None:
+def test_a_compressed_text_that_unpacks_to_much_more_is_refused(folder, command_line):
     head = gzip.compress(b"time [s],flow [l/min]\n0,1\n0.1,2\n")
     (folder / "made.csv.gz").write_bytes(head + gzip.compress(b"0" * (1 << 20)) * 300)
     status, _, err = command_line("convert", "made.csv.gz", "out.csv")
@@ -389,14 +387,14 @@ def test_a_compressed_text_that_unpacks_to_much_more_is_refused(folder: Path, co
     assert "unpacks to more than is read; 315.7 kB may unpack to 268.4 MB on this computer" in err
 
 
-def test_a_text_that_is_one_line_is_refused(folder: Path) -> None:
+def test_a_text_that_is_one_line_is_refused(folder):
     (folder / "made.csv").write_bytes(b"a" * (1 << 20))
     with pytest.raises(FileError, match="its first line is longer than 65536 bytes"):
         read_recording(folder / "made.csv")
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".lvm", ".h5", ".mat", ".mf4", ".tdms", ".parquet", ".mcap"])
-def test_what_is_no_file_is_not_waited_for(suffix: str, folder: Path) -> None:
+def test_what_is_no_file_is_not_waited_for(suffix, folder):
     os.mkfifo(folder / f"pipe{suffix}")
     with pytest.raises(FileError, match=f"pipe{suffix}: is a pipe; only regular files"):
         read_recording(folder / f"pipe{suffix}")
@@ -416,7 +414,7 @@ def _in_confinement(program: str, *words: str) -> str:
     return done.stdout + done.stderr
 
 
-def test_confine_leaves_nothing_to_open(folder: Path) -> None:
+def test_confine_leaves_nothing_to_open(folder):
     program = """
 import socket
 for flags in (os.O_RDONLY, os.O_WRONLY | os.O_CREAT):
@@ -433,7 +431,7 @@ except PermissionError: print("refused")
     assert told_ == "True\n" + "refused\n" * 4
 
 
-def test_confine_bounds_memory_and_writing(folder: Path) -> None:
+def test_confine_bounds_memory_and_writing(folder):
     program = """
 handle = int(sys.argv[1])
 try: bytearray(1 << 30)
@@ -464,7 +462,7 @@ def _readers() -> list[int]:
     return found
 
 
-def test_many_files_need_one_reader_and_one_that_was_ended_is_started_anew(folder: Path) -> None:
+def test_many_files_need_one_reader_and_one_that_was_ended_is_started_anew(folder):
     write_recording(_rows(), folder / "made.h5")
     assert len(read_recording(folder / "made.h5")) == 50
     (reader,) = _readers()
@@ -475,7 +473,7 @@ def test_many_files_need_one_reader_and_one_that_was_ended_is_started_anew(folde
     assert len(_readers()) == 1
 
 
-def test_what_is_shared_and_odd_comes_back(folder: Path) -> None:
+def test_what_is_shared_and_odd_comes_back(folder):
     with h5py.File(folder / "made.h5", "w") as file:
         file["time"], file["flow"] = TIME_S, np.ones(len(TIME_S), ">f4")
         file["remark"] = np.array(["a"] * len(TIME_S), dtype=h5py.string_dtype())
@@ -486,7 +484,7 @@ def test_what_is_shared_and_odd_comes_back(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".csv.gz", ".csv", ".lvm", ".h5", ".mat", ".mf4", ".tdms", ".parquet", ".mcap"])
-def test_a_damaged_file_is_refused_or_read(suffix: str, folder: Path) -> None:
+def test_a_damaged_file_is_refused_or_read(suffix, folder):
     """Cut off, overwritten, and with large numbers where sizes stand: drawn, the same each time."""
     path, drawn = folder / f"made{suffix}", np.random.default_rng(7)
     if suffix == ".lvm":

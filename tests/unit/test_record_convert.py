@@ -13,13 +13,13 @@ from hil.record.recording import recording
 
 
 @pytest.fixture
-def csv(tmp_path: Path) -> Path:
+def csv(tmp_path):
     time_s = np.arange(50) / 1000.0
     write_recording(recording("made", time_s, {"u [1]": time_s, "flow [l/min]": -time_s}), tmp_path / "made.csv")
     return tmp_path / "made.csv"
 
 
-def test_there_and_back_through_a_run_folder(csv: Path, tmp_path: Path, command_line) -> None:
+def test_there_and_back_through_a_run_folder(csv, tmp_path, command_line):
     there = command_line("convert", csv, tmp_path / "run")
     assert there.status == 0, there.err
     assert "50 samples, 0.049 s, u [1], flow [l/min]" in there.out
@@ -28,14 +28,14 @@ def test_there_and_back_through_a_run_folder(csv: Path, tmp_path: Path, command_
     assert (tmp_path / "back.csv").read_text() == csv.read_text()
 
 
-def test_a_unit_can_be_stated(csv: Path, tmp_path: Path, command_line) -> None:
+def test_a_unit_can_be_stated(csv, tmp_path, command_line):
     assert command_line("convert", csv, tmp_path / "x.h5", "--unit", "u=%").status == 0
     found = read_recording(tmp_path / "x.h5")
     assert found.channels["u"].unit == "%"
     assert np.array_equal(found.values("u"), read_recording(csv).values("u"))
 
 
-def test_what_was_assumed_is_said(tmp_path: Path, command_line) -> None:
+def test_what_was_assumed_is_said(tmp_path, command_line):
     from scipy.io import savemat
 
     savemat(tmp_path / "x.mat", {"Ts": 0.01, "y": np.arange(5.0)})
@@ -57,9 +57,7 @@ def test_what_was_assumed_is_said(tmp_path: Path, command_line) -> None:
         (("made.csv", "x.h5", "--unit", "u=furlong per"), "--unit 'u=furlong per': unknown unit 'furlong per'"),
     ],
 )
-def test_bad_input_is_one_line_and_status_2(
-    csv: Path, tmp_path: Path, arguments: tuple[str, ...], message: str, command_line
-) -> None:
+def test_bad_input_is_one_line_and_status_2(csv, tmp_path, arguments, message, command_line):
     done = command_line("convert", *(tmp_path / part if "." in part else part for part in arguments))
     assert done.status == 2
     assert message in done.err
@@ -67,7 +65,7 @@ def test_bad_input_is_one_line_and_status_2(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["made.csv"]
 
 
-def test_a_run_folder_is_never_replaced(csv: Path, tmp_path: Path, command_line) -> None:
+def test_a_run_folder_is_never_replaced(csv, tmp_path, command_line):
     with RunWriter.create(tmp_path / "run", {}, [("flow", "l/min")]) as run:
         run.append(np.arange(3.0), {"flow": np.arange(3.0)})
     done = command_line("convert", csv, tmp_path / "run", "--overwrite")
@@ -82,7 +80,7 @@ def of_one_channel(path: Path, times: list[str], values: list[float]) -> Path:
     return path
 
 
-def test_files_of_one_channel_each_are_joined_by_their_dates(tmp_path: Path, command_line) -> None:
+def test_files_of_one_channel_each_are_joined_by_their_dates(tmp_path, command_line):
     seconds = np.arange(0.0, 4.0, 0.5)
     early, late = (
         of_one_channel(tmp_path / f"{name}.csv", [f"2026-11-28 10:00:{t + s:04.1f}" for t in seconds], [*(seconds + s)])
@@ -94,7 +92,7 @@ def test_files_of_one_channel_each_are_joined_by_their_dates(tmp_path: Path, com
     assert both.values("u").tolist() == both.values("y").tolist() == [1.5, 2.0, 2.5, 3.0, 3.5]
 
 
-def test_a_date_and_a_clock_of_a_device_are_not_joined(tmp_path: Path, csv: Path, command_line) -> None:
+def test_a_date_and_a_clock_of_a_device_are_not_joined(tmp_path, csv, command_line):
     dated = of_one_channel(tmp_path / "u.csv", [f"2026-11-28 10:00:0{i}" for i in range(9)], [*range(9)])
     done = command_line("convert", csv, dated, tmp_path / "both.csv")
     assert done.status == 2 and done.err.count("\n") == 1 and "its time is no date" in done.err

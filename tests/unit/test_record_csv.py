@@ -44,7 +44,7 @@ def read_text(tmp_path: Path, text: str | bytes, name: str = "made.csv"):
         PLAIN.replace("time [s]", "time [ms]").replace("0.011", "11").replace("0.02", "20"),
     ],
 )
-def test_every_dialect_says_the_same(tmp_path: Path, text: str | bytes) -> None:
+def test_every_dialect_says_the_same(tmp_path, text):
     found = read_text(tmp_path, text)
     assert found.time_s == pytest.approx([0, 0.011, 0.02])
     assert list(found.channels) == ["command", "flow"]
@@ -52,13 +52,13 @@ def test_every_dialect_says_the_same(tmp_path: Path, text: str | bytes) -> None:
     assert found.channels["flow"].values.tolist() == [10, -20, 30.25]
 
 
-def test_a_degree_sign_of_a_western_spreadsheet_is_understood(tmp_path: Path) -> None:
+def test_a_degree_sign_of_a_western_spreadsheet_is_understood(tmp_path):
     found = read_text(tmp_path, "time [s];oil [°C]\n0;40,5\n1;41\n".encode("cp1252"))
     assert found.channels["oil"].unit == "°C"
     assert found.channels["oil"].values.tolist() == [40.5, 41.0]
 
 
-def test_a_sample_column_is_an_even_time_base(tmp_path: Path) -> None:
+def test_a_sample_column_is_an_even_time_base(tmp_path):
     found = read_text(tmp_path, "sample [1],flow [l/min]\n5,1\n6,2\n7,3\n")
     assert found.time_s.tolist() == [0, 1, 2]
     assert any("1 s per sample" in sentence for sentence in found.meta["assumed"])
@@ -109,12 +109,12 @@ def test_a_sample_column_is_an_even_time_base(tmp_path: Path) -> None:
         ("9.16,0.24\n9.18,0.21\n9.20,0.19\n", "as in (--columns|columns=).*time,flow"),
     ],
 )
-def test_errors_name_the_place(tmp_path: Path, text: str | bytes, message: str) -> None:
+def test_errors_name_the_place(tmp_path, text, message):
     with pytest.raises(FileError, match=rf"made.csv: .*({message})"):
         read_text(tmp_path, text)
 
 
-def test_a_broken_archive_is_named(tmp_path: Path) -> None:
+def test_a_broken_archive_is_named(tmp_path):
     with pytest.raises(FileError, match=r"made.csv.gz: cannot be unpacked"):
         read_text(tmp_path, gzip.compress(PLAIN.encode())[:-9], "made.csv.gz")
 
@@ -124,15 +124,13 @@ SOME = "time [s],flow [l/min]\n" + "".join(f"{0.1 * i:.1f},{i}.5\n" for i in ran
 
 @pytest.mark.parametrize("name", ["x.csv", "x.csv.gz"])
 @pytest.mark.parametrize("packed", [False, True])
-def test_a_file_is_unpacked_where_its_bytes_say_so_whatever_its_name_says(
-    tmp_path: Path, name: str, packed: bool
-) -> None:
+def test_a_file_is_unpacked_where_its_bytes_say_so_whatever_its_name_says(tmp_path, name, packed):
     (tmp_path / name).write_bytes(gzip.compress(SOME.encode()) if packed else SOME.encode())
     assert len(read_recording(tmp_path / name)) == 40
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-8-sig"])
-def test_wide_texts_are_read_with_and_without_their_mark(tmp_path: Path, encoding: str) -> None:
+def test_wide_texts_are_read_with_and_without_their_mark(tmp_path, encoding):
     (tmp_path / "x.csv").write_bytes(SOME.encode(encoding))
     assert read_recording(tmp_path / "x.csv").values("flow")[39] == 39.5
 
@@ -141,7 +139,7 @@ TEXTS = [("# range changed", False), ("time [s],flow [l/min]", True), ("stopped"
 
 
 @pytest.mark.parametrize(("line", "gaps"), TEXTS)
-def test_a_line_of_text_among_the_samples_is_left_out_and_said(tmp_path: Path, line: str, gaps: bool) -> None:
+def test_a_line_of_text_among_the_samples_is_left_out_and_said(tmp_path, line, gaps):
     lines = SOME.splitlines()
     lines.insert(20, line)
     (tmp_path / "x.csv").write_text("\n".join(lines), encoding="utf-8")
@@ -153,7 +151,7 @@ def test_a_line_of_text_among_the_samples_is_left_out_and_said(tmp_path: Path, l
     assert any(text.startswith(f"line 21, no row of numbers, left out: '{line}") for text in found.meta["assumed"])
 
 
-def test_what_is_wrong_behind_a_remark_is_named_by_its_own_line(tmp_path: Path) -> None:
+def test_what_is_wrong_behind_a_remark_is_named_by_its_own_line(tmp_path):
     lines = SOME.splitlines()
     lines[30] = "2.9,"
     lines.insert(20, "# a remark")
@@ -163,7 +161,7 @@ def test_what_is_wrong_behind_a_remark_is_named_by_its_own_line(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(("factor", "words"), [(1.0, "s since 1970"), (1e3, "ms since 1970"), (1e9, "ns since 1970")])
-def test_stamps_since_1970_are_known_by_their_size(tmp_path: Path, factor: float, words: str) -> None:
+def test_stamps_since_1970_are_known_by_their_size(tmp_path, factor, words):
     rows = "".join(f"{round((1.7e9 + 0.5 * i) * factor) if factor > 1 else 1.7e9 + 0.5 * i},{i}\n" for i in range(20))
     (tmp_path / "x.csv").write_text("timestamp,flow [l/min]\n" + rows, encoding="utf-8")
     found = read_recording(tmp_path / "x.csv")
@@ -171,7 +169,7 @@ def test_stamps_since_1970_are_known_by_their_size(tmp_path: Path, factor: float
     assert any(words in text for text in found.meta["assumed"])
 
 
-def test_ticks_of_a_device_are_no_seconds(tmp_path: Path) -> None:
+def test_ticks_of_a_device_are_no_seconds(tmp_path):
     ticks = 112_540_231 + np.cumsum(4000 + np.random.default_rng(0).integers(-30, 30, 40))
     path = tmp_path / "x.csv"
     path.write_text("timestamp,flow [l/min]\n" + "".join(f"{t},{t % 7}\n" for t in ticks), encoding="utf-8")
@@ -182,7 +180,7 @@ def test_ticks_of_a_device_are_no_seconds(tmp_path: Path) -> None:
     assert read_recording(path).duration_s == 39 * 3600.0  # whole hours may well be seconds
 
 
-def test_rows_out_of_order_are_said_to_be_so(tmp_path: Path) -> None:
+def test_rows_out_of_order_are_said_to_be_so(tmp_path):
     path = tmp_path / "mixed.csv"
     path.write_text("time [s],flow [l/min]\n0.3,1\n0.1,2\n0.2,3\n0,1\n", encoding="utf-8")
     with pytest.raises(FileError, match=r"line 3: time 0.1 s does not come after 0.3 s.*sort them by it$") as told:
@@ -191,7 +189,7 @@ def test_rows_out_of_order_are_said_to_be_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["\x1b]0;a\x07\x1b[2Jflow", "fl\now", "\u202eflow", "AI[0]", "flow]["])
-def test_name_of_a_column_is_one_line_that_is_written_and_read(tmp_path: Path, name: str) -> None:
+def test_name_of_a_column_is_one_line_that_is_written_and_read(tmp_path, name):
     found = from_memory({"time [s]": np.arange(3.0), f"{name} [l/min]": np.arange(3.0)})
     assert isinstance(found, Recording)
     (channel,) = found.channels.values()

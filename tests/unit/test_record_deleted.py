@@ -27,7 +27,7 @@ def go_on(run: RunWriter) -> None:
     run.append(np.arange(50, 60) / 100.0, {"flow": np.arange(10) * 1.0})
 
 
-def test_deleted_folder_is_noticed_at_the_next_block_and_made_again(tmp_path: Path) -> None:
+def test_deleted_folder_is_noticed_at_the_next_block_and_made_again(tmp_path):
     run = begun(tmp_path / "run")
     shutil.rmtree(tmp_path / "run")
     with pytest.raises(StorageError, match=r"run: the run folder was deleted; 60 samples"):
@@ -44,7 +44,7 @@ def test_deleted_folder_is_noticed_at_the_next_block_and_made_again(tmp_path: Pa
     ]  # fmt: skip
 
 
-def test_what_lies_in_its_place_is_left_alone(tmp_path: Path) -> None:
+def test_what_lies_in_its_place_is_left_alone(tmp_path):
     run = begun(tmp_path / "run")
     shutil.rmtree(tmp_path / "run")
     (tmp_path / "run").write_text("mine")
@@ -53,7 +53,7 @@ def test_what_lies_in_its_place_is_left_alone(tmp_path: Path) -> None:
     assert len(read(tmp_path / "run-restored")) == 50 and run.path == tmp_path / "run-restored"
 
 
-def test_folder_that_was_moved_is_noticed_and_sealed_where_it_is(tmp_path: Path) -> None:
+def test_folder_that_was_moved_is_noticed_and_sealed_where_it_is(tmp_path):
     run = begun(tmp_path / "run")
     (tmp_path / "run").rename(tmp_path / "other")
     (tmp_path / "run").mkdir()
@@ -67,9 +67,7 @@ def test_folder_that_was_moved_is_noticed_and_sealed_where_it_is(tmp_path: Path)
     assert [event["event"] for event in found.meta["events"]] == ["driven", "the run folder was moved"]
 
 
-def test_folder_that_was_moved_where_nobody_tells_is_read_up_to_its_last_row(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_folder_that_was_moved_where_nobody_tells_is_read_up_to_its_last_row(tmp_path, monkeypatch):
     run = begun(tmp_path / "run")
     (tmp_path / "run").rename(tmp_path / "other")
     monkeypatch.setattr("hil.record.samples.place_of", lambda _file: None)
@@ -79,7 +77,7 @@ def test_folder_that_was_moved_where_nobody_tells_is_read_up_to_its_last_row(
 
 
 @pytest.mark.parametrize("moved", [True, False])
-def test_end_of_a_run_says_where_its_folder_is(moved: bool, tmp_path: Path) -> None:
+def test_end_of_a_run_says_where_its_folder_is(moved, tmp_path):
     run = begun(tmp_path / "run")
     if moved:
         (tmp_path / "run").rename(tmp_path / "other")
@@ -92,7 +90,7 @@ def test_end_of_a_run_says_where_its_folder_is(moved: bool, tmp_path: Path) -> N
     assert len(read(where)) == 50
 
 
-def test_run_is_sealed_where_no_file_can_be_opened_any_more(tmp_path: Path) -> None:
+def test_run_is_sealed_where_no_file_can_be_opened_any_more(tmp_path):
     run = begun(tmp_path / "run")
     with limited(RLIMIT_NOFILE, 3):
         go_on(run)

@@ -77,11 +77,11 @@ HEADINGS = {
 
 
 @pytest.mark.parametrize("style", HEADINGS)
-def test_units_are_read_however_they_stand_in_headings(tmp_path: Path, style: str) -> None:
+def test_units_are_read_however_they_stand_in_headings(tmp_path, style):
     is_as_written(read(tmp_path, text(*HEADINGS[style])))
 
 
-def test_a_name_that_ends_like_a_unit_is_no_unit_where_others_have_brackets(tmp_path: Path) -> None:
+def test_a_name_that_ends_like_a_unit_is_no_unit_where_others_have_brackets(tmp_path):
     found = read(tmp_path, text("time [s],command [%],Sensor A\n", comma))
     assert list(found.channels) == ["command", "Sensor A"]
 
@@ -99,11 +99,11 @@ TIMES = {
 
 
 @pytest.mark.parametrize("kind", TIMES)
-def test_the_time_is_found_however_it_is_written(tmp_path: Path, kind: str) -> None:
+def test_the_time_is_found_however_it_is_written(tmp_path, kind):
     is_as_written(read(tmp_path, text(*TIMES[kind])))
 
 
-def test_two_columns_of_time_without_the_name_time_each_keep_their_samples(tmp_path: Path) -> None:
+def test_two_columns_of_time_without_the_name_time_each_keep_their_samples(tmp_path):
     """The second was taken for a channel, and the flow cut to the samples of the slower command."""
     rows = [
         f"{TIME_S[4 * i]:.3f};{COMMAND[4 * i]};{TIME_S[i]:.3f};{FLOW[i]}" if 4 * i < COUNT
@@ -129,12 +129,12 @@ NUMBERS = {
 
 
 @pytest.mark.parametrize("kind", NUMBERS)
-def test_numbers_are_read_however_they_are_written(tmp_path: Path, kind: str) -> None:
+def test_numbers_are_read_however_they_are_written(tmp_path, kind):
     is_as_written(read(tmp_path, text('"time [s]","command [%]","flow [l/min]"\n', NUMBERS[kind])))
 
 
 @pytest.mark.parametrize("mark", ["'", "\u2019", "\u00a0", ","])
-def test_thousands_are_read_whatever_stands_between_them(tmp_path: Path, mark: str) -> None:
+def test_thousands_are_read_whatever_stands_between_them(tmp_path, mark):
     rows = text("time [s];command [%];flow [ml/min]\n",
                 lambda t, u, y: f"{t:.3f};{u};{f'{1e3 * y:,.1f}'.replace(',', mark)}")  # fmt: skip
     is_as_written(read(tmp_path, rows))
@@ -144,7 +144,7 @@ HEAD = "time [s],command [%],flow [l/min]\n"
 
 
 @pytest.mark.parametrize("token", ["---", "OL", "#VALUE!", "Bad", "1.#INF", "inf", "-9999", "9.91e37"])
-def test_what_stands_for_no_value_is_refused_by_line_and_left_out_with_gaps(tmp_path: Path, token: str) -> None:
+def test_what_stands_for_no_value_is_refused_by_line_and_left_out_with_gaps(tmp_path, token):
     rows = text(HEAD, comma).splitlines()
     for line in (17, 40):
         rows[line] = rows[line].rpartition(",")[0] + f",{token}"
@@ -158,12 +158,12 @@ def test_what_stands_for_no_value_is_refused_by_line_and_left_out_with_gaps(tmp_
     assert any("flow" in sentence and "2 of 80 rows" in sentence for sentence in found.meta["assumed"])
 
 
-def test_a_large_number_among_states_is_a_state(tmp_path: Path) -> None:
+def test_a_large_number_among_states_is_a_state(tmp_path):
     rows = text("time [s],command [%],flow [l/min],fault\n", lambda t, u, y: f"{comma(t, u, y)},{9999 * (t > 1.0):g}")
     assert read(tmp_path, rows).values("fault").max() == 9999.0
 
 
-def test_a_stamp_that_repeats_is_refused_and_left_out_with_gaps(tmp_path: Path) -> None:
+def test_a_stamp_that_repeats_is_refused_and_left_out_with_gaps(tmp_path):
     rows = text(HEAD, comma).splitlines()
     rows.insert(30, rows[29])
     with pytest.raises(FileError, match=r"line 31: .* 1 of 81 samples have the stamp of the one before; --gaps"):
@@ -171,7 +171,7 @@ def test_a_stamp_that_repeats_is_refused_and_left_out_with_gaps(tmp_path: Path) 
     is_as_written(read(tmp_path, "\n".join(rows), Reading(gaps=True)))
 
 
-def test_rows_from_the_newest_to_the_oldest_are_turned_round_and_their_lines_named(tmp_path: Path) -> None:
+def test_rows_from_the_newest_to_the_oldest_are_turned_round_and_their_lines_named(tmp_path):
     rows = text(HEAD, comma).splitlines()
     found = read(tmp_path, "\n".join([rows[0], *rows[:0:-1]]))
     is_as_written(found)
@@ -197,7 +197,7 @@ LVM = (
 
 
 @pytest.mark.parametrize(("clock_text", "start_s"), [("10:00:00.5", 0.0), ("10:00:00.0", 0.5)])
-def test_segments_of_an_lvm_stand_at_their_times(tmp_path: Path, clock_text: str, start_s: float) -> None:
+def test_segments_of_an_lvm_stand_at_their_times(tmp_path, clock_text, start_s):
     content = f"{LVM}{segment(0, 20, '10:00:00.0', 0.0)}\n{segment(20, 10, clock_text, start_s)}"
     found = read(tmp_path, content, name="x.lvm")
     assert found.values("command", "%").tolist() == list(range(30))
@@ -205,7 +205,7 @@ def test_segments_of_an_lvm_stand_at_their_times(tmp_path: Path, clock_text: str
     assert found.meta["assumed"] == ["2 segments joined at their times"]
 
 
-def test_segments_of_an_lvm_that_cannot_be_joined_are_said(tmp_path: Path) -> None:
+def test_segments_of_an_lvm_that_cannot_be_joined_are_said(tmp_path):
     content = (
         f"{LVM}{segment(0, 20, '10:00:00.0', 0.0)}\n{segment(20, 10, '10:00:01.0', 0.0, names='a' + chr(9) + 'b')}"
     )
@@ -221,7 +221,7 @@ def test_segments_of_an_lvm_that_cannot_be_joined_are_said(tmp_path: Path) -> No
         ("\t19\t9.5\n", r"line \d+: 'lost' is no number"),  # the last one
     ],
 )
-def test_a_text_among_the_numbers_of_an_lvm_is_told(tmp_path: Path, row: str, says: str) -> None:
+def test_a_text_among_the_numbers_of_an_lvm_is_told(tmp_path, row, says):
     lost = f"{row.rpartition(chr(9))[0]}\tlost\n"
     with pytest.raises(FileError, match=says):
         read(tmp_path, LVM + segment(0, 20, "10:00:00.0", 0.0).replace(row, lost), name="x.lvm")
@@ -236,13 +236,13 @@ def powers(folder: Path, heading: str, cells: str, reading: Reading | None = Non
     return found.channel(heading.split(" ")[0]).values.tolist()
 
 
-def test_letters_behind_numbers_are_powers_of_ten(tmp_path: Path) -> None:
+def test_letters_behind_numbers_are_powers_of_ten(tmp_path):
     assert powers(tmp_path, "current (mA)", "25.1m 1.2 959.5n 1k 3") == [0.0251, 1.2, 959.5e-9, 1000.0, 3.0]
     assert powers(tmp_path, "u", "25.1m 1.2 2k 1M 3") == [0.0251, 1.2, 2000.0, 1e6, 3.0]
     assert powers(tmp_path, "x (m)", "25.1m 26.0m 27m") == [25.1, 26.0, 27.0], "the unit once more"
 
 
-def test_an_m_without_a_unit_is_asked_about(tmp_path: Path) -> None:
+def test_an_m_without_a_unit_is_asked_about(tmp_path):
     with pytest.raises(FileError, match="milli, metre or minute; say its unit"):
         powers(tmp_path, "x", "25.1m 26m 27m")
     assert powers(tmp_path, "x", "25.1m 26m 1", Reading(units={"x": "A"})) == [0.0251, 0.026, 1.0]
@@ -250,12 +250,12 @@ def test_an_m_without_a_unit_is_asked_about(tmp_path: Path) -> None:
     assert powers(tmp_path, "x", "25.1m 26m 1", Reading(units={"x": "m"})) == [25.1, 26.0, 1.0]
 
 
-def test_a_unit_behind_some_numbers_is_refused_with_its_place(tmp_path: Path) -> None:
+def test_a_unit_behind_some_numbers_is_refused_with_its_place(tmp_path):
     with pytest.raises(FileError, match=r"line 2, column 2 \('x'\): '2bar' is not a number"):
         powers(tmp_path, "x", "2bar 3 4 5 6")
 
 
-def test_a_short_list_beside_the_samples_is_left_out(tmp_path: Path) -> None:
+def test_a_short_list_beside_the_samples_is_left_out(tmp_path):
     head, *rows = text("time (s),command (%),flow (l/min),F names,F values\n", comma).splitlines()
     listed = [f"{row},Var {i},{i}.25" if i < 9 else f"{row},," for i, row in enumerate(rows)]
     found = read(tmp_path, "\n".join([head, *listed]))
@@ -264,7 +264,7 @@ def test_a_short_list_beside_the_samples_is_left_out(tmp_path: Path) -> None:
     assert "left out, 9 samples beside 80 of command: F values" in found.meta["assumed"]
 
 
-def test_texts_where_numbers_begin_are_refused_with_their_place(tmp_path: Path) -> None:
+def test_texts_where_numbers_begin_are_refused_with_their_place(tmp_path):
     head, *rows = text("time (s),command,flow\n", comma).splitlines()
     late = [f"{row.rpartition(',')[0]},OFF" if i < 9 else row for i, row in enumerate(rows)]
     with pytest.raises(FileError, match=r"line 2, column 3 \('flow'\): 'OFF' is not a number"):
@@ -279,14 +279,14 @@ def test_texts_where_numbers_begin_are_refused_with_their_place(tmp_path: Path) 
         ("", lambda t, u, y: f"2025-06-05,{clock(t - 80_000.0, '.')},{u},{y}", "time"),  # a day and a time: one column
     ],
 )
-def test_columns_without_headings_are_asked_for(tmp_path: Path, head: str, row: Callable[..., str], time: str) -> None:
+def test_columns_without_headings_are_asked_for(tmp_path, head, row, time):
     with pytest.raises(FileError, match="name the 3 columns with --columns"):
         read(tmp_path, text(head, row), name="x.txt")
     named = Reading(columns=(time, "command [%]", "flow [l/min]"))
     is_as_written(read(tmp_path, text(head, row), named, name="x.txt"))
 
 
-def test_units_of_toa5_stand_though_cells_between_them_are_blank(tmp_path: Path) -> None:
+def test_units_of_toa5_stand_though_cells_between_them_are_blank(tmp_path):
     head = (
         '"TOA5","x"\n"TIMESTAMP","RECORD","battery","PTemp","note"\n"TS","RN","Volts","oC",""\n"","","Min","Smp",""\n'
     )

@@ -36,7 +36,7 @@ def make_run(path: Path, blocks: int = 5, **header: object) -> Path:
     return path
 
 
-def test_a_run_comes_back_with_everything(tmp_path: Path) -> None:
+def test_a_run_comes_back_with_everything(tmp_path):
     flow = Column(name="flow", unit="l/min", source="meter 3", calibration={"slope": 10.0})
     with RunWriter.create(tmp_path / "deep" / "run", {"sampling": {"read_at": 0.5}, "when": np.float64(3)},
                           [("command", "%"), flow]) as run:  # fmt: skip
@@ -68,7 +68,7 @@ def test_a_run_comes_back_with_everything(tmp_path: Path) -> None:
     assert "incomplete" not in found.meta
 
 
-def test_the_ten_lines_of_the_reference_read_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_ten_lines_of_the_reference_read_it(tmp_path, monkeypatch):
     text = (Path(__file__).parents[2] / "docs" / "reference" / "run-folder.md").read_text(encoding="utf-8")
     code = text.split("```python\n")[1].split("```")[0]
     monkeypatch.chdir(make_run(tmp_path / "run"))
@@ -80,7 +80,7 @@ def test_the_ten_lines_of_the_reference_read_it(tmp_path: Path, monkeypatch: pyt
     assert np.array_equal(seen["data"]["flow"], np.cos(np.arange(500) / 1000.0))
 
 
-def test_an_existing_folder_is_never_touched(tmp_path: Path) -> None:
+def test_an_existing_folder_is_never_touched(tmp_path):
     path = make_run(tmp_path / "run")
     before = {file.name: file.read_bytes() for file in path.iterdir()}
     with pytest.raises(FileError, match="exists already"):
@@ -88,13 +88,13 @@ def test_an_existing_folder_is_never_touched(tmp_path: Path) -> None:
     assert {file.name: file.read_bytes() for file in path.iterdir()} == before
 
 
-def test_a_folder_that_cannot_be_made_is_a_storage_error(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_a_storage_error(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(StorageError, match=r"file/run: the run folder cannot be made"):
         RunWriter.create(tmp_path / "file" / "run", {}, CHANNELS)
 
 
-def test_a_run_is_read_while_it_is_written(tmp_path: Path) -> None:
+def test_a_run_is_read_while_it_is_written(tmp_path):
     run = RunWriter.create(tmp_path / "run", {}, CHANNELS)
     with run.part({"kind": "step"}):
         run.append(*block(0))
@@ -107,7 +107,7 @@ def test_a_run_is_read_while_it_is_written(tmp_path: Path) -> None:
     assert len(read(run.path)) == 200
 
 
-def test_a_reader_follows_a_run_to_its_end(tmp_path: Path) -> None:
+def test_a_reader_follows_a_run_to_its_end(tmp_path):
     run = RunWriter.create(tmp_path / "run", {"procedure": "x"}, CHANNELS)
     tail = Tail(run.path)
     assert len(tail.samples()) == 0
@@ -127,7 +127,7 @@ def test_a_reader_follows_a_run_to_its_end(tmp_path: Path) -> None:
     assert tail.finished
 
 
-def test_an_error_inside_a_part_marks_it_and_names_the_outcome(tmp_path: Path) -> None:
+def test_an_error_inside_a_part_marks_it_and_names_the_outcome(tmp_path):
     def interrupted() -> None:
         with RunWriter.create(tmp_path / "run", {}, CHANNELS) as run, run.part({"kind": "sine"}):
             run.append(*block(0))
@@ -140,7 +140,7 @@ def test_an_error_inside_a_part_marks_it_and_names_the_outcome(tmp_path: Path) -
     assert found.meta["parts"][0]["unfinished"] is True
 
 
-def test_details_may_not_hide_the_place_of_a_part(tmp_path: Path) -> None:
+def test_details_may_not_hide_the_place_of_a_part(tmp_path):
     with (
         RunWriter.create(tmp_path / "run", {}, CHANNELS) as run,
         pytest.raises(ValueError, match="must not be named count"),
@@ -150,13 +150,13 @@ def test_details_may_not_hide_the_place_of_a_part(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("channels", [[("time", "s")], [("flow", "V"), ("flow", "V")], [], [("a [b]", "V")]])
-def test_channels_that_cannot_be_told_apart_are_refused(tmp_path: Path, channels: list[tuple[str, str]]) -> None:
+def test_channels_that_cannot_be_told_apart_are_refused(tmp_path, channels):
     with pytest.raises(ValueError, match=r"must differ|at least 2|pattern"):
         RunWriter.create(tmp_path / "run", {}, channels)
     assert not (tmp_path / "run").exists()
 
 
-def test_a_block_must_fit_the_declaration(tmp_path: Path) -> None:
+def test_a_block_must_fit_the_declaration(tmp_path):
     with RunWriter.create(tmp_path / "run", {}, CHANNELS) as run:
         time_s, values = block(0)
         with pytest.raises(ValueError, match="declared channels: command, flow; found: command"):
@@ -166,7 +166,7 @@ def test_a_block_must_fit_the_declaration(tmp_path: Path) -> None:
         assert run.rows == 0
 
 
-def test_time_must_go_on(tmp_path: Path) -> None:
+def test_time_must_go_on(tmp_path):
     with RunWriter.create(tmp_path / "run", {}, CHANNELS) as run:
         run.append(*block(0))
         with pytest.raises(
@@ -177,7 +177,7 @@ def test_time_must_go_on(tmp_path: Path) -> None:
     assert len(read(tmp_path / "run")) == 200
 
 
-def test_a_large_block_is_the_same_as_many_small_ones(tmp_path: Path) -> None:
+def test_a_large_block_is_the_same_as_many_small_ones(tmp_path):
     with RunWriter.create(tmp_path / "one", {}, CHANNELS) as run:
         run.append(*block(0, 150_000))
     with RunWriter.create(tmp_path / "many", {}, CHANNELS) as run:
@@ -186,7 +186,7 @@ def test_a_large_block_is_the_same_as_many_small_ones(tmp_path: Path) -> None:
     assert (tmp_path / "one" / "samples.f8").read_bytes() == (tmp_path / "many" / "samples.f8").read_bytes()
 
 
-def test_an_endurance_run_needs_no_memory(tmp_path: Path) -> None:
+def test_an_endurance_run_needs_no_memory(tmp_path):
     with RunWriter.create(tmp_path / "run", {}, CHANNELS) as run:
         run.append(*block(0, 1000))
         tracemalloc.start()
@@ -198,7 +198,7 @@ def test_an_endurance_run_needs_no_memory(tmp_path: Path) -> None:
     assert peak < 500_000
 
 
-def test_a_large_run_stays_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_large_run_stays_on_the_disk(tmp_path, monkeypatch):
     path = make_run(tmp_path / "run")
     with RunWriter.create(tmp_path / "large", {}, CHANNELS) as run:
         run.append(*block(0, 400_000))
@@ -247,16 +247,14 @@ def overwrite_a_sample(path: Path) -> None:
         *((name, Path.unlink, "cannot be read: No such file") for name in ("run.json", "samples.f8", "events.jsonl")),
     ],
 )  # fmt: skip
-def test_a_file_that_was_tampered_with_is_named(
-    tmp_path: Path, name: str, tamper: Callable[[Path], object], says: str
-) -> None:
+def test_a_file_that_was_tampered_with_is_named(tmp_path, name, tamper, says):
     path = make_run(tmp_path / "run")
     tamper(path / name)
     with pytest.raises(FileError, match=says if "samples.f8" in says else f"{name}: .*{says}"):
         read(path)
 
 
-def test_rows_before_a_cut_are_good(tmp_path: Path) -> None:
+def test_rows_before_a_cut_are_good(tmp_path):
     path = make_run(tmp_path / "run")
     with (path / "samples.f8").open("r+b") as file:
         file.truncate(350 * 24 + 5)
@@ -265,7 +263,7 @@ def test_rows_before_a_cut_are_good(tmp_path: Path) -> None:
     assert found.meta["incomplete"] == "of 500 rows only the first 300 are in samples.f8"
 
 
-def test_samples_that_an_unreadable_journal_hides_are_said_to_be_lost(tmp_path: Path) -> None:
+def test_samples_that_an_unreadable_journal_hides_are_said_to_be_lost(tmp_path):
     path = make_run(tmp_path / "run")
     (path / "end.json").unlink()
     journal = (path / "samples.log").read_bytes()
@@ -275,19 +273,19 @@ def test_samples_that_an_unreadable_journal_hides_are_said_to_be_lost(tmp_path: 
     assert found.meta["incomplete"].endswith("samples.log cannot be read from line 4 on: samples after 300 are lost")
 
 
-def test_the_journal_of_a_closed_run_is_not_needed(tmp_path: Path) -> None:
+def test_the_journal_of_a_closed_run_is_not_needed(tmp_path):
     path = make_run(tmp_path / "run")
     (path / "samples.log").unlink()
     assert len(read(path)) == 500
 
 
-def test_an_empty_run_says_so(tmp_path: Path) -> None:
+def test_an_empty_run_says_so(tmp_path):
     path = make_run(tmp_path / "run", blocks=0)
     with pytest.raises(FileError, match="0 samples; at least 2 are needed"):
         read(path)
 
 
-def test_what_was_not_measured_is_kept_as_such_and_is_no_number_for_who_asks_for_measurements(tmp_path: Path) -> None:
+def test_what_was_not_measured_is_kept_as_such_and_is_no_number_for_who_asks_for_measurements(tmp_path):
     with RunWriter.create(tmp_path / "run", {}, CHANNELS) as run, run.part({"kind": "level"}):
         time_s, values = block(0)
         values["flow"][7], values["flow"][9] = np.nan, np.inf
@@ -303,9 +301,7 @@ def test_what_was_not_measured_is_kept_as_such_and_is_no_number_for_who_asks_for
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("call", [0, 1])
-def test_an_interrupt_in_the_middle_of_a_block_leaves_no_trace(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: int, share: float
-) -> None:
+def test_an_interrupt_in_the_middle_of_a_block_leaves_no_trace(tmp_path, monkeypatch, call, share):
     calls = iter(range(2))
 
     def interrupted(file: FileIO, position: int, data: memoryview) -> None:
@@ -331,7 +327,7 @@ def test_an_interrupt_in_the_middle_of_a_block_leaves_no_trace(
     assert (run.path / "samples.f8").stat().st_size == len(found) * 24
 
 
-def test_an_error_of_the_disk_is_not_lost(tmp_path: Path) -> None:
+def test_an_error_of_the_disk_is_not_lost(tmp_path):
     with (tmp_path / "file").open("wb") as file:
         descriptor = file.fileno()
     syncer = Syncer([descriptor], interval_s=0.001)  # the file is closed: every sync fails
@@ -342,7 +338,7 @@ def test_an_error_of_the_disk_is_not_lost(tmp_path: Path) -> None:
         syncer.check()
 
 
-def test_closing_twice_changes_nothing(tmp_path: Path) -> None:
+def test_closing_twice_changes_nothing(tmp_path):
     run = RunWriter.create(tmp_path / "run", {}, CHANNELS)
     run.append(*block(0))
     run.close("first", pump="off")
@@ -351,7 +347,7 @@ def test_closing_twice_changes_nothing(tmp_path: Path) -> None:
     assert read(run.path).meta["pump"] == "off"
 
 
-def test_a_run_copied_as_a_recording_stays_the_same(tmp_path: Path) -> None:
+def test_a_run_copied_as_a_recording_stays_the_same(tmp_path):
     with RunWriter.create(tmp_path / "run", {"procedure": "x"}, CHANNELS) as run:
         with run.part({"kind": "sine"}):
             run.append(*block(0))
@@ -367,7 +363,7 @@ def test_a_run_copied_as_a_recording_stays_the_same(tmp_path: Path) -> None:
     assert np.array_equal(copied.channels["flow"].values, found.channels["flow"].values)
 
 
-def test_a_slice_speaks_of_its_own_samples_only(tmp_path: Path) -> None:
+def test_a_slice_speaks_of_its_own_samples_only(tmp_path):
     with RunWriter.create(tmp_path / "run", {"procedure": "x"}, CHANNELS) as run:
         for i, kind in enumerate(("rest", "sine", "step")):
             with run.part({"kind": kind}):
@@ -385,7 +381,7 @@ def test_a_slice_speaks_of_its_own_samples_only(tmp_path: Path) -> None:
     assert found.meta["parts"][1]["first"] == 100  # the original is as it was
 
 
-def test_read_header_of_a_file_says_that_a_run_folder_is_needed(tmp_path: Path) -> None:
+def test_read_header_of_a_file_says_that_a_run_folder_is_needed(tmp_path):
     (tmp_path / "x.csv").write_text("time [s],flow [l/min]\n0,1\n1,2\n", encoding="utf-8")
     with pytest.raises(FileError, match=r"x\.csv: a file, where a run folder is needed"):
         read_header(tmp_path / "x.csv")

@@ -32,7 +32,7 @@ def said(flow: Array, **more: Array) -> tuple[str, ...]:
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("code", [0.0, CODE, 0.05])
-def test_a_channel_that_is_frozen_within_a_step_is_told_with_its_time(code: float, seed: int) -> None:
+def test_a_channel_that_is_frozen_within_a_step_is_told_with_its_time(code, seed):
     flow = response(0.2, code, seed)
     assert said(flow) == ()
     flow[FROZEN] = flow[FROZEN.start - 1]
@@ -40,14 +40,14 @@ def test_a_channel_that_is_frozen_within_a_step_is_told_with_its_time(code: floa
     assert sentence.startswith(f"'flow' stood at {flow[FROZEN.start]:.6g} l/min in 11 samples, 2.040 … 2.440 s")
 
 
-def test_another_channel_than_the_response_is_told_too() -> None:
+def test_another_channel_than_the_response_is_told_too():
     supply = 140.0 + np.random.default_rng(2).normal(size=len(COMMAND))
     supply[FROZEN] = supply[FROZEN.start]
     (sentence,) = said(response(0.2, CODE), supply=supply)
     assert sentence.startswith("'supply' stood")
 
 
-def test_a_channel_that_is_frozen_to_the_end_is_told() -> None:
+def test_a_channel_that_is_frozen_to_the_end_is_told():
     spool = response(0.2, CODE, 3)
     spool[HELD + 2 :] = spool[HELD + 2]
     (sentence,) = said(response(0.2, CODE), spool=spool)
@@ -57,11 +57,11 @@ def test_a_channel_that_is_frozen_to_the_end_is_told() -> None:
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.1, 0.3, 0.6, 1.0])  # of a code
 @pytest.mark.parametrize("code", [0.1, 1.0])
-def test_resting_on_a_code_is_no_frozen_channel(noise: float, code: float, seed: int) -> None:
+def test_resting_on_a_code_is_no_frozen_channel(noise, code, seed):
     assert said(response(noise * code, code, seed)) == ()
 
 
-def test_rest_below_a_cut_off_a_slow_instrument_and_no_noise_are_no_frozen_channel() -> None:
+def test_rest_below_a_cut_off_a_slow_instrument_and_no_noise_are_no_frozen_channel():
     cut_off = response(0.2, CODE)
     cut_off[cut_off < 1.0] = 0.0
     slow = np.repeat(response(0.2, CODE)[::10], 10)

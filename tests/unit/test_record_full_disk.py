@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from resource import RLIMIT_FSIZE
 
@@ -20,7 +19,7 @@ from tests.limited import limited
 
 
 @pytest.fixture
-def small_disk() -> Iterator[Path]:
+def small_disk():
     with tempfile.TemporaryDirectory() as folder:
         mount = ["mount", "-t", "tmpfs", "-o", "size=96k", "tmpfs", folder]
         if subprocess.run(mount, capture_output=True, check=False).returncode:
@@ -55,18 +54,18 @@ def run_until_full(path: Path) -> None:
     run.close("disk full")
 
 
-def test_a_file_that_may_not_grow_keeps_what_it_has(tmp_path: Path) -> None:
+def test_a_file_that_may_not_grow_keeps_what_it_has(tmp_path):
     with limited(RLIMIT_FSIZE, 40_000):
         run_until_full(tmp_path / "run")
     check_kept(tmp_path / "run")
 
 
-def test_a_full_disk_can_still_be_closed(small_disk: Path) -> None:
+def test_a_full_disk_can_still_be_closed(small_disk):
     run_until_full(small_disk / "run")
     check_kept(small_disk / "run")
 
 
-def test_an_export_that_does_not_fit_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_an_export_that_does_not_fit_leaves_nothing_behind(tmp_path):
     time_s = np.arange(10_000) / 1000.0
     made = recording("made", time_s, {"flow [l/min]": time_s})
     (tmp_path / "old.csv").write_text("old")
@@ -79,7 +78,7 @@ def test_an_export_that_does_not_fit_leaves_nothing_behind(tmp_path: Path) -> No
     assert (tmp_path / "old.csv").read_text() == "old"
 
 
-def test_a_model_that_does_not_fit_is_named(tmp_path: Path) -> None:
+def test_a_model_that_does_not_fit_is_named(tmp_path):
     with (
         limited(RLIMIT_FSIZE, 100),
         pytest.raises(StorageError, match=r"unit\.json: the model cannot be written: File too large"),

@@ -55,7 +55,7 @@ def rises(run: Recording) -> list[tuple[float, float]]:
 
 @pytest.mark.parametrize("at_the_request", [True, False])
 @pytest.mark.parametrize("first", [HELD, HELD + 1])
-def test_a_rise_holds_the_truth_whenever_a_late_device_measured(first: int, at_the_request: bool) -> None:
+def test_a_rise_holds_the_truth_whenever_a_late_device_measured(first, at_the_request):
     run = stepped(range(first, 3 * HELD, 10), at_the_request=at_the_request)
     assert np.count_nonzero(late_exchanges(run)) == len(range(first, 3 * HELD, 10))
     assert longest_exchange_s(run) == pytest.approx(LATE_S)
@@ -63,7 +63,7 @@ def test_a_rise_holds_the_truth_whenever_a_late_device_measured(first: int, at_t
     assert len(found) == 2 and all(abs(off) < 2.5 * std for off, std in found), found
 
 
-def test_without_what_lateness_leaves_open_it_would_not() -> None:
+def test_without_what_lateness_leaves_open_it_would_not():
     run = stepped(range(HELD, 3 * HELD, 10))
     naive = step_response.evaluate(run).measured
     (off, std), *_ = [(m.value - RISE_MS, m.std) for m in naive if m.quantity == "rise"]
@@ -73,13 +73,13 @@ def test_without_what_lateness_leaves_open_it_would_not() -> None:
     assert "rise, 0 → 50 %" in note
 
 
-def test_usual_exchanges_are_left_alone() -> None:
+def test_usual_exchanges_are_left_alone():
     run = stepped(range(0))
     assert not late_exchanges(run).any()
     assert measured_findings(step_response.evaluate, run).measured == step_response.evaluate(run).measured
 
 
-def test_no_time_is_supposed_past_its_neighbours_and_late_is_behind_early() -> None:
+def test_no_time_is_supposed_past_its_neighbours_and_late_is_behind_early():
     run = stepped(range(5, 3 * HELD, 7))
     early, late = (with_supposed_times(run, when) for when in ("early", "late"))
     for one in (early, late):
@@ -87,7 +87,7 @@ def test_no_time_is_supposed_past_its_neighbours_and_late_is_behind_early() -> N
     assert (late.stamps("flow") > early.stamps("flow") - 1e-9).all() and (late.time_s <= early.time_s).all()
 
 
-def test_a_value_that_a_supposition_does_not_have_is_not_given_and_a_limit_is_judged_again() -> None:
+def test_a_value_that_a_supposition_does_not_have_is_not_given_and_a_limit_is_judged_again():
     run, lag = stepped(range(5, 3 * HELD, 7)), Measurement("lag", "ms", "", high=31.0)
 
     def evaluate(told: Recording) -> Findings:

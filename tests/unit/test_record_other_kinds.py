@@ -47,24 +47,24 @@ class TestSpreadsheets:
             ([("time [s]", "u [V]", "y [bar]")], (5, 3)),
         ],
     )
-    def test_a_sheet_is_read_as_a_text_file_would_be(self, tmp_path: Path, above, first) -> None:
+    def test_a_sheet_is_read_as_a_text_file_would_be(self, tmp_path, above, first):
         found = read_recording(sheet(tmp_path / "x.xlsx", *above, *ROWS, first=first))
         assert [channel.heading for channel in found.channels.values()] == ["u [V]", "y [bar]"]
         assert found.name == str(tmp_path / "x.xlsx")
         np.testing.assert_allclose(found.time_s, [row[0] for row in ROWS], rtol=1e-15)
         np.testing.assert_array_equal(found.values("y"), [row[2] for row in ROWS])
 
-    def test_stamps_of_a_calendar_are_the_time(self, tmp_path: Path) -> None:
+    def test_stamps_of_a_calendar_are_the_time(self, tmp_path):
         start = datetime(2026, 3, 1, 12)
         rows = [(start + timedelta(seconds=time), *values) for time, *values in ROWS]
         found = read_recording(sheet(tmp_path / "x.xlsx", ("Stamp", "u [V]", "y [bar]"), *rows))
         np.testing.assert_allclose(found.time_s, [row[0] for row in ROWS], atol=1e-6)
 
-    def test_the_sheet_with_the_most_rows_is_read_and_others_are_named(self, tmp_path: Path) -> None:
+    def test_the_sheet_with_the_most_rows_is_read_and_others_are_named(self, tmp_path):
         found = read_recording(sheet(tmp_path / "x.xlsx", ("time [s]", "u [V]"), *(r[:2] for r in ROWS), other=("a",)))
         assert any("not read: notes" in note for note in found.meta["assumed"])
 
-    def test_a_longer_sheet_of_remarks_is_not_read(self, tmp_path: Path) -> None:
+    def test_a_longer_sheet_of_remarks_is_not_read(self, tmp_path):
         remarks = [("operator", "me")] * 200
         path = sheet(tmp_path / "x.xlsx", *remarks)
         openpyxl = pytest.importorskip("openpyxl")
@@ -74,19 +74,19 @@ class TestSpreadsheets:
         book.save(path)
         assert read_recording(path).values("y", "bar").tolist() == [row[2] for row in ROWS]
 
-    def test_a_mean_below_an_empty_row_is_named_by_its_row(self, tmp_path: Path) -> None:
+    def test_a_mean_below_an_empty_row_is_named_by_its_row(self, tmp_path):
         path = sheet(tmp_path / "x.xlsx", ("time [s]", "u [V]", "y [bar]"), *ROWS, (), ("Mean", 3.0, 5.0))
         with pytest.raises(FileError, match=r"line 43, column 1 .*: 'Mean' is not a number"):
             read_recording(path)
 
-    def test_a_cell_that_is_no_number_is_named_by_sheet_and_row(self, tmp_path: Path) -> None:
+    def test_a_cell_that_is_no_number_is_named_by_sheet_and_row(self, tmp_path):
         rows = [*ROWS[:20], (0.2, "bad", 5.0), *ROWS[21:]]
         path = sheet(tmp_path / "x.xlsx", ("time [s]", "u [V]", "y [bar]"), *rows)
         with pytest.raises(FileError, match=r"x\.xlsx, sheet 'Sheet': line 22, column 2 .*: 'bad' is not a number"):
             read_recording(path)
         assert np.isnan(read_recording(path, Reading(gaps=True)).own["u"].values).sum() == 0
 
-    def test_libreoffice_is_read_too(self, tmp_path: Path) -> None:
+    def test_libreoffice_is_read_too(self, tmp_path):
         pytest.importorskip("python_calamine")
         spaces = " ".join(
             f'xmlns:{short}="urn:oasis:names:tc:opendocument:xmlns:{name}:1.0"'
@@ -112,7 +112,7 @@ class TestSpreadsheets:
             file.writestr("content.xml", content)
         np.testing.assert_array_equal(read_recording(tmp_path / "x.ods").values("u"), [row[1] for row in ROWS])
 
-    def test_nothing_in_it_is_said(self, tmp_path: Path) -> None:
+    def test_nothing_in_it_is_said(self, tmp_path):
         with pytest.raises(FileError, match=r"x\.xlsx: no sheet holds anything"):
             read_recording(sheet(tmp_path / "x.xlsx"))
 
@@ -121,7 +121,7 @@ class TestSound:
     @pytest.mark.parametrize(
         ("kind", "scale", "offset"), [("f4", 1.0, 0), ("i2", 2.0**15, 0), ("i4", 2.0**31, 0), ("u1", 128.0, 128)]
     )
-    def test_channels_are_shares_of_full_scale_at_the_stated_rate(self, tmp_path: Path, kind, scale, offset) -> None:
+    def test_channels_are_shares_of_full_scale_at_the_stated_rate(self, tmp_path, kind, scale, offset):
         from scipy.io import wavfile
 
         shares = np.array([[0.0, 0.5], [0.25, -0.5], [-0.75, 0.125], [0.5, 0.0]])
@@ -162,7 +162,7 @@ def can_log(path: Path, dbc: str = "") -> Path:
 class TestCanLogs:
     @pytest.mark.parametrize("ending", [".asc", ".blf", ".trc", ".log"])
     @pytest.mark.parametrize("dbc", ["x.dbc", "bench.dbc"])
-    def test_signals_are_read_by_the_dbc_beside_the_log(self, tmp_path: Path, ending: str, dbc: str) -> None:
+    def test_signals_are_read_by_the_dbc_beside_the_log(self, tmp_path, ending, dbc):
         found = read_recording(can_log(tmp_path / f"x{ending}", dbc))
         assert [c.heading for c in found.channels.values()] == ["command [%]", "flow [l/min]", "pressure [bar]"]
         np.testing.assert_allclose(found.time_s, 0.01 * np.arange(len(found)), atol=1e-6)
@@ -170,11 +170,11 @@ class TestCanLogs:
         np.testing.assert_allclose(found.own["pressure"].values, 95.0 + 0.4 * np.arange(10))
         assert any(dbc in note and "1 identifiers are not in it" in note for note in found.meta["assumed"])
 
-    def test_a_log_without_its_dbc_says_so(self, tmp_path: Path) -> None:
+    def test_a_log_without_its_dbc_says_so(self, tmp_path):
         with pytest.raises(FileError, match=r"x\.asc: is a CAN log, and its signals need a DBC file: .* as x\.dbc"):
             read_recording(can_log(tmp_path / "x.asc"))
 
-    def test_a_dbc_of_another_bus_says_which_identifiers_there_are(self, tmp_path: Path) -> None:
+    def test_a_dbc_of_another_bus_says_which_identifiers_there_are(self, tmp_path):
         path = can_log(tmp_path / "x.blf", "x.dbc")
         (tmp_path / "x.dbc").write_text(DBC.replace("256", "257"))
         with pytest.raises(FileError, match=r"no frame of the log is in x\.dbc; its identifiers: 0x100, 0x333"):
@@ -197,7 +197,7 @@ def comtrade(folder: Path, kind: str) -> Path:
 
 class TestComtrade:
     @pytest.mark.parametrize("kind", ["ASCII", "BINARY"])
-    def test_channels_are_scaled_and_digital_ones_are_numbers(self, tmp_path: Path, kind: str) -> None:
+    def test_channels_are_scaled_and_digital_ones_are_numbers(self, tmp_path, kind):
         found, k = read_recording(comtrade(tmp_path, kind)), np.arange(len(ROWS))
         assert [c.heading for c in found.channels.values()] == ["u [V]", "y [bar]", "open [1]"]
         np.testing.assert_allclose(found.time_s, 0.01 * k, atol=1e-12)
@@ -205,7 +205,7 @@ class TestComtrade:
         np.testing.assert_allclose(found.values("y"), -0.1 * k, rtol=1e-12)
         np.testing.assert_array_equal(found.values("open"), k % 2)
 
-    def test_one_half_names_the_other(self, tmp_path: Path) -> None:
+    def test_one_half_names_the_other(self, tmp_path):
         described = comtrade(tmp_path, "BINARY")
         with pytest.raises(FileError, match=r"x\.dat: holds the samples of a COMTRADE recording; give x\.cfg"):
             read_recording(tmp_path / "x.dat")
@@ -236,7 +236,7 @@ def universal(path: Path, *functions, binary: int = 0) -> Path:
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # pyuff's writer leaves files open
 class TestUniversalFiles:
     @pytest.mark.parametrize("binary", [0, 1])
-    def test_signals_are_read_at_their_times(self, tmp_path: Path, binary: int) -> None:
+    def test_signals_are_read_at_their_times(self, tmp_path, binary):
         time_s, u, y = (np.array(column) for column in zip(*ROWS, strict=True))
         path = universal(tmp_path / "x.uff", ("u", time_s, u, "V"), ("NONE", time_s, y, "bar"), binary=binary)
         found = read_recording(path)
@@ -244,7 +244,7 @@ class TestUniversalFiles:
         np.testing.assert_allclose(found.time_s, time_s, atol=1e-6)
         np.testing.assert_allclose(found.values("2+Z"), y, rtol=1e-6)
 
-    def test_a_frequency_response_is_one(self, tmp_path: Path) -> None:
+    def test_a_frequency_response_is_one(self, tmp_path):
         at_hz = np.linspace(1.0, 50.0, 50)
         response = 0.7 / (1.0 + 2j * np.pi * at_hz * 0.1)
         found = read_any(universal(tmp_path / "x.unv", ("H", at_hz, response, "")))
@@ -279,13 +279,13 @@ class TestUniversalFiles:
         ("x.log", b"V3.1\n\nFMT, 128, 89, FMT, BBnNZ,\n", "is a flight log of ArduPilot, which is not read"),
     ],
 )
-def test_what_is_not_read_says_what_it_is(tmp_path: Path, name: str, content: bytes, said: str) -> None:
+def test_what_is_not_read_says_what_it_is(tmp_path, name, content, said):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(FileError, match=re.escape(f"{name}: {said}")):
         read_recording(tmp_path / name)
 
 
-def test_an_archive_is_named_with_what_it_holds(tmp_path: Path) -> None:
+def test_an_archive_is_named_with_what_it_holds(tmp_path):
     with zipfile.ZipFile(tmp_path / "x.zip", "w") as archive:
         for name in ("a.csv", "b.csv", "c.csv", "d.csv"):
             archive.writestr(name, "time [s]\n")
@@ -315,9 +315,7 @@ NONE
     ("above", "below", "said"),
     [("m/s²", "NONE", ["m/s²"]), ("m/s²", "N", ["m/s² / N"]), ("NONE", "NONE", [])],
 )
-def test_the_unit_of_a_response_in_a_universal_file_is_said(
-    tmp_path: Path, above: str, below: str, said: list[str]
-) -> None:
+def test_the_unit_of_a_response_in_a_universal_file_is_said(tmp_path, above, below, said):
     pytest.importorskip("pyuff")
     lines = FRF.format(name="H1", above=above, below=below).splitlines()
     (tmp_path / "x.uff").write_bytes("".join(f"{line:80}\n" for line in lines).encode())
@@ -327,7 +325,7 @@ def test_the_unit_of_a_response_in_a_universal_file_is_said(
     assert isinstance(stated, ResponseTable) and stated.unit == "m/s^2"
 
 
-def test_a_log_of_a_german_can_program_is_one(tmp_path: Path) -> None:
+def test_a_log_of_a_german_can_program_is_one(tmp_path):
     pytest.importorskip("can")
     frames = "".join(f"   {k}.000000 1  180             Tx   d 8 0{k} 00 00 00 00 00 00 00\n" for k in (1, 2, 3))
     (tmp_path / "x.asc").write_text(
@@ -388,7 +386,7 @@ TABLES = {  # ending, text, its last channel and what that reads at each of its 
 
 
 @pytest.mark.parametrize("kind", TABLES)
-def test_a_text_is_read_as_its_program_means_it(kind: str, tmp_path: Path) -> None:
+def test_a_text_is_read_as_its_program_means_it(kind, tmp_path):
     ending, text, time_s, heading, values = TABLES[kind]
     (tmp_path / f"x{ending}").write_text(text)
     found = read_recording(tmp_path / f"x{ending}")
@@ -400,14 +398,14 @@ def test_a_text_is_read_as_its_program_means_it(kind: str, tmp_path: Path) -> No
 class TestTexts:
     """Text tables as programs write them, under any ending."""
 
-    def test_a_table_over_a_frequency_asks_which_parts_it_holds(self, tmp_path: Path) -> None:
+    def test_a_table_over_a_frequency_asks_which_parts_it_holds(self, tmp_path):
         (tmp_path / "x.txt").write_text("Frequency\tZre\tZimg\n0.1\t4.0\t-1.0\n0.2\t3.0\t-2.0\n0.4\t2.0\t-2.5\n")
         with pytest.raises(FileError, match="a table over a frequency, with Zre, Zimg; say which of them are real"):
             read_any(tmp_path / "x.txt")
         reading = Reading(renamed={"Zre": "re", "Zimg": "im"}, units={"Frequency": "Hz"})
         assert read_any(tmp_path / "x.txt", reading).response[0] == 4.0 - 1.0j
 
-    def test_an_example_of_many_names_is_short(self, tmp_path: Path) -> None:
+    def test_an_example_of_many_names_is_short(self, tmp_path):
         (tmp_path / "x.csv").write_text(
             "".join(",".join(f"{k + 0.5 * i}" for i in range(400)) + "\n" for k in range(4))
         )
@@ -415,7 +413,7 @@ class TestTexts:
             read_recording(tmp_path / "x.csv")
         assert len(str(caught.value)) < 300
 
-    def test_fields_of_a_time_series_database_are_channels(self, tmp_path: Path) -> None:
+    def test_fields_of_a_time_series_database_are_channels(self, tmp_path):
         above = "#datatype,string,long,dateTime:RFC3339,dateTime:RFC3339,dateTime:RFC3339,double,string\n"
         rows = [
             f",,{n},2026-11-28T10:00:00Z,2026-11-28T11:00:00Z,2026-11-28T10:11:{12 + k}Z,{k + 100 * n},{name}\n"
@@ -427,7 +425,7 @@ class TestTexts:
         assert found.values("flow").tolist() == [100.0 + k for k in range(20)]
 
     @pytest.mark.parametrize("heading", ["T", "T_oil", "clock"])
-    def test_what_only_sounds_like_a_time_is_a_signal(self, heading: str, tmp_path: Path) -> None:
+    def test_what_only_sounds_like_a_time_is_a_signal(self, heading, tmp_path):
         values = [k % 2 if heading == "clock" else 40.0 + 0.5 * k for k in range(30)]
         rows = "".join(f"{0.1 * k:.1f},{k % 7},{value},{2 * k}\n" for k, value in enumerate(values))
         (tmp_path / "x.csv").write_text(f"t,u,{heading},y\n{rows}")
@@ -435,7 +433,7 @@ class TestTexts:
         assert found.values(heading).tolist() == values and not found.own
         assert found.time_s == pytest.approx(0.1 * np.arange(30))
 
-    def test_samples_of_another_form_above_are_not_dropped(self, tmp_path: Path) -> None:
+    def test_samples_of_another_form_above_are_not_dropped(self, tmp_path):
         rows = "".join(f"{k} {k % 7} {2 * k}{' 9' if k < 5 else ''}\n" for k in range(60))
         (tmp_path / "x.txt").write_text(rows)
         with pytest.raises(FileError, match="line 5 has 4 values, those below 3"):
@@ -443,7 +441,7 @@ class TestTexts:
 
 
 class TestMcap:
-    def test_topics_in_json_are_tables_and_others_are_named(self, tmp_path: Path) -> None:
+    def test_topics_in_json_are_tables_and_others_are_named(self, tmp_path):
         mcap = pytest.importorskip("mcap.writer")
         with (tmp_path / "x.mcap").open("wb") as file:
             writer = mcap.Writer(file)
@@ -462,7 +460,7 @@ class TestMcap:
         np.testing.assert_array_equal(found.values("spool.position"), 0.5 * np.arange(40))
         assert any("not JSON are left out: /camera" in str(note) for note in found.meta["assumed"])
 
-    def test_a_log_without_json_names_its_topics(self, tmp_path: Path) -> None:
+    def test_a_log_without_json_names_its_topics(self, tmp_path):
         mcap = pytest.importorskip("mcap.writer")
         with (tmp_path / "x.mcap").open("wb") as file:
             writer = mcap.Writer(file)
@@ -474,7 +472,7 @@ class TestMcap:
         ):
             read_recording(tmp_path / "x.mcap")
 
-    def test_viewers_find_stamps_of_the_calendar_and_units(self, tmp_path: Path) -> None:
+    def test_viewers_find_stamps_of_the_calendar_and_units(self, tmp_path):
         mcap = pytest.importorskip("mcap.reader")
         made = recording("run", np.array([-0.5, 0.0, 0.5]), {"flow [l/min]": np.arange(3.0)},
                          {"started_utc": "2026-11-28T10:00:00+00:00"})  # fmt: skip
@@ -515,7 +513,7 @@ def modelica(path: Path, transposed: bool, kind: str = "Atrajectory") -> Path:
 
 class TestModelica:
     @pytest.mark.parametrize("transposed", [True, False])
-    def test_variables_have_names_units_and_signs(self, tmp_path: Path, transposed: bool) -> None:
+    def test_variables_have_names_units_and_signs(self, tmp_path, transposed):
         found = read_recording(modelica(tmp_path / "x.mat", transposed))
         assert [c.heading for c in found.channels.values()] == ["tank.level [m]", "flow [m3/s]", "x[1] [1]", "x[2] [1]"]
         assert found.time_s.tolist() == [0.0, 1.0, 2.0, 3.0]
@@ -526,6 +524,6 @@ class TestModelica:
         assert "no unit is stated for 2 of 4 variables" in said
         assert "1 rows before a jump" in said
 
-    def test_another_kind_of_result_is_named(self, tmp_path: Path) -> None:
+    def test_another_kind_of_result_is_named(self, tmp_path):
         with pytest.raises(FileError, match=r"x.mat: is a file of AlinearSystem 1.1; results of a simulation"):
             read_recording(modelica(tmp_path / "x.mat", True, "AlinearSystem"))

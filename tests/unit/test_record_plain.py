@@ -24,7 +24,7 @@ class Setting:
     values: tuple[float, ...]
 
 
-def test_everything_a_bench_says_becomes_json() -> None:
+def test_everything_a_bench_says_becomes_json():
     value = {
         "float": np.float64(1.5), "int": np.int32(3), "bool": np.True_, "array": np.array([[1.0, np.inf]]),
         "complex": 1 + 2j, "numpy complex": np.complex128(3j), "enum": Level.LOW, "dataclass": Setting("a", (1.0, 2.0)),
@@ -37,6 +37,6 @@ def test_everything_a_bench_says_becomes_json() -> None:
     }  # fmt: skip
 
 
-def test_what_has_no_form_is_named() -> None:
+def test_what_has_no_form_is_named():
     with pytest.raises(TypeError, match=r"object .* cannot be written as JSON"):
         plain({"x": object()})

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -168,7 +167,7 @@ UNITS = {"SignalExpress": "1", "Hantek": "1", "Tektronix DPO7000": "1", "panel o
 
 
 @pytest.mark.parametrize("program", SAYS_ABOVE)
-def test_what_lines_above_or_beside_the_samples_say_is_used(tmp_path: Path, program: str) -> None:
+def test_what_lines_above_or_beside_the_samples_say_is_used(tmp_path, program):
     (tmp_path / "x.csv").write_text(SAYS_ABOVE[program], encoding="utf-8")
     found = read_recording(tmp_path / "x.csv")
     assert found.time_s - found.time_s[0] == pytest.approx(TIME_S, abs=1e-5)
@@ -178,7 +177,7 @@ def test_what_lines_above_or_beside_the_samples_say_is_used(tmp_path: Path, prog
         assert channel.values == pytest.approx(FLOW, abs=1e-5)
 
 
-def test_a_scope_without_times_starts_where_it_says(tmp_path: Path) -> None:
+def test_a_scope_without_times_starts_where_it_says(tmp_path):
     (tmp_path / "x.csv").write_text(SAYS_ABOVE["Yokogawa"], encoding="utf-8")
     found = read_recording(tmp_path / "x.csv")
     assert list(found.channels) == ["CH1", "CH2"] and found.channel("CH2").unit == "A"
@@ -186,7 +185,7 @@ def test_a_scope_without_times_starts_where_it_says(tmp_path: Path) -> None:
     assert found.meta["assumed"] == ["even time base of 0.002 s, as line 4 says"]
 
 
-def test_numbers_of_rows_below_labels_are_no_time_where_one_is_labelled(tmp_path: Path) -> None:
+def test_numbers_of_rows_below_labels_are_no_time_where_one_is_labelled(tmp_path):
     head = "Operator: A\n\nChannel,Time,Command,Flow\nUnit,ms,%,l/min\nSensor,,AO1,FM2\n"
     rows = "".join(f"{k + 1},{10 * k},{k % 7},{0.1 * k:.1f}\n" for k in range(60))
     (tmp_path / "x.csv").write_text(head + rows, encoding="utf-8")
@@ -196,9 +195,7 @@ def test_numbers_of_rows_below_labels_are_no_time_where_one_is_labelled(tmp_path
 
 
 @pytest.mark.parametrize("first", [lambda k: 5.0 * (k > 30), float], ids=["a command that steps up", "a row's number"])
-def test_a_column_that_goes_on_otherwise_than_the_interval_above_is_no_time(
-    tmp_path: Path, first: Callable[[int], float]
-) -> None:
+def test_a_column_that_goes_on_otherwise_than_the_interval_above_is_no_time(tmp_path, first):
     rows = "".join(f"{first(k)}\t{0.1 * k:.3f}\n" for k in range(60))
     (tmp_path / "x.txt").write_text(f"[Header]\nSamplingTime=10.000 ms\n[Data]\n{rows}", encoding="utf-8")
     found = read_recording(tmp_path / "x.txt")
@@ -217,7 +214,7 @@ def test_a_column_that_goes_on_otherwise_than_the_interval_above_is_no_time(
         ("Datum;Zeit;[V] u;[bar] y\n", "04.03.2026;13:05:07,{ms:03d};{u};{y}"),  # Testo
     ],
 )  # fmt: skip
-def test_stamps_and_names_of_a_panel_a_solver_and_a_meter_are_read(tmp_path: Path, above: str, row: str) -> None:
+def test_stamps_and_names_of_a_panel_a_solver_and_a_meter_are_read(tmp_path, above, row):
     lines = [row.format(k=k, t=0.01 * k, ms=10 * k, u=k // 7, y=0.5 * k) for k in range(60)]
     (tmp_path / "x.csv").write_text(above + "\n".join(lines) + "\n", encoding="utf-8")
     found = read_recording(tmp_path / "x.csv")
@@ -227,32 +224,32 @@ def test_stamps_and_names_of_a_panel_a_solver_and_a_meter_are_read(tmp_path: Pat
 
 
 @pytest.mark.parametrize("remark", ["# type: matrix", "# title = time,u,y"])
-def test_words_of_a_remark_are_no_headings(tmp_path: Path, remark: str) -> None:
+def test_words_of_a_remark_are_no_headings(tmp_path, remark):
     rows_of = "".join(f" {0.01 * k} {k // 7} {0.5 * k}\n" for k in range(60))
     (tmp_path / "x.txt").write_text(f"# Created by a program\n{remark}\n{rows_of}", encoding="utf-8")
     with pytest.raises(FileError, match=r"name the 3 columns with --columns"):
         read_recording(tmp_path / "x.txt")
 
 
-def test_counts_of_a_converter_are_not_said_to_be_volts(tmp_path: Path) -> None:
+def test_counts_of_a_converter_are_not_said_to_be_volts(tmp_path):
     fast = SAYS_ABOVE["GW Instek"].split("Waveform Data")[0].replace("Detail", "Fast") + "Waveform Data,\n"
     (tmp_path / "x.csv").write_text(fast + rows(lambda i, t, u, y: f"{i % 50},"), encoding="utf-8")
     assert read_recording(tmp_path / "x.csv").meta["units_missing"] == ["CH1"]
 
 
 @pytest.mark.parametrize("heading", ["V(V)", "V(mV)", "I(mA)"])
-def test_a_unit_of_a_voltage_or_current_is_no_node_of_a_circuit(tmp_path: Path, heading: str) -> None:
+def test_a_unit_of_a_voltage_or_current_is_no_node_of_a_circuit(tmp_path, heading):
     (tmp_path / "x.csv").write_text(f"time,{heading}\n0,1\n1,2\n2,3\n", encoding="utf-8")
     (channel,) = read_recording(tmp_path / "x.csv").channels.values()
     assert (channel.name, channel.unit) == (heading[0], heading[2:-1])
 
 
-def test_a_point_among_decimal_commas_is_no_mark_of_thousands(tmp_path: Path) -> None:
+def test_a_point_among_decimal_commas_is_no_mark_of_thousands(tmp_path):
     (tmp_path / "x.csv").write_text("time [s];flow [l/min]\n0,0;5,0\n0,1;5.0739\n0,2;-4.07\n", encoding="utf-8")
     assert read_recording(tmp_path / "x.csv").values("flow").tolist() == [5.0, 5.0739, -4.07]
 
 
-def test_thousands_far_down_are_read(tmp_path: Path) -> None:
+def test_thousands_far_down_are_read(tmp_path):
     number = (f"{3.7 * i:,.1f}".translate(str.maketrans(",.", ".,")) for i in range(900))
     text = "".join(f"{i};{text}\n" for i, text in enumerate(number))
     (tmp_path / "x.csv").write_text(f"time [s];flow [l/min]\n{text}", encoding="utf-8")
@@ -260,7 +257,7 @@ def test_thousands_far_down_are_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("program", FILES)
-def test_a_recording_of_another_program_has_its_numbers_and_times(tmp_path: Path, program: str) -> None:
+def test_a_recording_of_another_program_has_its_numbers_and_times(tmp_path, program):
     (tmp_path / "x.csv").write_text(FILES[program], encoding="utf-8")
     found = read_recording(tmp_path / "x.csv")
     command, flow = (found.samples(name) for name in list(found.channels))
@@ -269,7 +266,7 @@ def test_a_recording_of_another_program_has_its_numbers_and_times(tmp_path: Path
         assert one.values == pytest.approx(values, abs=1e-5)
 
 
-def test_a_scope_says_its_units_and_where_its_time_starts(tmp_path: Path) -> None:
+def test_a_scope_says_its_units_and_where_its_time_starts(tmp_path):
     (tmp_path / "x.csv").write_text(next(iter(FILES.values())), encoding="utf-8")
     found = read_recording(tmp_path / "x.csv")
     assert found.time_s[0] == pytest.approx(-0.01) and found.values("CH2", "mV") == pytest.approx(1e3 * FLOW)
@@ -277,7 +274,7 @@ def test_a_scope_says_its_units_and_where_its_time_starts(tmp_path: Path) -> Non
     assert {c.heading for c in read_recording(tmp_path / "y.csv").channels.values()} == {"V(in) [V]", "I(R1) [A]"}
 
 
-def test_channels_of_twincat_keep_their_own_rates_and_a_scale_is_said(tmp_path: Path) -> None:
+def test_channels_of_twincat_keep_their_own_rates_and_a_scale_is_said(tmp_path):
     slow = [f"{4 * i}\t{y}" if 2 * i < COUNT else "\t" for i, y in enumerate(FLOW[::2].tolist() + [""] * 30)]
     head = TWINCAT_HEAD.replace("ScaleFactor\t1\tScaleFactor\t1", "ScaleFactor\t1\tScaleFactor\t-10")
     text = head + rows(lambda i, t, u, y: f"{1e3 * t:g}\t{u:g}\t{slow[i]}")
@@ -287,7 +284,7 @@ def test_channels_of_twincat_keep_their_own_rates_and_a_scale_is_said(tmp_path: 
     assert any("'flow': the headings state ScaleFactor -10" in said for said in found.meta["assumed"])
 
 
-def test_channels_of_a_historian_keep_how_far_their_first_stamps_lie_apart(tmp_path: Path) -> None:
+def test_channels_of_a_historian_keep_how_far_their_first_stamps_lie_apart(tmp_path):
     lines = [f"2026-11-25 10:00:{t:06.3f};{name};{t}" for t in np.arange(8) / 2 for name in ("uy"[int(2 * t) % 2],)]
     (tmp_path / "x.csv").write_text("\n".join(["Timestamp;Tagname;Value", *lines]), encoding="utf-8")
     found = read_recording(tmp_path / "x.csv")
@@ -296,9 +293,7 @@ def test_channels_of_a_historian_keep_how_far_their_first_stamps_lie_apart(tmp_p
 
 
 @pytest.mark.parametrize(("late_s", "rounded"), [(0.5, False), (0.0, False), (0.0, True)])
-def test_a_date_further_on_is_a_clock_of_its_own_unless_it_says_the_same(
-    tmp_path: Path, late_s: float, rounded: bool
-) -> None:
+def test_a_date_further_on_is_a_clock_of_its_own_unless_it_says_the_same(tmp_path, late_s, rounded):
     def date(t: float, digits: int = 3) -> str:
         return f"2026-11-25 10:00:{t:0{3 + digits if digits else 2}.{digits}f}"
 
@@ -311,7 +306,7 @@ def test_a_date_further_on_is_a_clock_of_its_own_unless_it_says_the_same(
         assert samples.time_s == pytest.approx(samples.values / 10 + apart_s) and len(samples.values) >= 5
 
 
-def test_a_bad_quality_is_left_out_and_counted(tmp_path: Path) -> None:
+def test_a_bad_quality_is_left_out_and_counted(tmp_path):
     (tmp_path / "x.csv").write_text(FILES["historian"], encoding="utf-8")
     assert any("1 rows of bad quality left out" in said for said in read_recording(tmp_path / "x.csv").meta["assumed"])
 
@@ -321,7 +316,7 @@ def polar(g: complex) -> str:
 
 
 @pytest.mark.parametrize("cell", [polar, lambda g: f"{g.real},{g.imag}"])
-def test_a_response_of_ltspice_is_a_table(tmp_path: Path, cell: Callable[[complex], str]) -> None:
+def test_a_response_of_ltspice_is_a_table(tmp_path, cell):
     hz = np.geomspace(0.1, 100.0, 30)
     response = 2.0 / (1.0 + 2j * np.pi * hz * 0.02)
     text = "Freq.\tV(out)/V(in)\n" + "".join(f"{f:.14e}\t{cell(g)}\n" for f, g in zip(hz, response, strict=True))
@@ -339,7 +334,7 @@ def test_a_response_of_ltspice_is_a_table(tmp_path: Path, cell: Callable[[comple
         ("Freq.\tV(out)\n1\t1,0\n2\tabc\n3\t1,0\n", "row 2: 'abc' is no complex number"),
     ],
 )
-def test_what_ltspice_exports_together_is_refused_with_what_to_export(tmp_path: Path, text: str, says: str) -> None:
+def test_what_ltspice_exports_together_is_refused_with_what_to_export(tmp_path, text, says):
     (tmp_path / "x.txt").write_text(text, encoding="utf-8")
     with pytest.raises(FileError, match=says):
         read_any(tmp_path / "x.txt")

@@ -66,7 +66,7 @@ def mistaken(mistake: str) -> Recording:
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_what_a_typical_unit_fits_only_otherwise_is_suspected(mistake: str) -> None:
+def test_what_a_typical_unit_fits_only_otherwise_is_suspected(mistake):
     one, sentence = mistaken(mistake), MISTAKES[mistake][1]
     (first, *_) = looked_at(one).suspicions
     assert first.fit > 50.0
@@ -75,7 +75,7 @@ def test_what_a_typical_unit_fits_only_otherwise_is_suspected(mistake: str) -> N
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_compare_and_simulate_say_what_a_recording_looks_like(mistake: str) -> None:
+def test_compare_and_simulate_say_what_a_recording_looks_like(mistake):
     one, sentence = mistaken(mistake), MISTAKES[mistake][1]
     start, said = typical_model(PLANT), list[str]()
     (found,) = compare_all(start, bound(start, [one]))
@@ -84,7 +84,7 @@ def test_compare_and_simulate_say_what_a_recording_looks_like(mistake: str) -> N
     assert any(re.search(sentence, note) for note in said)
 
 
-def test_compare_and_simulate_doubt_no_good_recording_nor_one_without_an_output() -> None:
+def test_compare_and_simulate_doubt_no_good_recording_nor_one_without_an_output():
     start, said = typical_model(PLANT), list[str]()
     (found,) = compare_all(start, bound(start, [made_steps()]))
     api.simulate(start, made_steps(), notes=said.append)
@@ -93,7 +93,7 @@ def test_compare_and_simulate_doubt_no_good_recording_nor_one_without_an_output(
     assert found.notes == () and said == []
 
 
-def test_compare_leaves_out_samples_that_identify_leaves_out() -> None:
+def test_compare_leaves_out_samples_that_identify_leaves_out():
     start, whole = typical_model(PLANT), made_steps()
     stuck = flow_of(whole).copy()
     for first in (300, 900, 1500):
@@ -102,26 +102,26 @@ def test_compare_leaves_out_samples_that_identify_leaves_out() -> None:
     assert [note for note in found.notes if "not measured anew 3 ×" in note]
 
 
-def test_samples_further_apart_than_a_plant_takes_are_refused_before_any_fit() -> None:
+def test_samples_further_apart_than_a_plant_takes_are_refused_before_any_fit():
     short = with_rows(made_steps(), slice(400, 1000))
     slow = replace(short, time_s=1000.0 * short.time_s)
     with pytest.raises(FileError, match=r"time divided by 1000; .*--unit 'time=UNIT'"):
         looked_at(slow)
 
 
-def test_a_good_recording_of_a_unit_unlike_a_typical_one_is_not_suspected() -> None:
+def test_a_good_recording_of_a_unit_unlike_a_typical_one_is_not_suspected():
     found = looked_at(made_steps())
     assert found.suspicions == () and found.notes == ()
 
 
-def test_a_fit_as_recorded_outweighs_a_suspicion_unless_it_halves_the_misfit() -> None:
+def test_a_fit_as_recorded_outweighs_a_suspicion_unless_it_halves_the_misfit():
     suspected = Suspicion("x", "a factor near 10 looks like a wrong unit", 95.0)
     assert not suspected.outweighs(97.0) and not suspected.outweighs(92.0)
     assert suspected.outweighs(85.0) and suspected.outweighs(30.0) and suspected.outweighs(float("nan"))
     assert suspected.outweighs(94.0, at_bounds=True)
 
 
-def test_a_wrong_unit_is_refused_and_a_unit_of_another_size_is_told_of() -> None:
+def test_a_wrong_unit_is_refused_and_a_unit_of_another_size_is_told_of():
     start = typical_model(PLANT)
     with pytest.raises(FileError, match="wrong unit"):
         fit_plant(start, bound(start, [mistaken("millilitres")]))
@@ -136,7 +136,7 @@ def test_a_wrong_unit_is_refused_and_a_unit_of_another_size_is_told_of() -> None
     )
 
 
-def test_stale_and_held_samples_are_left_out_and_said() -> None:
+def test_stale_and_held_samples_are_left_out_and_said():
     one = made_steps()
     flow = one.values("flow").copy()
     for start in (300, 900, 1700, 2500):
@@ -148,13 +148,13 @@ def test_stale_and_held_samples_are_left_out_and_said() -> None:
     assert any("shows each value 8 times" in text for text in held.notes)
 
 
-def test_a_diagnosis_leaves_out_what_was_held_between_slower_samples() -> None:
+def test_a_diagnosis_leaves_out_what_was_held_between_slower_samples():
     held = with_values(records(seed=42)[1], flow=lambda r: np.repeat(r.values("flow")[::5], 5))
     checked = check(nominal(), bound(nominal(), [held]))
     assert any("shows each value 5 times" in text for text in checked.warnings)
 
 
-def test_a_coarse_sweep_of_leakage_is_not_called_swapped() -> None:
+def test_a_coarse_sweep_of_leakage_is_not_called_swapped():
     """Within the dead band a flow meter of coarse steps shows little but its steps."""
     leaking = ActiveEffect("leakage", "flow", {"leak": 0.6, "fall": 0.5, "lean": 0.0})
     time_s = np.arange(0.0, 60.0, 0.05)
@@ -171,7 +171,7 @@ def test_a_coarse_sweep_of_leakage_is_not_called_swapped() -> None:
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_what_identify_took_is_not_refused_afterwards(mistake: str) -> None:
+def test_what_identify_took_is_not_refused_afterwards(mistake):
     """Whatever a model was made of is what it says."""
     one = mistaken(mistake)
     (e,) = bound(nominal(), [one])
@@ -179,20 +179,20 @@ def test_what_identify_took_is_not_refused_afterwards(mistake: str) -> None:
     check(model, [e])
 
 
-def test_too_few_samples_are_refused() -> None:
+def test_too_few_samples_are_refused():
     with pytest.raises(FileError, match="at least 20 are needed"):
         fit_plant(typical_model(PLANT), bound(typical_model(PLANT), [with_rows(made_steps(), slice(10))]))
 
 
 @pytest.mark.parametrize(("gain", "std", "said"), [(-2.0, 0.1, 1), (-0.2, 0.1, 0), (2.0, 0.1, 0), (-2.0, None, 0)])
-def test_a_transfer_function_whose_output_falls_is_told_of(gain: float, std: float | None, said: int) -> None:
+def test_a_transfer_function_whose_output_falls_is_told_of(gain, std, said):
     one = typical_model("transfer-function")
     turned = replace(one, parameters={**one.parameters, "gain": replace(one.parameters["gain"], value=gain, std=std)})
     assert len(runs_the_other_way(turned)) == said
 
 
 @pytest.mark.parametrize(("rate", "said"), [(1.5, True), (0.0, False), (-1.5, False)])
-def test_an_output_that_runs_away_is_called_unstable(rate: float, said: bool) -> None:
+def test_an_output_that_runs_away_is_called_unstable(rate, said):
     """A pole at that rate; 0 is an integrator, which grows with its input's sum alone."""
     time_s = np.arange(0.0, 4.0, 0.01)
     command = np.where(time_s > 0.1, 1.0, 0.0) + 0.2 * np.sin(7.0 * time_s)
@@ -205,7 +205,7 @@ def test_an_output_that_runs_away_is_called_unstable(rate: float, said: bool) ->
     assert any("unstable" in sentence for sentence in found) == said
 
 
-def test_the_noise_of_an_inner_channel_is_that_of_samples_within_its_range() -> None:
+def test_the_noise_of_an_inner_channel_is_that_of_samples_within_its_range():
     def clipped(one: Recording) -> Array:
         noisy = 50.0 * command_of(one) / np.abs(command_of(one)).max()
         noisy += 0.5 * np.random.default_rng(3).standard_normal(len(one))
@@ -218,7 +218,7 @@ def test_the_noise_of_an_inner_channel_is_that_of_samples_within_its_range() -> 
 
 
 @pytest.mark.parametrize("top", [4.0, 2.0])
-def test_a_motor_that_nobody_asks_to_turn_rests_and_a_meter_at_its_end_is_clipped(top: float) -> None:
+def test_a_motor_that_nobody_asks_to_turn_rests_and_a_meter_at_its_end_is_clipped(top):
     time_s = np.arange(0.0, 16.0, 0.02)
     command = np.floor(time_s / 2.0)
     turning = command > 0.0

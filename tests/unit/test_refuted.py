@@ -38,36 +38,36 @@ def explained_by(asked: Problem, name: str, **values: float) -> Fitted:
     return evaluated(asked, Fitted((term,), (own,), start.parameters, 0.0, start.residuals))
 
 
-def test_a_stop_that_the_recording_keeps_is_one() -> None:
+def test_a_stop_that_the_recording_keeps_is_one():
     asked = problem(STOP)
     assert not refuted(asked, explained_by(asked, "end_stop", upper=4.0, lower=-50.0))
 
 
-def test_a_stop_that_the_recording_passes_is_none() -> None:
+def test_a_stop_that_the_recording_passes_is_none():
     asked = problem()
     f = explained_by(asked, "end_stop", upper=4.0, lower=-50.0)
     assert refuted(asked, f) == {("end_stop", "stop")}
 
 
 @pytest.mark.parametrize(("hz", "is_one"), [(0.25, True), (0.75, True), (0.41, False), (7.0, False)])
-def test_what_the_command_drives_is_no_disturbance(hz: float, is_one: bool) -> None:
+def test_what_the_command_drives_is_no_disturbance(hz, is_one):
     asked = problem()
     f = explained_by(asked, "periodic_disturbance", frequency=hz)
     assert bool(refuted(asked, f)) == is_one
     assert is_commanded(asked.experiments, hz) == is_one
 
 
-def test_a_frequency_that_one_recording_alone_is_driven_at_may_be_a_disturbance() -> None:
+def test_a_frequency_that_one_recording_alone_is_driven_at_may_be_a_disturbance():
     both = (*problem(hz=0.25).experiments, *problem(hz=0.9).experiments)
     assert not is_commanded(both, 0.25)
 
 
-def test_what_is_refuted_is_not_looked_for() -> None:
+def test_what_is_refuted_is_not_looked_for():
     asked = replace(problem(), refuted=frozenset({("end_stop", "stop")}))
     assert not any(t.name == "end_stop" for t in all_terms(asked, nothing(asked).residuals))
 
 
-def test_bounds_follow_what_passes() -> None:
+def test_bounds_follow_what_passes():
     """A flap driven three times as far as its full scale may stick three times as much."""
     command = 150.0 * np.sin(2.0 * np.pi * 0.25 * TIME_S)
     angle = simulate(FLAP, FLAP.typical, Drive(command[None, :], 2.5, 0.01))[0]

@@ -22,7 +22,7 @@ def noisy() -> np.ndarray:
     return NOISE * np.random.default_rng(5).standard_normal(4000)
 
 
-def test_a_recorder_that_stops_once_for_long_is_recognised_by_that_alone() -> None:
+def test_a_recorder_that_stops_once_for_long_is_recognised_by_that_alone():
     made = records(seed=23)
     flow = made[1].channels["flow"].values
     flow[5 * SECOND :] = flow[5 * SECOND]
@@ -31,14 +31,14 @@ def test_a_recorder_that_stops_once_for_long_is_recognised_by_that_alone() -> No
     assert kept[1].invalid["output"].mean() == pytest.approx((DURATION_S - 5.0) / DURATION_S, abs=0.001)
 
 
-def test_a_short_run_alone_is_nothing() -> None:
+def test_a_short_run_alone_is_nothing():
     made = records(seed=23)
     flow = made[1].channels["flow"].values
     flow[5 * SECOND : 5 * SECOND + 20] = flow[5 * SECOND]
     assert without_stale(bound(nominal(), made))[1] == ()
 
 
-def test_a_unit_that_rests_before_the_first_command_repeats_one_value() -> None:
+def test_a_unit_that_rests_before_the_first_command_repeats_one_value():
     made = records(seed=23)
     command, flow = (made[1].channels[name].values for name in ("command", "flow"))
     command[: 2 * SECOND], flow[: 2 * SECOND] = command[0], flow[0]
@@ -47,7 +47,7 @@ def test_a_unit_that_rests_before_the_first_command_repeats_one_value() -> None:
     assert [s.start_s for s in without_stale(bound(nominal(), made))[1]] == [5.0]
 
 
-def test_a_channel_that_comes_back_to_few_values_repeats_them_by_itself() -> None:
+def test_a_channel_that_comes_back_to_few_values_repeats_them_by_itself():
     """A counter's speed has few levels; resampled it shows some between, and its finest step is none of them."""
     made = records(seed=23)
     flow, rng = made[1].channels["flow"].values, np.random.default_rng(8)
@@ -58,20 +58,20 @@ def test_a_channel_that_comes_back_to_few_values_repeats_them_by_itself() -> Non
 
 
 @pytest.mark.parametrize("at", ["where it was", "at its lowest"])
-def test_the_noise_of_a_channel_that_stands_still_for_long_is_that_of_the_rest(at: str) -> None:
+def test_the_noise_of_a_channel_that_stands_still_for_long_is_that_of_the_rest(at):
     values = noisy()
     values[1500:] = values[1500] if at == "where it was" else values.min()
     assert channel_floor(values) == pytest.approx(NOISE, rel=0.1)
 
 
-def test_a_coarse_channel_at_rest_has_the_noise_of_its_resolution() -> None:
+def test_a_coarse_channel_at_rest_has_the_noise_of_its_resolution():
     values = np.round(np.sin(np.arange(4000) / 500.0) / 0.01) * 0.01
     values[1500:] = values[1500]
     assert white_floor(values) == 0.0
     assert channel_floor(values) == pytest.approx(0.01 / np.sqrt(12.0))
 
 
-def test_coarse_steps_above_a_level_are_no_samples_that_were_not_measured() -> None:
+def test_coarse_steps_above_a_level_are_no_samples_that_were_not_measured():
     """A meter that reads finely below a level and coarsely above it: repeats, but never for long at one value."""
     rising = np.linspace(0.0, 20.0, 4000) + 0.002 * np.random.default_rng(6).standard_normal(4000)
     values = np.where(rising < 4.0, np.round(rising, 4), 0.38 * np.round(rising / 0.38))
@@ -85,7 +85,7 @@ def coarse(made: list[Recording], step: float) -> list[Recording]:
     return made
 
 
-def test_a_coarse_channel_that_catches_up_at_once_was_not_measured_anew() -> None:
+def test_a_coarse_channel_that_catches_up_at_once_was_not_measured_anew():
     made = coarse(records(seed=24), NOISE)
     sweep = made[1].channels["flow"].values
     lost = [SECOND * k for k in (5, 6, 7, 10, 11)]
@@ -101,7 +101,7 @@ def test_a_coarse_channel_that_catches_up_at_once_was_not_measured_anew() -> Non
     assert problem.excess(found.chi2) < 1.0 / 12.0 + 0.05  # a twelfth is what rounding adds
 
 
-def test_samples_that_were_not_measured_anew_take_no_misfit_with_them() -> None:
+def test_samples_that_were_not_measured_anew_take_no_misfit_with_them():
     """A model that is off at a constant output was explained by readings that repeat there."""
     made = records(seed=24)
     problem = pose(nominal(), bound(nominal(), made))
@@ -115,7 +115,7 @@ def test_samples_that_were_not_measured_anew_take_no_misfit_with_them() -> None:
     assert not any(other.any() for k, other in enumerate(counted) if k != 1)
 
 
-def test_a_spool_that_sticks_does_not_catch_up_at_once() -> None:
+def test_a_spool_that_sticks_does_not_catch_up_at_once():
     stuck = ActiveEffect("friction", "force", {"coulomb": 6.0, "stiction": 2.0, "stribeck": 5.0, "presliding": 0.01})
     problem = pose(nominal(), bound(nominal(), coarse(records((stuck,), seed=25), 4.0 * NOISE)))
     start = nothing(problem)
@@ -123,7 +123,7 @@ def test_a_spool_that_sticks_does_not_catch_up_at_once() -> None:
     assert held_outputs(problem, start) is None
 
 
-def test_a_channel_without_noise_repeats_by_itself_and_may_jump() -> None:
+def test_a_channel_without_noise_repeats_by_itself_and_may_jump():
     """A pressure that a spool's edge lets rise within a sample after a slow start, read in steps and without noise."""
     problem = pose(nominal(), bound(nominal(), records(seed=26)))
     still = problem.experiments[1].output.copy()
@@ -134,7 +134,7 @@ def test_a_channel_without_noise_repeats_by_itself_and_may_jump() -> None:
     assert held_outputs(alone, nothing(alone)) is None
 
 
-def test_what_stands_in_samples_that_say_nothing_is_felt_nowhere() -> None:
+def test_what_stands_in_samples_that_say_nothing_is_felt_nowhere():
     """Noise with a memory is whitened by a filter, which must not carry a stale reading on to the samples after it."""
     healthy = nominal()
     known = healthy.noise

@@ -40,7 +40,7 @@ def drawings(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     return made
 
 
-def test_every_point_of_a_bode_diagram_and_of_distortions_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_point_of_a_bode_diagram_and_of_distortions_is_seen(monkeypatch):
     figures = drawings(monkeypatch)
     assert len(figures) == 3
     for figure in figures:
@@ -54,7 +54,7 @@ def test_every_point_of_a_bode_diagram_and_of_distortions_is_seen(monkeypatch: p
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(1, 1), (3, 1), (2, 3)])
-def test_every_text_has_room_of_its_own(rows: int, columns: int) -> None:
+def test_every_text_has_room_of_its_own(rows, columns):
     figure = Figure(figsize=(8.4, 1.0 + 1.5 * rows), dpi=72.0)
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in grid:

@@ -92,7 +92,7 @@ def page_of(diagnosis: Diagnosis, folder: Path) -> Page:
     return read_page(folder / "report.html")
 
 
-def test_explained_says_what_where_and_how_well(tmp_path: Path) -> None:
+def test_explained_says_what_where_and_how_well(tmp_path):
     page = page_of(a_diagnosis(), tmp_path)
     for text in (
         "Explained The model leaves out friction", "fits 71.23 %, the corrected one 98.65 %; noise allows 98.91 %",
@@ -107,7 +107,7 @@ def test_explained_says_what_where_and_how_well(tmp_path: Path) -> None:
     assert page.drawings == 5
 
 
-def test_the_explanation_that_was_chosen_is_marked() -> None:
+def test_the_explanation_that_was_chosen_is_marked():
     friction = a_diagnosis().effects[0]
     mass = ChangedParameter("mass", 20.0, 100.0, 0.2, "kg", "moved mass")
     tried = [Candidate(name, "spool", 99.0, 9000.0 - i, 0.5) for i, name in enumerate(("friction + mass", "friction"))]
@@ -120,12 +120,12 @@ def test_the_explanation_that_was_chosen_is_marked() -> None:
     assert marked(tried[1:], (mass,)) == ["friction"]
 
 
-def test_limits_on_what_cannot_be_seen_come_first(tmp_path: Path) -> None:
+def test_limits_on_what_cannot_be_seen_come_first(tmp_path):
     text = page_of(undrawn(), tmp_path).text
     assert text.index("coil heating") < text.index("leakage load")
 
 
-def test_consistent_speaks_of_no_correction(tmp_path: Path) -> None:
+def test_consistent_speaks_of_no_correction(tmp_path):
     page = page_of(
         a_diagnosis(verdict="consistent", effects=(), mismatch=None, stage_shares=(), candidates=()), tmp_path
     )
@@ -135,7 +135,7 @@ def test_consistent_speaks_of_no_correction(tmp_path: Path) -> None:
     assert "corrected model leaves" not in page.text
 
 
-def test_unexplained_hands_over_what_is_left_without_a_name(tmp_path: Path) -> None:
+def test_unexplained_hands_over_what_is_left_without_a_name(tmp_path):
     left = Left(1.0, 2.5, 0.3, "l/min", WHERE, (a_stage("force", "spool", 0.7), a_stage("sensor", "sensor", 0.0)), 2.5)
     page = page_of(a_diagnosis(verdict="unexplained", effects=(), left=left), tmp_path)
     assert "leaves 2.5 l/min (rms) beyond the noise of 0.3 l/min: 100 % of the misfit" in page.text
@@ -143,7 +143,7 @@ def test_unexplained_hands_over_what_is_left_without_a_name(tmp_path: Path) -> N
     assert "sensor (sensor)" not in page.text
 
 
-def test_a_description_without_a_name_is_shown_before_and_after(tmp_path: Path) -> None:
+def test_a_description_without_a_name_is_shown_before_and_after(tmp_path):
     described = undrawn(verdict="unexplained", effects=())
     text = page_of(described, tmp_path).text
     assert "the corrected one 98.65 %" in text and "Before and after" in text
@@ -151,14 +151,14 @@ def test_a_description_without_a_name_is_shown_before_and_after(tmp_path: Path) 
     assert "corrected one" not in page_of(kept, tmp_path).text
 
 
-def test_changed_parameter_at_its_bound_is_a_warning(tmp_path: Path) -> None:
+def test_changed_parameter_at_its_bound_is_a_warning(tmp_path):
     changed = ChangedParameter("gain", 1.5, 1.80123, 0.0151, "l/min", "flow at full opening", at_bound=True)
     page = page_of(undrawn(verdict="parameter_change", effects=(), changed_parameters=(changed,)), tmp_path)
     assert "gain 1.5 1.801 ± 0.030 l/min flow at full opening at its bound" in page.text
     assert "not physics" in page.text
 
 
-def test_rivals_next_test_and_warnings_are_shown(tmp_path: Path) -> None:
+def test_rivals_next_test_and_warnings_are_shown(tmp_path):
     test = NextTest("step_response", {"levels": (10.0, 80.0), "note": "a b"}, "Steps tell them apart.", 20.0)
     page = page_of(
         undrawn(next_test=test, not_separable=(("friction", "dead_time"),), warnings=("clipped at 10 V",)), tmp_path
@@ -169,7 +169,7 @@ def test_rivals_next_test_and_warnings_are_shown(tmp_path: Path) -> None:
     assert "clipped at 10 V" in page.text
 
 
-def test_nothing_known_still_makes_a_page(tmp_path: Path) -> None:
+def test_nothing_known_still_makes_a_page(tmp_path):
     bare = a_diagnosis(
         effects=(), candidates=(), recordings={}, mismatch=None, stage_shares=(), limits=(), strips=(), spectra=(),
         chain=(), verdict="unexplained", held_out=Fit(NAN, NAN, NAN), left=Left(NAN, NAN, NAN, "1", None, (), 2.5),
@@ -178,12 +178,12 @@ def test_nothing_known_still_makes_a_page(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("noise", [0.0, NAN])
-def test_a_recording_without_noise_has_a_unit_all_the_same(tmp_path: Path, noise: float) -> None:
+def test_a_recording_without_noise_has_a_unit_all_the_same(tmp_path, noise):
     strip = replace(a_strip(120), noise_std=noise)
     assert page_of(a_diagnosis(strips=(replace(strip, measured=strip.corrected),), spectra=()), tmp_path).drawings == 3
 
 
-def test_hostile_names_stay_text(tmp_path: Path) -> None:
+def test_hostile_names_stay_text(tmp_path):
     hostile = "<script>x</script>&\"'$\\frac{$_{ 阀"
     effect = replace(
         a_diagnosis().effects[0],
@@ -201,20 +201,20 @@ def test_hostile_names_stay_text(tmp_path: Path) -> None:
     assert hostile in page.text
 
 
-def test_the_same_diagnosis_makes_the_same_bytes(tmp_path: Path) -> None:
+def test_the_same_diagnosis_makes_the_same_bytes(tmp_path):
     for name, seconds in (("a", 1.0), ("b", 99.0)):  # how long it took is not on the page
         write_diagnosis_report(a_diagnosis(seconds=seconds), tmp_path / name)
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
-def test_the_close_up_shows_where_the_nominal_model_is_off() -> None:
+def test_the_close_up_shows_where_the_nominal_model_is_off():
     strip = a_strip()
     first, stop = worst_interval(strip)
     assert strip.time_s[first] >= 5.0 - 0.002
     assert stop - first == 500
 
 
-def test_equations_have_a_line_for_each_law_and_indices_below() -> None:
+def test_equations_have_a_line_for_each_law_and_indices_below():
     assert equation_lines("F = F_C·z;  y = x_{ab} + 1") == [
         [("base", "F = F"), ("below", "C"), ("base", "·z")],
         [("base", "y = x"), ("below", "ab"), ("base", " + 1")],
@@ -222,7 +222,7 @@ def test_equations_have_a_line_for_each_law_and_indices_below() -> None:
     assert equation_lines("") == []
 
 
-def test_the_chain_marks_the_stage_of_an_effect_that_has_no_hook(tmp_path: Path) -> None:
+def test_the_chain_marks_the_stage_of_an_effect_that_has_no_hook(tmp_path):
     effect = replace(a_diagnosis().effects[0], hook="", stage="sensor", title="drift of the sensor")
     write_diagnosis_report(undrawn(effects=(effect,)), tmp_path / "report.html")
     content = (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -230,13 +230,13 @@ def test_the_chain_marks_the_stage_of_an_effect_that_has_no_hook(tmp_path: Path)
     assert '<div class="named-effect">drift of the sensor</div>' in content
 
 
-def test_the_place_of_what_was_found_has_no_share_of_its_own(tmp_path: Path) -> None:
+def test_the_place_of_what_was_found_has_no_share_of_its_own(tmp_path):
     none = (a_stage("force", "spool", 0.0), a_stage("position", "spool", 0.99))
     text = page_of(undrawn(stage_shares=none), tmp_path).text
     assert "spool force friction with sticking position 99 %" in text
 
 
-def test_a_diagnosis_says_what_it_was_made_of(tmp_path: Path) -> None:
+def test_a_diagnosis_says_what_it_was_made_of(tmp_path):
     meta = {"valve": {"serial": "4711"}, "bench": "bench 3"}
     with RunWriter.create(tmp_path / "run", meta, [("flow", "l/min")]) as run:
         run.append(np.arange(10) / 480.0, {"flow": np.arange(10.0)})
@@ -251,14 +251,14 @@ def test_a_diagnosis_says_what_it_was_made_of(tmp_path: Path) -> None:
     assert all_origins([], [str(tmp_path / "run")])[0].sha256 == samples
 
 
-def test_the_chain_marks_one_of_two_places_of_the_same_stage(tmp_path: Path) -> None:
+def test_the_chain_marks_one_of_two_places_of_the_same_stage(tmp_path):
     effect = replace(a_diagnosis().effects[0], hook="load", stage="cylinder")
     chain = (("load_pressure", "cylinder"), ("flow", "flow"), ("load", "cylinder"))
     write_diagnosis_report(undrawn(effects=(effect,), chain=chain, stage_shares=()), tmp_path / "report.html")
     assert (tmp_path / "report.html").read_text(encoding="utf-8").count('class="stage named"') == 1
 
 
-def test_an_open_question_without_a_test_is_not_called_settled(tmp_path: Path) -> None:
+def test_an_open_question_without_a_test_is_not_called_settled(tmp_path):
     text = page_of(undrawn(not_separable=(("friction", "backlash"),)), tmp_path).text
     assert "No further test is needed" not in text
     assert "would tell more" in text

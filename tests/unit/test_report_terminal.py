@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hil.record.measurement import Findings, Measurement, Relation
+from hil.record.measurement import Findings, Measurement
 from hil.report.terminal import findings_text
 
 LAG = Measurement("lag", "s", "of the response")
@@ -22,13 +22,13 @@ LAG = Measurement("lag", "s", "of the response")
         (None, None, "not determined"),
     ],
 )
-def test_a_value(value: float | None, std: float | None, shown: str) -> None:
+def test_a_value(value, std, shown):
     assert findings_text(Findings((LAG.of(value, std),))).splitlines() == [
         f"lag  {shown}  s", "verdict: none; no limit was given, nothing was judged"
     ]  # fmt: skip
 
 
-def test_a_row_with_limits_and_verdict() -> None:
+def test_a_row_with_limits_and_verdict():
     beyond = Measurement("bandwidth", "Hz", "", low=-5.0).of(20.0, 0.1, relation=">")
     text = findings_text(Findings((beyond,), notes=("a note",), deviations=("no filter",)))
     assert text.splitlines() == [
@@ -50,13 +50,11 @@ def test_a_row_with_limits_and_verdict() -> None:
         (None, None, "=", "Cannot tell: lag is not determined, {}."),
     ],
 )  # fmt: skip
-def test_what_is_not_proven_is_said_with_how_far_it_is(
-    value: float | None, std: float | None, relation: Relation, says: str
-) -> None:
+def test_what_is_not_proven_is_said_with_how_far_it_is(value, std, relation, says):
     found = Findings((Measurement("lag", "s", "", 1.0, 5.0).of(value, std, relation=relation),))
     assert findings_text(found).splitlines()[-2:] == [says.format("limit 1 … 5 s"), f"verdict: {found.verdict}"]
 
 
-def test_what_is_left_without_the_calibration_stands_beside() -> None:
+def test_what_is_left_without_the_calibration_stands_beside():
     text = findings_text(Findings((LAG.of(50.0, 0.03, calibration=0.4),)))
     assert text.splitlines()[0] == "lag  50.00 ± 0.80  s      (repeatability ± 0.060)"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -21,7 +20,7 @@ Printed = Callable[..., tuple[int, dict[str, Any], str]]
 
 
 @pytest.fixture
-def printed(command_line, tmp_path: Path) -> Printed:
+def printed(command_line, tmp_path):
     """Exit status of a run, the document on stdout, and what was said on stderr."""
 
     def run(level: float, **tables: Any) -> tuple[int, dict[str, Any], str]:
@@ -33,7 +32,7 @@ def printed(command_line, tmp_path: Path) -> Printed:
     return run
 
 
-def test_json_of_a_run_says_what_is_known_of_its_outputs(printed: Printed, tmp_path: Path) -> None:
+def test_json_of_a_run_says_what_is_known_of_its_outputs(printed, tmp_path):
     status, document, _ = printed(30.0)
     end = read_end(tmp_path / "run")
     assert (status, document["schema"], document["run"]) == (0, "hil.results/1", "run")
@@ -41,7 +40,7 @@ def test_json_of_a_run_says_what_is_known_of_its_outputs(printed: Printed, tmp_p
     assert document["outputs"]["command"]["state"] == "safe" and "error" not in document
 
 
-def test_json_of_a_run_that_failed(printed: Printed, tmp_path: Path) -> None:
+def test_json_of_a_run_that_failed(printed, tmp_path):
     status, document, err = printed(30.0, interlocks=TRIPS)
     end = read_end(tmp_path / "run")
     assert end is not None and document["outputs"] == end.outputs
@@ -50,7 +49,7 @@ def test_json_of_a_run_that_failed(printed: Printed, tmp_path: Path) -> None:
     assert document["verdict"] is None and document["values"] == [] and document["error"] in err
 
 
-def test_json_of_a_run_that_was_refused(printed: Printed) -> None:
+def test_json_of_a_run_that_was_refused(printed):
     status, document, _ = printed(120.0)
     assert (status, document["exit_status"]) == (2, 2) and "120" in document["error"]
     assert {name: output["state"] for name, output in document["outputs"].items()} == {"command": "safe"}

@@ -57,7 +57,7 @@ def test_fails(bench):
 """
 
 
-def test_the_how_to_passes_a_limit_is_missed_and_junit_has_what_was_measured(pytester: pytest.Pytester) -> None:
+def test_the_how_to_passes_a_limit_is_missed_and_junit_has_what_was_measured(pytester):
     (code,) = re.findall(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
     pytester.makepyfile(test_how_to=code, test_missed=MISSED, test_verdicts=VERDICTS)
     found = pytester.runpytest_subprocess("--junitxml=report.xml", "--hil-seed", "12")
@@ -97,7 +97,7 @@ def limits_are_said_and_what_cannot_be_told_is_an_error(found: pytest.RunResult,
     assert 0.0 < float(told["rise, 0 → 80 % U (k = 2) [ms]"]) < 0.1 * float(told["rise, 0 → 80 % [ms]"])
 
 
-def test_workers_share_the_seed_that_is_printed_and_a_failure_tells_it(pytester: pytest.Pytester) -> None:
+def test_workers_share_the_seed_that_is_printed_and_a_failure_tells_it(pytester):
     pytester.makepyfile(SEEN)
     asked = ("-n", "2", "--hil-seed", "random", "--hil-bench", "hpv41-modbus-tcp", "-rP")
     found = pytester.runpytest_subprocess(*asked)
@@ -111,13 +111,13 @@ def test_workers_share_the_seed_that_is_printed_and_a_failure_tells_it(pytester:
     assert "bench.seed < 0" in found.stdout.str()  # what failed: the bench was a twin in virtual time
 
 
-def test_a_seed_that_is_none(pytester: pytest.Pytester) -> None:
+def test_a_seed_that_is_none(pytester):
     pytester.makepyfile(SEEN)
     found = pytester.runpytest_subprocess("--hil-seed", "five")
     assert found.ret == pytest.ExitCode.USAGE_ERROR
     found.stderr.fnmatch_lines(["*--hil-seed five: a whole number below * or random*"])
 
 
-def test_pytest_without_a_bench_imports_nothing_heavy(pytester: pytest.Pytester) -> None:
+def test_pytest_without_a_bench_imports_nothing_heavy(pytester):
     pytester.makepyfile("import sys\n\ndef test():\n    assert 'numpy' not in sys.modules\n")
     pytester.runpytest_subprocess("-p", "no:hypothesispytest").assert_outcomes(passed=1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,7 +38,7 @@ def driven(wire: Wire) -> list[float]:
     return [value for value, _ in wire.log["a"]]
 
 
-def test_waveform_is_checked_whole_before_its_first_sample() -> None:
+def test_waveform_is_checked_whole_before_its_first_sample():
     wire = Wire()
     guard = Guard(wire, protection())
     with pytest.raises(RangeError, match="sample 20"):
@@ -47,7 +46,7 @@ def test_waveform_is_checked_whole_before_its_first_sample() -> None:
     assert 5.0 not in driven(wire)
 
 
-def test_interlocks_are_judged_before_anything_moves() -> None:
+def test_interlocks_are_judged_before_anything_moves():
     wire = Wire()
     wire.offset = 7.0
     with pytest.raises(TrippedError, match="high"):
@@ -55,7 +54,7 @@ def test_interlocks_are_judged_before_anything_moves() -> None:
     assert set(driven(wire)) == {0.0}
 
 
-def test_trip_makes_safe_within_the_block_and_latches() -> None:
+def test_trip_makes_safe_within_the_block_and_latches():
     wire = Wire()
     guard = Guard(wire, protection(high("trip"), ramps={"a": 10.0}))
     with pytest.raises(
@@ -71,7 +70,7 @@ def test_trip_makes_safe_within_the_block_and_latches() -> None:
         list(guard.play(wave(0.5)))
 
 
-def test_stop_goes_down_the_ramp() -> None:
+def test_stop_goes_down_the_ramp():
     wire = Wire()
     guard = Guard(wire, protection(high("stop"), ramps={"a": 100.0}))
     with pytest.raises(StoppedError, match="the run was stopped"):
@@ -80,7 +79,7 @@ def test_stop_goes_down_the_ramp() -> None:
     assert not guard.latch.trips
 
 
-def test_trip_on_the_way_down_jumps() -> None:
+def test_trip_on_the_way_down_jumps():
     wire = Wire()
     low = Interlock("low", "trip", Band("a read", low=3.0), only_while=Band("a", high=2.5))
     guard = Guard(wire, protection(low, ramps={"a": 10.0}))
@@ -94,7 +93,7 @@ def test_trip_on_the_way_down_jumps() -> None:
     assert wire.closed == 1
 
 
-def test_hold_waits_before_the_next_part_until_the_condition_is_met() -> None:
+def test_hold_waits_before_the_next_part_until_the_condition_is_met():
     wire = Wire()
     kept: list[Block] = []
 
@@ -108,7 +107,7 @@ def test_hold_waits_before_the_next_part_until_the_condition_is_met() -> None:
     assert driven(wire) == [0.0] * 10 + [7.0] * (10 + 40) + [7.5] * 10
 
 
-def test_hold_does_not_wait_longer_than_an_output_may_dwell() -> None:
+def test_hold_does_not_wait_longer_than_an_output_may_dwell():
     wire = Wire()
     limits = {"a": Envelope(-8.0, 8.0, dwells=(Dwell(5.0, 1.0),))}
     guard = Guard(wire, Protection(RATE_HZ, limits, {}, (high("hold"),), block_s=0.1))
@@ -119,7 +118,7 @@ def test_hold_does_not_wait_longer_than_an_output_may_dwell() -> None:
     assert wire.levels["a"] == 0.0
 
 
-def test_hold_gives_up_when_patience_ends() -> None:
+def test_hold_gives_up_when_patience_ends():
     wire = Wire()
     guard = Guard(wire, protection(high("hold"), patience_s=0.5))
     list(guard.play(wave(7.0)))
@@ -129,7 +128,7 @@ def test_hold_gives_up_when_patience_ends() -> None:
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError, MemoryError])
-def test_any_error_of_the_reader_makes_safe(error: type[BaseException]) -> None:
+def test_any_error_of_the_reader_makes_safe(error):
     wire = Wire()
 
     def read() -> None:
@@ -141,7 +140,7 @@ def test_any_error_of_the_reader_makes_safe(error: type[BaseException]) -> None:
     assert driven(wire)[-5:] == pytest.approx([4.0, 3.0, 2.0, 1.0, 0.0])
 
 
-def test_reader_who_leaves_early_makes_safe() -> None:
+def test_reader_who_leaves_early_makes_safe():
     wire = Wire()
     blocks = Guard(wire, protection()).stream(wave(5.0) for _ in range(100))
     next(blocks)
@@ -149,7 +148,7 @@ def test_reader_who_leaves_early_makes_safe() -> None:
     assert wire.levels["a"] == 0.0
 
 
-def test_a_trip_on_the_way_down_ends_the_run_of_a_reader_who_left_early() -> None:
+def test_a_trip_on_the_way_down_ends_the_run_of_a_reader_who_left_early():
     wire = Wire()
     guard = Guard(wire, protection(high("trip"), ramps={"a": 10.0}))
     blocks = guard.stream(wave(5.0) for _ in range(100))
@@ -161,7 +160,7 @@ def test_a_trip_on_the_way_down_ends_the_run_of_a_reader_who_left_early() -> Non
         list(guard.play(wave(0.0)))
 
 
-def test_a_trip_waits_for_no_disk_and_its_block_is_kept() -> None:
+def test_a_trip_waits_for_no_disk_and_its_block_is_kept():
     wire, kept, stood = Wire(), [], []
 
     def slowly(block: Block) -> None:
@@ -174,7 +173,7 @@ def test_a_trip_waits_for_no_disk_and_its_block_is_kept() -> None:
     assert stood[-2:] == [5.0, 0.0] and kept[-1].inputs["a read"].max() == 7.0
 
 
-def test_a_trip_that_a_full_disk_cannot_record_is_latched_and_said() -> None:
+def test_a_trip_that_a_full_disk_cannot_record_is_latched_and_said():
     def full(block: Block) -> None:
         if block.inputs["a read"].max() > 6.0:
             raise StorageError("disk full")
@@ -185,7 +184,7 @@ def test_a_trip_that_a_full_disk_cannot_record_is_latched_and_said() -> None:
     assert guard.latch.trips
 
 
-def test_block_of_a_trip_that_cannot_be_latched_on_disk_is_kept(tmp_path: Path) -> None:
+def test_block_of_a_trip_that_cannot_be_latched_on_disk_is_kept(tmp_path):
     kept: list[Block] = []
     guard = Guard(Wire(), protection(high("trip")), Latch(tmp_path / "folder" / "trips.json"), keep=kept.append)
     (tmp_path / "folder").touch()  # no folder
@@ -194,7 +193,7 @@ def test_block_of_a_trip_that_cannot_be_latched_on_disk_is_kept(tmp_path: Path) 
     assert kept[-1].inputs["a read"].max() == 7.0 and guard.latch.trips
 
 
-def test_a_trip_goes_before_a_stop_of_its_block_and_both_are_recorded() -> None:
+def test_a_trip_goes_before_a_stop_of_its_block_and_both_are_recorded():
     noted: list[str] = []
     locks = high("stop", 6.0), replace(high("trip", 6.5), name="higher")
     guard = Guard(Wire(), protection(*locks), note=lambda event, **_details: noted.append(event))
@@ -203,7 +202,7 @@ def test_a_trip_goes_before_a_stop_of_its_block_and_both_are_recorded() -> None:
     assert noted == ["stop", "trip"]
 
 
-def test_full_disk_does_not_keep_outputs_from_going_safe() -> None:
+def test_full_disk_does_not_keep_outputs_from_going_safe():
     wire = Wire()
 
     def full(block: Block) -> None:
@@ -215,7 +214,7 @@ def test_full_disk_does_not_keep_outputs_from_going_safe() -> None:
     assert driven(wire)[-30:] == pytest.approx(np.linspace(2.9, 0.0, 30))
 
 
-def test_ramp_that_fails_becomes_a_jump() -> None:
+def test_ramp_that_fails_becomes_a_jump():
     class Broken(Wire):
         broken = False
 
@@ -233,7 +232,7 @@ def test_ramp_that_fails_becomes_a_jump() -> None:
     assert events == ["ramp to safe failed"]
 
 
-def test_outputs_jump_to_safe_after_a_sleep_of_the_computer() -> None:
+def test_outputs_jump_to_safe_after_a_sleep_of_the_computer():
     wire, clock = Wire(), VirtualClock()
     guard = Guard(wire, protection(ramps={"a": 10.0}), clock=clock)
     blocks = guard.play(wave(5.0, samples=30))
@@ -244,7 +243,7 @@ def test_outputs_jump_to_safe_after_a_sleep_of_the_computer() -> None:
     assert wire.levels["a"] == 0.0 and wire.log["a"][-2:] == [(5.0, RATE_HZ), (0.0, None)]
 
 
-def test_a_trip_in_the_block_after_a_sleep_is_what_ends_the_run() -> None:
+def test_a_trip_in_the_block_after_a_sleep_is_what_ends_the_run():
     wire, clock = Wire(), VirtualClock()
     guard = Guard(wire, protection(high("trip")), clock=clock)
     blocks = guard.play(wave(5.0, 7.0, samples=10))
@@ -255,7 +254,7 @@ def test_a_trip_in_the_block_after_a_sleep_is_what_ends_the_run() -> None:
     assert wire.levels["a"] == 0.0
 
 
-def test_way_down_takes_its_time_and_no_longer_on_a_link_that_has_become_slow() -> None:
+def test_way_down_takes_its_time_and_no_longer_on_a_link_that_has_become_slow():
     wire = Wire()
     guard = Guard(wire, protection(ramps={"a": 5.0}))
     list(guard.play(wave(5.0)))
@@ -264,14 +263,14 @@ def test_way_down_takes_its_time_and_no_longer_on_a_link_that_has_become_slow() 
     assert wire.log["a"][-10:] == [(pytest.approx(5.0 - 0.5 * i), 10.0) for i in range(1, 11)]
 
 
-def test_sample_rate_with_less_than_a_sample_in_a_block_is_refused() -> None:
+def test_sample_rate_with_less_than_a_sample_in_a_block_is_refused():
     guard = Guard(Wire(), protection(block_s=0.1))
     assert guard.actual_rate_hz(10.0) == 10.0
     with pytest.raises(RangeError, match=r"sample rate 9 Hz: a sample each 0\.1111 s, and block_s = 0\.1 s promises"):
         guard.actual_rate_hz(9.0)
 
 
-def test_limits_can_be_tightened_and_never_widened() -> None:
+def test_limits_can_be_tightened_and_never_widened():
     guard = Guard(Wire(), protection())
     guard.tighten("a", Envelope(-2.0, 20.0))
     assert (guard.limits["a"].low, guard.limits["a"].high) == (-2.0, 8.0)
@@ -280,7 +279,7 @@ def test_limits_can_be_tightened_and_never_widened() -> None:
 
 
 @pytest.mark.parametrize(("limits", "what"), [(Envelope(1.0, 8.0), "safe value"), (Envelope(-1.0, 2.0), "present")])
-def test_tightening_never_leaves_out_where_an_output_is_or_must_go(limits: Envelope, what: str) -> None:
+def test_tightening_never_leaves_out_where_an_output_is_or_must_go(limits, what):
     guard = Guard(Wire(), protection())
     list(guard.play(wave(3.0)))
     with pytest.raises(RangeError, match=what):
@@ -288,7 +287,7 @@ def test_tightening_never_leaves_out_where_an_output_is_or_must_go(limits: Envel
 
 
 @pytest.mark.parametrize("is_driving", [False, True])
-def test_dwell_goes_on_while_nothing_plays_and_time_that_is_driven_does_not_count_twice(is_driving: bool) -> None:
+def test_dwell_goes_on_while_nothing_plays_and_time_that_is_driven_does_not_count_twice(is_driving):
     clock = VirtualClock()
     limits = {"a": Envelope(-8.0, 8.0, dwells=(Dwell(5.0, 1.0),))}
 
@@ -307,7 +306,7 @@ def test_dwell_goes_on_while_nothing_plays_and_time_that_is_driven_does_not_coun
             played(wave(6.0, samples=50))
 
 
-def test_slew_counts_from_where_an_output_really_stands() -> None:
+def test_slew_counts_from_where_an_output_really_stands():
     limits = {"a": Envelope(-8.0, 8.0, slew_per_s=100.0)}
     guard = Guard(Wire(), Protection(RATE_HZ, limits, block_s=0.1))
     up = np.linspace(0.0, 5.0, 51)
@@ -319,7 +318,7 @@ def test_slew_counts_from_where_an_output_really_stands() -> None:
         guard.check(wave(5.0))
 
 
-def test_trip_outlives_the_program(tmp_path: Path) -> None:
+def test_trip_outlives_the_program(tmp_path):
     path = tmp_path / "trips.json"
     with pytest.raises(TrippedError):
         list(Guard(Wire(), protection(high("trip")), Latch(path)).play(wave(7.0)))

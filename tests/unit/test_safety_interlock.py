@@ -37,7 +37,7 @@ STALE = Interlock("dead", "stop", Band("flow"), stale_s=0.3)
         (STALE, [[1.0, 1.0, 1.0, 2.0, 2.0], [2.0, 2.0, 2.0]], None, 0.7, "dead sensor"),
     ],
 )
-def test_it_is_broken_in_the_last_block_or_not_at_all(lock, blocks, command, broken_s, says) -> None:
+def test_it_is_broken_in_the_last_block_or_not_at_all(lock, blocks, command, broken_s, says):
     watch, start = Watch(lock), 0
     for values in blocks[:-1]:
         assert watch.judge(block(values, command, start)) is None
@@ -47,13 +47,13 @@ def test_it_is_broken_in_the_last_block_or_not_at_all(lock, blocks, command, bro
     assert says in (found.text if found else "")
 
 
-def test_what_is_broken_lasts_until_the_next_reading_can_come() -> None:
+def test_what_is_broken_lasts_until_the_next_reading_can_come():
     assert Watch(LASTS).judge(block([0.0, 2.0]), blind_s=0.2) is None
     assert Watch(LASTS).judge(block([0.0, 2.0]), blind_s=0.3).time_s == pytest.approx(0.1)
     assert Watch(LASTS).judge(block([2.0, 0.0]), blind_s=0.3) is None
 
 
-def test_what_goes_on_is_told_once_and_what_ended_is_not_broken() -> None:
+def test_what_goes_on_is_told_once_and_what_ended_is_not_broken():
     watch = Watch(Interlock("flow", "indicate", HIGH))
     assert watch.judge(block([2.0, 2.0])) is not None
     assert watch.judge(block([2.0, 2.0], start=2)) is None
@@ -63,7 +63,7 @@ def test_what_goes_on_is_told_once_and_what_ended_is_not_broken() -> None:
     assert watch.judge(block([2.0], start=6)) is not None
 
 
-def test_text_says_value_limit_condition_and_time() -> None:
+def test_text_says_value_limit_condition_and_time():
     lock = Interlock("leak", "trip", Band("flow", -1.0, 1.0), for_s=0.1, only_while=Band("command", -5.0, 5.0))
     assert Watch(lock).judge(block([9.0, 9.25])).text == (
         "interlock 'leak': 9.25 for 0.1 s while command in -5 … 5; allowed: flow in -1 … 1 at 0.100 s"

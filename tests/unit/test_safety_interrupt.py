@@ -38,14 +38,14 @@ def hold_back_twice(reached: list[str]) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signal_inside_takes_effect_afterwards(number: signal.Signals) -> None:
+def test_signal_inside_takes_effect_afterwards(number):
     reached: list[str] = []
     with pytest.raises(KeyboardInterrupt):
         hold_back(number, reached)
     assert reached == ["safe"]
 
 
-def test_signal_inside_a_nested_section_waits_for_the_outer_one() -> None:
+def test_signal_inside_a_nested_section_waits_for_the_outer_one():
     reached: list[str] = []
     with pytest.raises(KeyboardInterrupt):
         hold_back_twice(reached)
@@ -53,7 +53,7 @@ def test_signal_inside_a_nested_section_waits_for_the_outer_one() -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGQUIT, signal.SIGTERM])
-def test_every_request_to_end_is_an_exception_with_its_number(number: signal.Signals) -> None:
+def test_every_request_to_end_is_an_exception_with_its_number(number):
     before = signal.getsignal(number)
     with pytest.raises(Terminated, match=number.name) as raised, terminable():
         signal.raise_signal(number)
@@ -69,7 +69,7 @@ def fail_while_signals_come(reached: list[str]) -> None:
         raise StoppedError("first")
 
 
-def test_error_on_its_way_is_not_replaced_by_a_signal() -> None:
+def test_error_on_its_way_is_not_replaced_by_a_signal():
     reached: list[str] = []
     with pytest.raises(StoppedError, match="first"):
         fail_while_signals_come(reached)
@@ -83,21 +83,21 @@ def end_well_while_a_signal_comes(reached: list[str]) -> None:
         reached.append("safe")
 
 
-def test_signal_that_came_on_the_way_out_of_a_good_end_is_raised_then() -> None:
+def test_signal_that_came_on_the_way_out_of_a_good_end_is_raised_then():
     reached: list[str] = []
     with pytest.raises(Terminated):
         end_well_while_a_signal_comes(reached)
     assert reached == ["safe"]
 
 
-def test_signal_that_somebody_swallows_was_told_before() -> None:
+def test_signal_that_somebody_swallows_was_told_before():
     heard: list[KeyboardInterrupt] = []
     with terminable(), notified_of_signals(heard.append), suppress(KeyboardInterrupt):
         signal.raise_signal(signal.SIGTERM)
     assert [status_of(error) for error in heard] == [128 + signal.SIGTERM]
 
 
-def test_what_is_ignored_stays_ignored() -> None:
+def test_what_is_ignored_stays_ignored():
     signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup has it
     with terminable():
         signal.raise_signal(signal.SIGHUP)
@@ -112,11 +112,11 @@ def end_as_the_program_does() -> str:
     return "its status is said"
 
 
-def test_nothing_changes_the_status_once_it_is_said() -> None:
+def test_nothing_changes_the_status_once_it_is_said():
     assert end_as_the_program_does() == "its status is said"
 
 
-def test_other_threads_have_no_signals_to_hold() -> None:
+def test_other_threads_have_no_signals_to_hold():
     ran = []
 
     def work() -> None:
@@ -129,7 +129,7 @@ def test_other_threads_have_no_signals_to_hold() -> None:
     assert ran == [1]
 
 
-def test_ended_by_a_signal_that_a_library_made_its_own_error_of() -> None:
+def test_ended_by_a_signal_that_a_library_made_its_own_error_of():
     bug, refused = ImportError("initialization failed"), LinkError("no answer")
     assert ended_by(bug) is bug
     with pytest.raises(Terminated), terminable():  # noqa: PT012  # the signal comes inside

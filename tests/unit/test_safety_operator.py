@@ -81,7 +81,7 @@ def halted(
 
 
 @pytest.mark.parametrize("ramps", [{}, RAMP], ids=["jump", "ramp"])
-def test_stop_cuts_a_block_and_jumps(ramps: dict[str, float]) -> None:
+def test_stop_cuts_a_block_and_jumps(ramps):
     operator, latch = Operator(), Latch()
     told: list[tuple[float, bool]] = []
     operator.tell = lambda known: told.append((time.monotonic(), known.are_safe))
@@ -93,7 +93,7 @@ def test_stop_cuts_a_block_and_jumps(ramps: dict[str, float]) -> None:
     assert known.are_safe and not latch.trips
 
 
-def test_stop_on_the_way_down_makes_it_a_jump() -> None:
+def test_stop_on_the_way_down_makes_it_a_jump():
     operator = Operator()
     remote = Pressing(operator, lambda level: 0.0 < level < 5.0)
     known = halted(remote, RAMP, operator, 10)
@@ -101,7 +101,7 @@ def test_stop_on_the_way_down_makes_it_a_jump() -> None:
     assert known.are_safe and remote.at == 0.0
 
 
-def test_stop_ends_an_endless_loop() -> None:
+def test_stop_ends_an_endless_loop():
     remote, operator = Remote(), Operator()
 
     def run() -> None:
@@ -118,7 +118,7 @@ def test_stop_ends_an_endless_loop() -> None:
     assert remote.at == 0.0 and 5.0 in [value for _, value in remote.given]
 
 
-def test_nothing_is_driven_after_a_stop() -> None:
+def test_nothing_is_driven_after_a_stop():
     wire, operator = Wire(), Operator()
     guard = Guard(wire, Protection(100.0), operator=operator)
     operator.ask("stop")
@@ -133,7 +133,7 @@ def test_nothing_is_driven_after_a_stop() -> None:
     assert wire.closed
 
 
-def test_run_in_another_thread_is_stopped_at_its_next_block() -> None:
+def test_run_in_another_thread_is_stopped_at_its_next_block():
     remote, ended = Remote(), list[BaseException]()
 
     def drive() -> None:
@@ -159,7 +159,7 @@ def test_run_in_another_thread_is_stopped_at_its_next_block() -> None:
     assert ended and remote.at == 0.0 and len(remote.given) < 500
 
 
-def test_stop_is_told_what_cannot_be_confirmed() -> None:
+def test_stop_is_told_what_cannot_be_confirmed():
     operator = Operator()
     told: list[str] = []
     operator.tell = lambda known: told.append(known.known["valve"].state)
@@ -167,12 +167,12 @@ def test_stop_is_told_what_cannot_be_confirmed() -> None:
     assert told[0] == "driven" and not known.settled
 
 
-def test_status_of_a_stop_is_its_own() -> None:
+def test_status_of_a_stop_is_its_own():
     known = Outputs()
     assert known.status(Halted(), 2) == 138 and isinstance(Halted(), Terminated)
 
 
-def test_hold_waits_at_the_border_and_goes_on() -> None:
+def test_hold_waits_at_the_border_and_goes_on():
     remote, operator, noted = Remote(), Operator(), list[str]()
     holding: list[bool] = []
     operator.holding = holding.append
@@ -199,7 +199,7 @@ def test_hold_waits_at_the_border_and_goes_on() -> None:
     assert noted == ["hold", "resume"] and holding == [True, False]
 
 
-def test_hold_of_virtual_time_waits_on_the_wall_clock_and_a_stop_ends_it() -> None:
+def test_hold_of_virtual_time_waits_on_the_wall_clock_and_a_stop_ends_it():
     wire, operator = Wire(), Operator()
     guard = Guard(wire, Protection(100.0), operator=operator)
     operator.ask("hold")
@@ -211,7 +211,7 @@ def test_hold_of_virtual_time_waits_on_the_wall_clock_and_a_stop_ends_it() -> No
     assert time.monotonic() - begun_s >= 0.09 and 3.0 not in [value for value, _ in wire.log["a"]]
 
 
-def test_hold_is_not_waited_for_longer_than_patience() -> None:
+def test_hold_is_not_waited_for_longer_than_patience():
     operator = Operator()
     guard = Guard(Wire(), Protection(100.0, patience_s=0.1), operator=operator)
     operator.ask("hold")
@@ -219,7 +219,7 @@ def test_hold_is_not_waited_for_longer_than_patience() -> None:
         list(guard.play(Waveform(100.0, {"a": np.full(5, 3.0)})))
 
 
-def test_who_asked_for_a_stop_is_answered_before_it_is_said_that_nothing_is_driven() -> None:
+def test_who_asked_for_a_stop_is_answered_before_it_is_said_that_nothing_is_driven():
     """Between the two the watchdog would take a run for one that does not confirm, and kill it."""
     said: list[str] = []
     operator = Operator()
@@ -236,7 +236,7 @@ def test_who_asked_for_a_stop_is_answered_before_it_is_said_that_nothing_is_driv
     assert said[0] == "confirming" and said[-2:] == ["told True", "safe"]
 
 
-def test_stop_that_is_pressed_when_a_run_is_over_has_its_answer() -> None:
+def test_stop_that_is_pressed_when_a_run_is_over_has_its_answer():
     told: list[bool] = []
     operator = Operator()
     operator.tell = lambda known: told.append(known.settled)

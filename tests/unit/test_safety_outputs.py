@@ -70,9 +70,9 @@ ENDS: list[tuple[BaseException | None, int]] = [
     ],
 )  # fmt: skip
 def test_message_and_status_follow_from_what_is_known(
-    answer: ReadBack, failure: BaseException | None, state: str, settled: bool, says: str,
-    error: BaseException | None, status: int,
-) -> None:  # fmt: skip
+    answer, failure, state, settled, says,
+    error, status,
+):  # fmt: skip
     known = after(answer, failure)
     assert (known.known["a"].state, known.settled) == (state, settled)
     assert says in known.text and ("NOT SAFE" in known.text) == (not settled)
@@ -80,7 +80,7 @@ def test_message_and_status_follow_from_what_is_known(
     assert known.status(error, own) == (status if settled else 3)
 
 
-def test_nothing_was_driven_is_the_only_end_with_status_2() -> None:
+def test_nothing_was_driven_is_the_only_end_with_status_2():
     known = Outputs()
     assert (known.status(RangeError("x"), 2), known.text) == (2, "nothing was driven")
     device = Device({})
@@ -96,7 +96,7 @@ def test_nothing_was_driven_is_the_only_end_with_status_2() -> None:
     assert known.status(RangeError("x"), 2) == 3 and known.text == "outputs are safe (read back)"
 
 
-def test_error_carries_status_and_sentence_once() -> None:
+def test_error_carries_status_and_sentence_once():
     error = RangeError("too far")
     known = after(SILENT, DeviceLostError("gone"))
     known.mark(error)
@@ -106,7 +106,7 @@ def test_error_carries_status_and_sentence_once() -> None:
         known.check()
 
 
-def test_device_that_obeys_a_little_later_is_waited_for() -> None:
+def test_device_that_obeys_a_little_later_is_waited_for():
     class Slow(Device):
         asked = 0
 
@@ -122,7 +122,7 @@ def test_device_that_obeys_a_little_later_is_waited_for() -> None:
 
 
 @pytest.mark.parametrize("error", [MemoryError(), SystemExit(1), RuntimeError("can't start new thread")])
-def test_whatever_is_thrown_on_the_way_is_what_nobody_knows(error: BaseException) -> None:
+def test_whatever_is_thrown_on_the_way_is_what_nobody_knows(error):
     class Broken(Device):
         def read_back(self) -> Mapping[str, ReadBack]:
             raise error
@@ -133,7 +133,7 @@ def test_whatever_is_thrown_on_the_way_is_what_nobody_knows(error: BaseException
     assert known.known["a"].state == "unknown" and known.status(KeyboardInterrupt(), 2) == 3
 
 
-def test_record_says_state_place_and_why() -> None:
+def test_record_says_state_place_and_why():
     record = after(SILENT, DeviceLostError("gone")).record()["a"]
     assert abs(datetime.now(UTC) - datetime.fromisoformat(record.pop("at_utc"))) < timedelta(minutes=1)
     assert record == {"state": "unknown", "read_back": True, "at": 5.0, "unit": "V", "why": "no answer"}
@@ -148,7 +148,7 @@ SAYS = {"en": ("outputs are safe", "NOT SAFE"), "de": ("Ausgänge sind sicher", 
 
 
 @pytest.mark.parametrize("language", languages())
-def test_sentence_and_status_agree_with_the_data_for_every_state(language: str) -> None:
+def test_sentence_and_status_agree_with_the_data_for_every_state(language):
     for outputs in (*((one,) for one in OF_STATES), *product(OF_STATES, repeat=2)):
         check_sentence(outputs, language)
 
@@ -172,7 +172,7 @@ def check_sentence(outputs: tuple[Output, ...], language: str) -> None:
 
 
 @pytest.mark.parametrize("language", languages())
-def test_ending_says_of_its_outputs_what_the_data_say_in_the_language(language: str) -> None:
+def test_ending_says_of_its_outputs_what_the_data_say_in_the_language(language):
     for output in OF_STATES:
         known = {"out": output}
         record = json.loads(json.dumps(record_of(known)))
@@ -184,7 +184,7 @@ def test_ending_says_of_its_outputs_what_the_data_say_in_the_language(language: 
             assert ending_words("LinkError: io: no answer", {"out": {"state": "?"}}) == "io: no answer"
 
 
-def test_output_that_stands_elsewhere_says_why_it_could_not_be_told() -> None:
+def test_output_that_stands_elsewhere_says_why_it_could_not_be_told():
     known = after(ELSEWHERE, LinkError("Dev1: the specified resource is reserved (-50103)"))
     assert known.known["a"].state is State.DRIVEN
     assert "(Dev1: the specified resource is reserved (-50103))" in known.text

@@ -15,17 +15,15 @@ from hil.safety.ramp import way_to
         ({"a": 0.0, "b": 1.0}, {"a": 2.0, "b": 9.0}, {"a": 10.0}, {"a": [1.0, 0.0], "b": [1.0, 1.0]}),  # b jumps
     ],
 )  # fmt: skip
-def test_each_output_at_its_own_slew(
-    safe: dict[str, float], at: dict[str, float], slew_per_s: dict[str, float], way: dict[str, list[float]]
-) -> None:
+def test_each_output_at_its_own_slew(safe, at, slew_per_s, way):
     found = way_to(safe, at, slew_per_s, 10.0)
     assert found is not None and {name: values.tolist() for name, values in found.outputs.items()} == way
 
 
-def test_last_sample_is_the_target_itself() -> None:
+def test_last_sample_is_the_target_itself():
     way = way_to({"a": 0.1}, {"a": 7.3}, {"a": 0.7}, 10.0)
     assert way is not None and way.outputs["a"][-1] == 0.1
 
 
-def test_no_way_when_everything_is_there() -> None:
+def test_no_way_when_everything_is_there():
     assert way_to({"a": 1.0}, {"a": 1.0}, {}, 10.0) is None

@@ -17,7 +17,7 @@ from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.rehearsal import twin_of
 from hil.errors import HilError, RehearsalError, SettingError
-from hil.session.procedure import Procedure, load_procedure
+from hil.session.procedure import load_procedure
 from hil.session.run import rehearse_procedure
 from tests.bench_files import bench_file
 
@@ -25,7 +25,7 @@ LOW_FLOW = {"dead-flow-meter": {"stale_s": None, "high": 10.0}}
 
 
 @pytest.fixture
-def tiny(stranger: Path) -> Procedure:
+def tiny(stranger):
     assert stranger.is_dir()
     return load_procedure("tiny_step")
 
@@ -35,7 +35,7 @@ def bench(tmp_path: Path, name: str, **tables: Any) -> BenchFile:
 
 
 @pytest.mark.parametrize("name", sorted(benches()))
-def test_every_bench_has_a_twin_in_virtual_time(name: str) -> None:
+def test_every_bench_has_a_twin_in_virtual_time(name):
     file = read_bench(benches()[name])
     twin = twin_of(file)
     daq = twin.open()
@@ -48,7 +48,7 @@ def test_every_bench_has_a_twin_in_virtual_time(name: str) -> None:
         daq.close()
 
 
-def test_nothing_is_asked_of_the_devices_themselves(tiny: Procedure, tmp_path: Path) -> None:
+def test_nothing_is_asked_of_the_devices_themselves(tiny, tmp_path):
     unreachable = bench(tmp_path, "hpv41-modbus-tcp")
     said: list[str] = []
     shown = rehearse_procedure(tiny, unreachable, {"levels": "40"}, lambda _done, text: said.append(text))
@@ -73,9 +73,7 @@ def test_nothing_is_asked_of_the_devices_themselves(tiny: Procedure, tmp_path: P
     ],
 )
 @pytest.mark.parametrize("name", ["brevini-hpv41", "hpv41-modbus-tcp"])
-def test_refused_with_the_reason(
-    tiny: Procedure, tmp_path: Path, name: str, locks: dict[str, Any], settings: dict[str, str], says: str
-) -> None:
+def test_refused_with_the_reason(tiny, tmp_path, name, locks, settings, says):
     file = bench(tmp_path, name, interlocks=locks)
     with pytest.raises(RehearsalError, match=rf"refused: in the rehearsal on the simulated .*, {says}") as refused:
         rehearse_procedure(tiny, file, settings)
@@ -84,7 +82,7 @@ def test_refused_with_the_reason(
     assert refused.value.exit_status == 2
 
 
-def test_a_refused_rehearsal_is_no_run(tmp_path: Path, command_line) -> None:
+def test_a_refused_rehearsal_is_no_run(tmp_path, command_line):
     file = bench(tmp_path, "brevini-hpv41", interlocks={"over-pressure": {"high": 90.0}})
     out, archive = tmp_path / "kept", tmp_path / "runs"
     asked = ["--bench", file.path, "--rehearse-only", "--out", out, "--archive", archive]
@@ -93,14 +91,14 @@ def test_a_refused_rehearsal_is_no_run(tmp_path: Path, command_line) -> None:
     assert find_runs(archive_place(str(archive)), Search()) == []
 
 
-def test_an_indication_is_told(tiny: Procedure, tmp_path: Path) -> None:
+def test_an_indication_is_told(tiny, tmp_path):
     told = {"dead-flow-meter": {**LOW_FLOW["dead-flow-meter"], "action": "indicate"}}
     file = bench(tmp_path, "brevini-hpv41", interlocks=told)
     (text,) = rehearse_procedure(tiny, file, {"levels": "80"}).indications
     assert text.startswith("interlock 'dead-flow-meter'")
 
 
-def test_a_channel_that_the_plant_does_not_have_is_named(tmp_path: Path) -> None:
+def test_a_channel_that_the_plant_does_not_have_is_named(tmp_path):
     file = bench(tmp_path, "hpv41-modbus-tcp")
     content = tomllib.loads(file.text)
     for table in (content["channels"], content["simulation"]["instruments"]):
@@ -110,7 +108,7 @@ def test_a_channel_that_the_plant_does_not_have_is_named(tmp_path: Path) -> None
         twin_of(read_bench(file.path))
 
 
-def test_the_seed_can_be_chosen(tiny: Procedure) -> None:
+def test_the_seed_can_be_chosen(tiny):
     def noise(seed: int) -> np.ndarray:
         from hil.daq.contract import Waveform
 
@@ -122,11 +120,11 @@ def test_the_seed_can_be_chosen(tiny: Procedure) -> None:
     assert not np.array_equal(noise(3), noise(4))
 
 
-def test_other_faults_stay_what_they_are(tiny: Procedure) -> None:
+def test_other_faults_stay_what_they_are(tiny):
     with pytest.raises(HilError, match="no setting 'level'"):
         rehearse_procedure(tiny, read_bench(benches()["brevini-hpv41"]), {"level": "5"})
 
 
-def test_a_watchdog_process_needs_three_blocks(tmp_path: Path) -> None:
+def test_a_watchdog_process_needs_three_blocks(tmp_path):
     with pytest.raises(BenchError, match=r"watchdog_s 0\.2: at least three times block_s = 0\.1, or 0"):
         bench(tmp_path, "hpv41-modbus-tcp", protection={"watchdog_s": 0.2})

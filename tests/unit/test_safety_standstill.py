@@ -35,18 +35,18 @@ def repeated(values: Array, block: int = 25) -> np.ndarray:
 @pytest.mark.parametrize("period", [1, 4])
 @pytest.mark.parametrize("codes", [0.0, 0.3, 0.5, 1.0, 2.0, 5.0])
 @pytest.mark.parametrize("cut", [0.0, 40.0])
-def test_what_a_channel_does_by_itself_is_no_standstill(codes: float, period: int, cut: float) -> None:
+def test_what_a_channel_does_by_itself_is_no_standstill(codes, period, cut):
     assert not any(repeated(read(codes, seed, 10_000, period, cut), 250).any() for seed in range(10))
 
 
 @pytest.mark.parametrize("cycle", [8.3, 9.1, 10.3])
-def test_what_swings_without_noise_is_no_noise(cycle: float) -> None:
+def test_what_swings_without_noise_is_no_noise(cycle):
     """It rests on a code near which a swing turns; seen from there alone it turns as noise does."""
     swing = np.rint(60.0 * np.sin(2.0 * np.pi * np.arange(3000) / cycle))
     assert not repeated(np.concatenate([swing, [200.0, -200.0], np.full(2000, 57.0)])).any()
 
 
-def test_a_rest_below_a_cut_off_is_one_also_after_noise_at_its_edge() -> None:
+def test_a_rest_below_a_cut_off_is_one_also_after_noise_at_its_edge():
     rng = np.random.default_rng(1)
     edge, middle = (level + 3.0 * rng.standard_normal(2500) for level in (20.0, 0.0))
     read = np.rint(np.concatenate([-edge, edge, middle]))
@@ -54,7 +54,7 @@ def test_a_rest_below_a_cut_off_is_one_also_after_noise_at_its_edge() -> None:
 
 
 @pytest.mark.parametrize("codes", [2.0, 5.0])
-def test_a_reading_that_stands_for_0_4_s_is_found(codes: float) -> None:
+def test_a_reading_that_stands_for_0_4_s_is_found(codes):
     found = 0
     for seed in range(50):
         values = read(codes, seed)
@@ -66,14 +66,14 @@ def test_a_reading_that_stands_for_0_4_s_is_found(codes: float) -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([1, 7, 250, 3000]), st.integers(20, 6000))
-def test_how_readings_are_cut_into_blocks_changes_nothing(seed: int, block: int, held: int) -> None:
+def test_how_readings_are_cut_into_blocks_changes_nothing(seed, block, held):
     values = read(3.0, seed, 8000)
     values[1500 : 1500 + held] = values[1499]
     assert np.array_equal(repeated(values, block), repeated(values, len(values)))
 
 
 @pytest.mark.parametrize("is_emergency_stop", [False, True])
-def test_a_frozen_channel_breaks_its_interlock_and_says_why(is_emergency_stop: bool) -> None:
+def test_a_frozen_channel_breaks_its_interlock_and_says_why(is_emergency_stop):
     """Also a contact that is read as a voltage: nobody pressed."""
     values = read(3.0)
     values[2700:] = np.median(values[2500:2700])

@@ -76,7 +76,7 @@ def driven(guard: Guard, level: float = 5.0) -> Guard:
     return guard
 
 
-def test_guard_calls_a_valve_that_sticks_open_not_confirmed() -> None:
+def test_guard_calls_a_valve_that_sticks_open_not_confirmed():
     valve = Valve(np.inf, offset=0.2)
     guard = driven(guard_of(valve))
     with pytest.raises(NotSafeError):
@@ -100,7 +100,7 @@ SAYS = {
 
 
 @pytest.mark.parametrize("language", languages())
-def test_sentence_of_a_witness_is_made_of_the_data(language: str) -> None:
+def test_sentence_of_a_witness_is_made_of_the_data(language):
     guard = driven(guard_of(Valve(np.inf, offset=0.2)))
     with pytest.raises(NotSafeError):
         guard.make_safe()
@@ -109,13 +109,13 @@ def test_sentence_of_a_witness_is_made_of_the_data(language: str) -> None:
 
 
 @pytest.mark.parametrize("readings", [0, 10, 45])
-def test_guard_waits_for_a_witness_as_long_as_it_may_settle(readings: int) -> None:
+def test_guard_waits_for_a_witness_as_long_as_it_may_settle(readings):
     guard = driven(guard_of(Valve(readings, noise=0.3)))
     guard.make_safe()
     assert guard.known.are_safe and guard.known.text == "outputs are safe (read back)"
 
 
-def test_guard_waits_no_longer_than_the_channel_settles() -> None:
+def test_guard_waits_no_longer_than_the_channel_settles():
     guard = driven(guard_of(Valve(60), Witness("a read", settles_s=0.5)))
     with pytest.raises(NotSafeError):
         guard.make_safe()
@@ -123,7 +123,7 @@ def test_guard_waits_no_longer_than_the_channel_settles() -> None:
     guard.make_safe()
 
 
-def test_witness_that_gives_no_reading_confirms_nothing() -> None:
+def test_witness_that_gives_no_reading_confirms_nothing():
     valve = Valve(0)
     guard = driven(guard_of(valve))
     valve.is_dead = True
@@ -135,7 +135,7 @@ def test_witness_that_gives_no_reading_confirms_nothing() -> None:
     assert guard.known.are_safe
 
 
-def test_witness_that_nobody_named_makes_a_note() -> None:
+def test_witness_that_nobody_named_makes_a_note():
     heard: list[str] = []
     guard = driven(guard_of(Valve(np.inf), Witness("a read", is_named=False)))
     guard.known.announce = heard.append
@@ -146,7 +146,7 @@ def test_witness_that_nobody_named_makes_a_note() -> None:
     assert guard.known.record()["a"]["witness"]["is_named"] is False
 
 
-def test_output_that_cannot_be_asked_is_denied_by_its_witness_too() -> None:
+def test_output_that_cannot_be_asked_is_denied_by_its_witness_too():
     guard = driven(guard_of(Valve(np.inf, answers=False)))
     with pytest.raises(NotSafeError):
         guard.make_safe()
@@ -156,7 +156,7 @@ def test_output_that_cannot_be_asked_is_denied_by_its_witness_too() -> None:
     assert guard.known.text == "outputs were commanded safe; 'a' cannot be read back"
 
 
-def test_output_that_never_left_its_safe_value_needs_no_witness() -> None:
+def test_output_that_never_left_its_safe_value_needs_no_witness():
     valve = Valve(np.inf)
     guard = driven(guard_of(valve), level=0.0)
     valve.is_dead = True
@@ -164,7 +164,7 @@ def test_output_that_never_left_its_safe_value_needs_no_witness() -> None:
     assert guard.known.are_safe
 
 
-def test_trip_is_kept_before_witnesses_are_heard() -> None:
+def test_trip_is_kept_before_witnesses_are_heard():
     kept: list[Mapping[str, str]] = []
 
     class Looked(Valve):
@@ -180,13 +180,13 @@ def test_trip_is_kept_before_witnesses_are_heard() -> None:
     assert guard.known.known["a"].is_denied
 
 
-def test_good_ends_of_shipped_benches_are_confirmed() -> None:
+def test_good_ends_of_shipped_benches_are_confirmed():
     """`python -m tests.witnesses` counts 1 000 ends of each."""
     for name in benches():
         assert words_at_ends(name, ends=2, seed=7) == {"safe": 2}, name
 
 
-def test_shipped_benches_name_the_witness_of_their_command() -> None:
+def test_shipped_benches_name_the_witness_of_their_command():
     def unnamed() -> Iterator[str]:
         for name, path in benches().items():
             bench = read_bench(path).bench

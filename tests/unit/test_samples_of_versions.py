@@ -28,7 +28,7 @@ SAMPLES = [Path(__file__).parents[1] / "samples" / version for version in ("0.1.
 
 
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda path: path.name)
-def test_what_a_version_made_is_read(sample: Path) -> None:
+def test_what_a_version_made_is_read(sample):
     run = read(sample / "run")
     assert run.values("flow").shape == (400,)
     assert run.meta["valve"] == {"name": "HPV41", "serial": "SN-7"}
@@ -38,7 +38,7 @@ def test_what_a_version_made_is_read(sample: Path) -> None:
     assert read_bench(sample / "bench.toml").bench.valve.settling_s == 2.0
 
 
-def test_settings_that_a_version_did_not_have_are_those_of_today_and_said() -> None:
+def test_settings_that_a_version_did_not_have_are_those_of_today_and_said():
     procedure = replace(
         load_procedure("step_response"), evaluate=lambda one: Findings(notes=(str(one.meta["settings"]),))
     )
@@ -56,7 +56,7 @@ def changed(path: Path, **entries: object) -> Path:
     return path
 
 
-def test_what_a_newer_version_made_is_refused_with_that_version(tmp_path: Path) -> None:
+def test_what_a_newer_version_made_is_refused_with_that_version(tmp_path):
     said = r"made by version 9\.1\.0; this program is version"
     run = shutil.copytree(SAMPLES[-1] / "run", tmp_path / "run")
     changed(run / "run.json", version=2, program="valve-hil 9.1.0")
@@ -77,7 +77,7 @@ def test_what_a_newer_version_made_is_refused_with_that_version(tmp_path: Path) 
         read_bench(bench)
 
 
-def test_versions_are_compared_as_numbers() -> None:
+def test_versions_are_compared_as_numbers():
     assert is_newer("0.10.0")
     assert is_newer("0.1.1")
     assert not is_newer("0.1.0")
@@ -85,7 +85,7 @@ def test_versions_are_compared_as_numbers() -> None:
     assert not is_newer("a copy")
 
 
-def test_quantities_are_found_by_their_old_names_and_none_is_written(tmp_path: Path) -> None:
+def test_quantities_are_found_by_their_old_names_and_none_is_written(tmp_path):
     run = shutil.copytree(SAMPLES[-1].parent / "8f99e50" / "runs" / "spring", tmp_path / "spring")
     place = archive_place(str(tmp_path / "runs"))
     rebuild(place, [run])
@@ -102,6 +102,6 @@ def test_quantities_are_found_by_their_old_names_and_none_is_written(tmp_path: P
     assert (found["dead_time, 0 → 80 %"].verdict, found["band_entry, 0 → 80 %"].high) == ("fail", 1000.0)
 
 
-def test_a_procedure_that_measures_a_quantity_of_an_old_name_keeps_it() -> None:
+def test_a_procedure_that_measures_a_quantity_of_an_old_name_keeps_it():
     own = [Measurement("dead_time", "ms", "of another kind"), Measurement("band_entry", "ms", "as here")]
     assert list(checked_limits(own, split_limits(["dead_time=1..", "reaches=..2"]))) == ["dead_time", "band_entry"]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import pytest
 from annotated_types import Interval
@@ -13,13 +12,13 @@ from pydantic import BaseModel
 
 from hil.bench.find import benches
 from hil.bench.open import open_rig
-from hil.bench.read import BenchFile, read_bench
+from hil.bench.read import read_bench
 from hil.catalog import Entry
 from hil.errors import FileError, RangeError, SettingError, UnknownNameError
 from hil.record.measurement import Limit
 from hil.record.read import read_recording
 from hil.rig import Rig
-from hil.session.procedure import Procedure, argument_lines, load_procedure
+from hil.session.procedure import argument_lines, load_procedure
 from hil.session.run import run_procedure
 from hil.session.setting import Setting, parse_settings, split_assignments
 
@@ -28,13 +27,13 @@ pytestmark = [pytest.mark.together("session"), pytest.mark.usefixtures("unprinte
 
 
 @pytest.fixture
-def tiny(stranger: Path) -> Procedure:
+def tiny(stranger):
     assert stranger.is_dir()
     return load_procedure("tiny_step")
 
 
 @pytest.fixture(scope="module")
-def bench() -> BenchFile:
+def bench():
     return read_bench(benches()["brevini-hpv41"])
 
 
@@ -51,12 +50,12 @@ class Point(BaseModel):
         (Annotated[int, Interval(gt=0, lt=5)] | None, 5, "5; it must be above 0 and below 5"),
     ],
 )
-def test_a_setting_out_of_its_range_says_the_range(kind: Any, given: Any, says: str) -> None:
+def test_a_setting_out_of_its_range_says_the_range(kind, given, says):
     with pytest.raises(SettingError, match=f"setting hold_s: {says}"):
         Setting("hold_s", kind, None).parsed(given)
 
 
-def test_a_setting_may_be_a_table_of_its_own() -> None:
+def test_a_setting_may_be_a_table_of_its_own():
     assert Setting("at", Point, None).parsed({"x": "2"}) == Point(x=2.0)
 
 
@@ -75,7 +74,7 @@ def test_a_setting_may_be_a_table_of_its_own() -> None:
         ("kind", "ramp", "ramp"),
     ],
 )
-def test_text_becomes_a_value_of_the_declared_type(tiny: Procedure, name: str, text: str, value: object) -> None:
+def test_text_becomes_a_value_of_the_declared_type(tiny, name, text, value):
     assert parse_settings(tiny.settings, {name: text})[name] == value
 
 
@@ -93,26 +92,26 @@ def test_text_becomes_a_value_of_the_declared_type(tiny: Procedure, name: str, t
         ("colour", "5", "no setting 'colour'; there are: levels, hold_s"),
     ],
 )
-def test_bad_setting_is_named_alone(tiny: Procedure, name: str, text: str, says: str) -> None:
+def test_bad_setting_is_named_alone(tiny, name, text, says):
     with pytest.raises(SettingError, match=says):
         parse_settings(tiny.settings, {name: text})
 
 
-def test_values_may_be_given_as_they_are(tiny: Procedure) -> None:
+def test_values_may_be_given_as_they_are(tiny):
     assert parse_settings(tiny.settings, {"levels": (1, 2)})["levels"] == (1.0, 2.0)
 
 
 @pytest.mark.parametrize("texts", [["levels"], ["=5"], ["hold_s=1", "hold-s=2"]])
-def test_assignment_that_is_none(texts: list[str]) -> None:
+def test_assignment_that_is_none(texts):
     with pytest.raises(SettingError):
         split_assignments(texts)
 
 
-def test_value_may_hold_an_equals_sign() -> None:
+def test_value_may_hold_an_equals_sign():
     assert split_assignments(["a = b=c"]) == {"a": "b=c"}
 
 
-def test_meaning_of_arguments_is_read_from_the_docstring(tiny: Procedure) -> None:
+def test_meaning_of_arguments_is_read_from_the_docstring(tiny):
     assert tiny.settings["levels"].meaning == "where to go, one after the other."
     assert tiny.settings["repeat"].meaning == ""
     assert argument_lines("Text.\n\nArgs:\n    a: one\n    b: two,\n        three\n\nRaises:\n    X: no") == {
@@ -120,12 +119,12 @@ def test_meaning_of_arguments_is_read_from_the_docstring(tiny: Procedure) -> Non
     }  # fmt: skip
 
 
-def test_unknown_procedure_lists_what_is_installed(stranger: Path) -> None:
+def test_unknown_procedure_lists_what_is_installed(stranger):
     with pytest.raises(UnknownNameError, match="did you mean 'tiny_step'"):
         load_procedure("tiny_stepp")
 
 
-def test_run_leaves_samples_findings_and_verdict(tiny: Procedure, bench: BenchFile, tmp_path: Path) -> None:
+def test_run_leaves_samples_findings_and_verdict(tiny, bench, tmp_path):
     told: list[float] = []
     outcome = run_procedure(
         tiny, bench, {"levels": "50", "repeat": 2}, tmp_path / "run", lambda done, _text: told.append(done)
@@ -142,9 +141,7 @@ def test_run_leaves_samples_findings_and_verdict(tiny: Procedure, bench: BenchFi
     assert [part["level"] for part in run.meta["parts"]] == [50.0, 50.0]
 
 
-def test_what_cannot_be_told_is_exit_status_1_and_nothing_judged_is_0(
-    tiny: Procedure, bench: BenchFile, tmp_path: Path
-) -> None:
+def test_what_cannot_be_told_is_exit_status_1_and_nothing_judged_is_0(tiny, bench, tmp_path):
     sure = run_procedure(tiny, bench, {"levels": "50"}, tmp_path / "sure")
     rise = sure.findings.measured[0]
     assert rise.value is not None
@@ -157,9 +154,7 @@ def test_what_cannot_be_told_is_exit_status_1_and_nothing_judged_is_0(
     assert "nothing was judged" in unjudged.report.read_text(encoding="utf-8")
 
 
-def test_a_run_refused_before_its_first_sample_leaves_its_name_free(
-    tiny: Procedure, bench: BenchFile, tmp_path: Path
-) -> None:
+def test_a_run_refused_before_its_first_sample_leaves_its_name_free(tiny, bench, tmp_path):
     def refuse(_rig: Rig, **settings: object) -> None:
         raise SettingError(f"setting levels: {settings['levels']}")
 
@@ -175,9 +170,7 @@ def test_a_run_refused_before_its_first_sample_leaves_its_name_free(
     assert len(read_recording(tmp_path / "run")) > 0
 
 
-def test_outputs_are_safe_and_the_run_closed_before_it_is_evaluated(
-    tiny: Procedure, bench: BenchFile, tmp_path: Path
-) -> None:
+def test_outputs_are_safe_and_the_run_closed_before_it_is_evaluated(tiny, bench, tmp_path):
     seen = []
 
     def evaluate(recording):
@@ -197,9 +190,7 @@ def test_outputs_are_safe_and_the_run_closed_before_it_is_evaluated(
         ("def run(rig, *, x: int): ...\ndef evaluate(recording): ...", "setting 'x' needs a default"),
     ],
 )
-def test_module_that_is_no_procedure_says_what_it_lacks(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, says: str
-) -> None:
+def test_module_that_is_no_procedure_says_what_it_lacks(tmp_path, monkeypatch, text, says):
     path = tmp_path / f"procedure_{len(text)}.py"
     path.write_text(text, encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -209,9 +200,7 @@ def test_module_that_is_no_procedure_says_what_it_lacks(
         load_procedure(path.stem)
 
 
-def test_an_operator_is_told_of_the_step_that_is_under_way(
-    bench: BenchFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_operator_is_told_of_the_step_that_is_under_way(bench, tmp_path, monkeypatch):
     monkeypatch.setattr("hil.bench.progress_report._EVERY_S", 0.0)
     heard: list[str] = []
     step = load_procedure("step_response")

@@ -36,15 +36,15 @@ def steps(level: float) -> NextTest:
     return NextTest("step_response", {"levels": (level, -level)}, "", 6.0)
 
 
-def test_it_ends_when_nothing_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_ends_when_nothing_is_asked(monkeypatch):
     assert runs(monkeypatch, [steps(10.0), None], 11.0, 60.0) == 1
 
 
-def test_a_test_is_not_run_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_test_is_not_run_twice(monkeypatch):
     assert runs(monkeypatch, [steps(10.0), steps(20.0), steps(10.0)], 11.0, 600.0) == 2
 
 
-def test_the_time_that_tests_really_take_stays_within_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_time_that_tests_really_take_stays_within_the_budget(monkeypatch):
     asked = [steps(float(level)) for level in range(1, 20)]
     assert runs(monkeypatch, asked, 19.0, 60.0) == 3
     assert runs(monkeypatch, asked, 19.0, 13.9) == 0

@@ -108,7 +108,7 @@ def test_a_simulated_bench_asks_too_and_nothing_is_no_answer(tmp_path):
         labelled(bench, procedure, NO_LABELS)
 
 
-def test_runs_of_one_second_have_folders_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_of_one_second_have_folders_of_their_own(tmp_path, monkeypatch):
     monkeypatch.setattr("hil.session.labels.folder_name", lambda procedure, serial: f"{procedure}-{serial}")
     (tmp_path / "jog-7").mkdir()
     assert new_folder(tmp_path, "jog", "7", {"jog-7-1"}) == tmp_path / "jog-7-2"

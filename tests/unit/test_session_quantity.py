@@ -71,7 +71,7 @@ def test_our_settings_with_decimals_state_their_unit():
                 assert setting.unit, f"{entry.name}: {setting.name}: {setting.meaning}"
 
 
-def test_a_choice_of_words_has_no_unit() -> None:
+def test_a_choice_of_words_has_no_unit():
     settings = load_procedure("step_response").settings
     assert settings["sequence"].described().startswith("sequence: paper | small")
     assert settings["levels"].described().startswith("levels [%]: float, … | none = none")

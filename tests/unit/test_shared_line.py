@@ -69,7 +69,7 @@ def line(folder: Path, **second: Any) -> Iterator[tuple[Any, Any, list[Terminals
         yield first, other, worlds, served
 
 
-def test_two_devices_on_one_line_are_driven_and_read_in_turn(tmp_path: Path) -> None:
+def test_two_devices_on_one_line_are_driven_and_read_in_turn(tmp_path):
     with line(tmp_path) as (first, other, worlds, _served):
         first.drive({"out": 7.0})
         assert other.read() == {"in": 2.5}
@@ -80,7 +80,7 @@ def test_two_devices_on_one_line_are_driven_and_read_in_turn(tmp_path: Path) -> 
     assert not (tmp_path / "tty").exists()
 
 
-def test_a_late_answer_of_one_is_not_taken_by_the_other(tmp_path: Path) -> None:
+def test_a_late_answer_of_one_is_not_taken_by_the_other(tmp_path):
     with line(tmp_path) as (first, other, _worlds, served):
         served[1].behaviour.quirks = Quirks(late_s=1.5)
         with pytest.raises(LinkError, match=r"no valid answer within 1 s"):
@@ -97,7 +97,7 @@ def test_a_late_answer_of_one_is_not_taken_by_the_other(tmp_path: Path) -> None:
         ({"parity": "E"}, "parity N on it, this one with E"),
     ],
 )
-def test_two_ways_to_speak_on_one_line_are_refused(tmp_path: Path, otherwise: dict[str, Any], said: str) -> None:
+def test_two_ways_to_speak_on_one_line_are_refused(tmp_path, otherwise, said):
     with pytest.raises(DeviceLostError, match=said), line(tmp_path, **otherwise):
         raise AssertionError("it was opened")
 
@@ -116,7 +116,7 @@ class Broken:
         self.is_closed = True
 
 
-def test_a_port_that_broke_is_opened_anew_though_another_has_it_still(tmp_path: Path) -> None:
+def test_a_port_that_broke_is_opened_anew_though_another_has_it_still(tmp_path):
     path, broken = str(tmp_path / "tty"), Broken()
     one, two = (shared_port(path, {"baudrate": 9600}, lambda: broken) for _ in range(2))
     assert one is two
@@ -132,7 +132,7 @@ def test_a_port_that_broke_is_opened_anew_though_another_has_it_still(tmp_path: 
     anew.let_go()
 
 
-def test_a_shorter_quiet_of_one_does_not_end_the_longer_of_another(tmp_path: Path) -> None:
+def test_a_shorter_quiet_of_one_does_not_end_the_longer_of_another(tmp_path):
     one, other = (shared_port(str(tmp_path / "port"), {"baudrate": 9600}, Broken) for _ in range(2))
     one.quiet_until_s = 5.0
     other.quiet_until_s = 2.0
@@ -143,7 +143,7 @@ def test_a_shorter_quiet_of_one_does_not_end_the_longer_of_another(tmp_path: Pat
     other.let_go()
 
 
-def test_what_came_before_a_request_is_not_its_answer() -> None:
+def test_what_came_before_a_request_is_not_its_answer():
     device, ours = os.openpty()
     port = serial_port(Port(os.ttyname(ours)), 1.0, 9600, "N", exclusive=None)
     try:

@@ -16,7 +16,7 @@ RNG = np.random.default_rng(5)
 TIME_S = np.arange(2000) / 1000.0
 
 
-def test_a_smooth_curve_is_as_stiff_as_the_samples_ask_for() -> None:
+def test_a_smooth_curve_is_as_stiff_as_the_samples_ask_for():
     smoother = Smoother.on(TIME_S, 60)
     bent = np.sin(2.0 * np.pi * 3.0 * TIME_S)
     noise = 0.1 * RNG.normal(size=(2, len(TIME_S)))
@@ -27,7 +27,7 @@ def test_a_smooth_curve_is_as_stiff_as_the_samples_ask_for() -> None:
     assert np.std(slope - 6.0 * np.pi * np.cos(6.0 * np.pi * TIME_S)) < 0.1 * np.std(slope)
 
 
-def test_white_noise_needs_no_whitener_and_coloured_noise_gets_its_own() -> None:
+def test_white_noise_needs_no_whitener_and_coloured_noise_gets_its_own():
     from scipy.signal import lfilter
 
     white = RNG.normal(size=2000)
@@ -36,7 +36,7 @@ def test_white_noise_needs_no_whitener_and_coloured_noise_gets_its_own() -> None
     assert whitener_of(coloured)[1] == pytest.approx(-0.8, abs=0.05)
 
 
-def test_a_tone_in_both_stretches_is_found_and_noise_is_none() -> None:
+def test_a_tone_in_both_stretches_is_found_and_noise_is_none():
     stretches = [(at_s, 0.7 * np.sin(2.0 * np.pi * 10.3 * at_s + 0.4) + 0.3 * RNG.normal(size=len(at_s)))
                  for at_s in (TIME_S[:1000] - 1.0, TIME_S[:600] + 3.4)]  # fmt: skip
     tone = standing_tone(stretches)
@@ -46,7 +46,7 @@ def test_a_tone_in_both_stretches_is_found_and_noise_is_none() -> None:
     assert all(standing_tone([(TIME_S, RNG.normal(size=2000))]) is None for _ in range(20))
 
 
-def test_the_step_of_a_converter_is_seen_and_what_it_hides() -> None:
+def test_the_step_of_a_converter_is_seen_and_what_it_hides():
     readings = 0.195 * np.rint((50.0 + 0.3 * RNG.normal(size=5000)) / 0.195)
     assert rounding_step(readings) == pytest.approx(0.195)
     assert rounding_step(RNG.normal(size=5000)) == 0.0
@@ -58,7 +58,7 @@ def test_the_step_of_a_converter_is_seen_and_what_it_hides() -> None:
     assert mean_rounding_std(np.hypot(0.5, 12.0**-0.5), 1.0) < 0.01
 
 
-def test_harmonics_of_a_slow_sine_are_no_noise() -> None:
+def test_harmonics_of_a_slow_sine_are_no_noise():
     bent = np.sign(np.sin(2.0 * np.pi * 1.5 * TIME_S)) + 0.1 * RNG.normal(size=len(TIME_S))
     plain, beyond = (fit(TIME_S, bent, 1.5) for fit in (sine_fit, sine_fit_beyond))
     assert beyond.amplitude_std < 0.5 * plain.amplitude_std
@@ -66,7 +66,7 @@ def test_harmonics_of_a_slow_sine_are_no_noise() -> None:
     assert len(beyond.phasors) == 5
 
 
-def test_samples_and_basis_are_made_white_by_the_same_filter() -> None:
+def test_samples_and_basis_are_made_white_by_the_same_filter():
     from scipy.signal import lfilter
 
     values, whitener = np.random.default_rng(3).normal(size=(60, 40)), np.array([1.0, -0.5, 0.2, 0.1])

@@ -10,7 +10,7 @@ from hil.signals.recursion import filtered
 
 @pytest.mark.parametrize("turn", [0.0, 0.1j])
 @pytest.mark.parametrize(("above", "below"), [(1, 3), (4, 2), (3, 9), (3, 1)])
-def test_filtered_is_as_scipy_filters(above: int, below: int, turn: complex) -> None:
+def test_filtered_is_as_scipy_filters(above, below, turn):
     from scipy.signal import lfilter
 
     rng = np.random.default_rng(above)

@@ -5,10 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sqlite3
-from collections.abc import Callable, Mapping
 from contextlib import closing
-from pathlib import Path
-from typing import Any
 
 import pikepdf
 import pytest
@@ -34,7 +31,7 @@ REAL = '[devices.daq]\ndriver = "ni"\n'
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "one"
     made = hil.run("step_response", "brevini-hpv41", folder, levels=(0, 80), limits=["rise=..0.9 s"], serial="A7")
     assert made.findings.verdict == "pass"
@@ -42,7 +39,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def said(command_line) -> Callable[..., str]:
+def said(command_line):
     """What `hil …` prints."""
     return lambda *arguments: command_line(*arguments).out
 
@@ -56,18 +53,18 @@ def said(command_line) -> Callable[..., str]:
         ({}, False), ({"bench_file": "not = [toml"}, False), ({"bench_file": "devices = 3"}, False),
     ],
 )  # fmt: skip
-def test_is_simulated_goes_by_the_header_else_by_its_bench_file(meta: Mapping[str, Any], simulated: bool) -> None:
+def test_is_simulated_goes_by_the_header_else_by_its_bench_file(meta, simulated):
     assert is_simulated(meta) is simulated
 
 
-def test_a_header_says_it_of_every_simulated_bench_and_of_twins() -> None:
+def test_a_header_says_it_of_every_simulated_bench_and_of_twins():
     real = read_bench(benches()["hpv41-usb-6211"])
     assert conditions_of(real.bench)["simulated"] is False
     assert conditions_of(twin_of(real).bench)["simulated"] is True
     assert conditions_of(read_bench(benches()["brevini-hpv41"]).bench)["simulated"] is True
 
 
-def test_report_and_verdict_line_and_results_say_it(run: Path, said: Callable[..., str]) -> None:
+def test_report_and_verdict_line_and_results_say_it(run, said):
     assert read_header(run).meta["simulated"] is True
     assert "SIMULATED Recorded on a simulated device" in read_page(run / "report.html").text
     assert 'data-across="SIMULATED"' in (run / "report.html").read_text(encoding="utf-8")
@@ -75,7 +72,7 @@ def test_report_and_verdict_line_and_results_say_it(run: Path, said: Callable[..
     assert json.loads(said("results", run, "--json", "-"))["simulated"] is True
 
 
-def test_results_of_a_version_without_it_go_by_the_header(run: Path, tmp_path: Path) -> None:
+def test_results_of_a_version_without_it_go_by_the_header(run, tmp_path):
     content = json.loads((run / "results.json").read_text(encoding="utf-8"))
     del content["simulated"]
     for name in ("run.json", "end.json"):
@@ -86,7 +83,7 @@ def test_results_of_a_version_without_it_go_by_the_header(run: Path, tmp_path: P
 
 @pytest.mark.usefixtures("stranger")
 @pytest.mark.parametrize("simulated", [True, False])
-def test_lists_trends_and_comparisons_say_it(simulated: bool, tmp_path: Path, said: Callable[..., str]) -> None:
+def test_lists_trends_and_comparisons_say_it(simulated, tmp_path, said):
     old, new = (run_of(tmp_path / "lab", simulated=simulated, name=name, hour=hour) for name, hour in RUNS)
     said("archive", "rebuild", "--archive", tmp_path / "lab")
     lab = ("--archive", tmp_path / "lab")
@@ -104,7 +101,7 @@ RUNS = (("old", 8), ("new", 9))
 
 
 @pytest.mark.usefixtures("stranger")
-def test_real_units_are_no_population_of_a_simulated_one(tmp_path: Path, said: Callable[..., str]) -> None:
+def test_real_units_are_no_population_of_a_simulated_one(tmp_path, said):
     run_of(tmp_path / "lab", "REAL", name="real")
     run_of(tmp_path / "lab", "TWIN", simulated=True, name="twin")
     unit = run_of(tmp_path / "lab", "A", simulated=True, name="a")
@@ -113,7 +110,7 @@ def test_real_units_are_no_population_of_a_simulated_one(tmp_path: Path, said: C
 
 
 @pytest.mark.usefixtures("stranger")
-def test_an_index_of_a_version_without_it_is_filled_from_the_headers(tmp_path: Path) -> None:
+def test_an_index_of_a_version_without_it_is_filled_from_the_headers(tmp_path):
     lab = tmp_path / "lab"
     run_of(lab, simulated=True)
     hil.find_runs(archive=lab)
@@ -122,7 +119,7 @@ def test_an_index_of_a_version_without_it_is_filled_from_the_headers(tmp_path: P
     assert [entry.simulated for entry in hil.find_runs(archive=lab)] == [True]
 
 
-def test_models_beside_a_simulated_run_say_it(run: Path, tmp_path: Path, said: Callable[..., str]) -> None:
+def test_models_beside_a_simulated_run_say_it(run, tmp_path, said):
     model, page = tmp_path / "model.json", tmp_path / "page.html"
     hil.save_model(hil.typical_model("brevini-hpv41"), model)
     assert f"{run} (SIMULATED)\n" in said("compare", "--model", model, run)
@@ -135,14 +132,12 @@ def test_models_beside_a_simulated_run_say_it(run: Path, tmp_path: Path, said: C
     assert said("export", model, "--to", "csv").splitlines()[1].endswith(",True")
 
 
-def test_every_table_of_results_says_it_in_each_row(run: Path, tmp_path: Path) -> None:
+def test_every_table_of_results_says_it_in_each_row(run, tmp_path):
     for written in write_csv(results_of_run(run), tmp_path / "values.csv"):
         assert {row["simulated"] for row in csv.DictReader(written.read_text("utf-8").splitlines())} == {"True"}
 
 
-def test_a_diagnosis_and_a_difference_say_it_in_the_line_of_the_verdict(
-    run: Path, tmp_path: Path, said: Callable[..., str]
-) -> None:
+def test_a_diagnosis_and_a_difference_say_it_in_the_line_of_the_verdict(run, tmp_path, said):
     model = tmp_path / "model.json"
     hil.save_model(hil.typical_model("brevini-hpv41"), model)
     words = said("diagnose", "--model", model, run, "--out", tmp_path / "d", "--budget", "0.01")
@@ -155,7 +150,7 @@ def test_a_diagnosis_and_a_difference_say_it_in_the_line_of_the_verdict(
 
 @pytest.mark.usefixtures("stranger")
 @pytest.mark.parametrize("simulated", [True, False])
-def test_a_passport_and_its_check_say_it(simulated: bool, tmp_path: Path, said: Callable[..., str]) -> None:
+def test_a_passport_and_its_check_say_it(simulated, tmp_path, said):
     run = run_of(tmp_path, simulated=simulated)
     passport = tmp_path / "p.pdf"
     assert ("(SIMULATED)" in said("passport", run, "--out", passport, "--no-model")) is simulated
@@ -169,9 +164,7 @@ def test_a_passport_and_its_check_say_it(simulated: bool, tmp_path: Path, said: 
 
 @pytest.mark.usefixtures("stranger")
 @pytest.mark.parametrize("simulated", [True, False])
-def test_every_page_of_a_passport_has_it_across(
-    simulated: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_page_of_a_passport_has_it_across(simulated, tmp_path, monkeypatch):
     pages = {}
     for language in ("en", "de"):
         monkeypatch.setenv("HIL_LANGUAGE", language)
@@ -197,13 +190,11 @@ def _drawn_big(page: pikepdf.Page) -> bool:
         ("HLP 47", "ISO VG 32", {}, False), ("mineral oil", "ISO VG 32", {"order": "HLP 46"}, False),
     ],
 )  # fmt: skip
-def test_an_oil_of_another_viscosity_class_is_noticed(
-    fluid: str, grade: str, notes: Mapping[str, str], contradicts: bool
-) -> None:
+def test_an_oil_of_another_viscosity_class_is_noticed(fluid, grade, notes, contradicts):
     assert bool(oil_contradiction({"fluid": fluid, "viscosity_class": grade}, notes)) is contradicts
 
 
-def test_check_and_the_report_name_the_contradiction(tmp_path: Path, command_line) -> None:
+def test_check_and_the_report_name_the_contradiction(tmp_path, command_line):
     bench = tmp_path / "bench.toml"
     bench.write_text('based_on = "brevini-hpv41"\n[conditions]\nfluid = "HLP 46"\n', encoding="utf-8")
     words = "The oil is stated as HLP 46, its viscosity class as ISO VG 32; one of them is wrong."

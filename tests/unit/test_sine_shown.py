@@ -11,7 +11,7 @@ from hil.record.recording import recording
 from procedures._sine import overlay
 
 
-def test_two_periods_are_shown_and_keep_no_view_of_their_whole_recording() -> None:
+def test_two_periods_are_shown_and_keep_no_view_of_their_whole_recording():
     time_s = np.arange(50_000) * 0.001
     sine = 10.0 * np.sin(2.0 * np.pi * time_s)
     made = recording("sine", time_s, {"command [%]": sine, "flow [l/min]": 0.5 * sine})

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 pytest_plugins = ["pytester"]
 ROOT = Path(__file__).parents[2]
 HOOKS = (ROOT / "tests" / "conftest.py").read_text(encoding="utf-8")
@@ -28,7 +26,7 @@ def test_is_known_to_fail():
 """
 
 
-def test_skipped_tests_fail_where_all_are_asked_for(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_skipped_tests_fail_where_all_are_asked_for(pytester, monkeypatch):
     pytester.makeconftest(HOOKS)
     pytester.makepyfile(TESTS, test_module="import pytest\n\npytest.importorskip('no_such_module')\n")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))  # the hooks import from the tests

@@ -37,7 +37,7 @@ def gains(reflection: float) -> dict[float, complex]:
 
 
 @pytest.mark.parametrize("reflection", [0.2, 0.6])
-def test_it_passes_what_a_line_with_a_reflecting_end_passes(reflection: float) -> None:
+def test_it_passes_what_a_line_with_a_reflecting_end_passes(reflection):
     """Up to the first resonance, where losses that grow with frequency do not tell: (1 + r)/(1 + r·exp(−2jωT))."""
     for frequency_hz in (0.5, 3.0, 1.0 / PERIOD_S):
         there_and_back = np.exp(-2j * np.pi * frequency_hz * PERIOD_S / 2.0)
@@ -45,12 +45,12 @@ def test_it_passes_what_a_line_with_a_reflecting_end_passes(reflection: float) -
         assert abs(gains(reflection)[frequency_hz] - line) < 0.08 * abs(line)
 
 
-def test_the_higher_waves_are_odd_multiples_and_gone_sooner() -> None:
+def test_the_higher_waves_are_odd_multiples_and_gone_sooner():
     peaks = [abs(gains(0.6)[order / PERIOD_S]) for order in ORDERS]
     assert peaks[0] > peaks[2] > peaks[4] > 1.5 > max(peaks[1], peaks[3])
 
 
-def test_it_rests_at_its_first_value_and_nothing_comes_back_from_an_open_end() -> None:
+def test_it_rests_at_its_first_value_and_nothing_comes_back_from_an_open_end():
     assert passed(np.full(500, 7.0), 0.6) == pytest.approx(np.full(500, 7.0), abs=1e-9)
     values = np.random.default_rng(1).standard_normal(200)
     assert passed(values, 0.0) == pytest.approx(values)

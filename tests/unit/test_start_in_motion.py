@@ -42,7 +42,7 @@ def recorded(model: Model, seed: int) -> Recording:
         {"gain": 1.2, "pair1_time": 1.4, "pair1_damping": 1.06, "pair1_zero": -1.5, "dead_time": 0.2},
     ],
 )
-def test_the_true_model_fits_what_was_cut_out_of_a_longer_recording(values: dict[str, float]) -> None:
+def test_the_true_model_fits_what_was_cut_out_of_a_longer_recording(values):
     model = second_order(**values)
     for seed in range(3):
         whole = recorded(model, seed)
@@ -55,7 +55,7 @@ def test_the_true_model_fits_what_was_cut_out_of_a_longer_recording(values: dict
 
 
 @pytest.mark.parametrize("seed", [9, 11])
-def test_a_sensor_that_is_blind_to_the_direction_may_have_run_either_way(seed: int) -> None:
+def test_a_sensor_that_is_blind_to_the_direction_may_have_run_either_way(seed):
     typical, blind = typical_model("coupled-drives"), ModelEffect("blind_to_sign", "pickup", {"share": Value(1.0, "1")})
     values = {"gain": 1.17, "motor_lag": 0.124, "spring_frequency": 20.9, "spring_damping": 0.099, "count_time": 0.012}
     known = {name: replace(typical.parameters[name], value=value) for name, value in values.items()}
@@ -70,7 +70,7 @@ def test_a_sensor_that_is_blind_to_the_direction_may_have_run_either_way(seed: i
     assert compare(model, experiment(cut, model.definition, "u", "y")).rms_error < 1.1 * 0.045
 
 
-def test_a_valve_that_is_cut_in_a_step_fits_and_one_that_rests_is_left_as_it_is() -> None:
+def test_a_valve_that_is_cut_in_a_step_fits_and_one_that_rests_is_left_as_it_is():
     model, notes = nominal(), list[str]()
     for each in records(seed=51):
         (whole,) = bound(model, [each])
@@ -82,13 +82,13 @@ def test_a_valve_that_is_cut_in_a_step_fits_and_one_that_rests_is_left_as_it_is(
     assert any("begins in motion" in note for note in notes)
 
 
-def test_a_gain_that_is_wrong_is_not_taken_for_a_start_in_motion() -> None:
+def test_a_gain_that_is_wrong_is_not_taken_for_a_start_in_motion():
     model = second_order(gain=2.0, lag_time=0.3)
     other = replace(model, parameters={**model.parameters, "gain": replace(model.parameters["gain"], value=2.2)})
     assert not compare(other, experiment(recorded(model, 1), model.definition, "u", "y")).notes
 
 
-def test_what_was_cut_out_of_a_longer_recording_is_identified_as_what_it_is() -> None:
+def test_what_was_cut_out_of_a_longer_recording_is_identified_as_what_it_is():
     model = second_order(gain=1.2, pair1_time=1.4, pair1_damping=1.06, pair1_zero=-1.5)
     cut = recorded(model, 2).rows(2020, 1900)  # its first 10 s answer to what went before
     typical = replace(typical_model("transfer-function"), input="u", output="y")
@@ -99,7 +99,7 @@ def test_what_was_cut_out_of_a_longer_recording_is_identified_as_what_it_is() ->
         assert found.model.values[name] == pytest.approx(model.values[name], rel=0.02)
 
 
-def test_a_tank_that_cools_where_its_recording_begins_is_no_integrator() -> None:
+def test_a_tank_that_cools_where_its_recording_begins_is_no_integrator():
     rng = np.random.default_rng(3)
     model = second_order(gain=8.0, offset=20.0, pair1_time=122.0, pair1_damping=2.56)
     command = np.repeat(rng.uniform(0.0, 100.0, 60), 50)
@@ -114,7 +114,7 @@ def test_a_tank_that_cools_where_its_recording_begins_is_no_integrator() -> None
     assert min(found.fits.values()) > 85.0
 
 
-def test_a_healthy_unit_that_is_cut_in_a_step_is_checked_without_a_mismatch() -> None:
+def test_a_healthy_unit_that_is_cut_in_a_step_is_checked_without_a_mismatch():
     each = records(seed=52)[0]
     checked = check(nominal(), bound(nominal(), [with_rows(each, slice(len(each) // 3 + 7, None))]))
     (e,) = checked.experiments

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import time
-from pathlib import Path
 
 import pytest
 
 from hil.stderr import write
 
 
-def test_full_pipe_holds_nobody_up() -> None:
+def test_full_pipe_holds_nobody_up():
     near, far = os.pipe()
     with os.fdopen(near, "rb") as reader, os.fdopen(far, "w") as stream:
         assert write("here\n", 0.0, stream)
@@ -22,7 +21,7 @@ def test_full_pipe_holds_nobody_up() -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo terminals")
-def test_stopped_terminal_holds_nobody_up() -> None:
+def test_stopped_terminal_holds_nobody_up():
     near, far = os.openpty()
     with os.fdopen(near, "r+b", buffering=0) as keyboard, os.fdopen(far, "w") as terminal:
         keyboard.write(b"\x13")  # Ctrl-S
@@ -34,12 +33,12 @@ def test_stopped_terminal_holds_nobody_up() -> None:
         assert b"the last word" in os.read(keyboard.fileno(), 4096)
 
 
-def test_whatever_a_stream_cannot_encode_is_written_escaped(tmp_path: Path) -> None:
+def test_whatever_a_stream_cannot_encode_is_written_escaped(tmp_path):
     with (tmp_path / "log").open("w", encoding="ascii") as stream:
         assert write("5 µm\n", 0.0, stream)
     assert (tmp_path / "log").read_text() == "5 \\u00b5m\n"
 
 
-def test_stream_that_is_none_of_the_system_is_written_to(capsys: pytest.CaptureFixture[str]) -> None:
+def test_stream_that_is_none_of_the_system_is_written_to(capsys):
     assert write("said\n", 0.0)
     assert capsys.readouterr().err == "said\n"

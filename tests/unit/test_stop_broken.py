@@ -186,7 +186,7 @@ BROKEN = [
 
 
 @pytest.mark.parametrize("broken", BROKEN, ids=str)
-def test_break_is_noticed(broken: Broken, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_break_is_noticed(broken, monkeypatch, tmp_path):
     with monkeypatch.context() as patch:
         _impatient(patch)
         broken.plant(patch)

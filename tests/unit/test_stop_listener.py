@@ -30,13 +30,13 @@ REAL_ANSWER_S = module.ANSWER_S
 
 
 @pytest.fixture(autouse=True)
-def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+def patient(monkeypatch):
     """Whoever confirms has the time that a busy computer takes; who says nothing is kept."""
     monkeypatch.setattr(module, "ANSWER_S", PATIENCE_S)
     monkeypatch.setattr(module, "_SAYS_S", PATIENCE_S)
 
 
-def test_stop_is_confirmed_when_it_was_read_back_and_not_before() -> None:
+def test_stop_is_confirmed_when_it_was_read_back_and_not_before():
     with listening(tell_safe) as (listener, wishes):
         answer = stopped(listener)
     assert wishes == ["stop"]
@@ -46,7 +46,7 @@ def test_stop_is_confirmed_when_it_was_read_back_and_not_before() -> None:
     assert answer == {"state": "confirmed", "outputs": outputs, "by": "run"}
 
 
-def test_stop_that_nobody_confirms_is_answered_so_within_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stop_that_nobody_confirms_is_answered_so_within_a_second(monkeypatch):
     assert REAL_ANSWER_S < 1.0
     monkeypatch.setattr(module, "ANSWER_S", REAL_ANSWER_S)
     with listening() as (listener, wishes):
@@ -61,13 +61,13 @@ def test_stop_that_nobody_confirms_is_answered_so_within_a_second(monkeypatch: p
         Output(State.UNCONFIRMED, "V", can=False),
     ],
 )  # fmt: skip
-def test_nothing_but_read_back_safe_is_called_confirmed(output: Output, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_but_read_back_safe_is_called_confirmed(output, monkeypatch):
     monkeypatch.setattr(module, "ANSWER_S", 0.1)
     with listening(lambda service, _wish: service.tell({"valve": output}, "run")) as (listener, _):
         assert stopped(listener)["state"] == "unconfirmed"
 
 
-def test_one_of_two_outputs_confirms_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_of_two_outputs_confirms_nothing(monkeypatch):
     monkeypatch.setattr(module, "ANSWER_S", 0.1)
     service = StopService({"valve": "V", "enable": "V"}, "watchdog", lambda _wish: None)
     listener = Listener(service, "watchdog")
@@ -80,7 +80,7 @@ def test_one_of_two_outputs_confirms_nothing(monkeypatch: pytest.MonkeyPatch) ->
         listener.close()
 
 
-def test_wrong_token_moves_nothing() -> None:
+def test_wrong_token_moves_nothing():
     with listening(tell_safe) as (listener, wishes):
         tokens, url = listener.control.tokens, listener.control.url
         for path, token in (("stop", ""), ("stop", tokens.stop[:-1]), ("stop", tokens.hold), ("hold", tokens.stop)):
@@ -91,7 +91,7 @@ def test_wrong_token_moves_nothing() -> None:
         assert wishes == []
 
 
-def test_who_stops_is_believed_where_a_console_vouches_for_it() -> None:
+def test_who_stops_is_believed_where_a_console_vouches_for_it():
     for forged in (False, True):
         with listening(tell_safe) as (listener, _):
             control = listener.control.as_dict(Path("run"))
@@ -102,7 +102,7 @@ def test_who_stops_is_believed_where_a_console_vouches_for_it() -> None:
             assert listener._service.stopped_by == ("" if forged else "olga")
 
 
-def test_hold_is_asked_for_by_who_knows_its_token() -> None:
+def test_hold_is_asked_for_by_who_knows_its_token():
     with listening() as (listener, wishes):
         url, token = f"{listener.control.url}/hold", listener.control.tokens.hold
         assert posted(url, {"token": token})[1] == {"state": "running"}
@@ -114,7 +114,7 @@ def test_hold_is_asked_for_by_who_knows_its_token() -> None:
     assert wishes == ["hold", "resume"]
 
 
-def test_answer_may_be_read_by_pages_of_a_console_and_no_others() -> None:
+def test_answer_may_be_read_by_pages_of_a_console_and_no_others():
     ours = "http://127.0.0.1:8123"
     with listening(tell_safe) as (listener, _):
         told = {"token": listener.control.tokens.stop}
@@ -129,7 +129,7 @@ def test_answer_may_be_read_by_pages_of_a_console_and_no_others() -> None:
             assert "Access-Control-Allow-Origin" not in posted(f"{listener.control.url}/stop", told, ours)[2]
 
 
-def test_many_stops_at_once_are_one_stop_and_all_are_answered() -> None:
+def test_many_stops_at_once_are_one_stop_and_all_are_answered():
     with listening(tell_safe) as (listener, _), ThreadPoolExecutor(30) as pool:
         answers = list(pool.map(lambda _: stopped(listener)["state"], range(30)))
     assert answers == ["confirmed"] * 30
@@ -142,7 +142,7 @@ GARBAGE = (
 )  # fmt: skip
 
 
-def test_garbage_does_not_keep_a_stop_waiting() -> None:
+def test_garbage_does_not_keep_a_stop_waiting():
     with ExitStack() as stack:
         listener, wishes = stack.enter_context(listening(tell_safe))
         place = urlsplit(listener.control.url)
@@ -154,7 +154,7 @@ def test_garbage_does_not_keep_a_stop_waiting() -> None:
 
 
 @pytest.mark.parametrize("count", [200, pytest.param(1000, marks=pytest.mark.slow)])
-def test_connections_that_say_nothing_do_not_keep_a_stop_waiting(count: int) -> None:
+def test_connections_that_say_nothing_do_not_keep_a_stop_waiting(count):
     with ExitStack() as stack:
         listener, _ = stack.enter_context(listening(tell_safe))
         place = urlsplit(listener.control.url)
@@ -168,7 +168,7 @@ def test_connections_that_say_nothing_do_not_keep_a_stop_waiting(count: int) -> 
         assert taken <= 130, "handles are for the devices"
 
 
-def test_connection_that_is_slow_to_speak_is_hung_up_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_connection_that_is_slow_to_speak_is_hung_up_on(monkeypatch):
     monkeypatch.setattr(module, "_SAYS_S", 0.1)
     with listening(tell_safe) as (listener, _):
         place = urlsplit(listener.control.url)
@@ -179,7 +179,7 @@ def test_connection_that_is_slow_to_speak_is_hung_up_on(monkeypatch: pytest.Monk
             assert time.monotonic() - begun_s > 0.05
 
 
-def test_listener_comes_back_after_whatever_ended_its_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_listener_comes_back_after_whatever_ended_its_thread(monkeypatch):
     died = threading.Event()
 
     async def dies(_listener: Listener) -> None:
@@ -198,7 +198,7 @@ def test_listener_comes_back_after_whatever_ended_its_thread(monkeypatch: pytest
         listener.close()
 
 
-def test_fault_in_an_answer_does_not_end_the_listener(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fault_in_an_answer_does_not_end_the_listener(monkeypatch):
     with listening(tell_safe) as (listener, _):
         with monkeypatch.context() as patch:
             patch.setattr(module, "response", lambda *_: 1 / 0)
@@ -206,7 +206,7 @@ def test_fault_in_an_answer_does_not_end_the_listener(monkeypatch: pytest.Monkey
         assert stopped(listener)["state"] == "confirmed"
 
 
-def test_answer_under_way_is_sent_when_the_listener_closes() -> None:
+def test_answer_under_way_is_sent_when_the_listener_closes():
     with ThreadPoolExecutor(1) as pool:
         with listening() as (listener, wishes):
             waiting = pool.submit(stopped, listener)
@@ -216,7 +216,7 @@ def test_answer_under_way_is_sent_when_the_listener_closes() -> None:
         assert waiting.result()["state"] == "confirmed"
 
 
-def test_stop_that_waits_when_the_listener_closes_is_answered() -> None:
+def test_stop_that_waits_when_the_listener_closes_is_answered():
     """Another program has taken the bench: nobody here will ever confirm it."""
     answers = list[dict[str, object]]()
     with listening() as (listener, wishes):
@@ -227,7 +227,7 @@ def test_stop_that_waits_when_the_listener_closes_is_answered() -> None:
     assert [answer["state"] for answer in answers] == ["unconfirmed"]
 
 
-def test_set_forward_clock_changes_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_set_forward_clock_changes_no_answer(monkeypatch):
     real = time.monotonic
     for forward_s in (8 * 3600.0, 2.0**31 / 1000.0, 2.0**32):
         with monkeypatch.context() as patch:
@@ -236,7 +236,7 @@ def test_set_forward_clock_changes_no_answer(monkeypatch: pytest.MonkeyPatch) ->
                 assert 0.0 < stopped(listener)["seconds"] < PATIENCE_S
 
 
-def test_desk_forgets_what_a_dead_run_said() -> None:
+def test_desk_forgets_what_a_dead_run_said():
     wishes: list[Asked] = []
     service = StopService({"valve": "V"}, "watchdog", wishes.append)
     service.tell(SAFE, "run")
@@ -248,7 +248,7 @@ def test_desk_forgets_what_a_dead_run_said() -> None:
     assert waiting.result(0.0).by == "watchdog"
 
 
-def test_console_from_elsewhere_is_spoken_to_with_its_certificate(tmp_path: Path) -> None:
+def test_console_from_elsewhere_is_spoken_to_with_its_certificate(tmp_path):
     import ssl
 
     cert, key, made = tmp_path / "cert.pem", tmp_path / "key.pem", holder("x", bare=True, host="localhost")
@@ -285,7 +285,7 @@ class Guest(asyncio.Protocol):
         """The door says what is done then."""
 
 
-def test_who_is_sent_away_before_being_met_is_hung_up_on() -> None:
+def test_who_is_sent_away_before_being_met_is_hung_up_on():
     async def knocked() -> bytes:
         loop = asyncio.get_running_loop()
         with socket.create_server(("127.0.0.1", 0)) as listening, socket.socket() as client:
@@ -312,7 +312,7 @@ class Told(Guest):
         self.waits = self.has_asked = True
 
 
-def test_answers_that_never_end_send_no_newcomer_away() -> None:
+def test_answers_that_never_end_send_no_newcomer_away():
     async def said(port: int) -> socket.socket:
         loop, client = asyncio.get_running_loop(), socket.socket()
         client.setblocking(False)

@@ -12,7 +12,6 @@ import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -72,7 +71,7 @@ class Watched:
 
 
 @pytest.fixture
-def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
+def watched(monkeypatch):
     with begun(monkeypatch) as made:
         yield made
 
@@ -97,7 +96,7 @@ def wait_until_told(watched: Watched) -> None:
     until(lambda: b"!" in watched.received, every_s=0.002)
 
 
-def test_program_that_does_not_confirm_is_killed_after_a_moment(watched: Watched) -> None:
+def test_program_that_does_not_confirm_is_killed_after_a_moment(watched):
     thread, begun_s = watched.begin(), time.monotonic()
     waiting = watched.service.stop()
     watched.says(b"dd")  # it lives, and drives on
@@ -111,9 +110,7 @@ def test_program_that_does_not_confirm_is_killed_after_a_moment(watched: Watched
 @pytest.mark.parametrize(
     ("output", "confirmed"), [(SAFE["valve"], True), (Output(State.UNCONFIRMED, "V", can=False), False)]
 )
-def test_program_that_confirms_or_cannot_ask_its_device_goes_its_own_way(
-    output: Output, confirmed: bool, watched: Watched, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_program_that_confirms_or_cannot_ask_its_device_goes_its_own_way(output, confirmed, watched, monkeypatch):
     monkeypatch.setattr(watchdog, "CONFIRMS_S", PATIENCE_S)
     thread = watched.begin()
     waiting = watched.service.stop()
@@ -129,7 +126,7 @@ def test_program_that_confirms_or_cannot_ask_its_device_goes_its_own_way(
 
 
 @pytest.mark.parametrize("output", [Output(State.DRIVEN, "V", 5.0), Output(State.UNCONFIRMED, "V", why="no answer")])
-def test_program_that_says_it_is_not_safe_is_killed(output: Output, watched: Watched) -> None:
+def test_program_that_says_it_is_not_safe_is_killed(output, watched):
     thread = watched.begin()
     waiting = watched.service.stop()
     watched.tells(output)
@@ -137,7 +134,7 @@ def test_program_that_says_it_is_not_safe_is_killed(output: Output, watched: Wat
     assert watched.was_killed and not waiting.done()
 
 
-def test_program_that_is_confirming_is_left_alone_until_it_hangs(watched: Watched) -> None:
+def test_program_that_is_confirming_is_left_alone_until_it_hangs(watched):
     watched.says(b"c")
     thread = watched.begin(3.0)
     waiting = watched.service.stop()
@@ -152,7 +149,7 @@ def test_program_that_is_confirming_is_left_alone_until_it_hangs(watched: Watche
     assert "gave no sign of life for 3 s" in end and watched.was_killed
 
 
-def test_wishes_do_not_keep_a_silent_program_alive(watched: Watched) -> None:
+def test_wishes_do_not_keep_a_silent_program_alive(watched):
     thread = watched.begin(LIMIT_S)
     watched.says(b"d")
     while thread.is_alive():
@@ -162,7 +159,7 @@ def test_wishes_do_not_keep_a_silent_program_alive(watched: Watched) -> None:
     assert "gave no sign of life" in end and watched.was_killed
 
 
-def test_dead_program_is_noticed_whoever_holds_its_pipe(watched: Watched) -> None:
+def test_dead_program_is_noticed_whoever_holds_its_pipe(watched):
     thread = watched.begin()  # the pipe stays open here, as in a child that the program has forked
     watched.says(b"d")
     watched.program.kill()
@@ -171,7 +168,7 @@ def test_dead_program_is_noticed_whoever_holds_its_pipe(watched: Watched) -> Non
     assert end == "ended without making its outputs safe"
 
 
-def test_program_that_hands_over_is_told_that_it_is_done(watched: Watched) -> None:
+def test_program_that_hands_over_is_told_that_it_is_done(watched):
     thread = watched.begin()
     watched.says(b"dh")
     thread.join(PATIENCE_S)
@@ -191,7 +188,7 @@ print(end, file=sys.stderr)
 """
 
 
-def test_watchdog_that_was_paused_believes_what_lies_in_the_pipe() -> None:
+def test_watchdog_that_was_paused_believes_what_lies_in_the_pipe():
     with (
         subprocess.Popen(["sleep", "60"]) as program,
         subprocess.Popen(
@@ -211,9 +208,7 @@ def test_watchdog_that_was_paused_believes_what_lies_in_the_pipe() -> None:
         program.kill()
 
 
-def test_after_eight_hours_of_signs_of_life_a_stop_is_heard_at_once(
-    watched: Watched, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_after_eight_hours_of_signs_of_life_a_stop_is_heard_at_once(watched, monkeypatch):
     monkeypatch.setattr(watchdog, "CONFIRMS_S", PATIENCE_S)
     thread = watched.begin()
     for _ in range(75):  # a sign each 0.1 s
@@ -227,7 +222,7 @@ def test_after_eight_hours_of_signs_of_life_a_stop_is_heard_at_once(
     thread.join(PATIENCE_S)
 
 
-def test_program_is_understood_in_whatever_pieces_it_comes() -> None:
+def test_program_is_understood_in_whatever_pieces_it_comes():
     told = b"dd" + json.dumps({"holding": True}).encode() + b"\nd" + json.dumps({"outputs": {"valve": {
         "state": "safe", "at": 0.0, "unit": "V", "read_back": True}}}).encode() + b"\nsq"  # fmt: skip
     for size in (1, 2, 3, 7, 1000):
@@ -242,7 +237,7 @@ def test_program_is_understood_in_whatever_pieces_it_comes() -> None:
 @pytest.mark.parametrize(
     "line", [b"{", b"{}", b'{"outputs": 1}', b'{"outputs": {"valve": {"state": "fine"}}}', b"{\xff"]
 )
-def test_program_that_talks_nonsense_is_watched_on(line: bytes) -> None:
+def test_program_that_talks_nonsense_is_watched_on(line):
     service = StopService({"valve": "V"}, "watchdog", lambda _wish: None)
     program = watchdog._Program(service, {})
     assert program.received(b"d" + line + b"\nd") == 2 and program.driven and not service.status.is_final
@@ -250,7 +245,7 @@ def test_program_that_talks_nonsense_is_watched_on(line: bytes) -> None:
 
 
 @pytest.mark.parametrize("answers", [True, False])
-def test_takeover_confirms_what_it_read_back(answers: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_takeover_confirms_what_it_read_back(answers, tmp_path, monkeypatch):
     monkeypatch.setattr(rescue, "GIVE_UP_S", 0.1)
     monkeypatch.setattr("hil.safety.outputs._PATIENCE_S", 0.02)
     service = StopService({"a": "V", "b": "V"}, "watchdog", lambda _wish: None)
@@ -259,13 +254,13 @@ def test_takeover_confirms_what_it_read_back(answers: bool, tmp_path: Path, monk
     assert service.status.is_confirmed == answers and service.status.by == "watchdog"
 
 
-def test_record_of_outputs_comes_back_as_it_was() -> None:
+def test_record_of_outputs_comes_back_as_it_was():
     known = Outputs()
     known._known = {"a": Output(State.DRIVEN, "V", 5.0, why="x"), "b": Output(State.UNCONFIRMED, "%", can=False)}
     assert outputs_in(json.loads(json.dumps(known.record()))) == known.known
 
 
-def test_control_file_is_its_owners_and_goes_with_the_run(tmp_path: Path) -> None:
+def test_control_file_is_its_owners_and_goes_with_the_run(tmp_path):
     control = Control("watchdog", ("http://127.0.0.1:1",), Tokens())
     assert control_of(control.as_strings()) == control and control_of({"no_listener": "x"}) is None
     path = tmp_path / "control.json"
@@ -280,7 +275,7 @@ def test_control_file_is_its_owners_and_goes_with_the_run(tmp_path: Path) -> Non
     assert path.exists(), "outputs are not settled: the watchdog can still be asked"
 
 
-def test_run_that_cannot_write_its_control_file_goes_on_and_says_so(tmp_path: Path) -> None:
+def test_run_that_cannot_write_its_control_file_goes_on_and_says_so(tmp_path):
     noted: list[str] = []
     control = Control("watchdog", ("http://127.0.0.1:1",), Tokens())
     with published(control, tmp_path / "gone", lambda: False, lambda event, **_: noted.append(event)):
@@ -288,7 +283,7 @@ def test_run_that_cannot_write_its_control_file_goes_on_and_says_so(tmp_path: Pa
     assert noted == ["no stop from a console"]
 
 
-def test_watchdog_without_a_port_watches_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_watchdog_without_a_port_watches_all_the_same(monkeypatch):
     def taken(*_: object) -> None:
         raise OSError(98, "Address already in use")
 

@@ -12,7 +12,7 @@ from tests.studies.table import as_json
 
 
 @pytest.mark.parametrize("name", skeletons())
-def test_a_skeleton_has_what_is_asked_of_one(name: str) -> None:
+def test_a_skeleton_has_what_is_asked_of_one(name):
     module = skeleton(name)
     unit = module.draw(np.random.default_rng(1))
     assert unit != module.draw(np.random.default_rng(2))
@@ -24,7 +24,7 @@ def test_a_skeleton_has_what_is_asked_of_one(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", skeletons())
-def test_a_change_shows_more_the_larger_it_is(name: str) -> None:
+def test_a_change_shows_more_the_larger_it_is(name):
     module = skeleton(name)
     low, high, _ = RANGES[module.PLANT]
     command = 0.5 * (low + high) + 0.4 * (high - low) * USUAL["steps"](np.random.default_rng(1), module.STEP_S)
@@ -37,26 +37,26 @@ def test_a_change_shows_more_the_larger_it_is(name: str) -> None:
         assert small <= large > 0.0  # a stop that is not reached yet shows nothing
 
 
-def test_commands_stay_in_their_range_and_differ_from_draw_to_draw() -> None:
+def test_commands_stay_in_their_range_and_differ_from_draw_to_draw():
     for make in (*USUAL.values(), *OTHER.values()):
         one, other = (make(np.random.default_rng(seed), 0.002) for seed in (1, 2))
         assert one.shape == other.shape == (10_000,) and not np.array_equal(one, other)
         assert np.max(np.abs(one)) <= 1.0
 
 
-def test_a_unit_is_the_same_in_all_its_cases_and_its_changes_are_drawn_evenly() -> None:
+def test_a_unit_is_the_same_in_all_its_cases_and_its_changes_are_drawn_evenly():
     (first, *changed), *_ = cases_of(skeletons(), 1, 2, 7)
     assert first.change == NOTHING and len(changed) == 2 and all(0.3 <= case.wanted <= 10.0 for case in changed)
     drawn = {case.rng("unit").random() for case in (first, *changed)}
     assert len(drawn) == 1 and len({case.rng("after").random() for case in (first, *changed)}) == 3
 
 
-def test_a_seal_is_that_of_its_truths() -> None:
+def test_a_seal_is_that_of_its_truths():
     one, other = (cases_of(["axis_belt"], 2, 1, seed) for seed in (7, 8))
     assert seal(one) == seal(one) != seal(other)
 
 
-def test_what_is_counted() -> None:
+def test_what_is_counted():
     def said(change: str, verdict: str, *named: str, alike: tuple[str, ...] = ()) -> Outcome:
         return Outcome(Case("hpv41_direct", 0, change, 1.0, 1), 2.0 * (change != NOTHING), verdict, named, alike)
 

@@ -12,7 +12,7 @@ from hil.physics.model import typical_model
 from hil.record.recording import recording
 
 
-def test_what_moves_by_itself_within_the_dead_band_does_not_follow_the_command() -> None:
+def test_what_moves_by_itself_within_the_dead_band_does_not_follow_the_command():
     """A leaking seal lets the piston of a closed valve creep for a minute; that of an open one moves at once."""
     plant = typical_model("hydraforce-open-loop")
     leaks = {**plant.parameters, "piston_leakage": replace(plant.parameters["piston_leakage"], value=70.0)}

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
-
 import minimalmodbus
 import pytest
 
@@ -35,12 +31,12 @@ def side(out: str, in_: str, unit: str = "V") -> Side:
 
 
 @pytest.fixture
-def coupler() -> modbus.Wago750:
+def coupler():
     return modbus.Wago750(side("ao0", "ai0"))
 
 
 @pytest.fixture
-def line(coupler: modbus.Wago750, tmp_path: Path) -> Iterator[Any]:
+def line(coupler, tmp_path):
     """The coupler on a serial line, with the client of nobody here."""
     served = modbus.serve(
         {"model": "wago-750", "transport": "rtu", "address": str(tmp_path / "line")}, coupler.side, Quirks()
@@ -52,7 +48,7 @@ def line(coupler: modbus.Wago750, tmp_path: Path) -> Iterator[Any]:
     served.close()
 
 
-def test_another_client_on_the_serial_line(line: Any) -> None:
+def test_another_client_on_the_serial_line(line):
     line.write_registers(0, [2000])
     assert line.read_register(0x200) == 2000
     line.write_register(0, -1234, functioncode=6, signed=True)
@@ -81,7 +77,7 @@ def test_another_client_on_the_serial_line(line: Any) -> None:
         ("2B 0E 01 00", "AB 01"),
     ],
 )
-def test_functions_of_the_coupler(coupler: modbus.Wago750, request_: str, answer: str) -> None:
+def test_functions_of_the_coupler(coupler, request_, answer):
     coupler.write(0, 0x0012)
     pdu = bytes.fromhex(request_)
     tcp = TcpFrames(coupler, 1).answer(b"\0\1\0\0" + bytes([0, len(pdu) + 1, 0]) + pdu)
@@ -93,13 +89,13 @@ def test_functions_of_the_coupler(coupler: modbus.Wago750, request_: str, answer
     assert frames.answer(found)[1:-2].hex(" ").upper() == answer
 
 
-def test_masks_are_applied_as_the_specification_prints(coupler: modbus.Wago750) -> None:
+def test_masks_are_applied_as_the_specification_prints(coupler):
     coupler.write(0, 0x0012)
     TcpFrames(coupler, 1).answer(bytes.fromhex("0001 0000 0008 01 16 0000 00F2 0025"))
     assert coupler.holding(0x200) == 0x0017
 
 
-def test_events_are_counted_but_not_exceptions_nor_questions_for_them(coupler: modbus.Wago750) -> None:
+def test_events_are_counted_but_not_exceptions_nor_questions_for_them(coupler):
     frames = TcpFrames(coupler, 1)
     head = "0001 0000 0006 01"
     for pdu in ("03 0000 0001", "03 7777 0001", "06 0000 0001"):
@@ -140,12 +136,12 @@ class Node:
         ("e0 00 10 00 00 00 00 00", 0x05040001),  # no such command
     ],
 )
-def test_sdo_is_refused_with_the_codes_of_cia_301(request_: str, abort: int) -> None:
+def test_sdo_is_refused_with_the_codes_of_cia_301(request_, abort):
     answer = Node().sdo(request_)
     assert answer == f"80 {request_[3:11]} {abort.to_bytes(4, 'little').hex(' ')}"
 
 
-def test_identifiers_are_those_of_the_predefined_connection_set() -> None:
+def test_identifiers_are_those_of_the_predefined_connection_set():
     node = Node()
     identifiers = {index: node.uploaded(index, 1) for index in (0x1400, 0x1401, 0x1402, 0x1403, 0x1800)}
     assert identifiers == {0x1400: 0x205, 0x1401: 0x305, 0x1402: 0x405, 0x1403: 0x505, 0x1800: 0x185}
@@ -153,7 +149,7 @@ def test_identifiers_are_those_of_the_predefined_connection_set() -> None:
     assert node.uploaded(0x1005, 0) == 0x080
 
 
-def test_set_point_in_every_pdo_that_carries_it_and_in_one_that_a_client_maps() -> None:
+def test_set_point_in_every_pdo_that_carries_it_and_in_one_that_a_client_maps():
     node = Node()
     list(node.valve.on_frame(0x000, b"\x01\x05"))
     for number, (identifier, tail) in enumerate(((0x305, b""), (0x505, b"\0\0")), start=1):
@@ -167,7 +163,7 @@ def test_set_point_in_every_pdo_that_carries_it_and_in_one_that_a_client_maps() 
     assert node.uploaded(0x6300, 1) == 77
 
 
-def test_scpi_status_of_ieee_488() -> None:
+def test_scpi_status_of_ieee_488():
     scanner = Instrument(side("dac4", "in1"), description_of(Described(model="scanner"), "scpi"))
     told = [
         ("*ESR?", "128"), ("*ESR?", "0"), ("*OPC?;*TST?", "1;0"), ("NONSENSE", None), ("*STB?", "4"), ("*ESR?", "32"),
@@ -191,7 +187,7 @@ def test_scpi_status_of_ieee_488() -> None:
         (0x80, "19 fe 00", (0x0CFE1980, None)),
     ],
 )
-def test_j1939_request_is_answered_or_refused(to: int, group: str, answer: tuple[int, str | None] | None) -> None:
+def test_j1939_request_is_answered_or_refused(to, group, answer):
     valve = j1939_valve.Valve(side("flow command", "estimated flow", "%"), 9, 0x80, 0.3)
     frames = list(valve.on_frame(0x18EA00F9 | to << 8, bytes.fromhex(group)))
     assert [identifier for identifier, _ in frames] == ([] if answer is None else [answer[0]])

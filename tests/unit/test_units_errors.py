@@ -7,7 +7,6 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pint
@@ -42,36 +41,36 @@ from hil.units import check_unit, convert, scale_and_offset
         (7.0, "l/min", "l/min", 7.0),
     ],
 )
-def test_values_are_converted(value: float, unit: str, to: str, found: float) -> None:
+def test_values_are_converted(value, unit, to, found):
     assert convert(np.array([value]), unit, to)[0] == pytest.approx(found, rel=1e-9)
 
 
 @pytest.mark.parametrize(("unit", "to"), [("bar", "kPa"), ("°C", "degF"), ("%", "1"), ("mm", "inch")])
-def test_there_and_back(unit: str, to: str) -> None:
+def test_there_and_back(unit, to):
     values = np.array([-3.0, 0.0, 1.0, 250.0])
     assert np.allclose(convert(convert(values, unit, to), to, unit), values, atol=1e-9)
 
 
-def test_nothing_to_convert_is_the_same_array() -> None:
+def test_nothing_to_convert_is_the_same_array():
     values = np.array([1.0, 2.0])
     assert convert(values, "bar", "bar") is values
     assert convert(values, "1", "") is values
 
 
 @pytest.mark.parametrize(("unit", "to"), [("kg", "l/min"), ("V", "A"), ("%", "bar")])
-def test_what_measures_something_else_is_refused(unit: str, to: str) -> None:
+def test_what_measures_something_else_is_refused(unit, to):
     with pytest.raises(UnitError, match=f"unit '{unit}' cannot be read as '{to}': they measure different things"):
         scale_and_offset(unit, to)
 
 
 @pytest.mark.parametrize("typed", ["10%%", "10 % %", "10 %*%"])
-def test_a_percent_sign_typed_twice_is_no_share_of_a_share(typed: str) -> None:
+def test_a_percent_sign_typed_twice_is_no_share_of_a_share(typed):
     with pytest.raises(SettingError, match="a number in % was expected"):
         number_in(typed, "%", "limit thd")
 
 
 @pytest.mark.parametrize("unit", ["blorp", "l/minn", "3 apples"])
-def test_an_unknown_unit_comes_with_examples(unit: str) -> None:
+def test_an_unknown_unit_comes_with_examples(unit):
     with pytest.raises(UnitError, match=f"unknown unit '{unit}'; examples: %, V, mA"):
         check_unit(unit)
 
@@ -80,25 +79,25 @@ def all_errors() -> list[type[HilError]]:
     return [found for _, found in inspect.getmembers(errors, inspect.isclass) if issubclass(found, HilError)]
 
 
-def test_bad_input_is_2_and_broken_hardware_3() -> None:
+def test_bad_input_is_2_and_broken_hardware_3():
     for found in all_errors():
         assert found.exit_status == (3 if issubclass(found, HardwareError) else 2)
         assert found is HilError or issubclass(found, InputError) != issubclass(found, HardwareError)
 
 
-def test_the_tree_in_the_documentation_is_the_tree() -> None:
+def test_the_tree_in_the_documentation_is_the_tree():
     shown = set(re.findall(r"── (\w+)", errors.__doc__ or ""))
     assert shown == {found.__name__ for found in all_errors()} - {"HilError"}
 
 
-def test_an_unknown_name_lists_what_there_is() -> None:
+def test_an_unknown_name_lists_what_there_is():
     error = UnknownNameError("plant", "valve", ["b", "a"])
     assert str(error) == "no plant named 'valve'; known: a, b"
     assert str(UnknownNameError("plant", "valve", [])) == "no plant named 'valve'; known: none"
     assert "did you mean 'brevini'" in str(UnknownNameError("plant", "brevinni", ["brevini"]))
 
 
-def test_half_a_file_in_the_cache_of_the_units_library_makes_no_unit_unknown(tmp_path: Path) -> None:
+def test_half_a_file_in_the_cache_of_the_units_library_makes_no_unit_unknown(tmp_path):
     # Its files are written in place: whoever begins meanwhile, or after a power cut, finds half of one.
     pint.UnitRegistry(cache_folder=tmp_path / "pint")
     written = list((tmp_path / "pint").glob("*.pickle"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.problem import pose
 from hil.diagnosis.search.terms import all_terms
 from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
@@ -18,7 +18,7 @@ TRANSFER = plant("transfer-function")
 
 
 @pytest.fixture(scope="module")
-def asked() -> Problem:
+def asked():
     values = TRANSFER.typical | {"gain": 0.02, "lag_time": 0.2}
     speed = 500.0 * np.sign(np.sin(0.05 * np.arange(200)))
     pressure = simulate(TRANSFER, values, Drive(speed[None, :], 0.0, 0.02))[0]
@@ -29,7 +29,7 @@ def asked() -> Problem:
     return pose(model, [experiment(made, TRANSFER, "pump speed", "accumulator pressure")])
 
 
-def test_terms_have_units_of_the_channels(asked: Problem) -> None:
+def test_terms_have_units_of_the_channels(asked):
     units = {(t.name, t.hook, u.name): u.unit for t in all_terms(asked, asked.nominal_residuals) for u in t.unknowns}
     assert units["gain", "", "gain"] == "[bar]/[r/min]"
     assert units["deadband", "command", "width"] == units["backlash", "position", "half_width"] == "r/min"
@@ -37,6 +37,6 @@ def test_terms_have_units_of_the_channels(asked: Problem) -> None:
     assert not {unit for unit in units.values() if "any" in unit or "{" in unit}
 
 
-def test_what_is_left_is_in_the_unit_of_the_output(asked: Problem) -> None:
+def test_what_is_left_is_in_the_unit_of_the_output(asked):
     assert asked.model.output_unit == "bar"
     assert asked.model.resolved_unit("{input}/s") == "r/min/s"

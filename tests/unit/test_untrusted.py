@@ -4,7 +4,6 @@ import os
 import shutil
 import socket
 import time
-from pathlib import Path
 from threading import get_native_id
 
 import pytest
@@ -39,7 +38,7 @@ WRITTEN = ("results.json", REPORT_FILE, SEAL_FILE)
 
 
 @pytest.fixture
-def root(tmp_path: Path) -> Path:
+def root(tmp_path):
     (tmp_path / "secret").write_text("secret")
     folder = tmp_path / "run"
     (folder / "inner").mkdir(parents=True)
@@ -47,7 +46,7 @@ def root(tmp_path: Path) -> Path:
     return folder
 
 
-def test_read_untrusted_reads_a_file_below_its_root(root: Path) -> None:
+def test_read_untrusted_reads_a_file_below_its_root(root):
     assert read_untrusted_json(root, "inner/file.json") == {"a": 1}
     assert is_regular(root, "inner/file.json")
     assert not is_regular(root, "inner")
@@ -56,12 +55,12 @@ def test_read_untrusted_reads_a_file_below_its_root(root: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["../secret", "/etc/passwd", "inner/../../secret", "", "."])
-def test_open_untrusted_refuses_a_name_that_leads_out(root: Path, name: str) -> None:
+def test_open_untrusted_refuses_a_name_that_leads_out(root, name):
     with pytest.raises(FileError, match="leads out of its folder"):
         open_untrusted(root, name)
 
 
-def test_open_untrusted_follows_no_link(root: Path) -> None:
+def test_open_untrusted_follows_no_link(root):
     (root / "file").symlink_to(root.parent / "secret")
     (root / "folder").symlink_to(root.parent)
     (root / "dangling").symlink_to("nowhere")
@@ -71,12 +70,12 @@ def test_open_untrusted_follows_no_link(root: Path) -> None:
         assert not is_regular(root, name)
 
 
-def test_open_untrusted_follows_a_link_that_is_the_root(root: Path) -> None:
+def test_open_untrusted_follows_a_link_that_is_the_root(root):
     (root.parent / "link").symlink_to(root)
     assert read_untrusted(root.parent / "link", "inner/file.json") == b'{"a": 1}'
 
 
-def test_open_untrusted_waits_for_nothing(root: Path) -> None:
+def test_open_untrusted_waits_for_nothing(root):
     os.mkfifo(root / "pipe")
     begun = time.process_time()
     with pytest.raises(FileError, match="a pipe"):
@@ -92,7 +91,7 @@ def test_open_untrusted_waits_for_nothing(root: Path) -> None:
     assert time.process_time() - begun < 1
 
 
-def test_open_untrusted_refuses_what_is_too_large(root: Path) -> None:
+def test_open_untrusted_refuses_what_is_too_large(root):
     (root / "large").write_bytes(b"x" * 101)
     assert len(read_untrusted(root, "large", 101)) == 101
     with pytest.raises(FileError, match="has 101 bytes; at most 100 bytes are read"):
@@ -108,39 +107,39 @@ def test_open_untrusted_refuses_what_is_too_large(root: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["[" * 100_000, '{"a":' * 100_000, "[" * 65 + "]" * 65, '{"a":' * 65 + "1" + "}" * 65], ids=begins
 )
-def test_parse_json_refuses_depth(text: str) -> None:
+def test_parse_json_refuses_depth(text):
     with pytest.raises(FileError, match="here: JSON nested more than 64 deep"):
         parse_json(text, "here")
 
 
-def test_parse_json_reads_what_is_no_deeper() -> None:
+def test_parse_json_reads_what_is_no_deeper():
     assert parse_json("[" * MOST_LEVELS + "]" * MOST_LEVELS, "here")
     assert parse_json("1", "here") == 1
 
 
 @pytest.mark.parametrize("text", [r'{"a": ["\ud800"]}', rb'{"\uDC00x": 1}', b'"\xed\xa0\x80"'], ids=repr)
-def test_parse_json_refuses_half_a_character(text: str | bytes) -> None:
+def test_parse_json_refuses_half_a_character(text):
     with pytest.raises(FileError, match=r"here: JSON was expected: .*can't (en|de)code"):
         parse_json(text, "here")
 
 
-def test_parse_json_reads_both_halves() -> None:
+def test_parse_json_reads_both_halves():
     assert parse_json(r'"\ud83d\ude00"', "here") == "\U0001f600" == parse_json('"\U0001f600"'.encode(), "here")
 
 
 @pytest.mark.parametrize("text", ["1" * 310, '{"a": [-1e309]}', "[NaN]", '{"a": -Infinity}', f'["a", {10**308 * 2}]'])
-def test_parse_json_refuses_what_no_float_holds(text: str) -> None:
+def test_parse_json_refuses_what_no_float_holds(text):
     with pytest.raises(FileError, match="here: JSON was expected"):
         parse_json(text, "here")
 
 
-def test_parse_json_reads_long_and_large_numbers() -> None:
+def test_parse_json_reads_long_and_large_numbers():
     text = "9" * 400
     assert parse_json(f'["{text}", 1e308, {10**307}, 0.{text}, 1e-999]', "here")[:2] == [text, 1e308]
 
 
 @pytest.mark.parametrize("text", [b"", b"\xff\xfe\xfd", b"{", b"1" * 5000, b"\x00" * 10])
-def test_parse_json_says_what_is_no_json(text: bytes) -> None:
+def test_parse_json_says_what_is_no_json(text):
     with pytest.raises(FileError, match="here: JSON was expected"):
         parse_json(text, "here")
 
@@ -151,7 +150,7 @@ NO_TOML = ("a" * 200_000, '"' * 200_001, "a " * 100_000, "'a' " * 50_000, "a = "
 
 
 @pytest.mark.parametrize("text", [*LONG_KEYS, *NO_TOML], ids=begins)
-def test_parse_toml_refuses_a_dotted_key_and_what_is_none_at_once(text: str) -> None:
+def test_parse_toml_refuses_a_dotted_key_and_what_is_none_at_once(text):
     begun = time.process_time()
     says = r"line \d: a key of more than 64 parts" if text in LONG_KEYS else ""
     with pytest.raises(FileError, match=f"^here: {says}"):
@@ -162,23 +161,23 @@ def test_parse_toml_refuses_a_dotted_key_and_what_is_none_at_once(text: str) -> 
 @pytest.mark.parametrize(
     "text", ["a = " + "[" * 100_000, "a = " + "{a = " * 100_000, "a=" + "[" * 65 + "]" * 65], ids=begins
 )
-def test_parse_toml_refuses_depth(text: str) -> None:
+def test_parse_toml_refuses_depth(text):
     with pytest.raises(FileError, match="here: TOML nested more than 64 deep"):
         parse_toml(text, "here")
 
 
-def test_parse_toml_reads_versions_and_addresses_in_text() -> None:
+def test_parse_toml_reads_versions_and_addresses_in_text():
     assert parse_toml('a.b.c = "1.2.3.4.5.6"', "here") == {"a": {"b": {"c": "1.2.3.4.5.6"}}}
 
 
-def test_read_json_waits_for_no_pipe(tmp_path: Path) -> None:
+def test_read_json_waits_for_no_pipe(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(FileError, match="a pipe"):
         read_json(tmp_path / "pipe")
 
 
 @pytest.mark.parametrize("partly", [False, True], ids=["in its place", "while it is written"])
-def test_report_again_writes_through_no_link_and_into_no_pipe(tmp_path: Path, partly: bool, stranger: Path) -> None:
+def test_report_again_writes_through_no_link_and_into_no_pipe(tmp_path, partly, stranger):
     """A run folder of somebody else: its names lead to files of who evaluates it, or nowhere."""
     own = tmp_path / "own file"
     own.write_text("mine")
@@ -197,7 +196,7 @@ def test_report_again_writes_through_no_link_and_into_no_pipe(tmp_path: Path, pa
     assert own.read_text() == "mine"
 
 
-def test_passport_is_not_written_through_a_link(tmp_path: Path, stranger: Path) -> None:
+def test_passport_is_not_written_through_a_link(tmp_path, stranger):
     own = tmp_path / "own file"
     own.write_text("mine")
     (tmp_path / "unit.pdf").symlink_to(own)

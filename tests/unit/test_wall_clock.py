@@ -6,7 +6,6 @@ import os
 import threading
 import time
 import tty
-from collections.abc import Iterator
 
 import pytest
 
@@ -16,7 +15,7 @@ from hil.errors import DeviceLostError, LinkError
 
 
 @pytest.fixture
-def silent_line() -> Iterator[str]:
+def silent_line():
     """A serial line on which nobody answers."""
     master, slave = os.openpty()
     tty.setraw(slave)
@@ -25,7 +24,7 @@ def silent_line() -> Iterator[str]:
     os.close(master)
 
 
-def test_answer_that_is_missing_on_a_serial_line(silent_line: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_answer_that_is_missing_on_a_serial_line(silent_line, monkeypatch):
     settings = modbus.Settings(model="wago-750", transport="rtu", address=silent_line, timeout_s=1.0)
     wiring = Wiring({"a": OutputChannel("a", "ao0", "voltage", "V", -10.0, 10.0)}, {})
     wall, stepped = time.time, threading.Event()

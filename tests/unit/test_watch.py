@@ -35,7 +35,7 @@ def _state(raw: Iterable[float], folder: Path, channel: str = "flow", **more: An
     return followed.reading(0.0).state
 
 
-def test_readings_in_words(tmp_path: Path) -> None:
+def test_readings_in_words(tmp_path):
     assert _state([1.0, 1.1, 1.0], tmp_path) == "ok"
     assert _state([1.0, 1.1, math.nan], tmp_path) == "no measurement"
     assert _state([1.0, 11.0], tmp_path).startswith("over-range: at the upper end")
@@ -43,14 +43,14 @@ def test_readings_in_words(tmp_path: Path) -> None:
     assert _state([1.0] * 80 + [1.1], tmp_path) == "ok"
 
 
-def test_a_live_zero_tells_a_broken_wire(tmp_path: Path) -> None:
+def test_a_live_zero_tells_a_broken_wire(tmp_path):
     live = {"slope": 31.25, "offset": -62.5}
     broken = _state([1.7, 1.71], tmp_path, "supply pressure", calibration=live)
     assert broken.startswith("open wire: below 1.8 V")
     assert _state([1.9, 1.91], tmp_path, "supply pressure", calibration=live) == "ok"
 
 
-def test_a_bench_is_looked_at_and_nothing_is_written(tmp_path: Path) -> None:
+def test_a_bench_is_looked_at_and_nothing_is_written(tmp_path):
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, devices):
         (device,) = devices.values()
         line = RecordedLine(device.port)
@@ -65,7 +65,7 @@ def test_a_bench_is_looked_at_and_nothing_is_written(tmp_path: Path) -> None:
         assert device._side._field.levels["command"] == 0.0
 
 
-def test_a_device_that_does_not_answer_is_stale_and_then_back(tmp_path: Path) -> None:
+def test_a_device_that_does_not_answer_is_stale_and_then_back(tmp_path):
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, devices):
         (device,) = devices.values()
         with inputs_of(file, ["flow"]) as looked:
@@ -137,7 +137,7 @@ def _looked_at(folder: Path, description: str, device: str, answer: Callable[[by
                     yield states
 
 
-def test_words_of_a_count_are_those_of_now_from_the_first_look_on(tmp_path: Path) -> None:
+def test_words_of_a_count_are_those_of_now_from_the_first_look_on(tmp_path):
     counts = [5000, 0x8000]
 
     def answer(came: bytes) -> bytes:
@@ -155,7 +155,7 @@ def test_words_of_a_count_are_those_of_now_from_the_first_look_on(tmp_path: Path
         assert next(states) == ["ok", "no measurement: sensor fault"]
 
 
-def test_words_of_an_answer_are_those_of_now(tmp_path: Path) -> None:
+def test_words_of_an_answer_are_those_of_now(tmp_path):
     said = ["1.5", "9.91E37"]
 
     def answer(came: bytes) -> bytes:
@@ -173,13 +173,13 @@ def test_words_of_an_answer_are_those_of_now(tmp_path: Path) -> None:
         assert next(states) == ["no measurement: the instrument answers NAN", "ok"]
 
 
-def test_what_cannot_be_looked_at() -> None:
+def test_what_cannot_be_looked_at():
     file = read_bench(benches()["brevini-hpv41"])
     with pytest.raises(SettingError, match="is an output"), inputs_of(file, ["command"]):
         pass
 
 
-def test_command_line(tmp_path: Path, command_line) -> None:
+def test_command_line(tmp_path, command_line):
     out = tmp_path / "rows.csv"
     found = command_line("watch", "brevini-hpv41", "--seconds", "1", "--json", "--csv", out)
     told = json.loads(found.out)

@@ -46,7 +46,7 @@ def link_to(address: str, **more: object) -> ModbusLink:
 
 @pytest.mark.parametrize("kind", ["the last one again before it", "itself twice", "the last one again behind it"])
 @pytest.mark.parametrize("transport", ["tcp", "rtu"])
-def test_two_answers_in_one_segment(kind: str, transport: str) -> None:
+def test_two_answers_in_one_segment(kind, transport):
     """What is read is the answer to this request, or no answer; never the one before."""
     device, last = Tables(inputs={0: 100}, holding={8: 0}), [b""]
 
@@ -71,7 +71,7 @@ def test_two_answers_in_one_segment(kind: str, transport: str) -> None:
         link.close()
 
 
-def test_a_device_that_answers_only_after_its_start_up() -> None:
+def test_a_device_that_answers_only_after_its_start_up():
     device, on_s = Tables(inputs={0: 20}, holding={8: 0}), time.monotonic() + 0.6
     starting = lambda frame: device.on_tcp(frame) if time.monotonic() > on_s else b""  # noqa: E731
     with ForeignLine(starting) as line:
@@ -88,7 +88,7 @@ def test_a_device_that_answers_only_after_its_start_up() -> None:
 
 
 @pytest.mark.parametrize("protocol", ["text", "scpi"])
-def test_a_line_of_text_waits_for_a_start_up_too(protocol: str, tmp_path: Path) -> None:
+def test_a_line_of_text_waits_for_a_start_up_too(protocol, tmp_path):
     written(tmp_path, "meter.toml", METER.format(protocol=protocol))
     module, on_s = (text_driver if protocol == "text" else scpi_driver), [math.inf]
     answers = {b"*CLS;*IDN?\n": b"A,B,1,1\n", b"*IDN?\n": b"A,B,1,1\n"}
@@ -105,7 +105,7 @@ def test_a_line_of_text_waits_for_a_start_up_too(protocol: str, tmp_path: Path) 
         link.close()
 
 
-def test_what_is_gone_at_first_is_waited_for_and_then_told() -> None:
+def test_what_is_gone_at_first_is_waited_for_and_then_told():
     failures: list[Exception] = [DeviceLostError("cannot be reached"), LinkError("no answer")]
 
     def ask() -> str:
@@ -121,7 +121,7 @@ def test_what_is_gone_at_first_is_waited_for_and_then_told() -> None:
         once_started(0.0, ask)
 
 
-def test_a_gateway_that_no_longer_reaches_its_device() -> None:
+def test_a_gateway_that_no_longer_reaches_its_device():
     device, refused = Tables(inputs={0: 20}, holding={8: 0}), [False]
 
     def answer(frame: bytes) -> bytes | None:
@@ -137,7 +137,7 @@ def test_a_gateway_that_no_longer_reaches_its_device() -> None:
         link.close()
 
 
-def test_an_answer_of_a_function_that_is_none() -> None:
+def test_an_answer_of_a_function_that_is_none():
     device, odd = Tables(inputs={0: 20}, holding={8: 0}), [False]
 
     def answer(frame: bytes) -> bytes | None:
@@ -152,7 +152,7 @@ def test_an_answer_of_a_function_that_is_none() -> None:
         link.close()
 
 
-def test_error_frames_of_a_wrong_bit_rate_or_an_overrun_are_no_readings(tmp_path: Path) -> None:
+def test_error_frames_of_a_wrong_bit_rate_or_an_overrun_are_no_readings(tmp_path):
     """An interface gives them for a disturbed bus, error-passive, and frames that it lost."""
     wiring = Wiring({}, {"s": InputChannel("s", "engine speed", "value", "1/min", 0.0, 8031.875)})
     bus = can.Bus(interface="virtual", channel=tmp_path.name)
@@ -176,12 +176,12 @@ ROWS = [line for line in PAGE.splitlines() if line.startswith("| ") and "`tests/
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.split("|")[1].strip()[:40])
-def test_each_row_of_the_page_is_a_test(row: str) -> None:
+def test_each_row_of_the_page_is_a_test(row):
     found = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", row)
     assert found
     for file, name in found:
         assert f"def {name}(" in (ROOT / file).read_text(encoding="utf-8"), (file, name)
 
 
-def test_the_page_has_every_situation() -> None:
+def test_the_page_has_every_situation():
     assert len(ROWS) >= 22
