@@ -26,7 +26,6 @@ from babel.messages.pofile import read_po, write_po
 from hil.bench.file import Conditions, InstrumentEntry, Valve
 from hil.catalog import entries
 from hil.console.form import NOTES
-from hil.diagnosis.false_alarms import Colour
 from hil.findings.difference import Meaning
 from hil.language.figures import POINT
 from hil.physics.compose import effects, plant
@@ -127,7 +126,7 @@ def declared() -> Iterator[str]:
         yield from (hook.stage for hook in plant(entry.name).hooks)
     yield POINT
     yield from (name for name, _ in NOTES)
-    yield from (*get_args(Verdict), *get_args(Meaning), *get_args(Colour))
+    yield from (*get_args(Verdict), *get_args(Meaning))
     for model in (Conditions, Valve, InstrumentEntry):
         for field in model.model_fields:
             yield split_unit(field)[0]

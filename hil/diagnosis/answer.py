@@ -34,7 +34,7 @@ from hil.diagnosis.diagnosis import (
     Strip,
 )
 from hil.diagnosis.events.event import Events
-from hil.diagnosis.false_alarms import FalseAlarms, false_alarms
+from hil.diagnosis.false_alarms import false_alarms
 from hil.diagnosis.locate import StageShare, Where, locate, stages
 from hil.diagnosis.next_test import Span, next_test
 from hil.diagnosis.pictures import spectra, strips
@@ -179,7 +179,7 @@ class Answer:
             left=left,
             limits=unseen,
             warnings=self._all_warnings(changed),
-            false_alarms=self._false_alarms(),
+            false_alarms=false_alarms(self.problem.plant.name, self.asked.asked),
             seconds=round(seconds, 3),
             strips=drawn,
             spectra=spectra(problem, nominal, self.used),
@@ -339,12 +339,6 @@ class Answer:
         )
         before = (self.problem.model.origin.get("fit_percent") or {}).values()
         return Note("{reaches}, at identification {fit:.3g} %", reaches=reaches, fit=min(before)) if before else reaches
-
-    def _false_alarms(self) -> FalseAlarms:
-        problem = self.problem
-        coloured = any(noise.colour or noise.hum_hz for noise in problem.noises)
-        lasting_s = sum(e.duration_s for e in problem.experiments)
-        return false_alarms(problem.plant.name, "coloured" if coloured else "white", lasting_s)
 
     # -- fits --------------------------------------------------------------------------------------------
 

@@ -203,7 +203,7 @@ class Diagnosis:
         corrected_is: what the corrected model holds, and `why_corrected`. `work`: simulations, their samples and
             what was not searched for want of a larger budget.
         simulated: whether a recording is of a simulated valve.
-        false_alarms: how often a unit without any effect is called anything but consistent, and where that was counted.
+        false_alarms: how often an unchanged unit is called changed, and where that was counted.
     """
 
     verdict: DiagnosisVerdict

@@ -226,7 +226,7 @@ def _false_alarms(d: Diagnosis) -> str:
     known = d.false_alarms
     if known.rate is None:
         return translated(known.scope)
-    return _("at most {percent} % of healthy units: {counted}").format(
+    return _("at most {percent} % of unchanged units: {counted}").format(
         percent=number(100 * known.rate, 2), counted=translated(known.scope)
     )
 

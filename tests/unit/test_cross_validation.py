@@ -156,15 +156,11 @@ def test_beside_what_nobody_explains_an_effect_may_be_all_that_is_left() -> None
 
 
 def test_a_rate_of_false_alarms_is_that_of_a_plant_that_was_counted() -> None:
-    known, unknown = false_alarms("cummins-efc", "coloured", 133.0), false_alarms("throttle-flap", "coloured", 133.0)
-    assert known.rate is not None and 0.07 < known.rate < 0.09  # 0 of 43
+    known, unknown = false_alarms("cummins-efc", "changed"), false_alarms("throttle-flap", "changed")
+    assert known.rate is not None and 0.05 < known.rate < 0.15  # 0 of 30
     assert "cummins-efc" in known.scope
     assert unknown.rate is None and "not counted" in unknown.scope
 
 
-def test_a_rate_of_false_alarms_is_that_of_such_noise_and_length() -> None:
-    short, long = false_alarms("brevini-hpv41", "white", 50.0), false_alarms("brevini-hpv41", "white", 300.0)
-    assert short.rate is not None and long.rate is not None
-    assert short.rate < 0.03 < long.rate  # 0 of 150, 0 of 25
-    other = false_alarms("brevini-hpv41", "white", 5.0)
-    assert other.rate is None and "48 s" in other.scope and "not for 5 s" in other.scope
+def test_what_a_model_leaves_out_has_no_rate_of_false_alarms() -> None:
+    assert false_alarms("cummins-efc", "left_out").rate is None
