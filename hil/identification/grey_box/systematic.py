@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,28 +98,33 @@ def _structural_covariance(
     Each kind of addition at each hook has a size of its own, drawn about zero; how large they are on the whole is what
     makes the residuals most probable (empirical Bayes).
     """
-    kinds = list(_kinds(residuals, residuals.passing(parameters)))
+    additions = list(_additions(residuals, residuals.passing(parameters)))
 
-    def slope(k: int) -> Array:
-        hook, added = kinds[k]
-        moved = residuals.at(parameters, residuals.effects, inject=lambda i: (hook, added[i]))
-        return moved - base
+    def slope(addition: _Addition) -> Array:
+        moved = residuals.at(parameters, residuals.effects, inject=addition.of)
+        moved -= base
+        return moved
 
-    columns = list(spread(slope, range(len(kinds))))
-    sizes = np.array([float(np.linalg.norm(column)) for column in columns])
-    seen = np.isfinite(sizes) & (sizes > 0.0)
-    slopes = np.array([columns[k] / sizes[k] for k in np.flatnonzero(seen)]).T
+    slopes, at = [], []  # of a long recording every copy takes megabytes: each is worked on in its place
+    for addition, column in zip(additions, spread(slope, additions), strict=True):
+        size = float(np.linalg.norm(column))
+        if math.isfinite(size) and size > 0.0:
+            column /= size
+            slopes.append(column)
+            at.append(addition.hook)
     nothing = np.zeros((len(found.values),) * 2), "", False
-    if not slopes.size:
+    if not slopes:
         return nothing
-    moves = np.array([found.moved_by(column) for column in slopes.T]).T
-    apart = slopes + found.jacobian @ moves  # what is left of each once the estimate has given way to it
+    moves = np.array([found.moved_by(column) for column in slopes]).T
+    for column, way in zip(slopes, moves.T, strict=True):
+        column += found.jacobian @ way  # what is left of each once the estimate has given way to it
+    apart = np.array(slopes).T
+    slopes.clear()
     alike, along = apart.T @ apart, apart.T @ found.residuals
     evidence, variance, mean, spread_of = _most_probable(alike, along, found.residuals)
     if evidence == 0.0:
         return nothing
     off = moves @ mean
-    at = [kinds[k][0] for k in np.flatnonzero(seen)]
     stage = max(set(at), key=lambda hook: float(np.sum(mean[[h == hook for h in at]] ** 2)))
     stages = {hook.name: hook.stage for hook in residuals.plant.hooks}
     moved = moves @ spread_of @ moves.T * variance + np.outer(off, off)
@@ -132,10 +137,12 @@ def _is_no_colour(found: Estimate, apart: Array) -> bool:
     rows = whitened(np.vstack([found.residuals, apart.T, found.jacobian.T]), colour)
     count = 1 + apart.shape[1]
     others = np.linalg.qr(rows[count:].T)[0]
-    left, *added = rows[:count] - (rows[:count] @ others) @ others.T
+    for row in rows[:count]:
+        row -= others @ (row @ others)
+    left, added = rows[0], rows[1:count]
     sizes = np.linalg.norm(added, axis=1)
-    slopes = (np.array(added)[sizes > 0.0] / sizes[sizes > 0.0, None]).T
-    return bool(slopes.size) and _most_probable(slopes.T @ slopes, slopes.T @ left, left)[0] > VERY_STRONG
+    added /= np.where(sizes > 0.0, sizes, 1.0)[:, None]
+    return bool(np.any(sizes > 0.0)) and _most_probable(added @ added.T, added @ left, left)[0] > VERY_STRONG
 
 
 def _most_probable(alike: Array, along: Array, left: Array) -> tuple[float, float, Array, Array]:
@@ -158,22 +165,33 @@ def _most_probable(alike: Array, along: Array, left: Array) -> tuple[float, floa
     return evidence, explained(float(share))[1], vectors @ (inner * -seen), (vectors * inner) @ vectors.T
 
 
-def _kinds(residuals: Residuals, passing: list[Array]) -> Iterator[tuple[str, list[Array]]]:
-    """Additions at a hook that depend on what passes: one sign of its motion, levels, bends, and its rate."""
+@dataclass(frozen=True, slots=True)
+class _Addition:
+    """A function of what passes a hook, in shares of its largest, added there so small that it acts in proportion."""
+
+    hook: str
+    function: Callable[[Array], Array]
+    size: float
+    passing: list[Array]
+
+    def of(self, recording: int) -> tuple[str, Array]:
+        """Of one recording, as `Residuals.at` is given it."""
+        return self.hook, self.size * self.function(self.passing[recording])
+
+
+def _additions(residuals: Residuals, passing: list[Array]) -> Iterator[_Addition]:
+    """Additions at each hook: one sign of the motion of what passes, levels, bends, and its rate."""
     for k, hook in enumerate(residuals.plant.hooks):
-        values = [trace[k] for trace in passing]
-        largest = max(float(np.abs(v).max()) for v in values)
+        largest = max(float(np.abs(trace[k]).max()) for trace in passing)
         if not largest > 0.0 or not math.isfinite(largest):
             continue
+        shares = [trace[k] / largest for trace in passing]
         size = EFFORT.addition * hook.full_scale
-        shares = [v / largest for v in values]
-        rates = [np.gradient(s) for s in shares]
-        yield hook.name, [size * np.sign(r) for r in rates]
-        for kind in (np.sign, np.ones_like, np.abs, lambda s: s * np.abs(s)):
-            yield hook.name, [size * kind(s) for s in shares]
-        fastest = max(float(np.abs(r).max()) for r in rates)
+        for function in (lambda s: np.sign(np.gradient(s)), np.sign, np.ones_like, np.abs, lambda s: s * np.abs(s)):
+            yield _Addition(hook.name, function, size, shares)
+        fastest = max(float(np.abs(np.gradient(s)).max()) for s in shares)
         if fastest > 0.0:
-            yield hook.name, [size * r / fastest for r in rates]
+            yield _Addition(hook.name, np.gradient, size / fastest, shares)
 
 
 def _calibrations(residuals: Residuals, found: Estimate, parameters: Parameters, base: Array) -> Array | None:
