@@ -125,7 +125,7 @@ def _structural_covariance(
     if evidence == 0.0:
         return nothing
     off = moves @ mean
-    stage = max(set(at), key=lambda hook: float(np.sum(mean[[h == hook for h in at]] ** 2)))
+    stage = max(dict.fromkeys(at), key=lambda hook: float(np.sum(mean[[h == hook for h in at]] ** 2)))
     stages = {hook.name: hook.stage for hook in residuals.plant.hooks}
     moved = moves @ spread_of @ moves.T * variance + np.outer(off, off)
     return moved, stages[stage], _is_no_colour(found, apart)
