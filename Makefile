@@ -40,16 +40,16 @@ check: $(STAMP)  ## format, lint, types, import layers
 warm: $(STAMP)   ## compile the plants and test files that are not in the cache yet
 	$(BIN)/python -m tests.warm
 
-# Eight at a time on two cores: tests that wait for clocks are together on workers of their own, and the cores compute.
+# Eight at a time on two cores: tests that wait for clocks are groups on workers of their own, and the cores compute.
 test: $(STAMP)   ## everything CI asks for
 	$(MAKE) --no-print-directory -j 2 check warm
-	$(BIN)/pytest --workers 8 -m "not slow"
+	$(BIN)/pytest -n 8 --dist loadgroup -m "not slow"
 	@echo "not checked here: the calibration certificate against its XML schemas; python -m tests.dcc --schemas DIR does"
 
 # Who judges tenths of seconds runs alone; the others wait most of their time, and wait together.
 test-slow: $(STAMP) warm  ## the rest: faults on every link in wall-clock time, on a machine that does nothing else
 	$(BIN)/pytest -m "slow and alone"
-	$(BIN)/pytest --workers 12 -m "slow and not alone"
+	$(BIN)/pytest -n 12 --dist worksteal -m "slow and not alone"
 
 outside: $(STAMP)  ## the device against every word of the program: outages, named cases, 300 drawn combinations (an hour)
 	$(BIN)/python -m tests.outside --drawn 300

@@ -17,9 +17,11 @@ from hypothesis import settings
 
 from hil.catalog import entries
 from tests.once import SHARED
-from tests.workers import pytest_addoption, pytest_runtestloop  # noqa: F401  # hooks
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the console script does, before numpy is imported
+
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("HIL_CORES", "1")  # the cores are busy: threads would wait for each other
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)  # HYPOTHESIS_PROFILE=explore: other examples each time
@@ -97,7 +99,8 @@ def state(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HIL_STATE_DIR", str(tmp_path_factory.mktemp("state")))
         patch.setenv("HIL_ARCHIVE", str(tmp_path_factory.mktemp("archive")))
-        patch.setenv(SHARED, os.environ.get(SHARED, str(tmp_path_factory.getbasetemp())))
+        own = tmp_path_factory.getbasetemp()
+        patch.setenv(SHARED, str(own.parent if "PYTEST_XDIST_WORKER" in os.environ else own))
         # Programs that tests start in a home of their own need not compile every plant anew.
         patch.setenv("HIL_CACHE_DIR", os.environ.get("HIL_CACHE_DIR") or platformdirs.user_cache_dir("valve-hil"))
         yield

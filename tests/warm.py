@@ -1,7 +1,6 @@
 """`python -m tests.warm`: make what all tests share before they start: compiled plants, classes of valves, bytecode.
 
-Tests beside each other would wait for the same compiler, and before the first of them one core would rewrite the
-assertions of every file.
+Tests beside each other would wait for the same compiler, and each worker would rewrite the assertions of every file.
 `make test` runs this beside the static checks, which keep one core busy.
 """
 

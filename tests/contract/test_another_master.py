@@ -21,7 +21,7 @@ from tests.contract.test_drivers import CASES, bench_of
 from tests.unit.test_description_can import AMPLIFIER, DBC
 from tests.waits import side_by_side
 
-pytestmark = pytest.mark.together("waits for twins")  # for clocks: on one worker, beside others that compute
+pytestmark = pytest.mark.xdist_group("waits for twins")  # for clocks: on one worker, beside others that compute
 
 DRIVERS = [case for case in CASES if case not in ("ascii inputs", "modbus outputs alone")]
 IN_TURN_S, PATIENCE_S = 0.02, 60.0

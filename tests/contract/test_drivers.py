@@ -25,7 +25,7 @@ from hil.errors import DeviceLostError, LinkError
 from tests.links import moved, patient_valve
 from tests.waits import side_by_side
 
-pytestmark = pytest.mark.together("waits for twins")  # for clocks: on one worker, beside others that compute
+pytestmark = pytest.mark.xdist_group("waits for twins")  # for clocks: on one worker, beside others that compute
 
 CALM = "timeout_s = 1.0\nlongest_reply_s = 1.0\n"
 WATCHDOG = "watchdog_s = 4.0\n"  # longer than an answer that comes late, and what is waited for after it

@@ -15,7 +15,7 @@ from hil.daq.conformance import CHECKS, Subject, examine, left_safe, verdict_of
 from hil.errors import DeviceLostError
 from tests.liars import LIES, WIRES, Port, Server
 
-pytestmark = pytest.mark.together("waits for liars")  # for clocks: on one worker, beside others that compute
+pytestmark = pytest.mark.xdist_group("waits for liars")  # for clocks: on one worker, beside others that compute
 
 BENCH = """
 name = "liar"

@@ -32,7 +32,7 @@ SHORT = {
 
 # All that is asked of a run is asked by one worker: it is driven once.
 @pytest.fixture(scope="module", params=[
-    pytest.param((name, bench), id=f"{name}-{bench}", marks=pytest.mark.together(f"{name} on {bench}"))
+    pytest.param((name, bench), id=f"{name}-{bench}", marks=pytest.mark.xdist_group(f"{name} on {bench}"))
     for name in SHORT for bench in BENCHES
 ])  # fmt: skip
 def done(request, tmp_path_factory):

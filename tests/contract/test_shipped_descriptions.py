@@ -19,7 +19,7 @@ from hil.description.read import read_description
 from sim_devices._quirks import Quirks
 from tests.links import free_port
 
-pytestmark = pytest.mark.together(
+pytestmark = pytest.mark.xdist_group(
     "waits for lies of descriptions"
 )  # for clocks: on one worker, beside others that compute
 

@@ -6,7 +6,7 @@ import pytest
 from efc_bench import failed, outcome, published, value
 
 # The population is drawn once, for all of them.
-pytestmark = [pytest.mark.together("efc population"), pytest.mark.usefixtures("unprinted")]
+pytestmark = [pytest.mark.xdist_group("efc population"), pytest.mark.usefixtures("unprinted")]
 SHORT = {"sweep_s": 10.0, "levels": ("medium",), "frequencies": (1.0, 3.0, 5.0, 8.0)}
 
 

@@ -17,7 +17,7 @@ import pytest
 from tests.consoles import Lab, console
 from tests.limited import limited
 
-pytestmark = pytest.mark.together("console")
+pytestmark = pytest.mark.xdist_group("console")
 SAID = {
     "silent": b"", "head": b"GET /bench HTTP/1.1\r\nHost: %s\r\n",
     "body": b"POST /login HTTP/1.1\r\nHost: %s\r\nOrigin: http://%s\r\nContent-Length: 1000000\r\n"

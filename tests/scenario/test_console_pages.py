@@ -20,7 +20,7 @@ from tests.consoles import console, real_time_bench
 from tests.links import free_port
 from tests.waits import PATIENCE_S, until
 
-pytestmark = pytest.mark.together("console")
+pytestmark = pytest.mark.xdist_group("console")
 PAGES = ("/bench?bench=real", "/run?bench=real", "/results", "/results/{run}", "/results/trend?serial=SN-1",
          "/live/{run}", "/diagnose")  # fmt: skip
 _PATIENCE_MS = 1000.0 * PATIENCE_S

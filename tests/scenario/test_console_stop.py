@@ -21,7 +21,7 @@ from tests.outside.coupler import NEAR, Coupler
 from tests.outside.running import STRANGER, bench
 from tests.waits import PATIENCE_S, until
 
-pytestmark = pytest.mark.together("console")
+pytestmark = pytest.mark.xdist_group("console")
 BROWSER = build_opener(HTTPCookieProcessor())
 FORM = {"procedure": "frequency_response", "bench": "real", "set.frequencies": "1", "set.amplitudes": "10",
         "set.biases": "50", "set.measure_s": "60 s"}  # fmt: skip

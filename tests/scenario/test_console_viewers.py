@@ -23,7 +23,7 @@ from tests.chromium import chromium
 from tests.consoles import console, real_time_bench
 from tests.waits import until
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.together("console")]
+pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.xdist_group("console")]
 
 CHANNELS, RATE_HZ, MEASURE_S, PLAIN = 8, 1000.0, 30.0, 19
 LATER_S = 5e-3

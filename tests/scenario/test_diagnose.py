@@ -27,7 +27,7 @@ def found(*effects: ActiveEffect, memory: float = 0.0, **given: object) -> Diagn
 
 
 BACKLASH = ActiveEffect("backlash", "opening", {"half_width": 2.0})
-answers_kept = pytest.mark.together("one effect concealed")
+answers_kept = pytest.mark.xdist_group("one effect concealed")
 _answers: dict[tuple[str, str], Diagnosed] = {}
 
 

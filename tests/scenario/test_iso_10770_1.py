@@ -22,7 +22,7 @@ from hil.signals.stepped_sine import reference_and_band
 from procedures._sequence import SequencedTest, drive
 
 # On one worker: the whole run is made once.
-pytestmark = [pytest.mark.together("sequence"), pytest.mark.usefixtures("unprinted")]
+pytestmark = [pytest.mark.xdist_group("sequence"), pytest.mark.usefixtures("unprinted")]
 SETTINGS: dict[str, Any] = {
     "cycle_s": 10.0, "steps": (25.0, 50.0), "amplitudes": (10.0,), "biases": (50.0,), "rate_hz": 200.0,
 }  # fmt: skip

@@ -17,7 +17,7 @@ from tests.outside.situations import ENDINGS, OUTAGES_S, drawn, named, outages
 from tests.outside.watch import watched
 from tests.waits import side_by_side
 
-pytestmark = pytest.mark.together("watches from outside")  # for clocks: on one worker, beside others that compute
+pytestmark = pytest.mark.xdist_group("watches from outside")  # for clocks: on one worker, beside others that compute
 QUICK_S = 3.0  # of a direct link: what it may have sent is there after one second
 OUTAGES = {one.name: one for one in outages()}
 NAMED = {one.name: one for one in named()}

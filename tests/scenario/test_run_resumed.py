@@ -16,7 +16,7 @@ from hil.session.procedure import load_procedure
 from hil.session.run import rehearse_procedure, run_procedure
 
 # On one worker: the run that is resumed is made once.
-pytestmark = [pytest.mark.together("resumed runs"), pytest.mark.usefixtures("unprinted")]
+pytestmark = [pytest.mark.xdist_group("resumed runs"), pytest.mark.usefixtures("unprinted")]
 SWEEP: dict[str, Any] = {
     "frequencies": "1,2,4,6", "amplitudes": "5,10", "biases": "50", "measure_s": "2", "poles": "2", "zeros": "0",
     "dead_time": "true",

@@ -14,7 +14,7 @@ from hil import api
 from hil.errors import InputError
 from hil.record.recording import Channel, Recording
 
-pytestmark = pytest.mark.together("api")  # on one worker: its run is made once
+pytestmark = pytest.mark.xdist_group("api")  # on one worker: its run is made once
 
 
 def test_every_public_name_is_there_after_every_module_was_imported():

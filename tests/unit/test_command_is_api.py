@@ -18,7 +18,7 @@ from hil.session.identification import read_for
 from tests.passports import run_of
 
 # on one worker: its model is identified once
-pytestmark = [pytest.mark.together("command is api"), pytest.mark.usefixtures("unprinted")]
+pytestmark = [pytest.mark.xdist_group("command is api"), pytest.mark.usefixtures("unprinted")]
 
 
 @pytest.fixture(scope="module")

@@ -31,7 +31,7 @@ from tests.linked import linked as linked_to
 from tests.linked import simulation, turned
 from tests.waits import until
 
-pytestmark = pytest.mark.together("waits for lines")  # for clocks: on one worker, beside others that compute
+pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
 
 SIMULATION = simulation("read back", "level", slope=10.0, flow=1.0)
 

@@ -27,7 +27,7 @@ from tests.linked import linked as linked_to
 from tests.linked import simulation, turned
 from tests.waits import until
 
-pytestmark = pytest.mark.together("waits for lines")  # for clocks: on one worker, beside others that compute
+pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
 
 SIMULATION = simulation("read back", slope=10.0)
 MODULE = Wiring({"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)}, {})

@@ -29,7 +29,7 @@ from sim_devices._simulation import Simulation
 from tests.sick_bus import SickBus
 from tests.waits import PATIENCE_S, until
 
-pytestmark = pytest.mark.together("waits for lines")  # for clocks: on one worker, beside others that compute
+pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
 
 SIMULATION = Simulation.model_validate({
     "plant": "brevini-hpv41",

@@ -21,7 +21,7 @@ from tests.foreign_line import BrokenPort, ForeignLine, ended
 from tests.links import free_port
 from tests.waits import side_by_side
 
-pytestmark = pytest.mark.together("waits for descriptions")  # for clocks: on one worker, beside others that compute
+pytestmark = pytest.mark.xdist_group("waits for descriptions")  # for clocks: on one worker, beside others that compute
 
 READINGS = ">+01.234-05.678+00.000+09.999-09.999+04.000+03.210-00.001"
 CALM = {"timeout_s": 1.0, "longest_reply_s": 1.0}

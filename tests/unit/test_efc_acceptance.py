@@ -16,7 +16,7 @@ from hil.errors import SettingError
 from hil.record.read import read_recording
 
 # The population is drawn once, for all of them.
-pytestmark = [pytest.mark.together("efc population"), pytest.mark.usefixtures("unprinted")]
+pytestmark = [pytest.mark.xdist_group("efc population"), pytest.mark.usefixtures("unprinted")]
 SHORT = {"sweep_s": 8.0, "levels": ("medium",), "frequencies": (1.0, 3.0, 5.0, 8.0)}
 
 

@@ -25,7 +25,7 @@ from hil.physics.compose import effect, kernel
 from hil.physics.model import ModelEffect, Value, save_model, typical_model
 from hil.physics.plant import Plant
 
-pytestmark = pytest.mark.together("fmu")  # on one worker: sources are compiled once
+pytestmark = pytest.mark.xdist_group("fmu")  # on one worker: sources are compiled once
 
 PLANTS = sorted(entry.name for entry in entries("plants"))
 VALVE = "brevini-hpv41"

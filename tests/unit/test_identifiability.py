@@ -19,7 +19,7 @@ from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array, recording
 from tests.concealed import bound
 
-pytestmark = pytest.mark.together("moves of a cylinder")  # on one worker: it is fitted once
+pytestmark = pytest.mark.xdist_group("moves of a cylinder")  # on one worker: it is fitted once
 
 TYPICAL = typical_model("hydraforce-sp08-47c")
 

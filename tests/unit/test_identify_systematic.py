@@ -16,7 +16,7 @@ from hil.record.recording import Recording, recording
 from hil.signals.recursion import filtered
 from tests.concealed import bound
 
-pytestmark = pytest.mark.together("fits with and without friction")  # on one worker: it is fitted once
+pytestmark = pytest.mark.xdist_group("fits with and without friction")  # on one worker: it is fitted once
 
 TYPICAL = typical_model("brevini-hpv41")
 FRICTION = ActiveEffect("friction", "force", {"coulomb": 1.5, "stiction": 1.2, "stribeck": 10.0, "presliding": 0.2})

@@ -27,7 +27,7 @@ from tests.conftest import STRANGER
 from tests.passports import run_of
 
 # on one worker: its passport is issued once
-pytestmark = [pytest.mark.together("passport"), pytest.mark.usefixtures("lab")]
+pytestmark = [pytest.mark.xdist_group("passport"), pytest.mark.usefixtures("lab")]
 
 WITHOUT_MODEL = Wanted(identify=False)
 SPACE = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}

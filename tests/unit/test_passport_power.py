@@ -17,7 +17,7 @@ from hil.passport.unit import read_unit_runs
 from hil.physics.model import typical_model
 from hil.session.results import evaluated
 
-pytestmark = pytest.mark.together("power of a passport")  # on one worker: it is fitted once
+pytestmark = pytest.mark.xdist_group("power of a passport")  # on one worker: it is fitted once
 
 CHANGE, OVERSHOOT = "change, 0 → 50 %", "overshoot, 0 → 50 %"
 TRIED = ("full_flow", "load_force at spool", "sensor_lag")

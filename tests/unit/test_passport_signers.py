@@ -18,7 +18,7 @@ from hil.passport.verify import SignatureStatus, Trust, verify
 from tests.certificates import DAY, NOW, Holder, holder
 from tests.passports import run_of
 
-pytestmark = pytest.mark.together("signers")  # on one worker: its passport is issued once
+pytestmark = pytest.mark.xdist_group("signers")  # on one worker: its passport is issued once
 
 
 def key_of(who: Holder) -> SigningKey:

@@ -21,7 +21,7 @@ from tests.proof.truth.catalog import PLANTS
 from tests.proof.truth.law import Hidden
 from tests.proof.truth.noise import Colour, converted, noise
 
-pytestmark = pytest.mark.together("proof")  # what is drawn once is for all of them
+pytestmark = pytest.mark.xdist_group("proof")  # what is drawn once is for all of them
 
 OFFSET = Label("sensor_offset", "brevini-hpv41", "half", 3)
 

@@ -14,7 +14,7 @@ from tests.proof.truth.excitation.programme import programme
 from tests.proof.truth.law import Hidden
 from tests.proof.truth.simulate import SUBSTEPS, Unit, respond
 
-pytestmark = pytest.mark.together("laws of the proof")  # on one worker: stands are settled once for each plant
+pytestmark = pytest.mark.xdist_group("laws of the proof")  # on one worker: stands are settled once for each plant
 
 CONTRACT = {
     "friction", "backlash", "hysteresis", "deadband", "saturation", "rate_limit", "dead_time", "sensor_lag",

@@ -24,7 +24,7 @@ from tests.proof.score.result import Result
 from tests.proof.truth.law import Array, Hidden
 from tests.proof.truth.simulate import Unit, respond
 
-pytestmark = pytest.mark.together("proof")  # what is drawn once is for all of them
+pytestmark = pytest.mark.xdist_group("proof")  # what is drawn once is for all of them
 
 HEALTHY = Label("none", "cummins-efc", "full", 0)
 LABELS = [LEAK, HEALTHY]

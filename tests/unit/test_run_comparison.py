@@ -14,7 +14,7 @@ from hil.session.run_comparison import compare_runs
 from tests.kept_runs import kept_run
 from tests.page import read_page
 
-pytestmark = pytest.mark.together("compared runs")  # on one worker: its runs are made once
+pytestmark = pytest.mark.xdist_group("compared runs")  # on one worker: its runs are made once
 
 
 def results(*values):

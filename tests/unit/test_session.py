@@ -23,7 +23,7 @@ from hil.session.run import run_procedure
 from hil.session.setting import Setting, parse_settings, split_assignments
 
 # on one worker: its run is made once
-pytestmark = [pytest.mark.together("session"), pytest.mark.usefixtures("unprinted")]
+pytestmark = [pytest.mark.xdist_group("session"), pytest.mark.usefixtures("unprinted")]
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ from tests.page import read_page
 from tests.passports import run_of
 
 # on one worker: its runs are made once
-pytestmark = [pytest.mark.together("simulated"), pytest.mark.usefixtures("unprinted")]
+pytestmark = [pytest.mark.xdist_group("simulated"), pytest.mark.usefixtures("unprinted")]
 
 OLD = '[devices.daq]\nsimulated = "in_process"\n'
 REAL = '[devices.daq]\ndriver = "ni"\n'

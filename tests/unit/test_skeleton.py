@@ -30,7 +30,7 @@ from hil.record.recording import recording
 from hil.signals.recursion import filtered
 from tests.flap import FLAP, TIME_S, recorded
 
-pytestmark = pytest.mark.together("a model that lacks something")  # on one worker: it is fitted once
+pytestmark = pytest.mark.xdist_group("a model that lacks something")  # on one worker: it is fitted once
 
 FIRST, WORN = 3.0, 8.0
 

@@ -11,7 +11,7 @@ from hil.physics.effects.standing_wave import EFFECT
 from hil.physics.plant import Hook
 from hil.record.recording import Array
 
-pytestmark = pytest.mark.together("standing wave")  # gains are worked out once
+pytestmark = pytest.mark.xdist_group("standing wave")  # gains are worked out once
 
 PERIOD_S, STEP_S = 0.16, 0.001
 HOOK = Hook(EFFECT.hooks[0], "flow", "l/min", 100.0)
