@@ -56,7 +56,6 @@ COMMANDS = [
         ("hpv41-canopen", "canopen"), ("four-way-lab-can", "canopen"), ("hpv41-mixed", "canopen"),
         ("hpv41-usb-6211", "nidaqmx"),
     )),
-    (("runs",), "sqlalchemy"),
     (("runs", "--archive", "postgresql://localhost/archive"), "psycopg"),
     (("check-driver", "canopen_valve"), "canopen"),
     *((("convert", source, "b.csv"), package) for source, package in (
