@@ -54,7 +54,7 @@ _SHARES = tuple(2.0**k for k in range(-8, 5, 2))
 _HALVINGS = 4  # of the logarithm between two of them: to 9 %
 _LARGER, _TRIES = 1.2, 4  # a size that fails more rarely than sought is made so much larger, so often
 _ROUNDING = 1e-9  # relative: two evaluations of the same samples agree better than that
-_AT_ONCE = 8  # repeats, before it is asked whether more are of use
+_BATCH = 8  # repeats, before it is asked whether more are of use
 # Of a transfer function only this value depends on the form. Where it has no limit the simplest is fitted: to choose
 # one takes longer than all else that is evaluated.
 _OF_FORM, _SIMPLEST = "model_fit", {"poles": 1, "zeros": 0, "dead_time": False}
@@ -331,7 +331,7 @@ class _Search:
         lowest: list[dict[str, float]] = []
         for n, one in enumerate(growing):
             self.progress(0.05 + 0.45 * n / len(growing), f"what limits catch: {one.term.label}")
-            lowest.append(self._roughly(one))
+            lowest.append(self._coarsest(one))
         found: list[LeastFault] = []
         for n, limit in enumerate(self.scatter):
             self.progress(0.5 + 0.5 * n / len(self.scatter), f"what limits catch: {limit}")
@@ -363,7 +363,7 @@ class _Search:
             self.world.state.write()
         return _Seen(*kept[key])
 
-    def _roughly(self, growing: _Growing) -> dict[str, float]:
+    def _coarsest(self, growing: _Growing) -> dict[str, float]:
         """The least of a few shares at which each limit is missed; those that none misses are left out.
 
         From the largest down, until nothing is missed any more.
@@ -429,7 +429,7 @@ class _Search:
             return sum(limit in missed for missed in kept)
 
         while len(kept) < REPEATS and len(kept) - count() <= (1.0 - _SHARE) * REPEATS:
-            seeds = range(len(kept), min(len(kept) + _AT_ONCE, REPEATS))
+            seeds = range(len(kept), min(len(kept) + _BATCH, REPEATS))
             for found in spread(partial(self.world.noisy, rows), seeds):
                 kept.append([name for name in self.scatter if name in found and found[name].verdict == "fail"])
             self.world.state.write()

@@ -185,13 +185,13 @@ def _counted(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, tu
         return model, ()
     least = min(float(np.min(e.valid_output)) for e in experiments)
     greatest = max(float(np.max(e.valid_output)) for e in experiments)
-    told = model.definition.zero(model.values, least, greatest)
+    counted = model.definition.zero(model.values, least, greatest)
     notes = tuple(
         Note("'{channel}' reads {least:.4g} to {greatest:.4g}: {name} is taken as {value:.4g}",
              channel=experiments[0].output_heading, least=least, greatest=greatest, name=name, value=value)
-        for name, value in told.items()
+        for name, value in counted.items()
     )  # fmt: skip
-    return moved(model, told) if told else model, notes
+    return moved(model, counted) if counted else model, notes
 
 
 def _near(model: Model, found: GreyBoxFit, experiments: Sequence[Experiment], asked: _Asked) -> Model:
@@ -453,15 +453,15 @@ def _covariance(found: Estimate) -> Covariance:
     return Covariance(tuple(found.named), tuple(map(tuple, found.identifiability.whole.tolist())))
 
 
-def _unidentifiable(found: Estimate, said: Set[str], slow_hz: float) -> list[Note]:
-    """What the recordings do not tell, or only together, in words, but for what is `said` of a parameter already.
+def _unidentifiable(found: Estimate, named: Set[str], slow_hz: float) -> list[Note]:
+    """What the recordings do not tell, or only together, in words, but for what is `named` of a parameter already.
 
     `slow_hz` as in `_undetermined`.
     """
     shared = [
         u.name
         for u, is_shared in zip(found.unknowns, found.identifiability.is_shared_beyond_noise, strict=True)
-        if is_shared and u.name not in said
+        if is_shared and u.name not in named
     ]
     if len(shared) == 1:
         alone = Note("not identifiable: {name}; drive more levels, some of them near where it acts",
