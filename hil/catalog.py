@@ -100,11 +100,11 @@ def find(kind: Kind, name: str) -> Entry:
     raise UnknownNameError(_SINGULAR[kind], name, (entry.name for entry in entries(kind)))
 
 
-def is_of_others(module: str) -> bool:
-    """Whether a module belongs to a package that somebody else has installed beside this program."""
-    package = module.partition(".")[0]
-    points = (point for kind in KINDS for point in _points(_GROUP.get(kind, f"hil.{kind}")))
-    return any(point.name != "hil" and point.value.partition(".")[0] == package for point in points)
+def packages() -> tuple[frozenset[str], frozenset[str]]:
+    """Packages of this program, and those that somebody else has installed beside it, by what they plug in."""
+    points = [point for kind in KINDS for point in _points(_GROUP.get(kind, f"hil.{kind}"))]
+    own = frozenset({"hil", *(point.value.partition(".")[0] for point in points if point.name == "hil")})
+    return own, frozenset(point.value.partition(".")[0] for point in points) - own
 
 
 def files_of(groups: Iterable[str], folder: str, pattern: str) -> dict[str, Path]:

@@ -57,18 +57,16 @@ def _text(error: BaseException) -> str:
     return f"a fault {_whose(error)}: {type(error).__name__}: {error}{hint}"
 
 
-_OURS = ("hil", "drivers", "sim_devices", "procedures")
-
-
 def _whose(error: BaseException) -> str:
     """Of this program, or of a file that somebody else has installed; libraries fail for who called them."""
-    from hil.catalog import is_of_others
+    from hil.catalog import packages
 
+    own, others = packages()
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
-        module = str(frame.f_globals.get("__name__", ""))
-        if module.partition(".")[0] in _OURS:
+        package = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        if package in own:
             break
-        if is_of_others(module):
+        if package in others:
             return f"in {frame.f_code.co_filename}, line {line}, which is no part of this program"
     return "of this program, not of its input"
 
