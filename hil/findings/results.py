@@ -124,19 +124,18 @@ class FittedFunction(_Strict):
         """What everybody reads of it with 95 % intervals, then the formula."""
         import numpy as np
 
-        from hil.physics.readings import readings
+        from hil.physics.readings import Reading, readings
         from hil.signals.interval import ARITHMETIC, rounded, width
+
+        def text(one: Reading) -> str:
+            std = one.std if one.std and one.std > ARITHMETIC * abs(one.value) else None
+            return " ".join(filter(None, (one.name, rounded(one.value, std), width(std) if std else "", one.unit)))
 
         found = readings(
             np.array(self.numerator), np.array(self.denominator), self.dead_time_s,
             np.array(self.covariance, dtype=np.float64), "" if self.unit == "1" else self.unit,
         )  # fmt: skip
-        read = [
-            " ".join(filter(None, (one.name, rounded(one.value, std), width(std) if std else "", one.unit)))
-            for one in found
-            for std in (one.std if (one.std or 0.0) > ARITHMETIC * abs(one.value) else None,)
-        ]
-        return f"transfer function: {self.name}: {'; '.join(filter(None, (', '.join(read), self.formula)))}"
+        return f"transfer function: {self.name}: {'; '.join(filter(None, (', '.join(map(text, found)), self.formula)))}"
 
 
 class Results(_Strict):
