@@ -148,10 +148,10 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], asked: _Asked, p
         if e.stands_still
     )
     used = [e for e in experiments if not e.stands_still]
-    model, counted = _counted(model, used)
+    model, zero = _with_zero(model, used)
     looked = look(model, used)
     alive = looked.experiments
-    still = (*still, *counted, *looked.notes)
+    still = (*still, *zero, *looked.notes)
     even, remarks = bridged(model, alive)
     found = _fitted(model, even, asked, (*still, *remarks))
     again, remarks = bridged(found.model, alive)
@@ -179,19 +179,19 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], asked: _Asked, p
     return _none_identifiable(found) if model.definition.structures and one_frequency(alive) else found
 
 
-def _counted(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, tuple[Note, ...]]:
+def _with_zero(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, tuple[Note, ...]]:
     """The model with the zero of its output where the readings say that it is, and what is said of that."""
-    if not experiments:
+    read = [e.valid_output for e in experiments if e.valid.any()]
+    if not read:
         return model, ()
-    least = min(float(np.min(e.valid_output)) for e in experiments)
-    greatest = max(float(np.max(e.valid_output)) for e in experiments)
-    counted = model.definition.zero(model.values, least, greatest)
+    least, greatest = min(float(one.min()) for one in read), max(float(one.max()) for one in read)
+    values = model.definition.zero(model.values, least, greatest)
     notes = tuple(
         Note("'{channel}' reads {least:.4g} to {greatest:.4g}: {name} is taken as {value:.4g}",
              channel=experiments[0].output_heading, least=least, greatest=greatest, name=name, value=value)
-        for name, value in counted.items()
+        for name, value in values.items()
     )  # fmt: skip
-    return moved(model, counted) if counted else model, notes
+    return moved(model, values) if values else model, notes
 
 
 def _near(model: Model, found: GreyBoxFit, experiments: Sequence[Experiment], asked: _Asked) -> Model:
