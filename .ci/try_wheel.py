@@ -84,10 +84,10 @@ def use(wheel: Path, folder: Path) -> None:
         if expected not in run([hil, "list", kind], place):
             raise SystemExit(f"hil list {kind}: '{expected}' is not in the wheel")
     run([hil, "check", "cummins-efc-acceptance"], place)
-    said = run([hil, "run", "step_response", "--bench", "hpv41-lab", "--out", "steps"], place)
+    output = run([hil, "run", "step_response", "--bench", "hpv41-lab", "--out", "steps"], place)
     for extra in ("pages", "archive"):
-        if said.count(f"valve-hil[{extra}]") != 1:
-            raise SystemExit(f"hil run without the extra '{extra}' does not name it once:\n{said}")
+        if output.count(f"valve-hil[{extra}]") != 1:
+            raise SystemExit(f"hil run without the extra '{extra}' does not name it once:\n{output}")
     run([hil, "identify", "steps", "--plant", "brevini-hpv41", "--out", "model.json"], place)
     with served([hil, "devices", "cummins-efc-modbus"], place):
         run([hil, "run", "leakage_check", "--bench", "cummins-efc-modbus", "--out", "leakage"], place)
