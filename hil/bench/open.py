@@ -15,10 +15,10 @@ from hil.bench.ending import Ending, LastWord, accounted, closed_for_sure, recor
 from hil.bench.file import Bench
 from hil.bench.heartbeat import WatchdogHandle, watched
 from hil.bench.lease import leased
-from hil.bench.nets.calibration import deviations_on
-from hil.bench.nets.packages import check_packages
 from hil.bench.progress_report import ProgressReporter, Shown
 from hil.bench.protection import protection_of
+from hil.bench.protection_coverage.calibration import deviations_on
+from hil.bench.protection_coverage.packages import check_packages
 from hil.bench.read import BenchFile
 from hil.bench.recorder import Recorder
 from hil.bench.rig import BenchRig, conditions_of

@@ -34,14 +34,14 @@ def command(
     archive: Archive = "",
     as_json: Json = False,
 ) -> None:
-    """Check a bench file: every fault with its line, every missing net, and what to do about it.
+    """Check a bench file: every fault with its line, every missing protection, and what to do about it.
 
     Nothing is driven, unless by --reference.
     """
     from datetime import UTC, datetime
 
     from hil.bench.find import find_bench
-    from hil.bench.nets.missing import missing_protection
+    from hil.bench.protection_coverage.missing import missing_protection
     from hil.bench.read import read_bench
     from hil.cli.faults import each_reported
 
@@ -159,7 +159,7 @@ def _range(found: BenchFile, name: str) -> tuple[float, float]:
 def _links(found: BenchFile) -> dict[str, DeviceInUse]:
     """The devices that drive outputs over a link."""
     from hil.bench.device import mixes
-    from hil.bench.nets.devices import driving
+    from hil.bench.protection_coverage.devices import driving
 
     return {name: device for name, device in driving(found) if mixes(device.module)}
 

@@ -53,7 +53,7 @@ def command(
     """
     from hil.bench.find import find_bench
     from hil.bench.lease import leased
-    from hil.bench.nets.packages import check_packages
+    from hil.bench.protection_coverage.packages import check_packages
     from hil.bench.read import read_bench
     from hil.bench.twin import subject
     from hil.catalog import find

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from hil.bench.find import benches
-from hil.bench.nets.calibration import overdue
+from hil.bench.protection_coverage.calibration import overdue
 from hil.bench.read import read_bench
 from hil.errors import InputError
 from hil.language.note import Note, changed, codes_of, error_text, revived

@@ -13,7 +13,7 @@ import pytest
 from hil.archive.calibrations import instruments
 from hil.archive.place import archive_place
 from hil.bench.find import benches
-from hil.bench.nets import calibration
+from hil.bench.protection_coverage import calibration
 from hil.bench.read import read_bench
 from hil.record.folder import read
 from hil.session.results import report_again

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from hil.bench.device import DeviceInUse
 from hil.bench.lease import leased
 from hil.bench.manual.reading import Followed, Reading
-from hil.bench.nets.packages import check_packages
+from hil.bench.protection_coverage.packages import check_packages
 from hil.bench.read import BenchFile
 from hil.daq.contract import Block, Daq, Waveform
 from hil.errors import DeviceLostError, HardwareError, SettingError, UnknownNameError

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.bench.file import ChannelEntry
-from hil.bench.nets.channels import has_live_zero, zero_of
+from hil.bench.protection_coverage.channels import has_live_zero, zero_of
 from hil.bench.read import BenchFile
 from hil.daq.channel import InputChannel, Terminal
 from hil.daq.scaled import measured

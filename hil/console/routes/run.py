@@ -15,8 +15,8 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from hil.bench.nets.calibration import overdue
 from hil.bench.protection import envelopes_of
+from hil.bench.protection_coverage.calibration import overdue
 from hil.bench.read import BenchFile
 from hil.catalog import entries
 from hil.console.console import Console

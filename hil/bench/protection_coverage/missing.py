@@ -1,13 +1,13 @@
-"""Every net that a bench lacks, in one list."""
+"""Every protection that a bench lacks, in one list."""
 
 from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Callable, Iterator, Sequence
 
-from hil.bench.nets.calibration import dated_ahead, overdue_today, undated
-from hil.bench.nets.channels import live_zeros, without_interlocks, without_limits
-from hil.bench.nets.devices import (
+from hil.bench.protection_coverage.calibration import dated_ahead, overdue_today, undated
+from hil.bench.protection_coverage.channels import live_zeros, without_interlocks, without_limits
+from hil.bench.protection_coverage.devices import (
     no_watchdog,
     no_watchdog_process,
     not_read_back,
@@ -16,8 +16,8 @@ from hil.bench.nets.devices import (
     watchdog_not_safe,
     watchdog_off,
 )
-from hil.bench.nets.packages import packages_lacking
-from hil.bench.nets.times import too_hasty
+from hil.bench.protection_coverage.packages import packages_lacking
+from hil.bench.protection_coverage.times import too_hasty
 from hil.bench.read import BenchFile
 from hil.record.conditions import oil_contradiction
 

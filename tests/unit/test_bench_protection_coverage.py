@@ -1,4 +1,4 @@
-"""Missing nets: every rule speaks where its net is missing, with its remedy, and is silent on the shipped benches."""
+"""Missing protection: every rule speaks where something is missing, with its remedy, and no shipped bench lacks any."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from hil.bench.find import benches
-from hil.bench.nets import calibration, channels, devices, packages, times
-from hil.bench.nets.missing import RULES, contradicting_oil, missing_protection
+from hil.bench.protection_coverage import calibration, channels, devices, packages, times
+from hil.bench.protection_coverage.missing import RULES, contradicting_oil, missing_protection
 from hil.bench.read import BenchFile, read_bench
 from hil.errors import HardwareError, HilError
 from tests.links import SELDOM, opened, served

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 
 from hil.bench.device import DeviceInUse
-from hil.bench.nets.devices import driving
+from hil.bench.protection_coverage.devices import driving
 from hil.bench.read import BenchFile
 
 _ASKED = 2  # times that a silent device is asked before its outputs are made safe: in the run, and down the ramp
