@@ -31,6 +31,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.bench.device import DeviceInUse
+from hil.bench.fail_safe_shutdown import FailSafeShutdown, tried_once
 from hil.bench.heartbeat import (
     ANSWER,
     AT_REST,
@@ -49,7 +50,6 @@ from hil.bench.heartbeat import (
 )
 from hil.bench.lease import leased
 from hil.bench.read import BenchFile, read_bench
-from hil.bench.rescue import Rescue, tried_once
 from hil.bench.stop.control import withdraw
 from hil.bench.stop.listener import Listener
 from hil.bench.stop.stop_service import StopService
@@ -250,23 +250,23 @@ class _Reporter:
 
 def _act(reporter: _Reporter, service: StopService) -> None:
     service.forget()
-    rescue = _rescued(reporter, service)
-    if rescue is None:
+    shutdown = _shut_down(reporter, service)
+    if shutdown is None:
         return
-    took_s = round(rescue.took_s, 3)
-    outputs: dict[str, Any] = {"outputs": record_of(rescue.outputs)}
+    took_s = round(shutdown.took_s, 3)
+    outputs: dict[str, Any] = {"outputs": record_of(shutdown.outputs)}
     if service.stopped_by:
         outputs["stopped_by"] = service.stopped_by
-    if rescue.left:
-        reporter.at_last(f"NOT SAFE: {_with_remedy(rescue.left)}", not_safe=rescue.left, tried_s=took_s, **outputs)
-    elif rescue.unasked:
-        text = f"outputs commanded safe in {took_s:g} s; {'; '.join(rescue.unasked)}"
-        reporter.at_last(text, commanded_after_s=took_s, unconfirmed=rescue.unasked, **outputs)
+    if shutdown.left:
+        reporter.at_last(f"NOT SAFE: {_with_remedy(shutdown.left)}", not_safe=shutdown.left, tried_s=took_s, **outputs)
+    elif shutdown.unasked:
+        text = f"outputs commanded safe in {took_s:g} s; {'; '.join(shutdown.unasked)}"
+        reporter.at_last(text, commanded_after_s=took_s, unconfirmed=shutdown.unasked, **outputs)
     else:
         reporter.at_last(f"outputs made safe in {took_s:g} s", safe_after_s=took_s, **outputs)
 
 
-def _rescued(reporter: _Reporter, service: StopService) -> Rescue | None:
+def _shut_down(reporter: _Reporter, service: StopService) -> FailSafeShutdown | None:
     """Made safe as far as could be; None where another program has the bench, and keeps it for `GIVE_UP_S`.
 
     Whoever takes a bench makes its outputs safe when it opens them. One that fails in that lets go of it, and what the
@@ -274,13 +274,13 @@ def _rescued(reporter: _Reporter, service: StopService) -> Rescue | None:
     """
     until_s, is_announced = system.now_s() + GIVE_UP_S, False
     while True:
-        rescue = Rescue(reporter.file, service)
+        shutdown = FailSafeShutdown(reporter.file, service)
         try:
-            with _lease_of_the_dead(reporter.file, reporter.pid, rescue.one_attempt):
-                rescue.with_patience(partial(_report_not_yet, reporter, rescue))
-            return rescue
+            with _lease_of_the_dead(reporter.file, reporter.pid, shutdown.one_attempt):
+                shutdown.with_patience(partial(_report_not_yet, reporter, shutdown))
+            return shutdown
         except InUseError as taken:
-            report = {"left_alone": str(taken), "outputs": record_of(rescue.outputs)}
+            report = {"left_alone": str(taken), "outputs": record_of(shutdown.outputs)}
             text = str(taken)
         if system.now_s() >= until_s:
             reporter.at_last(text, **report)
@@ -291,10 +291,10 @@ def _rescued(reporter: _Reporter, service: StopService) -> Rescue | None:
         system.sleep(_LEASE_AGAIN_S)
 
 
-def _report_not_yet(reporter: _Reporter, rescue: Rescue) -> None:
-    left, outputs = rescue.left, record_of(rescue.outputs)
+def _report_not_yet(reporter: _Reporter, shutdown: FailSafeShutdown) -> None:
+    left, outputs = shutdown.left, record_of(shutdown.outputs)
     so_far = f"NOT SAFE so far: {_with_remedy(left)}; goes on trying for {GIVE_UP_S:g} s"
-    reporter.so_far(rescue.announcement or so_far, not_safe=left, goes_on_for_s=GIVE_UP_S, outputs=outputs)
+    reporter.so_far(shutdown.announcement or so_far, not_safe=left, goes_on_for_s=GIVE_UP_S, outputs=outputs)
 
 
 def _with_remedy(left: list[str]) -> str:

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from hil.bench.rescue import LONGEST_S
+from hil.bench.fail_safe_shutdown import LONGEST_S
 from hil.console.process import Started
 from hil.console.underway import control_of
 

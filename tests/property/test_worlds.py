@@ -15,7 +15,7 @@ from drivers import _can_frames, j1939_valve
 from drivers._modbus_line import ModbusLine
 from drivers._modbus_ready import Readiness
 from drivers.j1939_valve import J1939ValveLink
-from hil.bench import heartbeat, rescue, watchdog
+from hil.bench import fail_safe_shutdown, heartbeat, watchdog
 from hil.bench.ending import Ending, LastWord
 from hil.daq.channel import Wiring
 from hil.daq.contract import Waveform
@@ -324,7 +324,9 @@ FAULTS: dict[str, tuple[Patches, str]] = {
     "holds_are_events": ([(RunWriter, "event", lambda *_, **__: None)], "7,0.05,plain,-|low:driving:1.3:1:aux"),
     "holds_are_events, of nobody": ([(Guard, "_wait_for_holds", Guard._wait_for_operator)], "7,0.05,plain,-"),
     "witness_is_heard": ([(Witnesses, "driven", lambda *_: None)], "7,0.05,plain,-|sticks:driving:2.3:30:io"),
-    "rescue_is_told": ([(rescue, "replace", lambda output, **_: output)], "7,0.05,plain,-|kill:driving:1.3:0:"),
+    "rescue_is_told": (
+        [(fail_safe_shutdown, "replace", lambda output, **_: output)], "7,0.05,plain,-|kill:driving:1.3:0:",
+    ),
     "rescue_is_told, of one it does not reach": (
         [(j1939_valve, "CanFrames", lambda *how, **more: kept("frames", _can_frames.CanFrames(*how, **more)))],
         "7,0.05,plain,v|kill:driving:1.3:0:",
@@ -344,8 +346,12 @@ FAULTS: dict[str, tuple[Patches, str]] = {
     "is_driven": (
         [(j1939_valve, "command_frame", lambda _percent, fail_safe: blocked(0.0, fail_safe))], "7,0.05,plain,v",
     ),
-    "nobody_spins": ([(rescue, "_wait", lambda *_: None)], "7,0.05,plain,-|out:driving:1.3:5:io|kill:driving:1.4:0:"),
-    "errors_are_not_ours, nor told": ([(rescue, "replace", _undefined)], "7,0.05,plain,-|kill:driving:1.3:0:"),
+    "nobody_spins": (
+        [(fail_safe_shutdown, "_wait", lambda *_: None)], "7,0.05,plain,-|out:driving:1.3:5:io|kill:driving:1.4:0:",
+    ),
+    "errors_are_not_ours, nor told": (
+        [(fail_safe_shutdown, "replace", _undefined)], "7,0.05,plain,-|kill:driving:1.3:0:",
+    ),
 }  # fmt: skip
 
 

@@ -12,9 +12,9 @@ import pytest
 from drivers import modbus
 from drivers._line import Line, SerialSettings
 from drivers._modbus_line import ModbusLine
+from hil.bench.fail_safe_shutdown import FailSafeShutdown, tried_once
 from hil.bench.find import benches
 from hil.bench.read import read_bench
-from hil.bench.rescue import Rescue, tried_once
 from hil.bench.stop.stop_service import StopService
 from hil.daq import address
 from hil.daq.address import Port, places_of
@@ -226,13 +226,13 @@ def test_who_answers_as_another_one_is_told_nothing_and_who_says_nothing_is_told
     with served("hpv41-modbus-tcp", tmp_path, ("watchdog_s = 1.0", "")) as (file, _):
         settings = modbus.Settings.model_validate(file.bench.devices["io"].settings)
         monkeypatch.setattr(ModbusLine, "identity", lambda _line: "WAGO")
-        rescue = Rescue(file, StopService({}, "watchdog", lambda _wish: None))
+        shutdown = FailSafeShutdown(file, StopService({}, "watchdog", lambda _wish: None))
         assert tried_once(file) == []
         _at(settings, settings.address, 3.0)
         monkeypatch.setattr(ModbusLine, "identity", lambda _line: said)
-        rescue.one_attempt()
-        assert says in rescue.left[0]
-        assert rescue.outputs["command"].state == ("unknown" if said else "unconfirmed")
+        shutdown.one_attempt()
+        assert says in shutdown.left[0]
+        assert shutdown.outputs["command"].state == ("unknown" if said else "unconfirmed")
         assert _at(settings, settings.address) == pytest.approx(stands, abs=1e-3)
 
 

@@ -16,7 +16,7 @@ from typing import ClassVar
 import pytest
 from wire import Wire
 
-from hil.bench import rescue, watchdog
+from hil.bench import fail_safe_shutdown, watchdog
 from hil.bench.heartbeat import HeartbeatClient
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.stop.stop_service import StopService
@@ -71,9 +71,9 @@ def bench_of(folder: Path, devices: Mapping[str, Valve], late_s: float = 0.05) -
     )  # fmt: skip
 
 
-def rescued(file: BenchFile) -> tuple[list[str], list[str], float]:
+def shut_down(file: BenchFile) -> tuple[list[str], list[str], float]:
     """What is left, what could not be asked, and how long it took."""
-    made = rescue.Rescue(file, DESK)
+    made = fail_safe_shutdown.FailSafeShutdown(file, DESK)
     made.with_patience()
     return made.left, made.unasked, made.took_s
 
@@ -81,29 +81,29 @@ def rescued(file: BenchFile) -> tuple[list[str], list[str], float]:
 @pytest.fixture(autouse=True)
 def soon(monkeypatch):
     """It gives up after a moment."""
-    monkeypatch.setattr(rescue, "GIVE_UP_S", 0.2)
+    monkeypatch.setattr(fail_safe_shutdown, "GIVE_UP_S", 0.2)
     monkeypatch.setattr("hil.safety.outputs._PATIENCE_S", 0.02)
 
 
 @pytest.mark.parametrize("error", BROKEN)
 def test_device_that_throws_anything_keeps_no_other_from_it(tmp_path, error):
     devices = {"sick": Valve(error, answers=False), "healthy": Valve(None)}
-    left, unasked, _ = rescued(bench_of(tmp_path, devices, late_s=0.0))
+    left, unasked, _ = shut_down(bench_of(tmp_path, devices, late_s=0.0))
     assert devices["healthy"].levels["a"] == 0.0 and devices["healthy"].closed
     assert len(left) == 1 and left[0].startswith("sick: nobody knows") and not unasked
     assert devices["sick"].closed > 1  # tried again, and let go of each time
 
 
 def test_what_is_not_safe_is_told_while_it_is_still_tried(tmp_path, monkeypatch):
-    monkeypatch.setattr(rescue, "GIVE_UP_S", 6.0)
-    monkeypatch.setattr(rescue, "_TELLS_S", 2.0)
-    made = rescue.Rescue(
+    monkeypatch.setattr(fail_safe_shutdown, "GIVE_UP_S", 6.0)
+    monkeypatch.setattr(fail_safe_shutdown, "_TELLS_S", 2.0)
+    made = fail_safe_shutdown.FailSafeShutdown(
         bench_of(tmp_path, {"gone": Valve(OSError("pulled"), answers=False), "healthy": Valve(None)}, late_s=0.0), DESK
     )
     begun_s, told = time.monotonic(), list[tuple[float, list[str]]]()
     made.with_patience(lambda: told.append((time.monotonic() - begun_s, made.left)))
     ((after_s, left),) = told
-    assert after_s < rescue.GIVE_UP_S and len(left) == 1 and left[0].startswith("gone: ")
+    assert after_s < fail_safe_shutdown.GIVE_UP_S and len(left) == 1 and left[0].startswith("gone: ")
     assert time.monotonic() - begun_s >= 6.0, "it went on trying"
 
 
@@ -118,10 +118,10 @@ def test_what_does_not_obey_is_left_to_its_own_watchdog(tmp_path, monkeypatch):
                 super().make_safe()
             self.heard_s = time.monotonic()
 
-    monkeypatch.setattr(rescue, "GIVE_UP_S", 8.0)
-    monkeypatch.setattr(rescue, "_MOMENT_S", 0.3)
+    monkeypatch.setattr(fail_safe_shutdown, "GIVE_UP_S", 8.0)
+    monkeypatch.setattr(fail_safe_shutdown, "_MOMENT_S", 0.3)
     deaf = Deaf(None)
-    assert rescued(bench_of(tmp_path, {"deaf": deaf}, late_s=0.0))[0] == []
+    assert shut_down(bench_of(tmp_path, {"deaf": deaf}, late_s=0.0))[0] == []
     assert deaf.levels["a"] == 0.0
 
 
@@ -139,24 +139,24 @@ def test_what_cannot_be_reached_is_tried_on_for_longer_than_its_watchdog_takes(t
                 self._error, self._answers = None, True
             super().make_safe()
 
-    monkeypatch.setattr(rescue, "GIVE_UP_S", 8.0)
-    monkeypatch.setattr(rescue, "_MOMENT_S", 0.3)
+    monkeypatch.setattr(fail_safe_shutdown, "GIVE_UP_S", 8.0)
+    monkeypatch.setattr(fail_safe_shutdown, "_MOMENT_S", 0.3)
     behind = Behind(LinkError("no answer"), answers=False)
-    assert rescued(bench_of(tmp_path, {"behind": behind}, late_s=0.0))[0] == []
+    assert shut_down(bench_of(tmp_path, {"behind": behind}, late_s=0.0))[0] == []
     assert max(next_s - one_s for one_s, next_s in pairwise(behind.tried_s)) < 1.5  # its silence
 
 
 def test_what_is_safe_at_once_is_told_at_the_end_alone(tmp_path):
     told: list[None] = []
-    rescue.Rescue(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=0.0), DESK).with_patience(
+    fail_safe_shutdown.FailSafeShutdown(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=0.0), DESK).with_patience(
         lambda: told.append(None)
     )
     assert not told
 
 
 def test_what_only_time_is_missing_for_is_told_at_once(tmp_path, monkeypatch):
-    monkeypatch.setattr(rescue, "GIVE_UP_S", 20.0)
-    made = rescue.Rescue(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=3.0), DESK)
+    monkeypatch.setattr(fail_safe_shutdown, "GIVE_UP_S", 20.0)
+    made = fail_safe_shutdown.FailSafeShutdown(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=3.0), DESK)
     told: list[tuple[str, str]] = []
     made.with_patience(lambda: told.append((made.announcement, str(made.outputs["a"].state))))
     ((said, state),) = told
@@ -174,10 +174,10 @@ def test_driver_that_does_not_return_is_tried_anew(tmp_path, monkeypatch):
                 threading.Event().wait(30.0)
             super().make_safe()
 
-    monkeypatch.setattr(rescue, "GIVE_UP_S", 5.0)
-    monkeypatch.setattr(rescue, "_HANGS_S", 0.2)
+    monkeypatch.setattr(fail_safe_shutdown, "GIVE_UP_S", 5.0)
+    monkeypatch.setattr(fail_safe_shutdown, "_HANGS_S", 0.2)
     devices = {"hanging": Hanging(None)}
-    left, unasked, _ = rescued(bench_of(tmp_path, devices, late_s=0.0))
+    left, unasked, _ = shut_down(bench_of(tmp_path, devices, late_s=0.0))
     assert not left and not unasked
     assert devices["hanging"].levels["a"] == 0.0 and devices["hanging"].tries >= 2
 
@@ -198,10 +198,10 @@ def test_a_slow_first_try_does_not_undo_what_the_next_one_found(tmp_path, monkey
             self.another.set()
             super().make_safe()
 
-    monkeypatch.setattr(rescue, "GIVE_UP_S", 5.0)
-    monkeypatch.setattr(rescue, "_MOMENT_S", 0.05)
+    monkeypatch.setattr(fail_safe_shutdown, "GIVE_UP_S", 5.0)
+    monkeypatch.setattr(fail_safe_shutdown, "_MOMENT_S", 0.05)
     slow = SlowAtFirst(None)
-    made = rescue.Rescue(bench_of(tmp_path, {"slow": slow}, late_s=0.0), DESK)
+    made = fail_safe_shutdown.FailSafeShutdown(bench_of(tmp_path, {"slow": slow}, late_s=0.0), DESK)
     made.one_attempt()
     made.with_patience()
     assert not slow.was_overtaken and not made.left and slow.levels["a"] == 0.0
@@ -219,16 +219,16 @@ def test_late_command_of_the_dead_program_does_not_outlast_the_watchdog(tmp_path
             if self.asked <= 2:
                 self.levels = {**self.levels, "a": 5.0}
 
-    monkeypatch.setattr(rescue, "GIVE_UP_S", 10.0)
+    monkeypatch.setattr(fail_safe_shutdown, "GIVE_UP_S", 10.0)
     valve = Late(None)
-    left, _, took_s = rescued(bench_of(tmp_path, {"late": valve}, late_s=0.3))
+    left, _, took_s = shut_down(bench_of(tmp_path, {"late": valve}, late_s=0.3))
     assert not left and valve.levels["a"] == 0.0
     assert took_s > 0.05, "the time at which it came to stay there is told, not the first one"
 
 
 def test_told_is_not_safe_until_it_is_read_back(tmp_path):
     devices = {"mute": Valve(None, answers=False)}
-    left, _, _ = rescued(bench_of(tmp_path, devices, late_s=0.0))
+    left, _, _ = shut_down(bench_of(tmp_path, devices, late_s=0.0))
     remedy = "was commanded safe, and could not be read back (no answer): use the emergency stop"
     assert left == [f"mute: 'a' {remedy}; 'b' {remedy}"]
 

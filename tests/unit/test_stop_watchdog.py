@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from hil.bench import rescue, watchdog
+from hil.bench import fail_safe_shutdown, watchdog
 from hil.bench.stop.control import Control, Tokens, control_of, published
 from hil.bench.stop.stop_service import StopService
 from hil.safety.outputs import Output, Outputs, State, outputs_in
@@ -246,10 +246,12 @@ def test_program_that_talks_nonsense_is_watched_on(line):
 
 @pytest.mark.parametrize("answers", [True, False])
 def test_takeover_confirms_what_it_read_back(answers, tmp_path, monkeypatch):
-    monkeypatch.setattr(rescue, "GIVE_UP_S", 0.1)
+    monkeypatch.setattr(fail_safe_shutdown, "GIVE_UP_S", 0.1)
     monkeypatch.setattr("hil.safety.outputs._PATIENCE_S", 0.02)
     service = StopService({"a": "V", "b": "V"}, "watchdog", lambda _wish: None)
-    made = rescue.Rescue(bench_of(tmp_path, {"valve": Valve(None, answers=answers)}, late_s=0.0), service)
+    made = fail_safe_shutdown.FailSafeShutdown(
+        bench_of(tmp_path, {"valve": Valve(None, answers=answers)}, late_s=0.0), service
+    )
     made.one_attempt()
     assert service.status.is_confirmed == answers and service.status.by == "watchdog"
 

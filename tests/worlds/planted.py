@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[2]
 ROOMS = (
     "hil/safety/guard.py", "hil/safety/outputs.py", "hil/safety/latch.py", "hil/safety/interrupt.py",
-    "hil/safety/operator.py", "hil/safety/witness.py", "hil/bench/watchdog.py", "hil/bench/rescue.py",
+    "hil/safety/operator.py", "hil/safety/witness.py", "hil/bench/watchdog.py", "hil/bench/fail_safe_shutdown.py",
     "hil/bench/heartbeat.py", "hil/bench/ending.py", "hil/bench/open.py", "hil/bench/lease.py",
     "hil/bench/stop/stop_service.py", "hil/bench/recorder.py", "hil/record/run_writer.py", "hil/system/tcp.py",
     "hil/daq/device_link.py", "hil/daq/link.py", "hil/daq/polled.py", "hil/daq/polling.py", "drivers/_meeting.py",

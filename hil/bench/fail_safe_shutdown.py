@@ -56,7 +56,7 @@ def tried_once(file: BenchFile) -> list[str]:
     return [device.failure for device in devices if device.failure]
 
 
-class Rescue:
+class FailSafeShutdown:
     """Makes every device of a bench safe, each as soon as it can be reached, and so until nothing late can come.
 
     What the program that is dead had sent may still be on its way to each of them (see `hil.daq.link.Late`). Devices at
