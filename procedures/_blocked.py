@@ -8,7 +8,7 @@ from typing import Any
 
 from hil.rig import Rig
 from procedures._conditions import LOAD, adjusted, adjusting_s
-from procedures._course import Course, joined, sweep, sweep_part
+from procedures._run_sequence import RunSequence, joined, sweep, sweep_part
 from procedures._scale import Scale
 
 
@@ -35,11 +35,11 @@ def drive_blocked(
     """
     blocked = {LOAD: rig.adjustable[LOAD].low}
     paths = [sweep(rig, one.bottom, one.top, one.cycle_s, rate_hz) for one in sweeps]
-    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, paths), plan, adjusting_s(rig, [blocked]))
+    sequence = RunSequence(rig, rate_hz, joined(rig, rate_hz, warm_up_s, paths), plan, adjusting_s(rig, [blocked]))
     with adjusted(rig, blocked, rate_hz):
-        course.warm_up(sweeps[0].bottom, warm_up_s)
+        sequence.warm_up(sweeps[0].bottom, warm_up_s)
         for path, one in zip(paths, sweeps, strict=True):
-            course.go_to(one.bottom)
+            sequence.go_to(one.bottom)
             part = {"kind": kind, **sweep_part(rig, scale, one.bottom, one.top, one.cycle_s)}
-            course.play(path, f"ports blocked, {one.text}", part)
-        course.finish()
+            sequence.play(path, f"ports blocked, {one.text}", part)
+        sequence.finish()

@@ -12,7 +12,7 @@ from hil.errors import InputError, SettingError
 from hil.record.recording import Array
 from hil.rig import Rig
 from hil.units import is_convertible, scale_and_offset
-from procedures._course import Course
+from procedures._run_sequence import RunSequence
 from procedures._scale import check_above
 
 _CLOSED_MARGIN, _OPEN_MARGIN = 0.01, 0.06  # of the stroke, kept from either end; nothing stops an open loop at once
@@ -105,12 +105,12 @@ def position_per_mm(rig: Rig) -> float:
     return scale_and_offset("mm", rig.response.unit)[0]
 
 
-def approach(rig: Rig, course: Course, target: float, opening: float, speed_per_s: float) -> None:
+def approach(rig: Rig, sequence: RunSequence, target: float, opening: float, speed_per_s: float) -> None:
     """Drive an open loop until the position is going to pass a target, then wait at neutral.
 
     Args:
         rig: the bench.
-        course: the run; its path must hold `opening` on both sides of neutral.
+        sequence: the run; its path must hold `opening` on both sides of neutral.
         target: in the unit of the response.
         opening: command that moves, counted from neutral, without its sign.
         speed_per_s: expected of it.
@@ -119,10 +119,10 @@ def approach(rig: Rig, course: Course, target: float, opening: float, speed_per_
         InputError: the cylinder does not come there in four times the time that it should need.
     """
     name, unit = rig.response.name, rig.response.unit
-    at = float(rig.hold(_PIECE_S, course.rate_hz).values(name)[-1])
+    at = float(rig.hold(_PIECE_S, sequence.rate_hz).values(name)[-1])
     direction = math.copysign(1.0, target - at)
     longest_s = _PATIENCE * abs(target - at) / speed_per_s + 2.0
-    piece = np.full(max(1, round(_PIECE_S * course.rate_hz)), rig.command.safe + direction * opening)
+    piece = np.full(max(1, round(_PIECE_S * sequence.rate_hz)), rig.command.safe + direction * opening)
 
     arrived = False
 
@@ -132,12 +132,12 @@ def approach(rig: Rig, course: Course, target: float, opening: float, speed_per_
                 return
             yield piece
 
-    course.say(f"to {target:.4g} {unit}")
-    for recorded in rig.stream(pieces(), course.rate_hz):
+    sequence.say(f"to {target:.4g} {unit}")
+    for recorded in rig.stream(pieces(), sequence.rate_hz):
         moved = float(recorded.values(name)[-1]) - at
         at += moved
         arrived = arrived or direction * (target - at - _PIECES_AHEAD * moved) <= 0.0
-    course.go_to(rig.command.safe)
+    sequence.go_to(rig.command.safe)
     if not arrived:
         raise InputError(
             f"'{name}' stands at {at:.4g} {unit} after {longest_s:.3g} s on the way to {target:.4g} {unit}: no supply, "

@@ -17,7 +17,7 @@ from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.sine_fit import SineFit, sine_fit, sine_phasor
 from hil.signals.steady import is_steady
-from procedures._course import Course
+from procedures._run_sequence import RunSequence
 
 _HARMONICS = 5
 _LEAST_TURNS = 2
@@ -93,11 +93,11 @@ class Heard:
     phase_rad: float
 
 
-def listen(rig: Rig, course: Course, tone: Tone, patience: Patience, phase_rad: float, text: str) -> Heard:
+def listen(rig: Rig, sequence: RunSequence, tone: Tone, patience: Patience, phase_rad: float, text: str) -> Heard:
     """Drive a sine until it has been measured; its samples are marked as a part of kind "sine"."""
-    ear = _Ear(tone, patience, course.rate_hz, phase_rad, rig.response.name)
-    course.say(text)
-    for piece in rig.stream(ear.pieces(), course.rate_hz):
+    ear = _Ear(tone, patience, sequence.rate_hz, phase_rad, rig.response.name)
+    sequence.say(text)
+    for piece in rig.stream(ear.pieces(), sequence.rate_hz):
         if measured := ear.take(piece):
             heard = ear.heard()
             part = {"kind": "sine", "frequency_hz": tone.frequency_hz, "amplitude": tone.amplitude, "bias": tone.bias}

@@ -14,10 +14,10 @@ from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
 from procedures._characteristic import steady
 from procedures._conditions import SUPPLY, adjusted, adjusting, adjusting_s, check_within, usual
-from procedures._course import Course, joined
 from procedures._efc import SUPPLY_PRESSURE, channel_in, check_channels
 from procedures._pressure_drop import LOAD_PRESSURE, RETURN_PRESSURE
 from procedures._recorded import calibration_std
+from procedures._run_sequence import RunSequence, joined
 from procedures._scale import Scale, check_stands
 
 KIND = "flow at a supply pressure"
@@ -45,18 +45,18 @@ def drive_supplies(
     pieces = [np.full(held, level) for level in levels]
     ways = [{SUPPLY: pressure} for pressure in pressures]
     first, once = (joined(rig, rate_hz, warm_s, pieces) for warm_s in (warm_up_s, 0.0))
-    course = Course(rig, rate_hz, np.concatenate([first, *[once] * (len(ways) - 1)]), {"supplies_bar": pressures},
-                    adjusting_s(rig, ways))  # fmt: skip
+    path = np.concatenate([first, *[once] * (len(ways) - 1)])
+    sequence = RunSequence(rig, rate_hz, path, {"supplies_bar": pressures}, adjusting_s(rig, ways))
     for number, (way, pressure) in enumerate(zip(ways, pressures, strict=True)):
         with adjusted(rig, way, rate_hz):
             if warm_up_s and not number:
-                course.warm_up(levels[0], warm_up_s)
+                sequence.warm_up(levels[0], warm_up_s)
             for level, piece in zip(levels, pieces, strict=True):
-                course.go_to(level)
+                sequence.go_to(level)
                 label = scale.label(level)
                 part = {"kind": KIND, "label": label, "supply": f"supply {pressure:.4g} {supply.unit}"}
-                course.play(piece, f"{label} at {part['supply']}", part)
-            course.finish()
+                sequence.play(piece, f"{label} at {part['supply']}", part)
+            sequence.finish()
 
 
 @dataclass(frozen=True, slots=True)

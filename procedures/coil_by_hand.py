@@ -18,9 +18,9 @@ from hil.language.note import Note
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import Rig
-from procedures._course import Course
 from procedures._definitions import COILS, defined
 from procedures._recorded import parts_of
+from procedures._run_sequence import RunSequence
 from procedures._settings import Celsius, NotNegative, NotNegativePercent, Positive
 
 COLD = Measurement("coil_resistance_cold", "ohm", "resistance of the coil after it rested at ambient temperature")
@@ -71,7 +71,7 @@ def run(
         raise SettingError("setting instrument: empty; a reading needs the instrument that it was read from")
     rate_hz = rig.actual_rate_hz(rate_hz)
     still = np.full(max(2, round(rig.settling_s * rate_hz)), rig.command.safe)
-    course = Course(rig, rate_hz, still, {"instrument": instrument})
+    sequence = RunSequence(rig, rate_hz, still, {"instrument": instrument})
     uncertainties = {
         "cold": resistance_uncertainty,
         "hot": resistance_uncertainty,
@@ -79,8 +79,8 @@ def run(
         "insulation": insulation_uncertainty,
     }
     about = {"kind": "coil by hand", "instrument": instrument, "ambient": ambient, "switched_off_s": switched_off_s}
-    course.play(still, "readings by hand", {**about, "readings": readings, "uncertainties": uncertainties})
-    course.finish()
+    sequence.play(still, "readings by hand", {**about, "readings": readings, "uncertainties": uncertainties})
+    sequence.finish()
 
 
 def evaluate(recording: Recording) -> Findings:

@@ -20,10 +20,10 @@ from hil.signals.rounding import mean_rounding_std
 from hil.signals.smooth_curve import Smoother
 from hil.signals.straight_line import weighted_line
 from hil.units import is_convertible, scale_and_offset
-from procedures._course import Course, joined
 from procedures._cylinder import position_per_mm
 from procedures._definitions import CYLINDERS, defined
 from procedures._recorded import calibration_std, departures, parts_of, reading_step, roles_of
+from procedures._run_sequence import RunSequence, joined
 from procedures._scale import check_above, scale_of
 from procedures._settings import Percent, Positive
 from procedures._statistics import extreme
@@ -77,12 +77,12 @@ def run(
         )
     values = [scale.level("levels", percent) for percent in asked]
     waves = [np.full(round((waited_s + duration_s) * rate_hz), value) for value in values]
-    course = Course(rig, rate_hz, joined(rig, rate_hz, 0.0, waves), {"levels": values})
+    sequence = RunSequence(rig, rate_hz, joined(rig, rate_hz, 0.0, waves), {"levels": values})
     for value, wave in zip(values, waves, strict=True):
-        course.go_to(value)
-        course.play(wave, f"standing at {value:.4g} {rig.command.unit}")
+        sequence.go_to(value)
+        sequence.play(wave, f"standing at {value:.4g} {rig.command.unit}")
         rig.mark(round(duration_s * rate_hz), {"kind": _KIND, "level": value})
-    course.finish()
+    sequence.finish()
 
 
 def evaluate(recording: Recording) -> Findings:

@@ -23,9 +23,9 @@ from hil.record.thinned import ROWS_KEPT
 from hil.rig import Rig
 from hil.signals.colour import colour_factor
 from hil.signals.straight_line import chance_beyond, weighted_line
-from procedures._course import Course, joined
 from procedures._definitions import CYCLES, defined
 from procedures._recorded import calibration_share, calibration_std, departures, noted, parts_of, roles_of, settings_of
+from procedures._run_sequence import RunSequence, joined
 from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, NotNegativePercent, Percent, Positive, PositivePercent
 
@@ -122,13 +122,13 @@ def run(
     left = cycles - counted + settling
     plan = {"cycles": cycles, "done before": counted, "period_s": period_s}
     path = joined(rig, rate_hz, warm_up_s, [np.concatenate((cycle, cycle))])
-    course = Course(rig, rate_hz, path, plan, further_s=(left - 2) * period_s)
+    sequence = RunSequence(rig, rate_hz, path, plan, further_s=(left - 2) * period_s)
     watch = _Watch(figures, stop_at, false_stop / (_TESTS * len(figures) * math.ceil(cycles / keep_every)), done)
     if counted < cycles and not watch.has_moved:
-        course.warm_up(float(cycle[0]), warm_up_s)
-        course.say(f"{cycles - counted} cycles of {period_s:.4g} s")
+        sequence.warm_up(float(cycle[0]), warm_up_s)
+        sequence.say(f"{cycles - counted} cycles of {period_s:.4g} s")
         _drive(rig, rate_hz, cycle, range(counted, cycles), keep_every, settling, watch)
-    course.finish()
+    sequence.finish()
 
 
 def _drive(rig: Rig, rate_hz: float, cycle: Array, todo: range, keep_every: int, settling: int, watch: _Watch) -> None:

@@ -24,9 +24,9 @@ from hil.rig import SWITCHED, ConditionRole, Rig, RoleChannel, SwitchedRole
 from hil.signals.interval import CERTAIN
 from procedures._characteristic import steady
 from procedures._conditions import Values, adjusting, adjusting_s, usual
-from procedures._course import Course, joined
 from procedures._definitions import FAIL_SAFES, defined
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
+from procedures._run_sequence import RunSequence, joined
 from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, Percent, Positive, Twice
 from procedures._statistics import mean_of
@@ -80,26 +80,28 @@ def run(
     ways: Sequence[Values] = [{role: channel.low} for role, channel in switched.items()] * repeats * len(asked)
     pieces *= repeats if _COMMAND in losses else 0
     path = [*pieces, *[np.full(2 * held, level) for level in asked] * repeats * len(switched)]
-    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, path), {"levels": asked}, adjusting_s(rig, ways))
-    course.play(np.full(held, scale.neutral), "neutral", {"kind": "neutral"})
-    course.warm_up(asked[0], warm_up_s)
+    sequence = RunSequence(
+        rig, rate_hz, joined(rig, rate_hz, warm_up_s, path), {"levels": asked}, adjusting_s(rig, ways)
+    )
+    sequence.play(np.full(held, scale.neutral), "neutral", {"kind": "neutral"})
+    sequence.warm_up(asked[0], warm_up_s)
     for piece in pieces:
         level = float(piece[0])
-        course.go_to(level)
+        sequence.go_to(level)
         part = {"kind": "fail-safe", "level": level, "held": held, "label": f"{level:.4g} {rig.command.unit}"}
-        course.play(piece, f"command lost at {part['label']}", part)
+        sequence.play(piece, f"command lost at {part['label']}", part)
     for role, channel in switched.items():
         for level in asked * repeats:
-            course.go_to(level)
+            sequence.go_to(level)
             label = f"{level:.4g} {rig.command.unit}, {role} lost"
-            course.play(np.full(held, level), label, {"kind": "before a loss"})
+            sequence.play(np.full(held, level), label, {"kind": "before a loss"})
             opened = len(rig.adjust({role: channel.low}, rate_hz))
-            course.play(np.full(held, level), label, {"kind": "after a loss"})
+            sequence.play(np.full(held, level), label, {"kind": "after a loss"})
             part = {"kind": "fail-safe", "level": level, "held": held, "label": label, "lost": role}
             rig.mark(2 * held + opened, part)
-            course.finish()
+            sequence.finish()
             rig.adjust({role: usual(channel)}, rate_hz)
-    course.finish()
+    sequence.finish()
 
 
 def evaluate(recording: Recording) -> Findings:

@@ -20,10 +20,10 @@ from hil.record.recording import Recording
 from hil.rig import Rig
 from hil.signals.interval import UNIFORM
 from procedures._characteristic import Characteristic, Swept, characteristic, steady, swept
-from procedures._course import Course, check_cycle, joined, sweep, sweep_part
 from procedures._definitions import SWEEPS, defined
 from procedures._pressure_drop import pressure_drops
 from procedures._recorded import calibration_std, departures, parts_of, roles_of
+from procedures._run_sequence import RunSequence, check_cycle, joined, sweep, sweep_part
 from procedures._scale import Scale, check_stands, scale_of
 from procedures._settings import NotNegative, Once, Percent, Positive
 
@@ -88,14 +88,14 @@ def run(
     bottom, top = _ends(scale, low, high)
     speeds = [(cycle_s, cycles), *([(2.0 * cycle_s, 1)] if half_speed else [])]
     sweeps = [sweep(rig, bottom, top, duration_s, rate_hz, count) for duration_s, count in speeds]
-    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, sweeps), {"from": bottom, "to": top})
-    course.play(np.full(max(1, round(rig.settling_s * rate_hz)), scale.neutral), "neutral", {"kind": "neutral"})
-    course.warm_up(bottom, warm_up_s)
+    sequence = RunSequence(rig, rate_hz, joined(rig, rate_hz, warm_up_s, sweeps), {"from": bottom, "to": top})
+    sequence.play(np.full(max(1, round(rig.settling_s * rate_hz)), scale.neutral), "neutral", {"kind": "neutral"})
+    sequence.warm_up(bottom, warm_up_s)
     for path, (duration_s, _) in zip(sweeps, speeds, strict=True):
-        course.go_to(bottom)
+        sequence.go_to(bottom)
         part = {"kind": "sweep", **sweep_part(rig, scale, bottom, top, duration_s)}
-        course.play(path, f"sweep of {duration_s:g} s", part)
-    course.finish()
+        sequence.play(path, f"sweep of {duration_s:g} s", part)
+    sequence.finish()
 
 
 def evaluate(recording: Recording) -> Findings:

@@ -21,7 +21,6 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.stepped_sine import check_frequencies, even_frequencies
-from procedures._course import Course, joined
 from procedures._definitions import FREQUENCIES, defined
 from procedures._recorded import departures, parts_of, roles_of
 from procedures._response import (
@@ -31,6 +30,7 @@ from procedures._response import (
     evaluated,
     reference_deviations,
 )
+from procedures._run_sequence import RunSequence, joined
 from procedures._scale import about_levels, check_form_asked, scale_of
 from procedures._settings import NotNegative, Percent, Poles, Positive, PositiveHertz, PositivePercent, Twice, Zeros
 from procedures._sine import overlay
@@ -92,14 +92,14 @@ def run(
     patience = Patience(rig.settling_s, measure_periods, measure_s, tolerance / 100.0, longest_wait_s)
     sweeps = [[Tone(f, amplitude, bias) for f in frequencies] for bias, amplitude in levels]
     path = joined(rig, rate_hz, warm_up_s, [steady_path(sweep, patience, rate_hz) for sweep in sweeps])
-    course = Course(
+    sequence = RunSequence(
         rig, rate_hz, path,
         {"sines": len(levels) * len(frequencies), "reference": reference, "correct_chain": correct_chain},
     )  # fmt: skip
-    course.warm_up(levels[0][0], warm_up_s)
+    sequence.warm_up(levels[0][0], warm_up_s)
     for sweep in sweeps:
-        _sweep(rig, course, sweep, patience, reference)
-    course.finish()
+        _sweep(rig, sequence, sweep, patience, reference)
+    sequence.finish()
 
 
 def evaluate(recording: Recording) -> Findings:
@@ -125,31 +125,31 @@ def evaluate(recording: Recording) -> Findings:
 
 
 def _sweep(
-    rig: Rig, course: Course, sweep: list[Tone], patience: Patience, reference: Literal["lowest", "standard"]
+    rig: Rig, sequence: RunSequence, sweep: list[Tone], patience: Patience, reference: Literal["lowest", "standard"]
 ) -> None:
     """All frequencies about one bias at one amplitude, and the reference of the standard if it lies below them."""
     first = sweep[0]
     if any(heard_before(rig, tone) is None for tone in sweep):
-        course.go_to(first.bias)
+        sequence.go_to(first.bias)
     phase_rad = 0.0
     found: list[Heard] = []
     for tone in sweep:
         heard = heard_before(rig, tone)
         if heard is None:
-            heard = _listened(rig, course, tone, patience, phase_rad)
+            heard = _listened(rig, sequence, tone, patience, phase_rad)
             phase_rad = heard.phase_rad
         found.append(heard)
     wanted_hz = _reference_hz(np.array([tone.frequency_hz for tone in sweep]), np.array([h.response for h in found]))
     if reference == "standard" and wanted_hz is not None and wanted_hz < first.frequency_hz:
         lowest = Tone(wanted_hz, first.amplitude, first.bias)
         if heard_before(rig, lowest) is None:
-            _listened(rig, course, lowest, patience, phase_rad)
+            _listened(rig, sequence, lowest, patience, phase_rad)
 
 
-def _listened(rig: Rig, course: Course, tone: Tone, patience: Patience, phase_rad: float) -> Heard:
+def _listened(rig: Rig, sequence: RunSequence, tone: Tone, patience: Patience, phase_rad: float) -> Heard:
     unit = rig.command.unit
     text = f"{tone.frequency_hz:.3g} Hz, {tone.bias:+.3g} ± {tone.amplitude:.3g} {unit}"
-    return listen(rig, course, tone, patience, phase_rad, text)
+    return listen(rig, sequence, tone, patience, phase_rad, text)
 
 
 def _reference_hz(frequency_hz: Array, response: Any) -> float | None:

@@ -22,10 +22,10 @@ from hil.signals.rounding import mean_rounding_std
 from procedures._blocked import BlockedSweep, drive_blocked
 from procedures._characteristic import swept
 from procedures._conditions import LOAD, adjusting
-from procedures._course import check_cycle
 from procedures._definitions import LEAKAGES, defined
 from procedures._efc import check_channels
 from procedures._recorded import calibration_std, departures, parts_of, reading_step, roles_of
+from procedures._run_sequence import check_cycle
 from procedures._scale import scale_of
 from procedures._settings import NotNegative, Positive, PositivePercent
 

@@ -19,8 +19,8 @@ from hil.signals.interval import CERTAIN
 from hil.signals.rounding import mean_rounding_std, rounding_step
 from hil.signals.sine_fit import SineFit
 from hil.signals.stepped_sine import check_frequencies, sine
-from procedures._course import Course, joined
 from procedures._recorded import departures, parts_of, roles_of
+from procedures._run_sequence import RunSequence, joined
 from procedures._scale import Scale, check_stands, scale_of
 from procedures._settings import NotNegative, Once, Percent, Positive, PositiveHertz, PositivePercent
 from procedures._sine import HARMONICS, MEASURED, curve, figures
@@ -60,14 +60,14 @@ def run(
     waves = [
         sine(f, size, rate_hz, settle + cycles, bias=middle) for f, settle in zip(frequencies, settling, strict=True)
     ]
-    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, waves), {"amplitude": size, "bias": middle})
-    course.warm_up(middle, warm_up_s)
+    sequence = RunSequence(rig, rate_hz, joined(rig, rate_hz, warm_up_s, waves), {"amplitude": size, "bias": middle})
+    sequence.warm_up(middle, warm_up_s)
     for f, settle, wave in zip(frequencies, settling, waves, strict=True):
-        course.go_to(middle)
-        course.play(wave, f"{f:g} Hz, {middle:+.3g} ± {size:.3g} {rig.command.unit}")
+        sequence.go_to(middle)
+        sequence.play(wave, f"{f:g} Hz, {middle:+.3g} ± {size:.3g} {rig.command.unit}")
         measured = len(wave) - round(settle * rate_hz / f)
         rig.mark(measured, {"kind": "sine", "frequency_hz": f, "amplitude": size, "bias": middle})
-    course.finish()
+    sequence.finish()
 
 
 def evaluate(recording: Recording) -> Findings:

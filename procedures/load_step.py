@@ -28,10 +28,10 @@ from hil.signals.interval import CERTAIN, UNIFORM
 from hil.signals.products import one_blas_thread
 from procedures._characteristic import steady
 from procedures._conditions import LOAD, adjusting, adjusting_s, check_within, usual
-from procedures._course import Course, joined
 from procedures._definitions import LOAD_STEPS, defined
 from procedures._pressure_drop import LOAD_PRESSURE
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
+from procedures._run_sequence import RunSequence, joined
 from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, Percent, Positive, Twice
 from procedures._statistics import extreme
@@ -89,19 +89,19 @@ def run(
     held = max(2, round((hold_s or _HOLD_SETTLINGS * rig.settling_s) * rate_hz))
     pieces = [np.full((2 * repeats + 1) * held, level) for level in levels]
     steps = [{LOAD: there}] * (repeats * len(levels))
-    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, pieces), {"commands": levels, "load": there},
+    sequence = RunSequence(rig, rate_hz, joined(rig, rate_hz, warm_up_s, pieces), {"commands": levels, "load": there},
                     adjusting_s(rig, steps))  # fmt: skip
-    course.warm_up(levels[0], warm_up_s)
+    sequence.warm_up(levels[0], warm_up_s)
     for level in levels:
-        course.go_to(level)
+        sequence.go_to(level)
         rig.hold(held / rate_hz, rate_hz)
         for start, end in ((back, there), (there, back)) * repeats:
             label = f"{scale.label(level)}, load {start:.4g} → {end:.4g} {orifice.unit}"
-            course.say(label)
+            sequence.say(label)
             stepped = rig.adjust({LOAD: end}, rate_hz)
             after = rig.hold(held / rate_hz, rate_hz)
             rig.mark(held + len(stepped) + len(after), {"kind": KIND, "label": label, "held": held})
-    course.finish()
+    sequence.finish()
 
 
 def evaluate(recording: Recording) -> Findings:

@@ -19,10 +19,10 @@ from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.decibel import decibels
 from hil.signals.multisine import Multisine, odd_multisine
-from procedures._course import Course, joined
 from procedures._definitions import FREQUENCIES, defined
 from procedures._recorded import departures, parts_of, roles_of
 from procedures._response import MEASURED, Evaluated, chain_notes, evaluated, reference_deviations
+from procedures._run_sequence import RunSequence, joined
 from procedures._scale import about_levels, check_form_asked, scale_of
 from procedures._settings import NotNegative, Percent, Poles, Positive, PositivePercent, Seed, Twice, Zeros
 from procedures._statistics import extreme
@@ -82,19 +82,19 @@ def run(
     unit_sine = odd_multisine(low_hz, high_hz, base_hz, rate_hz, 1.0, seed=seed)
     lead = _lead(unit_sine, rig.settling_s)
     waves = [bias + amplitude * np.concatenate((lead, unit_sine.signal(periods))) for bias, amplitude in levels]
-    course = Course(
+    sequence = RunSequence(
         rig, rate_hz, joined(rig, rate_hz, warm_up_s, waves),
         {"lines": len(unit_sine.excited), "crest_factor": round(unit_sine.crest_factor, 3),
          "correct_chain": correct_chain},
     )  # fmt: skip
-    course.warm_up(levels[0][0], warm_up_s)
+    sequence.warm_up(levels[0][0], warm_up_s)
     for (bias, amplitude), wave in zip(levels, waves, strict=True):
-        course.go_to(float(wave[0]))
+        sequence.go_to(float(wave[0]))
         text = f"multisine {bias:+.3g} ± {amplitude:.3g} {rig.command.unit}"
-        course.play(wave[: len(lead)], text)
+        sequence.play(wave[: len(lead)], text)
         part = {**unit_sine.as_part(), "amplitude": amplitude, "bias": bias}
-        course.play(wave[len(lead) :], text, part)
-    course.finish()
+        sequence.play(wave[len(lead) :], text, part)
+    sequence.finish()
 
 
 def evaluate(recording: Recording) -> Findings:

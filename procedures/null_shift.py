@@ -20,11 +20,11 @@ from hil.record.recording import Array, Recording
 from hil.rig import ConditionRole, Rig
 from procedures._characteristic import Swept, null_bias, swept
 from procedures._conditions import OIL, SUPPLY, TANK, Values, adjusted, adjusting, adjusting_s, check_within, usual
-from procedures._course import Course, check_cycle, joined, sweep, sweep_part
 from procedures._definitions import NULL_SHIFTS, defined
 from procedures._efc import SUPPLY_PRESSURE, channel_in, check_channels
 from procedures._pressure_drop import RETURN_PRESSURE
 from procedures._recorded import calibration_share, departures, parts_of, roles_of, rows_of
+from procedures._run_sequence import RunSequence, check_cycle, joined, sweep, sweep_part
 from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, Positive, PositivePercent
 
@@ -82,21 +82,20 @@ def run(
     ways = _ways(rig, conditions, supply_change, tank_change, temperature_change)
     bottom, top = rig.command.low, rig.command.high
     path = sweep(rig, bottom, top, cycle_s, rate_hz)
-    whole = joined(rig, rate_hz, warm_up_s, [path])
-    once = joined(rig, rate_hz, 0.0, [path])
-    course = Course(rig, rate_hz, np.concatenate([whole, *[once] * (len(ways) - 1)]), {"conditions": list(conditions)},
-                    adjusting_s(rig, ways))  # fmt: skip
+    first, once = (joined(rig, rate_hz, warm_s, [path]) for warm_s in (warm_up_s, 0.0))
+    whole = np.concatenate([first, *[once] * (len(ways) - 1)])
+    sequence = RunSequence(rig, rate_hz, whole, {"conditions": list(conditions)}, adjusting_s(rig, ways))
     for number, way in enumerate(ways):
         with adjusted(rig, way, rate_hz):
-            course.warm_up(bottom, 0.0 if number else warm_up_s)
+            sequence.warm_up(bottom, 0.0 if number else warm_up_s)
             label = ", ".join(
                 f"{role} {value:.4g} {rig.adjustable[role].unit.replace('degC', '°C')}" for role, value in way.items()
             )
             part = {"kind": KIND, "label": label or marked("as the bench stands"), "at": {
                 role: way.get(role, usual(rig.adjustable[role])) for role in conditions
             }}  # fmt: skip
-            course.play(path, f"null, {part['label']}", {**part, **sweep_part(rig, scale, bottom, top, cycle_s)})
-            course.finish()
+            sequence.play(path, f"null, {part['label']}", {**part, **sweep_part(rig, scale, bottom, top, cycle_s)})
+            sequence.finish()
 
 
 def _ways(

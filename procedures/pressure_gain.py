@@ -22,11 +22,11 @@ from hil.rig import Rig
 from procedures._blocked import BlockedSweep, drive_blocked
 from procedures._characteristic import steady, swept
 from procedures._conditions import LOAD, adjusting
-from procedures._course import check_cycle
 from procedures._definitions import PRESSURE_GAINS, defined
 from procedures._efc import SUPPLY_PRESSURE, channel_in, check_channels
 from procedures._pressure_drop import LOAD_PRESSURE
 from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of, rows_of
+from procedures._run_sequence import check_cycle
 from procedures._scale import scale_of
 from procedures._settings import NotNegative, Positive, PositivePercent
 

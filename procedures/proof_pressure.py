@@ -15,10 +15,10 @@ from hil.record.recording import Recording
 from hil.rig import Rig
 from procedures._characteristic import steady
 from procedures._conditions import LOAD, SUPPLY, adjusted, adjusting, adjusting_s, check_within, usual
-from procedures._course import Course, joined
 from procedures._definitions import PROOF, defined
 from procedures._efc import SUPPLY_PRESSURE, channel_in, check_channels
 from procedures._recorded import calibration_share, calibration_std, departures, parts_of
+from procedures._run_sequence import RunSequence, joined
 from procedures._scale import scale_of
 from procedures._settings import NotNegative, Positive, PositivePercent
 from procedures.internal_leakage import RETURN_FLOW
@@ -59,18 +59,18 @@ def run(
     held = max(2, round(hold_s * rate_hz))
     ends = scale.levels("commands", None)
     pieces = [np.full(held, level) for level in (scale.neutral, *ends, scale.neutral)]
-    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, pieces), {"pressure_bar": proof[SUPPLY]},
+    sequence = RunSequence(rig, rate_hz, joined(rig, rate_hz, warm_up_s, pieces), {"pressure_bar": proof[SUPPLY]},
                     adjusting_s(rig, [blocked, proof]))  # fmt: skip
     with adjusted(rig, blocked, rate_hz):
-        course.warm_up(scale.neutral, warm_up_s)
-        course.play(pieces[0], "leakage before", {"kind": KIND, "label": "before"})
+        sequence.warm_up(scale.neutral, warm_up_s)
+        sequence.play(pieces[0], "leakage before", {"kind": KIND, "label": "before"})
         with adjusted(rig, proof, rate_hz):
             for piece in pieces[1:-1]:
-                course.go_to(float(piece[0]))
-                course.play(piece, f"{proof[SUPPLY]:.4g} {supply.unit} held", {"kind": KIND, "label": "held"})
-            course.go_to(scale.neutral)
-        course.play(pieces[-1], "leakage after", {"kind": KIND, "label": "after"})
-        course.finish()
+                sequence.go_to(float(piece[0]))
+                sequence.play(piece, f"{proof[SUPPLY]:.4g} {supply.unit} held", {"kind": KIND, "label": "held"})
+            sequence.go_to(scale.neutral)
+        sequence.play(pieces[-1], "leakage after", {"kind": KIND, "label": "after"})
+        sequence.finish()
 
 
 def evaluate(recording: Recording) -> Findings:

@@ -21,10 +21,10 @@ from hil.signals.harmonic_order import sine_fit_beyond
 from hil.signals.rounding import rounding_step
 from hil.signals.sine_fit import SineFit, sine_fit, with_rounding
 from hil.signals.stepped_sine import check_frequencies, sine
-from procedures._course import Course, joined
 from procedures._cylinder import Axis, approach, axis_of
 from procedures._definitions import SINES, defined
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
+from procedures._run_sequence import RunSequence, joined
 from procedures._scale import Scale, scale_of
 from procedures._settings import NotNegative, NotNegativePercent, Once, Positive, PositivePercent
 from procedures._sine import HARMONICS, MEASURED, curve, figures
@@ -93,18 +93,18 @@ def run(
     opening = _opening(size, middles[0] - scale.neutral)
     ways = [] if axis.closed else [np.array([scale.neutral + opening]), np.array([scale.neutral - opening])]
     plan = {"amplitude": size, "middles": middles, "closed loop": axis.closed}
-    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, [*ways, *waves]), plan)
-    course.warm_up(middles[0] if axis.closed else scale.neutral, warm_up_s)
+    sequence = RunSequence(rig, rate_hz, joined(rig, rate_hz, warm_up_s, [*ways, *waves]), plan)
+    sequence.warm_up(middles[0] if axis.closed else scale.neutral, warm_up_s)
     for middle, wave, direction in zip(middles, waves, (1, -1), strict=True):
         if not axis.closed:
             speed_per_s = axis.speed_per_s(-direction) * opening / scale.full
-            approach(rig, course, axis.low if direction > 0 else axis.high, opening, speed_per_s)
-        course.go_to(float(wave[0]))
-        course.play(wave, f"{frequency_rad_s:g} rad/s, {middle:+.3g} ± {size:.3g} {rig.command.unit}")
+            approach(rig, sequence, axis.low if direction > 0 else axis.high, opening, speed_per_s)
+        sequence.go_to(float(wave[0]))
+        sequence.play(wave, f"{frequency_rad_s:g} rad/s, {middle:+.3g} ± {size:.3g} {rig.command.unit}")
         measured = len(wave) - round(settle * rate_hz / frequency_hz)
         part = {"kind": "sine", "frequency_hz": frequency_hz, "amplitude": size, "bias": middle, "closed": axis.closed}
         rig.mark(measured, part)
-    course.finish()
+    sequence.finish()
 
 
 def evaluate(recording: Recording) -> Findings:

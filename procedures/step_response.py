@@ -23,9 +23,9 @@ from hil.session.sources import tables_of
 from hil.signals.colour import noisy_mean
 from hil.signals.rounding import rounding_step
 from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
-from procedures._course import Course, joined
 from procedures._definitions import STEPS, defined
 from procedures._recorded import NO_ONSET, calibration_share, departures, noted, parts_of, roles_of
+from procedures._run_sequence import RunSequence, joined
 from procedures._scale import check_stands, scale_of
 from procedures._settings import NotNegative, Once, Percent, Positive
 from procedures._statistics import disagreement, extreme
@@ -89,17 +89,19 @@ def run(
     values = [scale.level(name, percent) for percent in asked] * repeats
     steps = [step_sequence([level], held_s, rate_hz) for level in values]
     measured = _response_beside(beside)
-    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, [np.concatenate(steps)]), {"levels": values})
+    run_sequence = RunSequence(
+        rig, rate_hz, joined(rig, rate_hz, warm_up_s, [np.concatenate(steps)]), {"levels": values}
+    )
     if measured is not None:
         rig.note(_BESIDE, **measured)
-    course.warm_up(values[0], warm_up_s)
+    run_sequence.warm_up(values[0], warm_up_s)
     starts = [values[0], *values]
-    course.say(_way(rig, starts[0], values[0]))
+    run_sequence.say(_way(rig, starts[0], values[0]))
     for i, piece in enumerate(rig.stream(iter(steps), rate_hz)):
         rig.mark(len(piece), {"kind": "level", "from": starts[i], "to": values[i]})
         if i + 1 < len(values):  # the next one is under way when one has been recorded
-            course.say(_way(rig, starts[i + 1], values[i + 1]))
-    course.finish()
+            run_sequence.say(_way(rig, starts[i + 1], values[i + 1]))
+    run_sequence.finish()
 
 
 def _way(rig: Rig, start: float, level: float) -> str:

@@ -31,9 +31,9 @@ from hil.signals.colour import colour_factor
 from hil.signals.interval import CERTAIN
 from hil.signals.ramps import ramp
 from hil.signals.rounding import mean_rounding_std
-from procedures._course import Course, joined
 from procedures._definitions import THRESHOLDS, defined
 from procedures._recorded import calibration_share, departures, parts_of, reading_step, roles_of
+from procedures._run_sequence import RunSequence, joined
 from procedures._scale import about_levels, check_stands, scale_of
 from procedures._settings import NotNegative, Percent, Positive, PositivePercent, Twice
 from procedures._statistics import rounded_up
@@ -79,14 +79,16 @@ def run(
     levels = about_levels(scale, (reach,), biases)
     every = [_legs(bias, size, reach / speed, rig.settling_s, rate_hz, repeats) for bias, size in levels]
     paths = [np.concatenate([command for command, _ in legs]) for legs in every]
-    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, paths), {"biases": [bias for bias, _ in levels]})
-    course.warm_up(float(paths[0][0]), warm_up_s)
+    sequence = RunSequence(
+        rig, rate_hz, joined(rig, rate_hz, warm_up_s, paths), {"biases": [bias for bias, _ in levels]}
+    )
+    sequence.warm_up(float(paths[0][0]), warm_up_s)
     for (bias, _), legs in zip(levels, every, strict=True):
-        course.go_to(float(legs[0][0][0]))
+        sequence.go_to(float(legs[0][0][0]))
         for command, part in legs:
             about = {**part, "bias": bias, "full": scale.full, "label": scale.label(bias)}
-            course.play(command, f"{part['way']} about {bias:.4g} {rig.command.unit}", about)
-    course.finish()
+            sequence.play(command, f"{part['way']} about {bias:.4g} {rig.command.unit}", about)
+    sequence.finish()
 
 
 def _legs(

@@ -20,10 +20,10 @@ from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.colour import colour_factor
 from hil.signals.straight_line import weighted_line
-from procedures._course import Course, joined
 from procedures._cylinder import Axis, approach, axis_of
 from procedures._definitions import CYLINDERS, defined
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
+from procedures._run_sequence import RunSequence, joined
 from procedures._scale import Scale, check_above, scale_of
 from procedures._settings import Once, Positive, PositivePercent
 from procedures._statistics import mean_of
@@ -121,16 +121,16 @@ def _drive_closed(rig: Rig, axis: Axis, pairs: Sequence[tuple[float, float]], ra
         steps += [(low, high, np.full(samples, high)), (high, low, np.full(samples, low))]
     first = steps[0][0]
     path = joined(rig, rate_hz, 0.0, [np.concatenate([[first], *(wave for _, _, wave in steps)])])
-    course = Course(rig, rate_hz, path, {"levels": [list(pair) for pair in pairs], "closed loop": True})
+    sequence = RunSequence(rig, rate_hz, path, {"levels": [list(pair) for pair in pairs], "closed loop": True})
     before = None
     for start, stop, wave in steps:
         if start != before:
-            course.go_to(start)
+            sequence.go_to(start)
         label = f"{start:.4g} → {stop:.4g} {rig.command.unit}"
         place = f"±{abs(stop - start) / 2.0:.4g} {rig.command.unit}"
-        course.play(wave, label, _part(axis, label, place, stop > start))
+        sequence.play(wave, label, _part(axis, label, place, stop > start))
         before = stop
-    course.finish()
+    sequence.finish()
 
 
 def _drive_open(rig: Rig, axis: Axis, scale: Scale, pairs: Sequence[tuple[float, float]], rate_hz: float) -> None:
@@ -141,19 +141,19 @@ def _drive_open(rig: Rig, axis: Axis, scale: Scale, pairs: Sequence[tuple[float,
             driven_s = _OPEN_WAY * (axis.high - axis.low) / (axis.speed_per_s(direction) * share)
             steps.append((direction, level, share, np.full(max(1, round(driven_s * rate_hz)), level)))
     ways = [np.array([level]) for pair in pairs for level in pair]
-    course = Course(
+    sequence = RunSequence(
         rig, rate_hz, joined(rig, rate_hz, 0.0, [*ways, *(wave for *_, wave in steps)]),
         {"levels": [list(pair) for pair in pairs], "closed loop": False},
     )  # fmt: skip
-    course.go_to(scale.neutral)
+    sequence.go_to(scale.neutral)
     for direction, level, share, wave in steps:
         start = axis.low if direction > 0 else axis.high
-        approach(rig, course, start, share * scale.full, share * axis.speed_per_s(-direction))
+        approach(rig, sequence, start, share * scale.full, share * axis.speed_per_s(-direction))
         label = f"{scale.neutral:.4g} → {level:.4g} {rig.command.unit}"
         place = f"±{share * scale.full:.4g} {rig.command.unit}"
-        course.play(wave, label, _part(axis, label, place, direction > 0))
-        course.go_to(scale.neutral)
-    course.finish()
+        sequence.play(wave, label, _part(axis, label, place, direction > 0))
+        sequence.go_to(scale.neutral)
+    sequence.finish()
 
 
 def _part(axis: Axis, label: str, place: str, extending: bool) -> dict[str, Any]:

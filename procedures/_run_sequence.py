@@ -1,4 +1,4 @@
-"""The course of a run: checked whole before anything moves, begun and ended at neutral, its time known."""
+"""The sequence of a run: checked whole before anything moves, begun and ended at neutral, its duration known."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ _PIECE_S = 5.0  # of a long command, which is not in memory as a whole
 _SAMPLES, _SETTLINGS = 1000, 4.0  # least of a sweep: samples, and settling times of the valve
 
 
-class Course:
-    """A procedure on its way.
+class RunSequence:
+    """What a procedure drives, from neutral and back: the path that was checked, and how far the run is.
 
     Args:
         rig: what is driven.
