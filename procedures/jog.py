@@ -16,7 +16,7 @@ from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
-from hil.session.by_hand import HELD, hold
+from hil.session.manual_output import HELD, hold
 from hil.signals.batch_mean import batch_mean
 from hil.units import behind_a_number
 from procedures._recorded import calibration_std, parts_if_any

@@ -58,8 +58,8 @@ def jog(
         SettingError: the channel is an input, or the time is no time.
         RangeError: the value is outside the output's limits; nothing was driven.
     """
-    from hil.session.by_hand import output_of, to_be_ended
     from hil.session.labels import labels_of
+    from hil.session.manual_output import output_of, to_be_ended
     from hil.session.procedure import load_procedure
     from hil.session.run import run_procedure
 

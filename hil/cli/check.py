@@ -69,19 +69,19 @@ def _looked_at(found: BenchFile, as_json: bool) -> list[str]:
     from hil.catalog import entries
     from hil.cli.live import live_json, live_text
     from hil.safety.interrupt import terminable
-    from hil.session.possible import hindrance
+    from hil.session.feasibility import infeasibility
     from hil.session.procedure import load_procedure
 
     with terminable():
         seen = look_at(found)
         names = [entry.name for entry in entries("procedures")]
         away = " and ".join(seen.silent)
-        hindrances = {
-            name: f"{away} must answer first" if away else hindrance(load_procedure(name), found, seen.rate_hz)
+        infeasible = {
+            name: f"{away} must answer first" if away else infeasibility(load_procedure(name), found, seen.rate_hz)
             for name in names
         }
     text_of = live_json if as_json else live_text
-    typer.echo(text_of(found, seen, hindrances))
+    typer.echo(text_of(found, seen, infeasible))
     if seen.silent:
         raise LinkError("; ".join(seen.silent.values()))
     return list(seen.remarks)

@@ -43,8 +43,8 @@ def command(
     from hil.cli.quantity import quantity
     from hil.cli.run_end import ended
     from hil.errors import SettingError
-    from hil.session.by_hand import output_of
     from hil.session.labels import labelled, labels_of, new_folder
+    from hil.session.manual_output import output_of
     from hil.session.procedure import load_procedure
 
     found = bench_of(bench)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from hil.bench.read import BenchFile
 
 
-def live_text(file: BenchFile, live: Live, hindrances: Mapping[str, str]) -> str:
+def live_text(file: BenchFile, live: Live, infeasible: Mapping[str, str]) -> str:
     """Links, inputs, rate, procedures, and what is not plausible."""
     wanted_hz = file.bench.sample_rate_hz
     slow = "" if live.rate_hz >= wanted_hz else f"; too slow for sample_rate_hz = {wanted_hz:g}"
@@ -26,16 +26,16 @@ def live_text(file: BenchFile, live: Live, hindrances: Mapping[str, str]) -> str
     lines.append(
         f"  frequency response: up to {live.fastest_hz:.3g} Hz, so a −3 dB frequency below that can be measured"
     )
-    lines += [f"  can run: {', '.join(name for name, why in hindrances.items() if not why) or 'nothing'}"]
-    lines += [f"  cannot run {name}: {why}" for name, why in hindrances.items() if why]
+    lines += [f"  can run: {', '.join(name for name, why in infeasible.items() if not why) or 'nothing'}"]
+    lines += [f"  cannot run {name}: {why}" for name, why in infeasible.items() if why]
     return "\n".join([*lines, *(f"warning: {text}" for text in live.remarks)])
 
 
-def live_json(file: BenchFile, live: Live, hindrances: Mapping[str, str]) -> str:
+def live_json(file: BenchFile, live: Live, infeasible: Mapping[str, str]) -> str:
     """The same, schema hil.live/1."""
     from hil.record.plain import to_json
 
-    procedures = [{"name": name, "can_run": not why, "why": why} for name, why in hindrances.items()]
+    procedures = [{"name": name, "can_run": not why, "why": why} for name, why in infeasible.items()]
     document = {"schema": "hil.live/1", "bench": file.bench.name, "links": live.links, "inputs": live.inputs,
             "rate_hz": live.rate_hz, "fastest_hz": live.fastest_hz, "unseen": live.unseen,
             "silent": live.silent, "procedures": procedures, "warnings": live.remarks}  # fmt: skip

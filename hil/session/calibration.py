@@ -28,8 +28,8 @@ from hil.rig import Rig
 from hil.safety.interrupt import terminable
 from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
-from hil.session.by_hand import HELD
 from hil.session.labels import Labels
+from hil.session.manual_output import HELD
 from hil.session.preload import preload
 from hil.session.procedure import load_procedure
 from hil.session.run import evaluate_run

@@ -10,7 +10,7 @@ from hil.bench.find import benches
 from hil.bench.manual.live import look_at
 from hil.bench.read import read_bench
 from hil.errors import LinkError
-from hil.session.possible import hindrance
+from hil.session.feasibility import infeasibility
 from hil.session.procedure import load_procedure
 from sim_devices._quirks import Quirks
 from tests.bench_files import bench_file
@@ -51,9 +51,9 @@ def test_what_is_not_plausible_is_told(tmp_path):
 
 def test_procedures_that_can_run_and_what_keeps_the_others():
     file = read_bench(benches()["brevini-hpv41"])
-    assert hindrance(load_procedure("frequency_response"), file, 1000.0) == ""
-    assert "the bench makes 30 Hz as measured" in hindrance(load_procedure("frequency_response"), file, 30.0)
-    assert "through flow" in hindrance(load_procedure("leakage_check"), file, 1000.0)
+    assert infeasibility(load_procedure("frequency_response"), file, 1000.0) == ""
+    assert "the bench makes 30 Hz as measured" in infeasibility(load_procedure("frequency_response"), file, 30.0)
+    assert "through flow" in infeasibility(load_procedure("leakage_check"), file, 1000.0)
 
 
 def test_command_line(tmp_path, command_line):

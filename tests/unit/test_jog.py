@@ -14,7 +14,7 @@ from hil.bench.read import BenchFile, read_bench
 from hil.cli.quantity import quantity
 from hil.errors import HilError, SettingError, UnknownNameError
 from hil.record.folder import read
-from hil.session.by_hand import output_of, to_be_ended
+from hil.session.manual_output import output_of, to_be_ended
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
 from tests.bench_files import bench_file

@@ -1,4 +1,4 @@
-"""Which procedures a bench can run: each is asked to begin on its twin, up to where the first output would move."""
+"""Which procedures are feasible on a bench: each begins on its twin, up to where the first output would move."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hil.session.setting import parse_settings
 _MOVING = ("play", "stream", "hold", "ramp_to")
 
 
-def hindrance(procedure: Procedure, bench: BenchFile, rate_hz: float) -> str:
+def infeasibility(procedure: Procedure, bench: BenchFile, rate_hz: float) -> str:
     """Why a procedure cannot run with its default settings; empty when it can.
 
     It checks channels, settings, rates and its whole path before anything moves, and is left there. Nothing is driven.
@@ -30,7 +30,7 @@ def hindrance(procedure: Procedure, bench: BenchFile, rate_hz: float) -> str:
     try:
         twin = twin_of(bench)
         with (
-            TemporaryDirectory(prefix="hil-possible-") as folder,
+            TemporaryDirectory(prefix="hil-feasibility-") as folder,
             open_rig(twin, Path(folder) / "run", {}, quiet) as rig,
         ):
             procedure.run(_UpToTheFirstMove(rig, rate_hz), **parse_settings(procedure.settings, {}))

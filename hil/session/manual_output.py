@@ -1,4 +1,4 @@
-"""One output by hand: to a value, there for a while, and back when the run ends."""
+"""Manual mode of one output: to a value, there for a while, and back when the run ends."""
 
 from __future__ import annotations
 
