@@ -17,7 +17,7 @@ import numpy as np
 from _concealed import Answer, Case
 
 from hil.cores import spread
-from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.intake.problem import Problem, pose
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.identification.grey_box.estimate import Unknown, estimate
 from hil.identification.grey_box.free import moved, unknown_of

@@ -19,8 +19,8 @@ from mismatch import SEED, SHORT
 from table import Row, milliseconds, show
 
 from hil.diagnosis.diagnose import diagnose
-from hil.diagnosis.explain import explained
-from hil.diagnosis.problem import pose, settled
+from hil.diagnosis.intake.problem import pose, settled
+from hil.diagnosis.verdict.explain import explained
 from tests.proof.cases.label import parse
 
 

@@ -27,7 +27,7 @@ from hil.cli import app
 from hil.physics.published import tordal, tugsal
 from hil.record.read import write_recording
 from hil.record.recording import recording
-from hil.record.response_table import ResponseTable, write_response_table
+from hil.record.table.response_table import ResponseTable, write_response_table
 from hil.signals.interval import COVERED, rounded, width
 from tests import own_valves
 

@@ -15,7 +15,7 @@ from drivers._sdo import Sdo
 from hil.daq.probe import Found
 from hil.description.eds import Dictionary
 from hil.errors import LinkError
-from hil.record.progress import Progress
+from hil.record.run_folder.progress import Progress
 from hil.system import system
 
 _NOBODY, _EVERYBODY = 0xFE, 0xFF  # addresses of J1939: who has none may ask for claims

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, f
 from drivers._modbus_client import LineSettings, request
 from drivers._modbus_line import ModbusLine
 from hil.daq.probe import Found
-from hil.record.progress import Progress
+from hil.record.run_folder.progress import Progress
 
 _OBJECTS = {0: "maker", 1: "product", 2: "version", 3: "url", 4: "name", 5: "model", 6: "application"}
 _NOBODY_THERE = (10, 11)  # exceptions of a gateway for a unit that is not behind it

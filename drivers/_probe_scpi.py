@@ -8,7 +8,7 @@ from drivers._line import Line, SerialSettings
 from hil.daq.probe import Found
 from hil.description.text import ENDS, End
 from hil.errors import LinkError
-from hil.record.progress import Progress
+from hil.record.run_folder.progress import Progress
 
 _PARTS = ("maker", "model", "serial", "version")
 

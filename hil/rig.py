@@ -123,7 +123,7 @@ class Rig(Protocol):
 
         The next array is asked for while the current one plays, so what an array brings can decide about the
         next but one. Memory does not grow with the run; neither does the run folder where `part` says in `rows_kept`
-        which rows stay (see `hil.record.thinned`). Every row is given back here.
+        which rows stay (see `hil.record.run_folder.thinned`). Every row is given back here.
         """
         ...
 

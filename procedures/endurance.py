@@ -19,7 +19,7 @@ from hil.errors import SettingError
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
-from hil.record.thinned import ROWS_KEPT
+from hil.record.run_folder.thinned import ROWS_KEPT
 from hil.rig import Rig
 from hil.signals.colour import colour_factor
 from hil.signals.straight_line import chance_beyond, weighted_line

@@ -17,7 +17,7 @@ from hil.identification.step.step_estimate import MeasuredStep, measured_steps
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
-from hil.record.response_table import ResponseTable
+from hil.record.table.response_table import ResponseTable
 from hil.rig import Rig
 from hil.session.sources import tables_of
 from hil.signals.colour import noisy_mean

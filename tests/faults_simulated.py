@@ -31,7 +31,7 @@ from hil.errors import (
 )
 from hil.record.folder import read
 from hil.record.recording import Recording
-from hil.record.samples import RowsWriter
+from hil.record.run_folder.samples import RowsWriter
 from hil.rig import Rig
 from hil.safety.interrupt import terminable
 from hil.safety.outputs import Outputs

@@ -16,7 +16,7 @@ from hil.findings.collect import results_of
 from hil.findings.results import write_results
 from hil.record.folder import read, write
 from hil.record.recording import Channel, Recording
-from hil.record.seal import seal_folder
+from hil.record.run_folder.seal import seal_folder
 from hil.session.results import evaluated_anew, judged_by
 
 

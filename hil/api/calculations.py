@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from hil.api.callbacks import Notes, unsaid
 from hil.api.models import model_of
 from hil.errors import options_of
-from hil.record.progress import Progress, quiet
+from hil.record.run_folder.progress import Progress, quiet
 from hil.session.several import at_least_one, several
 
 if TYPE_CHECKING:

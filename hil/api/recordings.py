@@ -13,7 +13,7 @@ from hil.session.several import at_least_one, several
 if TYPE_CHECKING:
     from hil.record.reading import Reading
     from hil.record.recording import Recording
-    from hil.record.response_table import ResponseTable
+    from hil.record.table.response_table import ResponseTable
     from hil.session.sources import Source
 
 
@@ -61,7 +61,7 @@ def write(recording: Recording | ResponseTable, path: str | Path) -> None:
         FileError: an ending that is not known, or a run folder that exists.
     """
     from hil.record.read import write_recording
-    from hil.record.response_table import ResponseTable, write_response_table
+    from hil.record.table.response_table import ResponseTable, write_response_table
 
     if isinstance(recording, ResponseTable):
         write_response_table(recording, Path(path))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from hil.api.bench import bench_of
 from hil.api.callbacks import NOTHING, Notes, unsaid
 from hil.errors import options_of
-from hil.record.progress import Progress, quiet
+from hil.record.run_folder.progress import Progress, quiet
 from hil.session.several import several
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from hil.archive.place import Place
 from hil.errors import FileError, StorageError
-from hil.record.header import END_FILE, HEADER_FILE
-from hil.record.process_liveness import is_alive
+from hil.record.run_folder.header import END_FILE, HEADER_FILE
+from hil.record.run_folder.process_liveness import is_alive
 from hil.record.state import OWNER_ALONE, keep, state_path
 from hil.untrusted import read_json
 

@@ -12,7 +12,7 @@ from sqlalchemy import Connection, func, select
 from hil.archive.database import opened
 from hil.archive.place import Place
 from hil.archive.tables import CALIBRATION, OF_CALIBRATION, RUN
-from hil.record.instruments import StatedCalibration
+from hil.record.run_folder.instruments import StatedCalibration
 
 
 @dataclass(frozen=True, slots=True)

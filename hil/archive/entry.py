@@ -12,10 +12,10 @@ from pydantic import TypeAdapter
 
 from hil.errors import FileError
 from hil.findings.results import read_results
-from hil.record.header import HEADER_FILE, read_end, read_header, stated
-from hil.record.instruments import StatedCalibration, calibrations_of, instruments_mark
 from hil.record.measurement import FINDINGS_FILE, RESULTS_FILE, Measured, Verdict
-from hil.record.seal import check_seal
+from hil.record.run_folder.header import HEADER_FILE, read_end, read_header, stated
+from hil.record.run_folder.instruments import StatedCalibration, calibrations_of, instruments_mark
+from hil.record.run_folder.seal import check_seal
 from hil.record.simulated import is_simulated
 from hil.untrusted import MOST_LEVELS, is_regular, read_untrusted_json
 

@@ -17,7 +17,7 @@ from hil.archive.archive import enter, rebuild
 from hil.archive.begun import begun_in
 from hil.archive.place import Place, archive_place
 from hil.errors import ArchiveError, FileError, StorageError
-from hil.record.header import HEADER_FILE
+from hil.record.run_folder.header import HEADER_FILE
 from hil.record.state import keep, state_path
 from hil.untrusted import read_json
 

@@ -18,8 +18,8 @@ from filelock import FileLock
 
 from hil.bench.read import BenchFile
 from hil.errors import FileError, StorageError, marked, reading, storing
-from hil.record.header import END_FILE, HEADER_FILE, read_end
-from hil.record.seal import SEAL_FILE, marks_of, read_seal
+from hil.record.run_folder.header import END_FILE, HEADER_FILE, read_end
+from hil.record.run_folder.seal import SEAL_FILE, marks_of, read_seal
 from hil.record.state import state_path
 from hil.safety.interrupt import Halted, Terminated
 from hil.system import system

@@ -30,9 +30,9 @@ from hil.daq.scaled import Scaled
 from hil.errors import FileError
 from hil.language.note import codes_of
 from hil.record.folder import RunWriter
-from hil.record.header import Column
-from hil.record.progress import Progress
 from hil.record.recording import Recording
+from hil.record.run_folder.header import Column
+from hil.record.run_folder.progress import Progress
 from hil.safety.guard import Guard
 from hil.safety.interrupt import notified_of_signals
 from hil.safety.latch import Latch, latch_path

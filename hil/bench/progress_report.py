@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.record.progress import Progress
 from hil.record.recording import Array
+from hil.record.run_folder.progress import Progress
 from hil.system import system
 from hil.units import behind_a_number
 

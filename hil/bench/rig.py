@@ -18,9 +18,9 @@ from hil.bench.recorder import Recorder
 from hil.daq.contract import Block, Promises, Waveform, joined
 from hil.errors import RangeError, StoppedError
 from hil.record.conditions import ADJUSTED
-from hil.record.header import Column
 from hil.record.invalid_samples import supposed
 from hil.record.recording import Array, Channel, Recording
+from hil.record.run_folder.header import Column
 from hil.record.simulated import SIMULATED
 from hil.rig import ConditionRole, RoleChannel
 from hil.safety.envelope import Envelope

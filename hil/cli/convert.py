@@ -13,7 +13,7 @@ from hil.record.reading import Reading
 
 if TYPE_CHECKING:
     from hil.record.recording import Recording
-    from hil.record.response_table import ResponseTable
+    from hil.record.table.response_table import ResponseTable
 
 
 @takes_reading
@@ -31,8 +31,8 @@ def command(
     from hil import api
     from hil.cli.places import check_distinct, check_file
     from hil.record.invalid_samples import notes_of_reading
-    from hil.record.joined import joined
-    from hil.record.response_table import ResponseTable
+    from hil.record.table.joined import joined
+    from hil.record.table.response_table import ResponseTable
     from hil.session.sources import all_samples
 
     if target.exists() and not overwrite:
@@ -59,7 +59,7 @@ def command(
 
 
 def _content(found: Recording | ResponseTable) -> dict[str, object]:
-    from hil.record.response_table import ResponseTable
+    from hil.record.table.response_table import ResponseTable
 
     if isinstance(found, ResponseTable):
         band = {"from_hz": found.frequency_hz[0], "to_hz": found.frequency_hz[-1], "unit": found.unit}

@@ -34,7 +34,7 @@ def reading_of(
     Raises:
         SettingError: one that is not `NAME=VALUE`.
     """
-    from hil.record.named import pairs
+    from hil.record.table.named import pairs
 
     return Reading(
         time.strip(), interval, pairs("--unit", unit, "flow=l/min"), pairs("--rename", rename, "ch1=flow"),

@@ -159,7 +159,7 @@ def _reported_when_slow() -> Iterator[None]:
 
 
 def _entered(archive: str, folder: Path) -> str:
-    from hil.record.header import HEADER_FILE
+    from hil.record.run_folder.header import HEADER_FILE
 
     if not (folder / HEADER_FILE).is_file():
         return ""
@@ -169,6 +169,6 @@ def _entered(archive: str, folder: Path) -> str:
 
 
 def _kept(folder: Path) -> str:
-    from hil.record.header import HEADER_FILE
+    from hil.record.run_folder.header import HEADER_FILE
 
     return f"what was recorded is kept in {folder}" if (folder / HEADER_FILE).is_file() else ""

@@ -58,8 +58,8 @@ def _json(found: Sequence[Entry]) -> str:
 def _ending(run: Entry) -> str:
     """`(tripped)`: how a run ended otherwise than planned, in a word; its report has the sentence."""
     from hil.archive.entry import UNFINISHED
-    from hil.record.process_liveness import is_alive
-    from hil.record.progress import progress_of
+    from hil.record.run_folder.process_liveness import is_alive
+    from hil.record.run_folder.progress import progress_of
 
     outcome = run.outcome
     if outcome in ("completed", "written"):

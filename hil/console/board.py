@@ -21,7 +21,7 @@ from hil.language.figures import localised
 from hil.language.note import Note, translated
 from hil.language.words import _
 from hil.record.recording import Recording
-from hil.record.tail import Tail
+from hil.record.run_folder.tail import Tail
 from hil.report.number import label_text, note_text, unit_text
 from hil.safety.interlock import Interlock
 from hil.safety.latch import Latch, latch_path

@@ -23,7 +23,7 @@ from hil.console.site import Site
 from hil.console.underway import Run, Underway
 from hil.console.watching import Watching
 from hil.errors import SettingError
-from hil.record.header import END_FILE
+from hil.record.run_folder.header import END_FILE
 
 _MOST_STARTED = 50
 _JOBS_IN_PARALLEL = 2  # each takes what processors there are

@@ -7,8 +7,8 @@ from typing import Any
 
 from hil.bench.stop.press import Press
 from hil.language.words import _
-from hil.record.header import End, Header, read_end, read_header
 from hil.record.measurement import AS_PLANNED
+from hil.record.run_folder.header import End, Header, read_end, read_header
 from hil.report.number import number
 from hil.safety.outputs import ending_words
 

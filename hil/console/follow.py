@@ -16,7 +16,7 @@ from hil.console.bode import bode_point
 from hil.console.envelope import COARSE_KEPT, FINE_KEPT, FINE_S, Envelope
 from hil.console.underway import run_of
 from hil.errors import FileError
-from hil.record.tail import Tail
+from hil.record.run_folder.tail import Tail
 
 PICTURE_S = 0.05
 _QUIET_S = 1.0  # so long nothing new: the viewer is told that the server is there

@@ -13,7 +13,7 @@ from hil.archive.place import Place
 from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.errors import FileError, UnknownNameError
-from hil.record.header import HEADER_FILE
+from hil.record.run_folder.header import HEADER_FILE
 from hil.untrusted import MOST_TOML_BYTES, is_regular, read_small
 
 _ANEW_S = 5.0

@@ -16,9 +16,9 @@ from urllib.parse import urlsplit
 
 from hil.bench.stop.consoles import LOOPBACK, consoles
 from hil.errors import FileError
-from hil.record.header import END_FILE, HEADER_FILE, Header, read_end, read_header
-from hil.record.process_liveness import is_alive
-from hil.record.samples import JOURNAL_FILE
+from hil.record.run_folder.header import END_FILE, HEADER_FILE, Header, read_end, read_header
+from hil.record.run_folder.process_liveness import is_alive
+from hil.record.run_folder.samples import JOURNAL_FILE
 from hil.record.simulated import SIMULATED, is_simulated
 from hil.untrusted import is_regular, read_untrusted_json
 

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from hil.catalog import entries
 from hil.errors import SettingError, UnknownNameError
-from hil.record.progress import Progress
+from hil.record.run_folder.progress import Progress
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,26 +8,26 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from hil.diagnosis.answer import Answer
-from hil.diagnosis.changed import Changed, named, unchanged
-from hil.diagnosis.check import Checked, check
-from hil.diagnosis.choice import OPEN, Choice
+from hil.diagnosis.answer.answer import Answer
+from hil.diagnosis.answer.next_test import Span
 from hil.diagnosis.diagnosis import Diagnosis, DiagnosisVerdict
 from hil.diagnosis.events.coarse import coarse, coarse_step
 from hil.diagnosis.events.event import Events, Interval
 from hil.diagnosis.events.repeats import stale_outputs, without_stale
-from hil.diagnosis.explain import explained, posed_again
-from hil.diagnosis.next_test import Span
-from hil.diagnosis.problem import Problem, pose, settled
+from hil.diagnosis.intake.check import Checked, check
+from hil.diagnosis.intake.problem import Problem, pose, settled
+from hil.diagnosis.intake.work import Work
 from hil.diagnosis.question import Question, question_of
-from hil.diagnosis.within_prior import nominal_of_this_unit
+from hil.diagnosis.verdict.changed import Changed, named, unchanged
+from hil.diagnosis.verdict.choice import OPEN, Choice
+from hil.diagnosis.verdict.explain import explained, posed_again
+from hil.diagnosis.verdict.within_prior import nominal_of_this_unit
 from hil.diagnosis.wording import quantity_text
-from hil.diagnosis.work import Work
 from hil.identification.preparation.experiment import Experiment
 from hil.language.note import Note
 from hil.physics.model import Model
-from hil.record.progress import Progress, quiet
 from hil.record.recording import Array
+from hil.record.run_folder.progress import Progress, quiet
 from hil.record.show import table_html
 from hil.signals.products import one_blas_thread
 
@@ -86,7 +86,7 @@ def diagnose(
         before: recordings of the same unit when the model was identified, where not what the model file keeps of them.
 
     Raises:
-        FileError: a recording cannot be what its headings say (see `hil.diagnosis.check`).
+        FileError: a recording cannot be what its headings say (see `hil.diagnosis.intake.check`).
     """
     with one_blas_thread():
         return _diagnose(model, experiments, Work(progress, budget_s), span, question, before)

@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hil.diagnosis.coverage import Limit
+from hil.diagnosis.evidence.coverage import Limit
+from hil.diagnosis.evidence.locate import StageShare, Where
 from hil.diagnosis.false_alarms import FalseAlarms
-from hil.diagnosis.locate import StageShare, Where
 from hil.language.note import codes_of
 from hil.record.plain import plain
 from hil.record.recording import Array
@@ -198,8 +198,8 @@ class Diagnosis:
         kept_back: what `held_out` was judged on.
         question: what was asked, and `why_asked`. `gate`: the statistic that says whether the unit has changed, where
             the model left more than noise. `left_out`: the other question's answer, where *changed* was asked.
-        table: every hypothesis with its score, the best first; the first is the verdict (see `hil.diagnosis.score`).
-            None below the gate of *changed*.
+        table: every hypothesis with its score, the best first; the first is the verdict (see `verdict.score`). None
+            below the gate of *changed*.
         corrected_is: what the corrected model holds, and `why_corrected`. `work`: simulations, their samples and
             what was not searched for want of a larger budget.
         simulated: whether a recording is of a simulated valve.

@@ -12,10 +12,10 @@ from hil.errors import FileError, StorageError
 from hil.findings.results import read_results, write_results
 from hil.passport.unit import Unit, UnitRun
 from hil.record.folder import write
-from hil.record.header import sha256_of
 from hil.record.measurement import RESULTS_FILE
 from hil.record.recording import Recording
-from hil.record.seal import seal_folder
+from hil.record.run_folder.header import sha256_of
+from hil.record.run_folder.seal import seal_folder
 from hil.session.outcome import REPORT_FILE
 from hil.session.results import judged_by, write_evaluation
 

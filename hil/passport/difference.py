@@ -9,10 +9,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hil.diagnosis.coverage import Limit
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.diagnosis.diagnosis import Diagnosis, Finding
-from hil.diagnosis.work import SAMPLES_PER_S, budget_notes
+from hil.diagnosis.evidence.coverage import Limit
+from hil.diagnosis.intake.work import SAMPLES_PER_S, budget_notes
 from hil.errors import SettingError, option
 from hil.identification.preparation.experiment import Experiment
 from hil.language.note import Note
@@ -23,7 +23,7 @@ from hil.physics.compose import kernel
 from hil.physics.model import Model, ModelEffect
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain
-from hil.record.progress import Progress, quiet
+from hil.record.run_folder.progress import Progress, quiet
 from hil.record.simulated import is_simulated
 from hil.session.diagnosis import bound_to
 

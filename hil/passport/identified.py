@@ -11,7 +11,7 @@ from hil.errors import InputError
 from hil.language.note import Note, translated
 from hil.language.words import _, marked
 from hil.passport.unit import Unit
-from hil.record.progress import Progress
+from hil.record.run_folder.progress import Progress
 from hil.report.number import number, with_std
 
 if TYPE_CHECKING:

@@ -40,7 +40,7 @@ from hil.passport.verify import SignatureStatus, Trust, verify
 from hil.physics.model import Model, save_model
 from hil.physics.other_plant import other_plants
 from hil.record.durable import write_whole
-from hil.record.progress import Progress, quiet
+from hil.record.run_folder.progress import Progress, quiet
 from hil.version import PROGRAM
 
 SCHEMA = "hil.passport/1"

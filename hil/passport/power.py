@@ -32,8 +32,8 @@ from hil.record.durable import write_whole
 from hil.record.invalid_samples import with_blanks
 from hil.record.measurement import Limit, Measured
 from hil.record.plain import to_json
-from hil.record.progress import Progress
 from hil.record.recording import Array, Recording, split_heading
+from hil.record.run_folder.progress import Progress
 from hil.report.number import number, with_unit
 from hil.session.procedure import Procedure
 from hil.session.results import evaluated, judged_by, procedure_of
@@ -42,7 +42,7 @@ from hil.units import convert
 from hil.version import PROGRAM
 
 if TYPE_CHECKING:
-    from hil.diagnosis.problem import Problem
+    from hil.diagnosis.intake.problem import Problem
     from hil.diagnosis.search.terms import Term
 
 REPEATS = 40
@@ -233,7 +233,7 @@ class _World:
 
     @classmethod
     def of(cls, recording: Recording, model: Model, judge: _Judge, state: _State, name: str) -> _World:
-        from hil.diagnosis.problem import pose
+        from hil.diagnosis.intake.problem import pose
         from hil.diagnosis.search.terms import all_terms
         from hil.identification.preparation.experiment import for_model
 

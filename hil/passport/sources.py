@@ -12,10 +12,10 @@ from hil.passport.attached import MODEL_FILE, RUNS, TYPE_MODEL_FILE
 from hil.passport.contents import lay_out
 from hil.passport.verify import opened
 from hil.physics.model import Model, load_model
-from hil.record.header import HEADER_FILE, stated
 from hil.record.read import formats, read_recording
 from hil.record.reading import Reading
 from hil.record.recording import Recording
+from hil.record.run_folder.header import HEADER_FILE, stated
 
 
 @dataclass(frozen=True, slots=True)

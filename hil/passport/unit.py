@@ -12,10 +12,10 @@ from hil.findings.agreement import disagreements
 from hil.findings.collect import findings_of, results_of
 from hil.findings.results import Results
 from hil.record.folder import read
-from hil.record.header import stated
 from hil.record.measurement import RESULTS_FILE, Findings, Verdict, ended_as_planned, present_name
 from hil.record.recording import Recording
-from hil.record.seal import Seal, check_seal
+from hil.record.run_folder.header import stated
+from hil.record.run_folder.seal import Seal, check_seal
 from hil.record.simulated import is_simulated
 from hil.session.kept_results import results_of_run
 from hil.session.limit import limits_of

@@ -18,7 +18,7 @@ from hil.passport.key import fingerprint, name_of, own_certificates
 from hil.passport.revoked import Revocations, fault_in_time, is_authority, read_revocations
 from hil.passport.seal import ChangedError, is_passport, seal_of
 from hil.record.gathered import whole
-from hil.record.header import HEADER_FILE
+from hil.record.run_folder.header import HEADER_FILE
 from hil.record.simulated import is_simulated
 from hil.untrusted import MOST_BYTES, parse_json
 

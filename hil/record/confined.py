@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 
 from hil.child import Process, child
 from hil.errors import FileError, StorageError
-from hil.record.columns import Column, Contents, Table
 from hil.record.extra import check_installed
 from hil.record.plain import to_json
+from hil.record.table.columns import Column, Contents, Table
 from hil.untrusted import most_bytes, most_unpacked, parse_json, unpacked_allowed
 
 _PLAIN_KINDS = "biufcmMUSV"  # kinds of numpy that hold no objects

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from hil.errors import FileError
-from hil.record.events import EVENTS_FILE, read_events
-from hil.record.header import Column, End, Header, check_sealed, new_header, read_end, read_header
 from hil.record.parts import parts_of
 from hil.record.plain import plain
 from hil.record.recording import Array, Channel, Recording, check
-from hil.record.run_writer import RunWriter
-from hil.record.samples import JOURNAL_FILE, ROWS_FILE, VALUE_BYTES, Mark, last_good, last_mark, scan
+from hil.record.run_folder.events import EVENTS_FILE, read_events
+from hil.record.run_folder.header import Column, End, Header, check_sealed, new_header, read_end, read_header
+from hil.record.run_folder.run_writer import RunWriter
+from hil.record.run_folder.samples import JOURNAL_FILE, ROWS_FILE, VALUE_BYTES, Mark, last_good, last_mark, scan
 from hil.untrusted import ANY_SIZE, open_untrusted
 
 __all__ = ["RunWriter", "read", "write"]

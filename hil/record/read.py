@@ -15,15 +15,15 @@ from typing import BinaryIO
 from hil.catalog import tables
 from hil.errors import FileError, reason, storing
 from hil.record import exchange
-from hil.record.about import described
-from hil.record.assemble import assemble
 from hil.record.foreign import check_read
 from hil.record.gathered import open_recording
-from hil.record.named import as_stated, with_stated_units
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.resampled import resampled
-from hil.record.response_table import ResponseTable
+from hil.record.table.about import described
+from hil.record.table.assemble import assemble
+from hil.record.table.named import as_stated, with_stated_units
+from hil.record.table.response_table import ResponseTable
 
 _LONGEST_BEGINNING, _LONGEST_TEXT = 32, 4096
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")

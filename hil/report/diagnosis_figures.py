@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hil.diagnosis.diagnosis import Spectrum, Strip
-from hil.diagnosis.locate import StageShare, Where
+from hil.diagnosis.evidence.locate import StageShare, Where
 from hil.language.words import _, marked
 from hil.record.recording import Array, split_heading
 from hil.report.figure import (

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.diagnosis.diagnosis import Diagnosis, NextTest, Spectrum, Strip
-from hil.diagnosis.locate import StageShare
+from hil.diagnosis.evidence.locate import StageShare
 from hil.language.note import translated
 from hil.language.words import _, marked
 from hil.physics.other_plant import other_plants

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from hil.diagnosis.coverage import Limit
 from hil.diagnosis.diagnosis import Candidate, ChangedParameter, Diagnosis, Finding, Fit, Quantity
-from hil.diagnosis.locate import Where
+from hil.diagnosis.evidence.coverage import Limit
+from hil.diagnosis.evidence.locate import Where
 from hil.language.note import translated
 from hil.language.words import _
 from hil.report.equation import equation_lines

@@ -16,7 +16,7 @@ from hil.physics.formula import formula
 from hil.physics.model import Model, Value
 from hil.physics.plants.transfer_function import PLANT as LINEAR
 from hil.physics.transfer_function import from_parameters
-from hil.record.response_table import ResponseTable
+from hil.record.table.response_table import ResponseTable
 from hil.report.figure import COMMAND, FITTED, LEFT, MEASURED, Picture, drawn, legend_on_top, thinned
 from hil.report.number import note_text, number, with_std
 from hil.report.page import page, write_page

@@ -9,9 +9,9 @@ from typing import Any
 
 from hil.errors import FileError
 from hil.language.words import _
-from hil.record.header import HEADER_FILE, read_header, sha256_of, stated
 from hil.record.recording import Recording
-from hil.record.samples import ROWS_FILE
+from hil.record.run_folder.header import HEADER_FILE, read_header, sha256_of, stated
+from hil.record.run_folder.samples import ROWS_FILE
 from hil.report.local_time import stated_text
 
 

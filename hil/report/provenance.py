@@ -10,8 +10,8 @@ from typing import Any
 from hil.errors import FileError
 from hil.language.words import _
 from hil.record.conditions import Condition, measured_conditions
-from hil.record.header import read_end, stated
 from hil.record.recording import Channel, Recording
+from hil.record.run_folder.header import read_end, stated
 from hil.report.facts import fact_of, facts_of, text_of
 from hil.report.name import within
 from hil.report.number import fixed, number, rounded, unit_text, with_unit

@@ -8,9 +8,9 @@ from types import MappingProxyType
 from typing import Any
 
 from hil.language.words import _
-from hil.record.header import stated
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
+from hil.record.run_folder.header import stated
 from hil.record.simulated import is_simulated
 from hil.report.curves import sections
 from hil.report.facts import facts_of

@@ -40,11 +40,11 @@ from hil.physics.published.tugsal import (
 from hil.physics.transfer_function import TransferFunction, straight
 from hil.record.csv_text import write_table
 from hil.record.invalid_samples import INVALID_SAMPLES, measured_rows
-from hil.record.named import pairs
 from hil.record.plain import plain
 from hil.record.read import read_recording
 from hil.record.recording import Array, Recording, split_heading
-from hil.record.response_table import ResponseTable
+from hil.record.table.named import pairs
+from hil.record.table.response_table import ResponseTable
 from hil.signals.interval import rounded, width
 from hil.untrusted import read_text
 

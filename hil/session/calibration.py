@@ -22,8 +22,8 @@ from hil.bench.manual.write import write_calibration
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.errors import LinkError, SettingError
-from hil.record.progress import quiet
 from hil.record.recording import Array
+from hil.record.run_folder.progress import quiet
 from hil.rig import Rig
 from hil.safety.interrupt import terminable
 from hil.safety.operator import Operator

@@ -18,10 +18,10 @@ from hil.child import child
 from hil.errors import ArchiveError, InputError
 from hil.record.cause import ANSWER, Cause
 from hil.record.folder import read
-from hil.record.header import stated
 from hil.record.measurement import is_accepted
-from hil.record.progress import Progress
 from hil.record.recording import Recording
+from hil.record.run_folder.header import stated
+from hil.record.run_folder.progress import Progress
 from hil.safety.interrupt import terminable
 from hil.session.outcome import Outcome
 from hil.session.previous_run import earlier_run

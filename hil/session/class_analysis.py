@@ -18,7 +18,7 @@ from hil.errors import FileError, InputError
 from hil.identification.papers.classification import by_thresholds, learn, leave_one_out, ordered_thresholds
 from hil.record.plain import plain
 from hil.record.recording import Array, Integers, Recording
-from hil.record.tokens import as_numbers
+from hil.record.table.tokens import as_numbers
 from hil.signals.interval import exact_limits
 from hil.untrusted import read_text
 

@@ -11,11 +11,11 @@ from hil.identification.grey_box.compare import Comparison, compare_all
 from hil.identification.preparation.experiment import for_model
 from hil.physics.model import Model
 from hil.physics.other_plant import other_plants
-from hil.record.progress import Progress
 from hil.record.reading import Reading
 from hil.record.recording import Recording
-from hil.record.response_table import ResponseTable
+from hil.record.run_folder.progress import Progress
 from hil.record.simulated import is_simulated
+from hil.record.table.response_table import ResponseTable
 from hil.session.responses import measured_responses, responses_of_run
 from hil.session.sources import Source, notes_on, read_source
 

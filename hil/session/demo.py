@@ -19,8 +19,8 @@ from hil.identification.grey_box.identify import GreyBoxFit, fit_plant, starting
 from hil.identification.preparation.experiment import experiment, for_model
 from hil.physics.model import save_model
 from hil.physics.simulate import ActiveEffect
-from hil.record.progress import Progress
 from hil.record.read import read_recording
+from hil.record.run_folder.progress import Progress
 from hil.session.diagnosis import of_origins, write_diagnosis
 from hil.session.outcome import Outcome
 from hil.session.procedure import load_procedure

@@ -12,9 +12,9 @@ from typing import Any
 from hil.bench.find import find_bench
 from hil.bench.protection import envelopes_of
 from hil.bench.read import BenchFile, read_bench
+from hil.diagnosis.answer.next_test import Span, span_within
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.diagnosis.diagnosis import NextTest
-from hil.diagnosis.next_test import Span, span_within
 from hil.diagnosis.skeleton.table import library_of
 from hil.errors import SettingError, StorageError
 from hil.identification.preparation.experiment import Experiment, for_model
@@ -22,9 +22,9 @@ from hil.identification.preparation.informative_segments import experiments_of
 from hil.physics.model import Model, save_model
 from hil.physics.other_plant import other_plants
 from hil.record.plain import plain
-from hil.record.progress import Progress, quiet
 from hil.record.read import read_recording
 from hil.record.recording import Recording, split_heading
+from hil.record.run_folder.progress import Progress, quiet
 from hil.record.simulated import is_simulated
 from hil.report.diagnosis_page import write_diagnosis_report
 from hil.report.origins import Origin, all_origins

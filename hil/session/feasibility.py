@@ -10,7 +10,7 @@ from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.bench.rehearsal import twin_of
 from hil.errors import HilError, RangeError
-from hil.record.progress import quiet
+from hil.record.run_folder.progress import quiet
 from hil.session.procedure import Procedure
 from hil.session.setting import parse_settings
 

@@ -27,10 +27,10 @@ from hil.language.choice import choose, page_language
 from hil.language.note import Note
 from hil.physics.model import Model, load_model
 from hil.record.plain import plain
-from hil.record.progress import Progress, quiet
 from hil.record.read import read_recording
 from hil.record.reading import Reading
 from hil.record.recording import Recording
+from hil.record.run_folder.progress import Progress, quiet
 from hil.record.simulated import is_simulated, marked
 from hil.session.diagnosis import DIAGNOSIS_FILE, bound_to, write_diagnosis
 from hil.session.sources import notes_on

@@ -18,11 +18,11 @@ from hil.language.note import Note, codes_of
 from hil.physics.model import Model
 from hil.physics.plant import Plant
 from hil.record.plain import plain
-from hil.record.progress import Progress, quiet
 from hil.record.reading import Reading
 from hil.record.recording import Recording
-from hil.record.response_table import ResponseTable
+from hil.record.run_folder.progress import Progress, quiet
 from hil.record.simulated import SIMULATED, is_simulated, marked
+from hil.record.table.response_table import ResponseTable
 from hil.session.known_signal import command_for
 from hil.session.sources import Source, read_source
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from hil.findings.results import Results, read_results
-from hil.record.header import HEADER_FILE, read_header
 from hil.record.measurement import RESULTS_FILE
-from hil.record.seal import check_seal
+from hil.record.run_folder.header import HEADER_FILE, read_header
+from hil.record.run_folder.seal import check_seal
 from hil.record.simulated import is_simulated
 
 

@@ -14,9 +14,9 @@ from hil.errors import SettingError
 from hil.findings.batch import Batch, batch_of
 from hil.findings.population import Standing, standings
 from hil.findings.results import Results
-from hil.record.header import read_header
-from hil.record.instruments import instruments_mark
 from hil.record.measurement import Verdict
+from hil.record.run_folder.header import read_header
+from hil.record.run_folder.instruments import instruments_mark
 from hil.session.kept_results import results_of_run
 
 

@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from hil.kernel import compile_kernels
-from hil.record.header import End
+from hil.record.run_folder.header import End
 from hil.units import units_ready
 
 _LATER_ANYHOW = ("numpy.fft", "numpy.polynomial", "numpy.random")  # numpy imports them when they are asked for

@@ -14,11 +14,11 @@ from hil.errors import ArchiveError, InputError
 from hil.findings.collect import results_of
 from hil.findings.difference import Difference, differences
 from hil.findings.results import Results, read_results
-from hil.record.header import read_header, stated
-from hil.record.instruments import instruments_mark
 from hil.record.measurement import RESULTS_FILE, Findings, is_accepted
 from hil.record.previous_run import Missed, Moved, PreviousRunComparison
 from hil.record.recording import Recording
+from hil.record.run_folder.header import read_header, stated
+from hil.record.run_folder.instruments import instruments_mark
 from hil.session.procedure import Procedure
 
 if TYPE_CHECKING:

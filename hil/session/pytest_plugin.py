@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from hil.record.progress import quiet
+from hil.record.run_folder.progress import quiet
 
 if TYPE_CHECKING:
     from hil.bench.read import BenchFile

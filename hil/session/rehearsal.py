@@ -16,8 +16,8 @@ from hil.errors import HardwareError, RangeError, RehearsalError, StorageError
 from hil.language.note import Note
 from hil.language.words import _, languages, marked, speaking
 from hil.record.folder import read
-from hil.record.progress import Progress, quiet
 from hil.record.recording import Recording
+from hil.record.run_folder.progress import Progress, quiet
 from hil.session.procedure import Procedure
 
 

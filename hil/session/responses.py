@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from hil.errors import FileError, option
-from hil.record.events import read_events
 from hil.record.folder import read
-from hil.record.header import HEADER_FILE, read_header
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
-from hil.record.response_table import ResponseTable, write_response_table
+from hil.record.run_folder.events import read_events
+from hil.record.run_folder.header import HEADER_FILE, read_header
 from hil.record.simulated import SIMULATED, is_simulated
+from hil.record.table.response_table import ResponseTable, write_response_table
 from hil.session.procedure import load_procedure
 from hil.session.sample_sensitivity import measured_findings
 

@@ -19,7 +19,7 @@ from hil.record.conditions import condition_departures
 from hil.record.folder import read
 from hil.record.measurement import FINDINGS_FILE, RESULTS_FILE, Findings, Limit, ended_as_planned
 from hil.record.recording import Recording
-from hil.record.seal import read_seal, seal_folder
+from hil.record.run_folder.seal import read_seal, seal_folder
 from hil.record.simulated import is_simulated
 from hil.report.run_page import write_run_report
 from hil.safety.outputs import ending_words

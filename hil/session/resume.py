@@ -9,8 +9,8 @@ from typing import Any
 from hil.bench.read import BenchFile
 from hil.errors import FileError, SettingError
 from hil.record.folder import read
-from hil.record.header import read_header, stated
 from hil.record.recording import Recording
+from hil.record.run_folder.header import read_header, stated
 from hil.session.labels import Labels
 from hil.session.procedure import Procedure
 

@@ -14,12 +14,12 @@ from hil.bench.ending import accounted, word_of_this_process
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.errors import InputError, SettingError, StoppedError
-from hil.record.events import EVENTS_FILE
 from hil.record.folder import read
 from hil.record.measurement import Limit
-from hil.record.progress import Progress, kept_progress, quiet
 from hil.record.recording import Recording
-from hil.record.samples import ROWS_FILE
+from hil.record.run_folder.events import EVENTS_FILE
+from hil.record.run_folder.progress import Progress, kept_progress, quiet
+from hil.record.run_folder.samples import ROWS_FILE
 from hil.rig import Rig
 from hil.safety.interrupt import terminable
 from hil.safety.outputs import Outputs

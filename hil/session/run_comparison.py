@@ -8,8 +8,8 @@ from pathlib import Path
 from hil.errors import SettingError
 from hil.findings.difference import Difference, differences
 from hil.findings.results import Results
-from hil.record.header import Header, read_header
-from hil.record.instruments import instruments_mark
+from hil.record.run_folder.header import Header, read_header
+from hil.record.run_folder.instruments import instruments_mark
 from hil.session.kept_results import results_of_run
 
 

@@ -23,7 +23,7 @@ from hil.physics.formula import formula
 from hil.record.invalid_samples import measured_rows
 from hil.record.plain import plain
 from hil.record.recording import Recording
-from hil.record.response_table import ResponseTable, write_response_table
+from hil.record.table.response_table import ResponseTable, write_response_table
 from hil.session.analyses import channels_of
 from hil.signals.interval import rounded, width
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Union
 
 from hil.errors import FileError
 from hil.language.note import OF, Note
-from hil.record.frame import from_memory
 from hil.record.invalid_samples import notes_of_reading
 from hil.record.read import read_any
 from hil.record.reading import Reading
 from hil.record.recording import Recording
-from hil.record.response_table import ResponseTable
+from hil.record.table.frame import from_memory
+from hil.record.table.response_table import ResponseTable
 from hil.session.several import several
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from hil.physics.model import typical_model
 from hil.physics.published import gunay, tordal, tugsal
 from hil.physics.transfer_function import from_parameters
 from hil.record.recording import recording
-from hil.record.response_table import ResponseTable, write_response_table
+from hil.record.table.response_table import ResponseTable, write_response_table
 from hil.session.analyses import corners_of
 from hil.signals.interval import COVERED
 

@@ -28,8 +28,8 @@ from hil.clock import VirtualClock
 from hil.daq.channel import Wiring
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, FileError, LinkError, exit_status_of, with_notes
-from hil.record.header import read_end
-from hil.record.samples import RowsWriter
+from hil.record.run_folder.header import read_end
+from hil.record.run_folder.samples import RowsWriter
 from hil.safety.interrupt import terminable
 from hil.safety.outputs import Outputs
 

@@ -11,9 +11,9 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from hil.record.missing_values import STAND_INS
 from hil.record.read import formats, read_recording, write_recording
 from hil.record.recording import Channel, Recording
+from hil.record.table.missing_values import STAND_INS
 
 # One ending of each format that is written; "" is the run folder.
 ENDINGS = sorted({module.SUFFIXES[0] for module in formats().values() if hasattr(module, "write")} | {".csv.gz", ""})

@@ -24,10 +24,11 @@ from hil.daq.link import Late
 from hil.daq.pin import Pin
 from hil.daq.polled import PolledDaq
 from hil.daq.polling import Pace, Taken
-from hil.record import folder, run_writer
+from hil.record import folder
 from hil.record.durable import Syncer
-from hil.record.run_writer import RunWriter
-from hil.record.samples import last_mark
+from hil.record.run_folder import run_writer
+from hil.record.run_folder.run_writer import RunWriter
+from hil.record.run_folder.samples import last_mark
 from hil.safety import outputs
 from hil.safety.guard import Guard
 from hil.safety.interlock import Watches

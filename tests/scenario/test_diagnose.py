@@ -11,12 +11,12 @@ from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.diagnosis.events.bursts import all_bursts, is_sparse
 from hil.diagnosis.events.tone import tone
-from hil.diagnosis.explain import recognised
-from hil.diagnosis.problem import pose
+from hil.diagnosis.intake.problem import pose
 from hil.diagnosis.search.fitted import nothing
 from hil.diagnosis.search.linearization import linearized
 from hil.diagnosis.search.probes import simulated_probes
 from hil.diagnosis.search.terms import all_terms
+from hil.diagnosis.verdict.explain import recognised
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import DURATION_S, RATE_HZ, bound, commands, nominal, records
 

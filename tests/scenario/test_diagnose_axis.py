@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.check import check
-from hil.diagnosis.choice import Choice
 from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.events.tone import tone
-from hil.diagnosis.explain import explained
-from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.intake.check import check
+from hil.diagnosis.intake.problem import Problem, pose
 from hil.diagnosis.search.fits import fit, with_known_start
 from hil.diagnosis.search.fitted import Fitted, nothing, output_of
 from hil.diagnosis.search.terms import all_terms
+from hil.diagnosis.verdict.choice import Choice
+from hil.diagnosis.verdict.explain import explained
 from hil.errors import FileError
 from hil.identification.preparation.experiment import Experiment, experiment
 from hil.physics.compose import plant

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.choice import Choice
-from hil.diagnosis.explain import explained
-from hil.diagnosis.problem import pose
+from hil.diagnosis.intake.problem import pose
+from hil.diagnosis.verdict.choice import Choice
+from hil.diagnosis.verdict.explain import explained
 from hil.identification.preparation.experiment import Experiment, experiment
 from hil.physics.compose import plant
 from hil.physics.model import Noise, typical_model

@@ -23,8 +23,8 @@ from hil.bench.read import BenchFile
 from hil.errors import LinkError, exit_status_of
 from hil.errors import with_notes as said
 from hil.record.folder import RunWriter
-from hil.record.header import read_end
 from hil.record.read import read_recording
+from hil.record.run_folder.header import read_end
 from tests.driven import silent_rig
 from tests.faults import Observer, observed, start_run, watchdog_of
 from tests.links import served

@@ -21,8 +21,8 @@ from audit_trail import read_audit
 from hil.bench.find import find_bench
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.stop.control import asking
-from hil.record.events import read_events
-from hil.record.header import read_end
+from hil.record.run_folder.events import read_events
+from hil.record.run_folder.header import read_end
 from hil.safety.interrupt import Halted, terminable
 from hil.safety.operator import Operator
 from tests import observer

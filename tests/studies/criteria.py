@@ -13,9 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import hil.diagnosis.score as score
+import hil.diagnosis.verdict.score as score
 from hil.diagnosis.criteria import CRITERIA, Criteria
-from hil.diagnosis.score import UNKNOWN, Hypothesis, Noise, table
+from hil.diagnosis.verdict.score import UNKNOWN, Hypothesis, Noise, table
 
 Said = tuple[str, frozenset[str], frozenset[str]]
 """Verdict, what is named, and what is in the set."""

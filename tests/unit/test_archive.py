@@ -24,7 +24,7 @@ from hil.archive.trend import drift_of, points_of
 from hil.cli.run_end import entered
 from hil.errors import ArchiveError
 from hil.record.measurement import Findings, Measurement
-from hil.record.seal import seal_folder
+from hil.record.run_folder.seal import seal_folder
 from hil.record.state import state_path
 from tests.kept_runs import kept_run
 from tests.postgres import new_database

@@ -124,7 +124,7 @@ def test_record_that_cannot_be_written_ends_the_run(tmp_path, monkeypatch):
         raise StorageError("no space left")
 
     def act(rig: Rig) -> None:
-        monkeypatch.setattr("hil.record.samples.RowsWriter.append", full)
+        monkeypatch.setattr("hil.record.run_folder.samples.RowsWriter.append", full)
         hold(rig)
 
     error, record, _ = ended(tmp_path, act)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.explain import explained
-from hil.diagnosis.problem import pose
+from hil.diagnosis.intake.problem import pose
+from hil.diagnosis.verdict.explain import explained
 from hil.identification.preparation.experiment import for_model
 from hil.physics.model import typical_model
 from hil.physics.simulate import Drive, simulate

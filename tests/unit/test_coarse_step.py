@@ -11,7 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hil.diagnosis.events.coarse import lattice
-from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.intake.problem import Problem, pose
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing

@@ -38,8 +38,8 @@ from hil.console.underway import Underway, run_of
 from hil.errors import FileError, SettingError, StorageError, UnknownNameError
 from hil.findings.results import Results
 from hil.record.folder import RunWriter
-from hil.record.header import new_header
 from hil.record.measurement import RESULTS_FILE
+from hil.record.run_folder.header import new_header
 from hil.session.procedure import load_procedure
 
 

@@ -32,7 +32,7 @@ from hil.console.stops import ask_listener, promptly
 from hil.console.underway import control_of, run_of
 from hil.errors import FileError, LinkError
 from hil.record.folder import RunWriter
-from hil.record.header import read_header
+from hil.record.run_folder.header import read_header
 from tests.unit.test_console_access import Browser
 
 DEEP = "[" * 100_000

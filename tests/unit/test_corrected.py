@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from hil.diagnosis.corrected import beyond_noise
+from hil.diagnosis.answer.corrected import beyond_noise
 
 
 def test_nothing_is_known_better_than_the_recorder_keeps_time():

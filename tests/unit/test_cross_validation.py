@@ -10,11 +10,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hil.diagnosis import cross_validation as rooms
-from hil.diagnosis.coverage import limits
-from hil.diagnosis.cross_validation import folds_of, predicted
+from hil.diagnosis.evidence import cross_validation as rooms
+from hil.diagnosis.evidence.coverage import limits
+from hil.diagnosis.evidence.cross_validation import folds_of, predicted
 from hil.diagnosis.false_alarms import false_alarms
-from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.intake.problem import Problem, pose
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
 from hil.diagnosis.search.linearization import linearized

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hil.cli.diff import _text
-from hil.diagnosis.coverage import Limit
+from hil.diagnosis.evidence.coverage import Limit
 from hil.errors import FileError, SettingError
 from hil.passport.change import Change, Size, owner_among, owner_of
 from hil.passport.conditions import condition_changes

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.check import check
-from hil.diagnosis.problem import pose
+from hil.diagnosis.intake.check import check
+from hil.diagnosis.intake.problem import pose
 from hil.errors import FileError
 from hil.identification.grey_box.identify import fit_plant
 from hil.physics.model import typical_model

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from hil.diagnosis.check import check
+from hil.diagnosis.intake.check import check
 from hil.errors import FileError
 from hil.physics.compose import plant
 from hil.physics.model import Model

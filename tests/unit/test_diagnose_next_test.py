@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hil.diagnosis.answer.next_test import Span, menu
 from hil.diagnosis.diagnose import diagnose
-from hil.diagnosis.next_test import Span, menu
 from hil.identification.preparation.experiment import Experiment, for_model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import recording

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.problem import Problem, pose, settled
+from hil.diagnosis.intake.problem import Problem, pose, settled
 from hil.diagnosis.search.fits import finished, fit
 from hil.diagnosis.search.fitted import Fitted, nothing, residuals_of
 from hil.diagnosis.search.terms import all_terms

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from hil.diagnosis.check import check
+from hil.diagnosis.intake.check import check
 from hil.errors import FileError
 from hil.identification.grey_box.identify import fit_plant
 from hil.identification.preparation.content import content_of
@@ -19,9 +19,9 @@ from hil.identification.preparation.plausibility.unit import unit_factors
 from hil.physics.compose import plant
 from hil.physics.model import Model, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
-from hil.record.named import with_stated_units
 from hil.record.reading import Reading
 from hil.record.recording import Recording, recording
+from hil.record.table.named import with_stated_units
 from tests.concealed import (
     DURATION_S,
     NOISE,

@@ -8,7 +8,7 @@ from typing import get_args
 import pytest
 
 from hil.diagnosis.diagnosis import ChangedParameter, DiagnosisVerdict, Finding, Left, Quantity
-from hil.diagnosis.locate import Where
+from hil.diagnosis.evidence.locate import Where
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.wording import (
     confounded,

@@ -45,7 +45,7 @@ def _telling(node: ast.AST) -> Iterator[ast.AST]:
 
 @pytest.mark.parametrize(
     "module",
-    ["changed", "choice", "explain", "question", "score", "within_prior",
+    ["verdict/changed", "verdict/choice", "verdict/explain", "question", "verdict/score", "verdict/within_prior",
      "search/beam", "search/fits", "search/fitted", "search/probes", "events/event"],
 )  # fmt: skip
 def test_what_reads_the_verdict_has_no_numbers_of_its_own(module):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from hil.diagnosis.diagnose import diagnose
-from hil.diagnosis.work import Work
+from hil.diagnosis.intake.work import Work
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.problem import pose
+from hil.diagnosis.intake.problem import pose
 from hil.identification.grey_box.identify import starting_model
 from hil.identification.preparation.experiment import experiment
 from hil.physics.simulate import Drive, simulate

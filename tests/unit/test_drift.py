@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hil.diagnosis.diagnose import diagnose
-from hil.diagnosis.problem import pose
+from hil.diagnosis.intake.problem import pose
 from hil.physics.model import typical_model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import recording

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.diagnosis.explain import Option
-from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.intake.problem import Problem, pose
 from hil.diagnosis.search.fitted import nothing
 from hil.diagnosis.search.terms import Term, all_terms
+from hil.diagnosis.verdict.explain import Option
 from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
 from hil.physics.model import Noise, typical_model

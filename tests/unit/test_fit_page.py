@@ -11,7 +11,7 @@ from hil import api
 from hil.errors import HilError
 from hil.physics.transfer_function import TransferFunction
 from hil.record.recording import recording
-from hil.record.response_table import ResponseTable
+from hil.record.table.response_table import ResponseTable
 from tests.page import read_page
 
 TRUE = TransferFunction((60.0,), (1.0, 20.0), 0.01)

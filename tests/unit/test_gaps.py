@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.check import check
 from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.events.repeats import without_stale
-from hil.diagnosis.problem import pose
+from hil.diagnosis.intake.check import check
+from hil.diagnosis.intake.problem import pose
 from hil.errors import FileError
 from hil.identification.grey_box.compare import compare
 from hil.identification.grey_box.identify import fit_plant

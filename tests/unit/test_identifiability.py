@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hil.diagnosis.diagnose import diagnose
-from hil.diagnosis.problem import pose
+from hil.diagnosis.intake.problem import pose
 from hil.identification.grey_box.estimate import Unknown, estimate
 from hil.identification.grey_box.identify import GreyBoxFit, _wider_than_themselves, fit_plant
 from hil.identification.preparation.experiment import Experiment

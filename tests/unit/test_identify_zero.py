@@ -12,7 +12,7 @@ from hil.identification.preparation.experiment import Experiment, experiment
 from hil.identification.preparation.plausibility.suspicion import can_be_held_against
 from hil.physics.compose import plant
 from hil.physics.model import Model
-from hil.record.frame import from_memory
+from hil.record.table.frame import from_memory
 
 CYLINDER = "hydraforce-open-loop"
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.diagnosis.explain import explained
-from hil.diagnosis.problem import pose
+from hil.diagnosis.intake.problem import pose
+from hil.diagnosis.verdict.explain import explained
 from hil.identification.grey_box.identify import fit_plant
 from hil.identification.grey_box.lines import common_line, line_at
 from hil.identification.preparation.experiment import Experiment, experiment

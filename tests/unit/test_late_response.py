@@ -11,9 +11,9 @@ from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.identification.preparation.experiment import experiment
 from hil.identification.preparation.gaps import filled
 from hil.physics.compose import plant
-from hil.record.assemble import assemble
-from hil.record.columns import Column, Table
 from hil.record.recording import Recording
+from hil.record.table.assemble import assemble
+from hil.record.table.columns import Column, Table
 from hil.signals.recursion import filtered
 
 STEP_S, LAG_S = 0.01, 0.3

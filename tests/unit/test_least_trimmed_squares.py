@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hil.diagnosis.events.least_trimmed_squares import least_trimmed_squares, quiet
-from hil.diagnosis.problem import pose
+from hil.diagnosis.intake.problem import pose
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted, nothing
 from hil.diagnosis.search.terms import all_terms

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.answer import Answer
-from hil.diagnosis.choice import Choice
-from hil.diagnosis.cross_validation import by_sign_changes
-from hil.diagnosis.explain import explained
-from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.answer.answer import Answer
+from hil.diagnosis.evidence.cross_validation import by_sign_changes
+from hil.diagnosis.intake.problem import Problem, pose
 from hil.diagnosis.question import Question
+from hil.diagnosis.verdict.choice import Choice
+from hil.diagnosis.verdict.explain import explained
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
 
@@ -55,9 +55,9 @@ def test_what_predicts_better_is_named_and_stands_in_the_file(uneven):
 def test_what_is_not_better_beyond_chance_or_worse_keeps_its_name_and_is_not_in_the_file(is_worse, uneven, monkeypatch):
     problem, choice = uneven
     if is_worse:
-        monkeypatch.setattr("hil.diagnosis.answer.predicted", lambda *_: 1.1 * choice.nominal.residuals)
+        monkeypatch.setattr("hil.diagnosis.answer.answer.predicted", lambda *_: 1.1 * choice.nominal.residuals)
     else:
-        monkeypatch.setattr("hil.diagnosis.answer.why_not_better", lambda *_: "it may be chance")
+        monkeypatch.setattr("hil.diagnosis.answer.answer.why_not_better", lambda *_: "it may be chance")
     answer = answer_of(problem, choice)
     told = answer.diagnosis(0.0)
     assert (told.verdict, told.corrected_is) == ("explained", "nominal")

@@ -14,8 +14,8 @@ from hil.diagnosis.diagnose import Diagnosed
 from hil.physics.model import save_model, typical_model
 from hil.physics.other_plant import other_plants, plant_of_run
 from hil.record.folder import read, write
-from hil.record.header import read_header
 from hil.record.recording import Channel, Recording
+from hil.record.run_folder.header import read_header
 from hil.report.diagnosis_page import write_diagnosis_report
 from hil.report.origins import origin_of
 from hil.session.diagnosis import write_diagnosis

@@ -21,9 +21,9 @@ from hil.passport.issue import Wanted, issue
 from hil.passport.key import signing_key
 from hil.passport.unit import read_unit_runs
 from hil.record.folder import read
-from hil.record.header import read_end, sha256_of
 from hil.record.measurement import Limit
-from hil.record.seal import check_seal, read_seal, seal_folder
+from hil.record.run_folder.header import read_end, sha256_of
+from hil.record.run_folder.seal import check_seal, read_seal, seal_folder
 from hil.session.kept_results import results_of_run
 from hil.session.results import report_again
 from tests.passports import run_of

@@ -5,7 +5,7 @@ import pytest
 from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.errors import SettingError
-from hil.record.header import read_header
+from hil.record.run_folder.header import read_header
 from hil.session.preset import preset_names, preset_settings
 from hil.session.procedure import load_procedure
 

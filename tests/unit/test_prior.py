@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.diagnosis.prior import Prior
+from hil.diagnosis.intake.prior import Prior
 from hil.physics.compose import plant
 from hil.physics.model import Covariance, Model, typical_model
 

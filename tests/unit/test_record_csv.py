@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from hil.errors import FileError
-from hil.record.frame import from_memory
 from hil.record.read import read_recording, write_recording
 from hil.record.reading import Reading
 from hil.record.recording import Recording
+from hil.record.table.frame import from_memory
 
 PLAIN = "time [s],command [%],flow [l/min]\n0,1.5,10\n0.011,2.5,-20\n0.02,3.5,30.25\n"
 FRAMES = "".join(f"10:11:{k // 25:02d}:{k % 25:02d},{k}\n" for k in range(60))  # of a film, behind seconds

@@ -70,7 +70,7 @@ def test_folder_that_was_moved_is_noticed_and_sealed_where_it_is(tmp_path):
 def test_folder_that_was_moved_where_nobody_tells_is_read_up_to_its_last_row(tmp_path, monkeypatch):
     run = begun(tmp_path / "run")
     (tmp_path / "run").rename(tmp_path / "other")
-    monkeypatch.setattr("hil.record.samples.place_of", lambda _file: None)
+    monkeypatch.setattr("hil.record.run_folder.samples.place_of", lambda _file: None)
     with pytest.raises(StorageError, match="50 samples"):
         run.close()
     assert len(read(tmp_path / "other")) == 50

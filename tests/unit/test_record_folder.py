@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 from hil.errors import FileError, StorageError
-from hil.record import folder, samples
+from hil.record import folder
 from hil.record.durable import Syncer, write_at
 from hil.record.folder import RunWriter, read
-from hil.record.header import Column, read_header
 from hil.record.invalid_samples import measured_rows
 from hil.record.read import read_recording
-from hil.record.tail import Tail
+from hil.record.run_folder import samples
+from hil.record.run_folder.header import Column, read_header
+from hil.record.run_folder.tail import Tail
 
 CHANNELS = [("command", "%"), ("flow", "l/min")]
 

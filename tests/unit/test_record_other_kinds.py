@@ -18,7 +18,7 @@ from hil.errors import FileError
 from hil.record.read import read_any, read_recording, write_recording
 from hil.record.reading import Reading
 from hil.record.recording import recording
-from hil.record.response_table import ResponseTable
+from hil.record.table.response_table import ResponseTable
 
 ROWS = [(0.01 * k, float(k % 7), 0.25 * k) for k in range(40)]
 

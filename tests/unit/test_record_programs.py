@@ -10,7 +10,7 @@ import pytest
 
 from hil.errors import FileError
 from hil.record.read import read_any, read_recording
-from hil.record.response_table import ResponseTable
+from hil.record.table.response_table import ResponseTable
 from hil.units import convert
 
 COUNT, STEP_S = 60, 0.002

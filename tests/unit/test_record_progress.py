@@ -6,8 +6,8 @@ import os
 
 import pytest
 
-from hil.record.process_liveness import is_alive
-from hil.record.progress import PROGRESS_FILE, kept_progress, progress_of
+from hil.record.run_folder.process_liveness import is_alive
+from hil.record.run_folder.progress import PROGRESS_FILE, kept_progress, progress_of
 
 
 def test_what_is_told_is_kept_while_the_run_lasts(tmp_path):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hil import api
-from hil.diagnosis.check import check
+from hil.diagnosis.intake.check import check
 from hil.errors import FileError
 from hil.identification.grey_box.compare import compare_all
 from hil.identification.grey_box.identify import fit_plant

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.problem import Problem, pose
-from hil.diagnosis.refuted import refuted
+from hil.diagnosis.intake.problem import Problem, pose
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
 from hil.diagnosis.search.terms import all_terms
+from hil.diagnosis.verdict.refuted import refuted
 from hil.identification.grey_box.lines import is_commanded
 from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant

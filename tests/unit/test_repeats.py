@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hil.diagnosis.events.repeats import held_outputs, misfit_while_stale, without_stale
-from hil.diagnosis.problem import pose
+from hil.diagnosis.intake.problem import pose
 from hil.diagnosis.search.fitted import nothing
 from hil.identification.uncertainty.noise import channel_floor, white_floor
 from hil.physics.simulate import ActiveEffect

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.diagnosis.coverage import Limit
 from hil.diagnosis.diagnosis import (
     Candidate,
     ChangedParameter,
@@ -23,10 +22,11 @@ from hil.diagnosis.diagnosis import (
     Spectrum,
     Strip,
 )  # fmt: skip
+from hil.diagnosis.evidence.coverage import Limit
+from hil.diagnosis.evidence.locate import StageShare, Where
 from hil.diagnosis.false_alarms import FalseAlarms
-from hil.diagnosis.locate import StageShare, Where
 from hil.record.folder import read
-from hil.record.run_writer import RunWriter
+from hil.record.run_folder.run_writer import RunWriter
 from hil.report.diagnosis_figures import worst_interval
 from hil.report.diagnosis_page import write_diagnosis_report
 from hil.report.diagnosis_tables import candidate_rows

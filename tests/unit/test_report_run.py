@@ -13,10 +13,10 @@ import pytest
 
 import hil.report
 from hil.errors import StorageError
-from hil.record.header import read_end
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Channel, Recording, recording
-from hil.record.run_writer import RunWriter
+from hil.record.run_folder.header import read_end
+from hil.record.run_folder.run_writer import RunWriter
 from hil.report.number import number, rounded, with_minus, with_uncertainty
 from hil.report.run_page import write_run_report
 from tests import curves

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from hil.record.header import read_end
+from hil.record.run_folder.header import read_end
 from tests.bench_files import bench_file
 
 pytestmark = pytest.mark.usefixtures("unprinted")

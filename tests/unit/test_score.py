@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.score import Hypothesis, Noise, Table, score, table
+from hil.diagnosis.verdict.score import Hypothesis, Noise, Table, score, table
 
 NOISE = Noise(count=20_000.0, least=1.0, most=1.06, samples=20_000.0, names=30)
 

@@ -17,7 +17,7 @@ from hil.bench.rehearsal import twin_of
 from hil.bench.rig import conditions_of
 from hil.findings.tables import write_csv
 from hil.record.conditions import oil_contradiction
-from hil.record.header import read_header
+from hil.record.run_folder.header import read_header
 from hil.record.simulated import is_simulated
 from hil.session.kept_results import results_of_run
 from tests.page import read_page

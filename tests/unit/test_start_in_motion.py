@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.check import check
+from hil.diagnosis.intake.check import check
 from hil.identification.grey_box.compare import compare
 from hil.identification.grey_box.identify import fit_plant
 from hil.identification.preparation.experiment import experiment

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.diagnosis.problem import pose
+from hil.diagnosis.intake.problem import pose
 from hil.diagnosis.search.terms import all_terms
 from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant

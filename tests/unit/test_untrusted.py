@@ -11,7 +11,7 @@ import pytest
 from hil.errors import FileError
 from hil.passport.issue import Wanted, issue
 from hil.passport.key import signing_key
-from hil.record.seal import SEAL_FILE
+from hil.record.run_folder.seal import SEAL_FILE
 from hil.session.outcome import REPORT_FILE
 from hil.session.results import report_again
 from hil.untrusted import (

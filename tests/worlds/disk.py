@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from hil.record.events import EVENTS_FILE
-from hil.record.header import END_FILE, HEADER_FILE
-from hil.record.samples import JOURNAL_FILE, ROWS_FILE
+from hil.record.run_folder.events import EVENTS_FILE
+from hil.record.run_folder.header import END_FILE, HEADER_FILE
+from hil.record.run_folder.samples import JOURNAL_FILE, ROWS_FILE
 
 SECTOR = 512
 

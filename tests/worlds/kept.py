@@ -11,11 +11,11 @@ import numpy as np
 
 from hil.errors import FileError
 from hil.record.durable import SYNC_INTERVAL_S
-from hil.record.events import EVENTS_FILE
 from hil.record.folder import read
-from hil.record.header import HEADER_FILE
 from hil.record.recording import Recording
-from hil.record.samples import JOURNAL_FILE, LINE_BYTES, ROWS_FILE, VALUE_BYTES, marks
+from hil.record.run_folder.events import EVENTS_FILE
+from hil.record.run_folder.header import HEADER_FILE
+from hil.record.run_folder.samples import JOURNAL_FILE, LINE_BYTES, ROWS_FILE, VALUE_BYTES, marks
 from tests.worlds.disk import spoil
 from tests.worlds.left import kinds, recording_of
 from tests.worlds.schedule import NO_DISK

@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hil.errors import FileError
-from hil.record.process_liveness import is_alive
+from hil.record.run_folder.process_liveness import is_alive
 from hil.record.state import keep, state_path
 from hil.untrusted import read_untrusted_json
 

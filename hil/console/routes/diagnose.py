@@ -29,7 +29,7 @@ from hil.errors import ArchiveError, HilError, SettingError, UnknownNameError
 from hil.language.note import revived, translated
 from hil.physics.model import load_model
 from hil.physics.other_plant import plant_of_run
-from hil.record.header import read_header, stated
+from hil.record.run_folder.header import read_header, stated
 from hil.session.setting import value_text
 from hil.untrusted import is_regular, read_untrusted_json
 

@@ -20,8 +20,8 @@ from hil.errors import FileError, HilError
 from hil.findings.results import read_results
 from hil.language.words import _
 from hil.record.measurement import RESULTS_FILE
-from hil.record.process_liveness import is_alive
-from hil.record.progress import WrittenProgress, progress_of
+from hil.record.run_folder.process_liveness import is_alive
+from hil.record.run_folder.progress import WrittenProgress, progress_of
 from hil.untrusted import is_regular
 
 _SIGNALS = 128  # from here on an exit status says which signal ended a program

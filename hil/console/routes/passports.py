@@ -17,7 +17,7 @@ from hil.console.routes import jobs
 from hil.console.site import NotHereError
 from hil.console.uploads import form_of
 from hil.errors import SettingError
-from hil.record.header import read_header, stated
+from hil.record.run_folder.header import read_header, stated
 
 _PASSPORT = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._+-]{0,120}\.pdf$")
 

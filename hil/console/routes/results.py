@@ -27,8 +27,8 @@ from hil.console.routes.passports import passports
 from hil.console.site import NotHereError
 from hil.errors import ArchiveError, HilError, SettingError
 from hil.findings.results import Results, read_results
-from hil.record.header import meta_of
 from hil.record.measurement import RESULTS_FILE, present_name
+from hil.record.run_folder.header import meta_of
 from hil.record.simulated import is_simulated
 from hil.report.name import value_words
 from hil.session.run_comparison import RunComparison, compare_runs

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hil.diagnosis.problem import Problem
+from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.thresholds import FAR
 from hil.identification.preparation.experiment import Experiment

@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.cores import spread
 from hil.diagnosis.events.bursts import block_power, block_size
-from hil.diagnosis.problem import Problem
+from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted

@@ -9,7 +9,7 @@ import numpy as np
 from hil.cores import spread
 from hil.diagnosis.events.bursts import BLOCK_S, Burst, all_bursts, is_sparse
 from hil.diagnosis.events.event import Events, Interval, how_often
-from hil.diagnosis.problem import Problem
+from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, residuals_of
 from hil.diagnosis.thresholds import A_GOOD_PART, TINY
 from hil.identification.preparation.experiment import Experiment

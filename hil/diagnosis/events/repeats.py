@@ -8,7 +8,7 @@ import numpy as np
 
 from hil.diagnosis.events.bursts import Burst, bursts_of
 from hil.diagnosis.events.event import Events, Interval, how_often
-from hil.diagnosis.problem import Problem
+from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of, residuals_of
 from hil.diagnosis.thresholds import A_GOOD_PART, CERTAIN, MOST
 from hil.identification.preparation.experiment import Experiment

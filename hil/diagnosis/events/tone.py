@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hil.diagnosis.events.event import Events
-from hil.diagnosis.problem import Problem
+from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, rows_of
 from hil.diagnosis.thresholds import TINY
 from hil.identification.grey_box.lines import common_line, is_commanded

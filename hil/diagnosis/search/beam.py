@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from hil.cores import spread
-from hil.diagnosis.problem import Problem
+from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import finished, fit, fit_given
 from hil.diagnosis.search.fitted import Fitted, nothing, simulated

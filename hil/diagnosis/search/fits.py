@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from hil.diagnosis.problem import Problem
+from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.search.effort import EFFORT, Steps
 from hil.diagnosis.search.fitted import Fitted, evaluated, residuals_of, simulated, starting
 from hil.diagnosis.search.linearization import Linearization, adapt, with_term

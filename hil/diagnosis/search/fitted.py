@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from hil.diagnosis.problem import Problem
+from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.search.terms import Term
 from hil.identification.grey_box.estimate import Estimate, Unknown
 from hil.identification.preparation.experiment import Experiment

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hil.diagnosis.problem import Problem
+from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, residuals_of, simulated
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.thresholds import TINY

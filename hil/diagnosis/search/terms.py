@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from hil.diagnosis.problem import Problem
+from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.thresholds import FEW, MUCH_THE_SAME
 from hil.identification.grey_box.estimate import Unknown
 from hil.identification.grey_box.lines import between_bins, prominence

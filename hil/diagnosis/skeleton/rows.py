@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.cores import spread
-from hil.diagnosis.problem import COARSER, Problem
+from hil.diagnosis.intake.problem import COARSER, Problem
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.time_constant import time_constant_s

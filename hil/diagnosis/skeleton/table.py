@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.diagnosis.problem import pose
+from hil.diagnosis.intake.problem import pose
 from hil.diagnosis.skeleton.gate import Before, are_enough, before_of
 from hil.diagnosis.skeleton.misfit import RIDGE, Misfit, Remainder
 from hil.diagnosis.skeleton.rows import Column, Rows, columns_of, row_s, rows_of

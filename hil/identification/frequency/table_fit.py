@@ -23,8 +23,8 @@ from hil.physics.model import Covariance, Model, Value
 from hil.physics.plants.transfer_function import PLANT
 from hil.physics.transfer_function import straight
 from hil.record.recording import Array
-from hil.record.response_table import ResponseTable
 from hil.record.simulated import marked
+from hil.record.table.response_table import ResponseTable
 from hil.signals.interval import rounded, width
 
 _STEP = 1e-4  # of a parameter's standard uncertainty, for slopes

@@ -18,8 +18,8 @@ from hil.identification.uncertainty.fit import fit_ceiling, fit_percent, rms
 from hil.identification.uncertainty.noise import channel_floor, noise_in
 from hil.language.note import Note
 from hil.physics.model import Model
-from hil.record.progress import Progress, quiet
 from hil.record.recording import Array, split_heading
+from hil.record.run_folder.progress import Progress, quiet
 from hil.record.simulated import marked
 
 _STILL = 1e-9  # of its size: what a simulation at rest moves by rounding

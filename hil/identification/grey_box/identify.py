@@ -46,8 +46,8 @@ from hil.identification.uncertainty.noise import Measured, channel_floor, measur
 from hil.language.note import Note
 from hil.physics.model import Covariance, Model, Value, load_model, typical_model
 from hil.physics.plant import Parameter, Parameters, Plant, Structure
-from hil.record.progress import Progress, quiet
 from hil.record.recording import Array, Mask
+from hil.record.run_folder.progress import Progress, quiet
 from hil.signals.interval import COVERED, rounded, width
 from hil.signals.products import one_blas_thread
 

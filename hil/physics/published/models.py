@@ -17,7 +17,7 @@ import numpy as np
 
 from hil.physics.model import Model, save_model
 from hil.physics.published import efc_population, gunay, tordal
-from hil.record.response_table import ResponseTable, write_response_table
+from hil.record.table.response_table import ResponseTable, write_response_table
 
 FOLDER = Path(__file__).parents[1] / "plants" / "models"
 TABLES = FOLDER.with_name("tables")

@@ -12,9 +12,9 @@ import numpy as np
 
 from hil.errors import FileError
 from hil.language.note import Note
-from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
 from hil.record.gathered import gathered, parts_of, text_of, whole
+from hil.record.table.columns import Column, Contents, Table
 
 SUFFIXES = (".blf", ".trc")
 BEGINNING = rb"LOGG|;\$FILEVERSION=|date \w+\.? \w+\.? \d+ \d|\(\d+\.\d+\) \w+ [0-9A-F]"

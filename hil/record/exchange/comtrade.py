@@ -10,9 +10,9 @@ from typing import BinaryIO
 import numpy as np
 
 from hil.errors import FileError
-from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
 from hil.record.gathered import gathered, parts_of, text_of, whole
+from hil.record.table.columns import Column, Contents, Table
 
 SUFFIXES = (".cfg", ".cff")
 KIND = "COMTRADE"

@@ -17,17 +17,17 @@ import numpy as np
 
 from hil.errors import FileError
 from hil.language.note import Note
-from hil.record.assemble import assemble
-from hil.record.columns import Table
-from hil.record.guessed_layout import layout
-from hil.record.header_metadata import of_header_lines
-from hil.record.layout import Layout
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording, sample
-from hil.record.response_table import ResponseTable
-from hil.record.text_file import beginning_of, open_text
-from hil.record.text_rows import columns, place
-from hil.record.vendor_formats import in_vendor_format
+from hil.record.table.assemble import assemble
+from hil.record.table.columns import Table
+from hil.record.table.response_table import ResponseTable
+from hil.record.text.guessed_layout import layout
+from hil.record.text.header_metadata import of_header_lines
+from hil.record.text.layout import Layout
+from hil.record.text.text_file import beginning_of, open_text
+from hil.record.text.text_rows import columns, place
+from hil.record.text.vendor_formats import in_vendor_format
 
 _ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".asc", ".prn", ".log")
 SUFFIXES = (*_ENDINGS, *(f"{ending}.gz" for ending in _ENDINGS))

@@ -14,11 +14,11 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from hil.errors import FileError, reason
-from hil.record.about import KEY, about
-from hil.record.columns import Column, Contents, Table, by_length, even_table, from_matrix, numbers
 from hil.record.extra import library
-from hil.record.heading import interval_of
 from hil.record.recording import Recording
+from hil.record.table.about import KEY, about
+from hil.record.table.columns import Column, Contents, Table, by_length, even_table, from_matrix, numbers
+from hil.record.table.heading import interval_of
 from hil.untrusted import MOST_LEVELS, most_unpacked, unpacked_allowed
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")

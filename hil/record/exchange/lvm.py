@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import FileError, reason
-from hil.record.assemble import assemble
-from hil.record.columns import Column, Table, even_times
 from hil.record.extra import library
-from hil.record.heading import split as split_heading
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
-from hil.record.response_table import ResponseTable
-from hil.record.text_file import encoding_of, open_text
-from hil.record.tokens import stamps
+from hil.record.table.assemble import assemble
+from hil.record.table.columns import Column, Table, even_times
+from hil.record.table.heading import split as split_heading
+from hil.record.table.response_table import ResponseTable
+from hil.record.table.tokens import stamps
+from hil.record.text.text_file import encoding_of, open_text
 
 SUFFIXES = (".lvm",)
 BEGINNING = rb"LabVIEW Measurement"

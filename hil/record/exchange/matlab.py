@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import FileError
-from hil.record.about import about
-from hil.record.columns import Column, Contents, Table, by_length, even_table, from_matrix
 from hil.record.recording import Recording
+from hil.record.table.about import about
+from hil.record.table.columns import Column, Contents, Table, by_length, even_table, from_matrix
 
 SUFFIXES = (".mat",)
 KIND = "MAT"

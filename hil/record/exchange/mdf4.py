@@ -13,10 +13,10 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from hil.errors import FileError
-from hil.record.about import KEY, about
-from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
 from hil.record.recording import Recording
+from hil.record.table.about import KEY, about
+from hil.record.table.columns import Column, Contents, Table
 
 SUFFIXES = (".mf4", ".mdf")
 KIND = "MDF"

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import FileError
-from hil.record.about import KEY, about
-from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
 from hil.record.recording import Recording
+from hil.record.table.about import KEY, about
+from hil.record.table.columns import Column, Contents, Table
 from hil.untrusted import most_unpacked, unpacked_allowed
 
 SUFFIXES = (".parquet", ".pq")

@@ -13,13 +13,13 @@ import numpy as np
 
 from hil.errors import FileError
 from hil.language.note import Note
-from hil.record.columns import Column, Contents, Table
 from hil.record.exchange import csv as text_table
 from hil.record.extra import library
 from hil.record.reading import Reading
 from hil.record.recording import Recording
-from hil.record.response_table import ResponseTable
-from hil.record.tokens import is_number
+from hil.record.table.columns import Column, Contents, Table
+from hil.record.table.response_table import ResponseTable
+from hil.record.table.tokens import is_number
 
 SUFFIXES = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 KIND = "a spreadsheet"

@@ -12,10 +12,10 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from hil.language.note import Note
-from hil.record.about import KEY, about
-from hil.record.columns import Column, Contents, Table, by_length, even_table, even_times, numbers
 from hil.record.extra import library
 from hil.record.recording import Recording
+from hil.record.table.about import KEY, about
+from hil.record.table.columns import Column, Contents, Table, by_length, even_table, even_times, numbers
 
 SUFFIXES = (".tdms",)
 KIND = "TDMS"

@@ -12,8 +12,8 @@ import numpy as np
 
 from hil.errors import FileError
 from hil.language.note import Note
-from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
+from hil.record.table.columns import Column, Contents, Table
 
 SUFFIXES = (".uff", ".unv", ".uf")
 KIND = "a universal file"

@@ -10,8 +10,8 @@ from typing import BinaryIO
 import numpy as np
 
 from hil.language.note import Note
-from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
+from hil.record.table.columns import Column, Contents, Table
 
 SUFFIXES = (".wav",)
 KIND = "WAV"

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from hil.diagnosis.corrected import corrected as corrected_model
+from hil.diagnosis.answer.corrected import corrected as corrected_model
 from hil.diagnosis.diagnose import diagnose
-from hil.diagnosis.problem import pose
+from hil.diagnosis.intake.problem import pose
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import nothing
 from hil.diagnosis.search.terms import all_terms

@@ -10,7 +10,7 @@ import sqlalchemy as sa
 from alembic import op
 
 from hil.errors import FileError
-from hil.record.header import read_header
+from hil.record.run_folder.header import read_header
 from hil.record.simulated import is_simulated
 
 revision = "0004"

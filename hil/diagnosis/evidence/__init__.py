@@ -1,0 +1,1 @@
+"""What bears a finding out: its place, parts that no fit has seen, what these data cannot show."""
