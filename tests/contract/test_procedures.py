@@ -15,7 +15,8 @@ from hil.session.procedure import load_procedure
 from tests.driven import driven
 
 NAMES = sorted(entry.name for entry in entries("procedures"))
-DOCUMENTED = (Path(__file__).parents[2] / "docs" / "reference" / "procedures.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "procedures.md").read_text(encoding="utf-8")
+CURVES = PAGE.partition("## What they leave to the report")[2]
 BENCHES = ("brevini-hpv41", "cummins-efc", "hydraforce-sp08-47c")
 BIAS = {"brevini-hpv41": "60", "cummins-efc": "72", "hydraforce-sp08-47c": "20"}
 SHORT = {
@@ -84,11 +85,17 @@ def test_results_hold_every_value_and_curve_with_its_unit(done):
 def test_curves_are_those_that_the_reference_describes(done):
     _, _, findings = done
     for name, curve in findings.curves.items():
-        section = DOCUMENTED.split(f"## `{name}`")[1].split("\n## ")[0]
-        heads = [item.partition("\n\n")[0].partition(":")[0] for item in section.split("\n- ")[1:]]
-        keys = {key for head in heads for key in re.findall(r"`(\w+)`", head)}
         for entry in curve if isinstance(curve, list) else [curve]:
-            assert set(entry) == keys
+            assert set(entry) == documented(name)
+
+
+def documented(name: str) -> set[str]:
+    """The keys of a curve: those in its row of the table, and in the list that follows for some."""
+    ((label, keys),) = re.findall(rf"^\| `{name}`[^|]*\|[^|]*\|([^|]*)\|(.*)$", CURVES, re.MULTILINE)
+    listed = re.search(rf"^### .*`{name}`$(.*?)(?=^#|\Z)", CURVES, re.MULTILINE | re.DOTALL)
+    heads = re.findall(r"^- ([^:]*):", listed[1] if listed else "", re.MULTILINE)
+    named = "" if "–" in label else "`label`"
+    return set(re.findall(r"`(\w+)`", " ".join((named, keys, *heads))))
 
 
 def test_the_limits_are_narrowed_to_the_path_before_it_is_driven(done):
