@@ -120,16 +120,25 @@ def shortened(text: str) -> str:
 
 
 def stated_before(rows: Sequence[str], stated: Mapping[str, Sequence[str]]) -> tuple[list[str], dict[str, list[str]]]:
-    """The rows that no earlier table has, and the names of the others by the first table that has them."""
+    """The rows that no earlier table has, and the names of the others by the first table that has them.
+
+    In another unit a row says the same; its unit then stands beside its name.
+    """
     own: list[str] = []
     as_of: dict[str, list[str]] = {}
     for row in rows:
-        table = next((name for name, earlier in stated.items() if row in earlier), "")
-        if table:
-            as_of.setdefault(table, []).append(row.split()[1])
+        same = (name for name, earlier in stated.items() if unitless(row) in map(unitless, earlier))
+        if table := next(same, ""):
+            head = row.split()[1] if row in stated[table] else row.partition(": ")[0].removeprefix("- ")
+            as_of.setdefault(table, []).append(head)
         else:
             own.append(row)
     return own, as_of
+
+
+def unitless(row: str) -> str:
+    """A row without its unit."""
+    return re.sub(r" \[.*?\]:", ":", row, count=1)
 
 
 def as_stated(as_of: Mapping[str, Sequence[str]], stated: Mapping[str, Sequence[str]]) -> Iterator[str]:

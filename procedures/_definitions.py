@@ -234,13 +234,13 @@ CYCLES: Mapping[str, str] = {
     "phase": "Of the response's fundamental less that of the command's, meter's lag and hold included.",
     "offset": "Mean of the response over whole cycles.",
     "residual": "Root mean square of the response less its mean and its fundamental: harmonics and noise.",
-    **{
-        f"{figure}_drift": (
-            f"Slope of the weighted line through the {figure} of blocks of cycles, times all cycles. In % of the first "
-            "block's amplitude; 1 % of phase is 0.573°."
-        )
-        for figure in ("gain", "phase", "offset", "residual")
-    },
+    "gain_drift": (
+        "Slope of the weighted line through the gain of blocks of cycles, times all cycles. In % of the first block's "
+        "amplitude."
+    ),
+    "phase_drift": "As `gain_drift`, of the phase; 1 % is 0.573°.",
+    "offset_drift": "As `gain_drift`, of the offset.",
+    "residual_drift": "As `gain_drift`, of the residual.",
 }
 
 
