@@ -179,19 +179,20 @@ class RequestLine(ABC):
 class OnALine(DeviceLink):
     """A link on a line that may be connected anew: by a fault, or because the device hangs up while it idles.
 
-    A link gives its `_line`.
+    Attributes:
+        line: on which it is asked; a link gives it.
     """
 
-    _line: RequestLine
+    line: RequestLine
 
     @property
     def identity(self) -> str:
         """What the device says that it is; empty where it does not, or has not on this connection."""
-        return self._line.meeting.identity
+        return self.line.meeting.identity
 
     def close(self) -> None:
         """Close the line."""
-        self._line.close()
+        self.line.close()
 
     def renew(self) -> None:
         """Connect again where the device has closed an idle connection, if it is the same one; outputs are safe.
@@ -200,13 +201,13 @@ class OnALine(DeviceLink):
             DeviceLostError: it is not reached, or another one answers there.
             LinkError: it does not answer, or does not say any more what it is.
         """
-        if self._line.is_hung_up:
-            self._line.close()
-            self._line.meet()
-            self._line.meeting.refuse_a_stranger()
+        if self.line.is_hung_up:
+            self.line.close()
+            self.line.meet()
+            self.line.meeting.refuse_a_stranger()
             self._make_ready()
             self.drive(self._safe)  # after a gap the first command is the safe one
 
     @property
     def _is_clean(self) -> bool:
-        return self._line.is_clean
+        return self.line.is_clean

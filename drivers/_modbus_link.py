@@ -40,7 +40,7 @@ class ModbusLink(OnALine):
         SettingError: a carrier or dither that it does not make.
     """
 
-    _line: ModbusLine
+    line: ModbusLine
 
     def __init__(
         self, settings: LineSettings, wiring: Wiring, model: ModbusDescription | Model,
@@ -77,8 +77,8 @@ class ModbusLink(OnALine):
                     "pause_s": max(settings.pause_s, wire.pause_s)}
         )  # fmt: skip
         self._startup_s = 0.0 if wiring.only_safe else settings.startup_s
-        self._line = ModbusLine(settings, self._watchdog.heard)
-        self._ready = Readiness(self._line, described, registers, self._safe, self.watchdog_s, self._out)
+        self.line = ModbusLine(settings, self._watchdog.heard)
+        self._ready = Readiness(self.line, described, registers, self._safe, self.watchdog_s, self._out)
         self._open()
 
     def standing(self) -> dict[str, float]:
@@ -94,21 +94,21 @@ class ModbusLink(OnALine):
         try:
             self._ready.undone()
         finally:
-            self._line.close()
+            self.line.close()
 
     def _identified(self) -> str:
         once_started(self._startup_s, self._reached)
-        return self._line.identity() if self._wiring.known_as else ""
+        return self.line.identity() if self._wiring.known_as else ""
 
     def _reached(self) -> None:
         """Connect; a device that has a start-up is asked something too."""
         try:
-            self._line.connect()
+            self.line.connect()
             if self._startup_s:
                 block = next(iter(self._in or self._back or self._out))
                 self._ask(block.function, block.first, count=block.count)
         except BaseException:
-            self._line.close()
+            self.line.close()
             raise
 
     def _make_ready(self) -> None:
@@ -119,8 +119,8 @@ class ModbusLink(OnALine):
     def _opened(self, identity: str) -> None:
         if not self._wiring.known_as:
             with suppress(DeviceLostError):  # some hang up on a question that they do not know
-                identity = self._line.identity()
-        self._line.meeting.met(identity, self._line.identity)
+                identity = self.line.identity()
+        self.line.meeting.met(identity, self.line.identity)
         for block, words in self._words(self._pwm, self._pwm_out):
             self._ask(block.writing, block.first, values=words)
             for name, mine in block.split(words).items():
@@ -138,7 +138,7 @@ class ModbusLink(OnALine):
                 self._around[block.first] = words
 
     def _tell_blindly(self, values: Mapping[str, float]) -> None:
-        self._line.tell_blindly([(s.writing, s.first, words) for s, words in self._words(values, self._out)])
+        self.line.tell_blindly([(s.writing, s.first, words) for s, words in self._words(values, self._out)])
 
     def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
         """Neighbours in one request."""
@@ -153,7 +153,7 @@ class ModbusLink(OnALine):
         for block in self._in:
             words |= block.split(self._ask(block.function, block.first, count=block.count))
         flags = self._ready.flags(flag for one in self._inputs.values() for flag in one.terminal.status)
-        self._line.has_read = True
+        self.line.has_read = True
         return {name: self._reading(name, r, words[name], flags) for name, r in self._inputs.items()}
 
     def _words(
@@ -185,7 +185,7 @@ class ModbusLink(OnALine):
         return value
 
     def _ask(self, function: int, address: int, *, count: int = 1, values: Sequence[int] = ()) -> list[int]:
-        return self._line.ask(function, address, count=count, values=values)
+        return self.line.ask(function, address, count=count, values=values)
 
 
 def modulation(terminal: ModbusTerminal, wiring: Wiring) -> float | None:

@@ -49,7 +49,7 @@ class SpokenLink(OnALine):
 
     devices: ClassVar[ByDescription]
     _description: TextDescription
-    _line: Line
+    line: Line
 
     def __init__(
         self, settings: SerialSettings, wiring: Wiring, *, close: float | None = None, watchdog_s: float | None = None,
@@ -70,7 +70,7 @@ class SpokenLink(OnALine):
         """Where outputs stand, of those that can be asked."""
         stands = self._asked({name: terminal for name, terminal in self._outputs.items() if terminal.ask})
         if unknown := [name for name, value in stands.items() if not math.isfinite(value)]:
-            raise self._line.failed(f"no number in where {', '.join(unknown)} stands")
+            raise self.line.failed(f"no number in where {', '.join(unknown)} stands")
         return stands
 
     def _asked(self, terminals: Mapping[str, TextTerminal]) -> dict[str, float]:
@@ -94,7 +94,7 @@ class SpokenLink(OnALine):
             part = self._part_of(answers[terminal.ask], terminal)
             number = matched(terminal.answer, part, self._numbers) if part else None
             if number is None:
-                raise self._line.failed(
+                raise self.line.failed(
                     f"'{answers[terminal.ask]}' is no answer to {terminal.ask}; it should be '{terminal.answer}'"
                     f"{remedy(part, self._numbers)}"
                 )
@@ -127,7 +127,7 @@ class TextLink(SpokenLink):
 
     def _identified(self) -> str:
         talk = self._talk
-        self._line = answering(self._settings, self._wiring, talk, talk.hello, ENDS[talk.end], driver="text")
+        self.line = answering(self._settings, self._wiring, talk, talk.hello, ENDS[talk.end], driver="text")
         return self.identity
 
     def _recognise(self, identity: str) -> None:
@@ -149,7 +149,7 @@ class TextLink(SpokenLink):
 
     def _tell_blindly(self, values: Mapping[str, float]) -> None:
         for name, value in values.items():
-            self._line.tell(self._line_of(name, value))
+            self.line.tell(self._line_of(name, value))
 
     def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
         """One after the other; where the device replies, it must."""
@@ -170,11 +170,11 @@ class TextLink(SpokenLink):
 
     def _tell(self, line: str, reply: str) -> None:
         if not reply:
-            self._line.tell(line)
+            self.line.tell(line)
             return
-        answer = self._line.ask(line)
+        answer = self.line.ask(line)
         if matched(reply, answer, self._numbers) is None:
-            raise self._line.failed(f"'{answer}' is no answer to {line}; it should be '{reply}'")
+            raise self.line.failed(f"'{answer}' is no answer to {line}; it should be '{reply}'")
         self._watchdog.heard()
 
     def _no_error(self, errors: object) -> None:
@@ -188,6 +188,6 @@ class TextLink(SpokenLink):
         return self._values(terminals, self._heard)
 
     def _heard(self, question: str) -> str:
-        answer = self._line.ask(question)
+        answer = self.line.ask(question)
         self._watchdog.heard()
         return answer

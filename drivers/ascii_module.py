@@ -87,7 +87,7 @@ class AsciiModuleLink(OnALine):
         LinkError: another module answers than the one that was named, or one that is set otherwise.
     """
 
-    _line: Line
+    line: Line
     _model: ModuleDescription
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
@@ -105,7 +105,7 @@ class AsciiModuleLink(OnALine):
         return {name: self._commanded_last(name) for name in self._outputs}
 
     def _identified(self) -> str:
-        self._line = Line(self._settings, "\r", "\r", driver="ascii_module")
+        self.line = Line(self._settings, "\r", "\r", driver="ascii_module")
         try:
             return self._name()
         except LinkError:  # what an earlier program left on the line may have come in between
@@ -121,7 +121,7 @@ class AsciiModuleLink(OnALine):
         if identity != f"{self._model.module_name} at {self._at}":
             name = identity.removesuffix(f" at {self._at}")
             raise LinkError(f"module {self._at} is a '{name}', not a {self._model.module_name}")
-        self._line.meeting.met(identity, self._name)
+        self.line.meeting.met(identity, self._name)
         if self._wiring.only_safe:  # what is asked besides may go unanswered, and a safe value shall not wait for it
             return
         if self._inputs:
@@ -141,7 +141,7 @@ class AsciiModuleLink(OnALine):
 
     def _tell_blindly(self, values: Mapping[str, float]) -> None:
         for name, value in values.items():
-            self._line.tell(self._request(name, value).replace("%", self._at))
+            self.line.tell(self._request(name, value).replace("%", self._at))
 
     def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
         """One after the other; the module acknowledges each."""
@@ -159,14 +159,14 @@ class AsciiModuleLink(OnALine):
         text = self._ask("#%", ">")
         numbers = [self._reading(part, text) for part in re.findall("[+-][^+-]*|^[^+-]+", text)]
         if len(numbers) != len(self._number):
-            raise self._line.failed(f"{len(numbers)} readings of {len(self._number)}: '{text}'")
+            raise self.line.failed(f"{len(numbers)} readings of {len(self._number)}: '{text}'")
         return {name: numbers[self._number[name]] for name in self._inputs}
 
     def _check_settings(self) -> None:
         """See that inputs are read in volts, as their terminals say: the module tells numbers without a unit."""
         text = self._ask("$%2", "!%")
         if not re.fullmatch("[0-9A-F]{6}", text):
-            raise self._line.failed(f"'{text}' is not the settings of a module (type, baud rate, format)")
+            raise self.line.failed(f"'{text}' is not the settings of a module (type, baud rate, format)")
         kind, form = text[:2], int(text[4:], 16)
         wanted = self._model.type_code
         if kind == wanted and not form & 0b11:
@@ -182,28 +182,28 @@ class AsciiModuleLink(OnALine):
         if part in _BEYOND:
             return _BEYOND[part]
         if not _VALUE.fullmatch(part):
-            raise self._line.failed(f"'{part}' in the answer '{text}' is no reading of the form +00.000")
+            raise self.line.failed(f"'{part}' in the answer '{text}' is no reading of the form +00.000")
         return float(part)
 
     def _commanded_last(self, name: str) -> float:
         text = self._ask(f"$%6C{self._number[name]}", "!%")
         if not _VALUE.fullmatch(text):
-            raise self._line.failed(f"'{text}' is no read-back of the form +00.000")
+            raise self.line.failed(f"'{text}' is no read-back of the form +00.000")
         return float(text)
 
     def _done(self, request: str) -> None:
         """A request that is acknowledged with nothing but the module's address."""
         if more := self._ask(request, "!%"):
-            raise self._line.failed(f"'{more}' behind the acknowledgement of {request}")
+            raise self.line.failed(f"'{more}' behind the acknowledgement of {request}")
 
     def _ask(self, request: str, begins: str) -> str:
         """The answer without its beginning; `%` stands for the module's address."""
         request, begins = request.replace("%", self._at), begins.replace("%", self._at)
-        answer = self._line.ask(request)
+        answer = self.line.ask(request)
         if answer.startswith("?"):
             raise LinkError(f"the module refuses {request}")
         if not answer.startswith(begins):
-            raise self._line.failed(f"'{answer}' is no answer to {request}")
+            raise self.line.failed(f"'{answer}' is no answer to {request}")
         self._watchdog.heard()
         return answer.removeprefix(begins)
 

@@ -85,7 +85,7 @@ class ScpiLink(SpokenLink):
 
     def _identified(self) -> str:
         end = ENDS[self._settings.end]
-        self._line = answering(self._settings, self._wiring, self._talk, "*CLS;*IDN?", end, driver="scpi")
+        self.line = answering(self._settings, self._wiring, self._talk, "*CLS;*IDN?", end, driver="scpi")
         return self.identity
 
     def _recognise(self, identity: str) -> None:
@@ -101,7 +101,7 @@ class ScpiLink(SpokenLink):
             self._done(list(self._talk.setup))
 
     def _tell_blindly(self, values: Mapping[str, float]) -> None:
-        self._line.tell(";:".join(self._lines_of(values)))
+        self.line.tell(";:".join(self._lines_of(values)))
 
     def _put(self, values: Mapping[str, float]) -> Iterable[tuple[str, float]]:
         """In one message; the instrument says whether it has taken it."""
@@ -123,17 +123,17 @@ class ScpiLink(SpokenLink):
         queries = list(dict.fromkeys(terminal.ask for terminal in terminals.values()))
         texts = self._done(queries)
         if len(texts) != len(queries):
-            raise self._line.failed(f"{len(texts)} answers to {len(queries)} questions: {';'.join(texts)}")
+            raise self.line.failed(f"{len(texts)} answers to {len(queries)} questions: {';'.join(texts)}")
         return self._values(terminals, dict(zip(queries, texts, strict=True)).__getitem__)
 
     def _done(self, messages: list[str]) -> list[str]:
         """The answers to messages that are sent together; an error of the instrument is raised."""
-        answer = self._line.ask(";:".join([*messages, "SYST:ERR?"]))
+        answer = self.line.ask(";:".join([*messages, "SYST:ERR?"]))
         *texts, error = _UNIT.findall(answer) or [""]
         found = _ERROR.fullmatch(error)
         if found is None:
-            raise self._line.failed(f"{error!r} is not an entry of the error queue")
+            raise self.line.failed(f"{error!r} is not an entry of the error queue")
         if int(found[1]) != 0:
-            self._line.tell("*CLS")
+            self.line.tell("*CLS")
             raise LinkError(f"the instrument refused {';'.join(messages)}: {found[1]} {found[2]}")
         return texts

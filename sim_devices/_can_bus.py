@@ -144,6 +144,7 @@ class CanServer:
     Attributes:
         where: the bus, as a driver names it.
         behaviour: its quirks.
+        node: what answers; side: its terminals.
 
     Args:
         node: the device.
@@ -156,7 +157,7 @@ class CanServer:
         import can
 
         self.behaviour = Behaviour(quirks)
-        self._node, self._side = node, side
+        self.node, self.side = node, side
         interface, _, channel = address.partition(":")
         self._hub = ""
         if interface == "socketcand":
@@ -193,16 +194,16 @@ class CanServer:
                 return
             if message is not None and not message.is_error_frame:
                 with self._lock:
-                    answers = list(self._node.on_frame(message.arbitration_id, bytes(message.data)))
+                    answers = list(self.node.on_frame(message.arbitration_id, bytes(message.data)))
                 if answers:
                     self._reply(answers)
 
     def _reply(self, answers: list[Frame]) -> None:
         quirks = self.behaviour.next_answer()
-        self._side.quirks = quirks
+        self.side.quirks = quirks
         if quirks.reboot:
             with self._lock:
-                self._node.restart()
+                self.node.restart()
             return
         if quirks.late_s and self._ended.wait(quirks.late_s):
             return
@@ -214,8 +215,8 @@ class CanServer:
     def _tick(self) -> None:
         while not self._ended.wait(_TICK_S):
             with self._lock:
-                frames = list(self._node.tick())
-            if frames and self._node.answers_by_itself:
+                frames = list(self.node.tick())
+            if frames and self.node.answers_by_itself:
                 self._reply(frames)
             elif not self.behaviour.quirks.silent:
                 for frame in frames:

@@ -102,10 +102,11 @@ class Side:
     Attributes:
         quirks: those in force; inputs that are stuck or no numbers and outputs that are frozen are so here, the rest
             is the device's.
+        field: that of all devices.
     """
 
     def __init__(self, field: Field, wiring: Wiring) -> None:
-        self._field = field
+        self.field = field
         self._outputs = {channel.terminal: name for name, channel in wiring.outputs.items()}
         self._inputs = {channel.terminal: name for name, channel in wiring.inputs.items()}
         self._loose: dict[str, float] = {}
@@ -115,7 +116,7 @@ class Side:
     @property
     def clock(self) -> Clock:
         """By which the field runs."""
-        return self._field.clock
+        return self.field.clock
 
     def drive(self, values: Mapping[str, float]) -> None:
         """Put outputs, by terminal, at these values, unless they are frozen."""
@@ -124,17 +125,17 @@ class Side:
         mine = {self._outputs[terminal]: value for terminal, value in values.items() if terminal in self._outputs}
         self._loose.update({terminal: value for terminal, value in values.items() if terminal not in self._outputs})
         if mine:
-            self._field.drive(mine, sticks=self.quirks.sticks)
+            self.field.drive(mine, sticks=self.quirks.sticks)
 
     def modulate(self, terminal: str, pwm: Pwm | None) -> None:
         """Give a PWM current output this carrier and dither; until then it has those that the bench file says."""
         if terminal in self._outputs:
-            self._field.modulate(self._outputs[terminal], pwm)
+            self.field.modulate(self._outputs[terminal], pwm)
 
     def read(self) -> dict[str, float]:
         """Every connected input by terminal."""
         if not (self.quirks.stuck and self._held):
-            readings = self._field.read()
+            readings = self.field.read()
             self._held = {terminal: readings[name] for terminal, name in self._inputs.items()}
         if self.quirks.not_a_number:
             return dict.fromkeys(self._held, math.nan)
@@ -148,7 +149,7 @@ class Side:
     def standing(self, terminal: str) -> float:
         """Where an output stands."""
         if terminal in self._outputs:
-            return self._field.levels[self._outputs[terminal]]
+            return self.field.levels[self._outputs[terminal]]
         return self._loose.get(terminal, 0.0)
 
 

@@ -15,28 +15,29 @@ class Listener:
 
     Attributes:
         host, port: where; with port 0 a free one is taken.
+        socket: on which it listens.
 
     Raises:
         FileError: the port is taken by something else.
     """
 
     def __init__(self, host: str, port: int) -> None:
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            self._socket.bind((host, port))
+            self.socket.bind((host, port))
         except OSError as error:
-            self._socket.close()
+            self.socket.close()
             raise FileError(f"{host}:{port}: cannot listen there: {error.strerror}") from None
-        self._socket.listen()
-        self._socket.settimeout(_LOOK_S)
-        self.host, self.port = self._socket.getsockname()
+        self.socket.listen()
+        self.socket.settimeout(_LOOK_S)
+        self.host, self.port = self.socket.getsockname()
 
     def clients(self) -> Iterator[socket.socket]:
         """Each client that connects, what it sends not held back, until the port is closed."""
         while True:
             try:
-                client, _ = self._socket.accept()
+                client, _ = self.socket.accept()
             except TimeoutError:
                 continue
             except OSError:
@@ -46,4 +47,4 @@ class Listener:
 
     def close(self) -> None:
         """Listen no longer. May be called twice."""
-        self._socket.close()
+        self.socket.close()

@@ -52,13 +52,14 @@ class StreamServer:
     Attributes:
         where: where it listens, as a driver's settings name it.
         behaviour: its quirks, which may be changed at any time.
+        device: what answers; side: its terminals.
     """
 
     def __init__(self, device: Device, side: Side, quirks: Quirks, where: str) -> None:
         self.where = where
         self.behaviour = Behaviour(quirks)
-        self._device = device
-        self._side = side
+        self.device = device
+        self.side = side
         self._busy, self._before = threading.Lock(), b""
         self._ended = threading.Event()
         self._threads: list[threading.Thread] = []
@@ -79,7 +80,7 @@ class StreamServer:
     def _tick(self) -> None:
         while not self._ended.wait(_TICK_S):
             with self._busy:
-                self._device.tick()
+                self.device.tick()
 
     def _serve(self, read: Callable[[], bytes | None], write: Callable[[bytes], object]) -> None:
         """Answer on one stream until it ends (`read` gives None)."""
@@ -90,7 +91,7 @@ class StreamServer:
                 return
             received += more
             while True:
-                request, received = self._device.request_in(received)
+                request, received = self.device.request_in(received)
                 if not request:
                     break
                 self._pace(len(request))
@@ -101,11 +102,11 @@ class StreamServer:
     def _reply(self, request: bytes, write: Callable[[bytes], object]) -> None:
         quirks = self.behaviour.next_answer()
         with self._busy:
-            self._side.quirks = quirks
+            self.side.quirks = quirks
             if quirks.reboot:
-                self._device.restart()
+                self.device.restart()
                 return
-            answer = self._device.answer(request)
+            answer = self.device.answer(request)
         if quirks.late_s and self._ended.wait(quirks.late_s):
             return
         if quirks.again:
@@ -126,36 +127,39 @@ class StreamServer:
 class TcpServer(StreamServer):
     """A device on a TCP port; several clients may connect, their requests are answered one after the other.
 
+    Attributes:
+        listener: on which they come; clients: those that are connected.
+
     Raises:
         FileError: the port is taken.
     """
 
     def __init__(self, device: Device, side: Side, quirks: Quirks, host: str, port: int) -> None:
-        self._listener = Listener(host, port)
-        self.host, self.port = self._listener.host, self._listener.port
+        self.listener = Listener(host, port)
+        self.host, self.port = self.listener.host, self.listener.port
         super().__init__(device, side, quirks, f"{self.host}:{self.port}")
-        self._clients: list[socket.socket] = []
+        self.clients: list[socket.socket] = []
         self._start(self._accept)
 
     def close(self) -> None:
         """Stop listening and drop every client."""
         self._ended.set()
-        self._listener.close()
+        self.listener.close()
         self.drop()
         super().close()
 
     def drop(self) -> None:
         """Drop every client, as when a cable is pulled."""
-        for client in self._clients:
+        for client in self.clients:
             with suppress(OSError):
                 client.shutdown(socket.SHUT_RDWR)
             client.close()
-        self._clients = []
+        self.clients = []
 
     def _accept(self) -> None:
-        for client in self._listener.clients():
+        for client in self.listener.clients():
             client.settimeout(0.2)
-            self._clients.append(client)
+            self.clients.append(client)
             self._start(self._serve_client, client)
 
     def _serve_client(self, client: socket.socket) -> None:
@@ -238,7 +242,7 @@ class _Pty:
             os.close(self._slave)
             raise FileError(f"{name}: cannot be made a serial port: {error.strerror}") from None
         self.is_gone = False
-        self._listeners: list[queue.Queue[bytes]] = []
+        self.listeners: list[queue.Queue[bytes]] = []
         self._thread = threading.Thread(target=self._run, name="hil-pty", daemon=True)
 
     @classmethod
@@ -251,15 +255,15 @@ class _Pty:
 
     def join(self, heard: queue.Queue[bytes]) -> None:
         """Hand on what comes from now on."""
-        self._listeners = [*self._listeners, heard]
+        self.listeners = [*self.listeners, heard]
         if not self._thread.ident:
             self._thread.start()
 
     def leave(self, heard: queue.Queue[bytes]) -> None:
         """Hand on no more; who leaves last takes the port away."""
         with self._registry:
-            self._listeners = [one for one in self._listeners if one is not heard]
-            if self._listeners:
+            self.listeners = [one for one in self.listeners if one is not heard]
+            if self.listeners:
                 return
             self._all.pop(str(self._name), None)
         self.is_gone = True
@@ -280,5 +284,5 @@ class _Pty:
             except OSError:
                 self.is_gone = True
                 return
-            for one in self._listeners if came else ():
+            for one in self.listeners if came else ():
                 one.put(came)

@@ -55,7 +55,7 @@ class SimulatedDaq:
 
         self._settings, self._clock = settings, by
         self._rig = SimulatedRig(settings, wiring, self.levels)
-        self._zero_s = by.now_s - self._now_s
+        self._zero_s = by.now_s - self.now_s
         self._samples = 0
         self._fault = settings.fault
         self._lost = False
@@ -101,7 +101,7 @@ class SimulatedDaq:
             self.make_safe()
 
     @property
-    def _now_s(self) -> float:
+    def now_s(self) -> float:
         """The device's own time."""
         return self._rig.ticks / self._settings.clock_hz
 
@@ -114,7 +114,7 @@ class SimulatedDaq:
             block = self._run(waveform)
             fault = self._fault_in(len(waveform) - len(block))
             waveform, failure = next_or_failure(waveforms)  # asked for while this one plays
-            self._clock.sleep_until(self._zero_s + self._now_s)
+            self._clock.sleep_until(self._zero_s + self.now_s)
             if len(block):
                 yield block
             if samples := self._again:
@@ -173,13 +173,13 @@ class SimulatedDaq:
 
     def _catch_up(self) -> None:
         """Let the time pass for which outputs have stood since the last task."""
-        behind_s = self._clock.now_s - self._zero_s - self._now_s
+        behind_s = self._clock.now_s - self._zero_s - self.now_s
         ticks = math.floor(behind_s * self._settings.clock_hz + 1e-6)
         if ticks > 0:
             self._rig.hold(self.levels, ticks)
 
     def _check_punctual(self, too_late: type[HardwareError]) -> None:
-        late_s = self._clock.now_s - self._zero_s - self._now_s
+        late_s = self._clock.now_s - self._zero_s - self.now_s
         if late_s > self._settings.buffer_s:
             raise too_late(
                 f"simulated device: the program is {late_s:.3g} s behind the sample clock; the buffer holds "

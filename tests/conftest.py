@@ -113,6 +113,14 @@ def own_state(tmp_path, monkeypatch):
 
 
 @pytest.fixture
+def half_a_second_later(monkeypatch):
+    """Called, a device is asked at each reading where its outputs stand, as it is after half a second."""
+    from hil.daq.device_link import ReadBackTimes
+
+    return lambda: monkeypatch.setattr(ReadBackTimes, "is_due", lambda *_: True)
+
+
+@pytest.fixture
 def stranger(monkeypatch):
     """A stranger's package of procedures, installed for one test; yields the folder that brings it along."""
     monkeypatch.syspath_prepend(str(STRANGER))

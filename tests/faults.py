@@ -60,7 +60,7 @@ class Observer:
     """Looks at an output at the device itself every millisecond, whatever the program says."""
 
     def __init__(self, served: Mapping[str, Any], channel: str = "command") -> None:
-        self._field = next(iter(served.values()))._side._field
+        self._field = next(iter(served.values())).side.field
         self._channel = channel
         self._ended = threading.Event()
         self._changes: list[tuple[float, float]] = [(time.monotonic(), self.level)]

@@ -52,15 +52,15 @@ def _misbehave(**quirks: Any) -> Callable[[Any], None]:
 
 def _pull_cable(device: Any) -> None:
     """Nothing reaches the device any more; it goes on by itself."""
-    if hasattr(device, "_node"):
-        device._node.on_frame = lambda *_: ()
+    if hasattr(device, "node"):
+        device.node.on_frame = lambda *_: ()
     else:
-        device._device.answer = lambda _request: b""
+        device.device.answer = lambda _request: b""
 
 
 def _freeze(device: Any) -> None:
     """The device says yes to everything, and its output stands still."""
-    device._side.drive = lambda _values: None
+    device.side.drive = lambda _values: None
 
 
 def _second_master(device: Any) -> None:

@@ -99,7 +99,7 @@ class Faulty:
 
     @property
     def now_s(self) -> float:
-        return float(self.daq._now_s)
+        return float(self.daq.now_s)
 
     @property
     def safe_after_s(self) -> float | None:

@@ -48,26 +48,26 @@ class ForeignLine:
         self.heard: list[tuple[float, bytes]] = []
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port = int(self._listener.getsockname()[1])
-        self._clients: list[socket.socket] = []
+        self.clients: list[socket.socket] = []
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
 
     def lose(self) -> None:
         """From now on the kernel throws away every packet that comes here, as a network does that is out."""
         nothing = ctypes.create_string_buffer(struct.pack("HBBI", _RETURN, 0, 0, 0))
-        for end in (self._listener, *self._clients):  # a connection that is accepted later has what the listener has
+        for end in (self._listener, *self.clients):  # a connection that is accepted later has what the listener has
             with suppress(OSError):
                 end.setsockopt(socket.SOL_SOCKET, _ATTACH, struct.pack("HxxxxxxP", 1, ctypes.addressof(nothing)))
 
     def heal(self) -> None:
         """Packets come through again: also those that the other side sends once more."""
-        for end in (self._listener, *self._clients):
+        for end in (self._listener, *self.clients):
             with suppress(OSError):
                 end.setsockopt(socket.SOL_SOCKET, _DETACH, 0)
 
     def reset(self) -> None:
         """Every connection is reset, as by a device that restarts."""
-        for client in self._clients:
+        for client in self.clients:
             with suppress(OSError):
                 client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
                 client.shutdown(socket.SHUT_RD)
@@ -76,7 +76,7 @@ class ForeignLine:
     def close(self) -> None:
         """Listen no more, and close every connection."""
         self._listener.close()
-        for client in self._clients:
+        for client in self.clients:
             client.close()
 
     def __enter__(self) -> Self:
@@ -94,7 +94,7 @@ class ForeignLine:
             except OSError:
                 return
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._clients.append(client)
+            self.clients.append(client)
             threading.Thread(target=self._talk, args=(client,), daemon=True).start()
 
     def _talk(self, client: socket.socket) -> None:

@@ -25,12 +25,7 @@ class _Server(TcpServer):
     @property
     def sockets(self) -> list[socket.socket]:
         """On which it listens and answers."""
-        return [self._listener._socket, *self._clients]
-
-    @property
-    def side(self) -> Side:
-        """Its terminals."""
-        return self._side
+        return [self.listener.socket, *self.clients]
 
 
 class HislipServer(_Server):

@@ -33,9 +33,9 @@ def enter_or_keep(place: Place, folder: Path) -> str:
     try:
         left_out = enter(place, [path for path in waiting if (path / HEADER_FILE).is_file()])
     except Exception as error:
-        _keep(place, waiting)
+        keep_waiting(place, waiting)
         return f"{' '.join(str(error).split())}; the run is safe in {folder} and will be entered later"
-    _keep(place, [path for path in waiting if path == place.folder])
+    keep_waiting(place, [path for path in waiting if path == place.folder])
     return "; ".join(f"not in the archive: {text}" for text in left_out)
 
 
@@ -72,7 +72,7 @@ def catch_up(place: Place) -> list[str]:
     waiting = [path for path in known if (path / HEADER_FILE).is_file()]
     waiting += [one.folder for one in begun if one.is_there and one.folder not in waiting]
     left_out = enter(place, waiting)
-    _keep(place, [])
+    keep_waiting(place, [])
     for one in begun:
         if one.is_over:
             one.mark.unlink(missing_ok=True)
@@ -88,7 +88,8 @@ def waiting_for(place: Place) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def _keep(place: Place, folders: Sequence[Path]) -> None:
+def keep_waiting(place: Place, folders: Sequence[Path]) -> None:
+    """Have these, and no others, wait to be entered."""
     path, before = _paths(place)
     with suppress(OSError, StorageError):
         if folders:

@@ -98,17 +98,17 @@ def _watch(path: Path, pid: int, run: Path, parent: Parent[Asked]) -> int:
         parent.say(ERROR + f"{' '.join(str(error).split())}\n".encode())
         return error.exit_status
     service = StopService(units_of(file), "watchdog", parent.request)
-    with _listening(service) as control:
+    with listening(service) as control:
         parent.say(READY + json.dumps(control).encode() + b"\n")
-        why = _watched(parent, file.bench.protection.watchdog_s, pid, service, file.devices)
+        why = watch_over(parent, file.bench.protection.watchdog_s, pid, service, file.devices)
         if why:
-            _act(_Reporter(file, run, pid, why), service)
+            take_over(Reporter(file, run, pid, why), service)
             withdraw(run)
     return 0
 
 
 @contextmanager
-def _listening(service: StopService) -> Iterator[dict[str, str]]:
+def listening(service: StopService) -> Iterator[dict[str, str]]:
     """A listener for stops while inside; yields where it is, or why there is none, which keeps no run from starting."""
     try:
         listener = system.serve(lambda: Listener(service, "watchdog"), service)
@@ -121,7 +121,7 @@ def _listening(service: StopService) -> Iterator[dict[str, str]]:
         listener.close()
 
 
-class _Program:
+class WatchedProgram:
     """What is known of the program from what it said, byte by byte.
 
     Attributes:
@@ -129,26 +129,27 @@ class _Program:
         confirms: it makes its outputs safe and reads them back, and is not through.
         has_left: it said farewell.
         hands_over: it ends, and its outputs are not settled.
+        unfinished: what has come of a line that has not ended.
     """
 
     def __init__(self, service: StopService, devices: Mapping[str, DeviceInUse]) -> None:
         self._service, self._devices = service, devices
-        self._rest = b""
+        self.unfinished = b""
         self.driven = self.confirms = self.has_left = self.hands_over = False
 
     def received(self, what: bytes) -> int:
         """Take it in; returns how many signs of life it held."""
-        signs, self._rest = 0, self._rest + what
-        while self._rest:
-            before, begun, after = self._rest.partition(LINE)
+        signs, self.unfinished = 0, self.unfinished + what
+        while self.unfinished:
+            before, begun, after = self.unfinished.partition(LINE)
             line, ended, left = after.partition(b"\n")
             signs += self._signs(before)
             if begun and not ended:  # the rest of the line is on its way
-                self._rest = begun + after[:_LONGEST_LINE]
+                self.unfinished = begun + after[:_LONGEST_LINE]
                 break
             if begun:
                 self._line(begun + line)
-            self._rest = left
+            self.unfinished = left
         return signs
 
     def _signs(self, signs: bytes) -> int:
@@ -170,11 +171,11 @@ class _Program:
                 pin.identity = identity or pin.identity
 
 
-def _watched(
+def watch_over(
     parent: Parent[Asked], limit_s: float, pid: int, service: StopService, devices: Mapping[str, DeviceInUse]
 ) -> str:
     """Listen until there is something to do, and say why; empty when the program said farewell."""
-    program = _Program(service, devices)
+    program = WatchedProgram(service, devices)
     silent_at_s = confirms_by_s = math.inf
     while True:
         until_s = silent_at_s if program.confirms else min(silent_at_s, confirms_by_s)
@@ -207,7 +208,7 @@ def _watched(
 
 
 @dataclass(frozen=True, slots=True)
-class _Reporter:
+class Reporter:
     """What is told of the outputs of a program, on stderr and on disk."""
 
     file: BenchFile
@@ -248,7 +249,8 @@ class _Reporter:
         return self.run / f"{kind}.json", state_path(kind, self.file.bench.name, ".json")
 
 
-def _act(reporter: _Reporter, service: StopService) -> None:
+def take_over(reporter: Reporter, service: StopService) -> None:
+    """Make the outputs of a program that is gone safe, and tell what came of it."""
     service.forget()
     shutdown = _shut_down(reporter, service)
     if shutdown is None:
@@ -266,7 +268,7 @@ def _act(reporter: _Reporter, service: StopService) -> None:
         reporter.at_last(f"outputs made safe in {took_s:g} s", safe_after_s=took_s, **outputs)
 
 
-def _shut_down(reporter: _Reporter, service: StopService) -> FailSafeShutdown | None:
+def _shut_down(reporter: Reporter, service: StopService) -> FailSafeShutdown | None:
     """Made safe as far as could be; None where another program has the bench, and keeps it for `GIVE_UP_S`.
 
     Whoever takes a bench makes its outputs safe when it opens them. One that fails in that lets go of it, and what the
@@ -291,7 +293,7 @@ def _shut_down(reporter: _Reporter, service: StopService) -> FailSafeShutdown | 
         system.sleep(_LEASE_AGAIN_S)
 
 
-def _report_not_yet(reporter: _Reporter, shutdown: FailSafeShutdown) -> None:
+def _report_not_yet(reporter: Reporter, shutdown: FailSafeShutdown) -> None:
     left, outputs = shutdown.left, record_of(shutdown.outputs)
     so_far = f"NOT SAFE so far: {_with_remedy(left)}; goes on trying for {GIVE_UP_S:g} s"
     reporter.so_far(shutdown.announcement or so_far, not_safe=left, goes_on_for_s=GIVE_UP_S, outputs=outputs)

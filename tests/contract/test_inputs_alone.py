@@ -36,8 +36,8 @@ def _inputs_of(file: BenchFile, device: str) -> dict[str, object]:
 def _counted(device: object) -> list[object]:
     """What a device is told to drive from now on, beyond its coming back to rest by itself."""
     told: list[object] = []
-    drive = device._side.drive  # type: ignore[attr-defined]
-    device._side.drive = lambda values: (told.append(values), drive(values))  # type: ignore[attr-defined]
+    drive = device.side.drive  # type: ignore[attr-defined]
+    device.side.drive = lambda values: (told.append(values), drive(values))  # type: ignore[attr-defined]
     return told
 
 

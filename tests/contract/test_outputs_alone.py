@@ -27,7 +27,7 @@ def test_outputs_alone_are_made_safe(driver, tmp_path):
         outputs = {name: entry for name, entry in file.bench.channels.items() if entry.is_output}
         (name,) = {entry.device for entry in outputs.values()}
         assert file.bench.devices[name].driver == driver
-        field = next(iter(devices.values()))._side._field
+        field = next(iter(devices.values())).side.field
         daq = file.devices[name].open(outputs)
         assert daq.inputs == {} and set(daq.outputs) == set(outputs)
         (channel,) = daq.outputs.values()

@@ -95,7 +95,8 @@ class Program:
                 told = json.load(answer)
                 self.answers.append((time.time(), told))
 
-    def _show(self) -> None:
+    def keep_shown(self) -> None:
+        """Keep what its terminal shows, until that is closed."""
         with suppress(OSError):
             while self.terminal is not None:
                 if self.deaf:
@@ -178,7 +179,7 @@ def started(folder: Path, words: list[str], on_a_terminal: bool = False) -> Prog
         )
     os.close(far)
     program = Program(folder, process, near)
-    threading.Thread(target=program._show, daemon=True).start()
+    threading.Thread(target=program.keep_shown, daemon=True).start()
     return program
 
 

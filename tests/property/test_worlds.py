@@ -318,12 +318,12 @@ FAULTS: dict[str, tuple[Patches, str]] = {
         [(Output, "as_dict", _elsewhere(Output.as_dict))], "7,0.05,plain,-|lies:driving:2:30:io",
     ),
     "restart_is_noticed": (
-        [(J1939ValveLink, "_look", lambda link: link._frames.receive(0.0))],
+        [(J1939ValveLink, "_look", lambda link: link._frames.receive(0.0))],  # noqa: SLF001 - planted inside
         "7,0.05,plain,v|restart:driving:2:0.05:third",
     ),
     "contact_is_asked": ([(Guard, "_ask_witnesses", lambda *_: None)], "7,0.05,plain,-|deaf:driving:1.3:0.5:io"),
     "holds_are_events": ([(RunWriter, "event", lambda *_, **__: None)], "7,0.05,plain,-|low:driving:1.3:1:aux"),
-    "holds_are_events, of nobody": ([(Guard, "_wait_for_holds", Guard._wait_for_operator)], "7,0.05,plain,-"),
+    "holds_are_events, of nobody": ([(Guard, "_wait_for_holds", Guard._wait_for_operator)], "7,0.05,plain,-"),  # noqa: SLF001 - planted inside
     "witness_is_heard": ([(Witnesses, "driven", lambda *_: None)], "7,0.05,plain,-|sticks:driving:2.3:30:io"),
     "rescue_is_told": (
         [(fail_safe_shutdown, "replace", lambda output, **_: output)], "7,0.05,plain,-|kill:driving:1.3:0:",

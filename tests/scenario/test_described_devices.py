@@ -19,6 +19,7 @@ from drivers import can as can_driver
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.description.find import descriptions
 from hil.description.read import read_description
+from hil.errors import LinkError
 from tests.described import bench, input_, output, passes, written
 from tests.foreign_line import ForeignLine, Tables, ended
 from tests.links import free_port
@@ -82,7 +83,7 @@ class WithCoils(Tables):
         return request[:5]
 
 
-def test_modbus_modules_against_registers_on_a_socket():
+def test_modbus_modules_against_registers_on_a_socket(half_a_second_later):
     wago = Tables(holding={0: 0, 0x0200: 0}, inputs={0: 0x4000, 1: 0xC000})
     wago_answer = wago.answered
 
@@ -103,7 +104,9 @@ def test_modbus_modules_against_registers_on_a_socket():
         link.drive({"ao0": 10.0})
         assert moxa.holding[0x0400] == 4095 and link.standing() == {"ao0": 10.0}
         moxa.coils[0x1010] = 1
-        assert link._ready.in_safe_mode() == ["ao0"]
+        half_a_second_later()
+        with pytest.raises(LinkError, match="ao0: the device itself has made it safe"):
+            link.read()
 
     inputs = Tables(inputs={3: 0x8000})
     with ForeignLine(inputs.on_tcp) as line, opened("iologik-e1240", f"127.0.0.1:{line.port}", "ai3") as link:

@@ -146,7 +146,7 @@ def lose(file: BenchFile, run: Path, device: Any) -> None:
 def test_a_device_that_comes_back_after_its_run_has_ended_is_made_safe(tmp_path):
     bench, own, _ = TCP
     with served(bench, tmp_path, own) as (file, devices), observed(devices) as observer:
-        device = devices["io"]._device
+        device = devices["io"].device
         answer = device.answer
         with pytest.raises(LinkError) as lost:
             lose(file, tmp_path / "run", device)
@@ -195,7 +195,7 @@ def test_a_lost_device_is_left_to_the_watchdog_before_the_record_is_closed(tmp_p
     monkeypatch.setattr(RunWriter, "close", close_on_a_slow_disk)
     bench, own, _ = TCP
     with served(bench, tmp_path, own) as (file, devices):
-        device = devices["io"]._device
+        device = devices["io"].device
         answer = device.answer
         with pytest.raises(LinkError):
             lose(file, tmp_path / "run", device)

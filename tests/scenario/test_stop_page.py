@@ -156,7 +156,7 @@ def test_page_stops_what_it_shows(subtests):
                 for name in ("gone", "by hand"):
                     assert f"{name}: UNCONFIRMED: use the emergency stop" in shown(page)
                 assert page.evaluate("window.beeps") > 0
-                three._service.tell(tell_safe_outputs(), "watchdog")
+                three.service.tell(tell_safe_outputs(), "watchdog")
                 waited(page, "hpv41-7: stop confirmed", PATIENCE_S)  # it asks again
                 page.click("#stop button.mute")
                 assert page.locator("#stop button.mute").is_hidden()

@@ -15,10 +15,9 @@ from threading import Thread
 import numpy as np
 import pytest
 
-from hil.archive import pending
 from hil.archive.archive import Search, enter, find_runs, rebuild
 from hil.archive.begun import begun_in, forget_begun, mark_begun
-from hil.archive.pending import catch_up, enter_or_keep, waiting_for
+from hil.archive.pending import catch_up, enter_or_keep, keep_waiting, waiting_for
 from hil.archive.place import INDEX_FILE, archive_place
 from hil.archive.trend import drift_of, points_of
 from hil.cli.run_end import entered
@@ -398,11 +397,11 @@ def test_a_waiting_run_whose_header_is_torn_keeps_no_other_out(place, monkeypatc
     lab = tmp_path / "lab"
     torn, sound, last = (made_run(lab / name, day=i) for i, name in enumerate(("torn", "sound", "last")))
     (torn / "run.json").write_text("{", encoding="utf-8")
-    pending._keep(place, [torn, sound])
+    keep_waiting(place, [torn, sound])
     (said,) = catch_up(place)
     assert "torn" in said and names(place) == ["before", "sound"]
     assert catch_up(place) == []
-    pending._keep(place, [torn])
+    keep_waiting(place, [torn])
     assert "torn" in enter_or_keep(place, last) and waiting_for(place) == []
     assert names(place) == ["before", "sound", "last"]
 

@@ -236,7 +236,7 @@ def test_told_is_not_safe_until_it_is_read_back(tmp_path):
 def test_report_goes_to_the_state_folder_when_that_of_the_run_is_gone(tmp_path, monkeypatch, capfd):
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     file = bench_of(tmp_path, {"healthy": Valve(None)}, late_s=0.0)
-    watchdog._act(watchdog._Reporter(file, tmp_path / "gone", os.getpid(), "ended"), DESK)
+    watchdog.take_over(watchdog.Reporter(file, tmp_path / "gone", os.getpid(), "ended"), DESK)
     (told,) = (tmp_path / "state" / "watchdog").glob("*.json")
     assert "safe_after_s" in told.read_text() and "outputs made safe in" in capfd.readouterr().err
 

@@ -11,6 +11,7 @@ import pytest
 from hil.bench.file import CalibrationLine
 from hil.bench.manual.write import changed
 from hil.bench.read import read_bench
+from hil.clock import RealClock
 from hil.record.folder import read
 from hil.session.calibration import input_points
 from tests.conftest import Told
@@ -94,16 +95,27 @@ def test_the_bench_of_a_package_is_not_changed_and_nothing_is_driven(command_lin
     assert not (tmp_path / "run").exists()
 
 
+class Ahead(RealClock):
+    """A clock that is turned on."""
+
+    by_s = 0.0
+
+    @property
+    def now_s(self) -> float:
+        return super().now_s + self.by_s
+
+
 def test_an_input_is_averaged_at_each_point(tmp_path):
     """The valve is moved by hand behind the device; the reference reads what the plant really does."""
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, devices):
         (device,) = devices.values()
+        ahead = device.side.field.clock = Ahead()
         places = iter([-40.0, 0.0, 40.0])
         places_v = iter([-4.0, 0.0, 4.0])
 
         def ask(_text: str) -> None:
-            device._side.drive({"ao0": next(places_v)})
-            device._side._field._zero_s -= 2.0  # its clock is turned on: the spool takes its time
+            device.side.drive({"ao0": next(places_v)})
+            ahead.by_s += 2.0  # the spool takes its time
 
         points = input_points(file, "spool position", 3, ask, lambda: next(places))
         assert [point.reference for point in points] == [-40.0, 0.0, 40.0]

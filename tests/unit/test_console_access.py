@@ -33,6 +33,7 @@ from hil.console.access_session import Sessions, account_of
 from hil.console.access_where import Where, check_where
 from hil.console.operator_lock import LAPSES_S, OperatorLock, OperatorLockedError
 from hil.errors import FileError, SettingError, StorageError, UnknownNameError
+from hil.record.state import state_path
 
 ORIGIN, PASSWORD = "http://127.0.0.1:8123", "twelve chars"
 
@@ -111,7 +112,7 @@ async def _who(request: Request) -> Response:
 
 @pytest.fixture
 def accounts():
-    made = Accounts()
+    made = Accounts(state_path("console", "accounts", ".json"))
     for name, role in (("vera", "viewer"), ("otto", "operator"), ("olga", "operator"), ("emil", "engineer")):
         made.add(name, role, PASSWORD)
     return made
@@ -341,7 +342,8 @@ def test_limiter_gives_tokens_back_and_forgets_the_oldest(monkeypatch):
     assert limiter.admits("a")
     for number in range(5000):
         limiter.admits(f"caller {number}")
-    assert len(limiter._left) == 4096
+    assert limiter.admits("a")  # in the place of caller 904
+    assert [limiter.admits("caller 905"), limiter.admits("caller 904")] == [False, True]
 
 
 def test_body_that_is_too_large_is_refused(accounts, monkeypatch):
@@ -435,7 +437,7 @@ def test_act_is_refused_when_it_cannot_be_written_down(accounts, tmp_path):
 
 
 def test_accounts_are_kept_for_their_owner_alone(accounts):
-    path = accounts._path
+    path = state_path("console", "accounts", ".json")
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     assert PASSWORD not in path.read_text() and "$argon2id$" in path.read_text()
     path.chmod(0o640)

@@ -10,6 +10,8 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -290,12 +292,20 @@ def test_a_quick_run_whose_process_still_looks_for_a_cause_is_not_said_to_start(
         process.communicate(b"\n")
 
 
+def shown(site: Site, **asked: str) -> dict[str, Any]:
+    """What the form of a test shows where its address asks for this."""
+    app = SimpleNamespace(state=SimpleNamespace(console=Console(site, Underway(site.runs))))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_routes, "page", lambda _request, _name, **form: form)
+        patch.setattr(run_routes, "keep_bench", lambda form, _bench: form)
+        return run_routes.show(SimpleNamespace(query_params=asked, app=app))  # type: ignore[arg-type, return-value]
+
+
 def test_the_form_says_how_far_each_output_may_go(site):
-    console = Console(site, Underway(site.runs))
-    assert run_routes._allowed(console.site.bench("own")) == ["command −100 … 100 %"]
+    assert shown(site, bench="own")["allowed"] == ["command −100 … 100 %"]
     (site.benches / "lab.toml").write_text('based_on = "four-way-lab"\n', encoding="utf-8")
-    assert run_routes._allowed(console.site.bench("lab"))[-1] == "oil temperature 0 … 80 °C"
-    assert run_routes._file(console, "none") is None
+    assert shown(site, bench="lab")["allowed"][-1] == "oil temperature 0 … 80 °C"
+    assert shown(site, bench="none")["allowed"] == []
 
 
 @pytest.mark.parametrize(
@@ -358,7 +368,8 @@ def test_the_form_is_filled_with_a_preset_of_its_bench(site):
     own = site.benches / "own.toml"
     preset = '\n[presets.step_response.quick]\nlevels = [0, 50]\nhold_s = "3 s"\n'
     own.write_text(own.read_text(encoding="utf-8") + preset, encoding="utf-8")
-    console, procedure = Console(site, Underway(site.runs)), load_procedure("step_response")
-    file = console.site.bench("own")
-    assert run_routes._presets(file, procedure, "quick") == (["quick"], {"levels": "0,50", "hold_s": "3"})
-    assert run_routes._presets(file, procedure, "of another procedure") == (["quick"], {})
+    filled = shown(site, bench="own", procedure="step_response", preset="quick")
+    as_ever = shown(site, bench="own", procedure="step_response", preset="of another procedure")
+    values, usual = ({one["name"]: one["value"] for one in form["fields"]} for form in (filled, as_ever))
+    assert filled["presets"] == as_ever["presets"] == ["quick"]
+    assert {name: value for name, value in values.items() if value != usual[name]} == {"levels": "0,50", "hold_s": "3"}

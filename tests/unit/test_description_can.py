@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from drivers import can as driver
 from drivers._can_messages import checksum, group_of
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.device_link import DeviceWatchdog
 from hil.description.can import database
 from hil.errors import HardwareError, LinkError, SettingError
 from sim_devices import can as twin
@@ -266,7 +267,7 @@ def test_the_amplifier_passes_the_checks_on_its_twin(tmp_path):
     assert "has_the_watchdog_that_it_promises" in passed
 
 
-def test_an_isobus_valve_by_its_dbc_frame_by_frame(tmp_path):
+def test_an_isobus_valve_by_its_dbc_frame_by_frame(tmp_path, monkeypatch):
     wiring = Wiring({"c": OutputChannel("c", "flow command", "value", "%", -100.0, 100.0)},
                     {"f": InputChannel("f", "estimated flow", "value", "%", -125.0, 125.0)})  # fmt: skip
     valve = can.Bus(interface="virtual", channel=tmp_path.name)
@@ -288,7 +289,7 @@ def test_an_isobus_valve_by_its_dbc_frame_by_frame(tmp_path):
             read = link.read()["estimated flow"]
             assert read == value if value is not None else math.isnan(read)
         time.sleep(0.35)
-        link._watchdog.heard()
+        monkeypatch.setattr(DeviceWatchdog, "begin", lambda *_: None)  # its watchdog has not expired
         with pytest.raises(HardwareError, match=r"no EstimatedFlow\.ExtendFlow for 0\.3 s"):
             link.read()
     finally:

@@ -150,7 +150,7 @@ def opened(device: Foreign, tmp_path: Path, **more: Any) -> Iterator[modbus.Modb
             link.close()
 
 
-def test_everything_against_a_device_that_shares_nothing(tmp_path):
+def test_everything_against_a_device_that_shares_nothing(tmp_path, half_a_second_later):
     device = Foreign()
     device.holding[310] = 0x80  # it reports a fault
     with opened(device, tmp_path) as link:
@@ -172,15 +172,13 @@ def test_everything_against_a_device_that_shares_nothing(tmp_path):
         read = link.read()
         assert str(read["volts 2"]) == str(read["spool"]) == "nan" and read["volts 1"] == 1.0
         device.holding[310] |= 0x80
-        link._checked_s = 0.0  # as after half a second
+        half_a_second_later()
         with pytest.raises(LinkError, match="the device reports a fault: over-temperature"):
             link.read()
         device.holding[310] = 7
         device.holding[100] += 9
-        link._checked_s = 0.0
         link.read()  # 0.9 mV beside it: close enough
         device.holding[100] += 9
-        link._checked_s = 0.0
         with pytest.raises(LinkError, match="command stands at"):
             link.read()
     assert device.holding[309] == 0  # disabled when it was let go of

@@ -113,7 +113,7 @@ def opened(device: Callable[[bytes], bytes], folder: Path, **more: Any) -> Itera
             link.close()
 
 
-def test_what_is_told_and_asked_is_what_the_file_says(tmp_path):
+def test_what_is_told_and_asked_is_what_the_file_says(tmp_path, half_a_second_later):
     device = Regulator()
     with opened(device, tmp_path, watchdog_s=2.0) as link:
         assert device.lines == ["ID", "REMOTE", "WD 0020", "WS 1000,0", "ERR?"]
@@ -125,7 +125,7 @@ def test_what_is_told_and_asked_is_what_the_file_says(tmp_path):
         assert link.read() == {"volts 1": 1.5, "volts 2": -2.25, "load": 1.25}
         assert device.lines == ["M?", "L?"]  # two terminals, one question
         device.mbar = "-2400"
-        link._checked_s = 0.0  # as after half a second
+        half_a_second_later()
         with pytest.raises(LinkError, match=r"set stands at -2.4 V, not at -2.5 V as it was driven"):
             link.read()
 

@@ -63,6 +63,11 @@ class Cell(DeviceLink):
     def _forget(self) -> None:
         self.happened.append("forgot")
 
+    def compared(self) -> Mapping[str, float]:
+        """Read as after half a second."""
+        self._checked_s = 0.0
+        return self.read()
+
     def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
         self.holds = float(round(values["out"]))
         self._watchdog.heard()
@@ -74,19 +79,14 @@ class Cell(DeviceLink):
         return {"in": self._none("in", "its wire is off") if math.isnan(self.reads) else self.reads}
 
 
-def compared(cell: Cell) -> Mapping[str, float]:
-    cell._checked_s = 0.0  # as after half a second
-    return cell.read()
-
-
 def test_what_it_holds_is_what_it_was_driven_to_as_it_rounds():
     cell = Cell()
     cell.drive({"out": 2.7})
-    assert compared(cell) == {"in": 1.0} and cell.identity == "cell 7"
+    assert cell.compared() == {"in": 1.0} and cell.identity == "cell 7"
     for elsewhere, said in ((0.0, "0 V"), (math.nan, "nan V")):
         cell.holds = elsewhere
         with pytest.raises(LinkError, match=f"out stands at {said}, not at 3 V as it was driven: the device restarted"):
-            compared(cell)
+            cell.compared()
 
 
 def test_an_output_stands_within_what_was_driven_of_late_and_no_number_nowhere():

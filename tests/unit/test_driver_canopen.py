@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import socket
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -135,7 +136,7 @@ def test_valve_is_made_active_and_driven(bus):
 def test_what_the_bench_file_says_stands_in_the_valve(bus):
     told = {"ramp_s": 0.25, "dither_amplitude": 30, "dither_hz": 120.0, "dead_band_a": 10.0, "dead_band_b": 20.0}
     with linked(bus, **told) as (_, served, _):
-        values = served._node.values
+        values = served.node.values
     types, numbers = (0x6330, 0x6360, 0x6342), (0x6331, 0x6361, 0x6362, 0x6343, 0x6344)
     assert [values[index, 0] for index in types] == [1, 1, 1]
     assert [values[index, 1] for index in numbers] == [250, 30, 120, 1638, 3277]
@@ -216,7 +217,7 @@ def test_hostile_frames_neither_crash_nor_move_the_spool_unless_it_is_active(fra
         for answer in HOSTILE.valve.on_frame(identifier, data):
             assert len(answer[1]) <= 8
         list(HOSTILE.valve.tick())
-        if HOSTILE.valve._state not in (0b1111, 0b1011, 0b0011):
+        if HOSTILE.valve.value(0x6041, 0) not in (0b1111, 0b1011, 0b0011):
             assert HOSTILE.side.standing("set point") == 0.0
 
 
@@ -226,6 +227,7 @@ HOSTILE = Bus()
 def test_hub_passes_frames_on_and_survives_nonsense():
     import can
 
+    before = threading.active_count()
     hub = Hub("127.0.0.1", 0)
     buses = [can.Bus(interface="socketcand", channel="can0", host=hub.host, port=hub.port) for _ in range(2)]
     with socket.create_connection((hub.host, hub.port)) as stranger:
@@ -236,7 +238,7 @@ def test_hub_passes_frames_on_and_survives_nonsense():
     for member in buses:
         member.shutdown()
     hub.close()
-    assert not any(thread.is_alive() for thread in hub._threads)
+    assert threading.active_count() == before
 
 
 def test_the_twin_s_file_is_that_of_such_a_valve():

@@ -43,6 +43,12 @@ def linked(bus: str, **settings: Any) -> Any:
     return linked_to(j1939_valve, twin, SIMULATION, WIRING, told)
 
 
+def estimates(bus: str, data: bytes, source: int = 0x80) -> None:
+    """Say on the bus what a valve with this address would."""
+    with can.Bus(interface="virtual", channel=bus) as other:
+        other.send(can.Message(arbitration_id=3 << 26 | 0xFE11 << 8 | source, data=data, is_extended_id=True))
+
+
 @pytest.fixture(autouse=True)
 def _claimed_soon(monkeypatch):
     monkeypatch.setattr(_can_frames, "CLAIM_WAIT_S", 0.02)
@@ -106,7 +112,7 @@ def test_silence_is_an_error_and_others_are_not_believed(bus):
         served.behaviour.quirks = Quirks(silent=True)
         with pytest.raises(LinkError, match=r"no estimated flow of valve 1 for 1 s"):
             until(lambda: link.read() is None)  # what it said before may still be good
-        served._send(3 << 26 | 0xFE11 << 8 | 0x81, bytes(8))
+        estimates(bus, bytes(8), source=0x81)
         with pytest.raises(LinkError, match=r"no estimated flow of valve 1 for 1 s"):
             link.read()
 
@@ -119,13 +125,18 @@ def test_silence_is_an_error_and_others_are_not_believed(bus):
     ],
 )
 def test_error_of_the_valve_is_told(bus, text, message):
-    with linked(bus) as (link, _, _), pytest.raises(LinkError, match=message):
-        link._estimated(bytes.fromhex(text))
+    with linked(bus) as (link, served, _):
+        served.behaviour.quirks = Quirks(silent=True)
+        estimates(bus, bytes.fromhex(text))
+        with pytest.raises(LinkError, match=message):
+            until(lambda: link.read() is None)
 
 
 def test_valve_that_estimates_no_flow_has_no_measurement(bus):
-    with linked(bus) as (link, _, _):
-        assert math.isnan(link._estimated(bytes.fromhex("ff ff 30 1f ff ff ff ff")))
+    with linked(bus) as (link, served, _):
+        served.behaviour.quirks = Quirks(silent=True)
+        estimates(bus, bytes.fromhex("ff ff 30 1f ff ff ff ff"))
+        until(lambda: math.isnan(link.read()["estimated flow"]))
 
 
 @given(st.lists(st.tuples(st.integers(0, 0x1FFFFFFF) | st.just(0x0CFE3926), st.binary(max_size=8)), max_size=20))

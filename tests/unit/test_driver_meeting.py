@@ -162,13 +162,14 @@ CARRIERS: Mapping[str, Carrier] = {
 
 
 @contextmanager
-def stood(carrier: Carrier, folder: Path) -> Iterator[tuple[Place, ForeignLine, PolledDaq]]:
-    """A device whose output stands at 1, and the DAQ of its link."""
+def stood(carrier: Carrier, folder: Path) -> Iterator[tuple[Place, ForeignLine, Any, PolledDaq]]:
+    """A device, its line, the link to it, and the DAQ of that."""
     place = Place()
     with ForeignLine(carrier.answer(place), carrier.whole) as line:
-        daq = PolledDaq({"device": carrier.opened(line.port, folder)}, {"device": carrier.wiring})
+        link = carrier.opened(line.port, folder)
+        daq = PolledDaq({"device": link}, {"device": carrier.wiring})
         try:
-            yield place, line, daq
+            yield place, line, link, daq
         finally:
             with suppress(HardwareError):
                 daq.close()
@@ -176,12 +177,11 @@ def stood(carrier: Carrier, folder: Path) -> Iterator[tuple[Place, ForeignLine, 
 
 @pytest.mark.parametrize("carrier", CARRIERS.values(), ids=CARRIERS)
 def test_another_device_on_a_new_connection_is_written_nothing(carrier, tmp_path):
-    with stood(carrier, tmp_path) as (place, line, daq):
-        (member,) = daq._members
-        member.drive({carrier.name: 1.0})
+    with stood(carrier, tmp_path) as (place, line, link, daq):
+        link.drive({carrier.name: 1.0})
         assert place.at == 1.0
         place.who, written_before = "another", place.writes
-        hang_up(line, member.link)
+        hang_up(line, link)
         for _ in range(3):
             with pytest.raises(DeviceLostError):
                 daq.make_safe()
@@ -195,23 +195,22 @@ def test_another_device_on_a_new_connection_is_written_nothing(carrier, tmp_path
 
 @pytest.mark.parametrize("carrier", CARRIERS.values(), ids=CARRIERS)
 def test_a_device_that_hangs_up_at_rest_is_connected_again(carrier, tmp_path):
-    with stood(carrier, tmp_path) as (place, line, daq):
-        (member,) = daq._members
-        hang_up(line, member.link)
-        member.renew()
-        member.drive({carrier.name: 1.0})
+    with stood(carrier, tmp_path) as (place, line, link, _):
+        hang_up(line, link)
+        link.renew()
+        link.drive({carrier.name: 1.0})
         assert place.at == 1.0
-        member.drive({carrier.name: 0.0})
+        link.drive({carrier.name: 0.0})
         place.who = "another"
-        hang_up(line, member.link)
+        hang_up(line, link)
         with pytest.raises(HardwareError, match="another device answers"):
-            member.renew()
+            link.renew()
 
 
 def hang_up(line: ForeignLine, link: Any) -> None:
     """Every connection is closed, and the link can know."""
     line.reset()
-    until(lambda: link._line.is_hung_up)
+    until(lambda: link.line.is_hung_up)
 
 
 def test_a_question_that_a_module_leaves_unanswered_keeps_no_safe_value_waiting():

@@ -19,12 +19,15 @@ from drivers._modbus_line import ModbusLine
 from drivers._registers import encodings
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Waveform
+from hil.daq.device_link import DeviceWatchdog
 from hil.daq.polled import PolledDaq
 from hil.description.named import Described, description_of
 from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
 from sim_devices import modbus as twin
+from sim_devices._modbus_described import DescribedBank
 from sim_devices._modbus_frames import RtuFrames, TcpFrames, answered, crc16
 from sim_devices._quirks import Quirks
+from sim_devices._twin import described_in
 from sim_devices.kit import Place, Table, Timer, serve_registers
 from tests.foreign_line import ForeignLine
 from tests.linked import linked as linked_to
@@ -216,7 +219,7 @@ def test_safe_value_does_not_wait_for_a_line_that_is_not_clean(port):
         thread = threading.Thread(target=link.drive, args=({"ao0": 0.0},))
         thread.start()
         until(lambda: terminals.standing("ao0") == 0.0)
-        assert not link._line.is_clean, "it was told only when no late answer could come"
+        assert not link.line.is_clean, "it was told only when no late answer could come"
         thread.join()
 
 
@@ -338,13 +341,13 @@ def test_stranger_s_device_is_told_where_the_output_is_safe_and_stands_there_aft
         served.close()
 
 
-def test_restart_of_the_device_is_noticed():
+def test_restart_of_the_device_is_noticed(half_a_second_later):
     with linked() as (link, served, _):
         link.drive({"ao0": 5.0})
         served.behaviour.quirks = Quirks(reboot=True, answers=1)
         with pytest.raises(LinkError, match="no valid answer"):
             link.read()
-        link._checked_s = 0.0  # as after half a second
+        half_a_second_later()
         with pytest.raises(LinkError, match=r"ao0 stands at 0 V, not at 5\.00015 V as it was driven: the device"):
             link.read()
 
@@ -391,14 +394,16 @@ def test_no_number_is_no_reading():
 E1241 = Wiring(output(0.0), {})
 
 
-def test_outputs_in_safe_mode_are_noticed_and_left_from_the_safe_value():
+def test_outputs_in_safe_mode_are_noticed_and_left_from_the_safe_value(monkeypatch, half_a_second_later):
     settings = {"model": "iologik-e1241", "watchdog_s": 1.5}
     with linked(E1241, **settings) as (link, served, terminals):
         link.drive({"ao0": 7.0})
         until(lambda: terminals.standing("ao0") == 0.0)
-        link._heard_s = time.monotonic()
-        with pytest.raises(LinkError, match="ao0: the device itself has made it safe"):
-            link._outputs_stand()
+        half_a_second_later()
+        with monkeypatch.context() as patch:
+            patch.setattr(DeviceWatchdog, "begin", lambda *_: None)  # not the driver's own clock, but the device
+            with pytest.raises(LinkError, match="ao0: the device itself has made it safe"):
+                link.read()
         again = modbus.open_link(modbus.Settings(**settings, timeout_s=1.0, address=served.where), E1241)
         assert terminals.standing("ao0") == 0.0
         again.drive({"ao0": 3.0})
@@ -419,7 +424,7 @@ def test_refusal_says_which_register_and_why():
         linked() as (link, _, _),
         pytest.raises(LinkError, match=r"function 3 at register 0x0999 .* exception 2 \(no such"),
     ):
-        link._ask(3, 0x0999, count=1)
+        link.line.ask(3, 0x0999, count=1)
 
 
 def test_speed_of_the_line_is_kept():
@@ -474,7 +479,8 @@ def test_settings_that_cannot_be_are_told(changes, text):
 
 
 def test_refused_value_writes_nothing():
-    bank = twin._bank({"model": "iologik-e1241"}, turned(SIMULATION, WAGO))
+    settings = {"model": "iologik-e1241"}
+    bank = DescribedBank(turned(SIMULATION, WAGO), described_in(settings, "modbus"), settings)
     answer = answered(bytes.fromhex("10 04 00 00 02 04 01 00 FF FF"), bank)
     assert answer == bytes.fromhex("90 03")
     assert bank.holding(0x0400) == 0

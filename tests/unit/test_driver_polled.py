@@ -36,7 +36,7 @@ class Loop:
         self.slow_readings: dict[int, float] = {}
         self.written: list[float] = []
         self.closed = 0
-        self._clock = clock
+        self.clock = clock
 
     def standing(self) -> Mapping[str, float]:
         self._pass(self.takes_s)
@@ -62,8 +62,8 @@ class Loop:
             raise self.failures.pop(0)
 
     def _pass(self, duration_s: float) -> None:
-        if self._clock is not None:
-            self._clock.sleep_until(self._clock.now_s + duration_s)
+        if self.clock is not None:
+            self.clock.sleep_until(self.clock.now_s + duration_s)
 
 
 def wiring(suffix: str = "") -> Wiring:
@@ -214,11 +214,11 @@ def test_whole_waveforms_are_counted_where_blocks_end_early():
 def test_link_that_has_become_too_slow_for_its_blocks_ends_the_task_in_words():
     device, link = timed()
     link.takes_s = 0.15
-    begun_s = device._clock.now_s
+    begun_s = link.clock.now_s
     says = r"too slow: a sample takes 0\.3 s, and may take 0\.05 s where inputs are judged each 0\.1 s"
     with pytest.raises(LinkError, match=says):
         list(device.play(ramp(400), 20))
-    assert device._clock.now_s - begun_s == pytest.approx(1.2)
+    assert link.clock.now_s - begun_s == pytest.approx(1.2)
     device.make_safe()
     assert link.value == -1.0
 
@@ -242,7 +242,7 @@ def test_nothing_is_driven_on_after_the_computer_has_slept():
     device, link = timed()
     list(device.play(ramp()))
     count = len(link.written)
-    device._clock.slept_s = 5.0  # type: ignore[misc]
+    link.clock.slept_s = 5.0  # type: ignore[misc]
     for _ in range(2):
         with pytest.raises(StoppedError, match="the computer slept for 5 s, and where outputs stood"):
             list(device.play(ramp()))

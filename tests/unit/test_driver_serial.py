@@ -16,6 +16,7 @@ from serial import rfc2217
 
 from drivers import ascii_module, scpi
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.device_link import DeviceWatchdog
 from hil.description.ascii_module import ModuleDescription
 from hil.description.named import Described, description_of
 from hil.errors import DeviceLostError, LinkError
@@ -104,7 +105,7 @@ def test_another_module_than_the_one_that_was_named_is_refused():
     served.close()
 
 
-def test_watchdog_of_the_module_makes_safe_by_itself_and_the_driver_notices():
+def test_watchdog_of_the_module_makes_safe_by_itself_and_the_driver_notices(monkeypatch, half_a_second_later):
     with module(watchdog_s=0.2) as (link, _, side):
         link.drive({"ao0": 5.0})
         until(lambda: side.standing("ao0") == 0.0)
@@ -112,15 +113,18 @@ def test_watchdog_of_the_module_makes_safe_by_itself_and_the_driver_notices():
         assert side.standing("ao0") == 0.0
         with pytest.raises(LinkError, match=r"longer than its watchdog of 0\.2 s"):
             link.read()
-        link._outputs_stand()  # the module tells what it was sent last; only the driver's own clock gives it away
+        monkeypatch.setattr(DeviceWatchdog, "begin", lambda *_: None)
+        half_a_second_later()
+        link.read()  # the module tells what it was sent last; only the driver's own clock gives it away
 
 
-def test_another_master_is_noticed():
+def test_another_master_is_noticed(half_a_second_later):
     with module() as (link, served, _):
         link.drive({"ao0": 5.0})
-        served._device.answer_to("#01C0+01.000")
+        served.device.answer_to("#01C0+01.000")
+        half_a_second_later()
         with pytest.raises(LinkError, match="ao0 stands at 1 V, not at 5 V as it was driven"):
-            link._outputs_stand()
+            link.read()
 
 
 def test_output_that_is_set_to_give_a_current_is_refused(monkeypatch):
@@ -223,7 +227,7 @@ def test_bad_answer_is_an_error_and_the_next_one_is_right(make, elsewhere, quirk
             served.behaviour.mangled = lambda answer, quirks: b"\xfe" + answer if quirks.garbled else answer
         with pytest.raises(LinkError):
             link.standing()
-        served._device.answer_to(elsewhere)
+        served.device.answer_to(elsewhere)
         assert link.standing() == {terminal: pytest.approx(-5.0)}
 
 
@@ -238,7 +242,7 @@ def test_safe_value_does_not_wait_for_a_line_that_is_not_clean(make):
         thread = threading.Thread(target=link.drive, args=({terminal: 0.0},))
         thread.start()
         until(lambda: side.standing(terminal) == 0.0)
-        assert not link._line.is_clean, "it was told only when no late answer could come"
+        assert not link.line.is_clean, "it was told only when no late answer could come"
         thread.join()
 
 

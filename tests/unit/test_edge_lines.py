@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from drivers import _line as line_module
 from drivers import ascii_module, scpi
 from drivers._line import Line, SerialSettings
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
@@ -250,13 +251,13 @@ def test_an_error_text_with_a_semicolon_is_told_whole():
         link.drive({"current": 1.0})
 
 
-def test_a_source_with_coarse_steps_works_when_they_are_said():
+def test_a_source_with_coarse_steps_works_when_they_are_said(half_a_second_later):
     device = Instrument()
     device.step = 0.01
     for step, works in ((0.0, False), (0.01, True)):
         with source(device, step=step) as link:
             link.drive({"current": 1.234})
-            link._checked_s = 0.0  # as after half a second
+            half_a_second_later()
             if works:
                 assert link.read()["coil current"] == 1.5
                 continue
@@ -279,15 +280,15 @@ def test_line_ends(end, answers_with):
     ids=lambda e: type(e).__name__,
 )  # fmt: skip
 @pytest.mark.parametrize("make", ["module", "source"])
-def test_whatever_the_port_raises_is_a_named_error(make, error):
+def test_whatever_the_port_raises_is_a_named_error(make, error, monkeypatch):
     linked_to = module(Module(name="4024"), OUT, "adam-4024") if make == "module" else source(Instrument())
     with linked_to as link:
         (terminal,) = link.standing()
+        link.line.close()
+        monkeypatch.setattr(line_module, "TcpPort", lambda *_: BrokenPort(error))
         for call in (link.read, link.standing, lambda: link.drive({terminal: 0.0})):
             if make == "module" and call == link.read:
                 continue  # it has no inputs to ask for
-            link._line.close()
-            link._line._port = BrokenPort(error)
             with pytest.raises(DeviceLostError, match=r"socket://127\.0\.0\.1:.*the line is gone"):
                 call()
 

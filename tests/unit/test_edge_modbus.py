@@ -128,7 +128,7 @@ def test_an_unknown_format_or_table_is_no_register(key, said):
 
 
 @pytest.mark.parametrize("form", ["f32", "s32"])
-def test_outputs_in_two_registers_are_driven_and_read_back(form):
+def test_outputs_in_two_registers_are_driven_and_read_back(form, half_a_second_later):
     device = Tables(holding={8: 0, 9: 0, 10: 0})
     model = Model({
         "p": Register("out", "value", "bar", -500.0, 500.0, "holding", 8, form, 1.0 if form == "f32" else 1e-3),
@@ -141,7 +141,7 @@ def test_outputs_in_two_registers_are_driven_and_read_back(form):
         assert device.holding[10] == 7
         assert link.standing() == {"p": -123.5, "q": 7.0}
         device.holding[9] ^= 0x4000
-        link._checked_s = 0.0  # as after half a second
+        half_a_second_later()
         with pytest.raises(LinkError, match=r"p stands at .* bar, not at -123.5 bar as it was driven"):
             link.read()
 
@@ -311,13 +311,13 @@ ANYTHING = (
 
 
 @pytest.mark.parametrize("error", ANYTHING, ids=lambda e: type(e).__name__)
-def test_whatever_the_library_raises_is_a_named_error(error):
+def test_whatever_the_library_raises_is_a_named_error(error, monkeypatch):
     device = Tables(inputs={0: 453}, holding={8: 0})
     model = Model({"t": gauge("u16"), "q": Register("out", "value", "bar", -500.0, 500.0, "holding", 8, "s16")})
     with linked(device.on_tcp, model) as link:
-        link._line.close()
+        link.line.close()
+        monkeypatch.setattr(modbus_line, "TcpPort", lambda *_: BrokenPort(error))
         for call in (link.read, link.standing, lambda: link.drive({"q": 1.0})):
-            link._line._port = BrokenPort(error)
             with pytest.raises(HardwareError) as told:
                 call()
             assert str(told.value)
@@ -376,25 +376,21 @@ def test_a_late_answer_is_not_called_an_echo_once_readings_have_come():
         assert "one to an earlier request may have come late" in str(told.value)
 
 
-def _in_pieces(sent: bytes, *pieces: bytes) -> bool:
-    """Whether two answers are said to have come to what was sent, of which more and more had come."""
-    line = modbus_line.ModbusLine(LineSettings(address="/dev/ttyUSB0", transport="rtu"), lambda: None)
-    line._sent = sent
-    for piece in pieces:
-        line._take(piece)
-    return line._two_came(5 + 2 * int.from_bytes(sent[4:6], "big"))
+READ, OTHER = (data + crc(data) for data in (b"\x01\x04\x04\x00\x07\x01\x04", b"\x01\x04\x04\x00\x08\x01\x04"))
 
 
-@pytest.mark.parametrize("first", [1, 3, 6])
-def test_an_answer_that_comes_in_pieces_or_twice_is_one(first):
+@pytest.mark.parametrize("first", [1, 3, 6, len(READ)])
+@pytest.mark.parametrize(
+    ("behind", "are_two"), [(b"", False), (READ, False), (READ[:3], False), (OTHER, True)],
+    ids=["nothing", "the same", "a part of the same", "another"],
+)  # fmt: skip
+def test_an_answer_that_comes_in_pieces_or_twice_is_one(first, behind, are_two, monkeypatch):
     """Its bytes may be those with which an answer begins: 260 is 01 04."""
-    sent, read = b"\x01\x04\x00\x00\x00\x02", b"\x01\x04\x04\x00\x07\x01\x04"
-    sent, read = sent + crc(sent), read + crc(read)
-    other = b"\x01\x04\x04\x00\x08\x01\x04"
-    other += crc(other)
-    assert not _in_pieces(sent, read[:first], read)
-    assert not _in_pieces(sent, read[:first], read + read)
-    assert not _in_pieces(sent, read[:first], read + read[:first])
-    assert not _in_pieces(sent, read, read)
-    assert _in_pieces(sent, read[:first], read + other)
-    assert _in_pieces(sent, read, read + other)
+    whole = READ + behind
+    pieces = [whole[:first], whole[first:]] if first < len(READ) else [whole]
+    port = SimpleNamespace(line=nullcontext(), quiet_until_s=0.0, write=lambda _sent: None,
+                           read=lambda _left_s: pieces.pop(0), drop=lambda: None)  # fmt: skip
+    monkeypatch.setattr(modbus_line, "TcpPort", lambda *_: port)
+    line = modbus_line.ModbusLine(LineSettings(address="socket://there:1", transport="rtu"), lambda: None)
+    with pytest.raises(LinkError, match="two answers came") if are_two else nullcontext():
+        assert line.ask(4, 0, count=2) == [0x0007, 0x0104]

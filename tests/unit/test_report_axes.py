@@ -35,8 +35,7 @@ def drawings(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
         return Picture(name, caption)
 
     monkeypatch.setattr(responses, "drawn", drawn)
-    responses._bodes(CURVES)
-    responses._distortions(CURVES)
+    responses.responses_section(CURVES)
     return made
 
 

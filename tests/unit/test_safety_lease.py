@@ -94,8 +94,8 @@ def test_the_watchdog_leaves_a_bench_alone_that_another_program_has_taken_over(
     monkeypatch,
 ):  # fmt: skip
     monkeypatch.setattr(watchdog, "GIVE_UP_S", 0.3)
-    watchdog._act(
-        watchdog._Reporter(file, tmp_path, os.getpid(), "ended"), StopService({}, "watchdog", lambda _wish: None)
+    watchdog.take_over(
+        watchdog.Reporter(file, tmp_path, os.getpid(), "ended"), StopService({}, "watchdog", lambda _wish: None)
     )
     told = json.loads((tmp_path / "watchdog.json").read_text(encoding="utf-8"))
     assert told["why"] == "ended" and f"in use by process {holder.pid}" in told["left_alone"]

@@ -146,7 +146,7 @@ def test_run_in_another_thread_is_stopped_at_its_next_block():
             ended.append(halted)
         finally:
             with pytest.raises(Halted):
-                guard.close() if not ended else guard._operator.check()
+                guard.close() if not ended else mine[0].check()
             daq.close()
 
     mine: list[Operator] = []

@@ -79,7 +79,7 @@ def _impatient(patch: Patch) -> None:
 
 
 def _latching(patch: Patch) -> None:
-    tell_safe = Guard._tell_safe
+    tell_safe = Guard._tell_safe  # noqa: SLF001 - planted inside
 
     def and_latch(self: Guard) -> None:
         tell_safe(self)
@@ -114,14 +114,12 @@ def _readable(patch: Patch) -> None:
 
 
 def _ramping(patch: Patch) -> None:
-    ramp_down = Guard._ramp_down
+    ramp_down = Guard._ramp_down  # noqa: SLF001 - planted inside
 
     def unasked(self: Guard) -> None:
-        stop, self._operator._stop = self._operator._stop, threading.Event()
-        try:
+        with patch.context() as meanwhile:
+            meanwhile.setattr(self._operator, "_stop", threading.Event())
             ramp_down(self)
-        finally:
-            self._operator._stop = stop
 
     patch.setattr(Guard, "_ramp_down", unasked)
 

@@ -99,7 +99,7 @@ def test_who_stops_is_believed_where_a_console_vouches_for_it():
             told = {"token": control["token"], **said, **({"account": "emil"} if forged else {})}
             assert posted(control["stop_url"], told)[0] == 200
             posted(control["stop_url"], {"token": control["token"], **asking("otto", control)})
-            assert listener._service.stopped_by == ("" if forged else "olga")
+            assert listener.service.stopped_by == ("" if forged else "olga")
 
 
 def test_hold_is_asked_for_by_who_knows_its_token():
@@ -107,7 +107,7 @@ def test_hold_is_asked_for_by_who_knows_its_token():
         url, token = f"{listener.control.url}/hold", listener.control.tokens.hold
         assert posted(url, {"token": token})[1] == {"state": "running"}
         assert posted(url, {"token": token, "hold": "1"})[1] == {"state": "asked"}
-        listener._service.holds(True)
+        listener.service.holds(True)
         assert posted(url, {"token": token})[1] == {"state": "holding"}
         assert posted(url, {"token": token, "hold": "0"})[1] == {"state": "running"}
         assert posted(url, {"token": token, "hold": "x"})[0] == 400
@@ -212,7 +212,7 @@ def test_answer_under_way_is_sent_when_the_listener_closes():
             waiting = pool.submit(stopped, listener)
             while not wishes:
                 time.sleep(0.005)
-            listener._service.tell(SAFE, "run")
+            listener.service.tell(SAFE, "run")
         assert waiting.result()["state"] == "confirmed"
 
 

@@ -19,7 +19,7 @@ import pytest
 from hil.bench import fail_safe_shutdown, watchdog
 from hil.bench.stop.control import Control, Tokens, control_of, published
 from hil.bench.stop.stop_service import StopService
-from hil.safety.outputs import Output, Outputs, State, outputs_in
+from hil.safety.outputs import Output, State, outputs_in, record_of
 from hil.system.parent import Parent
 from tests.stops import SAFE
 from tests.unit.test_bench_watchdog import Valve, bench_of
@@ -44,13 +44,11 @@ class Watched:
         os.write(self.pipe, what)
 
     def tells(self, output: Output) -> None:
-        known = Outputs()
-        known._known = {"valve": output}
-        self.says(json.dumps({"outputs": known.record()}).encode() + b"\n")
+        self.says(json.dumps({"outputs": record_of({"valve": output})}).encode() + b"\n")
 
     def begin(self, limit_s: float = PATIENCE_S) -> threading.Thread:
         def watch() -> None:
-            end = watchdog._watched(self.reader, limit_s, self.program.pid, self.service, {})
+            end = watchdog.watch_over(self.reader, limit_s, self.program.pid, self.service, {})
             self.ended.append((end, time.monotonic()))
 
         thread = threading.Thread(target=watch, daemon=True)
@@ -183,7 +181,7 @@ from hil.system.parent import Parent
 from hil.bench.stop.stop_service import StopService
 reader = Parent(int(sys.argv[1]))
 print("ready", file=sys.stderr, flush=True)
-end = watchdog._watched(reader, 2.0, int(sys.argv[1]), StopService({}, "watchdog", reader.request), {})
+end = watchdog.watch_over(reader, 2.0, int(sys.argv[1]), StopService({}, "watchdog", reader.request), {})
 print(end, file=sys.stderr)
 """
 
@@ -228,7 +226,7 @@ def test_program_is_understood_in_whatever_pieces_it_comes():
     for size in (1, 2, 3, 7, 1000):
         service = StopService({"valve": "V"}, "watchdog", lambda _wish: None)
         service.ask_to_hold(True)
-        program = watchdog._Program(service, {})
+        program = watchdog.WatchedProgram(service, {})
         signs = sum(program.received(told[at : at + size]) for at in range(0, len(told), size))
         assert (signs, program.driven, program.has_left, service.status.is_confirmed) == (5, True, True, True)
         assert service.hold == "holding"
@@ -239,9 +237,9 @@ def test_program_is_understood_in_whatever_pieces_it_comes():
 )
 def test_program_that_talks_nonsense_is_watched_on(line):
     service = StopService({"valve": "V"}, "watchdog", lambda _wish: None)
-    program = watchdog._Program(service, {})
+    program = watchdog.WatchedProgram(service, {})
     assert program.received(b"d" + line + b"\nd") == 2 and program.driven and not service.status.is_final
-    assert program.received(b"{" + b"x" * (3 << 20)) == 0 and len(program._rest) <= (1 << 20) + 1
+    assert program.received(b"{" + b"x" * (3 << 20)) == 0 and len(program.unfinished) <= (1 << 20) + 1
 
 
 @pytest.mark.parametrize("answers", [True, False])
@@ -257,9 +255,8 @@ def test_takeover_confirms_what_it_read_back(answers, tmp_path, monkeypatch):
 
 
 def test_record_of_outputs_comes_back_as_it_was():
-    known = Outputs()
-    known._known = {"a": Output(State.DRIVEN, "V", 5.0, why="x"), "b": Output(State.UNCONFIRMED, "%", can=False)}
-    assert outputs_in(json.loads(json.dumps(known.record()))) == known.known
+    known = {"a": Output(State.DRIVEN, "V", 5.0, why="x"), "b": Output(State.UNCONFIRMED, "%", can=False)}
+    assert outputs_in(json.loads(json.dumps(record_of(known)))) == known
 
 
 def test_control_file_is_its_owners_and_goes_with_the_run(tmp_path):
@@ -290,5 +287,5 @@ def test_watchdog_without_a_port_watches_all_the_same(monkeypatch):
         raise OSError(98, "Address already in use")
 
     monkeypatch.setattr("hil.bench.stop.listener._opened", taken)
-    with watchdog._listening(StopService({"valve": "V"}, "watchdog", lambda _wish: None)) as told:
+    with watchdog.listening(StopService({"valve": "V"}, "watchdog", lambda _wish: None)) as told:
         assert told == {"no_listener": "no listener for a stop: [Errno 98] Address already in use"}

@@ -62,7 +62,7 @@ def test_a_bench_is_looked_at_and_nothing_is_written(tmp_path):
         line.close()
         assert {reading.state for reading in readings} == {"ok"}, readings
         assert line.modbus_functions <= {3, 4, 43} and 4 in line.modbus_functions
-        assert device._side._field.levels["command"] == 0.0
+        assert device.side.field.levels["command"] == 0.0
 
 
 def test_a_device_that_does_not_answer_is_stale_and_then_back(tmp_path):

@@ -94,7 +94,7 @@ def on_linux(steps: Script) -> Seen:
     with other.line as line:
         held = TcpConnection("127.0.0.1", other.port, TIMEOUT_S)
         time.sleep(SHORT_S)
-        client = line._clients[0]
+        client = line.clients[0]
         acts: dict[str, Callable[[], object]] = {
             "lose": line.lose, "heal": line.heal,
             "other closes": lambda: client.shutdown(2), "other resets": line.reset,

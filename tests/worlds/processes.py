@@ -306,7 +306,7 @@ class ParentEnd:
             self._call()
 
     def _wait(self, until_s: float | None) -> None:
-        self._program.ended._tasks.append(getcurrent())  # either of both ends the wait
+        self._program.ended.add(getcurrent())  # either of both ends the wait
         self._hears.changed.wait(until_s)
 
     def say(self, what: bytes) -> None:

@@ -164,6 +164,10 @@ class Waiters:
             if task in self._tasks:
                 self._tasks.remove(task)
 
+    def add(self, task: Task) -> None:
+        """Have this one wake them too, which waits for something else as well."""
+        self._tasks.append(task)
+
     def wake(self) -> None:
         """All of them look again."""
         while self._tasks:

@@ -42,7 +42,7 @@ class Listener:
     """
 
     def __init__(self, service: StopService, by: By) -> None:
-        self._service = service
+        self.service = service
         self._tokens = Tokens()
         self._sockets, urls = _opened()
         self._ended = system.event()
@@ -53,7 +53,7 @@ class Listener:
 
     def close(self) -> None:
         """End it; who waits is answered with what is known, and answers that are under way are given a moment."""
-        self._service.close()
+        self.service.close()
         self._ended.set()
         with suppress(RuntimeError):  # its loop is between two lives
             if self._wake is not None:
@@ -111,20 +111,20 @@ class Listener:
 
     async def _stopped(self, by: str) -> object:
         since_s = system.now_s()
-        asked = self._service.stop(by)
+        asked = self.service.stop(by)
         try:
             status = await asyncio.wait_for(asyncio.wrap_future(asked), ANSWER_S)
         except TimeoutError:
-            self._service.give_up(asked)
-            return {**self._service.status.answer(since_s), "state": "unconfirmed", "seconds": ANSWER_S}
+            self.service.give_up(asked)
+            return {**self.service.status.answer(since_s), "state": "unconfirmed", "seconds": ANSWER_S}
         return status.answer(since_s)
 
     def _hold_answer(self, hold: str) -> object:
         if hold in ("1", "0"):
-            self._service.ask_to_hold(hold == "1")
+            self.service.ask_to_hold(hold == "1")
         elif hold:
             raise BadRequestError(400, f"hold {hold:.20}: 1, 0, or nothing to ask how it stands")
-        return {"state": self._service.hold}
+        return {"state": self.service.hold}
 
 
 class _Connection(asyncio.Protocol):
