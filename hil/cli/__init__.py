@@ -1,1 +1,1 @@
-"""The command line, one file per command; heavy imports happen inside the commands."""
+"""The command line: its commands, a file each, and what they share; heavy imports happen inside a command."""

@@ -12,8 +12,7 @@ from typing import Any
 import typer
 from typer.main import get_command
 
-from hil import cli
-from hil.cli import error_message
+from hil.cli import commands, error_message
 from hil.cli.error_message import say
 from hil.cli.options import option
 from hil.errors import InputError, marked, options_of
@@ -47,14 +46,14 @@ def assembled() -> typer.Typer:
         help="Test, identify and diagnose electrically modulated hydraulic valves.",
     )  # fmt: skip
     app.callback(invoke_without_command=True)(_options)
-    for found in pkgutil.iter_modules(cli.__path__):
-        module = importlib.import_module(f"{cli.__name__}.{found.name}")
+    for found in pkgutil.iter_modules(commands.__path__):
+        module = importlib.import_module(f"{commands.__name__}.{found.name}")
         name = found.name.rstrip("_").replace("_", "-")
-        if hasattr(module, "command"):
+        if hasattr(module, "group"):
+            app.add_typer(module.group, name=name)
+        else:
             own, settings = getattr(module, "Command", None), getattr(module, "CONTEXT", None)
             app.command(name=name, cls=own, context_settings=settings)(module.command)
-        elif hasattr(module, "group"):
-            app.add_typer(module.group, name=name)
     return app
 
 

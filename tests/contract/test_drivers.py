@@ -17,7 +17,7 @@ from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.bench.twin import subject
 from hil.catalog import entries
-from hil.cli import new as begin
+from hil.cli.commands import new as begin
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.daq.conformance import CHECKS, Result, Subject, Witness, examine, left_safe, verdict_of
 from hil.daq.polled import PolledDaq

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from hil.cli import check
+from hil.cli.commands import check
 
 NO_REQUESTS, BESIDE = "no requests to read outputs back", "requests a second to read outputs back"
 

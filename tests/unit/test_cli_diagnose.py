@@ -6,7 +6,7 @@ import pytest
 import typer
 from typer.main import get_command
 
-from hil.cli import diagnose
+from hil.cli.commands import diagnose
 
 
 @pytest.mark.parametrize(

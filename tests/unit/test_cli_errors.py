@@ -153,7 +153,7 @@ def test_what_is_raised_is_one_line(error, status, says, command_line, monkeypat
     def broken(_kind: str) -> None:
         raise error
 
-    monkeypatch.setattr("hil.cli.list_.entries", broken)
+    monkeypatch.setattr("hil.cli.commands.list_.entries", broken)
     ended = command_line("list", "plants")
     assert ended.status == status and ended.err.startswith(says) and ended.err.count("\n") == bool(says)
 
@@ -210,7 +210,7 @@ def test_a_second_signal_says_no_second_end(command_line, monkeypatch):
         marked(ended, 130, "outputs are safe (read back)")
         raise typer.Exit(say(ended))
 
-    monkeypatch.setattr("hil.cli.list_.entries", stopped)
+    monkeypatch.setattr("hil.cli.commands.list_.entries", stopped)
     monkeypatch.setattr("hil.cli.app.raised", Terminated)  # it came in the same moment
     status, _, said = command_line("list", "plants")
     assert (status, said) == (130, "hil: stopped; outputs are safe (read back)\n")

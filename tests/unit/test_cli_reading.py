@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from hil.cli import analyse, average, compare, convert, diagnose, diff, identify, simulate
+from hil.cli.commands import analyse, average, compare, convert, diagnose, diff, identify, simulate
 from hil.cli.reading import takes_reading
 from hil.record.reading import Reading
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.cli.diff import _text
+from hil.cli.commands.diff import _text
 from hil.diagnosis.evidence.coverage import Limit
 from hil.errors import FileError, SettingError
 from hil.passport.change import Change, Size, owner_among, owner_of

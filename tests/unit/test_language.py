@@ -13,7 +13,7 @@ from babel.messages.pofile import read_po
 from docs.catalogues import CATALOGUES, ROOMS, catalogue, compiled, long_sentences, text_of
 from hil.bench.find import benches
 from hil.bench.read import read_bench
-from hil.cli.run import understood
+from hil.cli.commands.run import understood
 from hil.console.board import interlocks_of, lines_of
 from hil.errors import SettingError
 from hil.language.choice import choose, page_language

@@ -91,7 +91,7 @@ def _held_against_first(bench: BenchFile, serial: str, archive: str, *, as_json:
     """Run the procedure and compare; leaves with status 1 where a figure differs from that of the first run."""
     from hil import api
     from hil.archive.place import DEFAULT_FOLDER
-    from hil.cli.compare import comparison_json, comparison_table
+    from hil.cli.commands.compare import comparison_json, comparison_table
     from hil.cli.progress import shown
     from hil.cli.run_end import entered, safely
     from hil.cli.searches import not_entered
