@@ -23,11 +23,11 @@ from pathlib import Path
 import numpy as np
 import platformdirs
 from filelock import FileLock
-from numpy.typing import NDArray
 
+from hil.arrays import Array
 from hil.errors import FileError
 
-Arrays = Mapping[str, NDArray[np.float64]]
+Arrays = Mapping[str, Array]
 
 _KEPT_S = 90 * 86400.0
 _WRITTEN_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 from hil.errors import UnitError
 
 if TYPE_CHECKING:
-    import numpy as np
     import pint
-    from numpy.typing import NDArray
+
+    from hil.arrays import Array
 
 # Spellings that benches and loggers use and pint does not know, or takes for something else.
 _SPELLINGS = {"1": "dimensionless", "": "dimensionless", "gpm": "gallon/minute", "GPM": "gallon/minute",
@@ -123,7 +123,7 @@ def in_base_units(unit: str) -> tuple[float, float, dict[str, int]]:
 _BASE = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A", "[temperature]": "K"}
 
 
-def convert(values: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float64]:
+def convert(values: Array, unit: str, to: str) -> Array:
     """Values given in `unit`, expressed in `to`; the same array when nothing changes."""
     a, b = scale_and_offset(unit, to)
     if a == 1.0 and b == 0.0:

@@ -11,14 +11,13 @@ import math
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.identification.frequency.frequency_response import DISTORTION_FLAG, FrequencyResponse
 from hil.identification.frequency.sine_segments import Segment, declared_segments, frequency_responses, hum_beneath
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, draws_of
 from hil.language.note import Note
 from hil.record.measurement import Findings, Measured, Measurement
-from hil.record.recording import Array, Recording
+from hil.record.recording import Array, Mask, Recording
 from hil.rig import Rig
 from hil.signals.stepped_sine import check_frequencies, even_frequencies
 from procedures._definitions import FREQUENCIES, defined
@@ -170,9 +169,7 @@ def _curve(recording: Recording, one: Evaluated, segments: list[Segment]) -> dic
     return one.curve(thd_percent=100.0 * one.response.distortion_beyond_noise[0], overlays=overlays)
 
 
-def _hummed(
-    response: FrequencyResponse, segments: list[Segment], recording: Recording, hum_hz: float | None
-) -> NDArray[np.bool_]:
+def _hummed(response: FrequencyResponse, segments: list[Segment], recording: Recording, hum_hz: float | None) -> Mask:
     """Lines of which a harmonic lies on a tone that goes on beneath every sine, shape (n,)."""
     if hum_hz is None:
         return np.zeros(len(response), dtype=np.bool_)
@@ -183,7 +180,7 @@ def _hummed(
     return near < np.array([resolved.get(f, 0.0) for f in response.frequency_hz.tolist()])
 
 
-def _hum_note(one: Evaluated, hummed: NDArray[np.bool_], hum_hz: float | None) -> Note:
+def _hum_note(one: Evaluated, hummed: Mask, hum_hz: float | None) -> Note:
     lines_hz = tuple(Note("{line_hz:g}", line_hz=line_hz) for line_hz in one.response.frequency_hz[hummed])
     note = Note(
         "a tone of {tone_hz:.3g} Hz goes on beneath every sine. What it adds to harmonics of {lines_hz} Hz cannot be "
@@ -193,7 +190,7 @@ def _hum_note(one: Evaluated, hummed: NDArray[np.bool_], hum_hz: float | None) -
     return note.at(one.label)
 
 
-def _distortion(one: Evaluated, hummed: NDArray[np.bool_]) -> Measured:
+def _distortion(one: Evaluated, hummed: Mask) -> Measured:
     """The largest over the lines; what noise adds to the largest of many is taken off."""
     response = one.response
     thd, line_std = response.distortion_beyond_noise

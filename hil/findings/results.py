@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from hil.arrays import Array
 from hil.errors import FileError, first_fault, reading, storing
 from hil.record.cause import Cause
 from hil.record.durable import write_whole
@@ -22,7 +22,6 @@ from hil.record.show import dataset, figure_by_unit, table_html
 from hil.units import behind_a_number
 from hil.untrusted import read_untrusted_json
 
-Array = NDArray[np.float64]
 SCHEMA: Literal["hil.results/1"] = "hil.results/1"
 
 
@@ -125,10 +124,10 @@ class FittedFunction(_Strict):
         import numpy as np
 
         from hil.physics.readings import Reading, readings
-        from hil.signals.interval import ARITHMETIC, rounded, width
+        from hil.signals.interval import COVERED, is_arithmetic, rounded, width
 
         def text(one: Reading) -> str:
-            std = one.std if one.std and one.std > ARITHMETIC * abs(one.value) else None
+            std = None if one.std is None or is_arithmetic(COVERED * one.std, one.value) else one.std
             return " ".join(filter(None, (one.name, rounded(one.value, std), width(std) if std else "", one.unit)))
 
         found = readings(

@@ -8,12 +8,11 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import InputError, UnknownNameError
 from hil.physics.compose import Kernel, kernel
 from hil.physics.plant import Plant
-from hil.record.recording import Array
+from hil.record.recording import Array, Integers, Mask
 
 _NOTHING = np.zeros(1)
 _NO_TRACE = np.zeros((1, 1))
@@ -67,10 +66,10 @@ class _Arrays:
     steady: Array
     coefficients: Array
     states: Array
-    on: NDArray[np.bool_]
+    on: Mask
     effect_coefficients: Array
     memory: Array
-    offsets: NDArray[np.int64]
+    offsets: Integers
 
     def advanced(
         self, plant: Plant, inputs: Array, read_at: float, start: int, settle: bool,
@@ -232,7 +231,7 @@ def plant_at(compiled: Kernel, step_s: float, parameters: _Named) -> tuple[Array
 @lru_cache(_KEPT)
 def effects_at(
     compiled: Kernel, step_s: float, active: tuple[tuple[tuple[str, str], _Named], ...]
-) -> tuple[NDArray[np.bool_], Array, NDArray[np.int64]]:
+) -> tuple[Mask, Array, Integers]:
     """Which effects are on, their coefficients, and where the memory of each begins; kept for the next simulations."""
     plant = compiled.plant
     unknown = {key for key, _ in active} - compiled.indices.keys()

@@ -7,10 +7,9 @@ that is noisy at rest stands still only when nobody measures it.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.language.note import Note
-from hil.record.recording import Array, Recording
+from hil.record.recording import Array, Mask, Recording
 from hil.signals.rounding import rounding_step
 from hil.signals.runs import longest_runs, runs
 from hil.units import behind_a_number
@@ -37,7 +36,7 @@ def frozen_channels(recording: Recording) -> tuple[Note, ...]:
     )
 
 
-def _frozen(values: Array, at_rest: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _frozen(values: Array, at_rest: Mask) -> list[tuple[int, int]]:
     """(first, one past the last) reading of each run that chance does not explain."""
     finite, found = np.isfinite(values), []
     longest = longest_runs((values[1:] == values[:-1]) & finite[1:], _MOST)
@@ -57,7 +56,7 @@ def _is_short(count: int, first: int, last: int) -> bool:
     return count * (_AROUND * (last - first) + 1.0) ** (first - last) >= _BY_CHANCE
 
 
-def _is_across(values: Array, at_rest: NDArray[np.bool_], first: int, last: int) -> bool:
+def _is_across(values: Array, at_rest: Mask, first: int, last: int) -> bool:
     """Whether the command changes well within a run, at a value on which the channel does not rest elsewhere.
 
     A rest is left by the change of the command, or soon after; zero flow within an overlap comes again.
@@ -69,7 +68,7 @@ def _is_across(values: Array, at_rest: NDArray[np.bool_], first: int, last: int)
     return all(stop - start < margin for start, stop in rests if start != first)
 
 
-def _is_frozen(steps: Array, code: float, at_rest: NDArray[np.bool_], first: int, last: int) -> bool:
+def _is_frozen(steps: Array, code: float, at_rest: Mask, first: int, last: int) -> bool:
     rest = at_rest.copy()
     rest[first:last] = False
     others, same = steps[rest & np.isfinite(steps)], last - first

@@ -10,14 +10,13 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hil.record.recording import Array, Recording
+from hil.record.recording import Array, Mask, Recording
 
 _APART_S = 1e-6  # stamps that a supposition brings together stay apart by so much
 
 
-def late_exchanges(recording: Recording) -> NDArray[np.bool_]:
+def late_exchanges(recording: Recording) -> Mask:
     """The samples whose exchanges took longer than usual by more than a sample interval, shape (n,)."""
     late = np.zeros(len(recording), dtype=np.bool_)
     for off_s in _off_s(recording).values():

@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+from hil.arrays import Array
 
 STARTED, STOPPED = "part started", "part stopped"
 PLACE = ("first", "count", "start_s", "stop_s", "unfinished")
 
 
-def parts_of(events: Sequence[Mapping[str, Any]], time_s: NDArray[np.float64]) -> list[dict[str, Any]]:
+def parts_of(events: Sequence[Mapping[str, Any]], time_s: Array) -> list[dict[str, Any]]:
     """The parts that events delimit: their details, and where their samples lie.
 
     `first` and `count` index the samples, `start_s` and `stop_s` are the stamps of the first and the last of
@@ -30,7 +29,7 @@ def parts_of(events: Sequence[Mapping[str, Any]], time_s: NDArray[np.float64]) -
     return [part for part in found if part]
 
 
-def _place(row: int, stop: Mapping[str, Any] | None, time_s: NDArray[np.float64]) -> dict[str, Any]:
+def _place(row: int, stop: Mapping[str, Any] | None, time_s: Array) -> dict[str, Any]:
     first, end = max(row, 0), min(stop["row"] if stop else len(time_s), len(time_s))
     if end <= first:
         return {}
@@ -49,7 +48,7 @@ def as_events(parts: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
         yield {"event": STOPPED, "row": end, "time_s": part["stop_s"], "part": number, "details": cut}
 
 
-def moved(meta: Mapping[str, Any], row_of: Callable[[int], int], time_s: NDArray[np.float64]) -> dict[str, Any]:
+def moved(meta: Mapping[str, Any], row_of: Callable[[int], int], time_s: Array) -> dict[str, Any]:
     """What `meta` says when row k is row `row_of(k)` of samples with the stamps `time_s`: its parts and events.
 
     Events of no such row are left out. A part that reaches over an end is cut there and marked unfinished.

@@ -8,17 +8,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array as Array
+from hil.arrays import Complex as Complex
+from hil.arrays import Integers as Integers
+from hil.arrays import Mask as Mask
 from hil.errors import FileError, UnitError, option
 from hil.record.parts import moved
 from hil.record.show import data_frame, dataset, figure_by_unit, table_html
 from hil.units import check_unit, convert
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Mask = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 
 # A picture shows no more points of a channel.
 _MOST_POINTS = 20_000

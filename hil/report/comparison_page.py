@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.arrays import Array
 from hil.findings.difference import Difference, by_name
-from hil.findings.results import Array, Curve, Results
+from hil.findings.results import Curve, Results
 from hil.language.words import _
 from hil.record.measurement import Measured
 from hil.report import results

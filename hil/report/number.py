@@ -8,7 +8,7 @@ import re
 from hil.language.figures import localised
 from hil.language.note import translated
 from hil.language.words import place_words
-from hil.signals.interval import ARITHMETIC
+from hil.signals.interval import is_arithmetic
 
 MINUS = "\N{MINUS SIGN}"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -35,7 +35,7 @@ def rounded(value: float | None, expanded: float | None) -> tuple[str, str]:
     """
     if value is None or not math.isfinite(value) or expanded is None or not expanded > 0.0:
         return number(value), ""
-    if expanded < ARITHMETIC * abs(value):
+    if is_arithmetic(expanded, value):
         return number(value, 9), ""
     if not math.isfinite(expanded):
         return number(value), "∞"

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array, Mask
 from hil.daq.contract import Block
 from hil.language.note import Note
 from hil.safety.lasting import lasting_s
@@ -32,7 +32,7 @@ class Band:
         """Whether any value is outside."""
         return self.low > -np.inf or self.high < np.inf
 
-    def values(self, block: Block) -> NDArray[np.float64]:
+    def values(self, block: Block) -> Array:
         """What is compared with the range."""
         values = block.values(self.channel)
         if not self.minus:
@@ -46,7 +46,7 @@ class Band:
         low, high = values.min(), values.max()
         return bool(self.low <= low and high <= self.high and -np.inf < low and high < np.inf)
 
-    def outside(self, block: Block) -> NDArray[np.bool_]:
+    def outside(self, block: Block) -> Mask:
         """Where the channel is not within the range, or was not measured."""
         values = self.values(block)
         inside = np.isfinite(values)
@@ -56,7 +56,7 @@ class Band:
             inside &= values >= self.low
         return np.logical_not(inside, out=inside)
 
-    def may_hold(self, block: Block) -> NDArray[np.bool_]:
+    def may_hold(self, block: Block) -> Mask:
         """Where the channel is within the range, or was not measured, so that nobody knows."""
         return ~self.outside(block) | ~np.isfinite(self.values(block))
 
@@ -124,7 +124,7 @@ class Watch:
     _same_since_s: float | None = field(default=None, init=False)
     _last: float = field(default=np.nan, init=False)
 
-    def judge(self, block: Block, blind_s: float = 0.0, repeated: NDArray[np.bool_] | None = None) -> Violation | None:
+    def judge(self, block: Block, blind_s: float = 0.0, repeated: Mask | None = None) -> Violation | None:
         """The first violation that begins in this block.
 
         Args:
@@ -155,7 +155,7 @@ class Watch:
         reason = text_of(block, at)
         return Violation(self.interlock, time_s, f"interlock '{self.interlock.name}': {reason} at {time_s:.3f} s")
 
-    def _outside(self, block: Block, blind_s: float) -> NDArray[np.bool_] | None:
+    def _outside(self, block: Block, blind_s: float) -> Mask | None:
         """Where the range has been left for long enough; None when it is kept all the time."""
         lock = self.interlock
         if not lock.allowed.asks:  # only that the reading changes
@@ -175,7 +175,7 @@ class Watch:
         held_s[-1] += blind_s
         return outside & (held_s >= lock.for_s)
 
-    def _stale(self, block: Block) -> NDArray[np.bool_] | None:
+    def _stale(self, block: Block) -> Mask | None:
         """Where the reading has not changed for too long; None when it changes all the time."""
         lock = self.interlock
         if lock.stale_s is None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hil.record.recording import Array
+from hil.record.recording import Array, Mask
 
 
-def lasting_s(active: NDArray[np.bool_], time_s: Array, since_s: float | None) -> tuple[Array, float | None]:
+def lasting_s(active: Mask, time_s: Array, since_s: float | None) -> tuple[Array, float | None]:
     """The time for which `active` has held without a break, at each sample, and since when it holds at the end.
 
     Args:

@@ -13,12 +13,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array, Mask
 from hil.signals.rounding import rounding_step
 from hil.signals.runs import runs
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +68,7 @@ class Standstill:
         """Nothing is known yet."""
         return cls(np.empty(0))
 
-    def after(self, values: Array) -> tuple[Standstill, NDArray[np.bool_]]:
+    def after(self, values: Array) -> tuple[Standstill, Mask]:
         """The channel after a block, and which of its readings repeat more often than by chance, shape (n,)."""
         seen, new = np.concatenate([self.readings, values]), len(self.readings)
         first = max(new - 1 - min(self.repeats, CRITERIA.memory), 0)

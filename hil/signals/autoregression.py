@@ -8,12 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array
 from hil.signals.information_criterion import bic
 from hil.signals.recursion import filtered
-
-Array = NDArray[np.float64]
 
 _ORDERS = (1, 2, 4, 8, 16)
 _PER_ORDER = 8  # samples for each coefficient

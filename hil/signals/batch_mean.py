@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+
+from hil.arrays import Array
 
 _PIECES = 10
 _FEWEST = 20
 
 
-def batch_mean(values: NDArray[np.float64]) -> tuple[float, float | None]:
+def batch_mean(values: Array) -> tuple[float, float | None]:
     """Mean and its standard uncertainty, from the spread of the means of ten pieces; None for fewer than 20 readings.
 
     Noise that is slower than a piece is not seen. `values` has shape (n,), n ≥ 1.

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array
 from hil.signals.products import rows_by_rows
-
-Array = NDArray[np.float64]
 
 _REACH = 200
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hil.arrays import Array
 
 
 def first_crossing(places: Array, values: Array, level: float) -> float | None:

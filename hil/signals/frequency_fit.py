@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array, Complex
 from hil.errors import SettingError
 from hil.signals.sine_basis import sine_basis
 from hil.signals.sine_solution import solve
-
-Array = NDArray[np.float64]
-Phasors = NDArray[np.complex128]
 
 _MAX_STEPS = 30
 _SETTLED = 1e-8  # steps below this share of a resolution cell change nothing any more
@@ -50,7 +47,7 @@ def _strongest(time_s: Array, values: Array) -> float:
     return max(int(np.argmax(spectrum[1:])) + 1, 0.5) / float(time_s[-1] - time_s[0])
 
 
-def _climb(shifted: Array, values: Array, start: float) -> tuple[float, Phasors]:
+def _climb(shifted: Array, values: Array, start: float) -> tuple[float, Complex]:
     """The best of a few frequencies around a start, so that the iteration begins inside the main lobe."""
     resolution, top = 1.0 / float(shifted[-1] - shifted[0]), _nyquist(shifted)
     offered = [f for f in start + resolution * np.arange(-1.0, 1.25, 0.25) if 0.2 * resolution <= f < top]

@@ -10,8 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from hil.arrays import Array
 from hil.signals.information_criterion import bic
-from hil.signals.sine_fit import Array, SineFit, sine_fit
+from hil.signals.sine_fit import SineFit, sine_fit
 
 _MOST = 80
 _FASTEST = 0.2  # of the sample rate: beyond it no valve answers

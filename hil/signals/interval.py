@@ -15,9 +15,7 @@ UNIFORM = 1.0 / math.sqrt(12.0)
 CERTAIN = 4.0
 """Standard uncertainties below which the largest of many values stays by noise alone."""
 
-ARITHMETIC = 1e-12
-"""Of a value: an uncertainty below that is a computer's rounding."""
-
+_ARITHMETIC = 1e-12  # of a value: half an interval below that is a computer's rounding
 _DECIMALS, _DIGITS = 9, 12  # more are written with an exponent; no computation keeps more digits
 
 
@@ -33,6 +31,11 @@ def width(std: float | None) -> str:
     if not math.isfinite(std):
         return "not identifiable"
     return f"± {_to_place(COVERED * std, COVERED * std)}" if std else "± 0"
+
+
+def is_arithmetic(half: float, value: float) -> bool:
+    """Whether half an interval of a value is nothing but a computer's rounding, and is not shown."""
+    return half < _ARITHMETIC * abs(value)
 
 
 def _to_place(value: float, half: float) -> str:

@@ -12,12 +12,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array, Complex, Integers
 from hil.errors import SettingError
-
-Array = NDArray[np.float64]
-Lines = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +30,9 @@ class Multisine:
 
     base_hz: float
     rate_hz: float
-    excited: Lines
-    odd_detection: Lines
-    even_detection: Lines
+    excited: Integers
+    odd_detection: Integers
+    even_detection: Integers
     period: Array
 
     @property
@@ -106,7 +103,7 @@ def odd_multisine(
     return Multisine(base_hz, rate_hz, excited, silent, even, period * (peak / np.max(np.abs(period))))
 
 
-def _one_of_each(odd: Lines, group: int, rng: np.random.Generator) -> Lines:
+def _one_of_each(odd: Integers, group: int, rng: np.random.Generator) -> Integers:
     """A random line of each full group; the first and last line stay excited, so that the band keeps its ends."""
     if group < 2:
         return np.array([], dtype=np.int64)
@@ -115,7 +112,7 @@ def _one_of_each(odd: Lines, group: int, rng: np.random.Generator) -> Lines:
     return np.array([inner[start + rng.integers(group)] for start in starts], dtype=np.int64)
 
 
-def _low_crest(excited: Lines, samples: int, rng: np.random.Generator, iterations: int) -> Array:
+def _low_crest(excited: Integers, samples: int, rng: np.random.Generator, iterations: int) -> Array:
     """Random phases, improved by clipping at a level that rises slowly, the best of all steps kept."""
     phasors = np.exp(2j * math.pi * rng.random(len(excited)))
     best = wave = _wave(excited, phasors, samples)
@@ -128,7 +125,7 @@ def _low_crest(excited: Lines, samples: int, rng: np.random.Generator, iteration
     return best
 
 
-def _wave(excited: Lines, phasors: NDArray[np.complex128], samples: int) -> Array:
+def _wave(excited: Integers, phasors: Complex, samples: int) -> Array:
     spectrum = np.zeros(samples // 2 + 1, dtype=complex)
     spectrum[excited] = phasors * samples / 2.0
     return np.fft.irfft(spectrum, samples)

@@ -11,10 +11,9 @@ from functools import cache
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-Array = NDArray[np.float64]
+from hil.arrays import Array
 
 
 def rows_by_rows(a: Array, b: Array) -> Array:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array
 from hil.errors import SettingError
-
-Array = NDArray[np.float64]
 
 
 def ramp(start: float, stop: float, duration_s: float, rate_hz: float) -> Array:

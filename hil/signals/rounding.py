@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array
 from hil.signals.interval import UNIFORM
-
-Array = NDArray[np.float64]
 
 _SAME = 1e-6  # of the range: closer values are one code, calculated twice
 _MOST = 20_000  # samples that are looked at

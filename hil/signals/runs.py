@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from hil.arrays import Integers, Mask
 
 
-def runs(held: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs(held: Mask) -> list[tuple[int, int]]:
     """(first, one past the last) index of every stretch of True, in order."""
     return [(start, stop) for start, stop in _edges(held).tolist()]
 
 
-def longest_runs(held: NDArray[np.bool_], most: int) -> list[tuple[int, int]]:
+def longest_runs(held: Mask, most: int) -> list[tuple[int, int]]:
     """The longest stretches of True, at most so many, the longest first; of equally long ones the first."""
     edges = _edges(held)
     return [
@@ -19,6 +20,6 @@ def longest_runs(held: NDArray[np.bool_], most: int) -> list[tuple[int, int]]:
     ]
 
 
-def _edges(held: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _edges(held: Mask) -> Integers:
     """Shape (number of stretches, 2)."""
     return np.flatnonzero(np.diff(held.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)

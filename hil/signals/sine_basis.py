@@ -11,12 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array, Complex
 from hil.signals.products import rows_by_columns, rows_by_rows
-
-Array = NDArray[np.float64]
-Phasors = NDArray[np.complex128]
 
 # Stamps count as even when the phase of the top harmonic is wrong by less than this (rad).
 _EVEN_PHASE = 1e-6
@@ -33,16 +30,16 @@ class SineBasis:
     """
 
     samples: int
-    blocks: Phasors
-    within: Phasors
-    sums: Phasors
+    blocks: Complex
+    within: Complex
+    sums: Complex
 
     @property
     def harmonics(self) -> int:
         """Number of harmonics, the fundamental included."""
         return int(self.within.shape[1])
 
-    def project(self, signals: Array) -> Phasors:
+    def project(self, signals: Array) -> Complex:
         """Σ s·e^(ikωt) over the stamps; shape (m, harmonics) for signals of shape (m, n)."""
         count, length = len(self.blocks), len(self.within)
         padded = np.zeros((len(signals), count * length))
@@ -51,7 +48,7 @@ class SineBasis:
         per_block = parts.view(np.complex128).reshape(len(signals), count, -1)
         return (per_block * self.blocks).sum(axis=1)
 
-    def synthesise(self, weights: Phasors) -> Array:
+    def synthesise(self, weights: Complex) -> Array:
         """Re Σ w_k·e^(ikωt) at every stamp, shape (n,)."""
         table = np.ascontiguousarray(_real_pairs(np.conj(self.within)).T)  # Re(a·b) = Re a·Re b − Im a·Im b
         return rows_by_columns(_real_pairs(self.blocks * weights), table).reshape(-1)[: self.samples]
@@ -94,7 +91,7 @@ def gram(basis: SineBasis) -> Array:
     return made
 
 
-def interleaved(projections: Phasors) -> Array:
+def interleaved(projections: Complex) -> Array:
     """Projections as [on sin ωt, on cos ωt, on sin 2ωt, …]; shape (m, 2·harmonics)."""
     made = np.empty((len(projections), 2 * projections.shape[1]))
     made[:, 0::2], made[:, 1::2] = projections.imag, projections.real
@@ -108,6 +105,6 @@ def _dirichlet(turn: Array, n: int) -> Array:
     return np.where(small, n * np.cos(turn * (n - 1) / 2.0), np.sin(n * turn / 2.0) / np.where(small, 1.0, half))
 
 
-def _real_pairs(values: Phasors) -> Array:
+def _real_pairs(values: Complex) -> Array:
     """Complex (n, k) as real (n, 2k): real and imaginary parts side by side."""
     return np.ascontiguousarray(values).view(np.float64)

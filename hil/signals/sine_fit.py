@@ -11,16 +11,13 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array, Complex
 from hil.errors import SettingError
 from hil.signals.colour import colour_factors
 from hil.signals.rounding import sine_rounding_std
 from hil.signals.sine_basis import sine_basis
 from hil.signals.sine_solution import Solved, solve
-
-Array = NDArray[np.float64]
-Phasors = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +37,7 @@ class SineFit:
 
     frequency_hz: float
     offset: float
-    phasors: Phasors
+    phasors: Complex
     drift: Array
     residual_std: float
     covariance: Array

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array, Complex
 from hil.errors import SettingError
 from hil.signals.products import rows_by_columns, rows_by_rows
 from hil.signals.sine_basis import SineBasis, gram, interleaved
-
-Array = NDArray[np.float64]
-Phasors = NDArray[np.complex128]
 
 # Smallest eigenvalue of the scaled inner products at which columns still count as different.
 _DISTINCT = 1e-9
@@ -31,7 +28,7 @@ class Solved:
     explained: float
 
     @property
-    def phasors(self) -> Phasors:
+    def phasors(self) -> Complex:
         """A_k·e^(iφ_k)."""
         pairs = self.parameters[1 : 1 + 2 * self.basis.harmonics]
         return pairs[0::2] + 1j * pairs[1::2]

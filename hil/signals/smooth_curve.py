@@ -11,11 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array
 from hil.signals.autoregression import whitened
-
-Array = NDArray[np.float64]
 
 _DEGREE = 3
 _ROUGHNESS = 3  # order of the differences that are penalised: straight lines and parabolas cost nothing

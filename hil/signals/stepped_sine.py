@@ -6,11 +6,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array
 from hil.errors import SettingError
-
-Array = NDArray[np.float64]
 
 # Twenty samples per period keep the steps of a held output 26 dB below the sine and harmonic 5 well inside.
 SAMPLES_PER_PERIOD = 20

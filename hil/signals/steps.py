@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.arrays import Array
 from hil.errors import SettingError
-
-Array = NDArray[np.float64]
-
 
 # Input steps customary for four-port directional valves, in % of rated signal: (from, to) in sequence.
 # ISO 10770-1:1998 has them as table 4; the entries are those in general use, not read from the standard.

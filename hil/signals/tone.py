@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hil.arrays import Array
 
 BY_CHANCE = 1e-6  # of a line as strong in noise of the same power
 _LEAST_PERIODS = 4.0

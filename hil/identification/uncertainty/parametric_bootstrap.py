@@ -11,7 +11,6 @@ import math
 import zlib
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.record.recording import Array, Complex
 
@@ -20,7 +19,7 @@ _HIDDEN = 2.0  # times the offset: the estimate that they are drawn from has bee
 _PARTS = 1e6  # parts of the largest that seed the draws: the last bits of a calculation differ between processors
 
 
-def draws_of(samples: NDArray[np.float64] | Complex) -> np.random.Generator:
+def draws_of(samples: Array | Complex) -> np.random.Generator:
     """What draws recordings again of these samples.
 
     The same samples give the same draws, so results repeat. Draws that are alike for all recordings would make an

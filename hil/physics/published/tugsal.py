@@ -13,11 +13,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.language.words import marked
 from hil.physics.transfer_function import TransferFunction, transfer_function
-from hil.record.recording import Array
+from hil.record.recording import Array, Complex
 from hil.signals.recursion import filtered
 
 Level = Literal["low", "high"]
@@ -102,7 +101,7 @@ class SampledModel:
     denominator: tuple[float, ...]
 
     @property
-    def poles(self) -> NDArray[np.complex128]:
+    def poles(self) -> Complex:
         """In z, largest first."""
         found = np.roots(self.denominator).astype(np.complex128)
         return found[np.argsort(-np.abs(found), kind="stable")]

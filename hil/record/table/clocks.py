@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.arrays import Array
+
 _HOUR = np.timedelta64(3600, "s")
 _MINUTE = 60.0
 _SUNDAY = 6  # clocks are changed on Sundays, in Europe and in America
@@ -36,7 +38,7 @@ def without_changed_clocks(stamps: NDArray[Any]) -> tuple[NDArray[Any], str]:
     return stamps, ""
 
 
-def without_rollover(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
+def without_rollover(counts: Array) -> tuple[Array, str]:
     """Counts of a clock that begins anew where 16 or 32 bits are full, going on; and what was done, in words."""
     steps = np.diff(counts)
     if len(steps) < 2 or not (back := steps < 0.0).any() or not np.all(counts == np.round(counts)):
@@ -49,7 +51,7 @@ def without_rollover(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], 
     return counts, ""
 
 
-def with_minutes(numbers: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
+def with_minutes(numbers: Array) -> tuple[Array, str]:
     """Clocks written as one number in seconds, where only as such their steps are even; and what was done, in words."""
     minutes, seconds = numbers // 100.0, numbers % 100.0
     read = 3600.0 * (minutes // 100.0) + 60.0 * (minutes % 100.0) + seconds

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.arrays import Mask
 from hil.record.table.columns import Column, Table
 from hil.record.table.heading import SPREADSHEET_DAYS, plain_name
 
@@ -61,7 +62,7 @@ def _unit(texts: NDArray[Any]) -> str:
     return found.pop() if len(found) == 1 else ""
 
 
-def _rows_of_good_quality(by_name: dict[str, Column], called: NDArray[Any]) -> tuple[NDArray[np.bool_], str]:
+def _rows_of_good_quality(by_name: dict[str, Column], called: NDArray[Any]) -> tuple[Mask, str]:
     """Rows that their quality does not call bad, and how many it does, in words."""
     kept = np.ones(len(called), dtype=np.bool_)
     for known in by_name.keys() & _QUALITY:

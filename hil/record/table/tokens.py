@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.arrays import Array
 from hil.record.table.heading import is_unit
 
 BLANKS = ("", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", "NULL", "#N/A", "-nan(ind)", "1.#QNAN")
@@ -71,7 +72,7 @@ def is_quantity(field: str) -> bool:
     return is_number(field) or prefix_of(field) != "" or unit_of(field) != ""
 
 
-def as_numbers(fields: Sequence[str]) -> NDArray[np.float64]:
+def as_numbers(fields: Sequence[str]) -> Array:
     """Fields that are numbers (see `is_number`), as such."""
     import pandas as pd
 
@@ -99,7 +100,7 @@ def decimal_and_thousands(fields: Sequence[str], between_commas: bool = False) -
     return (",", "." if points and grouped[1] else "") if commas else (".", "")
 
 
-def numbers(texts: Any, decimal: str, thousands: str, unit: str = "", prefixed: bool = False) -> NDArray[np.float64]:
+def numbers(texts: Any, decimal: str, thousands: str, unit: str = "", prefixed: bool = False) -> Array:
     """Texts as numbers, however they are written; NaN for what is none.
 
     A typographic minus, marks or blanks between thousands, an exponent after D, and a unit behind the number are read.
