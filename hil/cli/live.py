@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from hil.cli.printed import printed
 from hil.units import behind_a_number
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from hil.bench.read import BenchFile
 
 
-def live_text(file: BenchFile, live: Live, infeasible: Mapping[str, str]) -> str:
+def _text(file: BenchFile, live: Live, infeasible: Mapping[str, str]) -> str:
     """Links, inputs, rate, procedures, and what is not plausible."""
     wanted_hz = file.bench.sample_rate_hz
     slow = "" if live.rate_hz >= wanted_hz else f"; too slow for sample_rate_hz = {wanted_hz:g}"
@@ -31,15 +32,13 @@ def live_text(file: BenchFile, live: Live, infeasible: Mapping[str, str]) -> str
     return "\n".join([*lines, *(f"warning: {text}" for text in live.remarks)])
 
 
-def live_json(file: BenchFile, live: Live, infeasible: Mapping[str, str]) -> str:
-    """The same, schema hil.live/1."""
-    from hil.record.plain import to_json
-
+def print_live(file: BenchFile, live: Live, infeasible: Mapping[str, str], as_json: bool) -> None:
+    """Print what was seen, in words or by schema hil.live/1."""
     procedures = [{"name": name, "can_run": not why, "why": why} for name, why in infeasible.items()]
     document = {"schema": "hil.live/1", "bench": file.bench.name, "links": live.links, "inputs": live.inputs,
             "rate_hz": live.rate_hz, "fastest_hz": live.fastest_hz, "unseen": live.unseen,
             "silent": live.silent, "procedures": procedures, "warnings": live.remarks}  # fmt: skip
-    return to_json(document)
+    printed(document, _text(file, live, infeasible), as_json)
 
 
 def _link(link: Link) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.printed import in_short
+from hil.cli.printed import in_short, printed
 from hil.report.number import limits_text, number, rounded, with_std
 from hil.report.terminal import aligned, typed
 
@@ -28,12 +28,11 @@ def compare_population(runs: Sequence[Path], archive: str, as_json: bool, csv: P
     found = searched(archive, lambda place: in_population(runs, place), not_entered)
     if csv is not None:
         _write_csv(found, csv)
-    typer.echo(_json(found) if as_json else _text(found))
+    printed(_document(found), _text(found), as_json)
 
 
-def _json(found: InPopulation) -> str:
+def _document(found: InPopulation) -> dict[str, object]:
     from hil.findings.difference import ALPHA
-    from hil.record.plain import plain, to_json
 
     rows = [
         {
@@ -44,12 +43,12 @@ def _json(found: InPopulation) -> str:
         }
         for one in found.standings
     ]  # fmt: skip
-    return to_json({
+    return {
         "schema": "hil.population/1", "procedure": found.runs[0].procedure, "runs": [run.run for run in found.runs],
         "serials": [run.serial for run in found.runs], "others": found.units, "without_serial": found.nameless,
         "same_instruments": found.one_bench, "false_alarm_rate": ALPHA, "values": rows,
-        "batch": None if found.batch is None else plain(found.batch),
-    })  # fmt: skip
+        "batch": found.batch,
+    }  # fmt: skip
 
 
 def _write_csv(found: InPopulation, path: Path) -> None:

@@ -16,10 +16,11 @@ def in_short(m: Measured | None) -> dict[str, Any] | None:
     return None if m is None else {"value": m.value, "std": m.std, "verdict": m.verdict, "relation": m.relation}
 
 
-def printed(document: Mapping[str, Any], words: str, as_json: bool) -> None:
-    """Print it one way or the other; `document` names its schema."""
+def printed(document: Mapping[str, Any] | list[Any], words: str, as_json: bool, indent: int | None = None) -> None:
+    """Print it one way or the other, nothing where there are no words; `document` names its schema."""
     if as_json:
         from hil.record.plain import to_json
 
-        words = to_json(document)
-    typer.echo(words)
+        words = to_json(document, indent)
+    if words:
+        typer.echo(words)

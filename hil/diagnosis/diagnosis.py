@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -119,6 +120,12 @@ class NextTest:
     settings: Mapping[str, Any]
     why: str
     bench_s: float
+
+    @property
+    def command(self) -> str:
+        """What is typed to run it, but for the bench."""
+        settings = (f"--set {shlex.quote(f'{name}={_setting(value)}')}" for name, value in self.settings.items())
+        return " ".join(["hil run", self.procedure, *settings])
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,8 +287,7 @@ class Diagnosis:
         for name, fit in self.recordings.items():
             rows.append(f"  fit {fit.nominal:7.2f} → {fit.corrected:6.2f} % (noise allows {fit.ceiling:.2f} %)  {name}")
         if self.next_test is not None:
-            settings = " ".join(f"--set {name}={_setting(value)}" for name, value in self.next_test.settings.items())
-            rows.append(f"  next: hil run {self.next_test.procedure} {settings}")
+            rows.append(f"  next: {self.next_test.command}")
             rows.append(f"        {self.next_test.why} (bench time {self.next_test.bench_s:g} s)")
         return "\n".join([*rows, *(f"  warning: {text}" for text in self.warnings)])
 

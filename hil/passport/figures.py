@@ -84,7 +84,7 @@ def _fill(figure: Figure, curves: Sequence[Curve], units: Sequence[str]) -> None
     grid[-1].set_xlabel(f"{_(first.name)} [{first.unit}]")
     if first.unit == "Hz":
         grid[-1].set_xscale("log")
-        plain_log(grid[-1])
+        plain_log(grid[-1].xaxis)
     height_in = figure.get_figheight()  # margins by hand: laying out by search takes longer than drawing
     figure.subplots_adjust(left=0.08, right=0.985, bottom=0.42 / height_in, top=1.0 - 0.4 / height_in, hspace=0.3)
 

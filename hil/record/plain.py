@@ -56,6 +56,6 @@ def _finite(values: np.ndarray[Any, Any]) -> bool:
     return values.dtype.kind == "f" and bool(np.isfinite(values).all())
 
 
-def to_json(value: Any) -> str:
-    """One line of JSON, as every language reads it."""
-    return json.dumps(plain(value), ensure_ascii=False, allow_nan=False)
+def to_json(value: Any, indent: int | None = None) -> str:
+    """JSON as every language reads it, on one line unless indented."""
+    return json.dumps(plain(value), ensure_ascii=False, allow_nan=False, indent=indent)

@@ -175,4 +175,4 @@ def _across(axes: Axes, curve: Curve) -> None:
     axes.set_xlabel(f"{first.name} [{first.unit}]")
     if first.unit == "Hz":
         axes.set_xscale("log")
-        plain_log(axes)
+        plain_log(axes.xaxis)

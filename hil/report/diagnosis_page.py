@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
@@ -210,16 +209,11 @@ def _left_sentence(d: Diagnosis, *, corrected: bool) -> str:
 def _next_test(test: NextTest | None) -> dict[str, Any] | None:
     if test is None:
         return None
-    settings = [f"--set {shlex.quote(f'{name}={_setting(value)}')}" for name, value in test.settings.items()]
     return {
-        "command": " ".join(["hil run", test.procedure, *settings, "--bench BENCH.toml"]),
+        "command": f"{test.command} --bench BENCH.toml",
         "why": capital(translated(test.why)),
         "seconds": _("{seconds} s of bench time").format(seconds=number(test.bench_s, 3)),
     }
-
-
-def _setting(value: Any) -> str:
-    return ",".join(f"{v:g}" for v in value) if isinstance(value, tuple | list) else str(value)
 
 
 def _false_alarms(d: Diagnosis) -> str:

@@ -226,18 +226,16 @@ def titled(axes: Axes, title: str) -> None:
     axes.margins(x=0.0)
 
 
-def plain_log(axes: Axes, axis: str = "x") -> None:
+def plain_log(axis: Axis) -> None:
     """A logarithmic axis with 0.1, 1, 10 on it instead of powers of ten, where the span allows."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    chosen = axes.xaxis if axis == "x" else axes.yaxis
-    low, high = axes.get_xlim() if axis == "x" else axes.get_ylim()
-    decades = np.log10(high / low)
-    steps = (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
-    chosen.set_major_locator(LogLocator(subs=steps, numticks=30))
-    chosen.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
-    chosen.set_minor_locator(LogLocator(subs="all", numticks=99))
-    chosen.set_minor_formatter(NullFormatter())
+    low, high = axis.get_view_interval()
+    steps = (1.0, 2.0, 5.0) if np.log10(high / low) < 2.5 else (1.0,)
+    axis.set_major_locator(LogLocator(subs=steps, numticks=30))
+    axis.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
+    axis.set_minor_locator(LogLocator(subs="all", numticks=99))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def legend_above(axes: Axes, columns: int = 4) -> None:

@@ -18,6 +18,7 @@ from hil.physics.plants.transfer_function import PLANT as LINEAR
 from hil.physics.transfer_function import from_parameters
 from hil.record.table.response_table import ResponseTable
 from hil.report.figure import COMMAND, FITTED, LEFT, MEASURED, Picture, drawn, legend_on_top, thinned
+from hil.report.name import short_name
 from hil.report.number import note_text, number, with_std
 from hil.report.page import page, write_page
 from hil.report.responses import bode
@@ -58,7 +59,7 @@ def write_fit_page(
         picture = _table(model, one, k) if isinstance(one, ResponseTable) else _samples(model, one, k)
         sections.append(
             Section(
-                _short(one.name),
+                short_name(one.name),
                 texts=tuple(map(note_text, filter(None, (summaries.get(one.name),)))),
                 figures=(picture,),
             )
@@ -67,10 +68,6 @@ def write_fit_page(
         sections.append(Section(_("Notes"), texts=tuple(map(note_text, notes))))
     title = _(model.definition.title)
     write_page("fit.html", path, kicker=_("Model and measurement"), title=title, sections=sections, simulated=simulated)
-
-
-def _short(name: str) -> str:
-    return name.rpartition("/")[2]
 
 
 def _model_section(model: Model) -> Section:
@@ -94,7 +91,7 @@ def _is_linear(model: Model) -> bool:
 
 def _table(model: Model, table: ResponseTable, k: int) -> Picture:
     curve: dict[str, Any] = {
-        "label": _short(table.name), "frequency_hz": table.frequency_hz, **_in_db_and_deg(table.response),
+        "label": short_name(table.name), "frequency_hz": table.frequency_hz, **_in_db_and_deg(table.response),
         "model": _modelled(model, table) if _is_linear(model) else None,
     }  # fmt: skip
     if table.gain_std is not None and table.phase_std_rad is not None:

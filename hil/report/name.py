@@ -22,11 +22,10 @@ def split_unit(name: str) -> tuple[str, str]:
     return name.replace("_", " "), ""
 
 
-def words(name: str, *, capital: bool = False) -> str:
+def words(name: str) -> str:
     """`fluid temperature [°C]` from `fluid_temperature_c`."""
     text, unit = split_unit(name)
-    text = f"{text} [{unit}]" if unit else text
-    return text[:1].upper() + text[1:] if capital else text
+    return f"{text} [{unit}]" if unit else text
 
 
 def quantity_words(name: str) -> str:

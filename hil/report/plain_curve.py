@@ -27,7 +27,7 @@ def plain_section(name: str, curve: Any) -> Section:
     pictures = tuple(_picture(name, one) for one in curves_of({name: curve})[:_MOST_PICTURES])
     rows = [row for own, mapping in mappings_of({name: curve}) for row in _rows(_label(name, own), mapping)]
     tables = (Table("", (_("Quantity"), _("Value")), tuple(rows[:_MOST_ROWS])),) if rows else ()
-    return Section(words(name, capital=True), figures=pictures, tables=tables)
+    return Section(capital(words(name)), figures=pictures, tables=tables)
 
 
 def _label(name: str, own: str) -> str:

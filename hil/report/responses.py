@@ -27,10 +27,10 @@ from hil.report.figure import (
     drawn,
     legend_above,
     legend_on_top,
+    plain_log,
     thinned,
     titled,
 )
-from hil.report.figure import plain_log as plain_log_axis
 from hil.report.number import fixed, number, with_uncertainty
 from hil.report.section import Listing, Section, Table
 from hil.signals.interval import COVERED
@@ -147,7 +147,7 @@ def _frame(column: Sequence[Axes], levels: Sequence[float], span_hz: tuple[float
     for axes in column:
         axes.set_xscale("log")
         axes.set_xlim(*span_hz)
-        plain_log_axis(axes)
+        plain_log(axes.xaxis)
     column[1].yaxis.set_major_locator(MaxNLocator(steps=[1, 1.5, 3, 4.5, 9, 10]))
     column[-1].set_xlabel(_("frequency [Hz]"))
     legend_above(column[0], 3)
@@ -175,7 +175,7 @@ def _distortion(name: str, curves: Sequence[Curve]) -> Picture:
                     axes.plot(needed(curve, "frequency_hz"), level, color=color, ls=dash, marker=marker,
                               label=_(label))  # fmt: skip
             axes.set_xscale("log")
-            plain_log_axis(axes)
+            plain_log(axes.xaxis)
             axes.set_xlabel(_("frequency [Hz]"))
             axes.annotate(label_of(curve), (1.0, 1.0), xycoords="axes fraction", ha="right", va="top", color=SOFT)
         figure.axes[0].set_ylabel(_("level [dB]"))

@@ -118,7 +118,7 @@ def _bode(name: str, curve: Curve) -> Picture:
             above.plot(fine, decibels(response), **style)
             below.plot(fine, np.degrees(np.unwrap(np.angle(response))), **style)
         above.set_xscale("log")
-        plain_log(below)
+        plain_log(below.xaxis)
         above.set_ylabel(_("amplitude ratio [dB]"))
         below.set_ylabel(_("phase [°]"))
         below.set_xlabel(_("frequency [Hz]"))

@@ -351,15 +351,24 @@ def error_between(
     for one in (measured, reference):
         if len(measured_rows(one, (output_name,))) < len(one):
             raise FileError(f"{'; '.join(one.meta[INVALID_SAMPLES])}: eq. 4.1 compares sample by sample")
-    shared = min(len(measured), len(reference))
-    steps = [float(np.median(np.diff(one.time_s))) for one in (measured, reference)]
-    if abs(steps[0] - steps[1]) > _EVEN * steps[0]:
-        raise FileError(
-            f"{measured.name}: a sample every {steps[0]:g} s, and every {steps[1]:g} s in {reference.name}; eq. 4.1 "
-            "compares sample by sample"
-        )
-    pressures = [one.values(output_name, "psi")[:shared] for one in (measured, reference)]
-    return thesis_error(pressures[0], pressures[1], 1.0 / steps[0], level)
+    return thesis_error(*aligned((measured, reference), output_name, "psi"), 1.0 / measured.interval_s, level)
+
+
+def aligned(recordings: Sequence[Recording], output: str, unit: str) -> Array:
+    """The channel of every recording, as far as all go, shape (recordings, n).
+
+    Raises:
+        FileError: they have different intervals.
+    """
+    first = recordings[0]
+    for one in recordings[1:]:
+        if abs(one.interval_s - first.interval_s) > _EVEN * first.interval_s:
+            raise FileError(
+                f"{one.name}: a sample every {one.interval_s:g} s, and every {first.interval_s:g} s in {first.name}; "
+                "they are compared sample by sample"
+            )
+    shared = min(map(len, recordings))
+    return np.array([one.values(output, unit)[:shared] for one in recordings])
 
 
 # -- figure 17 ---------------------------------------------------------------------------------------------

@@ -19,11 +19,11 @@ from hil.identification.papers.classification import by_thresholds, learn, leave
 from hil.record.plain import plain
 from hil.record.recording import Array, Integers, Recording
 from hil.record.table.tokens import as_numbers
+from hil.session.analyses import aligned
 from hil.signals.interval import exact_limits
 from hil.untrusted import read_text
 
 FEWEST = 5  # valves of a class
-_EVEN = 1e-3  # of the interval, by which those of one test may differ
 _CLASS = ("class", "condition", "verdict", "label")
 GOOD = ("good", "ok", "pass")
 """Names of a class that is the good one, wherever it stands."""
@@ -135,7 +135,8 @@ def classes_of_recordings(
     names = (good[0], bad[0])
     _check_count({good[0]: len(good[1]), bad[0]: len(bad[1])})
     all_of = [*good[1], *bad[1], *others]
-    rows, unit = _aligned(all_of, output)
+    unit = all_of[0].channel(output).unit
+    rows = aligned(all_of, output, unit)
     count, known = len(good[1]), len(good[1]) + len(bad[1])
     labels = np.repeat(np.array([0, 1], dtype=np.int64), [count, known - count])
     values = _differences(rows[:known], rows, count)
@@ -213,21 +214,6 @@ def _check_count(counts: Mapping[str, int]) -> None:
     for name, count in counts.items():
         if count < FEWEST:
             raise InputError(f"class '{name}': {count} valves; at least {FEWEST} are needed to say how often it errs")
-
-
-def _aligned(recordings: Sequence[Recording], output: str) -> tuple[Array, str]:
-    """The channel of every recording, as far as all go, shape (valves, n), and its unit."""
-    first = recordings[0]
-    unit, interval_s = first.channel(output).unit, float(np.median(np.diff(first.time_s)))
-    for one in recordings[1:]:
-        other_s = float(np.median(np.diff(one.time_s)))
-        if abs(other_s - interval_s) > _EVEN * interval_s:
-            raise FileError(
-                f"{one.name}: a sample every {other_s:g} s, and every {interval_s:g} s in {first.name}; valves are "
-                "compared sample by sample in one test"
-            )
-    shared = min(len(one) for one in recordings)
-    return np.array([one.values(output, unit)[:shared] for one in recordings]), unit
 
 
 def _by_the_others(rows: Array, labels: Integers, left: int) -> int:

@@ -99,10 +99,10 @@ class FlowAnalysis:
         """As JSON values."""
         return plain({
             "schema": "hil.flow-curve/1", "input": self.input, "output": self.output,
-            "values": [{"name": f.name, "value": f.value, "std": f.std, "unit": f.unit} for f in self.figures],
+            "values": self.figures,
             "degree": self.degree, "polynomial": self.polynomial_text,
             "curve": [{"name": name, "values": values} for name, values in self.columns.items()],
-            "notes": list(self.notes),
+            "notes": self.notes,
         })  # fmt: skip
 
     def write(self, path: Path) -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 import shlex
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ import typer
 
 from hil.cli.options import Json, Part, argument, option
 from hil.cli.places import check_file
+from hil.cli.printed import printed
 from hil.cli.reading import takes_reading, teller
 from hil.errors import FileError, SettingError
 from hil.record.reading import Reading
@@ -28,6 +29,7 @@ group = typer.Typer(
     help="The calculations of the papers behind the valves, on a recording of one's own.", no_args_is_help=True
 )
 
+_print_result = partial(printed, indent=1)
 _Input = option("", "--input", "NAME", "Command; a run says it, as does a file of two channels.")
 _Output = option("", "--output", "NAME", "Response, likewise.")
 
@@ -168,7 +170,7 @@ def compose(
     made = api.compose(curve, dynamics)
     api.save_model(made, out)
     text, document = _dynamics(dynamics)
-    document = {"schema": "hil.composed/1", "file": str(out), "input": made.input, "output": made.output, **document}
+    document = {"schema": "hil.composed/1", "file": out, "input": made.input, "output": made.output, **document}
     _print_result(document, f"{out}: {made.input} → {made.output}\n  {text}", as_json)
 
 
@@ -177,13 +179,12 @@ def _dynamics(model: Model) -> tuple[str, dict[str, Any]]:
     from dataclasses import asdict
 
     from hil.physics.formula import formula
-    from hil.record.plain import plain
     from hil.session.analyses import linear_of
 
     if model.plant != "transfer-function":
         return f"dynamics of {model.plant}; `hil identify --plant` refines them", {"dynamics": model.plant}
     linear = linear_of(model, "the dynamics")
-    return f"dynamics {formula(linear)}", plain(asdict(linear))
+    return f"dynamics {formula(linear)}", asdict(linear)
 
 
 @group.command("corners")
@@ -197,7 +198,6 @@ def corners(
     as_json: Json = False,
 ) -> None:
     """Real corners from a Bode magnitude by its asymptotes: eqs 3.1 to 3.6 of the EFC thesis."""
-    from hil.record.plain import plain
     from hil.session.analyses import corners_of, corners_text
     from hil.session.sources import tables_of
 
@@ -209,7 +209,7 @@ def corners(
         "misfit": fit.misfit, "numerator": fit.model.numerator, "denominator": fit.model.denominator,
     }  # fmt: skip
     _write(out, to, "corners", fit.model)
-    _print_result(plain(found), corners_text(fit), as_json)
+    _print_result(found, corners_text(fit), as_json)
 
 
 @group.command("recursive")
@@ -290,7 +290,6 @@ def loop(
     from hil.identification.papers.closed_loop import UNITY, closed_with_gain, opened
     from hil.physics.formula import formula
     from hil.physics.model import load_model
-    from hil.record.plain import plain
     from hil.session.analyses import linear_of, ratio
 
     if (model is None) == (not numerator or not denominator):
@@ -300,23 +299,23 @@ def loop(
         if sensor is not None or feedback:
             raise SettingError("--close closes a loop over a gain; --sensor and --feedback open one")
         loop, notes = closed_with_gain(given, close)
-        content = {"schema": "hil.closed-loop/1", **_ratio_and_poles(loop), "notes": list(notes)}
+        content = {"schema": "hil.closed-loop/1", **_ratio_and_poles(loop), "notes": notes}
         _write(out, to, "closed loop", loop)
-        _print_result(plain(content), _loop_text("closed", formula(loop), loop, notes), as_json)
+        _print_result(content, _loop_text("closed", formula(loop), loop, notes), as_json)
         return
     by = UNITY if sensor is None else linear_of(load_model(sensor), str(sensor))
     found = opened(given, by, "feedback" if feedback else "forward")
     content = {
         "schema": "hil.open-loop/1", **_ratio_and_poles(found.model),
-        "unstable_poles": [{"re": float(p.real), "im": float(p.imag)} for p in found.unstable_poles],
-        "closed_at_rest": found.rest, "notes": list(found.notes),
+        "unstable_poles": [{"re": p.real, "im": p.imag} for p in found.unstable_poles],
+        "closed_at_rest": found.rest, "notes": found.notes,
     }  # fmt: skip
     _write(out, to, "open loop", found.model)
-    _print_result(plain(content), _loop_text("open", formula(found.model), found.model, found.notes), as_json)
+    _print_result(content, _loop_text("open", formula(found.model), found.model, found.notes), as_json)
 
 
 def _ratio_and_poles(model: TransferFunction) -> dict[str, Any]:
-    poles = [{"re": float(p.real), "im": float(p.imag)} for p in model.poles]
+    poles = [{"re": p.real, "im": p.imag} for p in model.poles]
     return {"numerator": model.numerator, "denominator": model.denominator, "poles": poles}
 
 
@@ -378,7 +377,3 @@ def _write(out: str, to: str, name: str, model: TransferFunction) -> None:
         text = function_text(model, name, to)
         check_file(Path(out))
         Path(out).write_text(text, encoding="utf-8")
-
-
-def _print_result(content: Any, text: str, as_json: bool) -> None:
-    typer.echo(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) if as_json else text)

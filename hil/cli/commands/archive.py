@@ -64,7 +64,9 @@ def calibrations(
     day = dt.datetime.now(dt.UTC).date()
     shown = found if due_within is None else [one for one in found if _is_due(one, day, due_within)]
     undated = sum(one.in_use and one.calibration.due is None for one in found)
-    typer.echo(_json(shown, day, undated, unread) if as_json else _text(shown, day, undated, unread))
+    document = {"schema": "hil.calibrations/1", "day": day, "calibrations": [_entry(one, day) for one in shown]}
+    document |= {"without_due_date": undated, "runs_not_read": unread}
+    printed(document, _text(shown, day, undated, unread), as_json)
 
 
 def _is_due(one: Instrument, day: dt.date, within: int) -> bool:
@@ -72,25 +74,13 @@ def _is_due(one: Instrument, day: dt.date, within: int) -> bool:
     return one.in_use and left is not None and left <= within
 
 
-def _json(found: Sequence[Instrument], day: dt.date, undated: int, unread: int) -> str:
+def _entry(one: Instrument, day: dt.date) -> dict[str, object]:
     from dataclasses import asdict
 
-    from hil.record.plain import to_json
-
-    rows = [
-        {
-            "bench": one.bench, **asdict(one.calibration), "date": _day(one.calibration.date) or None,
-            "due": _day(one.calibration.due) or None, "days_left": one.calibration.days_left(day),
-            "in_use": one.in_use, "runs": one.runs, "last_used_utc": one.last_used_utc.isoformat(),
-            "overdue_runs": [
-                {"run": str(run.run), "started_utc": run.started_utc.isoformat(), "due": run.due.isoformat()}
-                for run in one.overdue
-            ],
-        }
-        for one in found
-    ]  # fmt: skip
-    document = {"schema": "hil.calibrations/1", "day": day.isoformat(), "calibrations": rows}
-    return to_json({**document, "without_due_date": undated, "runs_not_read": unread})
+    return {
+        "bench": one.bench, **asdict(one.calibration), "days_left": one.calibration.days_left(day),
+        "in_use": one.in_use, "runs": one.runs, "last_used_utc": one.last_used_utc, "overdue_runs": one.overdue,
+    }  # fmt: skip
 
 
 def _text(found: Sequence[Instrument], day: dt.date, undated: int, unread: int) -> str:

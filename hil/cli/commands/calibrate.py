@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from hil.cli.options import Archive, Json, Operator, argument, option
+from hil.cli.printed import printed
 from hil.cli.quantity import quantity
 from hil.cli.typed import Typed
 from hil.errors import SettingError, UnknownNameError
@@ -79,12 +80,9 @@ def command(
     if written:
         found.write()
     typer.echo(f"{'written into' if written else 'not written:'} {bench}", err=as_json)
-    if as_json:
-        from hil.record.plain import to_json
-
-        typer.echo(to_json({"schema": "hil.calibrate/1", "channel": channel, "unit": unit, "points": found.points,
-                            "line": found.line, "calibration": found.entry.model_dump(),
-                            "written": written}))  # fmt: skip
+    document = {"schema": "hil.calibrate/1", "channel": channel, "unit": unit, "points": found.points}
+    document |= {"line": found.line, "calibration": found.entry.model_dump(), "written": written}
+    printed(document, "", as_json)
 
 
 def _folder(file: BenchFile, channel: str, out: Path | None) -> Path | None:

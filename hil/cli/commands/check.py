@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from hil.cli.options import Archive, Bench, Json, option
+from hil.cli.printed import printed
 from hil.errors import FileError, LinkError
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def command(
     if not as_json:
         typer.echo("\n".join([*_described(found), *(f"warning: {text}" for text in warnings)]))
     elif not live and not reference:
-        typer.echo(_as_json(found, warnings))
+        printed(_document(found, warnings), "", as_json)
     if live:
         warnings += _looked_at(found, as_json)
     if strict and warnings:
@@ -67,7 +68,7 @@ def _looked_at(found: BenchFile, as_json: bool) -> list[str]:
     """What can be measured on the bench, printed; returns what is not plausible about it."""
     from hil.bench.manual.live import look_at
     from hil.catalog import entries
-    from hil.cli.live import live_json, live_text
+    from hil.cli.live import print_live
     from hil.safety.interrupt import terminable
     from hil.session.feasibility import infeasibility
     from hil.session.procedure import load_procedure
@@ -80,8 +81,7 @@ def _looked_at(found: BenchFile, as_json: bool) -> list[str]:
             name: f"{away} must answer first" if away else infeasibility(load_procedure(name), found, seen.rate_hz)
             for name in names
         }
-    text_of = live_json if as_json else live_text
-    typer.echo(text_of(found, seen, infeasible))
+    print_live(found, seen, infeasible, as_json)
     if seen.silent:
         raise LinkError("; ".join(seen.silent.values()))
     return list(seen.remarks)
@@ -91,11 +91,10 @@ def _held_against_first(bench: BenchFile, serial: str, archive: str, *, as_json:
     """Run the procedure and compare; leaves with status 1 where a figure differs from that of the first run."""
     from hil import api
     from hil.archive.place import DEFAULT_FOLDER
-    from hil.cli.commands.compare import comparison_json, comparison_table
+    from hil.cli.commands.compare import print_comparison
     from hil.cli.progress import shown
     from hil.cli.run_end import entered, safely
     from hil.cli.searches import not_entered
-    from hil.record.plain import to_json
     from hil.session.labels import new_folder
     from hil.session.previous_run import is_here
     from hil.session.run_comparison import compare_runs
@@ -112,21 +111,19 @@ def _held_against_first(bench: BenchFile, serial: str, archive: str, *, as_json:
     others = (one for one in found if one.bench == bench.bench.name and one.outcome == "completed" and is_here(one))
     first = next((one.folder for one in others if one.folder != folder.resolve()), None)
     if first is None:
-        if as_json:
-            typer.echo(to_json({"schema": "hil.run-comparison/1", "runs": [folder.name], "differences": []}))
+        printed({"schema": "hil.run-comparison/1", "runs": [folder.name], "differences": []}, "", as_json)
         typer.echo(f"{folder}: the first on this bench; those that come are held against it", err=as_json)
         return
     comparison = compare_runs(first, folder)
-    typer.echo(comparison_json(comparison) if as_json else comparison_table(comparison))
+    print_comparison(comparison, as_json)
     trend = f"hil trend NAME --serial {shlex.quote(serial)} --procedure {_REFERENCE}"
     typer.echo(f"held against {first}; over time: {trend}", err=as_json)
     if any(one.meaning == "differs" for one in comparison.differences):
         raise typer.Exit(1)
 
 
-def _as_json(found: BenchFile, warnings: list[str]) -> str:
+def _document(found: BenchFile, warnings: list[str]) -> dict[str, object]:
     from hil.bench.protection import emergency_stops
-    from hil.record.plain import to_json
 
     bench = found.bench
     channels = [
@@ -145,7 +142,7 @@ def _as_json(found: BenchFile, warnings: list[str]) -> str:
     }
     lists: dict[str, object] = {"channels": channels, "interlocks": interlocks, "late_s": _late_s(found),
              "read_back_requests_per_s": _read_backs_per_s(found), "warnings": warnings}  # fmt: skip
-    return to_json({"schema": "hil.check/1", **document, **lists})
+    return {"schema": "hil.check/1", **document, **lists}
 
 
 def _range(found: BenchFile, name: str) -> tuple[float, float]:

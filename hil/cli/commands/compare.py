@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,7 @@ import typer
 from hil.cli.options import Archive, Json, Language, argument, option
 from hil.cli.places import check_file
 from hil.cli.population import compare_population
-from hil.cli.printed import in_short
+from hil.cli.printed import in_short, printed
 from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading
 
@@ -63,7 +62,6 @@ def command(
         return
     from hil import api
     from hil.cli.progress import shown
-    from hil.record.plain import to_json
 
     if page is not None:
         check_file(page, (model, *recordings))
@@ -73,11 +71,8 @@ def command(
             model, recordings, inputs=input_name, output=output_name, reading=reading,
             page=page or "", notes=teller(aside=as_json, kept=assumed), progress=progress,
         )  # fmt: skip
-    if as_json:
-        typer.echo(to_json({"schema": "hil.compare/1", "model": str(model), "recordings": [c.as_dict() for c in found],
-                            "assumed": assumed}))  # fmt: skip
-    else:
-        typer.echo("\n".join(c.as_text() for c in found))
+    document = {"schema": "hil.compare/1", "model": model, "recordings": [c.as_dict() for c in found]}
+    printed({**document, "assumed": assumed}, "\n".join(c.as_text() for c in found), as_json)
 
 
 def _compare_runs(runs: list[Path], as_json: bool, page: Path | None) -> None:
@@ -91,13 +86,11 @@ def _compare_runs(runs: list[Path], as_json: bool, page: Path | None) -> None:
 
         check_file(page)
         write_comparison_page(found.first, found.second, found.differences, found.one_bench, page)
-    typer.echo(comparison_json(found) if as_json else comparison_table(found))
+    print_comparison(found, as_json)
 
 
-def comparison_json(found: RunComparison) -> str:
-    """Two runs as JSON, schema `hil.run-comparison/1`."""
-    from hil.record.plain import plain
-
+def print_comparison(found: RunComparison, as_json: bool) -> None:
+    """Print two runs side by side, in words or by schema `hil.run-comparison/1`."""
     rows = [
         {
             "name": one.name, "unit": one.unit,
@@ -109,14 +102,14 @@ def comparison_json(found: RunComparison) -> str:
     runs = (found.first, found.second)
     document = {
         "schema": "hil.run-comparison/1", "runs": [one.run for one in runs],
-        "started_utc": [one.started_utc and one.started_utc.isoformat() for one in runs],
+        "started_utc": [one.started_utc for one in runs],
         "serials": [one.serial for one in runs], "simulated": [one.simulated for one in runs],
         "same_instruments": found.one_bench, "differences": rows,
     }  # fmt: skip
-    return json.dumps(plain(document), indent=1, ensure_ascii=False)
+    printed(document, _comparison_table(found), as_json, indent=1)
 
 
-def comparison_table(found: RunComparison) -> str:
+def _comparison_table(found: RunComparison) -> str:
     """Two runs side by side, each difference with its significance, for a terminal."""
     from hil.record.simulated import marked
     from hil.report import comparison_page as page

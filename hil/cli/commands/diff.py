@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
 from hil.cli.options import Json, argument, option
+from hil.cli.printed import printed
 from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading
 from hil.report.number import with_std, with_unit
@@ -41,16 +40,15 @@ def command(
     """What changed between two dates: by cause, of the valve or of the bench, and what stayed within which limit."""
     from hil import api
     from hil.cli.progress import shown
-    from hil.record.plain import to_json
 
-    printed: list[str] = []
+    noted: list[str] = []
     with shown() as progress:
         found = api.diff(old, new, model=model, inputs=input_name, output=output_name, budget_s=budget_s,
-                         reading=reading, notes=teller(aside=as_json, kept=printed), progress=progress)  # fmt: skip
-    typer.echo(to_json(found.as_dict()) if as_json else _text(found, printed))
+                         reading=reading, notes=teller(aside=as_json, kept=noted), progress=progress)  # fmt: skip
+    printed(found.as_dict(), _text(found, noted), as_json)
 
 
-def _text(found: DateDifference, printed: Sequence[str] = ()) -> str:
+def _text(found: DateDifference, noted: Sequence[str] = ()) -> str:
     from hil.record.simulated import marked
 
     lines = [marked(found.verdict, simulated=found.simulated), *(f"  {_sentence(change)}" for change in found.changes)]
@@ -62,7 +60,7 @@ def _text(found: DateDifference, printed: Sequence[str] = ()) -> str:
         lines.append("  cannot be told:")
         width = max(len(one.name) for one in found.cannot_tell)
         lines += [f"    {one.name:{width}}  known only within {_limit(one)}" for one in found.cannot_tell]
-    return "\n".join([*lines, *(f"  note: {note}" for note in found.notes if note not in printed)])
+    return "\n".join([*lines, *(f"  note: {note}" for note in found.notes if note not in noted)])
 
 
 def _sentence(change: Change) -> str:

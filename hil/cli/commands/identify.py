@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import typer
-
 from hil.cli.options import Json, Language, Part, argument, option
+from hil.cli.printed import printed
 from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading
 
@@ -44,7 +43,6 @@ def command(
     from hil import api
     from hil.cli.places import check_distinct, check_file
     from hil.cli.progress import shown
-    from hil.record.plain import to_json
 
     check_distinct(recordings)
     check_file(out, recordings)
@@ -59,4 +57,4 @@ def command(
             notes=teller(aside=as_json, kept=assumed), progress=progress,
         )  # fmt: skip
     api.save_model(found.model, out)
-    typer.echo(to_json({**found.as_dict(), "assumed": assumed}) if as_json else found.text)
+    printed({**found.as_dict(), "assumed": assumed}, found.text, as_json)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import typer
-
 from hil.cli.options import Json, argument, option
 
 
@@ -22,13 +20,12 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Linearise a plant about a command: transfer function, K_q and K_c of its edges, K_1/K_2 of an EFC."""
-    import json
     from dataclasses import asdict
 
     from hil import api
     from hil.cli.places import check_file
+    from hil.cli.printed import printed
     from hil.physics.formula import formula
-    from hil.record.plain import plain
     from hil.session.analyses import model_to_linearise
 
     given = model_to_linearise(model, changed)
@@ -38,19 +35,16 @@ def command(
     if out is not None:
         check_file(out, [model])
         api.save_model(found.model.to_model(given.input, given.output), out)
-    if as_json:
-        gains = {name: {"value": value, "unit": unit} for name, (value, unit) in found.gains.items()}
-        content = {
-            "schema": "hil.linearised/1", "at": at, "output": found.output, **asdict(found.model),
-            "fit_percent": found.fit_percent, "gains": gains, "uneven": found.uneven,
-            "notes": list(found.notes),
-        }  # fmt: skip
-        typer.echo(json.dumps(plain(content), indent=1, ensure_ascii=False, allow_nan=False))
-        return
-    typer.echo(f"{given.plant} at {given.input} = {at:g}, {given.output} = {found.output:.5g}")
-    typer.echo(f"  {formula(found.model)}, fit {found.fit_percent:.2f} %")
-    for name, (value, unit) in found.gains.items():
-        typer.echo(f"  {name} {value:.5g} {unit}")
-    typer.echo(f"  up and down differ by {100.0 * found.uneven:.2g} % of the answer")
-    for note in found.notes:
-        typer.echo(f"  note: {note}")
+    gains = {name: {"value": value, "unit": unit} for name, (value, unit) in found.gains.items()}
+    content = {
+        "schema": "hil.linearised/1", "at": at, "output": found.output, **asdict(found.model),
+        "fit_percent": found.fit_percent, "gains": gains, "uneven": found.uneven, "notes": found.notes,
+    }  # fmt: skip
+    lines = [
+        f"{given.plant} at {given.input} = {at:g}, {given.output} = {found.output:.5g}",
+        f"  {formula(found.model)}, fit {found.fit_percent:.2f} %",
+        *(f"  {name} {value:.5g} {unit}" for name, (value, unit) in found.gains.items()),
+        f"  up and down differ by {100.0 * found.uneven:.2g} % of the answer",
+        *(f"  note: {note}" for note in found.notes),
+    ]
+    printed(content, "\n".join(lines), as_json, indent=1)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 
-import typer
-
 from hil.catalog import KINDS, entries, models, tables
 from hil.cli.options import Json, argument
+from hil.cli.printed import printed
 from hil.errors import UnknownNameError
 
 _FILES = ("benches", "descriptions", "models", "tables")
@@ -23,17 +21,14 @@ def command(
     if kind and kind not in (*KINDS, *_FILES):
         raise UnknownNameError("kind of entry", kind, (*KINDS, *_FILES))
     kinds = [known for known in (*KINDS, *_FILES) if kind in ("", known)]
-    if as_json:
-        listed = {name: [{"name": entry, "summary": summary} for entry, summary in _lines(name)] for name in kinds}
-        typer.echo(json.dumps({"schema": "hil.installed/1", **listed}, indent=1, ensure_ascii=False))
-        return
-    for name in kinds:
-        if not kind:
-            typer.echo(f"{name}:")
-        found = dict(_lines(name))
-        width = max(map(len, found), default=0)
-        for entry, summary in found.items():
-            typer.echo(f"{'' if kind else '  '}{entry:{width}}  {summary}".rstrip())
+    found = {name: dict(_lines(name)) for name in kinds}
+    words = []
+    for name, summaries in found.items():
+        words += [] if kind else [f"{name}:"]
+        width = max(map(len, summaries), default=0)
+        words += [f"{'' if kind else '  '}{entry:{width}}  {text}".rstrip() for entry, text in summaries.items()]
+    listed = {name: [{"name": entry, "summary": text} for entry, text in found[name].items()] for name in kinds}
+    printed({"schema": "hil.installed/1", **listed}, "\n".join(words), as_json, indent=1)
 
 
 def _lines(kind: str) -> Iterator[tuple[str, str]]:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import typer
-
 from hil.cli.options import Json, argument, option
+from hil.cli.printed import printed
 
 if TYPE_CHECKING:
     from hil.daq.probe import Found
@@ -34,7 +33,8 @@ def command(
     probe, chosen = probe_of(kind, address, split_assignments(options))
     with terminable(), shown() as progress:
         found = probe.who(chosen, progress)
-    typer.echo(_as_json(kind, address, found) if as_json else "\n".join(map(_line, found)), nl=bool(found) or as_json)
+    document = {"schema": "hil.probe/1", "kind": kind, "address": address, "found": found}
+    printed(document, "\n".join(map(_line, found)), as_json)
     if not found:
         listed = ", ".join(f"{name} = {value}" for name, value in chosen if name not in ("address", "units"))
         raise LinkError(f"{address}: nobody answers ({listed}); check wiring, power and these settings")
@@ -42,9 +42,3 @@ def command(
 
 def _line(found: Found) -> str:
     return f"{found.place}: {', '.join(f'{name} {text}' for name, text in found.answers.items())}".rstrip(": ")
-
-
-def _as_json(kind: str, address: str, found: list[Found]) -> str:
-    from hil.record.plain import to_json
-
-    return to_json({"schema": "hil.probe/1", "kind": kind, "address": address, "found": found})

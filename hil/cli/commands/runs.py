@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from hil.cli.options import Archive, Json, option
+from hil.cli.printed import printed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,25 +35,22 @@ def command(
         serial=serial, procedure=procedure, since=date_of(since), verdict=verdict_of(verdict), archive=archive,
         values=False, notes=not_entered,
     )  # fmt: skip
-    typer.echo(_json(found) if as_json else _table(found) if found else _no_runs_text(archive))
+    printed(_rows(found), _table(found) if found else _no_runs_text(archive), as_json, indent=1)
     gone = sum(not run.is_of_another_host and not run.folder.is_dir() for run in found)
     if gone:
         several = "of these folders are" if gone > 1 else "of these folders is"
         typer.echo(f"hil: {gone} {several} not there any more; `hil archive rebuild` finds what was moved", err=True)
 
 
-def _json(found: Sequence[Entry]) -> str:
-    import json
-
-    rows = [
+def _rows(found: Sequence[Entry]) -> list[dict[str, object]]:
+    return [
         {
-            "run": str(run.folder), "serial": run.serial or None, "operator": run.operator or None,
-            "procedure": run.procedure, "started_utc": run.started_utc.isoformat(), "verdict": run.verdict,
+            "run": run.folder, "serial": run.serial or None, "operator": run.operator or None,
+            "procedure": run.procedure, "started_utc": run.started_utc, "verdict": run.verdict,
             "simulated": run.simulated,
         }
         for run in found
     ]  # fmt: skip
-    return json.dumps(rows, indent=1, ensure_ascii=False)
 
 
 def _ending(run: Entry) -> str:

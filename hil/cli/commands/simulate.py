@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import typer
-
 from hil.cli.options import Json, option
+from hil.cli.printed import printed
 from hil.cli.reading import takes_reading, teller
 from hil.record.reading import Reading
 
@@ -37,9 +36,6 @@ def command(
     notes = teller(aside=as_json, kept=assumed)
     simulated = api.simulate(model, recording, inputs=input_name, output=output_name, reading=reading, notes=notes)
     api.write(simulated, out)
-    if as_json:
-        from hil.record.plain import to_json
-
-        outputs = [{"name": channel.name, "unit": channel.unit} for channel in simulated.channels.values()]
-        document = {"file": out, "samples": len(simulated), "duration_s": simulated.duration_s, "outputs": outputs}
-        typer.echo(to_json({"schema": "hil.simulated/1", **document, "assumed": assumed}))
+    outputs = [{"name": channel.name, "unit": channel.unit} for channel in simulated.channels.values()]
+    document = {"file": out, "samples": len(simulated), "duration_s": simulated.duration_s, "outputs": outputs}
+    printed({"schema": "hil.simulated/1", **document, "assumed": assumed}, "", as_json)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import typer
-
 from hil.cli.options import Archive, Json, argument, option
+from hil.cli.printed import printed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,37 +35,29 @@ def command(
         raise UnknownNameError(f"value of serial {serial}", measurement, {v.name for run in runs for v in run.values})
     series = {name: [p for p in points if p.value.name == name] for name in dict.fromkeys(p.value.name for p in points)}
     drifts = {name: drift_of(mine) for name, mine in series.items()}
-    typer.echo(_json(serial, series, drifts) if as_json else _table(series, drifts))
+    document = {"schema": "hil.trend/1", "serial": serial, "values": _values(series, drifts)}
+    table = "\n\n".join("\n".join([name, *_lines(points), drifts[name].sentence]) for name, points in series.items())
+    printed(document, table, as_json, indent=1)
 
 
 _OF_POINT = ("value", "std", "unit", "low", "high", "verdict", "relation", "calibration_std")
 
 
-def _json(serial: str, series: dict[str, list[Point]], drifts: dict[str, Drift]) -> str:
-    import json
-
-    made = [
+def _values(series: dict[str, list[Point]], drifts: dict[str, Drift]) -> list[dict[str, object]]:
+    return [
         {
             "name": name,
             "points": [
                 {
-                    "run": p.run, "started_utc": p.started_utc.isoformat(), "simulated": p.simulated,
+                    "run": p.run, "started_utc": p.started_utc, "simulated": p.simulated,
                     **{key: getattr(p.value, key) for key in _OF_POINT},
                 }
                 for p in points
             ],
-            "drift": {
-                "per_year": drifts[name].per_year, "std": drifts[name].std, "chance": drifts[name].chance,
-                "is_drift": drifts[name].is_drift,
-            },
+            "drift": {key: getattr(drifts[name], key) for key in ("per_year", "std", "chance", "is_drift")},
         }
         for name, points in series.items()
     ]  # fmt: skip
-    return json.dumps({"schema": "hil.trend/1", "serial": serial, "values": made}, indent=1, ensure_ascii=False)
-
-
-def _table(series: dict[str, list[Point]], drifts: dict[str, Drift]) -> str:
-    return "\n\n".join("\n".join([name, *_lines(points), drifts[name].sentence]) for name, points in series.items())
 
 
 def _lines(points: Sequence[Point]) -> list[str]:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
 from hil.cli.options import Json, argument, option
+from hil.cli.printed import printed
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -53,22 +52,19 @@ def command(
     found = verify_file(file, Trust(known, read_revocations(revoked), _received(received)))
     evaluated = _evaluated(file, found) if evaluate and found.is_as_signed else None
     status = max(found.exit_status, 1 if evaluated is not None and evaluated.faults else 0)
-    if as_json:
-        document: dict[str, Any] = {"file": str(file), "sentence": found.sentence, "signer": found.signer or None}
-        document["signed_utc"] = None if found.signed_utc is None else found.signed_utc.isoformat()
-        document |= {"status": status, "fingerprint": found.fingerprint or None, "simulated": found.simulated}
-        document |= {"evaluated": None if evaluated is None else asdict(evaluated)}
-        typer.echo(json.dumps({"schema": "hil.verified/1", **document}, indent=1, ensure_ascii=False))
-        raise typer.Exit(status)
-    typer.echo(f"{file}: {found.sentence}")
+    document = {
+        "schema": "hil.verified/1", "file": file, "sentence": found.sentence, "signer": found.signer or None,
+        "signed_utc": found.signed_utc, "status": status, "fingerprint": found.fingerprint or None,
+        "simulated": found.simulated, "evaluated": evaluated,
+    }  # fmt: skip
+    words = [f"{file}: {found.sentence}"]
     if found.simulated:
-        typer.echo("SIMULATED: the runs inside were recorded on a simulated device; this says nothing of a real valve")
+        words += ["SIMULATED: the runs inside were recorded on a simulated device; this says nothing of a real valve"]
     if found.signer:
-        typer.echo(f"signer: {found.signer}")
-        typer.echo(f"SHA-256 of the certificate: {found.fingerprint}")
-        typer.echo(f"signed: {_when(found)}")
-    if evaluated is not None:
-        typer.echo("\n".join(_lines(evaluated)))
+        words += [f"signer: {found.signer}", f"SHA-256 of the certificate: {found.fingerprint}"]
+        words += [f"signed: {_when(found)}"]
+    words += [] if evaluated is None else _lines(evaluated)
+    printed(document, "\n".join(words), as_json, indent=1)
     raise typer.Exit(status)
 
 
@@ -76,10 +72,8 @@ def _verify_fmu(file: Path, as_json: bool) -> int:
     from hil import api
 
     found = api.verify_fmu(file)
-    if as_json:
-        typer.echo(json.dumps({"schema": "hil.verified-fmu/1", "file": str(file), **found.as_dict()}, indent=1))
-    else:
-        typer.echo(f"{file}: {found.as_text()}")
+    document = {"schema": "hil.verified-fmu/1", "file": file, **found.as_dict()}
+    printed(document, f"{file}: {found.as_text()}", as_json, indent=1)
     return 1 if found.faults else 0
 
 
