@@ -7,10 +7,11 @@ from contextlib import suppress
 from textwrap import shorten
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
+from pydantic import PositiveFloat, PositiveInt
 
 from drivers._edge import message_of, quiet
 from hil.errors import DeviceLostError
+from hil.strict import Strict
 from hil.system import system
 from hil.system.tcp import close, connect, guard
 
@@ -18,7 +19,7 @@ _LONGEST_WHY = 200
 _CONNECTS_S = 1.0
 
 
-class OnABus(BaseModel):
+class OnABus(Strict):
     """How a device on a CAN bus is reached.
 
     Attributes:
@@ -27,8 +28,6 @@ class OnABus(BaseModel):
         timeout_s: an answer, or a message that is waited for, that takes longer counts as none.
         longest_reply_s: after a failure nothing is asked, or believed, for so long, so that a late answer passes.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     address: str
     bitrate: PositiveInt = 250_000

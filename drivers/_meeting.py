@@ -8,13 +8,14 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
+from pydantic import Field, PositiveFloat
 
 from drivers._edge import wire_log
 from hil.daq.address import Port
 from hil.daq.channel import Wiring
 from hil.daq.device_link import DeviceLink
 from hil.errors import LinkError
+from hil.strict import Strict
 from hil.system import system
 
 
@@ -73,7 +74,7 @@ class Meeting:
 _NOTHING = Wiring({}, {})
 
 
-class RequestSettings(BaseModel):
+class RequestSettings(Strict):
     """How a line is reached on which a device is asked.
 
     Attributes:
@@ -84,8 +85,6 @@ class RequestSettings(BaseModel):
         echo: what is sent on a serial line comes back before the answer, as some RS-485 adapters do.
         pause_s: so long nothing is asked after an answer, for devices and converters that need to turn around.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     address: str
     timeout_s: PositiveFloat = 0.2

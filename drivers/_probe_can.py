@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, field_validator
+from pydantic import Field, PositiveFloat, PositiveInt, field_validator
 
 from drivers._address_claim import CLAIM_WAIT_S, CLAIMED, REQUEST
 from drivers._can import bus_fault, close_bus, gone, heard, open_bus
@@ -16,13 +16,14 @@ from hil.daq.probe import Found
 from hil.description.eds import Dictionary
 from hil.errors import LinkError
 from hil.record.run_folder.progress import Progress
+from hil.strict import Strict
 from hil.system import system
 
 _NOBODY, _EVERYBODY = 0xFE, 0xFF  # addresses of J1939: who has none may ask for claims
 _SEARCH_S = 0.3
 
 
-class Options(BaseModel):
+class Options(Strict):
     """What beside the address may be said.
 
     Attributes:
@@ -31,8 +32,6 @@ class Options(BaseModel):
         listen_s: so long is listened before anything is asked.
         timeout_s: an answer that takes longer counts as none.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     address: str
     bitrate: PositiveInt = 250_000

@@ -7,18 +7,19 @@ from collections.abc import Iterator, Mapping
 from itertools import groupby
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, field_validator
+from pydantic import Field, PositiveFloat, PositiveInt, field_validator
 
 from drivers._modbus_client import LineSettings, request
 from drivers._modbus_line import ModbusLine
 from hil.daq.probe import Found
 from hil.record.run_folder.progress import Progress
+from hil.strict import Strict
 
 _OBJECTS = {0: "maker", 1: "product", 2: "version", 3: "url", 4: "name", 5: "model", 6: "application"}
 _NOBODY_THERE = (10, 11)  # exceptions of a gateway for a unit that is not behind it
 
 
-class Options(BaseModel):
+class Options(Strict):
     """What beside the address may be said.
 
     Attributes:
@@ -27,8 +28,6 @@ class Options(BaseModel):
         baud, parity, echo: of a serial line.
         timeout_s: an answer that takes longer counts as none.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     address: str
     units: tuple[int, ...] = tuple(range(1, 248))

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from drivers._line import Line, SerialSettings
 from hil.daq.probe import Found
 from hil.description.text import ENDS, End
 from hil.errors import LinkError
 from hil.record.run_folder.progress import Progress
+from hil.strict import Strict
 
 _PARTS = ("maker", "model", "serial", "version")
 
 
-class Options(BaseModel):
+class Options(Strict):
     """What beside the address may be said.
 
     Attributes:
@@ -21,8 +22,6 @@ class Options(BaseModel):
         baud, end, echo: of the line, and of what is sent.
         timeout_s: an answer that takes longer counts as none.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     address: str
     baud: PositiveInt = 115200

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 from drivers._ni_board import InputWiring, check_inputs, configuration, input_numbers
 from drivers._ni_counters import Counters
@@ -23,6 +23,7 @@ from hil.daq.contract import CANNOT_BE_ASKED, Block, Promises, ReadBack, Wavefor
 from hil.daq.device_link import stands_as_driven
 from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
 from hil.record.recording import Array
+from hil.strict import Strict
 from hil.system import system
 
 _OVER = 0.024  # M Series boards resolve their ranges with 5 % of over-range, half of it at either end
@@ -33,7 +34,7 @@ _Channel = TypeVar("_Channel", OutputChannel, InputChannel)
 _GROUND = "_aignd_vs_aignd"  # within the device: sampled for the sake of its clock when no input is in use
 
 
-class Settings(BaseModel):
+class Settings(Strict):
     """What `[devices.NAME]` may say.
 
     Attributes:
@@ -48,8 +49,6 @@ class Settings(BaseModel):
         output_port, input_port: on which ports they are.
         heartbeat_s: a digital output may also be used as a heartbeat, which changes so often while it is on.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     device: str = "Dev1"
     outputs: PositiveInt = 2

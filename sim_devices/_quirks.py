@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import random
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
+from pydantic import Field, PositiveFloat
+
+from hil.strict import Strict
 
 
-class Quirks(BaseModel):
+class Quirks(Strict):
     """Misbehaviour on demand. It begins `after` so many answers and lasts for `answers` of them.
 
     Attributes:
@@ -26,8 +28,6 @@ class Quirks(BaseModel):
         baud: the line carries so many bits a second, ten for each byte; always on.
         after, answers: when it begins, and for how many answers; without end if not given.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     late_s: float = Field(default=0.0, ge=0.0)
     silent: bool = False

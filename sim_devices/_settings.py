@@ -5,24 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from hil.clock import TimeKind
 from hil.daq.channel import Terminal
+from hil.strict import Strict
 from sim_devices import _simulation
 from sim_devices._simulation import Place, Simulation
 
 
-class Fault(BaseModel):
+class Fault(Strict):
     """A fault on demand, `after` so many samples since the device was opened."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     kind: Literal["lost", "underflow", "overrun"]
     after: int = Field(ge=0)
 
 
-class Settings(BaseModel):
+class Settings(Strict):
     """What `[devices.NAME]` may say.
 
     Attributes:
@@ -36,8 +35,6 @@ class Settings(BaseModel):
         buffer_s: how far host and device may drift apart in real time before samples are lost.
         fault: one that is to happen.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     simulation: Simulation
     bits: PositiveInt = Field(16, le=24)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat
+from pydantic import Field, FiniteFloat, PositiveFloat
 
 from hil.catalog import models
 from hil.errors import HilError, UnitError
@@ -16,6 +16,7 @@ from hil.physics.effect import Effect
 from hil.physics.model import Model, ModelEffect, Value, load_model, typical_model
 from hil.physics.plant import Hook, Plant
 from hil.physics.pwm import CurrentLoop, PwmCoil, PwmDrive
+from hil.strict import Strict
 from hil.units import scale_and_offset
 from sim_devices._lines import Line, lines_of
 
@@ -25,19 +26,15 @@ _WIDEST_RAD_S, _SHARE_OF_CARRIER = 500.0, 0.5  # bandwidth of a current loop tha
 _FAULT_OHM, _FAULT_H = {"open": 1e5, "short": 0.02}, {"open": 0.09, "short": 1e-4}
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
-
-
-class SimulatedEffect(_Strict):
+class SimulatedEffect(Strict):
     """An effect that is switched on; parameters not given are typical, `hook` may be left out if one fits."""
 
     name: str
     hook: str = ""
-    parameters: dict[str, FiniteFloat] = {}
+    parameters: dict[str, FiniteFloat] = Field(default_factory=dict)
 
 
-class Coil(_Strict):
+class Coil(Strict):
     """The coil on a PWM current output, and its power stage: what flows has the carrier's ripple, and limits.
 
     Attributes:
@@ -66,7 +63,7 @@ class Coil(_Strict):
         return PwmDrive(CurrentLoop(bandwidth, nominal, self.rated_a), there, rest_a)
 
 
-class Instrument(_Strict):
+class Instrument(Strict):
     """What really hangs on a terminal: raw = (signal − offset) / slope, whatever the bench believes.
 
     Attributes:
@@ -93,7 +90,7 @@ class Instrument(_Strict):
     coil: Coil | None = None
 
 
-class Simulation(_Strict):
+class Simulation(Strict):
     """A plant, its effects, and the instruments on it, by the name of their channel.
 
     `plant` is the name of an installed plant or a model file; `parameters` are changed from its values, and
@@ -102,10 +99,10 @@ class Simulation(_Strict):
     """
 
     plant: str
-    parameters: dict[str, FiniteFloat] = {}
+    parameters: dict[str, FiniteFloat] = Field(default_factory=dict)
     effects: tuple[SimulatedEffect, ...] = ()
     seed: int = Field(0, ge=0)
-    instruments: dict[str, Instrument] = {}
+    instruments: dict[str, Instrument] = Field(default_factory=dict)
 
 
 def faults(simulation: Simulation) -> Iterator[tuple[Place, str]]:

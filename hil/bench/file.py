@@ -12,6 +12,7 @@ from hil.daq.calibration import Calibration
 from hil.daq.channel import Pwm, Terminal
 from hil.rig import SWITCHED, ConditionRole
 from hil.safety.interlock import Action
+from hil.strict import Strict
 
 Role = Literal["command", "response", ConditionRole, "emergency stop", "other"]
 CONDITIONS: tuple[ConditionRole, ...] = get_args(ConditionRole)
@@ -19,18 +20,14 @@ SET_BY_HAND = tuple(role for role in CONDITIONS if role not in SWITCHED)
 EMERGENCY_STOP: Role = "emergency stop"
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
-
-
-class DwellLimit(_Strict):
+class DwellLimit(Strict):
     """Beyond ±`level` for `longest_s` at most."""
 
     level: float = Field(ge=0.0)
     longest_s: PositiveFloat
 
 
-class OutputLimits(_Strict):
+class OutputLimits(Strict):
     """Where an output may go, how fast, and how long it may stay there, in the channel's unit."""
 
     low: FiniteFloat
@@ -45,7 +42,7 @@ class OutputLimits(_Strict):
         return self
 
 
-class Valve(_Strict):
+class Valve(Strict):
     """The valve under test.
 
     Attributes:
@@ -93,7 +90,7 @@ class Device(BaseModel):
         return dict(self.model_extra or {})
 
 
-class CalibrationLine(_Strict):
+class CalibrationLine(Strict):
     """value = slope · raw + offset, with `uncertainty` (k = 2) in the channel's unit.
 
     `source` is the certificate or the reference; `operator` who calibrated.
@@ -115,7 +112,7 @@ class CalibrationLine(_Strict):
         return self
 
 
-class PwmDrive(_Strict):
+class PwmDrive(Strict):
     """Carrier and dither of a PWM current output; the amplitude is the peak about the mean, in A."""
 
     carrier_hz: PositiveFloat
@@ -127,7 +124,7 @@ class PwmDrive(_Strict):
         return Pwm(self.carrier_hz, self.dither_hz, self.dither_amplitude)
 
 
-class ByHand(_Strict):
+class ByHand(Strict):
     """A condition that somebody sets by hand: from `low` to `high`, unless asked for at `usual`.
 
     What is confirmed must be read within ± `tolerance`, all in the channel's unit.
@@ -145,7 +142,7 @@ class ByHand(_Strict):
         return self
 
 
-class ChannelEntry(_Strict):
+class ChannelEntry(Strict):
     """A signal of the bench. An output is what has a `safe` value.
 
     Attributes:
@@ -214,7 +211,7 @@ class ChannelEntry(_Strict):
         return Calibration(self.unit, given.slope, given.offset, given.uncertainty, day, due, given.source, given.lag_s)
 
 
-class While(_Strict):
+class While(Strict):
     """A channel within a range."""
 
     channel: str
@@ -222,7 +219,7 @@ class While(_Strict):
     high: float = float("inf")
 
 
-class InterlockEntry(_Strict):
+class InterlockEntry(Strict):
     """What must hold, and what happens when it does not (see `hil.safety.interlock.Interlock`).
 
     `low` and `high` are in the channel's unit, `raw_low` and `raw_high` in the terminal's (live zero).
@@ -246,7 +243,7 @@ class InterlockEntry(_Strict):
         return self
 
 
-class ProtectionEntry(_Strict):
+class ProtectionEntry(Strict):
     """How often inputs are judged and recorded (`block_s`), and how long a `hold` is waited for.
 
     A program that gives no sign of life for `watchdog_s` while outputs are driven is killed by its watchdog process,
@@ -268,7 +265,7 @@ class ProtectionEntry(_Strict):
         return self
 
 
-class Conditions(_Strict):
+class Conditions(Strict):
     """Conditions of the test, as a report on ISO 10770-1 states them.
 
     What a channel measures (oil temperature, supply pressure) is taken from there. A run in which one leaves its entry
@@ -287,7 +284,7 @@ class Conditions(_Strict):
     ranges: dict[
         Literal["fluid_temperature_c", "ambient_temperature_c", "supply_pressure_bar", "return_pressure_bar"],
         tuple[FiniteFloat, FiniteFloat],
-    ] = {}
+    ] = Field(default_factory=dict)
 
     @field_validator("ranges")
     @classmethod
@@ -298,7 +295,7 @@ class Conditions(_Strict):
         return ranges
 
 
-class InstrumentEntry(_Strict):
+class InstrumentEntry(Strict):
     """An instrument for the report: what it is, which channel it feeds, and when it was calibrated."""
 
     name: str
@@ -309,7 +306,7 @@ class InstrumentEntry(_Strict):
     uncertainty: str = ""
 
 
-class AcceptanceLimit(_Strict):
+class AcceptanceLimit(Strict):
     """Where a measured quantity must lie, in its own unit."""
 
     low: FiniteFloat | None = None
@@ -336,7 +333,7 @@ class SimulationTable(TypedDict, total=False):
     instruments: dict[str, dict[str, Any]]
 
 
-class Bench(_Strict):
+class Bench(Strict):
     """A bench, whole and without faults.
 
     `acceptance` has, by procedure and measured quantity, the limits of this valve. `presets` has, by
@@ -348,11 +345,11 @@ class Bench(_Strict):
     valve: Valve
     devices: dict[str, Device]
     channels: dict[str, ChannelEntry]
-    interlocks: dict[str, InterlockEntry] = {}
+    interlocks: dict[str, InterlockEntry] = Field(default_factory=dict)
     protection: ProtectionEntry = Field(default_factory=ProtectionEntry)
     conditions: Conditions = Field(default_factory=Conditions)
     instruments: tuple[InstrumentEntry, ...] = ()
-    acceptance: dict[str, dict[str, AcceptanceLimit]] = {}
-    presets: dict[str, dict[str, dict[str, Any]]] = {}
-    simulation: SimulationTable = {}
+    acceptance: dict[str, dict[str, AcceptanceLimit]] = Field(default_factory=dict)
+    presets: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
+    simulation: SimulationTable = Field(default_factory=SimulationTable)
     made_with: str = ""

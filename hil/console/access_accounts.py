@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
 from filelock import FileLock
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ValidationError
 
 from hil.errors import FileError, SettingError, UnknownNameError, storing
 from hil.record.state import OWNER_ALONE, keep, state_path
+from hil.strict import Strict
 from hil.untrusted import read_json
 
 if TYPE_CHECKING:
@@ -26,10 +27,8 @@ _NAME = re.compile(r"^\w[\w.@ -]{0,63}$")
 _NOBODY = "nobody's password: it takes as long to refuse a name that does not exist"
 
 
-class Account(BaseModel):
+class Account(Strict):
     """An account: `viewer` looks, `operator` drives, `engineer` also changes what others are judged by."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     role: Role
     password: str

@@ -10,9 +10,10 @@ from pydantic import Field, FiniteFloat, PositiveFloat
 from hil.bench.lines import Place
 from hil.description.dbc import dbc_text
 from hil.description.makers_text import makers_file
-from hil.description.terminal import DescribedDevice, Invalid, ScaledTerminal, Strict
+from hil.description.terminal import DescribedDevice, Invalid, ScaledTerminal
 from hil.errors import FileError
 from hil.extras import is_installed
+from hil.strict import Strict
 
 Sum = Literal["xor", "sum", "crc8"]
 """Over all other bytes: exclusive or, sum, CRC-8 of SAE J1850."""

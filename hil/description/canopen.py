@@ -13,8 +13,9 @@ from pydantic import FiniteFloat, field_validator
 from hil.bench.lines import Place
 from hil.description.eds import FORMS, Dictionary, Object, dictionary_in
 from hil.description.makers_text import makers_file
-from hil.description.terminal import DescribedDevice, Flagged, PartTerminal, Strict
+from hil.description.terminal import DescribedDevice, Flagged, PartTerminal
 from hil.errors import FileError
+from hil.strict import Strict
 
 _OBJECT = re.compile(r"(?:0x)?([0-9A-Fa-f]{4})(?:\.([0-9]{1,3}))?")
 

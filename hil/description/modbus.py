@@ -12,7 +12,8 @@ from pydantic import Field, FiniteFloat, PositiveFloat, field_validator, model_v
 
 from hil.daq.channel import Kind, Terminal
 from hil.description.modbus_place import BITS, Addresses, Table, on_the_wire
-from hil.description.terminal import DescribedDevice, Flagged, PartTerminal, Strict, each
+from hil.description.terminal import DescribedDevice, Flagged, PartTerminal, each
+from hil.strict import Strict
 
 Type = Literal["bit", "u16", "s16", "u32", "s32", "f32", "u64", "s64", "f64"]
 Order = Literal["ABCD", "CDAB", "BADC", "DCBA"]

@@ -8,7 +8,7 @@ from typing import Any, get_args
 from hil.bench.lines import Place as Where
 from hil.description.modbus import WORDS, Flag, ModbusDescription, ModbusTerminal, Order, Place, Type, Write, safe_of
 from hil.description.modbus_place import BITS, Table
-from hil.description.terminal import Strict
+from hil.strict import Strict
 
 Fault = tuple[Where, str]
 

@@ -7,11 +7,12 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Annotated, Generic, Self, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, field_validator, model_validator
+from pydantic import AfterValidator, Field, FiniteFloat, field_validator, model_validator
 
 from hil.daq.calibration import Scale
 from hil.daq.channel import Direction, Kind, Terminal
 from hil.errors import UnitError
+from hil.strict import Strict
 from hil.units import check_unit
 
 _KINDS: Mapping[str, Kind] = {"V": "voltage", "mV": "voltage", "A": "current", "mA": "current"}
@@ -37,12 +38,6 @@ def counts_of(invalid: Mapping[str, str]) -> dict[int, str]:
 def nan_of(invalid: Mapping[str, str]) -> str:
     """What a number that is none means; empty where that is not said."""
     return next((means for count, means in invalid.items() if count.lower() == "nan"), "")
-
-
-class Strict(BaseModel):
-    """A table in which nothing stands that is not known."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class DescribedTerminal(Strict):

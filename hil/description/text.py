@@ -9,7 +9,8 @@ from typing import Literal, Self
 from pydantic import Field, FiniteFloat, field_validator
 
 from hil.bench.lines import Place
-from hil.description.terminal import DescribedDevice, ScaledTerminal, Strict
+from hil.description.terminal import DescribedDevice, ScaledTerminal
+from hil.strict import Strict
 
 End = Literal["LF", "CRLF", "CR"]
 ENDS: Mapping[str, str] = {"LF": "\n", "CRLF": "\r\n", "CR": "\r"}

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field, ValidationError
 
 from hil.arrays import Array
 from hil.errors import FileError, first_fault, reading, storing
@@ -19,24 +19,21 @@ from hil.record.moment import Moment
 from hil.record.population_comparison import PopulationComparison
 from hil.record.previous_run import PreviousRunComparison
 from hil.record.show import dataset, figure_by_unit, table_html
+from hil.strict import Strict
 from hil.units import behind_a_number
 from hil.untrusted import read_untrusted_json
 
 SCHEMA: Literal["hil.results/1"] = "hil.results/1"
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, defer_build=True)
-
-
-class ColumnOf(_Strict):
+class ColumnOf(Strict):
     """A column of a curve. The unit of a pure number is `1`."""
 
     name: str
     unit: str
 
 
-class Curve(_Strict):
+class Curve(Strict):
     """A curve as a table: one row for each point. A cell is null where nothing was measured."""
 
     name: str
@@ -87,7 +84,7 @@ class Curve(_Strict):
         return figure
 
 
-class FittedFunction(_Strict):
+class FittedFunction(Strict):
     """A fitted transfer function B(s)/A(s)·e^(−s·dead time), coefficients from the highest power down.
 
     `covariance` is of `coefficients`: the numerator, the denominator without its leading 1, the dead time where it was
@@ -137,12 +134,14 @@ class FittedFunction(_Strict):
         return f"transfer function: {self.name}: {'; '.join(filter(None, (', '.join(map(text, found)), self.formula)))}"
 
 
-class Results(_Strict):
+class Results(Strict):
     """Everything that a run found. `run` is the name of its folder.
 
     `codes`: what notes and deviations are made of, a template and its values, by their text.
     `simulated`: whether a simulated device had a part in it; null in files of versions that did not say so.
     """
+
+    model_config = ConfigDict(populate_by_name=True)
 
     schema_: Literal["hil.results/1"] = Field(default=SCHEMA, alias="schema")
     run: str

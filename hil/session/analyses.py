@@ -351,7 +351,8 @@ def error_between(
     for one in (measured, reference):
         if len(measured_rows(one, (output_name,))) < len(one):
             raise FileError(f"{'; '.join(one.meta[INVALID_SAMPLES])}: eq. 4.1 compares sample by sample")
-    return thesis_error(*aligned((measured, reference), output_name, "psi"), 1.0 / measured.interval_s, level)
+    pressure, good = aligned((measured, reference), output_name, "psi")
+    return thesis_error(pressure, good, 1.0 / measured.interval_s, level)
 
 
 def aligned(recordings: Sequence[Recording], output: str, unit: str) -> Array:

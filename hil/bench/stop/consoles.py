@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ValidationError
 
 from hil.errors import FileError
 from hil.record.run_folder.process_liveness import is_alive
 from hil.record.state import keep, state_path
+from hil.strict import Strict
 from hil.untrusted import read_untrusted_json
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
-class Console(BaseModel):
+class Console(Strict):
     """A console that runs on this computer.
 
     Attributes:
@@ -24,8 +25,6 @@ class Console(BaseModel):
         host: at which it listens.
         cert, key: files of its certificate, where it has one.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     pid: int
     origins: tuple[str, ...]

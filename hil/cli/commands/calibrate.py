@@ -81,8 +81,8 @@ def command(
         found.write()
     typer.echo(f"{'written into' if written else 'not written:'} {bench}", err=as_json)
     document = {"schema": "hil.calibrate/1", "channel": channel, "unit": unit, "points": found.points}
-    document |= {"line": found.line, "calibration": found.entry.model_dump(), "written": written}
-    printed(document, "", as_json)
+    more = {"line": found.line, "calibration": found.entry.model_dump(), "written": written}
+    printed({**document, **more}, "", as_json)
 
 
 def _folder(file: BenchFile, channel: str, out: Path | None) -> Path | None:

@@ -15,6 +15,7 @@ from hil.errors import FileError, first_fault, reading
 from hil.record.durable import sync_file, sync_folder, write_at
 from hil.record.moment import Moment
 from hil.record.plain import plain
+from hil.strict import Strict
 from hil.system import system
 from hil.untrusted import ANY_SIZE, open_untrusted, read_untrusted_json
 from hil.version import PROGRAM, is_newer, made_by
@@ -28,11 +29,7 @@ NEEDED = "; a run folder needs it"
 _NO_BRACKET = r"^[^\[\]\r\n]+$"
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
-
-
-class Column(_Strict):
+class Column(Strict):
     """One recorded quantity: values in `unit`, with the calibration that was already applied to them.
 
     Neither name nor unit holds a bracket, so that `name [unit]` stays readable as a heading.
@@ -41,7 +38,7 @@ class Column(_Strict):
     name: str = Field(pattern=_NO_BRACKET)
     unit: str = Field(pattern=_NO_BRACKET)
     source: str = ""
-    calibration: dict[str, Any] = {}
+    calibration: dict[str, Any] = Field(default_factory=dict)
 
     @field_validator("calibration")
     @classmethod
@@ -53,7 +50,7 @@ class Column(_Strict):
         return stated
 
 
-class Table(_Strict):
+class Table(Strict):
     """How the samples lie in their file: rows of little-endian float64, one value per column."""
 
     file: Literal["samples.f8"] = "samples.f8"
@@ -131,7 +128,7 @@ class Meta(TypedDict, total=False):
     outputs: dict[str, dict[str, Any]]
 
 
-class Header(_Strict):
+class Header(Strict):
     """What is known when a run starts. Written once, never touched again.
 
     `meta` holds what the bench and the procedure say, as JSON values.
@@ -142,10 +139,10 @@ class Header(_Strict):
     program: str = PROGRAM
     started_utc: Moment = Field(default_factory=lambda: system.utc())
     samples: Table
-    meta: Meta = {}
+    meta: Meta = Field(default_factory=Meta)
 
 
-class End(_Strict):
+class End(Strict):
     """What is known when a run stops. Its presence means that the run was closed in order.
 
     `rows` and `crc32` (over all rows) say how far the samples go; `sha256` seals every file that was recorded, by name.
@@ -160,8 +157,8 @@ class End(_Strict):
     rows: int = Field(ge=0)
     crc32: str = Field(pattern="^[0-9a-f]{8}$")
     sha256: dict[str, str]
-    outputs: dict[str, dict[str, Any]] = {}
-    meta: Meta = {}
+    outputs: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    meta: Meta = Field(default_factory=Meta)
 
 
 def new_header(channels: Sequence[tuple[str, str] | Column], meta: Mapping[str, Any]) -> Header:

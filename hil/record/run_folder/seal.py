@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from hil.errors import FileError, storing
 from hil.record.durable import sync_folder, write_whole
@@ -20,6 +20,7 @@ from hil.record.measurement import FINDINGS_FILE, RESULTS_FILE, Limit
 from hil.record.moment import Moment
 from hil.record.run_folder.header import END_FILE, HEADER_FILE, check_unchanged, read_end, read_stated, sha256_of
 from hil.record.run_folder.samples import ROWS_FILE
+from hil.strict import Strict
 from hil.version import PROGRAM
 
 SEAL_FILE = "seal.json"
@@ -27,10 +28,8 @@ SEAL_FILE = "seal.json"
 _NEVER = (SEAL_FILE, "control.json", "progress.json", "watchdog-so-far.json")
 
 
-class Seal(BaseModel):
+class Seal(Strict):
     """How a folder was sealed: `limits` by which the run was judged, the `program` that judged it, `sha256` by name."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     format: Literal["hil-run-seal"] = "hil-run-seal"
     version: Literal[1] = 1
