@@ -28,6 +28,7 @@ class Criteria:
             at them and at so many of their harmonics.
         still_moving, rest_times, fewest_rest: share of the noise by which a model may move at rest, times that as long
             as it moves a command has stood, and samples of a mean at rest.
+        repeats: mean square, over its power, by which a command may differ from itself a period before.
         followed: share of its scatter, and of the way, below which a finer solver moves no value.
     """
 
@@ -49,6 +50,7 @@ class Criteria:
     still_moving: float = 0.1
     rest_times: int = 3
     fewest_rest: int = 100
+    repeats: float = 1e-8
     followed: float = 0.1
 
 
@@ -70,6 +72,7 @@ class Effort:
         addition: of what passes a hook, so small that it acts in proportion.
         linear_rounds, samples_per_unknown, coarser: of a linear start: rounds, samples, and ever coarser ones.
         compared_blocks, worst: blocks of a comparison, and how many of the worst are told.
+        probes: samples at which a period is tried before it is tried at all of them.
         block: residuals over which their colour shows.
     """
 
@@ -102,6 +105,7 @@ class Effort:
     coarser: int = 4
     compared_blocks: int = 50
     worst: int = 3
+    probes: int = 16
     block: int = 200
 
 

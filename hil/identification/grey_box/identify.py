@@ -29,6 +29,7 @@ from hil.identification.preparation.content import content_of
 from hil.identification.preparation.experiment import DEAD, Experiment, require_excitation, sample_intervals_s
 from hil.identification.preparation.gaps import bridged
 from hil.identification.preparation.initial_condition import start_slope, with_free_start
+from hil.identification.preparation.mean_period import with_mean_periods
 from hil.identification.preparation.recording_quality import (
     LINEAR,
     believed,
@@ -254,7 +255,8 @@ def _fitted(model: Model, experiments: Sequence[Experiment], asked: _Asked, rema
     model, note = (model, ()) if choice is None else (_of_structure(model, choice), (choice.sentence,))
     plant = model.definition
     experiments, averaged = with_means(model, experiments)
-    remarks = (*remarks, *averaged)
+    experiments, periods = with_mean_periods(model, experiments)
+    remarks = (*remarks, *averaged, *periods)
     names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in asked.free]
     names += [name for name in dict.fromkeys(asked.free) if "." in name]
     found, used = _best_reading(model, names, experiments, asked.tick)
@@ -276,7 +278,8 @@ def _fitted(model: Model, experiments: Sequence[Experiment], asked: _Asked, rema
         of_form = np.diag([choice.form_std(u.name) ** 2 for u in found.unknowns])
         beside = replace(beside, model=beside.model + of_form, notes=(*beside.notes, *_other_forms(choice)))
     readings = tuple(_real_pairs(found, beside.model)) if model.plant == LINEAR else ()
-    return replace(_result(model, plant, found, used, (*remarks, *note), beside), readings=readings)
+    whole = [e if e.whole is None else e.whole.reading_at(e.drive.read_at) for e in used]
+    return replace(_result(model, plant, found, whole, (*remarks, *note), beside), readings=readings)
 
 
 def _structure_of(model: Model, experiments: Sequence[Experiment], orders: Orders) -> StructureChoice | None:

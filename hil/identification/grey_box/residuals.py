@@ -54,7 +54,7 @@ class Residuals:
 
     @cached_property
     def _inner(self) -> tuple[dict[str, float], ...]:
-        return channel_floors([e.valid_observed for e in self.experiments])
+        return channel_floors([(e.whole or e).valid_observed for e in self.experiments])
 
     def at(
         self,
@@ -79,7 +79,7 @@ class Residuals:
             inner = e.observed_errors(self.plant, rows, self._inner[i])
             errors = chain((with_free_start(e.telling(output), self._starts[i]),), inner)
             pairs = zip(self._dithers[i], errors, strict=True)
-            return [means(reduce(with_free_start, dither, error), e.averaged) for dither, error in pairs]
+            return [_means(e, reduce(with_free_start, dither, error)) for dither, error in pairs]
 
         return side_by_side(errors_of, len(self.experiments))
 
@@ -110,7 +110,7 @@ class Residuals:
                 for s in self.plant.observed
                 if s.name in self._inner[i]
             ]
-            return [means(errors, e.averaged) for errors in (with_free_start(output, self._starts[i]), *inner)]
+            return [_means(e, errors) for errors in (with_free_start(output, self._starts[i]), *inner)]
 
         return side_by_side(readings_of, len(self.experiments))
 
@@ -122,6 +122,11 @@ class Residuals:
             simulate(self.plant, parameters, e.drive, self.effects, trace=trace)
             made.append(trace)
         return made
+
+
+def _means(e: Experiment, errors: Array) -> Array:
+    """Errors as they are compared, in units of the noise of what they are means of."""
+    return means(errors if e.root_counts is None else errors * e.root_counts, e.averaged)
 
 
 def _orthogonal(additions: list[Array]) -> Array:

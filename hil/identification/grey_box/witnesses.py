@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from hil.identification.grey_box.criteria import CRITERIA
+from hil.identification.grey_box.criteria import CRITERIA, EFFORT
 from hil.identification.preparation.experiment import Experiment
 from hil.identification.preparation.time_constant import time_constant_s
 from hil.physics.model import Model
@@ -67,8 +67,12 @@ def repeat_difference(inputs: Array, output: Array) -> Array | None:
     if power == 0.0 or longest <= shortest:
         return None
     lags = np.arange(shortest, longest)
+    for k in np.linspace(0, n // 5 - 1, EFFORT.probes).astype(np.int64):  # one sample may tell that a lag is none
+        lags = lags[(inputs[lags + k] - inputs[k]) ** 2 < CRITERIA.repeats * power * (n - lags)]
+    if not lags.size:
+        return None
     mismatch = _mean_square_difference(inputs)[lags]
-    good = lags[(mismatch < 1e-8 * power) & (_variance_from(inputs)[lags] > CRITERIA.still_moving * power)]
+    good = lags[(mismatch < CRITERIA.repeats * power) & (_variance_from(inputs)[lags] > CRITERIA.still_moving * power)]
     if not good.size:
         return None
     lag = int(good[0])

@@ -31,6 +31,7 @@ class Criteria:
         grows, grown_samples: from quarter to quarter of a recording, faster than any integrator, and its samples.
         rise_samples: within 10 … 90 % of a step's response (Åström and Wittenmark take four to ten).
         lost_power: of a plant's motion, by means of neighbouring samples: estimates move by its root of their std.
+        slip: standard deviations of noise by which a sine may slip where whole periods of it are left out.
         start, felt_start: standard deviations by which a first reading may be off, and of noise that it is felt by.
         good_fit, poor_fit: in %, from which on channels are what they say, and below which a model says nothing.
         less_than_own: in %, less than a model's own fit. `hopeless`, `fits_better`: of columns that are swapped.
@@ -77,6 +78,7 @@ class Criteria:
     grown_samples: int = 40
     rise_samples: float = 10.0
     lost_power: float = 0.05**2
+    slip: float = 0.1
     start: float = 10.0
     felt_start: float = 0.1
     good_fit: float = 80.0

@@ -29,6 +29,15 @@ OUTPUT = "output"  # among the names of a plant's inner signals
 DEAD = Note("a dead sensor, no supply or a wrong column")
 
 
+@dataclass(frozen=True, slots=True)
+class Sine:
+    """Samples first … first + count hold a sine that had settled when its procedure measured it."""
+
+    frequency_hz: float
+    first: int
+    count: int
+
+
 @dataclass(frozen=True, eq=False)
 class Experiment:
     """One recording as a plant sees it.
@@ -60,6 +69,9 @@ class Experiment:
             (PHASES, inputs, FINER * (m + n)), from m samples before the first on, in which the command stood as
             in the first; None where there is none.
         averaged: so many neighbouring samples are compared as one mean (see `hil.identification.preparation.averaged`).
+        sines: those that had settled, in the order of time.
+        root_counts: of samples that are means of several, the root of how many, shape (n,); `whole`: what they are
+            means of (see `hil.identification.preparation.mean_period`). None where every sample is one.
     """
 
     name: str
@@ -82,6 +94,9 @@ class Experiment:
     stated_units: frozenset[str] = frozenset()
     ripples: Array | None = None
     averaged: int = 1
+    sines: tuple[Sine, ...] = ()
+    root_counts: Array | None = None
+    whole: Experiment | None = None
 
     def respond(
         self,
@@ -180,6 +195,8 @@ class Experiment:
     @cached_property
     def weight(self) -> float:
         """One over the least noise of the output: what its channel shows, and no less than 1e-4 of its span."""
+        if self.whole is not None:
+            return self.whole.weight
         return 1.0 / max(channel_floor(self.valid_output), 1e-4 * float(np.ptp(self.output)) or 1.0)
 
     @property
@@ -334,7 +351,15 @@ def experiment(
         read_s=read_s, gain_stds=stated,
         ripples=ripples, skew_s=skew_s, is_timed="sampling" in recording.meta,
         stated_units=frozenset(recording.meta.get("stated_units", ())),
+        sines=_sines(recording) if len(recording) == sampled else (),
     )  # fmt: skip
+
+
+def _sines(recording: Recording) -> tuple[Sine, ...]:
+    """Those that a procedure found steady."""
+    steady = (part for part in recording.meta.get("parts", ()) if part.get("kind") == "sine" and part.get("steady"))
+    sines = (Sine(float(part["frequency_hz"]), int(part["first"]), int(part["count"])) for part in steady)
+    return tuple(sine for sine in sines if sine.first + sine.count <= len(recording))
 
 
 def _bends(values: Array, late: float) -> Mask:
