@@ -84,19 +84,19 @@ proof: $(STAMP)  ## the concealment proof (CASES=20); SKELETON=wrong (CASES=3 un
 ifeq ($(SKELETON),wrong)
 	$(BIN)/python -m tests.studies --units $(or $(CASES),3) --seed $(or $(SEED),1) --out $(or $(OUT),proof-wrong) $(if $(JSON),--json)
 else
-	$(BIN)/python -m tests.proof --cases $(or $(CASES),20) --out $(or $(OUT),proof)
+	$(BIN)/python -m tests.studies.proof --cases $(or $(CASES),20) --out $(or $(OUT),proof)
 endif
 ifdef RECORDINGS
-	$(BIN)/python -m tests.proof.real --recordings $(RECORDINGS)
+	$(BIN)/python -m tests.studies.proof.real --recordings $(RECORDINGS)
 else
 	@echo "real recordings were not run: make proof RECORDINGS=DIR names their folder"
 endif
 
-coverage: $(STAMP)  ## how often what procedures print holds the truth (SEEDS=300): the table in docs/explanation/coverage.md
-	HIL_CORES=1 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.coverage_study --seeds $(or $(SEEDS),300) --page docs/explanation/coverage.md
+coverage: $(STAMP)  ## how often what procedures print holds the truth (SEEDS=300): the table in tests/studies/coverage/figures.md
+	HIL_CORES=1 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.studies.coverage --seeds $(or $(SEEDS),300) --page tests/studies/coverage/figures.md
 
-coverage-identify: $(STAMP)  ## how often intervals of identified parameters hold the truth (SEEDS=100): the same page
-	HIL_CORES=1 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.coverage_identify --seeds $(or $(SEEDS),100) --page docs/explanation/coverage.md
+coverage-identify: $(STAMP)  ## how often intervals of identified parameters hold the truth (SEEDS=100): tests/studies/identify/figures.md
+	HIL_CORES=1 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.studies.identify --seeds $(or $(SEEDS),100) --page tests/studies/identify/figures.md
 
 tutorial: $(STAMP)  ## every command of the tutorials from an empty folder, as a reader would type it
 	$(BIN)/python -m tests.tutorial

@@ -1,4 +1,4 @@
-"""Cases of the concealment proof (tests/proof) as every method gets them, and how its answer is judged.
+"""Cases of the concealment proof (tests/studies/proof) as every method gets them, and how its answer is judged.
 
 The truth is simulated by laws and a solver of its own, which none of the methods shares. All methods get the same: a
 nominal model identified from the healthy recordings, and the changed recordings, command and output only.
@@ -13,20 +13,20 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # tests/proof is run from the project's folder
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # tests/studies/proof is run from the project's folder
 
 from hil.identification.grey_box.identify import fit_plant
 from hil.identification.preparation.experiment import Experiment, experiment, for_model
 from hil.physics.model import Model, typical_model
 from hil.record.recording import Array, Recording, recording
-from tests.proof.cases.draw import draw, programme_of
-from tests.proof.cases.folder import Recorded, record, unseen
-from tests.proof.cases.label import Label
-from tests.proof.cases.play import BASELINE, CHANGED, play
-from tests.proof.cases.truth import Truth
-from tests.proof.score.gap import LEAST_GAP_SIGMA, fit_percent, misfit_sigma
-from tests.proof.score.judge import Judgement, judge
-from tests.proof.truth.simulate import SAMPLE_S
+from tests.studies.proof.cases.draw import draw, programme_of
+from tests.studies.proof.cases.folder import Recorded, record, unseen
+from tests.studies.proof.cases.label import Label
+from tests.studies.proof.cases.play import BASELINE, CHANGED, play
+from tests.studies.proof.cases.truth import Truth
+from tests.studies.proof.score.gap import LEAST_GAP_SIGMA, fit_percent, misfit_sigma
+from tests.studies.proof.score.judge import Judgement, judge
+from tests.studies.proof.truth.simulate import SAMPLE_S
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,9 +30,9 @@ from table import Row, show
 from hil.diagnosis.diagnose import diagnose
 from hil.identification.preparation.experiment import Experiment
 from hil.record.recording import Array
-from tests.proof.cases.label import NOTHING, parse
-from tests.proof.score.judge import AMONG, BOTH, CONSISTENT, FIRST, ONE, WRONG
-from tests.proof.truth.catalog import effects
+from tests.studies.proof.cases.label import NOTHING, parse
+from tests.studies.proof.score.judge import AMONG, BOTH, CONSISTENT, FIRST, ONE, WRONG
+from tests.studies.proof.truth.catalog import effects
 
 SEED = 3
 SHORT = ("friction.cummins-efc.full.000", "none.cummins-efc.full.000", "gain_bump.cummins-efc.full.000")

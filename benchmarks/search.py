@@ -21,7 +21,7 @@ from table import Row, milliseconds, show
 from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.intake.problem import pose, settled
 from hil.diagnosis.verdict.explain import explained
-from tests.proof.cases.label import parse
+from tests.studies.proof.cases.label import parse
 
 
 def rows(case: Case) -> Iterator[Row]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cache, partial
 
 from tests.once import once
-from tests.proof.cases.draw import draw
-from tests.proof.cases.label import Label
-from tests.proof.cases.truth import Truth
+from tests.studies.proof.cases.draw import draw
+from tests.studies.proof.cases.label import Label
+from tests.studies.proof.cases.truth import Truth
 
 SEED = 5
 LEAK = Label("leakage", "cummins-efc", "full", 0)

@@ -18,7 +18,7 @@ from hil.session.diagnosis import conclude
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
 from tests.concealed import nominal
-from tests.proof.small_sines import BUDGET_S, SMALL_SINES
+from tests.studies.proof.small_sines import BUDGET_S, SMALL_SINES
 
 pytestmark = pytest.mark.usefixtures("unprinted")
 

@@ -12,12 +12,12 @@ from hil.record.measurement import Measured
 from hil.session.procedure import load_procedure
 from sim_devices._simulation import Simulation, model_of
 from tests.bench_files import bench_file
-from tests.coverage_study.cases import BY_HAND, CASES, MADE_OF, SAME_AS, WITHOUT_TRUTH, Case
-from tests.coverage_study.recordings import driven, driven_on, noisy
-from tests.coverage_study.score import Tally
-from tests.coverage_study.situations import HPV41, SITUATIONS, without_noise
-from tests.coverage_study.study import Outcome, tried
-from tests.coverage_study.table import summary
+from tests.studies.coverage.cases import BY_HAND, CASES, MADE_OF, SAME_AS, WITHOUT_TRUTH, Case
+from tests.studies.coverage.recordings import driven, driven_on, noisy
+from tests.studies.coverage.score import Tally
+from tests.studies.coverage.situations import HPV41, SITUATIONS, without_noise
+from tests.studies.coverage.study import Outcome, tried
+from tests.studies.coverage.table import summary
 
 AS_INSTALLED = SITUATIONS[0]
 FIRST, SEEDS = 5000, 4
@@ -35,7 +35,7 @@ def name_of(case: Case) -> str:
 
 
 def test_the_study_counts_what_holds_and_what_a_limit_at_the_truth_would_judge_wrongly():
-    tally = Tally(10.0, whole=True)
+    tally = Tally(10.0)
     for value in (9.0, 9.9, 10.1, 11.0, 12.0):
         tally.add(Measured("rise", value, "s", std=0.4))
     tally.add(Measured("rise", 9.5, "s", std=0.1, relation="<"))
@@ -45,7 +45,7 @@ def test_the_study_counts_what_holds_and_what_a_limit_at_the_truth_would_judge_w
 
 
 def test_the_summary_counts_what_holds_too_seldom_and_what_is_stated_too_widely():
-    narrow, right, wide = (Tally(0.0, whole=True) for _ in range(3))
+    narrow, right, wide = (Tally(0.0) for _ in range(3))
     for k in range(100):
         for tally, std in ((narrow, 0.2), (right, 0.5), (wide, 3.0)):
             tally.add(Measured("rise", 1.05 if k < 6 else (-1.0) ** k * 0.5, "s", std=std))

@@ -24,8 +24,8 @@ from hil.record.recording import Recording
 from hil.session.limit import limit_text
 from hil.session.procedure import load_procedure
 from hil.session.results import evaluated
-from tests.coverage_study.recordings import driven, noisy
-from tests.coverage_study.situations import Situation
+from tests.studies.coverage.recordings import driven, noisy
+from tests.studies.coverage.situations import Situation
 
 BENCH = "four-way-lab"
 TEST = load_procedure("iso_10770_1")

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
 import typer
@@ -13,6 +11,7 @@ from rich.console import Console
 from rich.progress import track
 
 from tests.studies.cases import Case, Outcome, cases_of, examined, seal, skeletons
+from tests.studies.jobs import finished
 from tests.studies.table import as_json, as_text, draw
 
 
@@ -43,10 +42,9 @@ def main(
 
 
 def _all(units: Sequence[Sequence[Case]], jobs: int, out: Path) -> list[Outcome]:
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-        started = [pool.submit(examined, unit, out) for unit in units]
-        done = track(as_completed(started), "units", total=len(units), console=Console(stderr=True))
-        return sorted((one for unit in done for one in unit.result()), key=lambda one: one.case)
+    done = finished(examined, [(unit, out) for unit in units], jobs)
+    shown = track(done, "units", total=len(units), console=Console(stderr=True))
+    return sorted((one for _, unit in shown for one in unit), key=lambda one: one.case)
 
 
 if __name__ == "__main__":

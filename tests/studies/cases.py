@@ -17,10 +17,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 import hil
-from tests.proof.diagnosers import PYTHON
 from tests.studies import skeletons as _skeletons
 from tests.studies.excitation import OTHER, USUAL, Array
 from tests.studies.names import RANGES, right_names
+from tests.studies.proof.diagnosers import PYTHON
 
 NOTHING = "nothing"
 SEVERITIES = (0.3, 10.0)

@@ -7,8 +7,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from tests.proof.score.rates import Rate
 from tests.studies.cases import NOTHING, Outcome
+from tests.studies.rates import Rate
 
 _SAID: dict[str, Callable[[Outcome], bool]] = {
     "not noticed": lambda one: not one.is_alarm,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.coverage_identify.cases import CASES
-from tests.coverage_identify.study import tried
+from tests.studies.identify.cases import CASES
+from tests.studies.identify.study import tried
 
 
 @pytest.mark.parametrize(("name", "at"), [("HPV41", "half range"), ("SP08-47C, closed loop", "half range")])

@@ -22,9 +22,9 @@ from hil.record.recording import Channel, Recording
 from hil.report.number import note_text
 from hil.session.procedure import load_procedure
 from procedures._recorded import departures
-from tests.coverage_study.cases import CASES
-from tests.coverage_study.recordings import driven, noisy
-from tests.coverage_study.situations import SITUATIONS
+from tests.studies.coverage.cases import CASES
+from tests.studies.coverage.recordings import driven, noisy
+from tests.studies.coverage.situations import SITUATIONS
 
 _ENGLISH = re.compile(r"\b(the|of|is|and|with|it|not)\b")
 

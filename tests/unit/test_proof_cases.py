@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from tests.drawn import LEAK, SEED, drawn
-from tests.proof.cases.draw import changed, draw
-from tests.proof.cases.folder import unseen, write_case
-from tests.proof.cases.label import SEVERITIES, Label, parse
-from tests.proof.cases.seal import BrokenSealError, publish, read, verify
-from tests.proof.cases.severity import Stand, strengthened
-from tests.proof.cases.truth import from_json, to_json
-from tests.proof.plan import Plan, kinds
-from tests.proof.truth.catalog import PLANTS
-from tests.proof.truth.law import Hidden
-from tests.proof.truth.noise import Colour, converted, noise
+from tests.studies.proof.cases.draw import changed, draw
+from tests.studies.proof.cases.folder import unseen, write_case
+from tests.studies.proof.cases.label import SEVERITIES, Label, parse
+from tests.studies.proof.cases.seal import BrokenSealError, publish, read, verify
+from tests.studies.proof.cases.severity import Stand, strengthened
+from tests.studies.proof.cases.truth import from_json, to_json
+from tests.studies.proof.plan import Plan, kinds
+from tests.studies.proof.truth.catalog import PLANTS
+from tests.studies.proof.truth.law import Hidden
+from tests.studies.proof.truth.noise import Colour, converted, noise
 
 pytestmark = pytest.mark.xdist_group("proof")  # what is drawn once is for all of them
 
@@ -179,7 +179,7 @@ def test_a_plan_can_be_narrowed():
 
 
 def test_the_truth_and_its_cases_take_nothing_from_the_program_under_test():
-    root = Path(__file__).parents[1] / "proof"
+    root = Path(__file__).parents[1] / "studies" / "proof"
     sources = [*(root / "truth").rglob("*.py"), *(root / "cases").rglob("*.py"), *(root / "score").rglob("*.py")]
     assert len(sources) > 60
     imported = {name for path in sources for name in _imports(path)}

@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.proof.cases.severity import Stand, stand, strengthened
-from tests.proof.truth.catalog import PLANTS, all_laws, effects
-from tests.proof.truth.excitation.programme import programme
-from tests.proof.truth.law import Hidden
-from tests.proof.truth.simulate import SUBSTEPS, Unit, respond
+from tests.studies.proof.cases.severity import Stand, stand, strengthened
+from tests.studies.proof.truth.catalog import PLANTS, all_laws, effects
+from tests.studies.proof.truth.excitation.programme import programme
+from tests.studies.proof.truth.law import Hidden
+from tests.studies.proof.truth.simulate import SUBSTEPS, Unit, respond
 
 pytestmark = pytest.mark.xdist_group("laws of the proof")  # on one worker: stands are settled once for each plant
 

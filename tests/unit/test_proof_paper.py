@@ -7,7 +7,7 @@ import pytest
 
 from hil.physics.published import tordal
 from hil.signals.sine_fit import sine_fit
-from tests.proof.paper import NOISE_LPM, RATE_HZ, SLOPE, recorded
+from tests.studies.proof.paper import NOISE_LPM, RATE_HZ, SLOPE, recorded
 
 
 @pytest.mark.parametrize("run", tordal.RUNS, ids=lambda run: run.name)

@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 
 from tests.drawn import LEAK, SEED, drawn
-from tests.proof.cases.label import Label
-from tests.proof.cases.seal import BrokenSealError
-from tests.proof.cases.truth import Truth, to_json
-from tests.proof.diagnosers import Commands
-from tests.proof.publish import keep, markdown
-from tests.proof.run import OtherSealsError, prove
-from tests.proof.score.calibration import bands
-from tests.proof.score.rates import Rate
-from tests.proof.score.result import Result
-from tests.proof.truth.law import Array, Hidden
-from tests.proof.truth.simulate import Unit, respond
+from tests.studies.proof.cases.label import Label
+from tests.studies.proof.cases.seal import BrokenSealError
+from tests.studies.proof.cases.truth import Truth, to_json
+from tests.studies.proof.diagnosers import Commands
+from tests.studies.proof.publish import keep, markdown
+from tests.studies.proof.run import OtherSealsError, prove
+from tests.studies.proof.score.calibration import bands
+from tests.studies.proof.score.result import Result
+from tests.studies.proof.truth.law import Array, Hidden
+from tests.studies.proof.truth.simulate import Unit, respond
+from tests.studies.rates import Rate
 
 pytestmark = pytest.mark.xdist_group("proof")  # what is drawn once is for all of them
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.proof.cases.label import Label
-from tests.proof.cases.truth import Truth
-from tests.proof.score.bar import claims
-from tests.proof.score.coverage import intervals
-from tests.proof.score.gap import fit_percent, gap_closed, misfit_sigma
-from tests.proof.score.judge import judge
-from tests.proof.score.rates import Rate
-from tests.proof.score.result import Result, judged
-from tests.proof.score.table import HEADINGS, cells, sections
-from tests.proof.truth.law import Hidden
-from tests.proof.truth.noise import WHITE
+from tests.studies.proof.cases.label import Label
+from tests.studies.proof.cases.truth import Truth
+from tests.studies.proof.score.bar import claims
+from tests.studies.proof.score.coverage import intervals
+from tests.studies.proof.score.gap import fit_percent, gap_closed, misfit_sigma
+from tests.studies.proof.score.judge import judge
+from tests.studies.proof.score.result import Result, judged
+from tests.studies.proof.score.table import HEADINGS, cells, sections
+from tests.studies.proof.truth.law import Hidden
+from tests.studies.proof.truth.noise import WHITE
+from tests.studies.rates import Rate
 
 FRICTION = Hidden("friction_lugre", (2.0, 1.3, 8.0, 0.1, 0.0))
 DELAY = Hidden("dead_time_pure", (0.020, 1.0))

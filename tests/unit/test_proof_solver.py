@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.proof.truth.catalog import PLANTS
-from tests.proof.truth.excitation.shapes import steps
-from tests.proof.truth.simulate import SAMPLE_S, SUBSTEPS, Unit, respond, track
+from tests.studies.proof.truth.catalog import PLANTS
+from tests.studies.proof.truth.excitation.shapes import steps
+from tests.studies.proof.truth.simulate import SAMPLE_S, SUBSTEPS, Unit, respond, track
 
 _RANGE = {
     "brevini-hpv41": (-100.0, 100.0),

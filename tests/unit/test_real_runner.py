@@ -11,10 +11,11 @@ from hil.physics.compose import kernel, plant
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.read import write_recording
 from hil.record.recording import recording
-from tests.proof.real.__main__ import main
-from tests.proof.real.prove import prove
-from tests.proof.real.publish import START, STOP, cells, inserted, parameters
-from tests.proof.real.sets import SETS
+from tests.studies.markdown import put
+from tests.studies.proof.real.__main__ import main
+from tests.studies.proof.real.prove import prove
+from tests.studies.proof.real.publish import START, STOP, cells, parameters
+from tests.studies.proof.real.sets import SETS
 
 SEAL = next(real for real in SETS if real.name == "pneumatic seal")
 FILES = {"nap310-3bar.csv": 3.0, "nap310-7bar.csv": 7.0, "nap310-5bar.csv": 5.0}
@@ -82,7 +83,9 @@ def test_a_broken_recording_fails_its_set_and_no_other(tmp_path):
     assert "failed" in cells(outcome)[2]
 
 
-def test_the_tables_go_between_their_marks():
-    page = f"# Title\n\n{START}\nold\n{STOP}\n\nrest\n"
-    assert inserted(page, "new") == f"# Title\n\n{START}\n\nnew\n\n{STOP}\n\nrest\n"
-    assert inserted(inserted(page, "new"), "newer") == inserted(page, "newer")
+def test_the_tables_go_between_their_marks(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(f"# Title\n\n{START}\nold\n{STOP}\n\nrest\n")
+    for made in ("new", "newer"):
+        put(page, START, STOP, made)
+        assert page.read_text() == f"# Title\n\n{START}\n\n{made}\n\n{STOP}\n\nrest\n"

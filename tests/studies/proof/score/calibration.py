@@ -1,0 +1,54 @@
+"""Whether said probabilities are kept: of names said to be 80 % likely, 80 % should be right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from tests.studies.rates import Rate
+
+from ..cases.label import PARAMETER
+from .result import Result
+
+BANDS = (0.0, 0.5, 0.8, 0.95, 1.0)
+"""Borders between which probabilities are taken together; the last band holds its upper border."""
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """Names that were said to be about equally likely.
+
+    Attributes:
+        low: Lower border.
+        high: Upper border.
+        said: Mean of the probabilities; not a number without names.
+        kept: How many of the names were right.
+    """
+
+    low: float
+    high: float
+    said: float
+    kept: Rate
+
+
+def bands(results: Sequence[Result]) -> list[Band]:
+    """Return the names of all results by how likely they were said to be.
+
+    A name is right if that effect was concealed. Cases without listed effects count too (no name is right there).
+    """
+    names = [
+        (probability, name in r.effects and r.kind != PARAMETER)
+        for r in results
+        if r.visible
+        for name, probability in zip(r.named, r.probabilities, strict=True)
+    ]
+    return [_band(low, high, names) for low, high in pairwise(BANDS)]
+
+
+def _band(low: float, high: float, names: Sequence[tuple[float, bool]]) -> Band:
+    inside = [(p, right) for p, right in names if low <= p < high or p == high == BANDS[-1]]
+    said = float(np.mean([p for p, _ in inside])) if inside else float("nan")
+    return Band(low, high, said, Rate(sum(right for _, right in inside), len(inside)))
