@@ -161,9 +161,11 @@ def reference_deviations(found: Sequence[Evaluated]) -> tuple[Note, ...]:
 
 
 def crossed(measurement: Measurement, crossing: Crossing) -> Measured:
-    """A crossing as a measured value; "above the top frequency" where it was not reached."""
+    """A crossing as a measured value; a bound where it lies above the top frequency or before the lowest."""
+    if crossing.below_hz is not None:
+        return measurement.of(crossing.below_hz, 0.0, relation="<")
     if crossing.frequency_hz is None:
-        return measurement.of(crossing.beyond_hz, 0.0, relation=">")
+        return measurement.of(crossing.beyond_hz, 0.0, relation=">") if crossing.beyond_hz else measurement.of(None)
     return measurement.of(crossing.frequency_hz, _finite(crossing.std_hz))
 
 

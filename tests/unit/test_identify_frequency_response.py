@@ -198,6 +198,20 @@ def test_crossings_come_with_uncertainty_or_say_not_reached():
     assert str(phase_crossing(table(), -90.0)).startswith("-90 °: 1.0")
 
 
+@pytest.mark.parametrize(("std", "below_hz"), [(None, 3.0), (0.001, 3.0), (1.0, None)])
+def test_a_response_that_begins_below_a_level_bounds_its_crossing_from_above(std, below_hz):
+    frequencies = np.array([3.0, 4.0, 6.0])
+    late = from_polar("bench", frequencies, MODEL.at(frequencies))
+    assert np.all(late.phase_deg < -90.0)
+    if std is not None:
+        late = replace(late, covariance=np.tile((std * abs(late.response[0])) ** 2 * np.eye(2), (3, 1, 1)))
+    found = phase_crossing(late, -90.0)
+    assert found.frequency_hz is None and found.beyond_hz == 0.0
+    assert found.below_hz == (None if below_hz is None else pytest.approx(below_hz))
+    if below_hz is not None:
+        assert str(found) == "-90 °: below 3 Hz"
+
+
 @pytest.mark.parametrize(("noise", "least_told"), [(0.003, 1.0), (0.03, 1.0), (0.06, 0.9)])
 def test_the_crossing_of_a_flat_noisy_curve_is_held_by_its_interval(noise, least_told):
     # a small amplitude within friction: 4 dB over a decade; the slope at a noisy crossing alone would hold too few

@@ -30,6 +30,7 @@ class Crossing:
         frequency_hz: None when the curve does not get there within the measured range, or noise hides where.
         std_hz: standard uncertainty; NaN when that of the response is unknown.
         beyond_hz: up to which the curve is above the level for sure: the highest measured frequency, or less.
+        below_hz: where the curve begins below the level: from which it is there for sure; None where noise hides it.
     """
 
     level: float
@@ -37,9 +38,14 @@ class Crossing:
     frequency_hz: float | None
     std_hz: float
     beyond_hz: float
+    below_hz: float | None = None
 
     def __str__(self) -> str:
         name = f"{self.level:g} {self.unit}"
+        if self.below_hz is not None:
+            return f"{name}: below {self.below_hz:.4g} Hz"
+        if self.frequency_hz is None and self.beyond_hz == 0.0:
+            return f"{name}: hidden by noise"
         if self.frequency_hz is None:
             return f"{name}: not reached up to {self.beyond_hz:g} Hz"
         error = "" if math.isnan(self.std_hz) else f" ± {COVERED * self.std_hz:.2g}"
@@ -139,12 +145,13 @@ def _fall(frequency_hz: Array, values: Array, own: Array, shared: Array, level: 
     top = float(frequency_hz[-1])
     grid = np.linspace(math.log(frequency_hz[0]), math.log(top), EFFORT.grid)
     degree = min(_DEGREE, len(values) - 1)
-    weights, lower = (_spline_weights(frequency_hz, grid, k) for k in (degree, max(degree - 1, 1)))
+    weights, lower = (_spline_weights(frequency_hz, grid, k) for k in (degree, max(degree - 1, min(degree, 1))))
     curve = weights @ values
-    if curve[0] <= level:
-        return Crossing(level, unit, float(frequency_hz[0]), math.nan, top)
     departure = np.maximum(((weights - lower) @ values) ** 2 - _variance(weights - lower, own, shared), 0.0)
     wide = COVERAGE_FACTOR * np.sqrt(_variance(weights, own, shared) + departure)
+    if curve[0] <= level:  # it has fallen before the lowest line
+        sure = np.flatnonzero(curve + np.nan_to_num(wide, nan=0.0) <= level)
+        return Crossing(level, unit, None, math.nan, 0.0, math.exp(grid[sure[0]]) if len(sure) else None)
     if not np.isfinite(wide).all():
         at = first_crossing(grid, level - curve, 0.0)
         return Crossing(level, unit, None if at is None else math.exp(at), math.nan, top)

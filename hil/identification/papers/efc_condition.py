@@ -290,7 +290,8 @@ def _bandwidth_hz(
 
 def bandwidth_of(crossing: Crossing) -> float:
     """The frequency of a crossing, the top frequency where the response does not get there."""
-    return crossing.beyond_hz if crossing.frequency_hz is None else crossing.frequency_hz
+    at = crossing.frequency_hz if crossing.below_hz is None else crossing.below_hz
+    return crossing.beyond_hz if at is None else at
 
 
 def evaluated_test(
