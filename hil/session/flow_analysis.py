@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import InputError, SettingError, storing
+from hil.identification.preparation.clipped import clipped_note
 from hil.identification.steady.characteristic import (
     largest_slope,
     level_at,
@@ -141,6 +142,7 @@ def flow_analysis(
             if one.channel(channel.name).unit != channel.unit:
                 raise InputError(f"{one.name}: '{channel.name}' is not in {channel.unit}, as in {rows[0].name}")
     found = own_sweeps(rows, *names, neutral=neutral)
+    clipped = [note for one in rows for note in clipped_note(one.name, names[1], one.values(names[1]))]
     estimate = sweep_estimate(rows[0].name, found.sweeps, found.standing)
     figures, notes = _figures(found, estimate, (given.unit, answer.unit), neutral, rounding_step(answer.values))
     at = polyline()
@@ -149,7 +151,7 @@ def flow_analysis(
     return FlowAnalysis(
         given.heading, answer.heading, command, rising, falling, np.std(estimate.responses, axis=0)[at], figures,
         polynomial(command, response, degree)(command), monotone(command, response)(command),
-        polynomial_text(command, response, degree), degree, notes,
+        polynomial_text(command, response, degree), degree, (*found.notes, *clipped, *notes),
     )  # fmt: skip
 
 

@@ -1,6 +1,7 @@
 """`hil analyse sines`, `flow` and `classes`: recordings that no procedure wrote, against what made them."""
 
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -124,6 +125,53 @@ def test_half_a_sweep_says_which_half_is_missing():
     one_side = hil.flow_curve(whole.rows(100, 2 * quarter), input="valve", output="flow")
     assert any("stays on one side of 0 %" in note for note in one_side.notes)
     assert one_side.as_text().startswith("flow [l/min] over valve [%], 0 … ")
+
+
+def ramps(*levels, per_s=50.0, wait_s=0.0):
+    """A command along straight lines from level to level, each at a speed, and what a lag answers."""
+    wait = np.zeros(round(wait_s * RATE_HZ))
+    parts = [wait + levels[0]]
+    for begin, end in pairwise(levels):
+        parts += [np.linspace(begin, end, round(abs(end - begin) / per_s * RATE_HZ), endpoint=False), wait + end]
+    command = np.concatenate(parts)
+    return made("ramps", command, lagged(command, 0.5))
+
+
+def test_what_is_no_part_of_a_sweep_is_said():
+    def notes(one):
+        return hil.flow_curve(one, input="valve", output="flow").notes
+
+    assert len(notes(ramps(0.0, 100.0, -100.0, 0.0))) == 1  # of one speed
+    assert "from -99.8 to 0 % the command only falls" in notes(ramps(0.0, 100.0, -100.0))[0]
+    there, back = ramps(0.0, 60.0, -60.0, 0.0), ramps(0.0, 90.0, per_s=400.0)
+    jumped = made("jumped", *(np.concatenate((there.values(n), back.values(n))) for n in ("valve", "flow")))
+    assert "goes from -60 to 88 %" in notes(jumped)[0] and "even ramps up and down from -60 to 60 %" in notes(jumped)[0]
+    clipped = made("clipped", there.values("valve"), np.minimum(there.values("flow"), 20.0), noise=0.0)
+    assert any("is clipped at 20 " in note for note in notes(clipped))
+    two = [there, ramps(0.0, 60.0, per_s=20.0)]
+    assert any("at 20 %/s the command goes one way only" in note for note in notes(two))
+
+
+@pytest.mark.parametrize(
+    ("recordings", "said"),
+    [
+        ([ramps(0.0, 90.0), ramps(90.0, 0.0, per_s=20.0)], "rises at 50 and falls at 20 %/s"),
+        ([ramps(0.0, 45.0, 90.0, 45.0, 0.0, -90.0, 0.0, wait_s=1.0).rows(800, 2200)], "no falling ramp beside"),
+    ],
+)
+def test_ramps_that_make_no_sweep_are_refused_for_what_they_are(recordings, said):
+    with pytest.raises(InputError, match=said):
+        hil.flow_curve(recordings, input="valve", output="flow")
+
+
+def test_a_chirp_is_no_sine_and_what_lies_beside_sines_is_said():
+    time_s = np.arange(round(30.0 * RATE_HZ)) / RATE_HZ
+    chirp = 20.0 * np.sin(2.0 * np.pi * (0.2 * time_s + 0.1 * time_s**2))
+    tone = sines(0.0, 20.0, (2.0,)).values("valve")
+    both = made("both", np.concatenate((tone, chirp)), lagged(np.concatenate((tone, chirp)), 1.0))
+    found = hil.frequency_response(both, input="valve", output="flow")
+    assert any(note.startswith("both: between ") and "(a chirp, " in note for note in found.notes)
+    assert len(hil.frequency_response(sines(0.0, 20.0), input="valve", output="flow").notes) == 1
 
 
 def test_flow_at_the_prompt_makes_a_curve_that_compose_takes(curve, tmp_path, monkeypatch, command_line):

@@ -13,6 +13,7 @@ class Criteria:
         heard_db, heard_deg: standard uncertainty up to which a line is heard: a third of it is noise.
         same_period, same_level: relative difference up to which two periods belong to one frequency; share of the
             amplitude within which levels are one test.
+        moves: share of the amplitude by which a command moves in a quarter of a period, or it stands.
         turn_noises, turn_share: standard deviations, and share of the range, about the middle within which noise turns.
         fewest_samples: of a sine.
         floor: share of itself to which a response is believed at best: a held input's steps, stamps, converters.
@@ -25,6 +26,7 @@ class Criteria:
     heard_deg: float = 20.0
     same_period: float = 0.015
     same_level: float = 0.05
+    moves: float = 0.05
     turn_noises: float = 5.0
     turn_share: float = 0.1
     fewest_samples: int = 16

@@ -12,6 +12,7 @@ from hil.errors import InputError
 from hil.identification.frequency.criteria import CRITERIA, EFFORT
 from hil.identification.frequency.frequency_response import FrequencyResponse, from_fits
 from hil.identification.uncertainty.noise import white_floor
+from hil.language.note import Note
 from hil.record.recording import Array, Mask, Recording
 from hil.signals.frequency_fit import frequency_of
 from hil.signals.rounding import rounding_step
@@ -132,6 +133,35 @@ def declared_segments(recording: Recording) -> list[Segment]:
         else:
             found.append(new)
     return found
+
+
+def left_out_note(recording: Recording, input_name: str) -> tuple[Note, ...]:
+    """What is said where between its sines a command moves for longer than their longest period.
+
+    A chirp is such a command, and so is a sine of less than two periods. Sines that a procedure wrote down leave none.
+    """
+    if declared_segments(recording):
+        return ()
+    time_s, values = recording.time_s, recording.values(input_name)
+    found = found_segments(time_s, values)
+    longest_s = max(1.0 / segment.frequency_hz for segment in found)
+    least = CRITERIA.moves * min(segment.amplitude for segment in found)
+    later = np.searchsorted(time_s, time_s + longest_s / 4.0).clip(max=len(time_s) - 1)
+    edges = [0, *(edge for one in found for edge in (one.first, one.first + one.count)), len(time_s)]
+    left: list[float] = []
+    for first, stop in zip(edges[::2], edges[1::2], strict=True):
+        moves = first + np.flatnonzero(np.abs(values[later[first:stop]] - values[first:stop]) > least)
+        if len(moves) and time_s[moves[-1]] - time_s[moves[0]] > longest_s:
+            left += [float(time_s[moves[0]]), float(time_s[moves[-1]])]
+    if not left:
+        return ()
+    return (
+        Note(
+            "between {first_s:.4g} and {last_s:.4g} s the command also moves without two equal periods of a sine "
+            "(a chirp, a tone too brief); left out",
+            first_s=left[0], last_s=left[-1],
+        ).of(recording.name),
+    )  # fmt: skip
 
 
 def found_segments(time_s: Array, values: Array) -> list[Segment]:

@@ -6,7 +6,8 @@ what the response is there, at an end, belongs to the curve as well.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,6 +17,7 @@ from hil.errors import InputError
 from hil.identification.steady.criteria import CRITERIA
 from hil.identification.steady.sweep_estimate import Standing, Sweep, settled
 from hil.identification.uncertainty.fit import rms
+from hil.language.note import Note
 from hil.record.recording import Array, Recording
 from hil.signals.runs import runs
 
@@ -42,20 +44,25 @@ class OwnSweeps:
         sweeps: with the command as the straight lines that it follows.
         standing: at the lower and the upper end, as far as the command waited there.
         at_rest: (mean response, its standard uncertainty) while the command waited at neutral; None where it did not.
+        notes: what of the recordings is no sweep, and where the command went one way alone.
     """
 
     sweeps: tuple[Sweep, ...]
     standing: tuple[Standing, ...]
     at_rest: tuple[float, float] | None
+    notes: tuple[Note, ...] = ()
+
+
+_Way = tuple[float, Array, Array]  # speed with its sign, command, response
 
 
 def own_sweeps(recordings: Sequence[Recording], input_name: str, output_name: str, neutral: float = 0.0) -> OwnSweeps:
     """The sweeps that recordings hold together.
 
     Raises:
-        InputError: one holds no sweep, or only the way up or the way down.
+        InputError: one holds no sweep, or at no speed both the way up and the way down.
     """
-    ways: list[tuple[float, Array, Array]] = []
+    ways: list[_Way] = []
     standing: list[Standing] = []
     rests: list[tuple[float, float]] = []
     for recording in recordings:
@@ -69,13 +76,14 @@ def own_sweeps(recordings: Sequence[Recording], input_name: str, output_name: st
         ways += [(one.speed_per_s, _line(recording.time_s, command, one), response[one.samples]) for one in found]
         standing += _at_ends(command, response)
         rests += [(value, std) for value, std, _ in _waits(command, response, neutral)]
-    if len({speed > 0.0 for speed, _, _ in ways}) < 2:
-        done, lacking = ("rises", "falling") if ways[0][0] > 0.0 else ("falls", "rising")
-        raise InputError(
-            f"{recordings[0].name}: the command only {done}; the {lacking} sweep over the same range is missing: "
-            "record it at the same speed and give both recordings"
-        )
-    return OwnSweeps(_by_speed(ways), tuple(standing), rests[0] if rests else None)
+    groups = _by_speed(ways)
+    pairs = [group for group in groups if _goes_both_ways(group)]
+    if not pairs:
+        raise InputError(f"{recordings[0].name}: {_lacking(recordings, input_name, ways)}")
+    unit = recordings[0].channel(input_name).unit
+    commands = np.concatenate([one.values(input_name) for one in recordings])
+    notes = [*_beyond(commands, pairs, unit), *_one_way(pairs, unit), *_unpaired(groups, unit)]
+    return OwnSweeps(tuple(map(_sweep, pairs)), tuple(standing), rests[0] if rests else None, tuple(notes))
 
 
 def branches(time_s: Array, command: Array) -> list[Branch]:
@@ -129,21 +137,91 @@ def _line(time_s: Array, command: Array, branch: Branch) -> Array:
     return level + slope * late
 
 
-def _by_speed(ways: Sequence[tuple[float, Array, Array]]) -> tuple[Sweep, ...]:
-    """Branches of one speed together, whichever way they go."""
-    groups: list[list[tuple[float, Array, Array]]] = []
+def _by_speed(ways: Sequence[_Way]) -> list[list[_Way]]:
+    """Branches of one speed together, whichever way they go, the fastest first."""
+    groups: list[list[_Way]] = []
     for way in sorted(ways, key=lambda one: -abs(one[0])):
         if groups and abs(way[0]) >= (1.0 - CRITERIA.same_speed) * abs(groups[-1][0][0]):
             groups[-1].append(way)
         else:
             groups.append([way])
-    return tuple(
-        Sweep(
-            np.concatenate([command for _, command, _ in group]), np.concatenate([answer for _, _, answer in group]),
-            float(np.mean([abs(speed) for speed, _, _ in group])),
-        )
-        for group in groups
+    return groups
+
+
+def _goes_both_ways(group: Sequence[_Way]) -> bool:
+    return len({speed > 0.0 for speed, _, _ in group}) == 2
+
+
+def _sweep(group: Sequence[_Way]) -> Sweep:
+    return Sweep(
+        np.concatenate([command for _, command, _ in group]), np.concatenate([answer for _, _, answer in group]),
+        float(np.mean([abs(speed) for speed, _, _ in group])),
     )  # fmt: skip
+
+
+def _lacking(recordings: Sequence[Recording], input_name: str, ways: Sequence[_Way]) -> str:
+    """Why branches make no sweep, and what to record."""
+    unit = recordings[0].channel(input_name).unit
+    if _goes_both_ways(ways):
+        up, down = (next(abs(one[0]) for one in ways if (one[0] > 0.0) is rises) for rises in (True, False))
+        return f"the command rises at {up:.3g} and falls at {down:.3g} {unit}/s; a sweep goes both ways at one speed"
+    sign, found, lacking = (1.0, "rising", "falling") if ways[0][0] > 0.0 else (-1.0, "falling", "rising")
+    commands = [sign * one.values(input_name) for one in recordings]
+    back = max(float(np.max(np.maximum.accumulate(one) - one)) for one in commands)
+    if back > CRITERIA.branch * max(float(np.ptp(one)) for one in commands):
+        return (
+            f"no {lacking} ramp beside the {found} one: from turn to turn a ramp goes on at an even speed, without a "
+            "wait; cut the recording, or record it so"
+        )
+    return (
+        f"the command only {'rises' if sign > 0.0 else 'falls'}; the {lacking} sweep over the same range is missing: "
+        "record it at the same speed and give both recordings"
+    )
+
+
+def _reach(ways: Iterable[_Way]) -> tuple[float, float]:
+    ends = np.array([(command.min(), command.max()) for _, command, _ in ways])
+    return float(ends[:, 0].min()), float(ends[:, 1].max())
+
+
+def _beyond(commands: Array, pairs: Sequence[Sequence[_Way]], unit: str) -> list[Note]:
+    """Where the command goes further than its sweeps."""
+    ends, swept = (float(commands.min()), float(commands.max())), _reach(one for group in pairs for one in group)
+    if max(swept[0] - ends[0], ends[1] - swept[1]) <= CRITERIA.side * (ends[1] - ends[0]):
+        return []
+    return [
+        Note(
+            "the command goes from {low:.4g} to {high:.4g} {unit}, even ramps up and down from {swept_low:.4g} to "
+            "{swept_high:.4g} {unit}; the rest is left out",
+            low=ends[0], high=ends[1], swept_low=swept[0], swept_high=swept[1], unit=unit,
+        )
+    ]  # fmt: skip
+
+
+def _one_way(pairs: Sequence[Sequence[_Way]], unit: str) -> list[Note]:
+    """Where at an end of the range the command only rises, or only falls."""
+    ways = [one for group in pairs for one in group]
+    low, high = _reach(ways)
+    least, places, found = CRITERIA.side * (high - low), 3 - round(math.log10(high - low)), []
+    for rises, alone in ((True, Note("falls")), (False, Note("rises"))):
+        first, last = _reach(one for one in ways if (one[0] > 0.0) is rises)
+        found += [(start, stop, alone) for start, stop in ((low, first), (last, high)) if stop - start > least]
+    return [
+        Note(
+            "from {low:.4g} to {high:.4g} {unit} the command only {alone}; the loop's width there is taken from the "
+            "rest. Record the other way too",
+            low=round(start, places) + 0.0, high=round(stop, places) + 0.0, unit=unit, alone=alone,
+        )
+        for start, stop, alone in found
+    ]  # fmt: skip
+
+
+def _unpaired(groups: Sequence[Sequence[_Way]], unit: str) -> list[Note]:
+    return [
+        Note("at {speed:.3g} {unit}/s the command goes one way only: that is left out", speed=abs(one[0][0]), unit=unit)
+        for one in groups
+        if not _goes_both_ways(one)
+    ]
 
 
 def _at_ends(command: Array, response: Array) -> list[Standing]:
