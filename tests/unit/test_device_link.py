@@ -95,32 +95,44 @@ def test_an_output_stands_within_what_was_driven_of_late_and_no_number_nowhere()
     assert stands_as_driven(7.0, (), 0.0)
 
 
-def pulled_at(cell: Cell) -> None:
-    for turn in range(1000):
-        cell.holds = 0.0 if turn % 3 else 5.0
-        cell.read()
-        time.sleep(0.01)
+@pytest.fixture
+def wait(monkeypatch):
+    """Turns the clock of links on, by seconds; what they wait for passes at once."""
+    clock = SimpleNamespace(now_s=0.0)
+
+    def turned_on(by_s: float) -> None:
+        clock.now_s += by_s
+
+    monkeypatch.setattr(system, "now_s", lambda: clock.now_s)
+    monkeypatch.setattr(system, "sleep", turned_on)
+    return turned_on
 
 
-def test_a_device_that_tells_late_is_not_suspected_and_one_that_is_pulled_at_now_and_then_is():
+def test_a_device_that_tells_late_is_not_suspected_and_one_that_is_pulled_at_now_and_then_is(wait):
+    def pulled_at() -> None:
+        for turn in range(1000):
+            cell.holds = 0.0 if turn % 3 else 5.0
+            cell.read()
+            wait(0.01)
+
     cell = Cell(reports_each_s=0.02, longest_reply_s=0.3)
     cell.drive({"out": 5.0})
     cell.holds = 0.0
     cell.read()  # it may have been under way
     cell.holds = 5.0
-    time.sleep(0.5)
+    wait(0.5)
     assert cell.read() == {"in": 1.0}
     with pytest.raises(LinkError, match="out stands at 0 V, not at 5 V"):
-        pulled_at(cell)
+        pulled_at()
 
 
-def test_after_silence_nothing_is_driven_but_a_safe_value():
+def test_after_silence_nothing_is_driven_but_a_safe_value(wait):
     cell = Cell(watchdog_s=WATCHDOG_S, expires_to=0.0)
     cell.drive({"out": 5.0})
-    time.sleep(1.5 * WATCHDOG_S)
+    wait(1.5 * WATCHDOG_S)
     with pytest.raises(LinkError, match=r"longer than its watchdog of 0\.2 s: the device makes its outputs safe then"):
         cell.drive({"out": 6.0})
-    time.sleep(1.5 * WATCHDOG_S)
+    wait(1.5 * WATCHDOG_S)
     cell.drive({"out": 0.0})
     assert cell.holds == 0.0
 
@@ -181,6 +193,7 @@ def test_what_is_opened_is_the_device_that_is_meant_and_can_be_made_safe():
     assert Cell(Wiring(CELL.outputs, {}, only_safe=True), fails="it does not obey").happened == []
 
 
+@pytest.mark.usefixtures("wait")
 def test_after_an_answer_that_did_not_come_what_is_late_passes_first():
     cell = Cell(longest_reply_s=2.0)
     cell.reads = math.inf
@@ -216,10 +229,11 @@ def test_readings_come_after_one_slow_answer_and_not_after_two(monkeypatch):
 
 
 @pytest.mark.parametrize("usual_s", [0.0005, 0.004, 0.1])
+@pytest.mark.usefixtures("wait")
 def test_a_line_that_was_always_that_slow_is_asked_twice_a_second(usual_s):
     times = ReadBackTimes()
     for _ in range(3):
         times.took(usual_s)
-        assert times.is_due(time.monotonic() - 0.55) and not times.is_due(time.monotonic() - 0.3)
+        assert times.is_due(-0.55) and not times.is_due(-0.45)
     times.took(max(5.0 * usual_s, 0.02))
-    assert not times.is_due(time.monotonic() - 1.5)
+    assert not times.is_due(-1.5) and times.is_due(-2.05)
