@@ -226,7 +226,7 @@ def _loop_note(swept_: Swept, between: Loop) -> Note:
     if not between.is_friction:
         return text
     return Note(
-        "{found} Friction that falls with speed would be taken for lag; as much as is usual is granted to both.",
+        "{found} Friction that falls with speed looks like lag; both intervals hold its usual amount.",
         found=text,
     )
 

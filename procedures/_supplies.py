@@ -28,7 +28,7 @@ def drive_supplies(
     rig: Rig, scale: Scale, levels: Sequence[float], supplies: Sequence[float], needing: str, hold_s: float,
     warm_up_s: float, rate_hz: float,
 ) -> None:  # fmt: skip
-    """Hold every level, in the unit of the command, at every supply pressure, in % of that at which the bench stands.
+    """Hold every level, in the unit of the command, at every supply pressure, in % of the bench's own.
 
     Raises:
         SettingError: a role or a channel is missing, or the bench may not go there; nothing has moved.

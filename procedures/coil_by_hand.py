@@ -58,8 +58,8 @@ def run(
         inductance: in mH.
         insulation: resistance between coil and housing, in Mohm.
         resistance_uncertainty: expanded uncertainty (k = 2) of both resistances, in % of the reading.
-        inductance_uncertainty: the same of the inductance, in %.
-        insulation_uncertainty: the same of the insulation, in %.
+        inductance_uncertainty: expanded uncertainty of the inductance, in %.
+        insulation_uncertainty: expanded uncertainty of the insulation resistance, in %.
         ambient: temperature of the cold coil, in °C.
         switched_off_s: time from switching off to the hot reading, in s.
         rate_hz: sample rate; that of the bench when not given.

@@ -65,9 +65,11 @@ from procedures._settings import Ampere, Positive, PositiveHertz
 FUNCTION = Measurement(
     "function", "psi", "rise of pressure from the closing to the opening current, in the direction of the type", 100.0
 )
-GOOD = Measurement("probability_good", "%", "that the valve is good, if it is of one of the classes", 80.0)
-MALFUNCTIONED = Measurement("probability_malfunctioned", "%", "that it is malfunctioned")
-SEVERE = Measurement("probability_severe", "%", "that it is severely malfunctioned")
+GOOD = Measurement(
+    "probability_good", "%", "probability that the valve is good, given that it belongs to a class", 80.0
+)
+MALFUNCTIONED = Measurement("probability_malfunctioned", "%", "probability that it is malfunctioned")
+SEVERE = Measurement("probability_severe", "%", "probability that it is severely malfunctioned")
 USUAL = Measurement("usual_among_good", "%", "good valves that lie farther from their middle than this one", 1.0)
 RISE_RATIO = Measurement("rise_over_good", "1", "rise to 1.6 A over that of the good reference")
 BANDWIDTH_RATIO = Measurement(

@@ -103,7 +103,7 @@ def run(
         keep_every: cycles in a block: the first one is kept at the full rate, figures are means over the block.
         figures: those that may stop the run.
         stop_at: change of a figure, in % of the response's amplitude, beyond which the run ends; without it none does.
-        false_stop: probability at most that a run is stopped although no figure has moved by so much; for all figures
+        false_stop: highest probability that a run is stopped although no figure has moved by so much; for all figures
             and blocks together.
         warm_up_s: time at the first level before anything is measured, in s.
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.

@@ -46,7 +46,7 @@ def run(
     Args:
         rig: the bench.
         commands: in % of full command from neutral; the ends of its range when not given.
-        supplies: supply pressures, in % of that at which the bench stands.
+        supplies: supply pressures, in % of the bench's own.
         rated_drop: valve pressure drop at which the rated flow is stated, in bar.
         hold_s: time at each command; the second half is measured, in s.
         warm_up_s: time at the first command before anything is measured, in s.

@@ -75,7 +75,7 @@ def run(
         measure_periods: least number of whole periods that are measured, 2 or more.
         measure_s: least time that is measured, in s.
         tolerance: change still to come at which a response counts as steady, in % of its amplitude.
-        longest_wait_s: after so long a response is measured though it is not steady, in s.
+        longest_wait_s: time after which a response is measured even if it is not steady, in s.
         warm_up_s: time at the first bias before anything is measured, in s.
         correct_chain: take the measuring chain's own lag, skew and hold out of the results.
         poles: of the transfer function, 1 to 5; chosen by evidence when "none".

@@ -52,7 +52,7 @@ def run(
     Args:
         rig: the bench.
         commands: in % of full command from neutral; the ends of its range, and halfway there, when not given.
-        supplies: supply pressures, in % of that at which the bench stands.
+        supplies: supply pressures, in % of the bench's own.
         hold_s: time at each command; the second half is measured, in s.
         warm_up_s: time at the first command before anything is measured, in s.
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.

@@ -61,7 +61,7 @@ def run(
     Args:
         rig: the bench.
         conditions: which are adjusted, one after another.
-        supply_change: of the supply pressure to both sides, in % of that at which the bench stands.
+        supply_change: of the supply pressure to both sides, in % of the bench's own.
         tank_change: of the tank pressure, upward, in % of the supply pressure.
         temperature_change: of the oil to both sides, in K.
         cycle_s: time of each sweep up and down, in s.

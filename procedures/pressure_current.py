@@ -145,9 +145,9 @@ def _notes(curve: PressureCurve, span: float, direction: float) -> list[Note]:
     if abs(curve.span) <= max(10.0 * curve.span_std, 5.0):
         return [Note("Pressure does not follow the current: sensor stuck, valve stuck, or no supply pressure.")]
     if span < 0.0 < direction:
-        return [Note("Current closes this valve; it was tested as one that current is to open: the type is mistaken.")]
+        return [Note("Current closes this valve; it was tested as one that current is to open: the type is wrong.")]
     if span < 0.0:
-        return [Note("Current opens this valve; it was tested as one that current is to close: the type is mistaken.")]
+        return [Note("Current opens this valve; it was tested as one that current is to close: the type is wrong.")]
     return []
 
 

@@ -44,7 +44,7 @@ def run(
 
     Args:
         rig: the bench.
-        pressure: supply pressure that is held, in % of that at which the bench stands.
+        pressure: supply pressure that is held, in % of the bench's own.
         hold_s: time at each end of the command, and at neutral, in s.
         warm_up_s: time at neutral before anything is measured, in s.
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.

@@ -135,7 +135,7 @@ def evaluate(recording: Recording) -> Findings:
     if len(gains) == 2:
         measured.append(RATIO.of(*ratio_of(*gains)))
     notes.append(Note(
-        "One sine tells two numbers, a gain and one time; for an order, dead time or resonance run multisine_response "
+        "One sine determines a gain and one time; for an order, dead time or resonance run multisine_response "
         "or step_response."
     ))  # fmt: skip
     return Findings(tuple(measured), {"large_sines": curves}, tuple(notes), departures(recording))

@@ -65,7 +65,7 @@ def question_of(
     if model.skeleton is None or model.skeleton.get("version") != VERSION:
         why = Note("the model file keeps nothing of the recordings that it was identified from")
         if model.skeleton is not None:
-            why = Note("what the model file keeps of its recordings only another version of the program understands")
+            why = Note("another version of the program wrote what the model file keeps of its recordings")
         if wanted:
             asked, given = option("question"), option("before")
             raise SettingError(f"{asked} changed: {why}; give them as {given} RECORDING…, or identify it anew")

@@ -140,7 +140,7 @@ def limit_table(limits: Sequence[Limit]) -> Table | None:
             _(limit.parameter.replace("_", " ")) + changed_from(limit),
             with_unit(limit.upper, limit.unit) if math.isfinite(limit.upper) else _("no limit"),
             with_unit(limit.typical, limit.unit),
-            _("would have been seen") if limit.visible else _("cannot be seen in these data"),
+            _("would be visible") if limit.visible else _("not visible in these data"),
         )
         for limit in sorted(limits, key=lambda limit: (limit.visible, limit.effect))
     ]  # fmt: skip

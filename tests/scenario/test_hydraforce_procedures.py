@@ -141,7 +141,7 @@ def test_the_sine_of_the_paper_on_both_sides(measure):
     assert [curve["bias"] for curve in findings.curves["large_sines"]] == [60.0, -60.0]
     assert all(np.std(curve["measured"] - curve["fitted"]) < 0.3 for curve in findings.curves["large_sines"])
     assert sum("P1, gain" in note for note in findings.notes) == 2
-    assert "One sine tells two numbers" in findings.notes[-1]
+    assert "One sine determines a gain" in findings.notes[-1]
 
 
 def test_speeds_both_ways_and_their_ratio(measure):

@@ -196,7 +196,7 @@ def test_pressure_curve_of_a_valve_that_sticks(tmp_path):
 
 @pytest.mark.parametrize(
     ("changes", "says"),
-    [(valve(normally_open=1), "the type is mistaken"), (STUCK, "sensor stuck, valve stuck, or no supply")],
+    [(valve(normally_open=1), "the type is wrong"), (STUCK, "sensor stuck, valve stuck, or no supply")],
 )
 def test_curve_that_is_none(tmp_path, changes, says):
     found = run(tmp_path, "pressure_current", changes, cycle_s=8.0)

@@ -182,7 +182,7 @@ def test_the_board_of_a_bench_is_german_and_keeps_the_names_of_channels():
     ("place", "german"),
     [
         ("+100 %, supply 52.5 bar", "+100 %, Versorgung 52,5 bar"),
-        ("as the bench stands", "wie der Prüfstand steht"),
+        ("as the bench stands", "Prüfstand unverstellt"),
         ("-50 %, load 100 → 0 %", "−50 %, Last 100 → 0 %"),
         ("100 %, feedback lost", "100 %, ohne Rückführung"),
         ("a stranger's 1.2 A, -3 Hz", "a stranger's 1,2 A, −3 Hz"),

@@ -100,8 +100,8 @@ def test_explained_says_what_where_and_how_well(tmp_path):
         "coulomb 2.41 ± 0.12 % sliding friction", "ratio 1.2 not known", "reversals of motion",
         "Source: Armstrong 1994",
         "friction spool 9 210 best 98.65 98 %", "backlash spool 8 000 1 210 96.10 below 1 %",
-        "leakage load leak 0.0211 l/min 1.4 l/min would have been seen",
-        "coil heating pilot loss no limit 0.1 cannot be seen in these data", "No further test is needed",
+        "leakage load leak 0.0211 l/min 1.4 l/min would be visible",
+        "coil heating pilot loss no limit 0.1 not visible in these data", "No further test is needed",
     ):  # fmt: skip
         assert text in page.text, text
     assert page.drawings == 5

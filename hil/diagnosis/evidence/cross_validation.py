@@ -70,7 +70,9 @@ def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:
 # After so many time constants a plant has forgotten nineteen twentieths of where it was.
 FORGOTTEN = 3.0
 OTHER_RECORDINGS = Note("other recordings than those fitted")
-OTHER_HALVES = Note("the half of each recording that was not fitted, but for what the plant remembers of the other")
+OTHER_HALVES = Note(
+    "the half of each recording that was not fitted, less the time in which the plant remembers the other"
+)
 SECOND_HALF = Note("the second half, fitted on the first")
 NOTHING = Note("nothing: one recording, shorter than the plant's memory of itself")
 

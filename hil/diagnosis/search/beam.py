@@ -165,7 +165,7 @@ class Search:
     def _is_done(self, size: int) -> bool:
         """Whether larger sets than of this size are not looked for: the best is enough, or smaller already."""
         smaller = size > 1 and len(self.first.terms) < size
-        return smaller or self._is_enough(size + 1) or self.problem.work.leaves_out(marked("sets of more causes"))
+        return smaller or self._is_enough(size + 1) or self.problem.work.leaves_out(marked("larger sets of causes"))
 
     def _is_enough(self, size: int) -> bool:
         """Whether no set of so many causes could be worth more than the best, as exact as it can be told."""

@@ -106,7 +106,7 @@ def fit_tables(
         PLANT.name, values, (), given, answer, covariance=Covariance(names, tuple(map(tuple, covariance.tolist()))),
         origin=origin,
     )  # fmt: skip
-    unborne = (Note("the lines do not bear it out: {why}", why=why) for why in doubts(fit))
+    unborne = (Note("the measured lines do not support it: {why}", why=why) for why in doubts(fit))
     return TableFit(model, fit, (*unborne, *runs_the_other_way(model)))
 
 

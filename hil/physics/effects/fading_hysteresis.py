@@ -28,7 +28,9 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("width", "{value}", 0.0, 0.015, 0.0, 0.2, "half width of the major loop"),
         EffectParameter("reach", "{value}", None, 0.06, 0.001, 1.0, "travel after which memory has faded to a third"),
-        EffectParameter("closing", "1", None, 1.0, 0.0, 5.0, "full scale over where the loop is half as wide"),
+        EffectParameter(
+            "closing", "1", None, 1.0, 0.0, 5.0, "full scale over the drive at which the loop is half as wide"
+        ),
     ),
     transform=transform,
     settle=at_rest,

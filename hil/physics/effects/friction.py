@@ -79,7 +79,7 @@ EFFECT = Effect(
     title="friction with sticking",
     hooks=("force",),
     parameters=(
-        EffectParameter("coulomb", "{value}", 0.0, 0.02, 0.0, 0.2, "sliding friction as the command it withstands"),
+        EffectParameter("coulomb", "{value}", 0.0, 0.02, 0.0, 0.2, "Coulomb friction, as the equivalent command"),
         EffectParameter("stiction", "1", None, 1.2, 1.0, 3.0, "static over sliding friction"),
         EffectParameter("stribeck", "{motion}/s", None, 0.1, 0.005, 5.0, "speed at which stiction has faded"),
         EffectParameter(

@@ -45,7 +45,9 @@ EFFECT = Effect(
         EffectParameter(
             "least", "1", None, 0.1, 0.0, 0.8, "smallest radius of a play, as share of it", telling="upper end"
         ),
-        EffectParameter("closing", "1", None, 1.0, 0.0, 5.0, "full scale over where the loop is half as wide"),
+        EffectParameter(
+            "closing", "1", None, 1.0, 0.0, 5.0, "full scale over the drive at which the loop is half as wide"
+        ),
     ),
     transform=transform,
     starts=grid(width=shares("amplitude", 0.02, 0.08, 0.25), reach=shares("amplitude", 0.1, 0.4, 1.5)),

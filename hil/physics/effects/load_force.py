@@ -15,7 +15,7 @@ EFFECT = Effect(
     name="load_force",
     title="load force",
     hooks=("force",),
-    parameters=(EffectParameter("force", "{value}", 0.0, 0.02, -0.5, 0.5, "the force as the command it equals"),),
+    parameters=(EffectParameter("force", "{value}", 0.0, 0.02, -0.5, 0.5, "force, as the equivalent command"),),
     transform=transform,
     starts=grid(force=shares("amplitude", -0.3, -0.05, 0.05, 0.3)),
     equation="F = F_L",

@@ -18,7 +18,9 @@ EFFECT = Effect(
     name="orifice",
     title="orifice law of the metering edge",
     hooks=("edge",),
-    parameters=(EffectParameter("share", "1", 0.0, 0.2, 0.0, 2.0, "load pressure of one over the supply pressure"),),
+    parameters=(
+        EffectParameter("share", "1", 0.0, 0.2, 0.0, 2.0, "load pressure at a load of 1, over the supply pressure"),
+    ),
     transform=transform,
     starts=grid(share=(0.05, 0.15, 0.3, 0.6)),
     equation="q = q_0·√(1 − sgn(q_0)·p_L/p_S)",

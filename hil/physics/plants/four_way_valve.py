@@ -289,7 +289,14 @@ PLANT = Plant(
             "load_flow", "l/min", 100.0, 1.0, 500.0, "through the open load orifice at 35 bar", fixed=True, hook="flow"
         ),
         Parameter(
-            "rated_supply", "bar", 210.0, 10.0, 400.0, "at which pilot and null are stated", fixed=True, hook="command"
+            "rated_supply",
+            "bar",
+            210.0,
+            10.0,
+            400.0,
+            "supply pressure at which pilot and null are stated",
+            fixed=True,
+            hook="command",
         ),
     ),
     hooks=(

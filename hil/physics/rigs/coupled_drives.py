@@ -63,7 +63,7 @@ PLANT = Plant(
             0.02,
             0.0,
             0.2,
-            "half the time of a count of pulses, and that of its reading",
+            "half the counting time of the pulses, and the delay of their reading",
             growth="dead_time",
             hook="sensor",
         ),
