@@ -6,14 +6,17 @@ busy (measured: 0.8 ms against 140 ms for one sine fit), and a bench is busy whi
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager
-from functools import cache
+from functools import cache, reduce
 from typing import Any, cast
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from hil.arrays import Array
+
+_PART = 4096
 
 
 def rows_by_rows(a: Array, b: Array) -> Array:
@@ -24,6 +27,19 @@ def rows_by_rows(a: Array, b: Array) -> Array:
 def rows_by_columns(a: Array, b: Array) -> Array:
     """a·b; shape (r, n) from (r, c) and (c, n). For a small inner size."""
     return cast(Array, np.einsum("ik,kj->ij", a, b))
+
+
+def in_parts(count: int) -> Iterator[slice]:
+    """So many rows in parts that a processor keeps at hand."""
+    return (slice(first, min(first + _PART, count)) for first in range(0, count, _PART))
+
+
+def triangular(parts: Iterable[Array]) -> Array:
+    """R of the QR of many rows that come in parts, shape (n, k) each; shape (k, k) of k rows or more.
+
+    It is that of each part beneath the R before it. Least squares on it are those on all rows, without a copy of them.
+    """
+    return reduce(lambda r, rows: cast(Array, np.linalg.qr(np.vstack([r, rows]), "r")), parts)
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from hil.identification.preparation.time_constant import time_constant_s
 from hil.language.note import Note
 from hil.record.recording import Array, Integers, Mask
 from hil.signals.colour import colour_factor
+from hil.signals.products import in_parts, triangular
 
 # Every other stretch of this length is kept back. Long against the memory of a valve, or of a plant that is sampled as
 # slowly as it moves, so that the stretches are news; short against a recording, so that both halves see every kind of
@@ -161,10 +163,12 @@ def _is_left_open(f: Fitted, fold: Integers) -> bool:
     slopes, prior = np.split(f.estimate.jacobian, [len(fold)])
     bounds = np.diag([1.0 / (u.high - u.low) for u in f.estimate.unknowns])
     colour = colour_factor(f.estimate.residuals[: len(fold)])
+    parts = list(in_parts(len(fold)))
     for k in np.unique(fold):
-        known, held = np.vstack([slopes[fold != k], prior, bounds]), slopes[fold == k]
-        leverage = np.sum(np.linalg.solve(np.linalg.qr(known).R.T, held.T) ** 2, axis=0)
-        if float(leverage.mean()) * colour > 1.0:
+        known = triangular(chain([np.vstack([prior, bounds])], (slopes[part][fold[part] != k] for part in parts)))
+        held = (slopes[part][fold[part] == k] for part in parts)
+        leverage = sum(float(np.sum(np.linalg.solve(known.T, rows.T) ** 2)) for rows in held)
+        if leverage / np.count_nonzero(fold == k) * colour > 1.0:
             return True
     return False
 

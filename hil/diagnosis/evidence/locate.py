@@ -14,6 +14,7 @@ from hil.diagnosis.thresholds import LISTED, TINY
 from hil.identification.preparation.experiment import Experiment
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
+from hil.signals.products import in_parts, triangular
 from hil.signals.runs import runs
 
 _BLOCK_S = 0.5
@@ -241,7 +242,8 @@ def _stage(at: _Point, k: int, traces: Sequence[Array]) -> StageShare:
     spread(fill, range(len(columns)))
     used = np.array([np.linalg.norm(column) > 1e-9 for column in columns])
     solution = np.zeros(len(columns))
-    solution[used] = np.linalg.lstsq((columns if used.all() else columns[used]).T, -left, rcond=1e-8)[0]
+    told = triangular(np.vstack([columns[used, part], -left[part]]).T for part in in_parts(len(left)))
+    solution[used] = np.linalg.lstsq(told[:, :-1], told[:, -1], rcond=1e-8)[0]
     remaining = left + solution @ columns
     gained = float(left @ left - remaining @ remaining) - int(used.sum())
     share = max(0.0, gained / max(float(left @ left) - len(left), float(np.sqrt(2 * len(left)))))
