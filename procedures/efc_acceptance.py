@@ -329,7 +329,7 @@ def _condition(
 ) -> tuple[list[Measured], list[Note], PopulationComparison]:
     """The condition, and the valve beside good ones; not determined where the tests that they need are missing."""
     try:
-        test = _valve_test(recording, done)
+        test, (errors, classes) = _valve_test(recording, done), _thesis(recording)
     except InputError as error:
         return (
             [m.of(None) for m in _CONDITION],
@@ -339,7 +339,6 @@ def _condition(
     settings = recording.meta["settings"]
     population = tuple(settings["frequencies"]), bool(settings["normally_open"])
     judged, notes = judged_condition(test, *population)
-    errors, classes = _thesis(recording)
     beside = beside_good(test, done["leakage"].measured[0].std, good_ranges(*population))
     return [*judged, *errors], [*notes, *classes], beside
 
@@ -387,10 +386,9 @@ def _valve_test(recording: Recording, done: dict[str, Findings]) -> ValveTest:
     command, response = roles_of(recording)
     sweeps = [Sweep(s.values(command.name, "A"), s.values(response.name, "psi"), float(part["speed_per_s"]))
               for part, s in part_recordings(recording, pressure_current.KIND)]  # fmt: skip
-    steps: dict[str, Array] = {level: _step_samples(recording, current, command.name, response.name)
-             for level, current in CLASSIFIED_CURRENT_A.items()}  # fmt: skip
+    steps = _step_samples(recording, CLASSIFIED_CURRENT_A["high"], command.name, response.name)
     bandwidth = efc_frequency_response.bandwidth_at(recording, done["frequency response"], _CLASS_LEVEL)
-    return evaluated_test(pressure_curve("sweeps", sweeps), steps, leakage.value, bandwidth, reference_steps())
+    return evaluated_test(pressure_curve("sweeps", sweeps), steps, leakage.value, bandwidth)
 
 
 def _step_samples(recording: Recording, current: float, command: str, response: str) -> Array:

@@ -21,14 +21,13 @@ from hil.identification.papers.efc_condition import (
     ValveTest,
     evaluated_test,
     good_ranges,
-    reference_steps,
     simulated_tests,
 )
 from hil.identification.papers.efc_condition import tested as run_test
 from hil.identification.steady.pressure_curve import pressure_curve
 from hil.identification.steady.sweep_estimate import Sweep
 from hil.physics.published.efc_population import population, valve
-from hil.physics.published.tugsal import CLASSES, CLASSIFIED_CURRENT_A
+from hil.physics.published.tugsal import CLASSES
 from tests.warm import TESTED_HZ
 
 NAMES = ("low", "middle", "high")
@@ -115,18 +114,17 @@ def test_thresholds_are_the_best_of_all(seed):
 
 def test_a_test_finds_what_the_valve_has():
     model = valve("return", friction_a=0.02)
-    found = run_test(model, np.random.default_rng(0), Instruments(), reference_steps(), FREQUENCIES_HZ)
+    found = run_test(model, np.random.default_rng(0), Instruments(), FREQUENCIES_HZ)
     assert found.friction_a == pytest.approx(0.02, rel=0.15)
     assert found.leakage_ml_min == pytest.approx(100.0, rel=0.03)
     assert len(found.features) == len(FEATURES)
 
 
-def test_a_good_valve_without_noise_is_its_own_reference():
+def test_a_worse_valve_is_slower_without_noise_too():
     silent = Instruments(0.0, 0.0, 0.0, 0.0, 0.0)
-    found = run_test(valve("good"), np.random.default_rng(0), silent, reference_steps(), FREQUENCIES_HZ)
-    assert max(found.error_psi.values()) < 1.0
-    worse = run_test(valve("return"), np.random.default_rng(0), silent, reference_steps(), FREQUENCIES_HZ)
-    assert worse.error_psi["high"] > 5.0 and worse.rise_s > found.rise_s and worse.bandwidth_hz < found.bandwidth_hz
+    found = run_test(valve("good"), np.random.default_rng(0), silent, FREQUENCIES_HZ)
+    worse = run_test(valve("return"), np.random.default_rng(0), silent, FREQUENCIES_HZ)
+    assert worse.rise_s > found.rise_s and worse.bandwidth_hz < found.bandwidth_hz
 
 
 def test_a_pressure_that_stands_has_no_condition():
@@ -134,9 +132,7 @@ def test_a_pressure_that_stands_has_no_condition():
     sweep = [Sweep(np.concatenate((np.linspace(0, 2, 4000), np.linspace(2, 0, 4000))), np.full(8000, 60.0), speed)
              for speed in (0.4, 0.2)]  # fmt: skip
     with pytest.raises(InputError, match="less than 10 psi"):
-        evaluated_test(
-            pressure_curve("still", sweep), {"low": still, "high": still}, 80.0, (6.0, 0.1), reference_steps()
-        )
+        evaluated_test(pressure_curve("still", sweep), still, 80.0, (6.0, 0.1))
 
 
 def test_populations_repeat_and_differ():
@@ -147,15 +143,11 @@ def test_populations_repeat_and_differ():
     assert labels.tolist() == [0, 1, 2] * 3
 
 
-def test_physics_separates_200_valves_and_the_thesis_s_error_does_not():
+def test_physics_separates_200_valves():
     tests, labels = simulated_tests(200, 1)
     shares = leave_one_out(np.array([test.features for test in tests]), labels, CLASSES)
     right, sure = shares.argmax(axis=1) == labels, shares.max(axis=1) >= 0.95
     assert right.mean() > 0.9
-    for level in CLASSIFIED_CURRENT_A:
-        errors = np.array([test.error_psi[level] for test in tests])
-        by_error = by_thresholds(errors, ordered_thresholds(errors, labels, len(CLASSES))) == labels
-        assert by_error.mean() < right.mean() - 0.1
     assert right[sure].mean() > 0.95 and sure.sum() > 120
     found_s, stated_s = np.array([t.rise_s for t in tests])[labels == 0], good_ranges(TESTED_HZ).by_feature["rise"]
     assert np.mean(found_s > stated_s.high) < 0.08  # one in forty, from 67
@@ -163,5 +155,5 @@ def test_physics_separates_200_valves_and_the_thesis_s_error_does_not():
 
 
 def test_features_are_logarithms_with_a_floor():
-    silent = ValveTest(-1e-4, 0.05, 0.0, 6.0, {})
+    silent = ValveTest(-1e-4, 0.05, 0.0, 6.0)
     assert np.isfinite(silent.features).all()

@@ -17,7 +17,7 @@ GOOD = GoodRanges(
     {"friction": GoodRange(0.002, 0.005, 0.012), "rise": GoodRange(0.04, 0.05, 0.0625),
      "leakage": GoodRange(60.0, 75.0, 94.0), "bandwidth": GoodRange(4.0, 6.0, 9.0)}, 240,
 )  # fmt: skip
-TEST = ValveTest(0.020, 0.0622, 70.0, 3.0, {}, rise_std_s=0.001, bandwidth_std_hz=0.1, friction_std_a=0.001)
+TEST = ValveTest(0.020, 0.0622, 70.0, 3.0, rise_std_s=0.001, bandwidth_std_hz=0.1, friction_std_a=0.001)
 MISSED = Measurement("leakage", "ml/min", "", high=60.0).of(70.0, 1.0)
 COMPARED = against_good(TEST, 1.0, GOOD)
 

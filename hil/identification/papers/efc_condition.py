@@ -2,16 +2,14 @@
 
 Friction comes from the loop of the pressure curve, rise time from steps to 1.6 A, leakage from the flow through the
 closed valve, the −3 dB frequency from sines at the medium level; a model of the classes is learnt from a simulated
-population, and what is usual among its good valves is the reference that rise and −3 dB are held against. Beside it
-stands the way of the EFC thesis: the error between a step and the simulated step of a good valve (eq. 4.1), and
-thresholds on it.
+population, and what is usual among its good valves is the reference that rise and −3 dB are held against.
 """
 
 from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -34,7 +32,7 @@ from hil.identification.step.step_response import step_figures
 from hil.language.words import marked
 from hil.physics.model import Model
 from hil.physics.published.efc_population import population, valve
-from hil.physics.published.tugsal import CLASSES, CLASSIFIED_CURRENT_A, SWEEPS_PSI, rms_error
+from hil.physics.published.tugsal import CLASSES, CLASSIFIED_CURRENT_A, SWEEPS_PSI
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array, Integers
 from hil.signals.interval import UNIFORM
@@ -87,14 +85,12 @@ class ValveTest:
         rise_s: 10 % to 90 % of a step from no current to 1.6 A, mean of the repeats. `rise_std_s`: of that mean.
         leakage_ml_min: through the closed valve at 220 psi.
         bandwidth_hz: −3 dB at the medium level, the top frequency where it was not reached. `bandwidth_std_hz`.
-        error_psi: root mean square difference to a good valve's step, by current level.
     """
 
     friction_a: float
     rise_s: float
     leakage_ml_min: float
     bandwidth_hz: float
-    error_psi: Mapping[str, float]
     rise_std_s: float = 0.0
     bandwidth_std_hz: float = 0.0
     friction_std_a: float = 0.0
@@ -226,11 +222,10 @@ def simulated_tests(
     """A population, every valve tested with noise; simulations run side by side."""
     valves, labels = population(count, seed, normally_open)
     seeds = np.random.SeedSequence(seed).spawn(count)
-    given, reference = Instruments(), reference_steps()
     pairs = zip(valves, seeds, strict=True)
 
     def one(pair: tuple[Model, np.random.SeedSequence]) -> ValveTest:
-        return tested(pair[0], np.random.default_rng(pair[1]), given, reference, frequencies_hz)
+        return tested(pair[0], np.random.default_rng(pair[1]), Instruments(), frequencies_hz)
 
     with one_blas_thread():
         return tuple(spread(one, pairs)), labels
@@ -243,7 +238,6 @@ def tested(
     model: Model,
     rng: np.random.Generator,
     instruments: Instruments,
-    reference: Mapping[str, Array],
     frequencies_hz: tuple[float, ...],
 ) -> ValveTest:
     """The test of one simulated valve: sweeps at two speeds, steps, leakage, sines at the medium level."""
@@ -260,10 +254,7 @@ def tested(
     least, most = sorted((float(curve.nominal[0]), float(curve.nominal[-1])))  # a slow valve falls short of a pressure
     sweep_a = tuple(curve.current_at(min(max(psi, least), most)) for psi in SWEEPS_PSI["medium"])
     bandwidth_hz = _bandwidth_hz(model, sweep_a, frequencies_hz, rng, instruments.noise_psi)
-    return evaluated_test(
-        curve, {level: np.array([pressure[at] for at in places[level]]) for level in CLASSIFIED_CURRENT_A},
-        leakage, (bandwidth_hz, 0.0), reference,
-    )  # fmt: skip
+    return evaluated_test(curve, [pressure[at] for at in places["high"]], leakage, (bandwidth_hz, 0.0))
 
 
 def _answer(model: Model, command: Array) -> Array:
@@ -295,36 +286,26 @@ def bandwidth_of(crossing: Crossing) -> float:
 
 
 def evaluated_test(
-    curve: PressureCurve,
-    steps: Mapping[str, Array],
-    leakage_ml_min: float,
-    bandwidth: tuple[float, float],
-    reference: Mapping[str, Array],
+    curve: PressureCurve, steps: Iterable[Array], leakage_ml_min: float, bandwidth: tuple[float, float]
 ) -> ValveTest:
     """The numbers of one test.
 
     Args:
         curve: of sweeps of the current at two speeds.
-        steps: by level, pressure from the step of the current on at 1 kHz, shape (repeats, n).
+        steps: pressure from each step to 1.6 A on, at 1 kHz, shape (n,) each.
         leakage_ml_min: at 220 psi.
         bandwidth: −3 dB at the medium level and its standard uncertainty, in Hz.
-        reference: by level, the step of a good valve, shape (m,).
 
     Raises:
         InputError: the pressure does not follow the current.
     """
-    rises = np.array([_rise_s(run) for run in steps["high"]])
+    rises = np.array(list(map(_rise_s, steps)))
     rise_std_s = max(float(rises.std(ddof=1)) if len(rises) > 1 else 0.0, PROGRAMME.time_std_s) / math.sqrt(len(rises))
-    errors = {}
-    for level, runs in steps.items():
-        samples = min(runs.shape[1], len(reference[level]))
-        errors[level] = float(np.mean([rms_error(run[:samples], reference[level][:samples]) for run in runs]))
     return ValveTest(
         curve.estimate.mean_width / 2.0,
         float(rises.mean()),
         leakage_ml_min,
         bandwidth[0],
-        errors,
         rise_std_s,
         bandwidth[1],
         float(np.std(curve.estimate.mean_widths)) / 2.0,
