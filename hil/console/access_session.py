@@ -30,16 +30,12 @@ class Session:
 
 
 class Sessions:
-    """Signs sessions, and reads them.
+    """Signs sessions, and reads them; the key is made at first use, and nobody but its owner reads it."""
 
-    Args:
-        path: of the key; made at first use, and nobody but its owner reads it.
-    """
-
-    def __init__(self, path: Path | None = None) -> None:
+    def __init__(self) -> None:
         from itsdangerous import URLSafeTimedSerializer
 
-        self._signer = URLSafeTimedSerializer(_key(path or state_path("console", "session", ".key")), "hil console")
+        self._signer = URLSafeTimedSerializer(_key(state_path("console", "session", ".key")), "hil console")
 
     def begun(self, name: str = "", account: Account | None = None) -> Session:
         """A new session: of an account that was shown to be somebody's, or of nobody."""

@@ -6,7 +6,6 @@ from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 _KEPT = "private, max-age=31536000, immutable"
-_LOOPBACK = "http://127.0.0.1:* http://localhost:*"
 
 
 class Headers:
@@ -17,7 +16,7 @@ class Headers:
         listeners: where pages may reach the listeners of runs, in the words of a Content-Security-Policy.
     """
 
-    def __init__(self, app: ASGIApp, listeners: str = _LOOPBACK) -> None:
+    def __init__(self, app: ASGIApp, listeners: str) -> None:
         self._app = app
         self._always = {
             "Content-Security-Policy": (

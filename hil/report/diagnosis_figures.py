@@ -271,9 +271,9 @@ def _levels(strip: Strip) -> tuple[Array, Array, Array]:
     return strip.time_s[(edges[:-1] + edges[1:] - 1) // 2], levels[0], levels[1]
 
 
-def _envelope(frequency_hz: Array, amplitude: Array, columns: int = 500) -> tuple[Array, Array, Array]:
-    """(frequency, largest amplitude, number of lines) of many narrow bands, evenly spread over the logarithm."""
-    bands = np.geomspace(frequency_hz[0], frequency_hz[-1] * (1 + 1e-9), columns + 1)
+def _envelope(frequency_hz: Array, amplitude: Array) -> tuple[Array, Array, Array]:
+    """(frequency, largest amplitude, number of lines) of 500 narrow bands, evenly spread over the logarithm."""
+    bands = np.geomspace(frequency_hz[0], frequency_hz[-1] * (1 + 1e-9), 501)
     starts = np.unique(np.searchsorted(frequency_hz, bands[:-1]))
     starts = starts[starts < len(frequency_hz)]
     largest = np.maximum.reduceat(amplitude, starts)

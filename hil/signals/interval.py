@@ -47,8 +47,8 @@ def _to_place(value: float, half: float) -> str:
     return f"{value:.{max(digits, 0)}e}" if digits <= _DIGITS else f"{value:.9g}"
 
 
-def exact_limits(count: int, of: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Limits of a share after Clopper and Pearson: they hold it at least so often, however few were counted.
+def exact_limits(count: int, of: int) -> tuple[float, float]:
+    """95 % limits of a share after Clopper and Pearson: they hold it at least so often, however few were counted.
 
     Raises:
         InputError: no count out of a larger one.
@@ -57,7 +57,6 @@ def exact_limits(count: int, of: int, confidence: float = 0.95) -> tuple[float, 
 
     if not 0 <= count <= of or of == 0:
         raise InputError(f"share {count} of {of}: a count out of a larger one is needed")
-    tail = (1.0 - confidence) / 2.0
-    low = 0.0 if count == 0 else float(betaincinv(count, of - count + 1, tail))
-    high = 1.0 if count == of else float(betaincinv(count + 1, of - count, 1.0 - tail))
+    low = 0.0 if count == 0 else float(betaincinv(count, of - count + 1, 0.025))
+    high = 1.0 if count == of else float(betaincinv(count + 1, of - count, 0.975))
     return low, high

@@ -50,13 +50,12 @@ def even_frequencies(first_hz: float, last_hz: float, step_hz: float) -> tuple[f
     return tuple(round(first_hz + i * step_hz, 12) for i in range(count))
 
 
-def reference_and_band(top_hz: float, lines: int = 6, octaves: float = 2.75) -> tuple[float, ...]:
-    """A reference far below, and a few frequencies in equal ratios up to the top one, where bandwidths lie.
+def reference_and_band(top_hz: float) -> tuple[float, ...]:
+    """A reference far below, and six frequencies in equal ratios over 2.75 octaves up to the top one, for bandwidths.
 
     The reference is a 49th of the top one, at least 0.1 Hz, and at half the lowest of the others at most. A curve over
     a wider gap scatters so much in it that a bandwidth could lie there.
     """
-    ratios = 2.0 ** (-octaves * np.arange(lines - 1, 0, -1) / (lines - 1))
-    band = [float(f"{top_hz * ratio:.3g}") for ratio in ratios]
+    band = [float(f"{hz:.3g}") for hz in np.geomspace(top_hz / 2.0**2.75, top_hz, 6)[:-1]]
     reference_hz = float(f"{max(_LEAST_REFERENCE_HZ, top_hz / _REFERENCE_RATIO):.3g}")
     return (min(reference_hz, band[0] / 2.0), *band, top_hz)

@@ -53,9 +53,9 @@ class SineTest:
         return found / self.amplitude / MeasuringChain(hold_s=1.0 / self.rate_hz).at(self.frequency_hz)
 
 
-def sine_test(frequencies_hz: Sequence[float], amplitude: float, bias: float, rate_hz: float = 1000.0) -> SineTest:
-    """A test of one measured period per frequency, after two periods and at least a second to settle."""
-    blocks, periods, at = [], [], 0
+def sine_test(frequencies_hz: Sequence[float], amplitude: float, bias: float) -> SineTest:
+    """A test at 1 kHz of one measured period per frequency, after two periods and at least a second to settle."""
+    rate_hz, blocks, periods, at = 1000.0, [], [], 0
     for frequency in frequencies_hz:
         settle = max(_SETTLE_PERIODS, math.ceil(_SETTLE_S * frequency))
         block = sine(frequency, amplitude, rate_hz, settle + 1, bias=bias)
