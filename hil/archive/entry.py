@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from hil.errors import FileError
+from hil.errors import FileError, reason
 from hil.findings.results import read_results
 from hil.record.measurement import FINDINGS_FILE, RESULTS_FILE, Measured, Verdict
 from hil.record.run_folder.header import HEADER_FILE, read_end, read_header, stated
@@ -102,7 +102,7 @@ def _found(folder: Path) -> tuple[Verdict | None, tuple[Measured, ...]]:
         content = read_untrusted_json(folder, FINDINGS_FILE)
         return content["verdict"], TypeAdapter(tuple[Measured, ...]).validate_python(content["measured"])
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise FileError(f"{older}: not what this program writes: {' '.join(str(error).split()):.120}") from None
+        raise FileError(f"{older}: not what this program writes: {reason(error):.120}") from None
 
 
 def run_folders(below: Path, levels: int = MOST_LEVELS) -> Iterator[Path]:

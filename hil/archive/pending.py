@@ -16,7 +16,7 @@ from typing import TypeVar
 from hil.archive.archive import enter, rebuild
 from hil.archive.begun import begun_in
 from hil.archive.place import Place, archive_place
-from hil.errors import ArchiveError, FileError, StorageError
+from hil.errors import ArchiveError, FileError, StorageError, reason
 from hil.record.run_folder.header import HEADER_FILE
 from hil.record.state import keep, state_path
 from hil.untrusted import read_json
@@ -34,7 +34,7 @@ def enter_or_keep(place: Place, folder: Path) -> str:
         left_out = enter(place, [path for path in waiting if (path / HEADER_FILE).is_file()])
     except Exception as error:
         keep_waiting(place, waiting)
-        return f"{' '.join(str(error).split())}; the run is safe in {folder} and will be entered later"
+        return f"{reason(error)}; the run is safe in {folder} and will be entered later"
     keep_waiting(place, [path for path in waiting if path == place.folder])
     return "; ".join(f"not in the archive: {text}" for text in left_out)
 

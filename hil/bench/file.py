@@ -353,3 +353,8 @@ class Bench(Strict):
     presets: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
     simulation: SimulationTable = Field(default_factory=SimulationTable)
     made_with: str = ""
+
+    @property
+    def roles(self) -> dict[str, str]:
+        """The channel of each role."""
+        return {channel.role: name for name, channel in self.channels.items() if channel.role != "other"}

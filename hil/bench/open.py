@@ -208,7 +208,7 @@ def _switch_on(bench: Bench, guard: Guard, rate_hz: float) -> None:
 
 def _shown_channels(bench: Bench, daq: Daq, commanding: str) -> list[Shown]:
     """Channels that the operator sees: the command, the response, the other inputs."""
-    roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
+    roles = bench.roles
     names = dict.fromkeys((commanding or roles["command"], roles["response"], *daq.inputs))
     spans = {name: channel.high - channel.low for name, channel in daq.inputs.items()}
     spans |= {name: channel.high - channel.low for name, channel in daq.outputs.items()}

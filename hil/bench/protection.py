@@ -43,10 +43,9 @@ def witnesses_of(bench: Bench) -> dict[str, Witness]:
 
 def _response_at_rest(bench: Bench) -> str:
     """The response, where it returns with the command; a place does not, whether a cylinder travels or is held."""
-    for name, channel in bench.channels.items():
-        if channel.role == "response" and not bench.valve.integrates and in_base_units(channel.unit)[2] != {"m": 1}:
-            return name
-    return ""
+    response = bench.roles["response"]
+    stays = bench.valve.integrates or in_base_units(bench.channels[response].unit)[2] == {"m": 1}
+    return "" if stays else response
 
 
 def envelopes_of(bench: Bench) -> dict[str, Envelope]:
@@ -54,7 +53,7 @@ def envelopes_of(bench: Bench) -> dict[str, Envelope]:
     found = {name: envelope_of(c.limits) for name, c in bench.channels.items() if c.limits is not None}
     if bench.valve.limits is not None:
         valve = envelope_of(bench.valve.limits)
-        (command,) = (name for name, channel in bench.channels.items() if channel.role == "command")
+        command = bench.roles["command"]
         found[command] = found[command].tightened(valve) if command in found else valve
     return found
 

@@ -69,7 +69,7 @@ class BenchRig:
         self._reporter = reporter
         self._rates_hz: set[float] = set()
         self._sampled: tuple[Promises, float, dict[str, Any]] | None = None
-        self._roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
+        self._roles = bench.roles
         self._own_command = self._roles["command"]
         self._roles["command"] = commanding or self._own_command
 
@@ -311,6 +311,5 @@ def whole(blocks: Iterable[Block], asked: deque[int]) -> Iterator[Block]:
 def conditions_of(bench: Bench) -> dict[str, Any]:
     """Valve, roles of channels, conditions of the test, instruments, and whether it is simulated, as JSON values."""
     description = bench.model_dump(mode="json", include={"valve", "conditions", "instruments"})
-    roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
     simulated = any(device.simulated for device in bench.devices.values())
-    return {"bench": bench.name, "roles": roles, SIMULATED: simulated, **description}
+    return {"bench": bench.name, "roles": bench.roles, SIMULATED: simulated, **description}

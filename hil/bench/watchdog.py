@@ -95,7 +95,7 @@ def _watch(path: Path, pid: int, run: Path, parent: Parent[Asked]) -> int:
         if left:
             raise HardwareError("; ".join(left))
     except HilError as error:
-        parent.say(ERROR + f"{' '.join(str(error).split())}\n".encode())
+        parent.say(ERROR + f"{reason(error)}\n".encode())
         return error.exit_status
     service = StopService(units_of(file), "watchdog", parent.request)
     with listening(service) as control:

@@ -6,7 +6,7 @@ import traceback
 from typing import Any
 
 from hil.cli.progress import clear
-from hil.errors import HilError, exit_status_of
+from hil.errors import HilError, exit_status_of, reason
 from hil.extras import lacking, of_extra
 from hil.safety.interrupt import Halted
 from hil.stderr import write
@@ -44,7 +44,7 @@ def _text(error: BaseException) -> str:
     if isinstance(error, KeyboardInterrupt):
         return f"stopped: {error}" if isinstance(error, Halted) else "stopped"
     if isinstance(error, HilError):
-        return " ".join(str(error).split())
+        return reason(error)
     if isinstance(error, OSError):
         return f"{error.filename or 'file'}: {error.strerror or error}"
     if isinstance(error, MemoryError):

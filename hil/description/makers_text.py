@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
-from hil.errors import FileError, reading
+from hil.errors import FileError, reading, reason
 from hil.untrusted import read_small
 
 _T = TypeVar("_T")
@@ -39,7 +39,7 @@ def makers_file(kind: str, understood: Callable[[bytes], _T]) -> Callable[[str],
         try:
             return understood(data)
         except Exception as error:  # a library raises what its parsers do
-            raise FileError(f"{path}: not {kind}: {' '.join(str(error).split())}") from None
+            raise FileError(f"{path}: not {kind}: {reason(error)}") from None
 
     def reader(path: str) -> _T:
         with reading(path, remedy="; it is looked for beside the file that names it"):

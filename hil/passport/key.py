@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hil.errors import FileError, option, reading
+from hil.errors import FileError, option, reading, reason
 from hil.record.durable import write_whole
 from hil.record.state import OWNER_ALONE, state_folder
 from hil.untrusted import read_small
@@ -66,7 +66,7 @@ def read_key(path: Path) -> SigningKey:
     except (ValueError, TypeError) as error:
         raise FileError(
             f"{path}: a private key and its certificate were expected, PEM or PKCS #12 (a passphrase in {PASSPHRASE}): "
-            f"{' '.join(str(error).split()):.160}"
+            f"{reason(error):.160}"
         ) from None
 
 

@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
-from hil.errors import InputError, StorageError
+from hil.errors import InputError, StorageError, reason
 from hil.passport.attached import CONTENT_FILE, Attached
 from hil.record.plain import plain
 
@@ -47,7 +47,7 @@ def compiled(page: Mapping[str, Any], pictures: Sequence[tuple[str, bytes]], ins
     except OSError as error:
         raise StorageError(f"{place}: the passport cannot be made: {error.strerror}") from error
     except RuntimeError as error:
-        raise InputError(f"the pages of the passport cannot be set: {' '.join(str(error).split()):.300}") from error
+        raise InputError(f"the pages of the passport cannot be set: {reason(error):.300}") from error
 
 
 def _linked(one: Attached, place: Path) -> str:

@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
+from hil.errors import reason
 from hil.passport.sign import DIGEST, REASON
 
 _RANGE = re.compile(rb"/ByteRange \[0 (\d+) (\d+) (\d+)\] *")
@@ -74,7 +75,7 @@ def _contents(padded: bytes) -> tuple[bytes, bytes]:
         length = len(found.dump())
         rebuilt, certificate, digest = _rebuilt(found["content"])
     except (ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
-        raise ChangedError(f"its signature cannot be read: {' '.join(str(error).split()):.100}") from None
+        raise ChangedError(f"its signature cannot be read: {reason(error):.100}") from None
     if rebuilt != padded[:length]:
         raise ChangedError("its signature is not in the form in which it is written")
     if any(padded[length:]):

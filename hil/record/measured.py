@@ -78,6 +78,11 @@ class Measured:
         """Under which it may be asked for: the whole name, then without the last parts of its place."""
         return names_of(self.name)
 
+    @property
+    def verdict_of_limits(self) -> Verdict | None:
+        """Pass, fail or cannot tell by its own limits, however the run ended."""
+        return judge(self.value, self.std, self.low, self.high, self.relation)
+
     def fail_probability(self, value: float, std: float) -> float | None:
         """How likely a unit would have been measured *fail* here: `value` with the scatter `std` of its measurement.
 
@@ -103,8 +108,8 @@ class Measured:
 
     def judged(self, limit: Limit) -> Measured:
         """The same, judged by another limit."""
-        verdict = judge(self.value, self.std, limit.low, limit.high, self.relation)
-        return replace(self, low=limit.low, high=limit.high, verdict=verdict)
+        limited = replace(self, low=limit.low, high=limit.high)
+        return replace(limited, verdict=limited.verdict_of_limits)
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""

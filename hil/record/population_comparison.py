@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from hil.record.measured import Measured, Verdict, judge
+from hil.record.measured import Measured, Verdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,4 +24,4 @@ class PopulationComparison:
 
     def those(self, verdict: Verdict) -> tuple[Measured, ...]:
         """Figures that lie within the range for certain (`pass`), beyond it (`fail`), or of which nobody can tell."""
-        return tuple(m for m in self.figures if judge(m.value, m.std, m.low, m.high, m.relation) == verdict)
+        return tuple(m for m in self.figures if m.verdict_of_limits == verdict)

@@ -8,7 +8,7 @@ from itertools import groupby
 from typing import Any
 
 from hil.language.words import _, marked
-from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_of, judge, present_name
+from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_of, present_name
 from hil.record.previous_run import PreviousRunComparison
 from hil.report.comparisons import comparison_sentences
 from hil.report.name import capital, quantity_words
@@ -118,7 +118,7 @@ def _step_of(m: Measured) -> str:
     """What would close a value that cannot be told."""
     if m.value is None or m.std is None or not math.isfinite(m.std):
         return marked("Next: see the notes for why a value or its uncertainty is missing, then repeat the test.")
-    if judge(m.value, m.std, m.low, m.high, m.relation) == "pass":
+    if m.verdict_of_limits == "pass":
         return marked("Next: run the test to its end.")
     if m.relation != "=":
         return marked("Next: repeat the test with a wider range or less noise. So far there is only a bound.")
@@ -134,7 +134,7 @@ def _how_far(m: Measured) -> str:
         return ""
     inside = min(m.value - limit if side == "low" else limit - m.value
                  for side, limit in (("low", m.low), ("high", m.high)) if limit is not None)  # fmt: skip
-    if m.verdict == "cannot tell" and judge(m.value, m.std, m.low, m.high, m.relation) == "pass":
+    if m.verdict == "cannot tell" and m.verdict_of_limits == "pass":
         return _("it is met, but the run did not end as planned")
     by = with_unit(abs(inside), m.unit, 2)
     where = (_("met by {by}") if inside > 0.0 else _("missed by {by}") if inside < 0.0 else _("met exactly")).format(

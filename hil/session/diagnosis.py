@@ -156,7 +156,7 @@ def conclude(
 
 def _span(bench: BenchFile) -> Span | None:
     """How far the bench lets the command go."""
-    command = next(name for name, channel in bench.bench.channels.items() if channel.role == "command")
+    command = bench.bench.roles["command"]
     limits = envelopes_of(bench.bench).get(command)
     return None if limits is None else span_within(limits.low, limits.high, bench.bench.channels[command].safe or 0.0)
 
