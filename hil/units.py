@@ -28,6 +28,11 @@ _SPELLINGS = {"1": "dimensionless", "": "dimensionless", "gpm": "gallon/minute",
 _FOLDED = {"hz": "Hz", "khz": "kHz", "kpa": "kPa", "mpa": "MPa", "degc": "degC", "vdc": "V", "prozent": "%",
            "sek": "s", "sekunde": "s", "sekunden": "s", "kn": "kN"}  # fmt: skip
 
+# At the end of a name of the code, a longer one before what it ends in.
+_ENDINGS = {"_rad_s": "rad/s", "_mm_s": "mm/s", "_s": "s", "_hz": "Hz", "_db": "dB", "_deg": "deg", "_c": "degC",
+            "_bar": "bar", "_psi": "psi", "_mm": "mm", "_l_min": "l/min", "_lpm": "l/min", "_v": "V", "_a": "A",
+            "_percent": "%"}  # fmt: skip
+
 
 @cache
 def _registry() -> pint.UnitRegistry[Any]:
@@ -129,6 +134,12 @@ def convert(values: Array, unit: str, to: str) -> Array:
     if a == 1.0 and b == 0.0:
         return values
     return a * values + b
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """(`fluid temperature`, `degC`) from `fluid_temperature_c`; no unit when the name ends in none."""
+    ending = next((known for known in _ENDINGS if name.endswith(known) and name != known), "")
+    return name.removesuffix(ending).replace("_", " "), _ENDINGS.get(ending, "")
 
 
 def behind_a_number(unit: str) -> str:

@@ -15,11 +15,8 @@ from hil.findings.results import ColumnOf, Curve
 from hil.record.plain import plain
 from hil.record.recording import Array
 from hil.signals.decibel import decibels
+from hil.units import split_unit
 
-_SUFFIXES = {
-    "hz": "Hz", "db": "dB", "deg": "deg", "s": "s", "percent": "%", "mm": "mm", "mm_s": "mm/s", "a": "A", "v": "V",
-    "psi": "psi", "bar": "bar",
-}  # fmt: skip
 _UNIT_KEYS = {
     "command": "command_unit", "rising": "response_unit", "falling": "response_unit", "std": "response_unit",
     "spline": "response_unit", "polynomial": "response_unit", "measured": "response_unit", "fitted": "response_unit",
@@ -80,10 +77,8 @@ def _of_one_length(name: str, columns: Mapping[str, Array], units: Mapping[str, 
 def _column(key: str, units: Mapping[str, str]) -> ColumnOf:
     if key in _UNIT_KEYS:
         return ColumnOf(name=_words(key), unit=units.get(_UNIT_KEYS[key], "1"))
-    for suffix in sorted(_SUFFIXES, key=len, reverse=True):
-        if key.endswith(f"_{suffix}"):
-            return ColumnOf(name=_words(key.removesuffix(f"_{suffix}")), unit=_SUFFIXES[suffix])
-    return ColumnOf(name=_words(key), unit="1")
+    name, unit = split_unit(key)
+    return ColumnOf(name=name, unit=unit or "1")
 
 
 def _named(name: str, mapping: Mapping[str, Any]) -> str:

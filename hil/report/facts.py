@@ -7,8 +7,9 @@ from types import MappingProxyType
 from typing import Any
 
 from hil.language.words import _
-from hil.report.name import capital, split_unit, within
-from hil.report.number import number
+from hil.report.name import capital, within
+from hil.report.number import number, unit_text
+from hil.units import split_unit
 
 
 def facts_of(values: Mapping[str, Any], units: Mapping[str, str] = MappingProxyType({})) -> list[tuple[str, str]]:
@@ -21,6 +22,7 @@ def facts_of(values: Mapping[str, Any], units: Mapping[str, str] = MappingProxyT
 def fact_of(name: str, value: Any, own_unit: str = "") -> tuple[str, str]:
     """(`Fluid temperature`, `40 °C`) from `fluid_temperature_c`."""
     label, unit = split_unit(name)
+    unit = unit_text(unit)
     if not unit and own_unit and value not in (None, "") and not isinstance(value, bool):
         return capital(_(label)), f"{text_of(value)} {own_unit}"
     if unit and isinstance(value, int | float) and not isinstance(value, bool):

@@ -6,26 +6,14 @@ import re
 from collections.abc import Iterable
 
 from hil.language.words import ENGLISH, _, spoken
-from hil.report.number import label_text
-
-_UNITS = {
-    "_s": "s", "_hz": "Hz", "_db": "dB", "_deg": "°", "_c": "°C", "_bar": "bar", "_mm": "mm", "_l_min": "l/min",
-    "_v": "V", "_a": "A", "_percent": "%",
-}  # fmt: skip
-
-
-def split_unit(name: str) -> tuple[str, str]:
-    """(`fluid temperature`, `°C`) from `fluid_temperature_c`; no unit when the name ends in none."""
-    for ending in sorted(_UNITS, key=len, reverse=True):
-        if name.endswith(ending) and len(name) > len(ending):
-            return name.removesuffix(ending).replace("_", " "), _UNITS[ending]
-    return name.replace("_", " "), ""
+from hil.report.number import label_text, unit_text
+from hil.units import split_unit
 
 
 def words(name: str) -> str:
     """`fluid temperature [°C]` from `fluid_temperature_c`."""
     text, unit = split_unit(name)
-    return f"{text} [{unit}]" if unit else text
+    return f"{text} [{unit_text(unit)}]" if unit else text
 
 
 def quantity_words(name: str) -> str:

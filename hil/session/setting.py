@@ -12,10 +12,10 @@ from annotated_types import Ge, Gt, Interval, Le, Lt, Unit
 
 from hil.errors import FileError, SettingError
 from hil.session.quantity import number_in
+from hil.units import split_unit
 from hil.untrusted import parse_json
 
 _OUTSIDE = ("finite_number", "greater_than", "greater_than_equal", "less_than", "less_than_equal")
-_ENDINGS = {"_rad_s": "rad/s", "_s": "s", "_hz": "Hz", "_mm": "mm", "_a": "A", "_v": "V", "_lpm": "l/min"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Setting:
             return ""
         if (stated := _declared(self.type, (Unit,))) is not None:
             return stated.unit
-        return next((unit for ending, unit in _ENDINGS.items() if self.name.endswith(ending)), "")
+        return split_unit(self.name)[1]
 
     def parsed(self, given: Any) -> Any:
         """A value of the declared type, from text (`5,10,20`, `yes`, `[[0, 1], [2, 3]]`) or from a value; all finite.
