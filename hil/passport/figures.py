@@ -11,7 +11,7 @@ import numpy as np
 
 from hil.findings.results import Curve, Results
 from hil.language.words import _, marked
-from hil.report.figure import SERIES, WIDTH_IN, legend_above, plain_log, thinned
+from hil.report.figure import SERIES, WIDTH_IN, along, legend_above, thinned
 from hil.report.name import capital, quantity_words
 from hil.report.number import label_text
 
@@ -80,11 +80,7 @@ def _fill(figure: Figure, curves: Sequence[Curve], units: Sequence[str]) -> None
         axes.set_ylabel(unit)
         if axes is grid[0] or len(axes.get_lines()) > len(curves):
             legend_above(axes, 3)
-    first = curves[0].columns[0]
-    grid[-1].set_xlabel(f"{_(first.name)} [{first.unit}]")
-    if first.unit == "Hz":
-        grid[-1].set_xscale("log")
-        plain_log(grid[-1].xaxis)
+    along(grid[-1], curves[0].columns[0])
     height_in = figure.get_figheight()  # margins by hand: laying out by search takes longer than drawing
     figure.subplots_adjust(left=0.08, right=0.985, bottom=0.42 / height_in, top=1.0 - 0.4 / height_in, hspace=0.3)
 

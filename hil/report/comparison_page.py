@@ -15,7 +15,7 @@ from hil.findings.results import Curve, Results
 from hil.language.words import _
 from hil.record.measurement import Measured
 from hil.report import results
-from hil.report.figure import DASHES, SERIES, Picture, drawn, legend_above, plain_log, thinned
+from hil.report.figure import DASHES, SERIES, Picture, along, drawn, legend_above, thinned
 from hil.report.local_time import local_text
 from hil.report.name import quantity_words, value_words
 from hil.report.number import number, with_std
@@ -23,7 +23,6 @@ from hil.report.page import page, write_page
 from hil.report.section import Section, Table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _MOST_CURVES = 12
@@ -161,18 +160,10 @@ def _overlay(a: Curve, b: Curve, first: str, second: str) -> Picture | None:
                     axes.plot(*thinned(x, y), color=colour, label=f"{column.name}, {run}", **line)
             axes.set_ylabel(unit)
             legend_above(axes, 2)
-        _across(grid[-1], a)
+        along(grid[-1], a.columns[0])
 
     return drawn(re.sub(r"\W+", "-", a.name), 0.8 + 2.2 * len(units), draw, a.name)
 
 
 def _is_line(x: Array) -> bool:
     return len(x) > _FEW or bool(np.all(np.diff(x) > 0.0))
-
-
-def _across(axes: Axes, curve: Curve) -> None:
-    first = curve.columns[0]
-    axes.set_xlabel(f"{first.name} [{first.unit}]")
-    if first.unit == "Hz":
-        axes.set_xscale("log")
-        plain_log(axes.xaxis)

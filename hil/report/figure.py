@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
+    from hil.findings.results import ColumnOf
+
 # Okabe and Ito's colours, in an order in which neighbours also differ in grey; lines differ in their dashes too.
 INK, SOFT, GRID, FAINT = "#1b1f24", "#59626d", "#e3e6ea", "#eef0f3"
 BLUE, RED, GREEN, AMBER, SKY, PINK = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#56b4e9", "#a8578a"
@@ -236,6 +238,14 @@ def plain_log(axis: Axis) -> None:
     axis.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
     axis.set_minor_locator(LogLocator(subs="all", numticks=99))
     axis.set_minor_formatter(NullFormatter())
+
+
+def along(axes: Axes, column: ColumnOf) -> None:
+    """What a drawing goes along: the name and unit of a column, frequencies on a logarithmic axis."""
+    axes.set_xlabel(f"{_(column.name)} [{column.unit}]")
+    if column.unit == "Hz":
+        axes.set_xscale("log")
+        plain_log(axes.xaxis)
 
 
 def legend_above(axes: Axes, columns: int = 4) -> None:
