@@ -13,7 +13,7 @@ import typer
 from typer.main import get_command
 
 from hil.cli import commands, error_message
-from hil.cli.error_message import say
+from hil.cli.error_message import asks_for_json, say_to_program
 from hil.cli.options import option
 from hil.errors import InputError, marked, options_of
 from hil.printable import printable_streams
@@ -73,6 +73,7 @@ def _run() -> int:
     """The command line, on the streams as they are."""
     silent = len(sys.argv) == 1  # without a word the help is shown, and nothing was done
     error_message.ended = error_message.debug = False  # of an earlier command in this process
+    error_message.as_json = asks_for_json(sys.argv[1:])
     try:
         program = _program()
         with options_of("prompt"):
@@ -87,17 +88,19 @@ def _run() -> int:
         if isinstance(error, typer.Abort):  # at a question: typer tells only in its context what it was
             is_over = isinstance(error.__context__, EOFError)
             return (
-                say(InputError("no answer was given; nothing was done")) if is_over else _stopped(KeyboardInterrupt())
+                say_to_program(InputError("no answer was given; nothing was done"))
+                if is_over
+                else _stopped(KeyboardInterrupt())
             )
         stopped = error.__cause__  # typer makes an error of its own of Ctrl-C
         if isinstance(stopped, KeyboardInterrupt):
             return _stopped(stopped)
         ended = ended_by(error)
-        return _stopped(ended) if isinstance(ended, KeyboardInterrupt) else say(ended)
+        return _stopped(ended) if isinstance(ended, KeyboardInterrupt) else say_to_program(ended)
     return 0
 
 
 def _stopped(error: KeyboardInterrupt) -> int:
     """Ended by a signal, with the status that shells give to that."""
     marked(error, status_of(error), "")
-    return say(error)
+    return say_to_program(error)

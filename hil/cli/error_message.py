@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import sys
 import traceback
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
+from hil.cli.faults import FaultsError
 from hil.cli.progress import clear
 from hil.errors import HilError, exit_status_of, reason
 from hil.extras import lacking, of_extra
@@ -13,6 +18,9 @@ from hil.stderr import write
 
 debug = False
 """Whether the traceback is shown too."""
+
+as_json = False
+"""Whether a program reads stdout: then the error is printed there too, as JSON."""
 
 ended = False
 """Whether it has been said why the program ends: it is said once."""
@@ -33,6 +41,23 @@ def say(error: BaseException, *more: str) -> int:
     trace = "".join(traceback.format_exception(error)) if debug else ""
     write(f"{trace}hil: {text_of(error, *more)}\n", WAITS_S)
     return status
+
+
+def say_to_program(error: BaseException) -> int:
+    """Print why the program ends, on stdout too where a program reads it; returns the exit status."""
+    status = say(error)
+    if as_json:
+        faults = {"faults": list(error.faults)} if isinstance(error, FaultsError) else {}
+        document = {"schema": "hil.error/1", "error": text_of(error), "exit_status": status, **faults}
+        write(f"{json.dumps(document, ensure_ascii=False)}\n", WAITS_S, sys.stdout)
+    return status
+
+
+def asks_for_json(arguments: Sequence[str]) -> bool:
+    """Whether a command line, refused or not, asks for JSON on stdout; `hil results` names a file behind `--json`."""
+    if "results" not in arguments[:2]:
+        return "--json" in arguments
+    return "--json=-" in arguments or ("--json", "-") in pairwise(arguments)
 
 
 def text_of(error: BaseException, *more: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -118,6 +119,29 @@ def test_bad_input_is_one_line_and_exit_status_2(command_line, arguments, says):
     assert err.count("\n") == 1
     assert out == ""
     assert not Path("model.json").exists()
+
+
+@pytest.mark.usefixtures("recordings")
+@pytest.mark.parametrize(("arguments", "says"), CASES[::4], ids=[" ".join(arguments) for arguments, _ in CASES[::4]])
+def test_a_program_that_asked_for_json_reads_the_error_as_json(command_line, arguments, says):
+    status, out, err = command_line(*arguments, "--json")
+    document = json.loads(out)
+    assert (document["schema"], document["exit_status"]) == ("hil.error/1", status) and status == 2
+    assert err == f"hil: {document['error']}\n"
+    assert says in err or "No such option" in err
+
+
+def test_faults_of_a_bench_file_stand_in_the_json_of_the_error(command_line):
+    Path("bench.toml").write_text('name = "no more"\n', encoding="utf-8")
+    status, out, _ = command_line("check", "bench.toml", "--json")
+    faults = json.loads(out)["faults"]
+    assert status == 2 and len(faults) > 2 and all(fault.startswith("bench.toml: ") for fault in faults)
+
+
+@pytest.mark.parametrize(("target", "is_json"), [("-", True), ("results.json", False)])
+def test_results_print_an_error_as_json_where_their_json_was_to_go(command_line, target, is_json):
+    status, out, _ = command_line("results", "nowhere", "--json", target)
+    assert status == 2 and out.startswith("{") is is_json
 
 
 def test_no_command_shows_the_help_and_is_exit_status_2(command_line):

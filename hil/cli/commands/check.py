@@ -49,7 +49,7 @@ def command(
     if live and reference:
         raise typer.BadParameter("drives the bench; --live reads it: one after the other", param_hint="--reference")
     path = find_bench(bench)
-    with each_reported(path):
+    with each_reported(path, as_json=as_json):
         found = read_bench(path)
     warnings = missing_protection(found, datetime.now(UTC).date())
     if not as_json:
