@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from hil.errors import InputError, storing
 from hil.extras import lacking
 from hil.findings.results import Curve, FittedFunction, Results
 from hil.record.csv_text import csv_text
+from hil.record.durable import write_named
 
 if TYPE_CHECKING:
     from openpyxl.worksheet.worksheet import Worksheet
@@ -44,7 +46,7 @@ def write_csv(results: Results, path: Path) -> tuple[Path, ...]:
         texts[path.with_name(f"{path.stem}_{name}.csv")] = curve_csv(curve, simulated=results.simulated)
     for target, text in texts.items():
         with storing(target):
-            target.write_bytes(text.encode())
+            write_named(target, text)
     return tuple(texts)
 
 
@@ -66,8 +68,10 @@ def write_xlsx(results: Results, path: Path) -> None:
         _fill(book.create_sheet("transfer functions"), FUNCTION_HEADS, coefficient_rows(results.transfer_functions))
     for name, curve in _by_file_name(results.curves).items():
         _fill(book.create_sheet(_sheet_name(name, book.sheetnames)), _heads(curve), curve.rows)
+    content = BytesIO()
+    book.save(content)
     with storing(path):
-        book.save(path)
+        write_named(path, content.getvalue())
 
 
 def coefficient_rows(functions: Iterable[FittedFunction]) -> Iterator[Row]:

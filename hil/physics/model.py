@@ -18,6 +18,7 @@ from hil.physics.compose import effects as installed_effects
 from hil.physics.compose import kernel, plant
 from hil.physics.plant import Plant
 from hil.physics.simulate import ActiveEffect
+from hil.record.durable import write_named
 from hil.record.plain import plain
 from hil.record.show import table_html
 from hil.record.simulated import SIMULATED, marked
@@ -186,7 +187,7 @@ def save_model(model: Model, path: Path) -> None:
         StorageError: it cannot be written.
     """
     with storing(path, "the model cannot be written"):
-        path.write_text(json.dumps(model.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        write_named(path, json.dumps(model.as_dict(), indent=1, allow_nan=False) + "\n")
 
 
 def load_model(path: Path) -> Model:

@@ -8,6 +8,7 @@ from io import StringIO
 from pathlib import Path
 
 from hil.errors import storing
+from hil.record.durable import write_named
 
 
 def csv_text(heads: Iterable[str], rows: Iterable[Sequence[object]]) -> str:
@@ -26,4 +27,4 @@ def write_table(heads: Iterable[str], rows: Iterable[Sequence[object]], path: Pa
         StorageError: the file cannot be written.
     """
     with storing(path):
-        path.write_bytes(csv_text(heads, rows).encode())
+        write_named(path, csv_text(heads, rows))

@@ -48,6 +48,18 @@ def write_whole(path: Path, content: bytes | str, mode: int = 0o666) -> None:
         raise
 
 
+def write_named(path: Path, content: bytes | str) -> None:
+    """Put a file where its user named it, whole or not at all: the one before stays when the disk is full.
+
+    A link is followed, and a pipe or a device (`/dev/stdout`) written to. Raises `OSError`.
+    """
+    if path.exists() and not path.is_file():
+        with path.open("wb") as stream:
+            stream.write(content.encode() if isinstance(content, str) else content)
+    else:
+        write_whole(path.resolve(), content)
+
+
 def is_deleted(file: FileIO) -> bool:
     """Whether an open file has no name any more: it can be written on, and is lost when it is closed."""
     return os.fstat(file.fileno()).st_nlink == 0

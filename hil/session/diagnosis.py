@@ -21,6 +21,7 @@ from hil.identification.preparation.experiment import Experiment, for_model
 from hil.identification.preparation.informative_segments import experiments_of
 from hil.physics.model import Model, save_model
 from hil.physics.other_plant import other_plants
+from hil.record.durable import write_named
 from hil.record.plain import plain
 from hil.record.read import read_recording
 from hil.record.recording import Recording, split_heading
@@ -183,7 +184,7 @@ def write_diagnosis(found: Diagnosed, out: Path, origins: Sequence[Origin] = ())
     content = json.dumps(plain({**found.diagnosis.as_dict(), "other_plant": other}), indent=1, ensure_ascii=False)
     try:
         out.mkdir(parents=True, exist_ok=True)
-        (out / DIAGNOSIS_FILE).write_text(content + "\n", encoding="utf-8")
+        write_named(out / DIAGNOSIS_FILE, content + "\n")
         save_model(found.corrected, out / CORRECTED_FILE)
     except OSError as error:
         raise StorageError(f"{out}: the diagnosis cannot be written: {error.strerror}") from error

@@ -12,6 +12,7 @@ from hil.findings.results import FittedFunction, Results
 from hil.fmu.build import own_platform, write_c, write_fmu
 from hil.fmu.variables import Variables, variables_of
 from hil.physics.model import Model, load_model
+from hil.record.durable import write_named
 from hil.session.kept_results import results_of_run
 
 TEXTS = ("python", "matlab", "json", "csv")
@@ -87,7 +88,7 @@ def exported(
     text = _table(source, points) if to == TABLE else _text(source, to, part)
     if out is not None:
         with storing(out):
-            out.write_text(text, encoding="utf-8")
+            write_named(out, text)
     return Exported(text, out)
 
 
