@@ -118,7 +118,8 @@ def say_outcome(
         return
     from hil.report.terminal import findings_text, where
 
-    say("\n".join([findings_text(outcome.findings, simulated=outcome.simulated), *where(outcome.report)]))
+    text = findings_text(outcome.findings, simulated=outcome.simulated, ended=outcome.ended)
+    say("\n".join([text, *where(outcome.report)]))
 
 
 def _print(text: str) -> None:

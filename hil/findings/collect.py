@@ -10,7 +10,7 @@ from typing import Any
 from hil.findings.curves import FUNCTION_KEYS, curves_of, mappings_of
 from hil.findings.results import FittedFunction, Results
 from hil.language.note import codes_of, revived
-from hil.record.measurement import Findings, Measured
+from hil.record.measurement import Findings, Measured, ending_of
 from hil.record.plain import plain
 from hil.record.population_comparison import PopulationComparison
 from hil.record.recording import Recording
@@ -39,6 +39,7 @@ def results_of(recording: Recording, findings: Findings) -> Results:
         since=findings.since,
         cause=findings.cause,
         simulated=is_simulated(meta),
+        ended=_text(ending_of(meta)),
     )
 
 

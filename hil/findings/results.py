@@ -139,6 +139,7 @@ class Results(Strict):
 
     `codes`: what notes and deviations are made of, a template and its values, by their text.
     `simulated`: whether a simulated device had a part in it; null in files of versions that did not say so.
+    `ended`: what kept the run from ending as planned; null for one that did.
     """
 
     model_config = ConfigDict(populate_by_name=True)
@@ -162,6 +163,7 @@ class Results(Strict):
     since: PreviousRunComparison | None = None
     cause: Cause | None = None
     simulated: bool | None = None
+    ended: str | None = None
 
     @property
     def figures(self) -> tuple[Measured, ...]:

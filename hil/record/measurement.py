@@ -36,6 +36,7 @@ __all__ = [
     "names_of",
     "present_name",
     "unproven",
+    "without_kind",
 ]  # fmt: skip
 
 
@@ -156,7 +157,13 @@ def unproven(verdict: Verdict | None) -> Verdict | None:
 def ending_of(meta: Mapping[str, Any]) -> str:
     """How a run, by its `meta`, ended otherwise than planned; empty for one that was completed, or was never a run."""
     outcome = str(meta.get("outcome", "it was never closed" if meta.get("procedure") else "completed"))
-    return "" if outcome in AS_PLANNED else outcome
+    return "" if outcome in AS_PLANNED else without_kind(outcome)
+
+
+def without_kind(outcome: str) -> str:
+    """How a run ended, as its folder has it, without the kind of its error: `TrippedError: interlock …`."""
+    kind, _colon, why = outcome.partition(": ")
+    return why if kind.endswith("Error") and kind.isidentifier() else outcome
 
 
 def ended_as_planned(meta: Mapping[str, Any]) -> bool:

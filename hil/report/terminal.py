@@ -18,12 +18,12 @@ def where(page: Path, name: str = "report") -> list[str]:
     return [f"{name}: {page}"] if page.is_file() else []
 
 
-def findings_text(findings: Findings, *, simulated: bool = False) -> str:
+def findings_text(findings: Findings, *, simulated: bool = False, ended: str = "") -> str:
     """Every measured value with its expanded uncertainty as in the report, limits and verdict; then notes and verdict.
 
     Where the calibration has a part in the uncertainty, what is left without it stands behind. Before the verdict of
     the run stands every limit that was missed or cannot be told, with how far it is, and the unit beside good ones.
-    The line of the verdict says where a simulated valve was tested.
+    The line of the verdict says where a simulated valve was tested. `ended`: what kept the run from ending as planned.
     """
     from hil.findings.collect import functions_of
     from hil.record.simulated import marked
@@ -43,7 +43,8 @@ def findings_text(findings: Findings, *, simulated: bool = False) -> str:
     )
     why = map(typed, (*reasons(findings), *comparison_sentences(findings)))
     last = marked(verdict, simulated=simulated)
-    return "\n".join([*aligned(rows), *map(typed, functions), *notes, *deviations, *why, last])
+    ending = [f"the run did not end as planned: {ended}"] if ended else []
+    return "\n".join([*aligned(rows), *map(typed, functions), *notes, *deviations, *why, *ending, last])
 
 
 def _spread(m: Measured) -> str:

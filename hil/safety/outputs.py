@@ -20,6 +20,7 @@ from hil.daq.channel import OutputChannel
 from hil.daq.contract import CANNOT_BE_ASKED, Daq, ReadBack, Waveform
 from hil.errors import HilError, NotSafeError, UnansweredError, marked, reason
 from hil.language.words import ENGLISH, _, speaking
+from hil.record.measurement import without_kind
 from hil.safety.interrupt import status_of, uninterrupted
 from hil.safety.witness import Look, Testimony, Witnesses, stands_at
 from hil.system import system
@@ -188,8 +189,7 @@ def ending_words(outcome: str, record: Mapping[str, Any]) -> str:
         outcome: as a run folder has it, `TrippedError: interlock …; outputs are safe (read back)`.
         record: of its outputs, by name; empty where a version kept none.
     """
-    kind, _colon, why = outcome.partition(": ")
-    text = why if kind.endswith("Error") and kind.isidentifier() else outcome
+    text = without_kind(outcome)
     try:
         outputs = outputs_in(record)
     except (KeyError, ValueError, TypeError, AttributeError):

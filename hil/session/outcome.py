@@ -12,12 +12,16 @@ REPORT_FILE = "report.html"
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a run left behind: its folder, what was found in it, the report, and whether it was simulated."""
+    """What a run left behind: its folder, what was found in it, the report, and whether it was simulated.
+
+    `ended`: what kept it from ending as planned; empty for one that did.
+    """
 
     folder: Path
     findings: Findings
     report: Path
     simulated: bool = False
+    ended: str = ""
 
     @property
     def exit_status(self) -> int:

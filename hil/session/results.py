@@ -17,7 +17,7 @@ from hil.language.note import Note, revived
 from hil.record.cause import Cause
 from hil.record.conditions import condition_departures
 from hil.record.folder import read
-from hil.record.measurement import FINDINGS_FILE, RESULTS_FILE, Findings, Limit, ended_as_planned
+from hil.record.measurement import FINDINGS_FILE, RESULTS_FILE, Findings, Limit, ended_as_planned, ending_of
 from hil.record.recording import Recording
 from hil.record.run_folder.seal import read_seal, seal_folder
 from hil.record.simulated import is_simulated
@@ -172,7 +172,7 @@ def write_evaluation(
     write_responses(findings, folder)
     write_run_report(_in_words(recording), findings, folder / REPORT_FILE, _units_of_settings(recording))
     seal_folder(folder, judged_by(recording, folder) if limits is None else limits)
-    return Outcome(folder, findings, folder / REPORT_FILE, is_simulated(recording.meta))
+    return Outcome(folder, findings, folder / REPORT_FILE, is_simulated(recording.meta), ending_of(recording.meta))
 
 
 def _units_of_settings(recording: Recording) -> dict[str, str]:

@@ -239,8 +239,8 @@ def test_a_broken_off_run_says_so_on_top(tmp_path):
     meta = {"outcome": "TrippedError: over-pressure", "incomplete": "of 9 rows only 5"}
     text = page_of(Findings(), tmp_path, meta).text
     assert (
-        "Not finished The test did not end as planned, so it proves nothing. The run did not end as planned: Trip"
-        in text
+        "Not finished The test did not end as planned, so it proves nothing. "
+        "The run did not end as planned: over-pressure." in text
     )
     assert "The recording is incomplete: of 9 rows only 5" in text
 

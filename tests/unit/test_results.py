@@ -1,6 +1,7 @@
 """The results of a run as data: schema, tables, spreadsheets, and reports made again."""
 
 import csv
+import errno
 import json
 import math
 import shutil
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 import hil
-from hil.errors import FileError
+from hil.errors import FileError, StorageError
 from hil.findings.collect import results_of
 from hil.findings.curves import curves_of
 from hil.findings.results import Results, read_results, write_results
@@ -18,6 +19,8 @@ from hil.findings.tables import write_csv, write_xlsx
 from hil.record.folder import read, write
 from hil.record.measurement import RESULTS_FILE, Findings, Measurement
 from hil.record.recording import Channel, Recording
+from hil.report.terminal import findings_text
+from hil.system import system
 
 pytestmark = pytest.mark.usefixtures("unprinted")
 
@@ -53,6 +56,38 @@ def test_document_is_strict_json_and_reads_back(results, tmp_path):
     assert document["values"][1]["value"] is None
     assert read_results(tmp_path / RESULTS_FILE) == results
     assert results["gain"].value == 0.9
+
+
+def test_how_a_run_ended_otherwise_than_planned_is_part_of_its_results(results):
+    why = "io: the connection is lost; NOT SAFE: nobody knows where 'command' stands"
+    for outcome, ended in (("completed", None), (f"DeviceLostError: {why}", why)):
+        recording = Recording("run", np.arange(3.0), {}, {"procedure": "step_response", "outcome": outcome})
+        assert results_of(recording, Findings()).ended == ended
+    said = findings_text(Findings(), ended=why).splitlines()
+    assert said[-2] == f"the run did not end as planned: {why}" and said[-1].startswith("verdict: none")
+    assert "as planned" not in findings_text(Findings())
+
+
+def test_a_file_that_cannot_be_written_whole_leaves_the_one_before(results, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    targets = [(write_xlsx, tmp_path / "a.xlsx"), (write_csv, tmp_path / "a.csv")]
+    for _, path in targets:
+        path.write_text("before", encoding="utf-8")
+    monkeypatch.setattr(system, "write", full)
+    for write_it, path in targets:
+        with pytest.raises(StorageError, match="No space left on device"):
+            write_it(results, path)
+        assert path.read_text(encoding="utf-8") == "before"
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["a.csv", "a.xlsx"]
+
+
+def test_a_file_is_written_through_a_link_that_its_user_made(results, tmp_path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "here.csv").symlink_to(tmp_path / "there" / "there.csv")
+    write_csv(results, tmp_path / "here.csv")
+    assert (tmp_path / "here.csv").is_symlink() and (tmp_path / "there" / "there.csv").is_file()
 
 
 def test_curve_has_units_raw_magnitude_and_null_for_no_number(results):

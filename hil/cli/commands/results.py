@@ -49,7 +49,11 @@ def _handed_on(target: str, found: Results, text: Callable[[Results], str], writ
 
 
 def _write_json(found: Results, path: Path) -> None:
-    path.write_text(found.as_json(), encoding="utf-8")
+    from hil.errors import storing
+    from hil.record.durable import write_named
+
+    with storing(path):
+        write_named(path, found.as_json())
 
 
 def _listed(found: Results) -> str:
@@ -57,7 +61,7 @@ def _listed(found: Results) -> str:
     from hil.findings.collect import findings_of
     from hil.report.terminal import findings_text, typed
 
-    lines = [findings_text(findings_of(found), simulated=bool(found.simulated))]
+    lines = [findings_text(findings_of(found), simulated=bool(found.simulated), ended=found.ended or "")]
     lines += [one.line for one in found.transfer_functions]
     lines += [f"curve: {curve.name} ({len(curve.rows)} rows)" for curve in found.curves]
     return typed("\n".join(lines))
