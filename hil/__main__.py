@@ -1,5 +1,6 @@
 """`hil` and `python -m hil`."""
 
+import ctypes
 import gc
 import os
 import signal
@@ -25,6 +26,12 @@ os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 # What a command loads, modules and compiled models, stays to its end. Python's usual thresholds look through all of it
 # for garbage again and again: a fifth of a short command's time, and pauses while a valve stands open.
 gc.set_threshold(20_000, 10, 10)
+
+# glibc gives an array back when it is freed only if it is larger than the largest that was freed before, up to 32 MB.
+# Those of a long recording lie between, and what is kept of them is in pieces: a quarter of the memory of `hil demo`.
+_MMAP_THRESHOLD, _LARGE_ARRAY = -3, 8 << 20  # malloc.h
+with suppress(AttributeError, OSError, TypeError):  # another C library
+    ctypes.CDLL(None).mallopt(_MMAP_THRESHOLD, _LARGE_ARRAY)
 
 
 _LEAVES_S = 5.0  # so long threads and children that a procedure has left behind are waited for
