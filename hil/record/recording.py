@@ -285,10 +285,14 @@ def _repeated(time_s: Array) -> str:
         return ". No two rows have the same time: they stand out of order; sort them by it"
     if not moves.size or moves.min() < 0.0 or moves.size > 0.8 * steps.size:
         return f". If the samples are evenly spaced, {option('interval', 'S')} gives their distance in seconds"
-    apart_s = (time_s[-1] - time_s[0]) / steps.size
+    first, last = (1 + np.flatnonzero(steps)[[0, -1]]).tolist()  # at either end a stamp may have fewer samples
+    each = (last - first) / max(moves.size - 1, 1)
+    apart_s = (time_s[last] - time_s[first]) / max(last - first, 1)
+    if last == first:  # one change of the stamp tells no distance
+        return f". If the samples are evenly spaced, {option('interval', 'S')} gives their distance in seconds"
     return (
-        f". About {steps.size / moves.size:.3g} samples share each stamp, as when stamps were rounded; if they are "
-        f"evenly spaced, {option('interval', 'S')} gives their distance in seconds, here about {apart_s:.2g}"
+        f". About {each:.3g} samples share each stamp, as when stamps were rounded; if they are "
+        f"evenly spaced, {option('interval', 'S')} gives their distance in seconds, here about {apart_s:.3g}"
     )
 
 

@@ -150,3 +150,29 @@ def test_a_pause_of_a_minute_is_none_of_a_clock(tmp_path):
 def test_a_column_called_by_its_unit_alone_is_the_time(heading, unit_s, tmp_path):
     found = read(tmp_path, heading, [f"{STEP_S * i / unit_s:.0f}" for i in range(COUNT)])
     assert found.time_s == pytest.approx(STEP_S * np.arange(COUNT))
+
+
+@pytest.mark.parametrize("heading", ["seconds,milliseconds", "time [s],time [ms]", "s,ms", "Time (s),Millis"])
+def test_whole_seconds_and_the_milliseconds_beside_them_are_one_time(heading, tmp_path):
+    milliseconds = [round(1e3 * STEP_S * i) for i in range(COUNT)]
+    found = read(tmp_path, heading, [f"{ms // 1000},{ms % 1000}" for ms in milliseconds])
+    assert found.time_s == pytest.approx(STEP_S * np.arange(COUNT)) and list(found.channels) == ["u", "y"]
+
+
+def test_milliseconds_that_go_on_beside_whole_seconds_make_no_time_of_their_own(tmp_path):
+    with pytest.raises(FileError, match="time must increase"):
+        read(tmp_path, "time [s],delay [ms]", [f"{i // 20},7" for i in range(COUNT)])
+
+
+@pytest.mark.parametrize("form", ['"%b %d %Y %H:%M:%S.%f"', '"%B %d, %Y %I:%M:%S.%f %p"', "%b %d %Y,%H:%M:%S.%f"])
+def test_a_month_may_stand_before_its_day(form, tmp_path):
+    moments = [datetime(2026, 1, 5, 23, 59, 58) + timedelta(seconds=STEP_S * i) for i in range(COUNT)]
+    heading = "Date,Time" if '"' not in form else "Time"
+    found = read(tmp_path, heading, [f"{moment:{form}}" for moment in moments])
+    assert found.time_s == pytest.approx(STEP_S * np.arange(COUNT))
+    assert found.meta["time counts from"].startswith("2026-01-05T23:59:58")
+
+
+def test_the_distance_of_samples_is_that_between_changes_of_rounded_stamps(tmp_path):
+    with pytest.raises(FileError, match=r"About 20 samples share each stamp.* here about 0\.05$"):
+        read(tmp_path, "time [s]", [str(int(STEP_S * i + 1e-9)) for i in range(7, COUNT - 3)])

@@ -101,8 +101,8 @@ def test_a_sample_column_is_an_even_time_base(tmp_path):
         (PLAIN.replace("0.011,", "1e-300,"), "line 3: time 1e-300 s does not come after 0 s"),
         ("time [s],a [V],b [V],c [V]\n0,1,2\n1,2,3\n", "line 2 has 3 values, the header names 4 columns"),
         (
-            "Time,u [V],y [V]\n" + "".join(f"Mar 14 2026 10:11:{k:02d},{k},{2 * k}\n" for k in range(30)),
-            "'Time' is called a time, but 'Mar 14 2026 10:11:00' is no number, date",
+            "Time,u [V],y [V]\n" + "".join(f"14 Lenz 2026 10:11:{k:02d},{k},{2 * k}\n" for k in range(30)),
+            "'Time' is called a time, but '14 Lenz 2026 10:11:00' is no number, date",
         ),
         ("Time,y [V]\n" + FRAMES, "is no date or time of the day"),
         ("Time,y [V]\n" + FRAMES.replace("10:", "2026-11-28 10:"), "is no date or time of the day"),

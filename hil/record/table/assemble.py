@@ -179,7 +179,8 @@ def _why_no_signal(tables: Sequence[Table]) -> str:
 def _no_stamps(clock: Column) -> str:
     return (
         f"'{clock.heading}' is called a time, but '{clock.values.flat[0]}' is no number, date or clock that is read, "
-        f"as 2026-11-28 10:11:12.5; {option('interval', 'S')} reads evenly spaced samples without it"
+        "as 2026-11-28 10:11:12.5, 28.11.2026 10:11:12,5, Nov 28 2026 10:11:12 or 10:11:12.5; "
+        f"{option('interval', 'S')} reads evenly spaced samples without it"
     )
 
 

@@ -19,7 +19,8 @@ _NUMBER = re.compile(r"[+\-\u2212]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?$|[+-
 _GROUPED = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}(?P<group>[.,' \u2019\u00a0\u202f])\d{3}((?P=group)\d{3})*([.,]\d*)?$")
 _MONTH = r"(jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*"
 _DAYS = (
-    rf"(\d{{4}}[-/.]\d{{1,2}}[-/.]\d{{1,2}}|\d{{1,2}}[-/.]\d{{1,2}}[-/.]\d{{2,4}}|\d{{1,2}}[- ]{_MONTH}[- ]\d{{2,4}})"
+    r"(\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}|"
+    rf"\d{{1,2}}[- ]{_MONTH}[- ]\d{{2,4}}|{_MONTH}[. ] *\d{{1,2}},? +\d{{4}})"
 )
 _DATE = re.compile(rf"{_DAYS}$", re.IGNORECASE)
 _STAMP = re.compile(rf"({_DAYS})[ T_,-]+\d{{1,2}}(:|\.\d\d\.)\d{{2}}", re.IGNORECASE)

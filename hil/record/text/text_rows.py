@@ -35,6 +35,7 @@ from hil.record.text.text_file import PackedError, Unpacked, is_packed, open_tex
 
 _REMARKS = ("#", "%", "//", "--", "**", "EOF", "\x1a")  # what begins a line that is none of the samples
 _SHOWN = 40
+_FRACTIONS_S = {"ms": 1e-3, "us": 1e-6}
 _LOOKED_AT = 50  # rows, for a unit behind the numbers
 
 
@@ -319,6 +320,8 @@ def _with_days(columns: list[Column], found: Layout, table: Any) -> list[Column]
 def _with_fractions(columns: list[Column]) -> list[Column]:
     """A clock of whole seconds and the column of milliseconds beside it as one column of stamps."""
     for clock, parts in pairwise(columns):
+        if (fine := _seconds_with_fraction(clock, parts)) is not None:
+            return [fine if c is clock else c for c in columns if c is not parts]
         size_ns = headings.fraction_ns(parts.name_and_unit[0])
         if not (clock.is_dated and size_ns and parts.is_number):
             continue
@@ -327,6 +330,25 @@ def _with_fractions(columns: list[Column]) -> list[Column]:
             fine = clock.values + (parts.values * size_ns).astype("m8[ns]")
             return [replace(c, values=fine) if c is clock else c for c in columns if c is not parts]
     return columns
+
+
+def _seconds_with_fraction(clock: Column, parts: Column) -> Column | None:
+    """Two columns of numbers, whole seconds and their milliseconds, as one time; None where they are none."""
+    if _time_unit(clock) != "s" or (size_s := _FRACTIONS_S.get(_time_unit(parts))) is None:
+        return None
+    if not (clock.is_number and parts.is_number and np.all((parts.values >= 0) & (parts.values * size_s < 1.0))):
+        return None
+    time_s = np.round(clock.values + parts.values * size_s, 6)
+    repeats = bool(np.any(np.diff(clock.values) == 0.0) and np.all(clock.values % 1.0 == 0.0))
+    if not repeats or np.any(np.diff(time_s) <= 0.0):
+        return None
+    return replace(clock, heading=clock.heading if clock.is_time else "time [s]", values=time_s)
+
+
+def _time_unit(column: Column) -> str:
+    """The unit of a column of times, as it states it or as its name does; empty for any other."""
+    name, unit = column.name_and_unit
+    return headings.spelt_time_unit(unit) if unit else headings.time_unit(name)
 
 
 def place(path: Path, found: Layout, row: int) -> str:
