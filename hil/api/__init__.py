@@ -6,10 +6,10 @@
     later = hil.read("later.csv", units={"flow": "l/min"})
     for comparison in hil.compare(found.model, [later]):
         print(comparison.as_text())
-    told = hil.diagnose(found.model, [later])
-    print(told.diagnosis.as_text())
-    told.plot()
-    hil.save_model(told.corrected, "corrected.json")
+    answer = hil.diagnose(found.model, [later])
+    print(answer.diagnosis.as_text())
+    answer.plot()
+    hil.save_model(answer.corrected, "corrected.json")
 
 Where a recording is taken, the path of one will do, and where a model is taken, that of its file. Errors are
 `hil.errors.HilError`, one sentence each.

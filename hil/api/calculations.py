@@ -64,8 +64,8 @@ def identify(
         reading: how paths are read.
         part: of a run that measured several frequency responses, this one.
         page: file for a page with the model beside what it was fitted to; none where not given.
-        notes: told what was assumed of the recordings.
-        progress: told how far it is, where that takes long.
+        notes: called with what was assumed of the recordings.
+        progress: called with how far it is, where that takes long.
 
     Returns:
         `model`, the fit in words as `text`, and the `experiments` that were fitted.
@@ -105,8 +105,8 @@ def compare(
         output: name of the output channel, likewise.
         reading: how paths are read.
         page: file for a page with the model beside the measurements; none where not given.
-        notes: told what was assumed of the recordings.
-        progress: told how far it is, where that takes long.
+        notes: called with what was assumed of the recordings.
+        progress: called with how far it is, where that takes long.
     """
     from hil.session.comparison import compared_with
 
@@ -137,7 +137,7 @@ def simulate(
         inputs: names of the input channels, where they are not the model's own.
         output: name of the output channel, likewise.
         reading: how a path is read.
-        notes: told what was assumed of the recording.
+        notes: called with what was assumed of the recording.
     """
     from hil.identification.preparation.experiment import for_model
     from hil.identification.preparation.plausibility.look import implausible_metadata
@@ -183,8 +183,8 @@ def diagnose(
         question: "changed" since identification or "left_out" of the model, where not the one that the recordings ask.
         before: recordings of the same unit at the date of identification, or their paths.
         reading: how paths are read.
-        notes: told what was assumed of the recordings.
-        progress: told how far it is.
+        notes: called with what was assumed of the recordings.
+        progress: called with how far it is.
 
     Returns:
         `diagnosis` and the `corrected` model.

@@ -1,4 +1,4 @@
-"""Functions that a caller may hand over to be told things; by default nobody is told."""
+"""Callbacks that a caller may pass, for notes and progress; by default nothing is called."""
 
 from __future__ import annotations
 

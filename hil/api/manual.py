@@ -51,7 +51,7 @@ def jog(
         notes: what else is to be known.
         resets: interlocks whose trips are forgotten first.
         wanted: asked every tenth of a second; the output goes back as soon as it says no.
-        progress: told how far it is.
+        progress: called with how far it is.
         outputs: kept up to what is known of the outputs, for somebody who asks for it when this failed.
 
     Raises:
@@ -190,7 +190,7 @@ def demo(out: str | Path, *, progress: Progress = quiet) -> Demonstration:
 
     Args:
         out: folder to make, with everything that the job leaves.
-        progress: told how far it is.
+        progress: called with how far it is.
     """
     from hil.session.demo import demonstrate
 

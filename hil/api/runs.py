@@ -55,7 +55,7 @@ def run(
         notes: what else is to be known.
         resets: interlocks whose trips are forgotten first.
         resume: go on where this run was broken off, with its settings.
-        progress: told how far it is.
+        progress: called with how far it is.
         archive: where an earlier run of a unit that did not pass is looked for; else `HIL_ARCHIVE`, else `./runs`.
         cause_s: time that the cause of a missed certificate is looked for, once its verdict is on disk; 0: it is not.
         outputs: kept up to what is known of the outputs, for somebody who asks for it when this failed.
@@ -86,7 +86,7 @@ def open_bench(bench: str | Path, out: str | Path, *, progress: Progress = quiet
     Args:
         bench: bench file, or the name of an installed one.
         out: run folder to make.
-        progress: told how far it is, where the code inside says so.
+        progress: called with how far it is, where the code inside says so.
     """
     from hil.bench.audit import on_the_trail
     from hil.bench.open import open_rig
@@ -124,7 +124,7 @@ def find_runs(
         verdict: with this verdict.
         archive: folder or URL; else `HIL_ARCHIVE`, else `./runs`.
         values: whether their measured values are wanted.
-        notes: told why runs that wait to be entered could not be entered.
+        notes: called with why runs that wait to be entered could not be entered.
     """
     from hil.archive.archive import Search
     from hil.archive.archive import find_runs as found

@@ -47,8 +47,8 @@ def diagnose_fleet(
         scheduler: address of a Dask scheduler, `tcp://host:port`.
         budget_s: of each unit: after so many times 10 million simulated samples no further search is begun.
         reading: how files are read.
-        notes: told what was assumed of the recordings.
-        progress: told how many are done.
+        notes: called with what was assumed of the recordings.
+        progress: called with how many are done.
 
     Returns:
         An answer for each folder, in their order: the `diagnosed`, or the `folder` where it was written, or in `error`
@@ -90,8 +90,8 @@ def diff(
         budget_s: after so many times 10 million simulated samples no search is begun; of long recordings as much is
             taken as it allows.
         reading: how files are read.
-        notes: told what was assumed of the recordings.
-        progress: told how far it is.
+        notes: called with what was assumed of the recordings.
+        progress: called with how far it is.
     """
     from tempfile import TemporaryDirectory
 
@@ -136,7 +136,7 @@ def issue_passport(
         key: file of the lab's key with its certificate, PEM or PKCS #12; else this machine's.
         evaluated_anew: where another version of the program found something else, take what is found now.
         power: seek the least fault of each kind that breaks each limit, by simulated repeats; takes minutes.
-        progress: told how far it is.
+        progress: called with how far it is.
 
     Returns:
         The `path`, the `unit` with its verdict, the `signer`, and what was `understood` of the unit.

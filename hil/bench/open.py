@@ -67,7 +67,7 @@ def open_rig(
         file: the bench.
         out: the run folder to make.
         about: what the run is: procedure and settings, as JSON values, for the header.
-        progress: told how far the procedure is.
+        progress: called with how far the procedure is.
         resets: names of interlocks whose trips are forgotten first.
         earlier: a run that this one resumes: it begins with the samples of that, and its procedure is told which
             parts are finished.

@@ -50,7 +50,7 @@ class ProgressReporter:
     of its parts, so that the time is that of the whole. Where nothing was said, the share is what the procedure tells.
 
     Args:
-        progress: told.
+        progress: called with each report.
         shown: channels whose values are shown, the most important first.
         virtual: whether the bench runs in virtual time, which is not the operator's.
         begins_s: bench time at which it begins: a resumed run goes on behind the samples of the earlier one.

@@ -12,7 +12,7 @@ class Criteria:
     Attributes:
         parts: m, from where on what is left counts by its logarithm. `cause`: γ, what a cause costs, in parts.
         unknown: what something unknown leaves of what its partner leaves, and its `unknowns`.
-        temper: τ; odds of two rows are exp(ΔS/2τ). `odds`: rows within these odds of the first are not told apart.
+        temper: τ; odds of two rows are exp(ΔS/2τ). `odds`: rows within these odds of the first are not separable.
         scale: the noise's variance is no better known than to this share, within 95 %; what is consistent leaves less.
         alarm: z from which a unit of another structure than its model has changed.
     """

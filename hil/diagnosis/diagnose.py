@@ -79,7 +79,7 @@ def diagnose(
     Args:
         model: the nominal model.
         experiments: the recordings, bound to its plant.
-        progress: told how far it is.
+        progress: called with how far it is.
         span: how far a next test may drive the command; as far as the recordings went when not given.
         budget_s: after so many times 10 million simulated samples no search is begun; what was left out is said.
         question: "changed" or "left_out", where not the one that the recordings themselves ask.

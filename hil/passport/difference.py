@@ -70,7 +70,7 @@ def difference(
         old: the first date.
         new: the second.
         kind: the type's model; else that of a passport, else the model of the unit in the first.
-        progress: told how far it is.
+        progress: called with how far it is.
         inputs: names of the input channels, where they are not the model's own.
         output: name of the output channel, likewise.
         computing_s: budget after which no further search is begun; the dates share it, what was left out is a note.

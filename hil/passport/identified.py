@@ -78,7 +78,7 @@ def understood(unit: Unit, wanted: bool, kind: Model | None, progress: Progress)
         unit: with its runs.
         wanted: whether to.
         kind: the type's model.
-        progress: told how far it is.
+        progress: called with how far it is.
     """
     if not wanted:
         return Understood((Note("Neither is in this passport: they were left out on request (--no-model)."),))

@@ -110,7 +110,7 @@ def power_of(run: UnitRun, model: Model, progress: Progress, kept: Path | None =
     Args:
         run: of the unit, judged.
         model: of this unit.
-        progress: told how far it is.
+        progress: called with how far it is.
         kept: file in which what was found is kept, so that it can go on after a stop; taken away at the end.
 
     Raises:

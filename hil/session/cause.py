@@ -40,7 +40,7 @@ def cause_of(recording: Recording, folder: Path, earlier: Path | None, budget_s:
         folder: of the run.
         earlier: folder of the run that it is compared with; the model of the type when None.
         budget_s: wall-clock time that it may take.
-        progress: told how far it is.
+        progress: called with how far it is.
     """
     begun_s = time.monotonic()
     model = stated(recording.meta, "valve", "plant")
@@ -97,7 +97,7 @@ def with_cause(procedure: Procedure, outcome: Outcome, archive: str, budget_s: f
         outcome: with everything written.
         archive: where an earlier run of the unit is looked for.
         budget_s: time that it may take; 0: nothing is asked.
-        progress: told how far it is.
+        progress: called with how far it is.
     """
     if not procedure.certificate or is_accepted(outcome.findings.verdict) or not budget_s > 0.0:
         return outcome

@@ -32,9 +32,9 @@ def compared_with(
     page: Path | None,
     progress: Progress,
 ) -> list[Comparison | TableComparison]:
-    """How well a model fits each of what is read; `notes` is told what was assumed when it was.
+    """How well a model fits each of what is read; `notes` is called with what was assumed when it was.
 
-    `page`: where the model is drawn beside the measurements; `progress`: told how far it is.
+    `page`: where the model is drawn beside the measurements; `progress`: called with how far it is.
     """
     sources = list(sources)
     read: list[Recording | ResponseTable] = []

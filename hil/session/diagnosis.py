@@ -45,7 +45,7 @@ def bound_to(
     output: str,
     computing_s: float = math.inf,
 ) -> tuple[list[Experiment], tuple[str, ...]]:
-    """Recordings bound to a model, in their most telling stretches where they are too long; and what to know of it.
+    """Recordings bound to a model, in their most informative segments where they are too long; and notes.
 
     In words: first which of them is of another plant than the model.
 
@@ -123,9 +123,9 @@ def conclude(
     computing_s: float = math.inf,
     question: str = "",
 ) -> Diagnosed:
-    """Diagnose, run the next test on the bench, diagnose again, until nothing is left to tell or the time is spent.
+    """Diagnose, run the next test on the bench, diagnose again, until nothing is left to separate or the time is spent.
 
-    A test is not run twice: what it could tell it has told.
+    A test is not run twice.
 
     Args:
         model: the nominal model.
@@ -133,7 +133,7 @@ def conclude(
         bench: where tests run, through the same guard as any procedure.
         budget_s: bench time that all tests together may take, the ways there and back included.
         out: run folders `test-1`, `test-2`, … are made in it.
-        progress: told how far it is.
+        progress: called with how far it is.
         computing_s: budget of each diagnosis, after which no further search is begun.
         question: what is asked, where not what the recordings ask.
 

@@ -143,9 +143,9 @@ def identified(
     notes: Callable[[str], None] = lambda _note: None,
     progress: Progress = quiet,
 ) -> Identified:
-    """Fit a plant, or the model of a file, to everything that was read; `notes` is told what was assumed.
+    """Fit a plant, or the model of a file, to everything that was read; `notes` is called with what was assumed.
 
-    `progress` is told how far it is where that takes long.
+    `progress` is called with how far it is where that takes long.
 
     Raises:
         FileError, UnknownNameError, SettingError: what cannot be fitted, and why.

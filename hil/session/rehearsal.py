@@ -66,7 +66,7 @@ def rehearse(
         procedure: what to run.
         bench: whose twin.
         settings: by name, as values.
-        progress: told how far the rehearsal is.
+        progress: called with how far the rehearsal is.
         earlier: a run that is to be resumed.
         keep: the run folder to make of it, for somebody who looks at what would be driven; else it is forgotten, as
             one that is refused is in any case.

@@ -61,7 +61,7 @@ def run_procedure(
         bench: on which bench.
         settings: by name, as text or as values; what is not given has its default.
         out: the run folder to make.
-        progress: told how far the procedure is.
+        progress: called with how far the procedure is.
         resets: names of interlocks whose trips are forgotten first.
         limits: of measured quantities, by name; they go before those of the bench file, and those before what
             the procedure declares.
@@ -92,14 +92,14 @@ def run_procedure(
     if not bench.is_simulated:  # whose time stands still meanwhile
         preload(procedure.run)
     labels_and_limits = {**about, "limits given": {name: asdict(judged_by[name]) for name in limits}}
-    with kept_progress(out, progress) as telling:
+    with kept_progress(out, progress) as report:
         try:
             known = known or Outputs()
             with (
                 accounted(known),  # also of a signal that came so late that only `terminable` raises it
                 terminable(),
                 open_rig(
-                    bench, out, about, telling, resets, earlier, known, commanding, operator_here(bench.is_simulated),
+                    bench, out, about, report, resets, earlier, known, commanding, operator_here(bench.is_simulated),
                     on_the_trail(bench, out, labels_and_limits, resets), word_of_this_process(),
                 ) as rig,
             ):  # fmt: skip
@@ -108,8 +108,8 @@ def run_procedure(
             if new:
                 _take_back(out)
             raise
-        telling(1.0, "outputs safe; evaluating")
-        return with_cause(procedure, evaluate_run(procedure, out, archive), archive, cause_s, telling)
+        report(1.0, "outputs safe; evaluating")
+        return with_cause(procedure, evaluate_run(procedure, out, archive), archive, cause_s, report)
 
 
 def _with_other_noise(bench: BenchFile, samples: int) -> BenchFile:

@@ -29,7 +29,7 @@ from hil.record.recording import Array
 from hil.signals.ramps import triangle
 from hil.signals.steps import step_sequence
 
-# Two explanations are told apart when their outputs differ by so many standard uncertainties.
+# Two explanations are separable when their outputs differ by so many standard uncertainties.
 _SEPARATED = 10.0
 _ENOUGH = 30.0
 _COMPETITORS = 3
@@ -155,7 +155,7 @@ def _stays(problem: Problem, planned: Experiment) -> bool:
 
 
 def _competitors(choice: Choice, rivals: Sequence[Sequence[str]], verdict: DiagnosisVerdict) -> list[Fitted]:
-    """The chosen explanation and those that it must be told from: rivals, or the next best when none is adequate."""
+    """The chosen explanation and those to separate from it: rivals, or the next best when none is adequate."""
     names = {name for pair in rivals for name in pair} - set(choice.chosen.names)
     found = [choice.chosen] if choice.chosen.terms else []
     seen = set(_names(choice.chosen))

@@ -110,12 +110,12 @@ class Prior:
         return np.asarray(parts > _HAS_A_PART * parts.max(axis=1, keepdims=True, initial=0.0))
 
     def confounded_with(self, name: str) -> list[str]:
-        """The parameters that were told only together with this one."""
+        """The parameters that were confounded with this one."""
         shared = np.any(self._has_part[self._has_part[:, self._names.index(name)]], axis=0)
         return [other for other, is_shared in zip(self._names, shared, strict=True) if is_shared and other != name]
 
     def was(self, name: str, parameters: Parameters) -> float:
-        """What a parameter was in the unit that the model was identified from, if those that were told only together
+        """What a parameter was in the unit that the model was identified from, if those that were confounded
         with it were what they are now.
         """
         own, others = self._names.index(name), [self._names.index(other) for other in self.confounded_with(name)]
@@ -127,7 +127,7 @@ class Prior:
     def of(self, free: Sequence[int]) -> Array:
         """The covariance of some parameters, by their places, the others given; shape (free, free).
 
-        Of parameters that were told only together, one that is given tells the others: they stand where they were put
+        Of confounded parameters, one that is given fixes the others: they stand where they were put
         when the model was identified, as only what all of them are together can be seen to change.
         """
         is_given = np.ones(len(self.base), dtype=bool)
@@ -142,7 +142,7 @@ class Prior:
     def moved(self, parameters: Parameters) -> list[str]:
         """The parameters that are further from their nominal values than they may wander.
 
-        Of those that were told only together all that have moved, if they have done so together.
+        Of confounded ones all that have moved, if they have done so together.
         """
         away = self._away(parameters)
         far = np.abs(away) > SELDOM_BY_CHANCE * self.std

@@ -37,7 +37,7 @@ class Scoring(Protocol):
 
 
 def labels(f: Fitted) -> Keys:
-    """What a set is told as: effects by name, those that a parameter has grown into apart, parameters as parameters."""
+    """How a set is reported: effects by name, those that a parameter has grown into apart, parameters as such."""
     return frozenset((t.kind, t.effect_name(v) or t.name) for t, v in f.pairs)
 
 
@@ -168,7 +168,7 @@ class Search:
         return smaller or self._is_enough(size + 1) or self.problem.work.leaves_out(marked("larger sets of causes"))
 
     def _is_enough(self, size: int) -> bool:
-        """Whether no set of so many causes could be worth more than the best, as exact as it can be told."""
+        """Whether no set of so many causes could be worth more than the best, fitted with tight tolerances."""
         best = self.first
         if self.scoring.is_enough(best, size):
             return True
@@ -181,7 +181,7 @@ class Search:
         return self.scoring.of(f, self._least)
 
     def _best(self, size: int) -> list[Fitted]:
-        """The best sets of a size that are told differently."""
+        """The best sets of a size that are reported differently."""
         return _distinct((f for f in self.ranked() if len(f.terms) == size), labels)
 
     def _parameters(self, unit: Fitted) -> None:

@@ -113,7 +113,7 @@ def fit(
 
 
 def finished(problem: Problem, f: Fitted) -> Fitted:
-    """The same explanation as exact as it can be told.
+    """Refits with tight tolerances.
 
     Sub-steps whose error is next to nothing for a verdict may still move a value by its uncertainty, as where a command
     that arrives within a sub-step meets a limit. It is fitted at those that the plant asks for, or at finer ones, where

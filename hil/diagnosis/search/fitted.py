@@ -68,7 +68,7 @@ class Fitted:
 
     @property
     def as_change(self) -> Fitted:
-        """The same with base parameters told as what they are, and not as the effects that they grow into."""
+        """The same with base parameters reported as such, and not as the effects that they grow into."""
         plain = (replace(t, growth="", change="") if t.kind == "parameter" else t for t in self.terms)
         return replace(self, terms=tuple(plain))
 

@@ -106,7 +106,7 @@ class Term:
 
     @property
     def reported_name(self) -> str:
-        """The name by which an effect is told."""
+        """The name by which an effect is reported."""
         return self.change or self.name
 
     def effect_name(self, values: Sequence[float]) -> str:

@@ -53,7 +53,7 @@ class Option:
     chi2: float
 
     def to_its_end(self) -> Option:
-        """The same fitted as exactly as it can be told; what rounding may have done counts as before."""
+        """Refits with tight tolerances; what rounding may have done counts as before."""
         if len(self.own.terms) < len(self.fitted.terms):
             return self
         f, fitted = self.fitted, finished(replace(self.problem, step=0.0), _as_reported(self))

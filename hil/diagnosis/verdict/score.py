@@ -99,7 +99,7 @@ class Row:
 
     @property
     def verdict(self) -> DiagnosisVerdict:
-        """What it is told as."""
+        """The name that is reported."""
         h = self.hypothesis
         if self.is_open:
             return "partly_explained" if h.named else "unexplained"
@@ -132,7 +132,7 @@ class Table:
 
     @property
     def alternatives(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of names, one of the first row and one of another that is not told apart from it."""
+        """Pairs of names, one of the first row and one of another that data do not separate from it."""
         ours = self.first.reported
         found: dict[tuple[str, str], None] = {}
         for row in self.ambiguous:
@@ -144,7 +144,7 @@ class Table:
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """Names of sets that are not told apart from the first row."""
+        """Names of sets that data do not separate from the first row."""
         sets = (" + ".join(row.reported) for row in self.ambiguous if row.reported)
         return tuple(dict.fromkeys(sets))
 

@@ -46,7 +46,7 @@ class Effort:
             most, so that the average follows the level over the band. `pooled`: lines over which noise is averaged.
         harmonics: of a sine. `listened`: of the longest sines: a hum may lie on a harmonic of one.
         poles, folds: of a form, at most; parts of the lines that are held out in turn.
-        worst: lines of a comparison that are told.
+        worst: lines of a comparison that are reported.
     """
 
     grid: int = 2000

@@ -1,8 +1,8 @@
 """Other values that fit as well, away from where the slopes at a fit can see.
 
-Slopes tell of the neighbourhood of a fit. A range that ends exactly at a level that was driven makes a corner there;
-lags in a row may change places; and what gives way to a value that is not told does so along a bend. Each is tried by
-fitting again from there, and what fits as well is granted.
+Slopes hold in the neighbourhood of a fit alone. A range that ends exactly at a level that was driven makes a corner
+there; lags in a row may change places; and what is confounded with a value that is not identifiable gives way along a
+curve. Each is tried by fitting again from there; intervals hold what fits as well.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ class Effort:
         solver, solver_rounds: times finer steps of the solver, and rounds of following where they lead.
         addition: of what passes a hook, so small that it acts in proportion.
         linear_rounds, samples_per_unknown, coarser: of a linear start: rounds, samples, and ever coarser ones.
-        compared_blocks, worst: blocks of a comparison, and how many of the worst are told.
+        compared_blocks, worst: blocks of a comparison, and how many of the worst are reported.
         probes: samples at which a period is tried before it is tried at all of them.
         block: residuals over which their colour shows.
     """

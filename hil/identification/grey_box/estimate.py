@@ -95,7 +95,7 @@ class Estimate:
 
     @property
     def covariance(self) -> Array:
-        """Shape (k, k), scaled by the residual's variance and its colour; infinite variances of what is not told."""
+        """Shape (k, k), scaled by the residual's variance and its colour; infinite where not identifiable."""
         infinite = np.diag(np.where(self.identifiability.is_unidentifiable, np.inf, 0.0))
         return self.identifiability.whole + infinite
 

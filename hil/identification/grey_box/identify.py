@@ -112,7 +112,7 @@ def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """Parameters to estimate beside those that are free, what a transfer function is to have, and who is told."""
+    """Parameters to estimate beside the free ones, the orders of a transfer function, and a counter of simulations."""
 
     free: Sequence[str]
     orders: Orders
@@ -129,7 +129,7 @@ def fit_plant(
         model: start values; parameters that are not free stay at them.
         experiments: what to fit.
         also_free: parameters to estimate beside those that the plant does not hold fixed.
-        progress: told how far it is, a share and what is done; how many simulations a fit takes is a guess.
+        progress: called with how far it is, a share and what is done; how many simulations a fit takes is a guess.
         orders: what a transfer function is to have; the rest of it is chosen by evidence.
 
     Raises:
@@ -222,7 +222,7 @@ def _fails(model: Model, e: Experiment) -> bool:
 
 
 def _none_identifiable(found: GreyBoxFit) -> GreyBoxFit:
-    """The same with no parameter told: of a linear plant one frequency tells two numbers, whatever its form."""
+    """Marks all parameters as not identifiable: one excitation frequency fixes only one gain and one phase."""
     parameters = {n: v if v.std is None else replace(v, std=np.inf) for n, v in found.model.parameters.items()}
     return replace(found, model=replace(found.model, parameters=parameters))
 
@@ -237,7 +237,7 @@ def _driven_out(found: Estimate) -> tuple[int, ...]:
 
 
 def _ticking(progress: Progress) -> Tick:
-    """What tells of every simulation that there was another one."""
+    """Counts simulations, and reports each as progress."""
     counted, one_at_a_time = count(1), Lock()
 
     def tick() -> None:
@@ -449,7 +449,7 @@ def _with_noise_where_invalid(errors: Array, valid: Mask) -> Array:
 
 
 def _covariance(found: Estimate) -> Covariance:
-    """The covariance for the model file; a direction that no sample tells is as uncertain as bounds let it be.
+    """The covariance for the model file; a direction that is not identifiable is as uncertain as bounds let it be.
 
     It is that of repeats: what the model lacks is lacking in them too, and cancels where units are compared.
     """
@@ -457,7 +457,7 @@ def _covariance(found: Estimate) -> Covariance:
 
 
 def _unidentifiable(found: Estimate, named: Set[str], slow_hz: float) -> list[Note]:
-    """What the recordings do not tell, or only together, in words, but for what is `named` of a parameter already.
+    """Notes on parameters that are not identifiable or confounded, but for those that are `named` already.
 
     `slow_hz` as in `_undetermined`.
     """

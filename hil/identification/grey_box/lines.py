@@ -13,7 +13,7 @@ from hil.record.recording import Array
 from hil.signals.tone import BY_CHANCE, Tone, best_tone, power_of
 
 _LEAST_RATIO = -math.log2(BY_CHANCE)  # a line of noise alone over the median of its spectrum
-_SAME_BIN = 1.0  # to which a harmonic is told
+_SAME_BIN = 1.0  # within which a harmonic is recognised
 
 
 def common_line(

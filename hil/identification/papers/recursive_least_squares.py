@@ -73,7 +73,7 @@ class ArxForm:
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """What the samples have told, direction by direction.
+    """The information in the samples, direction by direction.
 
     Attributes:
         informed: number of directions in which the prior's standard deviation fell below a tenth of itself.
@@ -179,12 +179,12 @@ class RecursiveLeastSquares:
 
     @property
     def std(self) -> Array:
-        """Standard uncertainties of the parameters; those of the prior, in units of noise, where nothing was told."""
+        """Standard uncertainties of the parameters; those of the prior, in units of noise, where samples hold none."""
         return np.sqrt(np.maximum(np.diag(self._covariance), 0.0)) * self.noise_std
 
     @property
     def excitation(self) -> Excitation:
-        """What the samples have told so far."""
+        """The information in the samples so far."""
         left = self._covariance / self.prior_std**2
         informed = int(np.count_nonzero(np.linalg.eigvalsh(left) < _KNOWN**2))
         vague = np.sqrt(np.maximum(np.diag(left), 0.0)) >= _KNOWN

@@ -1,4 +1,4 @@
-"""What a bench drives when it is told a command: the nearest level of its converter, and the mean of its dither."""
+"""What a bench drives for a command: the nearest level of its converter, and the mean of its dither."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STOOD_S = 1.0  # longer than the coil of a valve remembers, L/R being 0.06 s at
 
 
 def as_driven(recording: Recording) -> Recording:
-    """The recording with the commands that acted in place of those that were told, where its header knows the outputs.
+    """The recording with the applied inputs in place of the commanded ones, where its header knows the outputs.
 
     A command is kept as it was asked for. A plant that integrates sees the converter's rounding of it, and any plant
     sees that a current drive neither pulls nor exceeds itself: at the end of its range half of a dither is missing. The

@@ -16,7 +16,7 @@ from hil.signals.interval import UNIFORM
 # step over the sixth part of the square of a scale that is a tenth as long, and what simulations round.
 _SLOPES_GOOD_TO = 1e-4
 _ROUNDING = 1e-9
-_SHARE_OF_OWN = 0.5  # of a value's own uncertainty: less from another that is not told is no sharing
+_SHARE_OF_OWN = 0.5  # of a value's own uncertainty: less from another that is not identifiable is no confounding
 # Where so little of a slope is left, a move is tried; it belies the slopes when it costs less than this share.
 _DOUBTFUL, _FAR_LESS = 0.03, 0.25
 
@@ -57,7 +57,7 @@ class Identifiability:
 
     @property
     def whole(self) -> Array:
-        """The covariance with what the bounds alone say in the directions that are not told, shape (k, k)."""
+        """The covariance with what the bounds alone say in the directions that are not identifiable, shape (k, k)."""
         return self.covariance + self.unidentifiable.T @ self.unidentifiable
 
     @property
@@ -72,7 +72,7 @@ class Identifiability:
 
     @property
     def is_shared_beyond_noise(self) -> Mask:
-        """Which values others that are not told leave less certain than noise does, shape (k,)."""
+        """Which values others that are not identifiable leave less certain than noise does, shape (k,)."""
         own = np.sqrt(np.diag(self.covariance))
         return np.asarray(np.any(np.abs(self.unidentifiable) > _SHARE_OF_OWN * own, axis=0))
 
@@ -82,8 +82,8 @@ def identifiability(
 ) -> Identifiability:
     """What residuals of a variance tell of values with these widths.
 
-    A value is not told when the others give way to it: what is left of its slope then is no more than what slopes from
-    differences leave along a valley that is bent, or it makes the value no more certain than its bounds do. Where
+    A value is not identifiable when the others give way to it: what is left of its slope then is no more than what
+    slopes from differences leave along a bent valley, or makes the value no more certain than its bounds do. Where
     little is left, a move of two standard deviations that way is tried; it may cost far less than the slopes promise.
     Values that are `fixed_at_bound` are not identifiable, whatever their slopes say.
     """
@@ -125,7 +125,7 @@ class _Valley:
     rise: Callable[[Array], float] | None
 
     def least_identifiable(self, kept: Sequence[int]) -> int | None:
-        """Of those that are not told, the one of whose slope least is left; None where all are told.
+        """Of those that are not identifiable, the one of whose slope least is left; None where all are.
 
         Less than slopes are good to is nothing: rounding, which each processor does otherwise, decides no order. There
         the value goes first whose bounds let the residuals change least; those that are left give way the farthest.
@@ -138,7 +138,7 @@ class _Valley:
         return min(blind, key=lambda k: (max(left[k], _SLOPES_GOOD_TO), self.widths[k]), default=None)
 
     def along(self, k: int, kept: Sequence[int]) -> Array:
-        """The way in which the others give way to a value that is not told, with as few of them as will do."""
+        """The way in which the others give way to a value that is not identifiable, with as few of them as will do."""
         others = [j for j in kept if j != k]
         direction = self.compensated_step(k, others)
         blind = self._is_blind(k, direction)
