@@ -114,6 +114,16 @@ class Structure:
 
 
 @dataclass(frozen=True, slots=True)
+class Travel:
+    """How far an output went, and whether it was driven against an end of its range there."""
+
+    least: float
+    greatest: float
+    ends_at_least: bool = False
+    ends_at_greatest: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Plant:
     """A plant: signals, parameters, hooks, and its page of equations.
 
@@ -134,8 +144,8 @@ class Plant:
             then shows at that moment, and does not add up. None where states forget by themselves.
         integrates: parameters → whether the output goes on while the input stands, so that all later samples count
             from the first. None for a plant that never does, or always (then it has an observer).
-        zero: (parameters, least and greatest reading) → parameters that those tell: where a position counts from. Empty
-            where it counts as the page does.
+        zero: (parameters, travel) → parameters that it tells: where a position counts from. Empty where it counts as
+            the page does. None for an output with a zero of its own.
         rectifies: whether its first stage responds to a dither that ends at the command's range otherwise than to the
             mean of what is left of it. Such a plant is driven by the dither itself there.
     """
@@ -160,9 +170,7 @@ class Plant:
     switches: tuple[str, ...] = ()
     observer: Callable[[Mapping[str, float], float], Mapping[str, float]] | None = None
     integrates: Callable[[Mapping[str, float]], bool] | None = None
-    zero: Callable[[Mapping[str, float], float, float], Mapping[str, float]] = field(
-        default=lambda _parameters, _least, _greatest: {}
-    )
+    zero: Callable[[Mapping[str, float], Travel], Mapping[str, float]] | None = None
     rectifies: bool = False
 
     @property

@@ -10,8 +10,10 @@ import pytest
 from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.identification.preparation.experiment import Experiment, experiment
 from hil.identification.preparation.plausibility.suspicion import can_be_held_against
+from hil.identification.preparation.travel import travelled
 from hil.physics.compose import plant
 from hil.physics.model import Model
+from hil.physics.plant import Travel
 from hil.record.table.frame import from_memory
 
 CYLINDER = "hydraforce-open-loop"
@@ -38,16 +40,46 @@ def test_another_zero_moves_the_reading_and_nothing_else() -> None:
 
 
 @pytest.mark.parametrize(
-    ("least", "greatest", "mid"),
-    [(-20.0, 90.0, None), (-126.0, 126.0, None), (0.0, 250.0, 125.0), (110.0, 251.0, 125.0), (-251.0, -10.0, -125.0),
-     (300.0, 500.0, 400.0)],
-)  # fmt: skip
-def test_the_zero_is_at_mid_stroke_at_an_end_or_amid_what_was_read(
-    least: float, greatest: float, mid: float | None
-) -> None:
+    ("travel", "mid"),
+    [
+        (Travel(-20.0, 90.0), None),
+        (Travel(-126.0, 126.0), None),
+        (Travel(0.0, 250.0), 125.0),
+        (Travel(110.0, 251.0), 125.0),
+        (Travel(-251.0, -10.0), -125.0),
+        (Travel(300.0, 500.0), 400.0),
+        (Travel(377.0, 508.0, ends_at_least=True), 502.0),
+        (Travel(377.0, 508.0, ends_at_greatest=True), 383.0),
+        (Travel(130.0, 240.0, ends_at_least=True), 255.0),  # no end of a stroke that counts from 0
+        (Travel(-0.5, 235.0, ends_at_least=True), 125.0),
+        (Travel(378.0, 612.0, ends_at_least=True, ends_at_greatest=True), 495.0),  # of a shorter stroke
+    ],
+)
+def test_the_zero_is_at_mid_stroke_at_an_end_by_an_end_or_amid_what_was_read(travel: Travel, mid: float | None) -> None:
     cylinder = plant(CYLINDER)
-    found = cylinder.zero(cylinder.typical, least, greatest)
-    assert found == ({} if mid is None else {"mid_reading": mid})
+    assert cylinder.zero is not None
+    assert cylinder.zero(cylinder.typical, travel) == ({} if mid is None else {"mid_reading": mid})
+
+
+def test_an_end_is_where_it_stands_under_a_command_that_moves_it_elsewhere() -> None:
+    travel = travelled([recorded(400.0)])  # out to the end of the stroke, then in by less than all of it
+    assert travel is not None
+    assert travel.ends_at_greatest and not travel.ends_at_least
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.12])
+def test_where_a_command_rests_or_turns_there_is_no_end(late_s: float) -> None:
+    time_s = np.arange(0.0, 12.0, 0.01)
+    current = np.where(time_s < 6.0, 0.8 * np.sin(4.0 * time_s), np.where(time_s < 7.0, 0.7, 0.3))
+    at_rest = from_memory({"time [s]": time_s, "current [A]": current, "position [mm]": np.full(len(time_s), 300.0)})
+    model = starting_model(CYLINDER)
+    values = model.values | {"mid_reading": 300.0, "dead_time": late_s}
+    position = experiment(at_rest, model.definition).respond(model.definition, values)[0]
+    position += np.random.default_rng(1).normal(0.0, 0.05, len(position))
+    read = from_memory({"time [s]": time_s, "current [A]": current, "position [mm]": position})
+    travel = travelled([experiment(read, model.definition)])
+    assert travel is not None and travel.greatest < 424.0
+    assert not (travel.ends_at_least or travel.ends_at_greatest)
 
 
 def test_a_position_from_an_end_of_the_stroke_is_identified() -> None:

@@ -42,6 +42,7 @@ from hil.identification.preparation.recording_quality import (
 )
 from hil.identification.preparation.start_in_motion import begins_at_rest, begun_in_motion, is_worth, levels_of
 from hil.identification.preparation.sub_sample_response import dead_time_std_s, responds_within_sample
+from hil.identification.preparation.travel import travelled
 from hil.identification.uncertainty.fit import explains_little, fit_percent, rms
 from hil.identification.uncertainty.noise import Measured, channel_floor, measured_noise, resolution
 from hil.language.note import Note
@@ -182,14 +183,14 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], asked: _Asked, p
 
 def _with_zero(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, tuple[Note, ...]]:
     """The model with the zero of its output where the readings say that it is, and what is said of that."""
-    read = [e.valid_output for e in experiments if e.valid.any()]
-    if not read:
+    zero = model.definition.zero
+    if zero is None or (travel := travelled(experiments)) is None:
         return model, ()
-    least, greatest = min(float(one.min()) for one in read), max(float(one.max()) for one in read)
-    values = model.definition.zero(model.values, least, greatest)
+    values = zero(model.values, travel)
     notes = tuple(
         Note("'{channel}' reads {least:.4g} to {greatest:.4g}: {name} is taken as {value:.4g}",
-             channel=experiments[0].output_heading, least=least, greatest=greatest, name=name, value=value)
+             channel=experiments[0].output_heading, least=travel.least, greatest=travel.greatest, name=name,
+             value=value)
         for name, value in values.items()
     )  # fmt: skip
     return moved(model, values) if values else model, notes

@@ -38,6 +38,8 @@ class Criteria:
         half, much_less, same_fit: of what is left, where another reading is believed; in % of one that fits as well.
         changed_gain: of a unit that is worn. `too_small`, `too_large`: outputs that no effect makes of the same shape.
         also_moves: by which ratios of level and motion may differ.
+        range_of_noise: standard deviations within which an output stands. `driven_s`: twice that long it is looked at,
+            longer than a valve's lag. `driven_harder`: times the command that moves it, beyond its hysteresis.
         same_interval, same_factor, largest_factor: logarithms within which stamps, or a channel, are off by a factor of
             units; the largest of those.
     """
@@ -93,6 +95,9 @@ class Criteria:
     too_small: float = 0.12
     too_large: float = 5.0
     also_moves: float = 0.5
+    range_of_noise: float = 8.0
+    driven_s: float = 0.1
+    driven_harder: float = 1.15
     same_interval: float = 0.01
     same_factor: float = 0.08
     largest_factor: float = 2000.0

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil.physics.linear import delay_steps, delayed
-from hil.physics.plant import Hook, Parameter, Plant, Signal
+from hil.physics.plant import Hook, Parameter, Plant, Signal, Travel
 from hil.physics.steps import lag_step, spring_step
 
 _EDGE_DROP_BAR = 35.0  # over one edge at rated flow
@@ -134,16 +134,23 @@ def observer(_p: Mapping[str, float], interval_s: float) -> dict[str, float]:
     return dict.fromkeys(("place", "before", "lvdt"), _OBSERVER_RAD_S * interval_s)
 
 
-def zero(p: Mapping[str, float], least: float, greatest: float) -> dict[str, float]:
-    """What mid-stroke reads: 0, or half a stroke where readings count from an end, or the middle of what was read."""
+def zero(p: Mapping[str, float], travel: Travel) -> dict[str, float]:
+    """What mid-stroke reads: 0, or half a stroke where readings count from an end, or by an end that was run into.
+
+    The middle of what was read where nothing tells it, or both ends.
+    """
     half, beyond = p["stroke"] / 2.0, _BEYOND * p["stroke"]
+    by_end = [travel.least + half] * travel.ends_at_least + [travel.greatest - half] * travel.ends_at_greatest
 
     def is_within(mid: float) -> bool:
-        return mid - half - beyond <= least and greatest <= mid + half + beyond
+        return mid - half - beyond <= travel.least and travel.greatest <= mid + half + beyond
+
+    def is_told(mid: float) -> bool:
+        return is_within(mid) and all(abs(mid - each) <= beyond for each in by_end)
 
     if is_within(p["mid_reading"]):
         return {}
-    return {"mid_reading": next(filter(is_within, (half, -half)), (least + greatest) / 2.0)}
+    return {"mid_reading": next(filter(is_told, (half, -half, *by_end)), (travel.least + travel.greatest) / 2.0)}
 
 
 PLANT = Plant(
