@@ -16,10 +16,11 @@ from hil.identification.frequency.frequency_response import DISTORTION_FLAG, Fre
 from hil.identification.frequency.sine_segments import Segment, declared_segments, frequency_responses, hum_beneath
 from hil.identification.uncertainty.parametric_bootstrap import DRAWS, draws_of
 from hil.language.note import Note
+from hil.physics.published.tordal import FREQUENCIES_HZ
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Mask, Recording
 from hil.rig import Rig
-from hil.signals.stepped_sine import check_frequencies, even_frequencies
+from hil.signals.stepped_sine import check_frequencies
 from procedures._definitions import FREQUENCIES, defined
 from procedures._recorded import departures, parts_of, roles_of
 from procedures._response import (
@@ -46,7 +47,7 @@ _STANDARD_HZ, _STANDARD_SHARE = 5.0, 0.05  # reference: the first, or this share
 def run(
     rig: Rig,
     *,
-    frequencies: tuple[PositiveHertz, ...] = even_frequencies(0.1, 4.9, 0.2),
+    frequencies: tuple[PositiveHertz, ...] = FREQUENCIES_HZ,
     amplitudes: tuple[PositivePercent, ...] = (5.0, 10.0, 20.0),
     biases: tuple[Percent, ...] | None = None,
     reference: Literal["lowest", "standard"] = "lowest",

@@ -18,6 +18,7 @@ from hil.record.parts import moved
 from hil.record.show import data_frame, dataset, figure_by_unit, table_html
 from hil.units import check_unit, convert
 
+SAME_STAMP = 1e-3  # of an interval, by which stamps of an even recording may differ
 # A picture shows no more points of a channel.
 _MOST_POINTS = 20_000
 _HEADING = re.compile(r"^\s*(?P<name>.+?)\s*\[(?P<unit>[^\[\]]*)\]\s*$")

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.record.recording import Array, Recording, Samples
+from hil.record.recording import SAME_STAMP, Array, Recording, Samples
 
-_SAME_STAMP = 1e-3
 _EVEN = 0.05
 
 
@@ -32,7 +31,7 @@ def resampled(recording: Recording) -> Recording:
 
 def _united(time_s: Array, others: Array) -> Array:
     within = others[(others >= time_s[0]) & (others <= time_s[-1])]
-    slack = _SAME_STAMP * float(np.median(np.diff(time_s)))
+    slack = SAME_STAMP * float(np.median(np.diff(time_s)))
     new = within[np.abs(within - time_s[_nearest(time_s, within)]) > slack]
     return np.union1d(time_s, new) if new.size else time_s
 

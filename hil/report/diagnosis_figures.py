@@ -203,7 +203,7 @@ def region_bars(before: Mapping[str, float], after: Mapping[str, float] | None) 
     )
 
 
-def stage_curves(stages: Sequence[StageShare], name: str) -> Picture:
+def stage_curves(stages: Sequence[StageShare]) -> Picture:
     """The disturbance that would explain what is left, over what passes at its place, by direction of motion."""
 
     def draw(figure: Figure) -> None:
@@ -223,7 +223,7 @@ def stage_curves(stages: Sequence[StageShare], name: str) -> Picture:
         "The disturbance at this place that would explain most of it, without a law. It is drawn over what passes "
         "there and the direction of motion. Per cent: how much it would explain."
     )
-    return drawn(name, 2.7, draw, caption)
+    return drawn("left-over", 2.7, draw, caption)
 
 
 def _overlay(axes: Axes, strip: Strip, output: str, *, corrected: bool) -> None:

@@ -190,7 +190,7 @@ def _left_over(d: Diagnosis, *, corrected: bool) -> dict[str, Any]:
         "explained": d.verdict in ("consistent", "explained", "parameter_change"),
         "sentence": _left_sentence(d, corrected=corrected),
         "place": place_facts(left.where),
-        "picture": stage_curves(stages, "left-over") if stages else None,
+        "picture": stage_curves(stages) if stages else None,
     }
 
 

@@ -42,7 +42,7 @@ from hil.record.csv_text import write_table
 from hil.record.invalid_samples import INVALID_SAMPLES, measured_rows
 from hil.record.plain import plain
 from hil.record.read import read_recording
-from hil.record.recording import Array, Recording, split_heading
+from hil.record.recording import SAME_STAMP, Array, Recording, split_heading
 from hil.record.table.named import pairs
 from hil.record.table.response_table import ResponseTable
 from hil.signals.interval import rounded, width
@@ -53,7 +53,6 @@ _MEMBERSHIPS = (
     marked("left trapezoid"), marked("left triangle"), marked("right triangle"), marked("right trapezoid"),
 )  # fmt: skip
 _TIMES = ("s", "ms", "min", "h")
-_EVEN = 1e-3  # of the interval, by which stamps of an even recording may differ
 
 
 def models_of_steps(
@@ -202,7 +201,7 @@ def estimated_online(
     recording = measured_rows(recording, (input_name, output_name))
     time_s = recording.time_s
     intervals = np.diff(time_s)
-    if np.ptp(intervals) > _EVEN * float(np.median(intervals)):
+    if np.ptp(intervals) > SAME_STAMP * float(np.median(intervals)):
         raise FileError(f"{recording.name}: its stamps are uneven; recursive least squares needs one interval")
     command, output = recording.values(input_name), recording.values(output_name)
     estimator = RecursiveLeastSquares(form, memory, forgetting, prior_std)
@@ -363,7 +362,7 @@ def aligned(recordings: Sequence[Recording], output: str, unit: str) -> Array:
     """
     first = recordings[0]
     for one in recordings[1:]:
-        if abs(one.interval_s - first.interval_s) > _EVEN * first.interval_s:
+        if abs(one.interval_s - first.interval_s) > SAME_STAMP * first.interval_s:
             raise FileError(
                 f"{one.name}: a sample every {one.interval_s:g} s, and every {first.interval_s:g} s in {first.name}; "
                 "they are compared sample by sample"

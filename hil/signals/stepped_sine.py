@@ -44,12 +44,6 @@ def check_frequencies(frequencies_hz: Sequence[float], rate_hz: float) -> None:
         )
 
 
-def even_frequencies(first_hz: float, last_hz: float, step_hz: float) -> tuple[float, ...]:
-    """Frequencies in equal steps, both ends included: 0.1…4.9 Hz by 0.2 Hz is the HPV41 paper's list of 25."""
-    count = round((last_hz - first_hz) / step_hz) + 1
-    return tuple(round(first_hz + i * step_hz, 12) for i in range(count))
-
-
 def reference_and_band(top_hz: float) -> tuple[float, ...]:
     """A reference far below, and six frequencies in equal ratios over 2.75 octaves up to the top one, for bandwidths.
 

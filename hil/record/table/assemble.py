@@ -15,7 +15,7 @@ import numpy as np
 from hil.errors import FileError, UnitError, option
 from hil.language.note import Note
 from hil.record.reading import AS_IT_IS, Reading
-from hil.record.recording import Array, Channel, Recording, Samples, check, sample
+from hil.record.recording import SAME_STAMP, Array, Channel, Recording, Samples, check, sample
 from hil.record.table.columns import Column, Table, by_length, even_times
 from hil.record.table.heading import is_time, plain_name, time_unit, unit_of_stamps
 from hil.record.table.long_format import split_by_channel
@@ -31,7 +31,6 @@ from hil.record.table.response_table import (
 from hil.units import check_unit
 
 _NAMELESS = frozenset({"data", "value", "values"})
-_SAME_STAMP = 1e-3  # of an interval
 ORIGIN = "time counts from"
 """In `meta`, of a recording with stamps of a calendar: the stamp of `time_s` = 0."""
 _TICKS = 1000.0  # apart are no seconds, unless they are whole minutes
@@ -426,7 +425,7 @@ def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, li
         return base.time_s, []
     starts = {float(one.time_s[0]) for one in taken}
     stops = [float(own_s[-1]) + (_interval_s(own_s) if is_even(own_s) else np.inf) for own_s in bases]
-    time_s, slack = base.time_s, _SAME_STAMP * _interval_s(base.time_s)
+    time_s, slack = base.time_s, SAME_STAMP * _interval_s(base.time_s)
     stop = min(stops)
     if len(starts) == 1 and stop >= time_s[-1] - slack:
         return time_s, []
@@ -454,7 +453,7 @@ def _values_at(time_s: Array, one: _Taken, base: _Taken) -> tuple[Array, Samples
     """The values at these times, and the samples as they were taken where that was at other times."""
     if len(time_s) == len(one.time_s) and (one.time_s is base.time_s or np.array_equal(one.time_s, base.time_s)):
         return one.values, None
-    slack = _SAME_STAMP * _interval_s(base.time_s)
+    slack = SAME_STAMP * _interval_s(base.time_s)
     at = np.clip(np.searchsorted(one.time_s, time_s - slack), 0, len(one.time_s) - 1)
     taken = Samples(one.time_s, one.values)
     within = (one.time_s >= time_s[0] - slack) & (one.time_s <= time_s[-1] + slack)
