@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from _concealed import Answer, Case
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.diagnosis.intake.problem import Problem, pose
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.identification.grey_box.estimate import Unknown, estimate
@@ -123,7 +123,7 @@ def best_start(
         term.apply(start, {}, added)
         return problem.residuals(base, added)
 
-    found: list[Array] = spread(moved, term.starts)
+    found: list[Array] = parallel_map(moved, term.starts)
     left = np.nan_to_num([f @ f - np.sum((basis.T @ f) ** 2) for f in found], nan=np.inf)
     k = int(np.argmin(left))
     return term.starts[k], float(left[k])

@@ -54,7 +54,7 @@ def keep_to(most: int) -> None:
         _CORES -= 1
 
 
-def spread(function: Callable[[_Item], _Found], items: Iterable[_Item]) -> list[_Found]:
+def parallel_map(function: Callable[[_Item], _Found], items: Iterable[_Item]) -> list[_Found]:
     """`[function(item) for item in items]`, each by the caller or by a core that is idle when its turn comes.
 
     Worth it for what releases the interpreter's lock, as compiled kernels do. `function` may spread work of its own:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.identification.frequency.sine_test import SineTest
 from hil.identification.grey_box.estimate import Estimate, estimate
 from hil.identification.grey_box.free import moved, unknown_of
@@ -61,7 +61,7 @@ def fit_responses(
     found = estimate(residuals, [unknown_of(model, name) for name in free], tolerance=1e-6)
     stds = dict(zip(free, found.std.tolist(), strict=True))
     best = moved(model, found.named, stds)
-    responses = tuple(spread(lambda test: _simulated(best, test), tests))
+    responses = tuple(parallel_map(lambda test: _simulated(best, test), tests))
     fits = tuple(fit_percent(want, got) for want, got in zip(wanted, responses, strict=True))
     return ResponseFit(best, found, fits, responses)
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.errors import InputError
 from hil.language.note import Note
 from hil.language.words import _
@@ -343,7 +343,7 @@ class _Search:
         """What repeats of the healthy unit scatter by, of the limits that it passes for sure."""
         kept = self.world.state.of_world(self.world.name, "healthy")
         if not kept:
-            repeats = spread(partial(self.world.noisy, self.world.nominal), range(REPEATS))
+            repeats = parallel_map(partial(self.world.noisy, self.world.nominal), range(REPEATS))
             for name in self.limits:
                 passed = sum(one[name].verdict == "pass" for one in repeats if name in one)
                 if passed >= _SHARE * REPEATS and (found := _scatter(repeats, name)) is not None:
@@ -430,7 +430,7 @@ class _Search:
 
         while len(kept) < REPEATS and len(kept) - count() <= (1.0 - _SHARE) * REPEATS:
             seeds = range(len(kept), min(len(kept) + _BATCH, REPEATS))
-            for found in spread(partial(self.world.noisy, rows), seeds):
+            for found in parallel_map(partial(self.world.noisy, rows), seeds):
                 kept.append([name for name in self.scatter if name in found and found[name].verdict == "fail"])
             self.world.state.write()
         return count()

@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.identification.grey_box.identify import fit_plant
 from hil.identification.preparation.experiment import Experiment, experiment
 from hil.physics.compose import plant
@@ -93,7 +93,7 @@ def main() -> None:
     print("| --- | --- | --- | --- | --- |")
     total = 0
     for row in rows():
-        found = spread(partial(holds, row), seeds)
+        found = parallel_map(partial(holds, row), seeds)
         held, opened = (sum(column) for column in zip(*found, strict=True))
         total += held
         said = ("yes" if row.rests else "no", "right" if row.is_right else "wrong")

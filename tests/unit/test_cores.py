@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from hil import cores
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.errors import SettingError
 
 
@@ -38,8 +38,8 @@ def test_results_come_in_the_order_of_what_was_given(three_cores):
         time.sleep(0.002 * (10 - k))
         return k * k
 
-    assert spread(late_first, range(10)) == [k * k for k in range(10)]
-    assert spread(late_first, []) == []
+    assert parallel_map(late_first, range(10)) == [k * k for k in range(10)]
+    assert parallel_map(late_first, []) == []
     assert permits(three_cores) == 2
 
 
@@ -57,21 +57,21 @@ def test_idle_cores_help_and_no_more_than_there_are(three_cores):
         return k
 
     def nested(k: int) -> int:
-        return sum(spread(watched, range(k, k + 4)))
+        return sum(parallel_map(watched, range(k, k + 4)))
 
-    assert spread(nested, range(5)) == [4 * k + 6 for k in range(5)]
+    assert parallel_map(nested, range(5)) == [4 * k + 6 for k in range(5)]
     assert most == 3
     assert permits(three_cores) == 2
 
 
 def test_without_an_idle_core_the_caller_does_it_all(monkeypatch):
     monkeypatch.setattr(cores, "_idle", threading.Semaphore(0))
-    assert set(spread(lambda _: threading.get_ident(), range(6))) == {threading.get_ident()}
+    assert set(parallel_map(lambda _: threading.get_ident(), range(6))) == {threading.get_ident()}
 
 
 def test_depth_beyond_the_number_of_threads_ends(three_cores):
     def deep(depth: int) -> int:
-        return sum(spread(deep, [depth - 1] * 3)) if depth else 1
+        return sum(parallel_map(deep, [depth - 1] * 3)) if depth else 1
 
     assert deep(7) == 3**7
     assert permits(three_cores) == 2
@@ -89,7 +89,7 @@ def test_the_first_failure_ends_it_and_is_raised(three_cores, failing):
         return k
 
     with pytest.raises(ValueError, match=f"number {failing}"):
-        spread(fails, range(60))
+        parallel_map(fails, range(60))
     assert len(begun) < 60
     assert permits(three_cores) == 2
 
@@ -107,15 +107,15 @@ def test_ctrl_c_ends_what_other_cores_are_at(three_cores):
         if threading.current_thread() is threading.main_thread():
             begun.wait()
             raise KeyboardInterrupt
-        spread(step, range(3000))
+        parallel_map(step, range(3000))
 
     with pytest.raises(KeyboardInterrupt):
-        spread(work, range(3))
+        parallel_map(work, range(3))
     assert done < 3000
     assert permits(three_cores) == 2
     for _ in range(2):
         three_cores.release()
-    assert spread(lambda k: k, range(9)) == list(range(9))
+    assert parallel_map(lambda k: k, range(9)) == list(range(9))
 
 
 def test_the_environment_says_how_many_cores_are_used(monkeypatch):

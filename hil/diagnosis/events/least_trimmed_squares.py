@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.diagnosis.events.bursts import block_power, block_size
 from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.search.effort import EFFORT
@@ -30,7 +30,7 @@ def least_trimmed_squares(problem: Problem, laws: Sequence[Fitted]) -> Fitted | 
     for f in laws:
         if f.names:
             distinct.setdefault(f.names, f)
-    tried = spread(partial(_refitted, problem), list(distinct.values())[:FEW])
+    tried = parallel_map(partial(_refitted, problem), list(distinct.values())[:FEW])
     if not tried:
         return None
     best = min(tried, key=lambda f: _misfit_when_quiet(problem, f))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.diagnosis.events.bursts import BLOCK_S, Burst, all_bursts, is_sparse
 from hil.diagnosis.events.event import Events, Interval, how_often
 from hil.diagnosis.intake.problem import Problem
@@ -109,7 +109,7 @@ def _best_holds(problem: Problem, model: Fitted, bursts: Bursts) -> Holds | None
         nonlocal best
         mixed = [_mixed(chosen, trial, parity) for trial in trials]
         before = [list(own) for own in chosen]
-        for trial, tried in zip(mixed, spread(costs, mixed), strict=True):
+        for trial, tried in zip(mixed, parallel_map(costs, mixed), strict=True):
             for k, own in enumerate(tried):
                 for i in range(parity, len(own), 2):
                     if own[i] < best[k][i] - 2.0 * np.log(problem.size):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
@@ -55,7 +55,7 @@ def limits(linear: Linearization, terms: Sequence[Term], twins: Sequence[Fitted]
     found: dict[str, Limit] = {}
     asked = [term for term in terms if term.kind == "effect"]
     without = linear.residuals_without
-    for term, limit in zip(asked, spread(lambda term: _limit(linear, term, without), asked), strict=True):
+    for term, limit in zip(asked, parallel_map(lambda term: _limit(linear, term, without), asked), strict=True):
         known = found.get(term.reported_name)
         if known is None or (limit.visible, -limit.upper) > (known.visible, -known.upper):
             found[term.reported_name] = limit

@@ -8,7 +8,7 @@ from itertools import chain
 
 import numpy as np
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.diagnosis.criteria import CRITERIA
 from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.search.effort import EFFORT
@@ -136,7 +136,7 @@ def predicted(problem: Problem, f: Fitted, folds: Folds, refit: Callable[[Mask],
         return f.residuals
     dealt = [k for k in np.unique(folds.fold) if np.any(folds.scored[folds.fold == k])]
     refit = refit or (lambda keep: fit(problem, f, keep=keep, steps=EFFORT.rough))
-    parts = spread(lambda k: np.where(folds.fold == k, refit(folds.fold != k).residuals, 0.0), dealt)
+    parts = parallel_map(lambda k: np.where(folds.fold == k, refit(folds.fold != k).residuals, 0.0), dealt)
     return np.sum(parts, axis=0)
 
 

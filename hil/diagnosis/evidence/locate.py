@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.thresholds import LISTED, TINY
 from hil.identification.preparation.experiment import Experiment
@@ -239,7 +239,7 @@ def _stage(at: _Point, k: int, traces: Sequence[Array]) -> StageShare:
         moved = at.problem.residuals(at.parameters, at.effects, factor=factor, inject=(hook.name, shapes))
         columns[i] = (moved - at.base) / size
 
-    spread(fill, range(len(columns)))
+    parallel_map(fill, range(len(columns)))
     used = np.array([np.linalg.norm(column) > 1e-9 for column in columns])
     solution = np.zeros(len(columns))
     told = triangular(np.vstack([columns[used, part], -left[part]]).T for part in in_parts(len(left)))

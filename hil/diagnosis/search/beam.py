@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import finished, fit, fit_given
@@ -64,7 +64,7 @@ class Search:
 
     def also(self, sets: Sequence[Fitted]) -> None:
         """Sets from elsewhere, fitted; where a term of one ended at nothing, the others alone from there too."""
-        found = spread(lambda f: fit(self.problem, f, steps=EFFORT.fine), sets)
+        found = parallel_map(lambda f: fit(self.problem, f, steps=EFFORT.fine), sets)
         for f in found:
             self.add(f)
             there = [k for k, (t, v) in enumerate(f.pairs) if not t.is_nothing(v)]
@@ -130,7 +130,7 @@ class Search:
             if self.problem.work.leaves_out(marked("fits with nothing linearised")):
                 return
             grown = [child for parent in level for child in self._children(parent)]
-            found = spread(lambda f: fit(self.problem, f, from_here=True), grown)
+            found = parallel_map(lambda f: fit(self.problem, f, from_here=True), grown)
             level = _distinct(sorted(map(self.add, found), key=lambda f: f.chi2), keys)[: EFFORT.beam]
 
     def _children(self, parent: Fitted) -> Iterator[Fitted]:
@@ -215,7 +215,7 @@ class Search:
             for rank, own in enumerate(_by_term(probes)[:tried])
             for probe in own[: EFFORT.starts if rank < finished or own[0].term.multimodal else 1]
         ]
-        self._to_the_end(spread(lambda probe: fit_given(linear, probe.term, probe.at), jobs), finished)
+        self._to_the_end(parallel_map(lambda probe: fit_given(linear, probe.term, probe.at), jobs), finished)
 
     def _to_the_end(self, grown: Iterable[Fitted], most: int) -> None:
         """The best of different names, fitted to their end where they may turn out best."""
@@ -239,7 +239,7 @@ class Search:
             for (a, at), (b, there) in found
         ]
         new = [f for f in sets if keys(f) not in self.fits]
-        self._to_the_end(spread(lambda f: fit(self.problem, f, steps=EFFORT.rough), new), EFFORT.finished)
+        self._to_the_end(parallel_map(lambda f: fit(self.problem, f, steps=EFFORT.rough), new), EFFORT.finished)
 
     def _unions(self, size: int) -> None:
         """Sets of this size that share all but one term, together."""
@@ -252,7 +252,7 @@ class Search:
                     terms, values = (*a.terms, b.terms[new[0]]), (*a.values, b.values[new[0]])
                     found.append(Fitted(terms, values, a.parameters, np.inf, a.residuals))
         new_sets = [f for f in _distinct(found, keys) if keys(f) not in self.fits]
-        for f in spread(lambda f: fit(self.problem, f, steps=EFFORT.fine), new_sets):
+        for f in parallel_map(lambda f: fit(self.problem, f, steps=EFFORT.fine), new_sets):
             self.add(f)
 
     def _drop_and_swap(self, size: int) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.linearization import Linearization, adapted_residuals
@@ -53,7 +53,7 @@ def simulated_probes(linear: Linearization, jobs: Sequence[tuple[Term, Start]]) 
         change = adapted_residuals(linear, *job) - r
         return _on_line(*job, sketch(change), change, r) if np.isfinite(change).all() else None
 
-    return _best_first([found for found in spread(probe, jobs) if found is not None])
+    return _best_first([found for found in parallel_map(probe, jobs) if found is not None])
 
 
 def predicted_probes(linear: Linearization, probes: Sequence[Probe]) -> list[Probe]:

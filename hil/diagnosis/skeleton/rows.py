@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.diagnosis.intake.problem import COARSER, Problem
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.identification.preparation.experiment import Experiment
@@ -131,7 +131,7 @@ def rows_of(
         floors: noise of each channel, by name; that of the output under "output".
         length_s: of a row.
     """
-    parts = spread(lambda e: _of_recording(model, e, columns, floors, length_s), experiments)
+    parts = parallel_map(lambda e: _of_recording(model, e, columns, floors, length_s), experiments)
     channels = [(k, channel) for k, found in enumerate(parts) for channel in found]
     blocks, first = [], 0
     for _, channel in channels:

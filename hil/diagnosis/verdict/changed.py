@@ -9,7 +9,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.diagnosis.intake.problem import COARSER, Problem
 from hil.diagnosis.search.effort import EFFORT, Steps
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing, starting
@@ -96,7 +96,7 @@ class Changed:
     def _answers(self, parameters: Parameters, effects: Sequence[ActiveEffect]) -> Array:
         model, table, experiments = self.problem.model, self.table, self.problem.experiments
         self.problem.work.simulated(len(experiments), sum(e.drive.inputs.shape[1] for e in experiments))
-        parts = spread(
+        parts = parallel_map(
             lambda e: answers(model, e, table.floors, table.row_s, parameters, effects, COARSER), experiments
         )
         return np.concatenate([rows for channels in parts for rows in channels.values()])
@@ -167,13 +167,13 @@ def _hypothesis(f: Fitted) -> Hypothesis:
 
 def _fitted(changed: Changed, terms: Sequence[Term]) -> list[Fitted]:
     """The terms that could leave least from either of their two best starts, at their best; the best places first."""
-    tried = spread(partial(_nearer, changed), _likely(changed, terms))
-    coarse = spread(lambda one: _fit(changed, *one, EFFORT.rough), tried)
+    tried = parallel_map(partial(_nearer, changed), _likely(changed, terms))
+    coarse = parallel_map(lambda one: _fit(changed, *one, EFFORT.rough), tried)
     first: dict[str, Fitted] = {}
     for f in sorted(coarse, key=lambda f: f.chi2):
         first.setdefault(f.terms[0].label, f)
     fits = list(first.values())
-    further = spread(lambda f: _fit(changed, f.terms[0], f.values[0], EFFORT.fine), fits[: 2 * EFFORT.finished])
+    further = parallel_map(lambda f: _fit(changed, f.terms[0], f.values[0], EFFORT.fine), fits[: 2 * EFFORT.finished])
     return sorted((*further, *fits[2 * EFFORT.finished :]), key=lambda f: f.chi2)
 
 
@@ -192,7 +192,7 @@ def _likely(changed: Changed, terms: Sequence[Term]) -> list[_Start]:
     """Starts of the terms that could leave least, if all that they do grew with their strength."""
     starts = [(term, start) for term in terms if not term.by_clock for start in term.starts]
     likely: dict[Term, list[_Start]] = {}
-    for one in sorted(spread(partial(_start, changed), starts), key=lambda s: s.least):
+    for one in sorted(parallel_map(partial(_start, changed), starts), key=lambda s: s.least):
         likely.setdefault(one.term, []).append(one)
     return [one for own in list(likely.values())[: 2 * EFFORT.tried] for one in own[:2]]
 

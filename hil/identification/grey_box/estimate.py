@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.identification.uncertainty.identifiability import Curvature, Identifiability, identifiability, products
 from hil.physics.plant import Parameter
 from hil.record.recording import Array
@@ -126,7 +126,7 @@ class Estimate:
 
 def side_by_side(errors_of: Callable[[int], Sequence[Array]], recordings: int) -> Array:
     """The errors of every recording, by its number, one after another; simulated side by side."""
-    return np.concatenate([error for errors in spread(errors_of, range(recordings)) for error in errors])
+    return np.concatenate([error for errors in parallel_map(errors_of, range(recordings)) for error in errors])
 
 
 def estimate(
@@ -237,7 +237,7 @@ def jacobian(
         np.subtract(residuals(moved), base, out=made[k])
         made[k] /= step
 
-    spread(column, range(len(values)))
+    parallel_map(column, range(len(values)))
     return made.T
 
 
@@ -275,5 +275,5 @@ def _slopes_both_ways(
         new = residuals(moved)
         return float(new @ new - base @ base)
 
-    spread(column, range(len(values)))
+    parallel_map(column, range(len(values)))
     return slopes.T, Curvature(products(slopes.T), products(bends.T), rise)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.identification.grey_box.criteria import EFFORT
 from hil.identification.grey_box.estimate import Unknown
 from hil.record.recording import Array
@@ -28,7 +28,7 @@ def multistart(residuals: Callable[[Array], Array], unknowns: Sequence[Unknown])
         r = residuals(values)
         return float(r @ r)
 
-    found = sorted((c, k) for k, c in enumerate(spread(chi2, tried)) if math.isfinite(c))
+    found = sorted((c, k) for k, c in enumerate(parallel_map(chi2, tried)) if math.isfinite(c))
     starts = [tried[k].tolist() for _, k in found[: EFFORT.far_fitted]]
     return [[replace(u, start=v) for u, v in zip(unknowns, values, strict=True)] for values in starts]
 

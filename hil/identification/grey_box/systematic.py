@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.identification.grey_box.criteria import CRITERIA, EFFORT
 from hil.identification.grey_box.estimate import Estimate
 from hil.identification.grey_box.free import effects_at
@@ -106,7 +106,7 @@ def _structural_covariance(
         return moved
 
     slopes, at = [], []  # of a long recording every copy takes megabytes: each is worked on in its place
-    for addition, column in zip(additions, spread(slope, additions), strict=True):
+    for addition, column in zip(additions, parallel_map(slope, additions), strict=True):
         size = float(np.linalg.norm(column))
         if math.isfinite(size) and size > 0.0:
             column /= size

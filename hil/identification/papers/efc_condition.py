@@ -20,7 +20,7 @@ import hil.identification
 import hil.physics
 import hil.signals
 from hil.cache import cached_arrays, stamp
-from hil.cores import spread
+from hil.cores import parallel_map
 from hil.errors import InputError
 from hil.identification.frequency.bandwidth import Crossing, magnitude_crossing
 from hil.identification.frequency.frequency_response import from_polar
@@ -228,7 +228,7 @@ def simulated_tests(
         return tested(pair[0], np.random.default_rng(pair[1]), Instruments(), frequencies_hz)
 
     with one_blas_thread():
-        return tuple(spread(one, pairs)), labels
+        return tuple(parallel_map(one, pairs)), labels
 
 
 # -- one simulated test ------------------------------------------------------------------------------------
