@@ -26,6 +26,7 @@ from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.clock import VirtualClock
 from hil.daq.channel import Wiring
+from hil.daq.link import Late
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, FileError, LinkError, exit_status_of, with_notes
 from hil.record.run_folder.header import read_end
@@ -138,8 +139,15 @@ class Device:
         act()
 
 
-def bench_with(devices: list[Device], folder: Path) -> BenchFile:
-    """A bench file whose devices are these."""
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bench") / "bench.toml"
+    path.write_text(BENCH, encoding="utf-8")
+    return read_bench(path)
+
+
+def bench_with(devices: list[Device], file: BenchFile) -> BenchFile:
+    """The bench, whose devices are these. What was sent to them arrives late by no more than 20 ms."""
 
     def open_daq(_settings: Any, wiring: Wiring) -> PolledDaq:
         wirings = {
@@ -149,13 +157,10 @@ def bench_with(devices: list[Device], folder: Path) -> BenchFile:
         }  # fmt: skip
         for device in devices:
             device.clock = clock
-        return PolledDaq({device.name: device for device in devices}, wirings, clock)
+        late = {device.name: Late(0.02) for device in devices}
+        return PolledDaq({device.name: device for device in devices}, wirings, clock, late=late)
 
     clock = VirtualClock()
-
-    path = folder / "bench.toml"
-    path.write_text(BENCH, encoding="utf-8")
-    file = read_bench(path)
     (real,) = file.devices.values()
     return replace(file, devices={real.name: replace(real, module=SimpleNamespace(open_daq=open_daq))})
 
@@ -185,12 +190,12 @@ class Said:
     end: Mapping[str, Any] | None
 
 
-def ended(devices: list[Device], blocks: int | None) -> Said:
+def ended(devices: list[Device], blocks: int | None, bench: BenchFile) -> Said:
     """Drive up, stand, drive down, with everything that happens on the way; what was said."""
     known, status, text = Outputs(), 0, ""
     with tempfile.TemporaryDirectory() as name, disk_full_after(blocks):
         folder = Path(name)
-        file = bench_with(devices, folder)
+        file = bench_with(devices, bench)
         try:
             with (
                 accounted(known),
@@ -244,13 +249,13 @@ def impatient(monkeypatch):
 
 @settings(max_examples=80)
 @given(
-    st.lists(faults, max_size=3),
-    st.dictionaries(st.integers(1, 150), st.sampled_from(SIGNALS), max_size=3),
-    st.one_of(st.none(), st.integers(0, 6)),
+    thrown=st.lists(faults, max_size=3),
+    signals=st.dictionaries(st.integers(1, 150), st.sampled_from(SIGNALS), max_size=3),
+    blocks=st.one_of(st.none(), st.integers(0, 6)),
 )
-def test_what_is_said_of_outputs_is_so(thrown, signals, blocks):
+def test_what_is_said_of_outputs_is_so(bench, thrown, signals, blocks):
     devices = [
         Device(name, level, [f for f in thrown if f.link == name], signals if name == "first" else {})
         for name, level in (("first", 3.0), ("second", 2.0))
     ]
-    check(ended(devices, blocks), devices)
+    check(ended(devices, blocks, bench), devices)
