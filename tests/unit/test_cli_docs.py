@@ -58,6 +58,18 @@ def test_links_lead_somewhere(page):
         assert not anchor or anchor in anchors(found), target
 
 
+def test_the_map_of_the_code_is_that_of_the_code():
+    rooms, _, after = (DOCS / "explanation" / "architecture.md").read_text("utf-8").partition("## What a command runs")
+    package = ROOT / "hil"
+    there = [path.relative_to(package) for path in package.rglob("*") if path.suffix == ".py" or path.is_dir()]
+    tops = {path.parts[0].removesuffix(".py") for path in there} - {"__init__", "__main__", "__pycache__"}
+    assert tops - set(re.findall(r"`(\w+)`", rooms)) == set()
+    known = [f"/{path.with_suffix('')}" for path in there]
+    named = set(re.findall(r"`([a-z_/]+)`", after.partition("\n## ")[0]))
+    assert len(named) > 20
+    assert {name for name in named if not any(path.endswith(f"/{name}") for path in known)} == set()
+
+
 # -- code --------------------------------------------------------------------------------------------------
 
 
