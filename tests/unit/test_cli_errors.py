@@ -77,6 +77,11 @@ CASES = [
         "nope.json: not a model file: No such",
     ),
     (("run", "step_response", "--bench", "brevini-hpv41", "--out", "good.csv/x"), "good.csv is a file; name a folder"),
+    (
+        ("identify", "good.csv", *IDENTIFY, "--free", "friction.coulomb"),
+        "a plant has no effects: --plant names a model",
+    ),
+    (("console", "--benches", "nowhere", "--port", "0"), "nowhere: no such folder"),
     (("run", "step_response"), "--bench BENCH.toml; `hil run --help` shows what is allowed"),
     (("frobnicate",), "No such command 'frobnicate'"),
     (("identify", "good.csv"), "Missing option '--plant'; `hil identify --help` shows what is allowed"),

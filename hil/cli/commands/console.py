@@ -41,6 +41,8 @@ def console(
     from hil.console.site import Site
     from hil.record.state import state_path
 
+    if not benches.is_dir():
+        raise typer.BadParameter(f"{benches}: no such folder", param_hint="--benches")
     place = archive_place(archive)
     state = state_path("console", "any", "").parent
     site = Site(place, place.folder or DEFAULT_FOLDER.resolve(), benches.resolve(), state)

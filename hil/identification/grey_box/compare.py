@@ -79,7 +79,8 @@ class Comparison:
         """As lines for a terminal."""
         worst = ", ".join(f"{i.start_s:.4g}…{i.stop_s:.4g} s ({i.rms:.3g})" for i in self.worst)
         low, middle, high = self.by_level
-        late = "" if self.lag_s is None else f", model late by {round(1e3 * self.lag_s, 1) + 0.0:+.1f} ms"
+        late_ms = round(1e3 * abs(self.lag_s or 0.0), 1)
+        late = "" if self.lag_s is None else f", model {'early' if self.lag_s < 0.0 else 'late'} by {late_ms:.1f} ms"
         notes = "".join(f"\n  note: {note}" for note in self.notes)
         return (
             f"{marked(self.name, simulated=self.simulated)}\n"

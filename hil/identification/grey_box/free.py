@@ -61,7 +61,14 @@ def check_free(model: Model, name: str) -> None:
     if name in all_values(model):
         return
     known = ", ".join(sorted(all_values(model)))
-    raise SettingError(f"{option('free')} {name}: the model of {model.plant} has no parameter '{name}'; known: {known}")
+    of_effect = (
+        f"; a plant has no effects: {option('plant')} names a model that has them, installed or the corrected.json "
+        "of a diagnosis"
+    )
+    raise SettingError(
+        f"{option('free')} {name}: the model of {model.plant} has no parameter '{name}'"
+        f"{of_effect if '.' in name else ''}; known: {known}"
+    )
 
 
 def _found(model: Model, name: str) -> tuple[Parameter, float]:
