@@ -25,7 +25,7 @@ from tests.links import bench_text, free_port
 from tests.lost_packets import lost
 
 pytest.importorskip("pyvisa_py")
-pytestmark = pytest.mark.xdist_group("waits for twins")
+pytestmark = pytest.mark.xdist_group("waits for instruments")
 ON_TCP = {"VXI-11": "TCPIP::127.0.0.1,{port}::INSTR", "HiSLIP": "TCPIP::127.0.0.1::hislip0,{port}::INSTR"}
 AT_THE_SEAM = {"USBTMC": "USB0::0x0957::0x0407::MY{port}::INSTR", "GPIB": "GPIB0::12::INSTR"}
 ADDRESSES = ON_TCP | AT_THE_SEAM

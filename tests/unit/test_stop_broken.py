@@ -29,7 +29,7 @@ from tests.unit import test_stop_listener as by_listener
 from tests.unit import test_stop_watchdog as by_watchdog
 from tests.waits import until
 
-pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
+pytestmark = pytest.mark.xdist_group("waits for stops")  # for clocks: on one worker, beside others that compute
 
 Patch = pytest.MonkeyPatch
 
