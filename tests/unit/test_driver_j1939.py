@@ -49,6 +49,12 @@ def estimates(bus: str, data: bytes, source: int = 0x80) -> None:
         other.send(can.Message(arbitration_id=3 << 26 | 0xFE11 << 8 | source, data=data, is_extended_id=True))
 
 
+def read_after(bus: str, data: bytes, link: Any) -> float:
+    """What is read once the valve has said this."""
+    estimates(bus, data)
+    return float(link.read()["estimated flow"])
+
+
 @pytest.fixture(autouse=True)
 def _claimed_soon(monkeypatch):
     monkeypatch.setattr(_can_frames, "CLAIM_WAIT_S", 0.02)
@@ -127,16 +133,15 @@ def test_silence_is_an_error_and_others_are_not_believed(bus):
 def test_error_of_the_valve_is_told(bus, text, message):
     with linked(bus) as (link, served, _):
         served.behaviour.quirks = Quirks(silent=True)
-        estimates(bus, bytes.fromhex(text))
         with pytest.raises(LinkError, match=message):
-            until(lambda: link.read() is None)
+            until(lambda: read_after(bus, bytes.fromhex(text), link) is None)
 
 
 def test_valve_that_estimates_no_flow_has_no_measurement(bus):
     with linked(bus) as (link, served, _):
         served.behaviour.quirks = Quirks(silent=True)
-        estimates(bus, bytes.fromhex("ff ff 30 1f ff ff ff ff"))
-        until(lambda: math.isnan(link.read()["estimated flow"]))
+        none = bytes.fromhex("ff ff 30 1f ff ff ff ff")
+        until(lambda: math.isnan(read_after(bus, none, link)))
 
 
 @given(st.lists(st.tuples(st.integers(0, 0x1FFFFFFF) | st.just(0x0CFE3926), st.binary(max_size=8)), max_size=20))
