@@ -39,16 +39,16 @@ def _options(
         raise typer.Exit
 
 
-def assembled() -> typer.Typer:
-    """The program with all its commands."""
+def assembled(asked: str = "") -> typer.Typer:
+    """The program with all its commands, or with the one that is asked for if there is one of that name."""
     app = typer.Typer(
         no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, rich_markup_mode=None,
         help="Test, identify and diagnose electrically modulated hydraulic valves.",
     )  # fmt: skip
     app.callback(invoke_without_command=True)(_options)
-    for found in pkgutil.iter_modules(commands.__path__):
-        module = importlib.import_module(f"{commands.__name__}.{found.name}")
-        name = found.name.rstrip("_").replace("_", "-")
+    modules = {one.name.rstrip("_").replace("_", "-"): one.name for one in pkgutil.iter_modules(commands.__path__)}
+    for name in [asked] if asked in modules else modules:
+        module = importlib.import_module(f"{commands.__name__}.{modules[name]}")
         if hasattr(module, "group"):
             app.add_typer(module.group, name=name)
         else:
@@ -58,9 +58,9 @@ def assembled() -> typer.Typer:
 
 
 @cache
-def _program() -> Callable[..., Any]:
-    """What typer makes of the commands, once for every command that is given in this process."""
-    return get_command(assembled())
+def _program(asked: str) -> Callable[..., Any]:
+    """What typer makes of a command, or of all where none is asked for, once in this process."""
+    return get_command(assembled(asked))
 
 
 def main() -> int:
@@ -75,7 +75,7 @@ def _run() -> int:
     error_message.ended = error_message.debug = False  # of an earlier command in this process
     error_message.as_json = asks_for_json(sys.argv[1:])
     try:
-        program = _program()
+        program = _program(next((word for word in sys.argv[1:] if not word.startswith("-")), ""))
         with options_of("prompt"):
             status = program(["--help"] if silent else None, prog_name="hil", standalone_mode=False)
         signalled = None if error_message.ended or status != _CTRL_C else raised()

@@ -58,6 +58,11 @@ def test_what_is_not_needed_is_not_imported(program, unneeded, needed):
     assert imported_by(program).isdisjoint({*HEAVY, *unneeded} - needed)
 
 
+def test_a_command_that_is_asked_for_imports_no_other():
+    imported = imported_by(command("--debug list"))
+    assert {name for name in imported if name.startswith("hil.cli.commands.")} == {"hil.cli.commands.list_"}
+
+
 def test_listing_shows_everything_with_a_summary(command_line):
     lines = command_line("list").out.splitlines()
     for kind in KINDS:
