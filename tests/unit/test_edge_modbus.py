@@ -222,45 +222,52 @@ def busy(device: Tables, times: float) -> Callable[[bytes], bytes]:
     return answer
 
 
-def test_a_busy_device_is_asked_again_for_as_long_as_an_answer_may_take():
-    device = Tables(inputs={0: 453})
-    with linked(busy(device, 3)) as link:
+@pytest.fixture
+def asked_by_hand(monkeypatch):
+    """A line by a clock of its own to a device that answers so: when it was asked, and what came of it."""
+
+    def asked(answer: Callable[[bytes], bytes], says: str) -> list[float]:
+        asked_s, spent_s = list[float](), [0.0]
+
+        class Port:
+            line, is_hung_up, quiet_until_s = nullcontext(), False, 0.0
+            come = b""
+
+            def write(self, data: bytes) -> None:
+                asked_s.append(sum(spent_s))
+                self.come = answer(data)
+
+            def read(self, wait_s: float) -> bytes:
+                spent_s.append(0.07 if self.come else max(0.0, wait_s))
+                came, self.come = self.come, b""
+                return came
+
+            def drop(self) -> None:
+                """Nothing is open."""
+
+        line = modbus_line.ModbusLine(LineSettings(address="127.0.0.1:502", timeout_s=0.2), lambda: None)
+        monkeypatch.setattr(line, "_opened", Port)
+        with monkeypatch.context() as patch:
+            patch.setattr(modbus_line, "system", SimpleNamespace(now_s=lambda: sum(spent_s), sleep=spent_s.append))
+            with pytest.raises(LinkError, match=says):
+                line.ask(4, 0)
+        return [*asked_s, sum(spent_s)]
+
+    return asked
+
+
+def test_a_busy_device_is_asked_again_for_as_long_as_an_answer_may_take(asked_by_hand):
+    with linked(busy(Tables(inputs={0: 453}), 3)) as link:
         assert link.read()["t"] == 453.0
-    with (
-        pytest.raises(LinkError, match=r"exception 6 \(device busy\)"),
-        linked(busy(device, math.inf), timeout_s=0.2) as link,
-    ):
-        link.read()
+    *asked_s, _ = asked_by_hand(busy(Tables(), math.inf), r"exception 6 \(device busy\)")
+    assert len(asked_s) == 2 and asked_s[-1] < 0.2
 
 
-def test_a_busy_device_and_one_that_then_falls_silent_take_one_time_out(monkeypatch):
+def test_a_busy_device_and_one_that_then_falls_silent_take_one_time_out(asked_by_hand):
     """It was asked again within the time of an answer, and that one then had the whole time once more."""
-    asked_s, spent_s = list[float](), [0.0]
-    refuses = busy(Tables(inputs={0: 453}), 1)
-
-    class Port:
-        line, is_hung_up, quiet_until_s = nullcontext(), False, 0.0
-        come = b""
-
-        def write(self, data: bytes) -> None:
-            asked_s.append(sum(spent_s))
-            self.come = refuses(data) if len(asked_s) == 1 else b""
-
-        def read(self, wait_s: float) -> bytes:
-            spent_s.append(0.07 if self.come else max(0.0, wait_s))
-            came, self.come = self.come, b""
-            return came
-
-        def drop(self) -> None:
-            """Nothing is open."""
-
-    line = modbus_line.ModbusLine(LineSettings(address="127.0.0.1:502", timeout_s=0.2), lambda: None)
-    monkeypatch.setattr(line, "_opened", Port)
-    with monkeypatch.context() as patch:
-        patch.setattr(modbus_line, "system", SimpleNamespace(now_s=lambda: sum(spent_s), sleep=spent_s.append))
-        with pytest.raises(LinkError, match=r"no valid answer within 0\.2 s"):
-            line.ask(4, 0)
-    assert len(asked_s) == 2 and sum(spent_s) == pytest.approx(0.2)
+    refused = iter([busy(Tables(), 1)])
+    *asked_s, ended_s = asked_by_hand(lambda data: next(refused, lambda _: b"")(data), r"no valid answer within 0\.2 s")
+    assert len(asked_s) == 2 and ended_s == pytest.approx(0.2)
 
 
 def test_echo_belongs_to_a_serial_line():
