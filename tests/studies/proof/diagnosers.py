@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -11,6 +10,10 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, Protocol
+
+from hil.cli.commands import diagnose, identify, simulate
+
+_COMMANDS = {"identify": identify, "diagnose": diagnose, "simulate": simulate}
 
 
 class Diagnoser(Protocol):
@@ -59,7 +62,7 @@ def _command(name: str) -> Any:
     import typer
 
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    app.command()(importlib.import_module(f"hil.cli.{name}").command)
+    app.command()(_COMMANDS[name].command)
     return typer.main.get_command(app)
 
 
