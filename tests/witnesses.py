@@ -62,7 +62,8 @@ def end_of(guard: Guard) -> str:
     """Make safe, and what came of it: `safe`, a note on it, or what is against it."""
     with suppress(NotSafeError):
         guard.make_safe()
-    return f"{note_of(guard.known.known) and 'note'}{'' if guard.known.are_safe else guard.known.text}" or "safe"
+    states = guard.output_states
+    return f"{note_of(states.by_name) and 'note'}{'' if states.are_safe else states.text}" or "safe"
 
 
 def opened(name: str, seed: int = 1) -> tuple[Guard, str]:

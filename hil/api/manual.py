@@ -70,7 +70,7 @@ def jog(
     labels = labels_of(serial, operator, [f"{k}={v}" for k, v in notes.items()])
     return run_procedure(
         to_be_ended(procedure, wanted), file, {"value": value, "for_s": for_s}, Path(out), progress, several(resets),
-        known=outputs, labels=labels, commanding=channel,
+        output_states=outputs, labels=labels, commanding=channel,
     )  # fmt: skip
 
 

@@ -244,7 +244,7 @@ class Ending:
 
 
 @contextmanager
-def accounted(known: Outputs) -> Iterator[None]:
+def accounted(output_states: Outputs) -> Iterator[None]:
     """Whatever ends what is inside leaves it with the exit status and the sentence that follow from the outputs.
 
     Raises:
@@ -252,10 +252,10 @@ def accounted(known: Outputs) -> Iterator[None]:
     """
     try:
         yield
-        known.check()
+        output_states.check()
     except BaseException as error:
         begin_ending()
-        known.mark(error)
+        output_states.mark(error)
         raise
 
 
@@ -280,12 +280,12 @@ def closed_for_sure(close: Callable[[], None]) -> Iterator[None]:
 
 
 @contextmanager
-def recorded(writer: RunWriter, known: Outputs, stopped_by: Callable[[], str] = str) -> Iterator[RunWriter]:
+def recorded(writer: RunWriter, output_states: Outputs, stopped_by: Callable[[], str] = str) -> Iterator[RunWriter]:
     """A run folder that is sealed afterwards: with how the run ended, and what was known of each output then.
 
     Args:
         writer: of the folder.
-        known: of the outputs.
+        output_states: what is known of the outputs.
         stopped_by: the account that stopped the run; empty where nobody is known to have.
 
     Raises:
@@ -295,16 +295,16 @@ def recorded(writer: RunWriter, known: Outputs, stopped_by: Callable[[], str] = 
 
     def seal() -> None:
         by: dict[str, Any] = {"stopped_by": account} if (account := stopped_by()) else {}
-        writer.close(outcome, outputs=known.record(), **by)
+        writer.close(outcome, outputs=output_states.record(), **by)
         if writer.path != begun:
             raise StorageError(f"what was recorded is kept in {writer.path}")
 
     with closed_for_sure(seal):
         try:
             yield writer
-            known.check()
+            output_states.check()
         except BaseException as error:
-            known.mark(error)
+            output_states.mark(error)
             outcome = f"{type(error).__name__}: {with_notes(error)}"
             raise
 

@@ -199,40 +199,41 @@ def _make_safe(file: BenchFile, device: _Device) -> None:
     Whatever a driver throws concerns this device alone.
     """
     outputs = {channel: entry for channel, entry in file.bench.channels.items() if entry.is_output}
-    known = Outputs()
+    output_states = Outputs()
     try:
         if any(entry.device == device.name for entry in outputs.values()):
             daq = file.devices[device.name].open(outputs, only_safe=True)
             device.moved = any(daq.levels.get(name) != channel.safe for name, channel in daq.outputs.items())
-            _ask_to_be_safe(daq, known, max(0.0, device.until_s - system.now_s()))
+            _ask_to_be_safe(daq, output_states, max(0.0, device.until_s - system.now_s()))
     except BaseException as error:
         device.failure = f"{device.name}: {reason(error).removeprefix(f'{device.name}: ')}"
         return
     finally:
-        device.outputs = _in_bench_units(file, known)
-    if not known.settled:
-        device.failure, device.wait_s = f"{device.name}: {known.text.removeprefix('NOT SAFE: ')}", known.wait_s
-        device.disobeys = any(output.state is State.DRIVEN for output in known.known.values())
+        device.outputs = _in_bench_units(file, output_states)
+    if not output_states.settled:
+        device.failure = f"{device.name}: {output_states.text.removeprefix('NOT SAFE: ')}"
+        device.wait_s = output_states.wait_s
+        device.disobeys = any(output.state is State.DRIVEN for output in output_states.by_name.values())
         return
-    unasked = [name for name, output in known.known.items() if not output.can]
+    unasked = [name for name, output in output_states.by_name.items() if not output.can]
     device.failure, device.done = "", True
     device.unasked = f"{device.name}: {', '.join(unasked)} cannot be read back" if unasked else ""
 
 
-def _ask_to_be_safe(daq: Daq, known: Outputs, late_s: float) -> None:
-    known.opened(daq.outputs)
+def _ask_to_be_safe(daq: Daq, output_states: Outputs, late_s: float) -> None:
+    output_states.opened(daq.outputs)
     try:
-        known.make_safe(daq, late_s=late_s)
+        output_states.make_safe(daq, late_s=late_s)
     finally:
         with suppress(Exception):  # what is known of the outputs stands, however it lets go
             daq.close()
 
 
-def _in_bench_units(file: BenchFile, known: Outputs) -> dict[str, Output]:
+def _in_bench_units(file: BenchFile, output_states: Outputs) -> dict[str, Output]:
     """What a device said at its terminals, as the bench file calibrates them."""
     lines = {name: entry.line for name, entry in file.bench.channels.items()}
     return {name: _in_units_of(lines[name], output) if name in lines else output
-            for name, output in known.known.items()}  # fmt: skip
+            for name, output in output_states.by_name.items()}  # fmt: skip
 
 
 def _in_units_of(line: Calibration, output: Output) -> Output:

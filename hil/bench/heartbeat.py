@@ -55,7 +55,9 @@ class WatchdogHandle(NamedTuple):
 
 
 @contextmanager
-def watched(file: BenchFile, run: Path, known: Outputs, operator: Operator | None = None) -> Iterator[WatchdogHandle]:
+def watched(
+    file: BenchFile, run: Path, output_states: Outputs, operator: Operator | None = None
+) -> Iterator[WatchdogHandle]:
     """A watchdog process while inside; yields the function that gives a sign of life.
 
     That function raises `StoppedError` when the watchdog itself is gone or hangs. A simulated bench, and one whose file
@@ -68,7 +70,7 @@ def watched(file: BenchFile, run: Path, known: Outputs, operator: Operator | Non
         HardwareError: the watchdog cannot reach the devices.
     """
     if file.is_simulated or not file.bench.protection.watchdog_s:
-        with _heard_here(file, known, operator) as watch:
+        with _heard_here(file, output_states, operator) as watch:
             yield watch
         return
     operator = operator or Operator()
@@ -78,25 +80,25 @@ def watched(file: BenchFile, run: Path, known: Outputs, operator: Operator | Non
         client.wait_until_ready()
         yield WatchdogHandle(client.beat, client.control, client.no_listener, client.hand_over, client.say_identities)
     except BaseException as error:
-        if not known.are_commanded:
+        if not output_states.are_commanded:
             error.add_note(client.hand_over())
         raise
     finally:
-        if known.are_commanded:
-            client.say_outputs(known)
+        if output_states.are_commanded:
+            client.say_outputs(output_states)
             client.say_farewell()
         else:
             client.stop()
 
 
 @contextmanager
-def _heard_here(file: BenchFile, known: Outputs, operator: Operator | None) -> Iterator[WatchdogHandle]:
+def _heard_here(file: BenchFile, output_states: Outputs, operator: Operator | None) -> Iterator[WatchdogHandle]:
     """Without a watchdog: this process listens itself, for as long as the bench is open."""
     if operator is None:
         yield WatchdogHandle(lambda _driven: None, None)
         return
     service = StopService(units_of(file), "run", lambda request: operator.ask(request, service.stopped_by))
-    operator.tell = lambda outputs: service.tell(outputs.known, "run")
+    operator.tell = lambda outputs: service.tell(outputs.by_name, "run")
     operator.holding = service.holds
     try:
         listener = system.serve(lambda: Listener(service, "run"), service)
@@ -106,8 +108,8 @@ def _heard_here(file: BenchFile, known: Outputs, operator: Operator | None) -> I
     try:
         yield WatchdogHandle(lambda _driven: None, listener.control)
     finally:
-        if known.known:
-            operator.answer(known)
+        if output_states.by_name:
+            operator.answer(output_states)
         listener.close()
 
 
@@ -197,10 +199,10 @@ class HeartbeatClient:
         except (OSError, ValueError, TimeoutExpired):
             self._end()
 
-    def say_outputs(self, known: Outputs) -> None:
+    def say_outputs(self, output_states: Outputs) -> None:
         """Tell what is known of the outputs. Never raises."""
-        if known.known:
-            self._say_line({"outputs": known.record()})
+        if output_states.by_name:
+            self._say_line({"outputs": output_states.record()})
 
     def say_identities(self) -> None:
         """Tell what the devices said that they are: the watchdog may have heard nothing when it opened them."""

@@ -49,7 +49,7 @@ def open_rig(
     progress: Progress,
     resets: Iterable[str] = (),
     earlier: Recording | None = None,
-    known: Outputs | None = None,
+    output_states: Outputs | None = None,
     commanding: str = "",
     operator: Operator | None = None,
     within: AbstractContextManager[Callable[[], None]] | None = None,
@@ -71,7 +71,7 @@ def open_rig(
         resets: names of interlocks whose trips are forgotten first.
         earlier: a run that this one resumes: it begins with the samples of that, and its procedure is told which
             parts are finished.
-        known: what is known of the outputs, for somebody who asks for it afterwards.
+        output_states: what is known of the outputs, for somebody who asks for it afterwards.
         commanding: the output that the rig drives, where it is not the command of the bench.
         operator: whoever may stop or hold this run from outside. A bench with a watchdog is listened for in any case.
         within: entered before anything else, and left when the run has ended; what it yields is called once the bench
@@ -88,16 +88,16 @@ def open_rig(
         UnknownNameError: a reset of an interlock that has not tripped.
     """
     ending = Ending(word)
-    known = known or Outputs()
+    output_states = output_states or Outputs()
     operator = operator or (None if file.is_simulated else Operator())
     try:
         begins = ending.enter(within or nullcontext(lambda: None))
         check_packages(file)
         deviations = deviations_on(file, datetime.now(UTC).date())
         ending.enter(leased(file))
-        watch = ending.enter(watched(file, out, known, operator))
-        ending.enter(accounted(known))
-        daq = ending.enter(_opened(file, known))
+        watch = ending.enter(watched(file, out, output_states, operator))
+        ending.enter(accounted(output_states))
+        daq = ending.enter(_opened(file, output_states))
         watch.say_identities()
         bench = file.bench
         latch = _latch(file, resets)
@@ -106,7 +106,9 @@ def open_rig(
         rate_hz = daq.actual_rate_hz(bench.sample_rate_hz)
         header = {**about, **_header(file, daq, rate_hz), "deviations": deviations, "codes": codes_of(deviations)}
         writer = ending.enter(
-            recorded(RunWriter.create(out, header, columns), known, lambda: operator.stopped_by if operator else "")
+            recorded(
+                RunWriter.create(out, header, columns), output_states, lambda: operator.stopped_by if operator else ""
+            )
         )
         finished = _taken_over(writer, earlier)
         recorder = Recorder(writer, daq.inputs)
@@ -121,12 +123,12 @@ def open_rig(
 
         guard = Guard(
             daq, protection_of(bench, rate_hz), latch, _clock(daq), keep, recorder.note, watch.beat,
-            known, operator,
+            output_states, operator,
         )  # fmt: skip
         if watch.note:
             recorder.note("no stop from a console", why=watch.note)
-        ending.enter(published(watch.control, out, lambda: not known.are_commanded, recorder.note))
-        ending.enter(_left_to_the_watchdog(watch, known))
+        ending.enter(published(watch.control, out, lambda: not output_states.are_commanded, recorder.note))
+        ending.enter(_left_to_the_watchdog(watch, output_states))
         ending.enter(closed_for_sure(guard.close))
         ending.guard = guard
         ending.enter(notified_of_signals(ending.signalled))
@@ -155,29 +157,29 @@ def _header(file: BenchFile, daq: Daq, rate_hz: float) -> dict[str, Any]:
 
 
 @contextmanager
-def _left_to_the_watchdog(watch: WatchdogHandle, known: Outputs) -> Iterator[None]:
+def _left_to_the_watchdog(watch: WatchdogHandle, output_states: Outputs) -> Iterator[None]:
     """Outputs that could not be made safe are left to the watchdog at once, before the record is closed."""
     try:
         yield
     finally:
-        if not known.are_commanded:
+        if not output_states.are_commanded:
             watch.hand_over()
 
 
 @contextmanager
-def _opened(file: BenchFile, known: Outputs) -> Iterator[Daq]:
+def _opened(file: BenchFile, output_states: Outputs) -> Iterator[Daq]:
     """The devices, open and safe; let go of afterwards, whatever the guard in front of them came to."""
     daq = Scaled(file.open(), {name: entry.line for name, entry in file.bench.channels.items()})
-    known.opened(daq.outputs)
-    with closed_for_sure(lambda: _let_go(daq, known)):
-        known.make_safe(daq, clock=_clock(daq))
-        known.check()
+    output_states.opened(daq.outputs)
+    with closed_for_sure(lambda: _let_go(daq, output_states)):
+        output_states.make_safe(daq, clock=_clock(daq))
+        output_states.check()
         yield daq
 
 
-def _let_go(daq: Daq, known: Outputs) -> None:
-    if not known.asked:
-        known.make_safe(daq, clock=_clock(daq))
+def _let_go(daq: Daq, output_states: Outputs) -> None:
+    if not output_states.asked:
+        output_states.make_safe(daq, clock=_clock(daq))
     daq.close()
 
 

@@ -27,15 +27,16 @@ _T = TypeVar("_T")
 
 
 def safely(
-    run: Callable[[Outputs], _T], folder: Path, archive: str, *, known: Outputs | None = None, as_json: bool = False
-) -> _T:
+    run: Callable[[Outputs], _T], folder: Path, archive: str, *,
+    output_states: Outputs | None = None, as_json: bool = False,
+) -> _T:  # fmt: skip
     """Do a run; when it fails, say what came of it and of the outputs, and leave with the exit status of that.
 
     Args:
         run: does it, told where to keep what is known of the outputs.
         folder: of the run.
         archive: where a run that failed is entered.
-        known: what is known of the outputs, for who asks for it afterwards.
+        output_states: what is known of the outputs, for who asks for it afterwards.
         as_json: whether the failure is printed as JSON too (see `failure_document`).
     """
     from hil.archive.begun import forget_begun, mark_begun
@@ -43,22 +44,23 @@ def safely(
     from hil.safety.interrupt import ended_by
     from hil.safety.outputs import Outputs
 
-    known = known or Outputs()
-    known.announce = lambda text: write(f"hil: {text}\n", 0.0)  # a stopped terminal keeps no output from its safe value
+    output_states = output_states or Outputs()
+    # Without waiting: a stopped terminal keeps no output from its safe value.
+    output_states.announce = lambda text: write(f"hil: {text}\n", 0.0)
 
     def reported(error: BaseException) -> int:
-        known.mark(error)
+        output_states.mark(error)
         stopped = isinstance(error, KeyboardInterrupt)
-        status = say(error, *([known.text, _kept(folder)] if stopped else []))
+        status = say(error, *([output_states.text, _kept(folder)] if stopped else []))
         if as_json:
-            document = json.dumps(failure_document(error, known, folder), indent=1, ensure_ascii=False)
+            document = json.dumps(failure_document(error, output_states, folder), indent=1, ensure_ascii=False)
             write(f"{document}\n", WAITS_S, sys.stdout)
         return status
 
     mark_begun(archive_place(archive), folder)
     with last_word(reported) as word:
         try:
-            return run(known)
+            return run(output_states)
         except BaseException as error:  # said here: on its way up typer would make something else of some
             status = word.say(ended_by(error))
             if isinstance(error, RehearsalError):  # nothing was driven: there is no run
@@ -68,14 +70,14 @@ def safely(
             raise typer.Exit(status) from error
 
 
-def failure_document(error: BaseException, known: Outputs, folder: Path) -> dict[str, Any]:
+def failure_document(error: BaseException, output_states: Outputs, folder: Path) -> dict[str, Any]:
     """What a run that failed prints as JSON: results without a value, the error, and the outputs as in `end.json`."""
     from hil.findings.results import SCHEMA
 
     return {
         "schema": SCHEMA, "run": folder.absolute().name, "verdict": None, "values": [], "curves": [],
         "transfer_functions": [], "error": text_of(error), "exit_status": exit_status_of(error),
-        "outputs": known.record(),
+        "outputs": output_states.record(),
     }  # fmt: skip
 
 
@@ -91,13 +93,13 @@ def ended(run: Callable[[Outputs], Outcome | None], folder: Path, archive: str, 
     from hil.archive.begun import forget_begun
     from hil.safety.outputs import Outputs
 
-    known = Outputs()
-    outcome = safely(run, folder, archive, known=known, as_json=as_json)
+    output_states = Outputs()
+    outcome = safely(run, folder, archive, output_states=output_states, as_json=as_json)
     if outcome is None:
         forget_begun(folder)
         raise typer.Exit
     try:
-        say_outcome(outcome, known, as_json=as_json, say=_print)
+        say_outcome(outcome, output_states, as_json=as_json, say=_print)
     except OSError as error:  # the verdict stands in the folder, and in the exit status
         if not isinstance(error, BrokenPipeError):
             write(f"hil: {error.filename}: {error.strerror}; the results stand in {folder}\n", WAITS_S)
@@ -106,14 +108,14 @@ def ended(run: Callable[[Outputs], Outcome | None], folder: Path, archive: str, 
 
 
 def say_outcome(
-    outcome: Outcome, known: Outputs | None = None, *, as_json: bool, say: Callable[[str], None] = typer.echo
+    outcome: Outcome, output_states: Outputs | None = None, *, as_json: bool, say: Callable[[str], None] = typer.echo
 ) -> None:
     """What a run found and where its report is; or its results and the outputs as in `end.json`, for a program."""
     if as_json:
         from hil import api
 
         found = api.results(outcome.folder).model_dump(mode="json", by_alias=True)
-        outputs = {} if known is None else {"outputs": known.record()}
+        outputs = {} if output_states is None else {"outputs": output_states.record()}
         say(json.dumps(found | outputs, indent=1, ensure_ascii=False))
         return
     from hil.report.terminal import findings_text, where

@@ -44,7 +44,7 @@ class Guard:
     Every waveform is checked whole before its first sample, every block as soon as it is read. Whatever ends a
     task before its end (a violation, an error, Ctrl-C, a reader that leaves early) makes the outputs safe
     before it is raised, and reads them back. Opening a guard makes them safe too. What came of it stands in
-    `known`; no error of a device on the way takes the place of the one that ended the task.
+    `output_states`; no error of a device on the way takes the place of the one that ended the task.
 
     In virtual time many blocks are played and judged as one. Where an interlock is broken in them they are taken back,
     and played and judged one by one, so that a trip comes at the sample at which it would have come.
@@ -74,19 +74,19 @@ class Guard:
         keep: Callable[[Block], None] = lambda _block: None,
         note: Callable[..., None] = lambda _event, **_details: None,
         beat: Callable[[bool], None] = lambda _driven: None,
-        known: Outputs | None = None,
+        output_states: Outputs | None = None,
         operator: Operator | None = None,
     ) -> None:
         self._clock = clock or VirtualClock()
         self._operator = operator or Operator()
-        self.known = known or Outputs()
-        if not self.known.known:
-            self.known.opened(daq.outputs)
+        self.output_states = output_states or Outputs()
+        if not self.output_states.by_name:
+            self.output_states.opened(daq.outputs)
         self._beat = beat
         self._daq = daq
         self._tell_safe()
-        self.known.check()
-        self.known.witnesses = Witnesses(protection.witnesses, daq.inputs)
+        self.output_states.check()
+        self.output_states.witnesses = Witnesses(protection.witnesses, daq.inputs)
         self.latch = latch or Latch()
         self._protection = protection
         self._limits = Limits(daq, protection.envelopes, self._clock)
@@ -176,7 +176,7 @@ class Guard:
             self.latch.check()
             if not self._looked:
                 self._looked = True
-                self.known.witnesses.rested(self._stand(self._protection.look_s))
+                self.output_states.witnesses.rested(self._stand(self._protection.look_s))
             self._wait_for_holds()
 
     def wait_for_operator(self) -> None:
@@ -220,14 +220,14 @@ class Guard:
             NotSafeError: one could not be brought there, or was not read back there although it can be.
         """
         self._go_safe()
-        self.known.check()
+        self.output_states.check()
 
     def read_back(self) -> Mapping[str, ReadBack]:
         """What the backend answers when it is asked where the outputs stand."""
         return self._daq.read_back()
 
     def close(self) -> None:
-        """Make safe and let go of the device; what came of it stands in `known`. May be called twice.
+        """Make safe and let go of the device; what came of it stands in `output_states`. May be called twice.
 
         Raises:
             TrippedError: an interlock tripped on the way.
@@ -236,9 +236,9 @@ class Guard:
         """
         tripped = self.latch.trips
         with uninterrupted():
-            if not self.known.asked or self._operator.waits:
+            if not self.output_states.asked or self._operator.waits:
                 self._go_safe()
-            self._operator.tell(self.known)  # a stop that is pressed from now on has its answer
+            self._operator.tell(self.output_states)  # a stop that is pressed from now on has its answer
             self._let_go()
             self._closed = True
         if self.latch.trips != tripped:
@@ -311,7 +311,7 @@ class Guard:
             raise self._over
 
     def _go_safe(self) -> None:
-        """Down the ramp, then safe and read back. Never raises; `known` says what came of it."""
+        """Down the ramp, then safe and read back. Never raises; `output_states` says what came of it."""
         if self._closed:
             return
         with uninterrupted():
@@ -327,9 +327,9 @@ class Guard:
     def _tell_safe(self) -> None:
         with uninterrupted():
             self._make_safe()
-            self.known.hear_witnesses(self._look, self._confirming, self._clock)
-            is_stopped = self._operator.answer(self.known)  # before the sign that nothing is confirmed any more
-            if self.known.are_commanded:
+            self.output_states.hear_witnesses(self._look, self._confirming, self._clock)
+            is_stopped = self._operator.answer(self.output_states)  # before the sign that nothing is confirmed any more
+            if self.output_states.are_commanded:
                 with suppress(Exception):
                     self._beat(False)
             if is_stopped:
@@ -337,7 +337,7 @@ class Guard:
 
     def _make_safe(self) -> None:
         self._confirming()
-        self.known.make_safe(self._daq, self._confirming, self._clock)
+        self.output_states.make_safe(self._daq, self._confirming, self._clock)
 
     def _look(self, name: str) -> Block:
         """A reading of an input while outputs are safe; one that times itself reads all of them, which is recorded."""
@@ -359,7 +359,7 @@ class Guard:
     def _confirming(self) -> None:
         """A sign of life on a way that may take many time-outs: slow is not hung."""
         with suppress(Exception):
-            self._operator.confirms(self.known)
+            self._operator.confirms(self.output_states)
 
     def _live(self) -> None:
         """A sign of life on the way down a ramp."""
@@ -375,7 +375,7 @@ class Guard:
     def _played(self, waveform: Waveform, samples: int, blocks: int = 1) -> Iterator[Block]:
         """A waveform in blocks of so many samples, so many of them at once."""
         self._operator.check()
-        self.known.driving(waveform)
+        self.output_states.driving(waveform)
         self._block_samples = samples
         return self._judged(self._daq.play(waveform, samples * blocks))
 
@@ -408,7 +408,7 @@ class Guard:
     def _pieces(self, waveforms: Iterable[Waveform]) -> Iterator[Waveform]:
         for waveform in waveforms:
             self._operator.check()
-            self.known.driving(waveform)
+            self.output_states.driving(waveform)
             samples = self._block_samples = self._protection.block_samples(waveform.rate_hz)
             if self._ahead(samples) == 1 or len(waveform) <= samples:
                 yield from waveform.slices(samples)
@@ -500,7 +500,7 @@ class Guard:
         path = way_to(safe, self.levels, ramps, rate_hz, order)
         if path is None or not self._stand_as_left((*ramps, *order)):
             return
-        self.known.driving(path)
+        self.output_states.driving(path)
         with closing_blocks(self._daq.play(path, self._protection.block_samples(rate_hz))) as blocks:
             for block in blocks:
                 if self._operator.stop_asked:

@@ -85,19 +85,19 @@ class Operator:
         if self.stop_asked:
             raise Halted
 
-    def answer(self, known: Outputs) -> bool:
+    def answer(self, output_states: Outputs) -> bool:
         """Tell who asked for a stop what is known of the outputs now; whether that was the first time."""
         first = self.waits
         if self.stop_asked:
             self._is_answered = True
-            self.tell(known)
+            self.tell(output_states)
         return first
 
-    def confirms(self, known: Outputs) -> None:
+    def confirms(self, output_states: Outputs) -> None:
         """The run makes its outputs safe; who asked for a stop is told when only time is missing to call them so."""
         self.confirming()
-        if self.stop_asked and known.wait_s:
-            self.tell(known)
+        if self.stop_asked and output_states.wait_s:
+            self.tell(output_states)
 
     def wait(self, patience_s: float) -> None:
         """Stay here while a hold is asked for: on a bench whose time stands still meanwhile.

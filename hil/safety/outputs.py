@@ -222,7 +222,7 @@ class Outputs:
         self._known = {name: Output(State.UNKNOWN, channel.unit) for name, channel in channels.items()}
 
     @property
-    def known(self) -> Mapping[str, Output]:
+    def by_name(self) -> Mapping[str, Output]:
         """What is known of each; empty until the bench is open."""
         return dict(self._known)
 

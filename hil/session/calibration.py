@@ -142,8 +142,8 @@ def input_points(file: BenchFile, channel: str, count: int, ask: Asked, answered
 
 
 def output_points(
-    file: BenchFile, channel: str, targets: Sequence[float], ask: Asked, answered: Answered, out: Path, known: Outputs,
-    labels: Labels,
+    file: BenchFile, channel: str, targets: Sequence[float], ask: Asked, answered: Answered, out: Path,
+    output_states: Outputs, labels: Labels,
 ) -> list[Point]:  # fmt: skip
     """An output at each target, held there through the guard until the reference was read; recorded as a run.
 
@@ -158,14 +158,14 @@ def output_points(
     about = {"procedure": procedure.name, "settings": {}, "commanding": channel, **labels.about}
     points = []
     with (
-        accounted(known),
+        accounted(output_states),
         terminable(),
         open_rig(
             file,
             out,
             about,
             quiet,
-            known=known,
+            output_states=output_states,
             commanding=channel,
             operator=Operator(),
             within=on_the_trail(file, out, about),

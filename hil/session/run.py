@@ -46,7 +46,7 @@ def run_procedure(
     resets: Iterable[str] = (),
     limits: Mapping[str, Limit | TypedLimit] = MappingProxyType({}),
     resume: Path | None = None,
-    known: Outputs | None = None,
+    output_states: Outputs | None = None,
     labels: Labels = NO_LABELS,
     commanding: str = "",
     archive: str = "",
@@ -66,7 +66,7 @@ def run_procedure(
         limits: of measured quantities, by name; they go before those of the bench file, and those before what
             the procedure declares.
         resume: the folder of a run that was broken off; its settings are taken, its finished parts not driven again.
-        known: what is known of the outputs, for somebody who asks for it afterwards.
+        output_states: what is known of the outputs, for somebody who asks for it afterwards.
         labels: serial number, operator and notes.
         commanding: the output that is driven, where it is not the command of the bench.
         archive: where an earlier run of a unit that did not pass is looked for.
@@ -94,13 +94,14 @@ def run_procedure(
     labels_and_limits = {**about, "limits given": {name: asdict(judged_by[name]) for name in limits}}
     with kept_progress(out, progress) as report:
         try:
-            known = known or Outputs()
+            output_states = output_states or Outputs()
             with (
-                accounted(known),  # also of a signal that came so late that only `terminable` raises it
+                accounted(output_states),  # also of a signal that came so late that only `terminable` raises it
                 terminable(),
                 open_rig(
-                    bench, out, about, report, resets, earlier, known, commanding, operator_here(bench.is_simulated),
-                    on_the_trail(bench, out, labels_and_limits, resets), word_of_this_process(),
+                    bench, out, about, report, resets, earlier, output_states, commanding,
+                    operator_here(bench.is_simulated), on_the_trail(bench, out, labels_and_limits, resets),
+                    word_of_this_process(),
                 ) as rig,
             ):  # fmt: skip
                 _run_by(procedure, rig, values)

@@ -200,7 +200,7 @@ def ended(devices: list[Device], blocks: int | None, bench: BenchFile) -> Said:
             with (
                 accounted(known),
                 terminable(),
-                open_rig(file, folder / "run", {}, lambda *_: None, known=known) as rig,
+                open_rig(file, folder / "run", {}, lambda *_: None, output_states=known) as rig,
             ):
                 rig.play(np.linspace(1.0, 8.0, 20))
                 for _ in rig.stream([np.full(10, 8.0), np.full(10, 6.0)]):
@@ -217,9 +217,9 @@ def ended(devices: list[Device], blocks: int | None, bench: BenchFile) -> Said:
 def check(said: Said, devices: list[Device]) -> None:
     for device, name in zip(devices, ("command", "enable"), strict=True):
         stands_safe = abs(device.level - SAFE[device.name]) < 0.05
-        if not said.known.known:  # never opened
+        if not said.known.by_name:  # never opened
             continue
-        state = said.known.known[name].state
+        state = said.known.by_name[name].state
         assert stands_safe or state != "safe", (state, device.level, said.text)
         assert stands_safe or (said.status == 3 and "outputs are safe" not in said.text), said
         assert stands_safe or name in said.text, said
@@ -229,7 +229,7 @@ def check(said: Said, devices: list[Device]) -> None:
             assert stands_safe or said.end[name]["state"] != "safe", said.end
         assert device.calls["close"], f"{device.name} was not let go of"
     if said.status != 3:
-        assert said.known.settled or not said.known.known
+        assert said.known.settled or not said.known.by_name
     if said.status == 2:
         assert not said.known.moved
 

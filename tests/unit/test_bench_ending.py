@@ -73,7 +73,7 @@ def ended(tmp_path: Path, act: Act, more: str = "") -> tuple[BaseException, dict
 
     known = Outputs()
     with pytest.raises(SWALLOWED) as raised:
-        run_procedure(procedure(run), bench(tmp_path, more), {}, tmp_path / "run", known=known)
+        run_procedure(procedure(run), bench(tmp_path, more), {}, tmp_path / "run", output_states=known)
     assert known.settled
     assert len(later) == 9 and all(error is raised.value for error in later), later
     return raised.value, record, later
@@ -258,7 +258,7 @@ def run_as(stubborn):
                 if stubborn == "forks" and os.fork() == 0: return
     procedure, out = Procedure("stubborn", "", run, lambda _recording: Findings(()), {}, ()), folder / stubborn / "run"
     try:
-        ended(lambda known: run_procedure(procedure, file, {}, out, known=known), out, str(out.parent))
+        ended(lambda known: run_procedure(procedure, file, {}, out, output_states=known), out, str(out.parent))
     except typer.Exit as left:
         sys.exit(left.exit_code)
 

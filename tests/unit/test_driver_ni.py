@@ -148,9 +148,12 @@ def test_lost_board_ends_a_run_with_the_emergency_stop(daq, board):
     board.gone = -88705
     with pytest.raises(HardwareError, match=r"\(-88705\)"):
         next(blocks)
-    assert "nobody knows where 'a' stands" in guard.known.text and "use the emergency stop" in guard.known.text
+    assert (
+        "nobody knows where 'a' stands" in guard.output_states.text
+        and "use the emergency stop" in guard.output_states.text
+    )
     guard.close()
-    assert guard.known.status(None, 0) == 3
+    assert guard.output_states.status(None, 0) == 3
 
 
 def test_late_program_meets_an_underflow(daq, board):

@@ -76,7 +76,7 @@ def halted(
         with terminable(), guarded(remote, ramps, operator, latch) as guard:
             list(guard.play(Waveform(RATE_HZ, {"valve": np.full(samples, 5.0)})))
     except Halted:
-        return guard.known
+        return guard.output_states
     raise AssertionError("the run was not stopped")
 
 
@@ -162,7 +162,7 @@ def test_run_in_another_thread_is_stopped_at_its_next_block():
 def test_stop_is_told_what_cannot_be_confirmed():
     operator = Operator()
     told: list[str] = []
-    operator.tell = lambda known: told.append(known.known["valve"].state)
+    operator.tell = lambda known: told.append(known.by_name["valve"].state)
     known = halted(Pressing(operator, lambda level: level == 5.0, deaf=True), {}, operator, 300)
     assert told[0] == "driven" and not known.settled
 

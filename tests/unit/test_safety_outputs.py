@@ -74,7 +74,7 @@ def test_message_and_status_follow_from_what_is_known(
     error, status,
 ):  # fmt: skip
     known = after(answer, failure)
-    assert (known.known["a"].state, known.settled) == (state, settled)
+    assert (known.by_name["a"].state, known.settled) == (state, settled)
     assert says in known.text and ("NOT SAFE" in known.text) == (not settled)
     own = getattr(type(error), "exit_status", HilError.exit_status) if error else 0
     assert known.status(error, own) == (status if settled else 3)
@@ -130,7 +130,7 @@ def test_whatever_is_thrown_on_the_way_is_what_nobody_knows(error):
     known, device = Outputs(), Broken({}, error)
     known.opened(device.outputs)
     known.make_safe(device, clock=VirtualClock())
-    assert known.known["a"].state == "unknown" and known.status(KeyboardInterrupt(), 2) == 3
+    assert known.by_name["a"].state == "unknown" and known.status(KeyboardInterrupt(), 2) == 3
 
 
 def test_record_says_state_place_and_why():
@@ -191,5 +191,5 @@ def test_ending_says_of_its_outputs_what_the_data_say_in_the_language(language):
 
 def test_output_that_stands_elsewhere_says_why_it_could_not_be_told():
     known = after(ELSEWHERE, LinkError("Dev1: the specified resource is reserved (-50103)"))
-    assert known.known["a"].state is State.DRIVEN
+    assert known.by_name["a"].state is State.DRIVEN
     assert "(Dev1: the specified resource is reserved (-50103))" in known.text

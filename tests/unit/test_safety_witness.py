@@ -81,13 +81,13 @@ def test_guard_calls_a_valve_that_sticks_open_not_confirmed():
     guard = driven(guard_of(valve))
     with pytest.raises(NotSafeError):
         guard.make_safe()
-    record = guard.known.record()["a"]
+    record = guard.output_states.record()["a"]
     assert (record["state"], record["read_back"], record["at"]) == ("unconfirmed", True, 0.0)
     assert record["witness"] == {
         "channel": "a read", "unit": "l/min", "is_named": True, "reads": 5.2, "at_rest": 0.2,
     }  # fmt: skip
-    assert guard.known.status(None, 0) == guard.known.status(KeyboardInterrupt(), 2) == 3
-    assert guard.known.are_commanded and not guard.known.settled  # its watchdog has nothing left to do
+    assert guard.output_states.status(None, 0) == guard.output_states.status(KeyboardInterrupt(), 2) == 3
+    assert guard.output_states.are_commanded and not guard.output_states.settled  # its watchdog has nothing left to do
     assert valve.levels["a"] == 0.0
 
 
@@ -105,14 +105,14 @@ def test_sentence_of_a_witness_is_made_of_the_data(language):
     with pytest.raises(NotSafeError):
         guard.make_safe()
     with speaking(language):
-        assert sentence(outputs_in(json.loads(json.dumps(guard.known.record())))).startswith(SAYS[language])
+        assert sentence(outputs_in(json.loads(json.dumps(guard.output_states.record())))).startswith(SAYS[language])
 
 
 @pytest.mark.parametrize("readings", [0, 10, 45])
 def test_guard_waits_for_a_witness_as_long_as_it_may_settle(readings):
     guard = driven(guard_of(Valve(readings, noise=0.3)))
     guard.make_safe()
-    assert guard.known.are_safe and guard.known.text == "outputs are safe (read back)"
+    assert guard.output_states.are_safe and guard.output_states.text == "outputs are safe (read back)"
 
 
 def test_guard_waits_no_longer_than_the_channel_settles():
@@ -129,31 +129,31 @@ def test_witness_that_gives_no_reading_confirms_nothing():
     valve.is_dead = True
     with pytest.raises(NotSafeError):
         guard.make_safe()
-    assert "NOT CONFIRMED by a read (no reading now" in guard.known.text
+    assert "NOT CONFIRMED by a read (no reading now" in guard.output_states.text
     valve.is_dead = False
     guard.make_safe()
-    assert guard.known.are_safe
+    assert guard.output_states.are_safe
 
 
 def test_witness_that_nobody_named_makes_a_note():
     heard: list[str] = []
     guard = driven(guard_of(Valve(np.inf), Witness("a read", is_named=False)))
-    guard.known.announce = heard.append
+    guard.output_states.announce = heard.append
     guard.make_safe()
     note = "not back at rest: a read (5 l/min now, 0 l/min at rest)"
-    assert heard == [note] and guard.known.text == f"outputs are safe (read back); {note}"
-    assert guard.known.are_safe and guard.known.status(None, 0) == 0
-    assert guard.known.record()["a"]["witness"]["is_named"] is False
+    assert heard == [note] and guard.output_states.text == f"outputs are safe (read back); {note}"
+    assert guard.output_states.are_safe and guard.output_states.status(None, 0) == 0
+    assert guard.output_states.record()["a"]["witness"]["is_named"] is False
 
 
 def test_output_that_cannot_be_asked_is_denied_by_its_witness_too():
     guard = driven(guard_of(Valve(np.inf, answers=False)))
     with pytest.raises(NotSafeError):
         guard.make_safe()
-    assert guard.known.record()["a"]["read_back"] is False and guard.known.status(None, 0) == 3
+    assert guard.output_states.record()["a"]["read_back"] is False and guard.output_states.status(None, 0) == 3
     guard = driven(guard_of(Valve(3, answers=False)))
     guard.make_safe()
-    assert guard.known.text == "outputs were commanded safe; 'a' cannot be read back"
+    assert guard.output_states.text == "outputs were commanded safe; 'a' cannot be read back"
 
 
 def test_output_that_never_left_its_safe_value_needs_no_witness():
@@ -161,7 +161,7 @@ def test_output_that_never_left_its_safe_value_needs_no_witness():
     guard = driven(guard_of(valve), level=0.0)
     valve.is_dead = True
     guard.make_safe()
-    assert guard.known.are_safe
+    assert guard.output_states.are_safe
 
 
 def test_trip_is_kept_before_witnesses_are_heard():
@@ -177,7 +177,7 @@ def test_trip_is_kept_before_witnesses_are_heard():
     with pytest.raises(TrippedError):
         driven(guard)
     assert kept and all("high" in trips for trips in kept)
-    assert guard.known.known["a"].is_denied
+    assert guard.output_states.by_name["a"].is_denied
 
 
 def test_good_ends_of_shipped_benches_are_confirmed():

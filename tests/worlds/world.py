@@ -432,8 +432,8 @@ class World:
         self.ran.said.append((self.hub.now_s, by, text))
 
     def _word(self, by: str, known: Outputs) -> None:
-        safe = {name: self.hub.now_s for name, output in known.known.items() if str(output.state) == "safe"}
-        states = {name: str(output.state) for name, output in known.known.items()}
+        safe = {name: self.hub.now_s for name, output in known.by_name.items() if str(output.state) == "safe"}
+        states = {name: str(output.state) for name, output in known.by_name.items()}
         self.moved = known.moved
         self.ran.words.append(Word(by, self.hub.now_s, safe, known.text, states))
 
@@ -618,7 +618,9 @@ class World:
             try:
                 with (
                     accounted(known),
-                    open_rig(_bench(self.schedule), self.folder / name, {}, lambda *_: None, known=known) as rig,
+                    open_rig(
+                        _bench(self.schedule), self.folder / name, {}, lambda *_: None, output_states=known
+                    ) as rig,
                 ):
                     rig.play(np.zeros(5))
             except BaseException as error:

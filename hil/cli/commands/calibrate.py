@@ -63,11 +63,11 @@ def command(
     typed = Typed()
     folder = None if certificate or not reference else _folder(file, channel, out)
 
-    def ask_all(known: Outputs | None = None) -> Calibrated:
+    def ask_all(output_states: Outputs | None = None) -> Calibrated:
         return api.calibrate(
             file, channel, reference, _answers(typed, unit), points=points, between=limits, operator=operator,
-            reference_uncertainty=expanded, valid_days=valid_days, out=folder or out or "", ask=_ask, outputs=known,
-            certificate=certificate or "", table=table,
+            reference_uncertainty=expanded, valid_days=valid_days, out=folder or out or "", ask=_ask,
+            outputs=output_states, certificate=certificate or "", table=table,
         )  # fmt: skip
 
     if folder is None:

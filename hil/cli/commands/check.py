@@ -101,9 +101,9 @@ def _held_against_first(bench: BenchFile, serial: str, archive: str, *, as_json:
 
     folder = new_folder(DEFAULT_FOLDER, _REFERENCE, serial)
 
-    def run(known: Outputs) -> None:
+    def run(output_states: Outputs) -> None:
         with shown() as progress:
-            api.run(_REFERENCE, bench, folder, serial=serial, progress=progress, outputs=known, archive=archive)
+            api.run(_REFERENCE, bench, folder, serial=serial, progress=progress, outputs=output_states, archive=archive)
 
     safely(run, folder, archive, as_json=as_json)
     entered(archive, folder)

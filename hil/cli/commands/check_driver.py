@@ -108,17 +108,17 @@ def _rescued(file: BenchFile, examined: Subject, as_json: bool, left: list[str])
     from hil.record.state import state_path
     from hil.safety.outputs import Outputs
 
-    known, folder = Outputs(), state_path("check-driver", file.bench.name, "")
+    output_states, folder = Outputs(), state_path("check-driver", file.bench.name, "")
     folder.mkdir(parents=True, exist_ok=True)
-    with watched(file, folder, known) as watch:
-        known.opened(examined.wiring.outputs)
+    with watched(file, folder, output_states) as watch:
+        output_states.opened(examined.wiring.outputs)
         try:
             yield replace(examined, alive=watch.beat)
         finally:
             if text := left_safe(examined):
                 left.append(text)
                 typer.echo(text, err=as_json)
-            known.opened({})  # they are safe, and no longer ours
+            output_states.opened({})  # they are safe, and no longer ours
 
 
 def _pairs(typed: list[str]) -> dict[str, str]:

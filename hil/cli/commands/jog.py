@@ -56,12 +56,13 @@ def command(
     folder = out or new_folder(DEFAULT_FOLDER, "jog", labels.serial)
     check_folder(folder)
 
-    def run(known: Outputs) -> Outcome:
+    def run(output_states: Outputs) -> Outcome:
         with any_key() as pressed, shown() as progress:
             typer.echo(f"jog {channel} on {found.bench.name}, recording into {folder}; any key ends it", err=as_json)
             return api.jog(
                 found, channel, place, folder, for_s=for_s, serial=labels.serial, operator=labels.operator,
-                notes=labels.notes, resets=resets, wanted=lambda: not pressed(), progress=progress, outputs=known,
+                notes=labels.notes, resets=resets, wanted=lambda: not pressed(), progress=progress,
+                outputs=output_states,
             )  # fmt: skip
 
     ended(run, folder, archive, as_json=as_json)

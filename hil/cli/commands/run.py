@@ -97,7 +97,7 @@ def command(
     given = {**preset_settings(found, chosen, preset), **split_assignments(settings)}
     judged_by = checked_limits(chosen.measurements, split_limits(limits))
 
-    def run(known: Outputs) -> Outcome | None:
+    def run(output_states: Outputs) -> Outcome | None:
         if rehearse or rehearse_only:
             with shown() as progress:
                 keep = out if rehearse_only else None
@@ -110,8 +110,8 @@ def command(
         with shown() as progress:
             return api.run(
                 chosen, found, folder, limits=limits, serial=labels.serial, operator=labels.operator,
-                notes=labels.notes, resets=resets, resume=resume, progress=progress, outputs=known, settings=given,
-                archive=archive, cause_s=cause_s,
+                notes=labels.notes, resets=resets, resume=resume, progress=progress, outputs=output_states,
+                settings=given, archive=archive, cause_s=cause_s,
             )  # fmt: skip
 
     ended(run, folder, archive, as_json=as_json)
