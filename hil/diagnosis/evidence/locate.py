@@ -242,8 +242,8 @@ def _stage(at: _Point, k: int, traces: Sequence[Array]) -> StageShare:
     parallel_map(fill, range(len(columns)))
     used = np.array([np.linalg.norm(column) > 1e-9 for column in columns])
     solution = np.zeros(len(columns))
-    told = triangular(np.vstack([columns[used, part], -left[part]]).T for part in in_parts(len(left)))
-    solution[used] = np.linalg.lstsq(told[:, :-1], told[:, -1], rcond=1e-8)[0]
+    reduced = triangular(np.vstack([columns[used, part], -left[part]]).T for part in in_parts(len(left)))
+    solution[used] = np.linalg.lstsq(reduced[:, :-1], reduced[:, -1], rcond=1e-8)[0]
     remaining = left + solution @ columns
     gained = float(left @ left - remaining @ remaining) - int(used.sum())
     share = max(0.0, gained / max(float(left @ left) - len(left), float(np.sqrt(2 * len(left)))))

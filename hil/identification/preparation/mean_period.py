@@ -93,11 +93,11 @@ class _Fold:
 def _folds(e: Experiment) -> Iterator[_Fold]:
     """Of each sine that has settled, as many periods as leave its command in step."""
     floors = {name: channel_floor(values) for name, values in e.valid_observed.items()}
-    told = [(e.output, e.weight), *((e.observed[name], 1.0 / floor) for name, floor in floors.items() if floor)]
+    weighted = [(e.output, e.weight), *((e.observed[name], 1.0 / floor) for name, floor in floors.items() if floor)]
     tells = np.all([e.valid_in(name) for name in (OUTPUT, *e.observed)], axis=0)
     whole = (sine for sine in e.sines if tells[sine.first : sine.first + sine.count].all())
     for fold in (_in_step(e, sine) for sine in whole):
-        if fold and all(_is_noise(fold.periods(values), weight, e.averaged) for values, weight in told):
+        if fold and all(_is_noise(fold.periods(values), weight, e.averaged) for values, weight in weighted):
             yield fold
 
 

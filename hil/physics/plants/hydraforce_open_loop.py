@@ -145,12 +145,12 @@ def zero(p: Mapping[str, float], travel: Travel) -> dict[str, float]:
     def is_within(mid: float) -> bool:
         return mid - half - beyond <= travel.least and travel.greatest <= mid + half + beyond
 
-    def is_told(mid: float) -> bool:
+    def agrees(mid: float) -> bool:
         return is_within(mid) and all(abs(mid - each) <= beyond for each in by_end)
 
     if is_within(p["mid_reading"]):
         return {}
-    return {"mid_reading": next(filter(is_told, (half, -half, *by_end)), (travel.least + travel.greatest) / 2.0)}
+    return {"mid_reading": next(filter(agrees, (half, -half, *by_end)), (travel.least + travel.greatest) / 2.0)}
 
 
 PLANT = Plant(
