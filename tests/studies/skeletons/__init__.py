@@ -7,12 +7,14 @@ name: the unit with an amount of it, 0 to 1).
 
 from __future__ import annotations
 
+import math
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import astuple, fields, replace
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -69,3 +71,19 @@ def divided(**by: float) -> Change:
 def fading(**to: float) -> Change:
     """Parameters fade to this share of themselves, by powers."""
     return _each(to, lambda value, k, amount: value * k**amount)
+
+
+def orifice_root(laminar: float) -> Callable[[float], float]:
+    """The root of a drop with its sign, as an orifice passes it; below the drop `laminar` in proportion. Compiled."""
+
+    @njit
+    def root(drop: float) -> float:
+        return drop / math.sqrt(abs(drop) + laminar)
+
+    return root
+
+
+@njit(cache=True)
+def past_edge(past: float, width: float) -> float:
+    """What is past an edge that is worn round over a width."""
+    return 0.5 * (past + math.sqrt(past * past + width * width)) if past > -30.0 * width else 0.0

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tests.studies.skeletons import Array, answering, drawing, more, parameters_of, scaled
+from tests.studies.skeletons import Array, answering, drawing, more, orifice_root, parameters_of, past_edge, scaled
 
 PLANT = "hydraforce-open-loop"
 CHANNELS = {"current": "A", "position": "mm"}
@@ -97,15 +97,7 @@ SPREAD = {
 draw = drawing(Unit(), SPREAD, 0.05)
 
 
-@njit(cache=True)
-def _root(drop: float) -> float:
-    return drop / math.sqrt(abs(drop) + SOFT_BAR)
-
-
-@njit(cache=True)
-def _over(past: float, width: float) -> float:
-    """What is past an edge that is worn round."""
-    return 0.5 * (past + math.sqrt(past * past + width * width)) if past > -30.0 * width else 0.0
+_root = orifice_root(SOFT_BAR)
 
 
 @njit(cache=True)
@@ -160,9 +152,9 @@ def _piston(p: Any, s: Array, dt: float) -> None:
 def _step(p: Any, s: Array, current: float, dt: float) -> None:
     """Spool, pump, checks, chambers, piston and sensor over one step."""
     x = s[2]
-    edge_a, edge_b = p.edge_a * _over(x - p.lap_mm, p.round_mm), p.edge_b * _over(-x - p.lap_mm, p.round_mm)
-    back_a, back_b = p.back_a * _over(p.back_mm - x, p.round_mm), p.back_b * _over(x + p.back_mm, p.round_mm)
-    bypass = p.bypass * _over(p.bypass_mm - abs(x), p.round_mm) + (p.bypass_a if x > 0.0 else p.bypass_b)
+    edge_a, edge_b = p.edge_a * past_edge(x - p.lap_mm, p.round_mm), p.edge_b * past_edge(-x - p.lap_mm, p.round_mm)
+    back_a, back_b = p.back_a * past_edge(p.back_mm - x, p.round_mm), p.back_b * past_edge(x + p.back_mm, p.round_mm)
+    bypass = p.bypass * past_edge(p.bypass_mm - abs(x), p.round_mm) + (p.bypass_a if x > 0.0 else p.bypass_b)
     to_a, from_a, between_a = _way(p, s, 0, edge_a, back_a, p.check_a, s[10])
     to_b, from_b, between_b = _way(p, s, 1, edge_b, back_b, p.check_b, p.stroke_mm - s[10])
     push = to_a * math.sqrt(max(s[5] - between_a, 0.0)) - to_b * math.sqrt(max(s[5] - between_b, 0.0))

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tests.studies.skeletons import Array, answering, drawing, more, parameters_of, scaled
+from tests.studies.skeletons import Array, answering, drawing, more, orifice_root, parameters_of, past_edge, scaled
 
 PLANT = "hydraforce-open-loop"
 CHANNELS = {"current": "A", "position": "mm"}
@@ -111,15 +111,7 @@ SPREAD = {
 draw = drawing(Unit(), SPREAD, 0.05)
 
 
-@njit(cache=True)
-def _root(drop: float) -> float:
-    return drop / math.sqrt(abs(drop) + SOFT_BAR)
-
-
-@njit(cache=True)
-def _over(past: float, width: float) -> float:
-    """What is past an edge that is worn round."""
-    return 0.5 * (past + math.sqrt(past * past + width * width)) if past > -30.0 * width else 0.0
+_root = orifice_root(SOFT_BAR)
 
 
 @njit(cache=True)
@@ -175,10 +167,10 @@ def _step(p: Any, s: Array, current: float, dt: float) -> None:
     """Spool, supply, check, chambers, rocker and wire over one step."""
     x = s[2]
     supply = p.gas_bar * (p.gas_cm3 / s[5]) ** 1.2
-    edge_a = p.edge_a * _over(x - p.lap_mm, p.round_mm) + p.spool_leak
-    edge_b = p.edge_b * _over(-x - p.lap_mm, p.round_mm) + p.spool_leak
-    back_a = p.back_a * _over(-x - p.lap_mm, p.round_mm) + p.spool_leak
-    back_b = p.back_b * _over(x - p.lap_mm, p.round_mm) + p.spool_leak
+    edge_a = p.edge_a * past_edge(x - p.lap_mm, p.round_mm) + p.spool_leak
+    edge_b = p.edge_b * past_edge(-x - p.lap_mm, p.round_mm) + p.spool_leak
+    back_a = p.back_a * past_edge(-x - p.lap_mm, p.round_mm) + p.spool_leak
+    back_b = p.back_b * past_edge(x - p.lap_mm, p.round_mm) + p.spool_leak
     to_a, to_b = edge_a * _root(supply - s[7]), edge_b * _root(supply - s[9])
     from_a, from_b = back_a * _root(s[7]), back_b * _root(s[9])
     push = (to_a - from_a) * math.sqrt(abs(supply - s[7])) - (to_b - from_b) * math.sqrt(abs(supply - s[9]))

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tests.studies.skeletons import Array, answering, drawing, more, parameters_of, scaled
+from tests.studies.skeletons import Array, answering, drawing, more, orifice_root, parameters_of, scaled
 
 PLANT = "cummins-efc"
 CHANNELS = {"current": "A", "pressure": "psi"}
@@ -73,9 +73,7 @@ SPREAD = {"bleed_psi_per_a": 0.01, "preload_psi": 0.01, "saturation_a": 0.02, "c
 draw = drawing(Unit(), SPREAD, 0.05)
 
 
-@njit(cache=True)
-def _root(drop_psi: float) -> float:
-    return drop_psi / math.sqrt(abs(drop_psi) + SOFT_PSI)
+_root = orifice_root(SOFT_PSI)
 
 
 @njit(cache=True)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tests.studies.skeletons import Array, answering, drawing, more, parameters_of, scaled
+from tests.studies.skeletons import Array, answering, drawing, more, orifice_root, parameters_of, scaled
 
 PLANT = "cummins-efc"
 CHANNELS = {"current": "A", "pressure": "psi"}
@@ -68,9 +68,7 @@ SPREAD = {"preload_n": 0.012, "force_n_per_a": 0.012, "relief_psi": 0.02, "coulo
 draw = drawing(Unit(), SPREAD, 0.04)
 
 
-@njit(cache=True)
-def _root(drop: float) -> float:
-    return drop / math.sqrt(abs(drop) + SOFT_PSI)
+_root = orifice_root(SOFT_PSI)
 
 
 @njit(cache=True)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tests.studies.skeletons import Array, answering, drawing, more, parameters_of, scaled
+from tests.studies.skeletons import Array, answering, drawing, more, orifice_root, parameters_of, scaled
 
 PLANT = "brevini-hpv41"
 CHANNELS = {"command": "%", "flow": "l/min"}
@@ -75,9 +75,7 @@ def _opening(p: Any, past_m: float, width_m: float) -> float:
     return width_m * 0.5 * (past_m + math.sqrt(past_m * past_m + p.edge_m * p.edge_m))
 
 
-@njit(cache=True)
-def _root(drop_pa: float) -> float:
-    return drop_pa / math.sqrt(abs(drop_pa) + ROOT_PA)
+_root = orifice_root(ROOT_PA)
 
 
 @njit(cache=True)

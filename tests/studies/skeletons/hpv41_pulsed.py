@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tests.studies.skeletons import Array, answering, drawing, fading, more, parameters_of, scaled
+from tests.studies.skeletons import Array, answering, drawing, fading, more, orifice_root, parameters_of, scaled
 
 PLANT = "brevini-hpv41"
 CHANNELS = {"command": "%", "flow": "l/min"}
@@ -95,9 +95,7 @@ SPREAD = {
 draw = drawing(Unit(), SPREAD, 0.05)
 
 
-@njit(cache=True)
-def _root(drop: float) -> float:
-    return drop / math.sqrt(abs(drop) + SOFT_BAR)
+_root = orifice_root(SOFT_BAR)
 
 
 @njit(cache=True)

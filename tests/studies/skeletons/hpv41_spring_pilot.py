@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tests.studies.skeletons import Array, answering, drawing, more, parameters_of, scaled
+from tests.studies.skeletons import Array, answering, drawing, more, orifice_root, parameters_of, past_edge, scaled
 
 PLANT = "brevini-hpv41"
 CHANNELS = {"command": "%", "flow": "l/min"}
@@ -98,15 +98,7 @@ SPREAD = {
 draw = drawing(Unit(), SPREAD, 0.05)
 
 
-@njit(cache=True)
-def _root(drop: float) -> float:
-    return drop / math.sqrt(abs(drop) + SOFT_BAR)
-
-
-@njit(cache=True)
-def _over(past: float, width: float) -> float:
-    """What is past an edge that is worn round."""
-    return 0.5 * (past + math.sqrt(past * past + width * width)) if past > -30.0 * width else 0.0
+_root = orifice_root(SOFT_BAR)
 
 
 @njit(cache=True)
@@ -116,8 +108,8 @@ def _pilot(p: Any, s: Array, push: float, drain: float, swept: float, dt: float)
     s[1] = max(s[0] - p.magnet_play_n, min(s[0] + p.magnet_play_n, s[1]))
     net = s[1] - 10.0 * p.face_cm2 * (s[3] - drain) - p.pilot_spring_n * s[2]
     s[2] = min(max(s[2] + dt * net / p.pilot_n_s, -0.6), 0.6)
-    fed = p.pilot_edge * _over(s[2] - p.pilot_lap_mm, p.pilot_round_mm) * _root(p.pilot_bar - s[3])
-    let = p.pilot_edge * _over(-s[2] - p.pilot_lap_mm, p.pilot_round_mm) * _root(s[3] - drain)
+    fed = p.pilot_edge * past_edge(s[2] - p.pilot_lap_mm, p.pilot_round_mm) * _root(p.pilot_bar - s[3])
+    let = p.pilot_edge * past_edge(-s[2] - p.pilot_lap_mm, p.pilot_round_mm) * _root(s[3] - drain)
     through = p.damping * _root(s[3] - s[4])
     s[3] += dt * (fed - let - through) / p.pilot_cm3_per_bar
     s[4] += dt * (through - swept) / p.end_cm3_per_bar
@@ -143,8 +135,8 @@ def _step(p: Any, s: Array, command: float, dt: float) -> None:
     swept = 0.1 * p.end_cm2 * s[11]
     _pilot(p, s[0:5], max(command, 0.0), 0.0, swept, dt)
     _pilot(p, s[5:10], max(-command, 0.0), p.drain_b_bar, -swept, dt)
-    notch_a = p.notch_a * _over(s[10] - p.lap_a_mm, p.round_mm) ** p.power_a
-    notch_b = p.notch_b * _over(-s[10] - p.lap_b_mm, p.round_mm) ** p.power_b
+    notch_a = p.notch_a * past_edge(s[10] - p.lap_a_mm, p.round_mm) ** p.power_a
+    notch_b = p.notch_b * past_edge(-s[10] - p.lap_b_mm, p.round_mm) ** p.power_b
     to_a, to_b = (notch_a + p.leak) * _root(s[13] - s[16]), notch_b * _root(s[13] - s[17])
     from_a = p.back * notch_b * _root(s[16] - p.tank_bar)
     from_b = (p.back * notch_a + p.leak) * _root(s[17] - p.tank_bar)

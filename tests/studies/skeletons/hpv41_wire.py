@@ -18,7 +18,18 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tests.studies.skeletons import Array, answering, divided, drawing, fading, more, parameters_of, scaled
+from tests.studies.skeletons import (
+    Array,
+    answering,
+    divided,
+    drawing,
+    fading,
+    more,
+    orifice_root,
+    parameters_of,
+    past_edge,
+    scaled,
+)
 
 PLANT = "brevini-hpv41"
 CHANNELS = {"command": "%", "flow": "l/min"}
@@ -99,15 +110,7 @@ SPREAD = {
 draw = drawing(Unit(), SPREAD, 0.05)
 
 
-@njit(cache=True)
-def _root(drop: float) -> float:
-    return drop / math.sqrt(abs(drop) + SOFT_BAR)
-
-
-@njit(cache=True)
-def _over(past: float, width: float) -> float:
-    """What is past an edge that is worn round."""
-    return 0.5 * (past + math.sqrt(past * past + width * width)) if past > -30.0 * width else 0.0
+_root = orifice_root(SOFT_BAR)
 
 
 @njit(cache=True)
@@ -157,8 +160,8 @@ def _step(p: Any, s: Array, command: float, dt: float) -> None:
     """Motor, bridge, spool, supply, ports and turbine over one step."""
     bent = s[7] + p.wire_mm * s[2]
     wire = p.wire_n * (bent - max(-p.ball_mm, min(bent, p.ball_mm)))
-    notch_a = p.notch_a * _over(s[7] - p.lap_a_mm, p.round_mm) ** p.power_a
-    notch_b = p.notch_b * _over(-s[7] - p.lap_b_mm, p.round_mm) ** p.power_b
+    notch_a = p.notch_a * past_edge(s[7] - p.lap_a_mm, p.round_mm) ** p.power_a
+    notch_b = p.notch_b * past_edge(-s[7] - p.lap_b_mm, p.round_mm) ** p.power_b
     supply = p.gas_bar * (p.gas_cm3 / s[10]) ** 1.3  # of what gas the oil has left room for
     to_a, to_b = (notch_a + p.leak) * _root(supply - s[12]), notch_b * _root(supply - s[13])
     from_a = p.back * notch_b * _root(s[12] - p.tank_bar)
