@@ -147,9 +147,8 @@ def left_out_note(recording: Recording, input_name: str) -> tuple[Note, ...]:
     longest_s = max(1.0 / segment.frequency_hz for segment in found)
     least = CRITERIA.moves * min(segment.amplitude for segment in found)
     later = np.searchsorted(time_s, time_s + longest_s / 4.0).clip(max=len(time_s) - 1)
-    edges = [0, *(edge for one in found for edge in (one.first, one.first + one.count)), len(time_s)]
     left: list[float] = []
-    for first, stop in zip(edges[::2], edges[1::2], strict=True):
+    for first, stop in _between(found, 0, len(time_s)):
         moves = first + np.flatnonzero(np.abs(values[later[first:stop]] - values[first:stop]) > least)
         if len(moves) and time_s[moves[-1]] - time_s[moves[0]] > longest_s:
             left += [float(time_s[moves[0]]), float(time_s[moves[-1]])]
@@ -185,12 +184,17 @@ def _within(time_s: Array, values: Array, start: int, stop: int) -> list[Segment
     share = (middle - values[up]) / (values[up + 1] - values[up])
     found = _of_equal_periods(time_s, values, time_s[up] + share * (time_s[up + 1] - time_s[up]))
     if found:
-        edges = [start, *(edge for s in found for edge in (s.first, s.first + s.count)), stop]
-        rest = list(zip(edges[::2], edges[1::2], strict=True))
+        rest = _between(found, start, stop)
     else:
         edges = [start, *(start + 1 + np.flatnonzero(above[:-1] != above[1:])).tolist(), stop]
         rest = list(pairwise(edges)) if len(edges) > 2 else []
     return found + [segment for first, last in rest for segment in _within(time_s, values, first, last)]
+
+
+def _between(found: Sequence[Segment], start: int, stop: int) -> list[tuple[int, int]]:
+    """What lies before, between and behind segments in the order of time, (first, one past the last)."""
+    edges = [start, *(edge for one in found for edge in (one.first, one.first + one.count)), stop]
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def _above(part: Array, middle: float) -> Mask:
