@@ -20,6 +20,7 @@ from hil.fmu.description import FmiVersion, description, identifier
 from hil.fmu.source import Source, source_of
 from hil.fmu.validation import resources
 from hil.fmu.variables import Variables
+from hil.record.durable import write_named
 
 _FLAGS = (
     "-std=c99",
@@ -113,7 +114,7 @@ def write_c(variables: Variables, out: Path) -> None:
     )
     core = (files("hil.fmu") / "core.c").read_text(encoding="utf-8")
     with storing(out):
-        out.write_text(head + source_of(variables).text + core, encoding="utf-8")
+        write_named(out, head + source_of(variables).text + core)
 
 
 def write_fmu(variables: Variables, out: Path, version: FmiVersion, platforms: Sequence[str] | None = None) -> Built:

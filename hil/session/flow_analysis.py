@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import InputError, SettingError, storing
+from hil.errors import InputError, SettingError
 from hil.identification.preparation.clipped import clipped_note
 from hil.identification.steady.characteristic import (
     largest_slope,
@@ -27,8 +27,7 @@ from hil.identification.steady.flow_curve import monotone, polynomial, polynomia
 from hil.identification.steady.own_sweeps import OwnSweeps, own_sweeps
 from hil.identification.steady.sweep_estimate import SweepEstimate, sweep_estimate, together
 from hil.language.note import Note
-from hil.record.csv_text import csv_text
-from hil.record.durable import write_whole
+from hil.record.csv_text import write_table
 from hil.record.invalid_samples import measured_rows
 from hil.record.plain import plain
 from hil.record.recording import Array, Recording, split_heading
@@ -108,8 +107,7 @@ class FlowAnalysis:
 
     def write(self, path: Path) -> None:
         """The curve as CSV. Raises `StorageError`."""
-        with storing(path):
-            write_whole(path, csv_text(self.columns, np.column_stack(list(self.columns.values())).tolist()))
+        write_table(self.columns, np.column_stack(list(self.columns.values())).tolist(), path)
 
 
 def flow_analysis(

@@ -15,7 +15,7 @@ from hil.cli.options import Json, Part, argument, option
 from hil.cli.places import check_file
 from hil.cli.printed import printed
 from hil.cli.reading import takes_reading, teller
-from hil.errors import FileError, SettingError
+from hil.errors import FileError, SettingError, storing
 from hil.record.reading import Reading
 
 if TYPE_CHECKING:
@@ -373,7 +373,9 @@ def _numbers(text: str) -> list[float]:
 def _write(out: str, to: str, name: str, model: TransferFunction) -> None:
     if out:
         from hil.exports.texts import function_text
+        from hil.record.durable import write_named
 
         text = function_text(model, name, to)
         check_file(Path(out))
-        Path(out).write_text(text, encoding="utf-8")
+        with storing(Path(out)):
+            write_named(Path(out), text)

@@ -13,7 +13,7 @@ import numpy as np
 
 from hil.errors import FileError, UnitError, option, storing
 from hil.record.csv_text import csv_text
-from hil.record.durable import write_whole
+from hil.record.durable import write_named
 from hil.record.recording import Array, Complex
 from hil.record.show import data_frame, dataset, table_html
 from hil.record.table import heading as headings
@@ -208,7 +208,7 @@ def write_response_table(table: ResponseTable, path: Path) -> None:
     if path.suffix.lower() != ".csv":
         raise FileError(f"{path}: a frequency response is written as .csv")
     with storing(path):
-        write_whole(path, table.csv())
+        write_named(path, table.csv())
 
 
 def _parts(columns: Sequence[Column]) -> dict[str, Column]:
