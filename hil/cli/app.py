@@ -86,12 +86,9 @@ def _run() -> int:
         sys.stderr.close()
     except (Exception, KeyboardInterrupt) as error:
         if isinstance(error, typer.Abort):  # at a question: typer tells only in its context what it was
-            is_over = isinstance(error.__context__, EOFError)
-            return (
-                say_to_program(InputError("no answer was given; nothing was done"))
-                if is_over
-                else _stopped(KeyboardInterrupt())
-            )
+            if isinstance(error.__context__, EOFError):
+                return say_to_program(InputError("no answer was given; nothing was done"))
+            return _stopped(KeyboardInterrupt())
         stopped = error.__cause__  # typer makes an error of its own of Ctrl-C
         if isinstance(stopped, KeyboardInterrupt):
             return _stopped(stopped)

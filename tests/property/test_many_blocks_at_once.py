@@ -70,15 +70,8 @@ def left(interlocks: list[Interlock], pieces: list[int], block_s: float, fault: 
         kept += daq.play(Waveform(1000.0, {"command": np.full(20, 1.0)}))
     whole = joined(kept)
     shown = {name: values.tobytes() for name, values in {"time": whole.time_s, **whole.columns}.items()}
-    return [
-        sum(map(len, kept[:recorded])),
-        shown,
-        events,
-        ended,
-        guard.latch.trips,
-        guard.output_states.text,
-        daq.read_back(),
-    ]
+    count, text = sum(map(len, kept[:recorded])), guard.output_states.text
+    return [count, shown, events, ended, guard.latch.trips, text, daq.read_back()]
 
 
 locks = st.builds(

@@ -25,7 +25,7 @@ from hil.daq.contract import ReadBack
 from hil.errors import HardwareError, LinkError
 from tests.links import PATIENT, bench_text, moved, served
 
-DESK = StopService({}, "watchdog", lambda _wish: None)
+STOPS = StopService({}, "watchdog", lambda _wish: None)
 BROKEN = [RuntimeError("error 105"), SystemExit("of a library"), MemoryError(), KeyError("ao0")]
 
 
@@ -73,7 +73,7 @@ def bench_of(folder: Path, devices: Mapping[str, Valve], late_s: float = 0.05) -
 
 def shut_down(file: BenchFile) -> tuple[list[str], list[str], float]:
     """What is left, what could not be asked, and how long it took."""
-    made = fail_safe_shutdown.FailSafeShutdown(file, DESK)
+    made = fail_safe_shutdown.FailSafeShutdown(file, STOPS)
     made.with_patience()
     return made.left, made.unasked, made.took_s
 
@@ -99,7 +99,7 @@ def test_what_is_not_safe_is_told_while_it_is_still_tried(tmp_path, monkeypatch)
     monkeypatch.setattr(fail_safe_shutdown, "GIVE_UP_S", 6.0)
     monkeypatch.setattr(fail_safe_shutdown, "_TELLS_S", 2.0)
     made = fail_safe_shutdown.FailSafeShutdown(
-        bench_of(tmp_path, {"gone": Valve(OSError("pulled"), answers=False), "healthy": Valve(None)}, late_s=0.0), DESK
+        bench_of(tmp_path, {"gone": Valve(OSError("pulled"), answers=False), "healthy": Valve(None)}, late_s=0.0), STOPS
     )
     begun_s, told = time.monotonic(), list[tuple[float, list[str]]]()
     made.with_patience(lambda: told.append((time.monotonic() - begun_s, made.left)))
@@ -149,7 +149,7 @@ def test_what_cannot_be_reached_is_tried_on_for_longer_than_its_watchdog_takes(t
 
 def test_what_is_safe_at_once_is_told_at_the_end_alone(tmp_path):
     told: list[None] = []
-    fail_safe_shutdown.FailSafeShutdown(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=0.0), DESK).with_patience(
+    fail_safe_shutdown.FailSafeShutdown(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=0.0), STOPS).with_patience(
         lambda: told.append(None)
     )
     assert not told
@@ -157,7 +157,7 @@ def test_what_is_safe_at_once_is_told_at_the_end_alone(tmp_path):
 
 def test_what_only_time_is_missing_for_is_told_at_once(tmp_path, monkeypatch):
     monkeypatch.setattr(fail_safe_shutdown, "GIVE_UP_S", 20.0)
-    made = fail_safe_shutdown.FailSafeShutdown(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=3.0), DESK)
+    made = fail_safe_shutdown.FailSafeShutdown(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=3.0), STOPS)
     told: list[tuple[str, str]] = []
     made.with_patience(lambda: told.append((made.announcement, str(made.outputs["a"].state))))
     ((said, state),) = told
@@ -202,7 +202,7 @@ def test_a_slow_first_try_does_not_undo_what_the_next_one_found(tmp_path, monkey
     monkeypatch.setattr(fail_safe_shutdown, "GIVE_UP_S", 5.0)
     monkeypatch.setattr(fail_safe_shutdown, "_MOMENT_S", 0.05)
     slow = SlowAtFirst(None)
-    made = fail_safe_shutdown.FailSafeShutdown(bench_of(tmp_path, {"slow": slow}, late_s=0.0), DESK)
+    made = fail_safe_shutdown.FailSafeShutdown(bench_of(tmp_path, {"slow": slow}, late_s=0.0), STOPS)
     made.one_attempt()
     made.with_patience()
     assert not slow.was_overtaken and not made.left and slow.levels["a"] == 0.0
@@ -237,7 +237,7 @@ def test_told_is_not_safe_until_it_is_read_back(tmp_path):
 def test_report_goes_to_the_state_folder_when_that_of_the_run_is_gone(tmp_path, monkeypatch, capfd):
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     file = bench_of(tmp_path, {"healthy": Valve(None)}, late_s=0.0)
-    watchdog.take_over(watchdog.Reporter(file, tmp_path / "gone", os.getpid(), "ended"), DESK)
+    watchdog.take_over(watchdog.Reporter(file, tmp_path / "gone", os.getpid(), "ended"), STOPS)
     (told,) = (tmp_path / "state" / "watchdog").glob("*.json")
     assert "safe_after_s" in told.read_text() and "outputs made safe in" in capfd.readouterr().err
 
