@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from .cases.label import SEVERITIES
-from .diagnosers import CLI, PYTHON
+from .diagnosers import PYTHON, by_command_line
 from .plan import ALL_PLANTS, Plan, kinds
 from .publish import keep, show
 from .run import OtherSealsError, prove
@@ -32,7 +32,9 @@ def main(
     known: Path | None = typer.Option(
         None, exists=True, dir_okay=False, help="`proof.json` of an earlier run of the same cases, to go on from."
     ),
-    cli: bool = typer.Option(False, "--cli", help="Call `hil` through the real command line, a process a call."),
+    python: Path | None = typer.Option(
+        None, exists=True, dir_okay=False, help="Interpreter whose `hil` answers, a process a call: another version's."
+    ),
 ) -> None:
     """Conceal effects, have them found, and print how often that succeeds."""
     plan = Plan(
@@ -42,6 +44,7 @@ def main(
         _chosen(only, tuple(kinds()), "--only"),
     )
     console = Console()
+    asked = PYTHON if python is None else by_command_line(python)
     begin_until_s = time.time() + 60.0 * minutes
     with Progress(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=console
@@ -55,7 +58,7 @@ def main(
 
         try:
             results, fingerprint = prove(
-                plan.labels(), seed, out, CLI if cli else PYTHON, jobs, tell, 2 if brief else 1, begin_until_s, known
+                plan.labels(), seed, out, asked, jobs, tell, 2 if brief else 1, begin_until_s, known
             )
         except OtherSealsError as error:
             raise typer.BadParameter(f"--known: {error}") from error

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -66,20 +65,23 @@ def _command(name: str) -> Any:
     return typer.main.get_command(app)
 
 
-def by_command_line(arguments: Sequence[str], log: Path) -> None:
-    """Run `hil` in a process of its own.
+def by_command_line(python: Path) -> Commands:
+    """Return the `hil` of an interpreter, asked in a process of its own; another version's answers to the same cases.
 
-    Raises:
-        RuntimeError: with the last line that it wrote, when its exit status is not 0.
+    A call raises `RuntimeError` with the last line that `hil` wrote, when its exit status is not 0.
     """
-    with log.open("w") as file:
-        status = subprocess.run(
-            [sys.executable, "-m", "hil", *arguments], stdout=file, stderr=file, check=False
-        ).returncode
-    if status != 0:
-        last = log.read_text().strip().splitlines()[-1:]
-        raise RuntimeError(f"hil {arguments[0]}: exit status {status}: {''.join(last)}")
+
+    def call(arguments: Sequence[str], log: Path) -> None:
+        with log.open("w") as file:
+            # from an empty folder: a tree in the working folder would be imported in place of the installed one
+            status = subprocess.run(
+                [python.absolute(), "-m", "hil", *arguments], stdout=file, stderr=file, check=False, cwd=log.parent
+            ).returncode
+        if status != 0:
+            last = log.read_text().strip().splitlines()[-1:]
+            raise RuntimeError(f"hil {arguments[0]}: exit status {status}: {''.join(last)}")
+
+    return Commands(call)
 
 
 PYTHON = Commands(in_process)
-CLI = Commands(by_command_line)
