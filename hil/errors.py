@@ -140,6 +140,15 @@ def reading(path: Path | str, refused: str = "cannot be read", remedy: str = "")
         raise FileError(f"{path}: {refused}: {error.strerror or error}{remedy}") from None
 
 
+@contextmanager
+def naming(name: str) -> Iterator[None]:
+    """Put the name of a file before every `FileError` that is raised within: who raises it need not know the name."""
+    try:
+        yield
+    except FileError as error:
+        raise FileError(f"{name}: {error}") from None
+
+
 class StoppedError(HardwareError):
     """An interlock ended the run; the next one may start."""
 

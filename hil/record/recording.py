@@ -13,7 +13,7 @@ from hil.arrays import Array as Array
 from hil.arrays import Complex as Complex
 from hil.arrays import Integers as Integers
 from hil.arrays import Mask as Mask
-from hil.errors import FileError, UnitError, option
+from hil.errors import FileError, UnitError, naming, option
 from hil.record.parts import moved
 from hil.record.show import data_frame, dataset, figure_by_unit, table_html
 from hil.units import check_unit, convert
@@ -257,18 +257,30 @@ def check(recording: Recording, *, place: Callable[[int], str] = sample, measure
         place: says where a sample stands, so that a reader can speak of lines of its file.
         measured: every sample must be a measurement; otherwise some may be none (see `hil.record.invalid_samples`).
     """
-    if "time" in recording.channels:
-        raise FileError(f"{recording.name}: a channel is named 'time' like the time base; give it another name")
-    _check_lengths(recording)
-    _check_finite(recording.name, "time", recording.time_s, place)
-    for channel in recording.channels.values() if measured else ():
-        _check_finite(recording.name, channel.heading, channel.values, place)
-    rises = np.diff(recording.time_s) > 1.0 / _LARGEST
+    with naming(recording.name):
+        check_samples(recording.time_s, recording.channels, place=place, measured=measured)
+
+
+def check_samples(
+    time_s: Array, channels: Mapping[str, Channel], *, place: Callable[[int], str] = sample, measured: bool = True
+) -> None:
+    """The same of samples that are no recording yet; the message does not name their file."""
+    if "time" in channels:
+        raise FileError("a channel is named 'time' like the time base; give it another name")
+    if len(time_s) < 2:
+        raise FileError(f"{len(time_s)} samples; at least 2 are needed")
+    for channel in channels.values():
+        if channel.values.shape != time_s.shape:
+            raise FileError(f"channel '{channel.heading}' has {channel.values.size} samples, time has {time_s.size}")
+    _check_finite("time", time_s, place)
+    for channel in channels.values() if measured else ():
+        _check_finite(channel.heading, channel.values, place)
+    rises = np.diff(time_s) > 1.0 / _LARGEST
     if not rises.all():
         i = int(np.argmin(rises)) + 1
         raise FileError(
-            f"{recording.name}: {place(i)}: time {recording.time_s[i]:.12g} s does not come after "
-            f"{recording.time_s[i - 1]:.12g} s; time must increase{_repeated(recording.time_s)}"
+            f"{place(i)}: time {time_s[i]:.12g} s does not come after {time_s[i - 1]:.12g} s; time must "
+            f"increase{_repeated(time_s)}"
         )
 
 
@@ -297,23 +309,12 @@ def _repeated(time_s: Array) -> str:
     )
 
 
-def _check_lengths(recording: Recording) -> None:
-    if len(recording.time_s) < 2:
-        raise FileError(f"{recording.name}: {len(recording.time_s)} samples; at least 2 are needed")
-    for channel in recording.channels.values():
-        if channel.values.shape != recording.time_s.shape:
-            raise FileError(
-                f"{recording.name}: channel '{channel.heading}' has {channel.values.size} samples, "
-                f"time has {recording.time_s.size}"
-            )
-
-
-def _check_finite(name: str, heading: str, values: Array, place: Callable[[int], str]) -> None:
+def _check_finite(heading: str, values: Array, place: Callable[[int], str]) -> None:
     usable = np.abs(values) <= _LARGEST
     if not usable.all():
         bad = np.flatnonzero(~usable)
         what = f"beyond ±{_LARGEST:g}" if np.isfinite(values[bad[0]]) else "not a number"
         raise FileError(
-            f"{name}: {place(int(bad[0]))}, channel '{heading}': {values[bad[0]]} is {what} "
+            f"{place(int(bad[0]))}, channel '{heading}': {values[bad[0]]} is {what} "
             f"({bad.size} such sample{'s' if bad.size > 1 else ''}); mend them, or leave them out with {option('gaps')}"
         )

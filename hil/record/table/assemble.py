@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import FileError, UnitError, option
+from hil.errors import FileError, UnitError, naming, option
 from hil.language.note import Note
 from hil.record.reading import AS_IT_IS, Reading
-from hil.record.recording import SAME_STAMP, Array, Channel, Recording, Samples, check, sample
+from hil.record.recording import SAME_STAMP, Array, Channel, Recording, Samples, check_samples, sample
 from hil.record.table.columns import Column, Table, by_length, even_times
 from hil.record.table.heading import is_time, plain_name, time_unit, unit_of_stamps
 from hil.record.table.long_format import split_by_channel
@@ -61,62 +61,64 @@ def assemble(
     Raises:
         FileError: no time, no signal, or samples that are no recording (see `recording.check`).
     """
-    _refuse_frames(name, tables)
-    by_channel, taken_apart = split_by_channel(tables)
-    read, place = _oldest_first(named(name, by_channel, reading), reading, sample if taken_apart else place)
-    if are_responses(read) and not reading.time and not reading.interval_s:
-        return response_table(name, read, meta)
-    pieces = list(_timed(name, read, reading))
-    timed = [one for one in pieces if len(one.time_s)]
-    if not timed:
-        raise FileError(f"{name}: {without_phase(read) or _why_no_signal(read)}")
-    refuse_mislabelled(name, [column for one in timed for column in one.signals])
-    taken, assumed = _without_blanks(name, timed, place, reading.gaps)
-    base = max(taken, key=lambda one: len(one.time_s))
-    taken, brief = _without_brief(base, taken)
-    assumed += brief
-    for one in {id(one.time_s): one for one in reversed(taken)}.values():
-        _check_stamps(name, one, place)
-    time_s, notes = _common(name, base, taken)
-    assumed += notes
-    channels: dict[str, Channel] = {}
-    own: dict[str, Samples] = {}
-    units_missing = []
-    for one in taken:
-        wanted = one.column.name_and_unit[0]
-        if wanted.casefold() in _NAMELESS and sum(t.column.heading == one.column.heading for t in taken) > 1:
-            wanted = one.table  # each in a structure or group of its own
-        label = _free_name(wanted, one.table, channels)
-        if wanted and label != wanted:
-            assumed.append(
-                Note("another channel is called '{wanted}'; this one is '{label}'", wanted=wanted, label=label)
-            )
-        unit = one.column.name_and_unit[1]
-        values, apart = _values_at(time_s, one, base)
-        channels[label] = Channel(label, unit or "1", values, one.column.source, one.column.calibration)
-        if apart is not None:
-            own[label] = apart
-        if apart is not None and one.time_s is not base.time_s:
-            assumed.append(_sampled_apart(label, one, base))
-        units_missing += [] if unit else [label]
-    file_meta: dict[str, Any] = {**(meta or {}), **({"units_missing": units_missing} if units_missing else {})}
-    if not reading.interval_s and (origin := _origins(read, reading).get("M")) is not None:
-        file_meta[ORIGIN] = str(origin)
-    assumed = [*dict.fromkeys(sentence for one in pieces for sentence in one.assumed), *assumed]
-    if assumed:
-        file_meta["assumed"] = [*file_meta.get("assumed", ()), *assumed]
-    found = Recording(name, time_s, channels, file_meta, own)
-    check(found, place=place if len(time_s) == len(timed[0].time_s) else sample)
-    return found
+    with naming(name):
+        _refuse_frames(tables)
+        by_channel, taken_apart = split_by_channel(tables)
+        read, place = _oldest_first(named(by_channel, reading), reading, sample if taken_apart else place)
+        if are_responses(read) and not reading.time and not reading.interval_s:
+            return response_table(name, read, meta)
+        pieces = list(_timed(read, reading))
+        timed = [one for one in pieces if len(one.time_s)]
+        if not timed:
+            raise FileError(without_phase(read) or _why_no_signal(read))
+        refuse_mislabelled([column for one in timed for column in one.signals])
+        taken, assumed = _without_blanks(timed, place, reading.gaps)
+        base = max(taken, key=lambda one: len(one.time_s))
+        taken, brief = _without_brief(base, taken)
+        assumed += brief
+        for one in {id(one.time_s): one for one in reversed(taken)}.values():
+            label, unit = one.column.name_and_unit
+            own_channel = {} if label == "time" else {label: Channel(label, unit or "1", one.values)}
+            check_samples(one.time_s, own_channel, place=place)
+        time_s, notes = _common(base, taken)
+        assumed += notes
+        channels: dict[str, Channel] = {}
+        own: dict[str, Samples] = {}
+        units_missing = []
+        for one in taken:
+            wanted = one.column.name_and_unit[0]
+            if wanted.casefold() in _NAMELESS and sum(t.column.heading == one.column.heading for t in taken) > 1:
+                wanted = one.table  # each in a structure or group of its own
+            label = _free_name(wanted, one.table, channels)
+            if wanted and label != wanted:
+                assumed.append(
+                    Note("another channel is called '{wanted}'; this one is '{label}'", wanted=wanted, label=label)
+                )
+            unit = one.column.name_and_unit[1]
+            values, apart = _values_at(time_s, one, base)
+            channels[label] = Channel(label, unit or "1", values, one.column.source, one.column.calibration)
+            if apart is not None:
+                own[label] = apart
+            if apart is not None and one.time_s is not base.time_s:
+                assumed.append(_sampled_apart(label, one, base))
+            units_missing += [] if unit else [label]
+        file_meta: dict[str, Any] = {**(meta or {}), **({"units_missing": units_missing} if units_missing else {})}
+        if not reading.interval_s and (origin := _origins(read, reading).get("M")) is not None:
+            file_meta[ORIGIN] = str(origin)
+        assumed = [*dict.fromkeys(sentence for one in pieces for sentence in one.assumed), *assumed]
+        if assumed:
+            file_meta["assumed"] = [*file_meta.get("assumed", ()), *assumed]
+        check_samples(time_s, channels, place=place if len(time_s) == len(timed[0].time_s) else sample)
+        return Recording(name, time_s, channels, file_meta, own)
 
 
-def _refuse_frames(name: str, tables: Sequence[Table]) -> None:
+def _refuse_frames(tables: Sequence[Table]) -> None:
     """Raise `FileError` for a list of the frames of a bus: their bytes are no signals."""
     for table in tables:
         words = {plain_name(column.heading) for column in table.columns}
         if any(word.split("(")[0].strip() in ("id", "can id") for word in words) and words & {"dlc", "len"}:
             raise FileError(
-                f"{name}: holds frames of a CAN bus, not signals; save the log as ASC, BLF, TRC or candump, and put "
+                "holds frames of a CAN bus, not signals; save the log as ASC, BLF, TRC or candump, and put "
                 "its DBC beside it"
             )
 
@@ -183,9 +185,9 @@ def _no_stamps(clock: Column) -> str:
     )
 
 
-def _timed(name: str, tables: Sequence[Table], reading: Reading) -> Iterator[_Timed]:
+def _timed(tables: Sequence[Table], reading: Reading) -> Iterator[_Timed]:
     origins = _origins(tables, reading)
-    found = [piece for table in tables for piece in _pieces(name, table, reading, origins)]
+    found = [piece for table in tables for piece in _pieces(table, reading, origins)]
     by_length = {len(time_s): time_s for _, time_s, _, _ in reversed(found) if time_s is not None}
     for table, own_s, columns, assumed in found:
         signals = tuple(column for column in columns if column.is_number)
@@ -195,9 +197,7 @@ def _timed(name: str, tables: Sequence[Table], reading: Reading) -> Iterator[_Ti
         time_s = by_length.get(length) if own_s is None else own_s
         if signals and time_s is not None:
             if len(time_s) != length:
-                raise FileError(
-                    f"{name}: channel '{signals[0].heading}' has {length} samples, its time has {len(time_s)}"
-                )
+                raise FileError(f"channel '{signals[0].heading}' has {length} samples, its time has {len(time_s)}")
             yield _Timed(table, np.ascontiguousarray(time_s, dtype=np.float64), signals, (*assumed, *left_out))
         elif length > 1:
             names = ", ".join(column.heading for column in signals)
@@ -218,7 +218,7 @@ def _origins(tables: Sequence[Table], reading: Reading) -> dict[str, Any]:
     return first
 
 
-def _pieces(name: str, table: Table, reading: Reading, origins: Mapping[str, Any]) -> Iterator[_Piece]:
+def _pieces(table: Table, reading: Reading, origins: Mapping[str, Any]) -> Iterator[_Piece]:
     """The table, cut at its columns of time: each holds for those to its right, the first for those before it too."""
     notes = (table.assumed,) if table.assumed else ()
     clocks = [] if table.time_s is not None and not reading.time else _clocks(table, reading)
@@ -245,9 +245,9 @@ def _pieces(name: str, table: Table, reading: Reading, origins: Mapping[str, Any
     for k, (start, clock) in enumerate(zip(at, clocks, strict=True)):
         stop = at[k + 1] if k + 1 < len(at) else len(columns)
         others = [*(columns[: at[0]] if k == 0 else ()), *columns[start + 1 : stop]]
-        time_s, assumed = _seconds(name, clock, reading, origins.get(clock.values.dtype.kind))
-        _refuse_contradiction(name, clock, time_s, table.columns, reading)
-        _refuse_ticks(name, clock, reading)
+        time_s, assumed = _seconds(clock, reading, origins.get(clock.values.dtype.kind))
+        _refuse_contradiction(clock, time_s, table.columns, reading)
+        _refuse_ticks(clock, reading)
         kept = [column for column in others if len(column.values) == len(time_s) or column.is_number]
         yield table.name, time_s, kept, (*notes, assumed) if assumed else notes
 
@@ -304,10 +304,10 @@ def _of_other_instants(one: Column, other: Column) -> bool:
     return bool(np.any(np.abs(both[0] - both[1]) >= max(rounding)))
 
 
-def _seconds(name: str, clock: Column, reading: Reading, origin: Any) -> tuple[Array, str]:
+def _seconds(clock: Column, reading: Reading, origin: Any) -> tuple[Array, str]:
     label = clock.name_and_unit[0]
     if not (clock.is_number or clock.is_dated) and clock.values.size:
-        raise FileError(f"{name}: {_no_stamps(clock)}")
+        raise FileError(_no_stamps(clock))
     stated = reading.units.get(label, "") or reading.units.get("time", "")
     try:
         if stated:
@@ -315,13 +315,13 @@ def _seconds(name: str, clock: Column, reading: Reading, origin: Any) -> tuple[A
         return clock.seconds(stated, origin)
     except UnitError as error:
         raise FileError(
-            f"{name}: time column '{clock.heading}': {error}; say its unit with {option('unit', f'{label}=s')}, or "
+            f"time column '{clock.heading}': {error}; say its unit with {option('unit', f'{label}=s')}, or "
             "name the column "
             f"of the time with {option('time', 'NAME')}"
         ) from None
 
 
-def _refuse_contradiction(name: str, clock: Column, time_s: Array, columns: Sequence[Column], reading: Reading) -> None:
+def _refuse_contradiction(clock: Column, time_s: Array, columns: Sequence[Column], reading: Reading) -> None:
     """Refuse a time of another unit than the stamps beside it show, unless its user says the unit or the column.
 
     Raises:
@@ -339,13 +339,13 @@ def _refuse_contradiction(name: str, clock: Column, time_s: Array, columns: Sequ
         least_s, most_s, span_s = own_s[-1] - coarse_s, own_s[-1] + coarse_s, float(time_s[-1] - time_s[0])
         if span_s > _SAME_UNIT * most_s or least_s > _SAME_UNIT * span_s > 0.0:
             raise FileError(
-                f"{name}: '{clock.heading}' says that it took {span_s:g} s, the stamps of '{beside.heading}' beside it "
+                f"'{clock.heading}' says that it took {span_s:g} s, the stamps of '{beside.heading}' beside it "
                 f"say {own_s[-1]:g} s; {option('time', f'{beside.heading}')} takes the stamps, "
                 f"{option('unit', f'{label}=UNIT')} says the unit"
             )
 
 
-def _refuse_ticks(name: str, clock: Column, reading: Reading) -> None:
+def _refuse_ticks(clock: Column, reading: Reading) -> None:
     """Refuse a time without a unit that counts the ticks of a device, as 112540000, 112544003 µs since its start.
 
     Raises:
@@ -358,17 +358,17 @@ def _refuse_ticks(name: str, clock: Column, reading: Reading) -> None:
     usual = float(np.median(steps))
     if usual >= _TICKS and np.any(steps % 60) and unit_of_stamps(clock.values) == ("s", "seconds"):
         raise FileError(
-            f"{name}: '{clock.heading}' has no unit, and its samples lie about {usual:.4g} apart; "
+            f"'{clock.heading}' has no unit, and its samples lie about {usual:.4g} apart; "
             f"{option('unit', f'{label}=us')} says the unit, also ms, ns or s"
         )
 
 
-def _without_blanks(name: str, timed: Sequence[_Timed], place: Place, gaps: bool) -> tuple[list[_Taken], list[str]]:
+def _without_blanks(timed: Sequence[_Timed], place: Place, gaps: bool) -> tuple[list[_Taken], list[str]]:
     taken, notes, empty = [], [], []
     for one in timed:
         for column in one.signals:
             values = np.ascontiguousarray(column.values, dtype=np.float64)
-            missing, words = missing_values(name, column, values, one.time_s, place, gaps)
+            missing, words = missing_values(column, values, one.time_s, place, gaps)
             kept = ~missing
             if not kept.any():
                 empty.append(column.heading)
@@ -383,7 +383,7 @@ def _without_blanks(name: str, timed: Sequence[_Timed], place: Place, gaps: bool
     if named_empty := [heading for heading in empty if heading.strip()]:
         notes.append(Note("left out, without a sample: {channels}", channels=tuple(named_empty)))
     if not taken:
-        raise FileError(f"{name}: no channel has a sample")
+        raise FileError("no channel has a sample")
     return taken, notes
 
 
@@ -408,17 +408,11 @@ def _without_brief(base: _Taken, taken: Sequence[_Taken]) -> tuple[list[_Taken],
     return [one for one in taken if one not in brief], notes
 
 
-def _check_stamps(name: str, one: _Taken, place: Place) -> None:
-    label, unit = one.column.name_and_unit
-    channels = {} if label == "time" else {label: Channel(label, unit or "1", one.values)}
-    check(Recording(name, one.time_s, channels), place=place)
-
-
 def _interval_s(time_s: Array) -> float:
     return float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
 
 
-def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, list[Note]]:
+def _common(base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, list[Note]]:
     """The stamps of the base within the time that all channels cover: one sampled on change holds on to the end."""
     bases = {id(one.time_s): one.time_s for one in taken}.values()
     if len(bases) == 1:
@@ -432,7 +426,7 @@ def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, li
     common = time_s[(time_s >= max(starts) - slack) & (time_s < max(stop, time_s[0]) - slack)]
     if len(common) < 2:
         names = ", ".join(dict.fromkeys(one.table for one in taken))
-        raise FileError(f"{name}: its time bases have no time in common: {names}")
+        raise FileError(f"its time bases have no time in common: {names}")
     notes = []
     for start in sorted(starts)[1:]:
         late = tuple(one.column.name_and_unit[0] for one in taken if one.time_s[0] == start)

@@ -20,15 +20,12 @@ _FEW_REPEATED = 0.1  # of the stamps
 Place = Callable[[int], str]
 
 
-def missing_values(
-    name: str, column: Column, values: Array, time_s: Array, place: Place, gaps: bool
-) -> tuple[Mask, list[str]]:
+def missing_values(column: Column, values: Array, time_s: Array, place: Place, gaps: bool) -> tuple[Mask, list[str]]:
     """The rows without a sample, and what there is to say about them.
 
     Fields that leave a channel evenly sampled are its own rate, and nothing is said of them here.
 
     Args:
-        name: of the file.
         column: the channel.
         values: its numbers, shape (n,).
         time_s: their stamps, shape (n,).
@@ -40,10 +37,10 @@ def missing_values(
     """
     missing, notes = (~np.isfinite(values) if gaps else np.isnan(values)) | np.isnan(time_s), []
     if missing.any() and not missing.all() and not is_even(time_s[~missing]):
-        notes += _blanks(name, column, missing, place, gaps)
+        notes += _blanks(column, missing, place, gaps)
     number = _stands_for_none(values)
     if number is not None:
-        notes += _stand_ins(name, column, values == number, number, place, gaps)
+        notes += _stand_ins(column, values == number, number, place, gaps)
         missing |= values == number
     if gaps:
         again = np.flatnonzero(np.diff(time_s) == 0.0) + 1
@@ -63,7 +60,7 @@ def is_even(time_s: Array) -> bool:
     return bool(steps.max() <= 1.05 * usual and steps.min() >= 0.95 * usual)
 
 
-def _blanks(name: str, column: Column, missing: Mask, place: Place, gaps: bool) -> list[str]:
+def _blanks(column: Column, missing: Mask, place: Place, gaps: bool) -> list[str]:
     """Scattered samples that are missing, in words; a channel of a rate of its own is spoken of elsewhere."""
     at = np.flatnonzero(missing)
     if at.size > len(missing) // 2 or missing[at[0] :].all():
@@ -71,7 +68,7 @@ def _blanks(name: str, column: Column, missing: Mask, place: Place, gaps: bool) 
     label = column.name_and_unit[0]
     if not gaps:
         raise FileError(
-            f"{name}: {place(int(at[0]))}, channel '{label}': no value ({at.size} such of {len(missing)}); with "
+            f"{place(int(at[0]))}, channel '{label}': no value ({at.size} such of {len(missing)}); with "
             f"{option('gaps')} "
             f"that is a sample that was not taken, and {option('columns')} can leave the channel out"
         )
@@ -92,11 +89,11 @@ def _stands_for_none(values: Array) -> float | None:
     return None
 
 
-def _stand_ins(name: str, column: Column, here: Mask, number: float, place: Place, gaps: bool) -> list[str]:
+def _stand_ins(column: Column, here: Mask, number: float, place: Place, gaps: bool) -> list[str]:
     at, label = np.flatnonzero(here), column.name_and_unit[0]
     if not gaps:
         raise FileError(
-            f"{name}: {place(int(at[0]))}, channel '{label}': {number:g} lies far beyond all other values, as loggers "
+            f"{place(int(at[0]))}, channel '{label}': {number:g} lies far beyond all other values, as loggers "
             f"write where nothing was measured ({at.size} such of {len(here)}); with {option('gaps')} that is a "
             "sample that was "
             f"not taken, and {option('columns')} can leave the channel out"

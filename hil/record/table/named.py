@@ -13,15 +13,15 @@ from hil.record.table import heading as headings
 from hil.record.table.columns import Column, Table, even_times, from_texts
 
 
-def named(name: str, tables: Sequence[Table], reading: Reading) -> list[Table]:
+def named(tables: Sequence[Table], reading: Reading) -> list[Table]:
     """The tables with the columns that a user named, renamed, and of stated units.
 
     Raises:
         FileError: another number of columns than there are names, or no column of a name.
     """
     tables = [replace(table, columns=[from_texts(column) for column in table.columns]) for table in tables]
-    found = _headed(name, tables, reading.columns) if reading.columns else list(map(_with_loose_units, tables))
-    _check_known(name, found, reading)
+    found = _headed(tables, reading.columns) if reading.columns else list(map(_with_loose_units, tables))
+    _check_known(found, reading)
     return [
         replace(table, columns=[_with_stated_unit(_renamed(column, reading), reading) for column in table.columns])
         for table in found
@@ -39,12 +39,12 @@ def _with_loose_units(table: Table) -> Table:
     return replace(table, columns=named)
 
 
-def _headed(name: str, tables: Sequence[Table], names: Sequence[str]) -> list[Table]:
+def _headed(tables: Sequence[Table], names: Sequence[str]) -> list[Table]:
     count = sum(len(table.columns) for table in tables)
     if count != len(names):
         have = ", ".join(f"'{c.heading}'" for table in tables for c in table.columns if c.heading.strip())
         raise FileError(
-            f"{name}: {option('columns')} names {len(names)} columns, the file has "
+            f"{option('columns')} names {len(names)} columns, the file has "
             f"{count}{': ' if have else ''}{have}; give a "
             f"name for each, '{LEFT_OUT}' for one to leave out"
         )
@@ -56,7 +56,7 @@ def _headed(name: str, tables: Sequence[Table], names: Sequence[str]) -> list[Ta
     return made
 
 
-def _check_known(name: str, tables: Sequence[Table], reading: Reading) -> None:
+def _check_known(tables: Sequence[Table], reading: Reading) -> None:
     have = [c for table in tables for c in table.columns]
     known = {text for c in have for text in (c.name_and_unit[0], c.heading.strip())}
     asked = {**dict.fromkeys(reading.renamed, "rename"), **dict.fromkeys(reading.units, "unit")}
@@ -66,7 +66,7 @@ def _check_known(name: str, tables: Sequence[Table], reading: Reading) -> None:
     for wanted, name_of in asked.items():
         if wanted not in (known if name_of == "rename" else allowed):
             there = ", ".join(_heading_text(c) for c in have) or "none"
-            raise FileError(f"{name}: {option(name_of)} {wanted}: no channel '{wanted}'; it has: {there}")
+            raise FileError(f"{option(name_of)} {wanted}: no channel '{wanted}'; it has: {there}")
 
 
 def _heading_text(column: Column) -> str:

@@ -132,14 +132,14 @@ def response_table(name: str, tables: Sequence[Table], meta: Mapping[str, Any] |
     table = next(table for table in named if _parts(table.columns))
     parts = _parts(table.columns)
     notes = [table.assumed] if table.assumed else []
-    frequency_hz = _frequency_hz(name, parts["frequency"])
+    frequency_hz = _frequency_hz(parts["frequency"])
     stds = dict(_stds(table.columns))
     if "real" in parts:
         response = _real(parts["real"]) + 1j * _real(parts["imaginary"])
         unit, in_db = parts["real"].name_and_unit[1] or "1", False
     else:
-        gain, unit, in_db = _gain(name, parts["gain"], notes)
-        phase_rad = _phase_rad(name, parts["phase"], notes)
+        gain, unit, in_db = _gain(parts["gain"], notes)
+        phase_rad = _phase_rad(parts["phase"], notes)
         response = gain * np.exp(1j * phase_rad)
     order = np.argsort(frequency_hz, kind="stable")
     kept = order[np.isfinite(response[order]) & (response[order] != 0.0) & (frequency_hz[order] > 0.0)]
@@ -149,9 +149,9 @@ def response_table(name: str, tables: Sequence[Table], meta: Mapping[str, Any] |
     if len(found) < 2 or np.any(np.diff(found) <= 0.0):
         twice = found[1:][np.diff(found) <= 0.0]
         why = f"frequency {twice[0]:g} Hz stands in it twice" if twice.size else f"{len(found)} frequencies"
-        raise FileError(f"{name}: {why}; a frequency response has at least two, each once")
+        raise FileError(f"{why}; a frequency response has at least two, each once")
     gain_std = _gain_std(stds.get("gain"), np.abs(response), in_db)
-    phase_std = None if "phase" not in stds else _angle(name, stds["phase"], notes)
+    phase_std = None if "phase" not in stds else _angle(stds["phase"], notes)
     about = {**(meta or {}), **({"assumed": notes} if notes else {})}
     return ResponseTable(
         name, found, np.asarray(response[kept], dtype=np.complex128), unit, in_db,
@@ -187,13 +187,13 @@ def _with_names(columns: Sequence[Column]) -> list[Column]:
     ]
 
 
-def refuse_mislabelled(name: str, columns: Sequence[Column]) -> None:
+def refuse_mislabelled(columns: Sequence[Column]) -> None:
     """Raise `FileError` for samples in time that are gains and phases: their first column is a frequency."""
     units = [column.name_and_unit[1] for column in columns]
     levels, angles = [u.casefold() in _DECIBEL for u in units], [u in _ANGLES for u in units]
     if any(levels) and any(angles) and all(a or b for a, b in zip(levels, angles, strict=True)):
         raise FileError(
-            f"{name}: its columns are in dB and in degrees, as those of a frequency response, but the first is "
+            f"its columns are in dB and in degrees, as those of a frequency response, but the first is "
             f"called a time; if it is a frequency, say so with {option('rename', 'time=frequency')} "
             f"{option('unit', 'frequency=Hz')}"
         )
@@ -253,53 +253,53 @@ def _real(column: Column) -> Array:
     return column.values.astype(np.float64)
 
 
-def _frequency_hz(name: str, column: Column) -> Array:
+def _frequency_hz(column: Column) -> Array:
     label, unit = column.name_and_unit
     if not unit:
-        raise _unit_missing(name, label, "Hz", "rad/s")
-    return _real(column) / (2.0 * math.pi) if unit == "rad/s" else _converted(name, column, unit, "Hz")
+        raise _unit_missing(label, "Hz", "rad/s")
+    return _real(column) / (2.0 * math.pi) if unit == "rad/s" else _converted(column, unit, "Hz")
 
 
-def _unit_missing(name: str, label: str, one: str, other: str) -> FileError:
+def _unit_missing(label: str, one: str, other: str) -> FileError:
     says = f"{option('unit', f'{label}={one}')} or {option('unit', f'{label}={other}')}"
-    return FileError(f"{name}: no unit is stated for '{label}'; say it with {says}")
+    return FileError(f"no unit is stated for '{label}'; say it with {says}")
 
 
-def _converted(name: str, column: Column, unit: str, to: str) -> Array:
+def _converted(column: Column, unit: str, to: str) -> Array:
     try:
         return convert(_real(column), unit, to)
     except UnitError as error:
-        raise FileError(f"{name}: column '{column.heading}': {error}") from None
+        raise FileError(f"column '{column.heading}': {error}") from None
 
 
-def _gain(name: str, column: Column, notes: list[str]) -> tuple[Array, str, bool]:
+def _gain(column: Column, notes: list[str]) -> tuple[Array, str, bool]:
     label, unit = column.name_and_unit
     values = _real(column)
     if not unit and np.nanmin(values) < 0.0:
         notes.append(f"no unit is stated for '{label}', which goes below 0; taken as dB")
         unit = "dB"
     if not unit:
-        raise _unit_missing(name, label, "dB", "1")
+        raise _unit_missing(label, "dB", "1")
     if unit.casefold() in _DECIBEL:
         return of_decibels(values), "1", True
     if np.nanmin(values) < 0.0:
         raise FileError(
-            f"{name}: '{column.heading}' goes below 0; a gain does not, if it is in decibels say "
+            f"'{column.heading}' goes below 0; a gain does not, if it is in decibels say "
             f"{option('unit', f'{label}=dB')}"
         )
     return (values / 100.0, "1", False) if unit == "%" else (values, unit, False)
 
 
-def _phase_rad(name: str, column: Column, notes: list[str]) -> Array:
+def _phase_rad(column: Column, notes: list[str]) -> Array:
     label, _ = column.name_and_unit
-    values = _angle(name, column, notes)
+    values = _angle(column, notes)
     if "lag" in headings.plain_name(label) and np.nanmedian(values) > 0.0:
         notes.append(f"'{label}' is positive and taken as a lag, so its sign is turned")
         return -values
     return values
 
 
-def _angle(name: str, column: Column, notes: list[str]) -> Array:
+def _angle(column: Column, notes: list[str]) -> Array:
     label, unit = column.name_and_unit
     if unit in _GERMAN_DEGREES:
         notes.append(
@@ -308,8 +308,8 @@ def _angle(name: str, column: Column, notes: list[str]) -> Array:
         )
         unit = "deg"
     if not unit:
-        raise _unit_missing(name, label, "deg", "rad")
-    return _converted(name, column, {"°": "deg", "Deg": "deg"}.get(unit, unit), "rad")
+        raise _unit_missing(label, "deg", "rad")
+    return _converted(column, {"°": "deg", "Deg": "deg"}.get(unit, unit), "rad")
 
 
 def _gain_std(column: Column | None, size: Array, in_db: bool) -> Array | None:
