@@ -131,13 +131,15 @@ class Line(RequestLine):
             DeviceLostError: the port is gone, or who answered last on it is another device.
         """
         self.connect()
-        if self.is_clean:
+        if was_clean := self.is_clean:
             with suppress(LinkError):  # nobody says what it is: on its own port a safe value is sent all the same
                 self.meeting.take_place()
         self.meeting.refuse_another()
         system.sleep(max(0.0, self._rest_until_s - system.now_s()))
         self._send(request)
         self._rest_until_s = system.now_s() + self._pause_s
+        if not was_clean:  # one that is sent into a silence may be answered all the same
+            self._keep_quiet()
 
     def failed(self, text: str) -> LinkError:
         """After an answer that cannot be used nothing is asked for a while; what comes then is thrown away."""

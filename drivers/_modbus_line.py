@@ -83,6 +83,8 @@ class ModbusLine(RequestLine):
             self.connect()
             for function, address, values in requests:
                 self.exchange(request(function, address, 1, values, self._settings.unit_id), blindly=True)
+            if not self._is_tcp:
+                self._keep_quiet()  # the device may answer all the same
         self.close()
 
     def ask(self, function: int, address: int, *, count: int = 1, values: Sequence[int] = ()) -> list[int]:

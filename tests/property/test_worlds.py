@@ -116,6 +116,13 @@ def test_watchdog_that_did_not_hear_what_a_device_is_learns_it_from_the_run():
     assert not of("77992380,0.01,plain,-|deaf:opening:0.5:0.5:io|swap:driving:3:0:io").broken
 
 
+def test_who_is_told_to_be_safe_in_a_silence_may_answer_before_the_next_question():
+    """The silence ended with the answer before; that to the safe value came a few ms later."""
+    slow = "crowd:making safe:0.0032:2:io|slow:making safe:0.0087:5:aux|slow line:driving:1.1768:1:third"
+    assert not of(f"6000016,0.05,raises,p|{slow}|lose:making safe:0.0982:0.5:third").broken
+    assert not of("6000148,0.2,exits,ap|echo:making safe:0.0011:2:third").broken
+
+
 def test_a_ramp_is_gone_down_beside_a_device_that_tells_no_level():
     """It says that it is not at its safe value: no lost answer."""
     assert not of("616000517,0.01,plain,rv|int:driving:1:0:").broken
