@@ -210,7 +210,7 @@ class Valve(OnABus):
 
     def _tell(self) -> None:
         state = _ERROR if self.fails else 1 if self.percent > 0.0 else 2 if self.percent < 0.0 else 0
-        flow = round(self.percent) + 125
+        flow = round(self.tells(round(self.percent))) + 125
         told = bytes([flow, 250 - flow, 0b0011_0000 | state, 0b0001_1111, *[0xFF] * 4])
         self._say(3 << 26 | _ESTIMATED << 8 | _OURS, told)
 

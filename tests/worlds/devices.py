@@ -12,6 +12,7 @@ from tests.worlds.tasks import Hub
 
 FULL, READ_BACK = 0x7FFF, 0x0200
 _TRIGGER, _TENTHS = 0x100A, 0x1000
+_IDENTITY = 43  # function
 _REMAINS = 60  # counts: a valve that was driven does not come back quite to where it was, and that is no fault
 PATIENCE_S = 0.1  # so soon an answer comes to whoever sends on
 
@@ -28,10 +29,12 @@ class Device:
         watchers: called when the output moves.
         expired_s: when its own watchdog found the output away from its safe value.
         unwatched_s: when something was said to it while that was not armed.
+        told: each reading that it has told: (s, in the unit of its channel).
     """
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
+        self.told: list[tuple[float, float]] = []
         self.changes: list[tuple[float, float]] = [(0.0, 0.0)]
         self.deaf = self.mute = self.lies = self.fails = False
         self.is_on, self.slow_s = True, 0.0
@@ -51,6 +54,11 @@ class Device:
             self.changes.append((self._hub.now_s, percent))
             for watch in self.watchers:
                 watch()
+
+    def tells(self, value: float) -> float:
+        """This reading goes out."""
+        self.told.append((self._hub.now_s, value))
+        return value
 
     def soon(self, least_s: float, most_s: float) -> float:
         """When it is through with the next request: one after the other."""
@@ -86,7 +94,9 @@ class Coupler(Device, Tables):
         asked_s: when a request for its inputs has come; commanded_s: when one to move its output has.
         read_back: each answer about where its output stands: (s, count).
         reused: when a connection was used again on which no answer had come in time.
+        inputs_told: each answer about inputs: (s, counts).
         unasked: when a new connection began with a command other than the safe one.
+        unmet_s: when it was driven away on a connection on which nobody had asked what it is.
     """
 
     def __init__(self, hub: Hub, cable: Cable, identity: str, pressure: int = 0) -> None:
@@ -98,6 +108,9 @@ class Coupler(Device, Tables):
         self.contact = FULL // 2  # of an emergency stop: closed
         self.stuck: int | None = None
         self.measured: list[tuple[float, int, int]] = []
+        self.inputs_told: list[tuple[float, tuple[int, ...]]] = []
+        self.unmet_s: list[float] = []
+        self._met: WeakSet[End] = WeakSet()  # connections on which it has said what it is
         self.written: list[float] = []
         self.asked_s: list[float] = []
         self.commanded_s: list[float] = []
@@ -169,6 +182,10 @@ class Coupler(Device, Tables):
             self._told = count
         if is_command and count and end not in self._asked:
             self.unasked.append(self._hub.now_s)
+        if is_command and count and end not in self._met:
+            self.unmet_s.append(self._hub.now_s)
+        if request[0] == _IDENTITY:
+            self._met.add(end)
         if is_command or _is_read_back(request):
             self._asked.add(end)
 
@@ -179,6 +196,7 @@ class Coupler(Device, Tables):
             self.written.append(self._hub.now_s)
         if request[0] == 4:
             self.measured.append((self._hub.now_s, self._told, _signed(self.inputs[0])))
+            self.inputs_told.append((self._hub.now_s, tuple(map(_signed, self.inputs.values()))))
         if _is_read_back(request):
             self.read_back.append((self._hub.now_s, _signed(self.holding[READ_BACK])))
         before = dict(self.holding)

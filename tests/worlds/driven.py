@@ -36,7 +36,7 @@ _CALLS_PER_S = 8000.0  # of the seam; some 3000 of them are usual
 _BEGUN_S = 0.02  # so soon a reading that was begun has arrived
 
 
-def _drives_s(world: World) -> tuple[float, float]:
+def drives_s(world: World) -> tuple[float, float]:
     """From when to when the procedure drives."""
     begun_s = world.begun_s.get("driving", float("inf"))
     return begun_s, min(world.begun_s.get("making safe", float("inf")), world.run.ended_s)
@@ -44,7 +44,7 @@ def _drives_s(world: World) -> tuple[float, float]:
 
 def drives_what_is_asked(world: World, ran: Ran) -> Iterator[str]:
     """While it is driven an output stands where the procedure has asked for, in this order, or at its safe value."""
-    begun_s, end_s = _drives_s(world)
+    begun_s, end_s = drives_s(world)
     asked = np.concatenate([np.zeros(0), *ran.asked])
     in_order = not kinds(ran) & ARRIVES_LATE
     at = 0
@@ -90,7 +90,7 @@ def nobody_spins(world: World, ran: Ran) -> Iterator[str]:
 
 def begins_safe(world: World, ran: Ran) -> Iterator[str]:
     """A procedure begins when its command stands at the safe value."""
-    begun_s, _ = _drives_s(world)
+    begun_s, _ = drives_s(world)
     if "io" in world.strangers:
         return  # another device is driven
     before = [(at_s, percent) for at_s, percent in ran.changes["command"] if at_s <= begun_s]
@@ -169,7 +169,7 @@ def samples_are_in_time(world: World, ran: Ran) -> Iterator[str]:
 
 def own_watchdogs_rest(world: World, ran: Ran) -> Iterator[str]:
     """While the run is there it keeps the watchdogs of its devices from expiring."""
-    begun_s, end_s = _drives_s(world)
+    begun_s, end_s = drives_s(world)
     if kinds(ran) - CALM:
         return
     for name, device in world.devices.items():
@@ -180,7 +180,7 @@ def own_watchdogs_rest(world: World, ran: Ran) -> Iterator[str]:
 
 def own_watchdogs_are_armed(world: World, ran: Ran) -> Iterator[str]:
     """While it is driven a device has its own watchdog, where the bench file says so."""
-    begun_s, end_s = _drives_s(world)
+    begun_s, end_s = drives_s(world)
     if not ran.schedule.armed or kinds(ran) - CALM - {"slow", "sticks", "poke"}:
         return
     for name, device in world.devices.items():
@@ -208,7 +208,7 @@ def causes_happened(world: World, ran: Ran) -> Iterator[str]:
 
 def is_heard(world: World, ran: Ran) -> Iterator[str]:
     """Who is told to end, or trips, makes outputs safe soon, whatever else goes on."""
-    begun_s, end_s = _drives_s(world)
+    begun_s, end_s = drives_s(world)
     blocks = ran.schedule.procedure == "blocks"
     for (fault, phase), at_s in zip(ran.took, ran.took_s, strict=True):
         if phase != "driving" or fault.kind not in _HEARD_S or fault.lasts_s < _LEAST_S.get(fault.kind, 0.0):
@@ -234,7 +234,7 @@ def is_no_restart(ran: Ran, fault: Fault) -> bool:
 
 def restart_is_noticed(world: World, ran: Ran) -> Iterator[str]:
     """A device that restarts while it drives ends the run, also where it obeys again before anybody misses it."""
-    _, end_s = _drives_s(world)
+    _, end_s = drives_s(world)
     for (fault, phase), at_s in zip(ran.took, ran.took_s, strict=True):
         if fault.kind != "restart" or phase != "driving" or is_no_restart(ran, fault):
             continue
@@ -249,7 +249,7 @@ def restart_is_noticed(world: World, ran: Ran) -> Iterator[str]:
 
 def contact_is_asked(world: World, ran: Ran) -> Iterator[str]:
     """Where a link fails while it drives, the contact of the emergency stop says whether somebody pressed."""
-    begun_s, _ = _drives_s(world)
+    begun_s, _ = drives_s(world)
     if not ran.errors or world.run.status != 3 or any(
         at_s < begun_s or fault.device not in ("io", "third") or fault.kind in ARRIVES_LATE
         for (fault, _), at_s in zip(ran.took, ran.took_s, strict=True)
@@ -282,7 +282,7 @@ def pauses_are_kept(world: World, ran: Ran) -> Iterator[str]:
 
 def holds_are_events(world: World, ran: Ran) -> Iterator[str]:
     """A hold stands among the events, and no other; one that ended while it was driven with its end."""
-    _, end_s = _drives_s(world)
+    _, end_s = drives_s(world)
     recording = recording_of(world)
     if recording is None or kinds(ran) - CALM or ran.schedule.procedure == "blocks":
         return

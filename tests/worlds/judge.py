@@ -15,6 +15,7 @@ from hil.record.folder import read
 from tests.worlds.devices import FULL
 from tests.worlds.driven import LAWS as DRIVEN
 from tests.worlds.driven import is_no_restart
+from tests.worlds.facts import LAWS as FACTS
 from tests.worlds.kept import LAWS as KEPT
 from tests.worlds.left import LAWS as LEFT
 from tests.worlds.left import kinds as _kinds
@@ -34,7 +35,7 @@ def judge(world: World, ran: Ran) -> None:
         if any(all_of_them in text for all_of_them in _SAYS_ALL):
             ran.words.append(Word(by, said_s, dict.fromkeys(world.outputs, said_s), text))
     own = (_words, _agree, _status, _ends, _killed, _rescued, _latched, _recorded, _strangers, _as_expected)
-    for law in (*own, *LEFT, *DRIVEN, *KEPT):
+    for law in (*own, *LEFT, *DRIVEN, *KEPT, *FACTS):
         broken = [*law(world, ran)]
         ran.broken += broken
         ran.laws |= {law.__name__} if broken else set()

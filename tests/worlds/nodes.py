@@ -86,6 +86,7 @@ class Node(OnABus):
     def _measure(self) -> None:
         noise = self._hub.draw.randrange(-3, 4)
         self._values[0x6401, 1] = max(-_COUNTS, min(_COUNTS, round(self.percent / 100.0 * _COUNTS) + noise))
+        self.tells(10.0 * self._values[0x6401, 1] / _COUNTS)
         told = [self._values[entry >> 16, entry >> 8 & 0xFF] for entry in self._mapped(0x1A01)]
         self._say(0x280 + _NODE, struct.pack(f"<{len(told)}h", *told))
 
@@ -123,6 +124,7 @@ class Driver(OnABus):
     def _tick(self) -> None:
         self._count += 1
         noise = self._hub.draw.randrange(4)
-        told = struct.pack("<hhHB", self._held, round(100.0 * self.percent) + noise, 0, self._count & 0x0F)
+        millivolts = round(1000.0 * self.tells(round(0.1 * self.percent + 0.001 * noise, 3)))
+        told = struct.pack("<hhHB", self._held, millivolts, 0, self._count & 0x0F)
         self._say(_STATE, told + bytes([sum(told) & 0xFF]))
         self._hub.after(_EVERY_S, self._tick)

@@ -20,6 +20,7 @@ from tests.worlds.tasks import Hub, Waiters
 
 DELAY_S = (1e-4, 1e-3)
 LATE_S = 0.1  # both pieces of an answer come sooner than `longest_reply_s`
+QUIET_S = 0.25  # after a request that nothing came to: `longest_reply_s` of the bench file
 _SILENCE_S = 0.01  # between two frames of Modbus RTU
 
 
@@ -33,10 +34,16 @@ class SerialLine:
         loses, doubles, garbles: chance of each byte.
         delay_s: least and greatest time that a few bytes take beside their own.
         is_pulled: the adapter is gone; a port that was open on it never works again.
+        is_answered: whether the device says something to a request.
+        hasty: what a program sent while an answer to an earlier request of it might still come: (s, bytes).
     """
 
     def __init__(self, hub: Hub, hear: Callable[[bytes], None]) -> None:
         self._hub, self._hear = hub, hear
+        self.is_answered: Callable[[bytes], bool] = lambda _request: True
+        self.hasty: list[tuple[float, bytes]] = []
+        self._open_s: dict[Any, float] = {}  # by process: since when it waits for an answer
+        self._quiet_s: dict[Any, float] = {}  # until when it keeps quiet
         self.is_out = self.is_pulled = self.echoes = False
         self.loses = self.doubles = self.garbles = self.late_chance = 0.0
         self.delay_s = DELAY_S
@@ -73,8 +80,18 @@ class SerialLine:
             self._hub.at(self._here_s, lambda arriving=arriving: self._arrive(arriving))  # type: ignore[misc]
         return self._here_s
 
+    def asked(self, process: Any, data: bytes) -> None:
+        """A program sends a request."""
+        if (open_s := self._open_s.get(process)) is not None:
+            self._quiet_s[process] = max(self._quiet_s.get(process, 0.0), open_s + QUIET_S)
+        if self._hub.now_s < self._quiet_s.get(process, 0.0):
+            self.hasty.append((self._hub.now_s, data))
+        if self.is_answered(data):
+            self._open_s[process] = self._hub.now_s
+
     def _arrive(self, data: bytes) -> None:
         if self.ports and not self.is_pulled:
+            self._open_s.pop(self.ports[-1].process, None)
             self.ports[-1].arrived(data)
 
     def _spoiled(self, data: bytes) -> bytes:
@@ -106,7 +123,7 @@ class SerialPort:
     def __init__(self, hub: Hub, line: SerialLine, process: Any, call: Callable[[], None], speech: Any) -> None:
         self.baudrate, self.parity = speech["baudrate"], speech["parity"]
         self.byte_s = 10.0 / self.baudrate
-        self._hub, self._line, self._process, self._call, self._timeout_s = hub, line, process, call, speech["timeout"]
+        self._hub, self._line, self.process, self._call, self._timeout_s = hub, line, process, call, speech["timeout"]
         self._received, self._sent = bytearray(), list[Sent]()
         self._is_closed = self._is_broken = False
         self._changed = Waiters(hub)
@@ -124,6 +141,7 @@ class SerialPort:
         self._call()
         self._check()
         self._sent = [sent for sent in self._sent if sent.leaves_s > self._hub.now_s]
+        self._line.asked(self.process, bytes(data))
         self._sent.append(self._line.to_device(bytes(data), self.byte_s))
         return len(data)
 
@@ -167,7 +185,7 @@ class SerialPort:
         if not self._is_closed:
             self._is_closed = True
             self._line.ports.remove(self)
-            self._process.sockets.remove(self)
+            self.process.sockets.remove(self)
 
     def _check(self) -> None:
         if self._is_closed or self._is_broken:
@@ -185,6 +203,7 @@ class OnALine(Device):
     whole: WholeRequest
     silence_s = float("inf")
     pause_s = 0.0
+    safe = b""  # begin of what makes its output safe
 
     def __init__(self, hub: Hub) -> None:
         super().__init__(hub)
@@ -230,6 +249,7 @@ class Module(OnALine):
     """An ADAM-4024 at address 01. Where its own watchdog has put an output it does not tell (see its manual)."""
 
     whole = staticmethod(ended(b"\r"))
+    safe = b"#01C0+00.000"
 
     def __init__(self, hub: Hub) -> None:
         super().__init__(hub)
@@ -271,9 +291,11 @@ class Source(OnALine):
 
     whole = staticmethod(ended(b"\n"))
     pause_s = 0.004
+    safe = b"SOUR:CURR 0"
 
     def __init__(self, hub: Hub) -> None:
         super().__init__(hub)
+        self.line.is_answered = lambda request: b"?" in request
         self._errors: deque[str] = deque()
 
     def put(self, percent: float) -> None:
@@ -302,11 +324,9 @@ class Source(OnALine):
             return ""
         amperes = 0.03 * self.percent
         noise = 1e-4 * self._hub.draw.randrange(4)
-        answers = {
-            "*IDN?": "world,source,17,1.0",
-            "SOUR:CURR?": f"{amperes:.5f}",
-            "MEAS:CURR?": f"{amperes + noise:.4f}",
-        }
+        if unit == "MEAS:CURR?":
+            return f"{self.tells(round(amperes + noise, 4)):.4f}"
+        answers = {"*IDN?": "world,source,17,1.0", "SOUR:CURR?": f"{amperes:.5f}"}
         if unit not in answers:
             self._errors.append('-113,"Undefined header"')
         return answers.get(unit, "")
@@ -316,6 +336,7 @@ class Controller(OnALine):
     """An Alicat mass flow controller with unit ID A, 0 … 100 l/min: a set point, and one frame that says everything."""
 
     whole = staticmethod(ended(b"\r"))
+    safe = b"AS0"
 
     def put(self, percent: float) -> None:
         self.stands(percent)
@@ -330,7 +351,7 @@ class Controller(OnALine):
                 self.put(float(found[1]))
         elif text != "A":
             return b"?\r"
-        flow = self.percent + 0.01 * self._hub.draw.randrange(4)
+        flow = self.tells(round(self.percent + 0.01 * self._hub.draw.randrange(4), 2))
         return f"A +014.70 +024.38 {flow:+07.2f} {flow:+07.2f} {self.percent:+07.2f} Air\r".encode()
 
 
@@ -343,6 +364,7 @@ class Amplifier(OnALine, Tables):
 
     whole = staticmethod(serial_frame)
     silence_s = _SILENCE_S
+    safe = bytes([1, 16, 0, 0])
 
     def __init__(self, hub: Hub) -> None:
         OnALine.__init__(self, hub)
@@ -383,6 +405,8 @@ class Amplifier(OnALine, Tables):
             answer = super().answered(request)
             if self.lies and request[0] in (6, 16):
                 self.holding = before
+        if request[0] == 4:
+            self.tells(0.001 * self.inputs[0])
         self._obey()
         return answer
 

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
@@ -236,6 +236,7 @@ class Ran:
         blocks: how many were driven.
         asked: commands that the procedure asked for, in order; handed: what it was handed back of command and flow.
         errors: that ended the run, or another program that wanted its bench: kinds and texts.
+        stops, holds: what each service said to who pressed that.
     """
 
     schedule: Schedule
@@ -254,6 +255,25 @@ class Ran:
     calls: int = 0
     ended_s: float = 0.0
     pokes: dict[str, list[float]] = field(default_factory=dict)
+    stops: list[Stop] = field(default_factory=list)
+    holds: list[Hold] = field(default_factory=list)
+
+
+class Stop(NamedTuple):
+    """Somebody pressed stop at `asked_s`, and had this answer at `answered_s`; `is_done`: it was the last one."""
+
+    asked_s: float
+    answered_s: float
+    is_done: bool
+    answer: dict[str, Any]
+
+
+class Hold(NamedTuple):
+    """Somebody asked for a hold, and for its end, and read how the run stands to it just before that."""
+
+    asked_s: float
+    released_s: float
+    state: str
 
 
 _files: dict[str, BenchFile] = {}
@@ -516,7 +536,10 @@ class World:
             case "sticks":
                 for_a_while(self.couplers["io"], "stuck", self.couplers["io"].holding[0], None)
             case "swap":
-                stranger = self.strangers[fault.device] = Coupler(self.hub, cable, "WAGO 750-352 C3")
+                says = self.hub.draw.choice(
+                    ("WAGO 750-352 C3", "WAGO 750-352 C3", "")
+                )  # some say nothing of themselves
+                stranger = self.strangers[fault.device] = Coupler(self.hub, cable, says)
                 device.host.is_on = False
                 for end in device.host.ends:
                     end.gone(None)
@@ -597,14 +620,17 @@ class World:
 
     def _pressed(self, service: Any, what: str, lasts_s: float) -> None:
         if what == "hold":
+            asked_s = self.hub.now_s
             service.ask_to_hold(True)
             system.sleep(lasts_s)
+            self.ran.holds.append(Hold(asked_s, self.hub.now_s, service.hold))
             service.ask_to_hold(False)
             return
-        asked, until_s = service.stop("a person"), self.hub.now_s + 0.85
+        asked_s, asked, until_s = system.now_s(), service.stop("a person"), self.hub.now_s + 0.85
         while not asked.done() and self.hub.now_s < until_s:
             system.sleep(0.005)
         status = asked.result() if asked.done() else service.status
+        self.ran.stops.append(Stop(asked_s, self.hub.now_s, asked.done(), status.answer(asked_s)))
         if status.is_confirmed:
             safe = {name: self.hub.now_s for name, output in status.outputs.items() if str(output.state) == "safe"}
             self.ran.words.append(Word("stop", self.hub.now_s, safe))
