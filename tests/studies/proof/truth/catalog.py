@@ -1,4 +1,4 @@
-"""All laws and plants, found by their files."""
+"""All laws and plants."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pkgutil
 from functools import cache
 
 from . import laws
-from .law import Law
+from .law import LAWS, Law
 from .plant import Plant
 from .plants import axis, efc, hpv41, sp08
 
@@ -16,9 +16,10 @@ PLANTS: dict[str, Plant] = {p.PLANT.name: p.PLANT for p in (hpv41, efc, sp08, ax
 
 @cache
 def all_laws() -> dict[str, Law]:
-    """Every law under its file's name."""
-    names = sorted(found.name for found in pkgutil.iter_modules(laws.__path__))
-    return {name: importlib.import_module(f"{laws.__name__}.{name}").LAW for name in names}
+    """Every law by name."""
+    for found in pkgutil.iter_modules(laws.__path__):
+        importlib.import_module(f"{laws.__name__}.{found.name}")
+    return dict(sorted(LAWS.items()))
 
 
 def laws_of(effect: str, plant: str) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -13,6 +13,10 @@ from .memory import KEY, PARAMETERS
 HPV41, EFC, SP08, AXIS = "brevini-hpv41", "cummins-efc", "hydraforce-sp08-47c", "linear-axis"
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
+ADDS_UP = {AXIS: (1000.0, 5000.0)}
+"""Full severity of what is a force: it adds up in a position, a few newtons."""
+
+_Acting = TypeVar("_Acting", bound=Callable[..., Any])
 SampleLaw = Callable[[Array, float, Sequence[float], np.random.Generator], Array]
 
 
@@ -94,6 +98,28 @@ def _drawn(told: Range | Times | Mapping[str, Range], rng: np.random.Generator, 
         return told.of[plant] * rng.uniform(told.low, told.high)
     range_ = told[plant] if isinstance(told, Mapping) else told
     return rng.uniform(*range_) if isinstance(range_, tuple) else range_
+
+
+BEFORE, AFTER = "before", "after"
+LAWS: dict[str, Law] = {}
+"""Every law under the name of its function."""
+
+
+def acts(at: int | str | Mapping[str, int], effect: str, **facts: Any) -> Callable[[_Acting], _Acting]:
+    """Make a function the law of its name.
+
+    Args:
+        at: The slot (by plant) where `law(x, a, b, r)` acts, or BEFORE or AFTER for what a `SampleLaw` does to samples.
+        effect: As in `Law`.
+        **facts: What else `Law` has.
+    """
+
+    def kept(function: _Acting) -> _Acting:
+        way = {at: function} if isinstance(at, str) else {"equation": function, "at": at}
+        LAWS[function.__name__] = Law(effect, **facts, **way)
+        return function
+
+    return kept
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,1 +1,1 @@
-"""One file for each law."""
+"""Laws by where they act in the chain; those called `odd_…` are on no list of the contract."""
