@@ -31,6 +31,7 @@ def diagnose_fleet(
     out: str | Path | None = None,
     scheduler: str = "",
     budget_s: float = math.inf,
+    screen: bool = False,
     reading: Reading | None = None,
     notes: Notes = unsaid,
     progress: Progress = quiet,
@@ -46,13 +47,15 @@ def diagnose_fleet(
             files in the same way, is not again. Nothing is written when not given.
         scheduler: address of a Dask scheduler, `tcp://host:port`.
         budget_s: of each unit: after so many times 10 million simulated samples no further search is begun.
+        screen: ask only whether each has changed since its model was identified, and no cause; `out` gets a table,
+            `screening.csv`, and no folders.
         reading: how files are read.
         notes: called with what was assumed of the recordings.
         progress: called with how many are done.
 
     Returns:
-        An answer for each folder, in their order: the `diagnosed`, or the `folder` where it was written, or in `error`
-        why there is none.
+        An answer for each folder, in their order: the `diagnosed`, or the `folder` where it was written, or what was
+        `screened`, or in `error` why there is none.
 
     Raises:
         FileError: a folder without recordings or model, or two folders of one name.
@@ -63,7 +66,9 @@ def diagnose_fleet(
     given: list[str | Path] = several(folders)
     paths = [Path(folder) for folder in given]
     nominal, to = None if model is None else model_of(model), None if out is None else Path(out)
-    return diagnosed_fleet(paths, nominal, several(inputs), output, to, scheduler, budget_s, reading, notes, progress)
+    return diagnosed_fleet(
+        paths, nominal, several(inputs), output, to, scheduler, budget_s, reading, notes, progress, screens=screen
+    )
 
 
 @options_of("python")

@@ -22,10 +22,12 @@ from typing import Any
 from hil.child import over_processes, processes
 from hil.cores import cores, keep_to
 from hil.diagnosis.diagnose import Diagnosed, diagnose
+from hil.diagnosis.screening import Screening, screen
 from hil.errors import FileError, HilError, InputError, option, storing
 from hil.language.choice import choose, page_language
 from hil.language.note import Note
 from hil.physics.model import Model, load_model
+from hil.record.csv_text import write_table
 from hil.record.plain import plain
 from hil.record.read import read_recording
 from hil.record.reading import Reading
@@ -36,7 +38,7 @@ from hil.session.diagnosis import DIAGNOSIS_FILE, bound_to, write_diagnosis
 from hil.session.sources import notes_on
 from hil.version import PROGRAM
 
-NOMINAL_FILE, DONE_FILE = "nominal.json", "fleet.jsonl"
+NOMINAL_FILE, DONE_FILE, SCREENING_FILE = "nominal.json", "fleet.jsonl", "screening.csv"
 _PATIENCE_S = 5
 _PATTERN = "*.csv*"
 
@@ -62,6 +64,7 @@ class UnitAnswer:
     Attributes:
         unit: its name.
         diagnosed: the diagnosis; None where there is none, or where it was written.
+        screened: what the screening says, where no diagnosis is asked for.
         error: why there is none.
         notes: on its recordings.
         folder: where the diagnosis was written. `line`: that diagnosis in a line.
@@ -73,21 +76,23 @@ class UnitAnswer:
     notes: tuple[str | Note, ...] = ()
     folder: Path | None = None
     line: str = ""
+    screened: Screening | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values; a diagnosis that was written is read again."""
         found = None if self.diagnosed is None else self.diagnosed.diagnosis.as_dict()
         if self.folder is not None:
             found = json.loads((self.folder / DIAGNOSIS_FILE).read_text(encoding="utf-8"))
-        return {"unit": self.unit, "diagnosis": found, "error": self.error or None}
+        screened = None if self.screened is None else self.screened.as_dict()
+        return {"unit": self.unit, "diagnosis": found, "screening": screened, "error": self.error or None}
 
     def as_text(self) -> str:
         """In a line."""
-        if self.diagnosed is None:
+        said = self.screened if self.diagnosed is None else self.diagnosed.diagnosis
+        if said is None:
             return self.line or f"{self.unit}: not diagnosed: {self.error}"
-        found = self.diagnosed.diagnosis
-        names = ", ".join(effect.name for effect in found.effects)
-        return f"{self.unit}: {marked(found.verdict, simulated=found.simulated)}{': ' if names else ''}{names}"
+        names = "" if self.diagnosed is None else ", ".join(e.name for e in self.diagnosed.diagnosis.effects)
+        return f"{self.unit}: {marked(said.verdict, simulated=said.simulated)}{': ' if names else ''}{names}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +102,7 @@ class _Task:
     Attributes:
         folder: its recordings; `files` is a hash of them. `unit`: the recordings themselves, for who sees no folder.
         model: of the type. `how`: the other arguments of `read_unit`. `budget_s`: see `diagnose_unit`.
-        language: of the pages that are made; none are where it is empty.
+        language: of the pages that are made; none are where it is empty. `screens`: see `diagnosed_fleet`.
     """
 
     name: str
@@ -108,13 +113,15 @@ class _Task:
     language: str = ""
     files: str = ""
     unit: Unit | None = None
+    screens: bool = False
 
     @property
     def stamp(self) -> str:
         """A hash of all that the answer depends on."""
         asked = {**self.how, "reading": asdict(self.how["reading"] or Reading()), "budget_s": self.budget_s}
         model = None if self.model is None else self.model.as_dict()
-        return _hash(json.dumps(plain([PROGRAM, self.name, self.files, model, asked, self.language])).encode())
+        kind = "screening" if self.screens else self.language
+        return _hash(json.dumps(plain([PROGRAM, self.name, self.files, model, asked, kind])).encode())
 
     def read(self) -> Unit:
         """The unit.
@@ -149,10 +156,13 @@ def diagnosed_fleet(
     reading: Reading | None = None,
     notes: Notes = lambda _note: None,
     progress: Progress = quiet,
+    *,
+    screens: bool = False,
 ) -> list[UnitAnswer]:
     """Diagnose the units of these folders; each answer is written into a folder of its own in `out`, once it is there.
 
-    A unit that was answered there before, from the same files in the same way, is not diagnosed again.
+    A unit that was answered there before, from the same files in the same way, is not diagnosed again. Where `screens`,
+    only whether each has changed is asked; the answers are rows of one table in `out`.
 
     Raises:
         FileError: a folder without recordings or model, or two of one name.
@@ -165,11 +175,13 @@ def diagnosed_fleet(
         _check(folder, model)
     answered: dict[str, UnitAnswer] = {}
     done = {} if out is None else _done_before(out)
-    how, language = {"reading": reading, "inputs": inputs, "output": output}, page_language() if out else ""
+    how = {"reading": reading, "inputs": inputs, "output": output}
+    language = page_language() if out and not screens else ""
 
     def todo() -> Iterator[_Task]:
         for folder in folders:
-            task = _Task(folder.resolve().name, folder, model, how, budget_s, language, _files(folder))
+            name, files = folder.resolve().name, _files(folder)
+            task = _Task(name, folder, model, how, budget_s, language, files, screens=screens)
             if before := done and done.get(task.stamp):
                 answered[task.name] = before
             else:
@@ -181,7 +193,19 @@ def diagnosed_fleet(
             notes(f"{name}: {text}")
         answered[name] = made.answer if out is None else _written(made, out)
         progress(len(answered) / len(names), name)
-    return [answered[name] for name in names]
+    answers = [answered[name] for name in names]
+    if out is not None and screens:
+        _write_screening(answers, out)
+    return answers
+
+
+def _write_screening(answers: Sequence[UnitAnswer], out: Path) -> None:
+    """Every unit a row."""
+    heads = list(dict.fromkeys(name for one in answers if one.screened is not None for name in one.screened.as_dict()))
+    told = [(one, {} if one.screened is None else one.screened.as_dict()) for one in answers]
+    out.mkdir(parents=True, exist_ok=True)
+    rows = [[one.unit, *(known.get(head, "") for head in heads), one.error] for one, known in told]
+    write_table(["unit", *heads, "error"], rows, out / SCREENING_FILE)
 
 
 def _check(folder: Path, model: Model | None) -> list[Path]:
@@ -215,19 +239,24 @@ def read_unit(
     return Unit(folder.resolve().name, known, read, tuple(inputs), output)
 
 
-def diagnose_unit(unit: Unit, budget_s: float = math.inf) -> UnitAnswer:
+def diagnose_unit(unit: Unit, budget_s: float = math.inf, *, screens: bool = False) -> UnitAnswer:
     """Diagnose one unit; what is wrong with its recordings is an answer too, so that the others go on.
 
     Args:
         unit: what to diagnose.
         budget_s: after so many times 10 million simulated samples no further search is begun.
+        screens: ask no more than whether it has changed.
     """
     notes: tuple[str | Note, ...] = tuple(notes_on(unit.recordings))
+    simulated = any(is_simulated(one.meta) for one in unit.recordings)
     try:
         experiments, left_out = bound_to(unit.model, unit.recordings, unit.inputs, unit.output, budget_s)
         notes = (*notes, *left_out, *notes_on([], experiments))
+        if screens:
+            screened, warnings = screen(unit.model, experiments)
+            screened = replace(screened, simulated=simulated)
+            return UnitAnswer(unit.name, None, notes=(*notes, *warnings), screened=screened)
         found = diagnose(unit.model, experiments, budget_s=budget_s)
-        simulated = any(is_simulated(one.meta) for one in unit.recordings)
         found = replace(found, diagnosis=replace(found.diagnosis, simulated=simulated))
         return UnitAnswer(unit.name, found, notes=notes)
     except HilError as error:
@@ -237,7 +266,7 @@ def diagnose_unit(unit: Unit, budget_s: float = math.inf) -> UnitAnswer:
 def _worked(task: _Task) -> _Made:
     """What a worker does with a task."""
     try:
-        answer = diagnose_unit(task.read(), task.budget_s)
+        answer = diagnose_unit(task.read(), task.budget_s, screens=task.screens)
     except HilError as error:
         answer = UnitAnswer(task.name, None, str(error))
     if answer.diagnosed is None or not task.language:
@@ -332,9 +361,17 @@ def _written(made: _Made, out: Path) -> UnitAnswer:
             place.mkdir(exist_ok=True)
             (place / name).write_bytes(content)
         if made.is_repeatable:
-            line = {"stamp": made.task.stamp, "unit": answer.unit, "error": answer.error, "line": answer.line}
-            with (out / DONE_FILE).open("a", encoding="utf-8") as file:
-                file.write(json.dumps(line) + "\n")
+            line: dict[str, Any] = {
+                "stamp": made.task.stamp,
+                "unit": answer.unit,
+                "error": answer.error,
+                "line": answer.line,
+            }
+            line |= {} if answer.screened is None else {"screening": answer.screened.as_dict()}
+            with (out / DONE_FILE).open("a+b") as file:
+                file.seek(max(file.tell() - 1, 0))
+                broken_off = b"" if file.read() in (b"", b"\n") else b"\n"
+                file.write(broken_off + json.dumps(line).encode() + b"\n")
     return replace(answer, folder=place if made.files else None)
 
 
@@ -346,7 +383,8 @@ def _done_before(out: Path) -> dict[str, UnitAnswer]:
     for text in (out / DONE_FILE).read_text(encoding="utf-8").splitlines():
         with suppress(ValueError, TypeError, KeyError):  # broken off while it was written
             line = json.loads(text)
-            folder = None if line["error"] else out / line["unit"]
+            screened = Screening.of_dict(line["screening"]) if "screening" in line else None
+            folder = None if line["error"] or screened is not None else out / line["unit"]
             if folder is None or (folder / DIAGNOSIS_FILE).is_file():
-                found[line["stamp"]] = UnitAnswer(line["unit"], None, line["error"], (), folder, line["line"])
+                found[line["stamp"]] = UnitAnswer(line["unit"], None, line["error"], (), folder, line["line"], screened)
     return found
