@@ -203,7 +203,7 @@ def test_a_large_run_stays_on_the_disk(tmp_path, monkeypatch):
     path = make_run(tmp_path / "run")
     with RunWriter.create(tmp_path / "large", {}, CHANNELS) as run:
         run.append(*block(0, 400_000))
-    monkeypatch.setattr(folder, "COPIED_BYTES", 0)
+    monkeypatch.setattr(samples, "COPIED_BYTES", 0)
     read(path)  # imports and caches
     tracemalloc.start()
     found = read(tmp_path / "large")

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import hashlib
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from io import SEEK_END, FileIO
+from io import SEEK_END, BufferedReader, FileIO
 from pathlib import Path
 
 import numpy as np
 
+from hil.errors import FileError
 from hil.record.durable import copy_open, is_at, is_deleted, place_of, write_at
 from hil.record.recording import Array
 from hil.untrusted import ANY_SIZE, open_untrusted
@@ -26,6 +27,11 @@ LINE_BYTES = 25
 VALUE_BYTES = 8
 _MOST_JOURNAL_BYTES = 1 << 28
 _PIECE_BYTES = 1 << 20
+COPIED_BYTES = 1 << 28
+"""Up to this size samples are copied into memory, each channel in one piece; beyond, they stay on the disk."""
+_PIECE_ROWS = 1 << 16
+UNREADABLE = "cannot be read from line {} on"
+_OPEN = "the run was not closed: it is still being written, or its program was killed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,42 +160,93 @@ def _parsed(line: bytes) -> Mark | None:
     return mark if mark.line() == line else None
 
 
-@dataclass(frozen=True, slots=True)
-class Scan:
-    """What a look at rows found: how many are there with which checksum, and whether they are in order.
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """The rows of a run folder that are what was written.
 
-    `clean`: every value is finite and time increases from row to row.
+    Attributes:
+        table: shape (columns, rows); of a large run a read-only view of the file.
+        clean: whether they pass every check: finite values, and time that increases from row to row.
+        missing: what is missing after them, in words.
     """
 
-    mark: Mark
+    table: Array
     clean: bool
+    missing: str = ""
 
 
-def scan(folder: Path, columns: int, rows: int) -> Scan:
-    """Look at the first `rows` rows once, in pieces that fit any memory; fewer when the file ends before."""
+def read_rows(folder: Path, columns: int, closed: Mark | None) -> Rows:
+    """The rows of a run, as far as they are what was written.
+
+    Args:
+        folder: of the run.
+        columns: of a row.
+        closed: what the end of the run says of them; None where the run was not closed and its journal says it.
+
+    Raises:
+        FileError: a file cannot be read, or was changed after the run was closed.
+    """
+    try:
+        claimed, bad_line = last_mark(folder) if closed is None else (closed, None)
+        with open_untrusted(folder, ROWS_FILE, ANY_SIZE) as file:
+            found, clean = _scan(file, columns, claimed.rows)
+            if found == claimed:
+                missing = _OPEN if closed is None else ""
+                if bad_line is not None:
+                    missing += f"; {JOURNAL_FILE} {UNREADABLE.format(bad_line)}: samples after {found.rows} are lost"
+                return Rows(_table(file, columns, found.rows), clean and found.rows > 1, missing)
+            good = _last_good(file, columns, marks(folder))
+            if closed is not None and found.rows == closed.rows:
+                raise FileError(
+                    f"{folder / ROWS_FILE}: changed after the run was closed, from row {good.rows} on: CRC-32 "
+                    f"{found.crc32:08x}, expected {closed.crc32:08x} over {closed.rows} rows"
+                )
+            clean = _scan(file, columns, good.rows)[1] and good.rows > 1
+            missing = f"of {claimed.rows} rows only the first {good.rows} are in {ROWS_FILE}"
+            return Rows(_table(file, columns, good.rows), clean, missing)
+    except OSError as error:
+        raise FileError(f"{error.filename}: cannot be read: {error.strerror}; a run folder needs it") from None
+
+
+def _scan(file: BufferedReader, columns: int, rows: int) -> tuple[Mark, bool]:
+    """How many of the first `rows` rows are there, with which checksum, and whether they are finite and in order.
+
+    They are looked at once, in pieces that fit any memory.
+    """
     row_bytes = columns * VALUE_BYTES
     chunk_rows = max(1, _PIECE_BYTES // row_bytes)
     mark, clean, last_s = Mark(), True, -np.inf
-    with open_untrusted(folder, ROWS_FILE, ANY_SIZE) as file:
-        while mark.rows < rows:
-            data = file.read(min(chunk_rows, rows - mark.rows) * row_bytes)
-            table = np.frombuffer(data, "<f8", len(data) // row_bytes * columns).reshape(-1, columns)
-            if not len(table):
-                break
-            clean = clean and bool(np.isfinite(table).all() and (np.diff(table[:, 0], prepend=last_s) > 0).all())
-            last_s = float(table[-1, 0])
-            mark = mark.after(memoryview(data)[: table.nbytes], len(table))
-    return Scan(mark, clean)
+    file.seek(0)
+    while mark.rows < rows:
+        data = file.read(min(chunk_rows, rows - mark.rows) * row_bytes)
+        table = np.frombuffer(data, "<f8", len(data) // row_bytes * columns).reshape(-1, columns)
+        if not len(table):
+            break
+        clean = clean and bool(np.isfinite(table).all() and (np.diff(table[:, 0], prepend=last_s) > 0).all())
+        last_s = float(table[-1, 0])
+        mark = mark.after(memoryview(data)[: table.nbytes], len(table))
+    return mark, clean
 
 
-def last_good(folder: Path, columns: int) -> Mark:
+def _last_good(file: BufferedReader, columns: int, journal: Iterable[Mark]) -> Mark:
     """The last mark of the journal up to which every block is what was written."""
     good = Mark()
-    with open_untrusted(folder, ROWS_FILE, ANY_SIZE) as file:
-        for mark in marks(folder):
-            rows = mark.rows - good.rows
-            data = file.read(rows * columns * VALUE_BYTES)
-            if rows <= 0 or good.after(memoryview(data), rows) != mark:
-                break
-            good = mark
+    file.seek(0)
+    for mark in journal:
+        rows = mark.rows - good.rows
+        data = file.read(rows * columns * VALUE_BYTES)
+        if rows <= 0 or good.after(memoryview(data), rows) != mark:
+            break
+        good = mark
     return good
+
+
+def _table(file: BufferedReader, columns: int, rows: int) -> Array:
+    if rows * columns * VALUE_BYTES > COPIED_BYTES:
+        return np.asarray(np.memmap(file, "<f8", "r", shape=(rows, columns))).T
+    table = np.empty((columns, rows))
+    file.seek(0)
+    for first in range(0, rows, _PIECE_ROWS):  # the whole of it twice in memory costs more than to read it
+        piece = table[:, first : first + _PIECE_ROWS]
+        piece.T[:] = np.fromfile(file, "<f8", piece.size).reshape(-1, columns)
+    return table
