@@ -50,7 +50,7 @@ def load_procedure(name: str) -> Procedure:
     module = find("procedures", name).load()
     run, evaluate = _function(module, "run"), _function(module, "evaluate")
     return Procedure(
-        name.replace("-", "_"), inspect.getdoc(module) or "", run, evaluate, _settings(name, run),
+        name.replace("-", "_"), inspect.getdoc(module) or "", run, evaluate, _settings(module, run),
         tuple(getattr(module, "MEASUREMENTS", ())), bool(getattr(module, "RESUMABLE", False)),
         bool(getattr(module, "CERTIFICATE", False)),
     )  # fmt: skip
@@ -63,13 +63,13 @@ def _function(module: ModuleType, name: str) -> Callable[..., Any]:
     return found
 
 
-def _settings(procedure: str, run: Callable[..., None]) -> dict[str, Setting]:
+def _settings(module: ModuleType, run: Callable[..., None]) -> dict[str, Setting]:
     types = get_type_hints(run, include_extras=True)
     meanings = argument_lines(inspect.getdoc(run) or "")
     settings = {}
     for name, parameter in list(inspect.signature(run).parameters.items())[1:]:
         if parameter.default is parameter.empty:
-            raise FileError(f"procedure '{procedure}': setting '{name}' needs a default")
+            raise FileError(f"{module.__file__}: setting '{name}' needs a default")
         settings[name] = Setting(name, types.get(name, Any), parameter.default, meanings.get(name, ""))
     return settings
 

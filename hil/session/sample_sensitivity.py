@@ -13,7 +13,7 @@ from hil.errors import InputError
 from hil.language.note import Note
 from hil.record.frozen import frozen_channels
 from hil.record.invalid_samples import invalid_note, invalid_samples, supposed
-from hil.record.late_exchanges import late_exchanges, longest_exchange_s, with_supposed_times
+from hil.record.late_exchanges import late_exchanges
 from hil.record.measurement import Findings, Limit, Measured
 from hil.record.population_comparison import PopulationComparison
 from hil.record.recording import Recording
@@ -35,27 +35,28 @@ def measured_findings(evaluate: Callable[[Recording], Findings], recording: Reco
     Raises:
         InputError: the recording does not hold what the evaluation needs.
     """
-    found = _timed(lambda one: _measured(evaluate, one), recording)
+    found, late = _measured(evaluate, recording), late_exchanges(recording)
+    if late is not None:
+        others = [_by_name(evaluate, one) for one in (late.early, late.late)]
+        measured = tuple(_less_sure(m, [other.get(m.name) for other in others]) for m in found.measured)
+        pairs = zip(found.measured, measured, strict=True)
+        if open_ := [m.name for m, kept in pairs if m.value is not None and _outweighs(kept, m)]:
+            note = Note(
+                "In {n} of {all} samples an exchange with the device took up to {late_s:.2g} s longer than usual. When "
+                "it acted or measured within that is not known, which is in the uncertainty of: {names}.",
+                n=late.count, all=len(recording), late_s=late.longest_s, names=tuple(open_),
+            )  # fmt: skip
+            found = replace(found, notes=(note, *found.notes))
+        found = replace(found, measured=measured)
     return replace(found, notes=(*frozen_channels(recording), *found.notes))
 
 
-def _timed(evaluate: Callable[[Recording], Findings], recording: Recording) -> Findings:
-    """What it finds, with what exchanges that took too long leave open of every value."""
-    found, late = evaluate(recording), late_exchanges(recording)
-    if not late.any():
-        return found
-    supposed_findings = [_evaluated(evaluate, with_supposed_times(recording, when)) for when in ("early", "late")]
-    others = [{} if isinstance(one, InputError) else {m.name: m for m in one.measured} for one in supposed_findings]
-    measured = tuple(_less_sure(m, [other.get(m.name) for other in others]) for m in found.measured)
-    pairs = zip(found.measured, measured, strict=True)
-    if open_ := [m.name for m, kept in pairs if m.value is not None and _outweighs(kept, m)]:
-        note = Note(
-            "In {n} of {all} samples an exchange with the device took up to {late_s:.2g} s longer than usual. When it "
-            "acted or measured within that is not known, which is in the uncertainty of: {names}.",
-            n=np.count_nonzero(late), all=len(recording), late_s=longest_exchange_s(recording), names=tuple(open_),
-        )  # fmt: skip
-        found = replace(found, notes=(note, *found.notes))
-    return replace(found, measured=measured)
+def _by_name(evaluate: Callable[[Recording], Findings], recording: Recording) -> dict[str, Measured]:
+    """What it measures, nothing where it cannot be evaluated."""
+    try:
+        return {m.name: m for m in _measured(evaluate, recording).measured}
+    except InputError:
+        return {}
 
 
 def _outweighs(kept: Measured, before: Measured) -> bool:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from hil.record.late_exchanges import late_exchanges, longest_exchange_s, with_supposed_times
+from hil.record.late_exchanges import LateExchanges, late_exchanges
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Recording, recording
 from hil.session.sample_sensitivity import measured_findings
@@ -47,6 +47,12 @@ def stepped(late: range, *, at_the_request: bool = True, seed: int = 1) -> Recor
     return recording("linked", time_s, columns, meta)
 
 
+def exchanges(run: Recording) -> LateExchanges:
+    found = late_exchanges(run)
+    assert found is not None
+    return found
+
+
 def rises(run: Recording) -> list[tuple[float, float]]:
     """(away from the truth, standard uncertainty) of each rise."""
     found = measured_findings(step_response.evaluate, run).measured
@@ -57,8 +63,8 @@ def rises(run: Recording) -> list[tuple[float, float]]:
 @pytest.mark.parametrize("first", [HELD, HELD + 1])
 def test_a_rise_holds_the_truth_whenever_a_late_device_measured(first, at_the_request):
     run = stepped(range(first, 3 * HELD, 10), at_the_request=at_the_request)
-    assert np.count_nonzero(late_exchanges(run)) == len(range(first, 3 * HELD, 10))
-    assert longest_exchange_s(run) == pytest.approx(LATE_S)
+    late = exchanges(run)
+    assert (late.count, late.longest_s) == (len(range(first, 3 * HELD, 10)), pytest.approx(LATE_S))
     found = rises(run)
     assert len(found) == 2 and all(abs(off) < 2.5 * std for off, std in found), found
 
@@ -75,13 +81,13 @@ def test_without_what_lateness_leaves_open_it_would_not():
 
 def test_usual_exchanges_are_left_alone():
     run = stepped(range(0))
-    assert not late_exchanges(run).any()
+    assert late_exchanges(run) is None
     assert measured_findings(step_response.evaluate, run).measured == step_response.evaluate(run).measured
 
 
 def test_no_time_is_supposed_past_its_neighbours_and_late_is_behind_early():
     run = stepped(range(5, 3 * HELD, 7))
-    early, late = (with_supposed_times(run, when) for when in ("early", "late"))
+    early, late = exchanges(run).early, exchanges(run).late
     for one in (early, late):
         assert (np.diff(one.time_s) > 0.0).all() and (np.diff(one.stamps("flow")) > 0.0).all()
     assert (late.stamps("flow") > early.stamps("flow") - 1e-9).all() and (late.time_s <= early.time_s).all()
