@@ -7,6 +7,8 @@ import os
 import pkgutil
 import re
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -97,19 +99,31 @@ def read_any(path: str | Path, reading: Reading | None = None) -> Recording | Re
         FileError: as `read_recording`.
     """
     path, reading = Path(path), reading or AS_IT_IS
-    try:
-        found = _read_any(path if path.exists() or len(path.parts) > 1 else tables().get(path.name, path), reading)
+    with _undamaged(path):
+        if path.is_dir():
+            return as_stated(recorded(path), reading)
+        found = _read_file(path if path.exists() or len(path.parts) > 1 else tables().get(path.name, path), reading)
         return with_stated_units(found, reading) if isinstance(found, Recording) else found
-    except _DAMAGED as error:  # whatever a reader stumbles over in a file that was cut off or made by hand
+
+
+def recorded(folder: Path) -> Recording:
+    """A run as it was recorded, with all that `hil.record.folder.read` says of it. Raises `FileError` likewise."""
+    from hil.record.folder import read
+
+    with _undamaged(folder):
+        return read(folder)
+
+
+@contextmanager
+def _undamaged(path: Path) -> Iterator[None]:
+    """Whatever a reader stumbles over in a file that was cut off or made by hand is a `FileError`."""
+    try:
+        yield
+    except _DAMAGED as error:
         raise FileError(f"{path}: cannot be read, it is damaged or no recording: {reason(error)}") from error
 
 
-def _read_any(path: Path, reading: Reading) -> Recording | ResponseTable:
-    if path.is_dir():
-        from hil.record.folder import read
-        from hil.record.invalid_samples import with_blanks
-
-        return as_stated(with_blanks(read(path)), reading)
+def _read_file(path: Path, reading: Reading) -> Recording | ResponseTable:
     if not path.exists():
         raise FileError(f"{path}: no such file or folder")
     with open_recording(path) as file:

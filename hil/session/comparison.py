@@ -11,6 +11,7 @@ from hil.identification.grey_box.compare import Comparison, compare_all
 from hil.identification.preparation.experiment import for_model
 from hil.physics.model import Model
 from hil.physics.other_plant import other_plants
+from hil.record.read import recorded
 from hil.record.reading import Reading
 from hil.record.recording import Recording
 from hil.record.run_folder.progress import Progress
@@ -65,6 +66,8 @@ def _read_for(
     model: Model, source: Source, inputs: Sequence[str], output: str, reading: Reading | None
 ) -> list[Recording | ResponseTable]:
     """What a model is held against: one of lines, against the lines of a run that measured some; else samples."""
-    if "band_hz" in model.origin and measured_responses(source, inputs, output):
-        return list(responses_of_run(Path(str(source))).values())
+    if "band_hz" in model.origin and isinstance(source, str | Path) and Path(source).is_dir():
+        run = recorded(Path(source))
+        if measured_responses(run, inputs, output):
+            return list(responses_of_run(run).values())
     return [read_source(source, reading)]

@@ -11,11 +11,8 @@ from typing import Any
 import numpy as np
 
 from hil.errors import FileError, option
-from hil.record.folder import read
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
-from hil.record.run_folder.events import read_events
-from hil.record.run_folder.header import HEADER_FILE, read_header
 from hil.record.simulated import SIMULATED, is_simulated
 from hil.record.table.response_table import ResponseTable, write_response_table
 from hil.session.procedure import load_procedure
@@ -45,43 +42,41 @@ def write_responses(findings: Findings, folder: Path) -> list[Path]:
     return written
 
 
-def measured_responses(source: object, inputs: Sequence[str], output: str) -> bool:
-    """Whether this is the folder of a run that measured frequency responses, of these channels where they are named."""
-    if not isinstance(source, str | Path) or not (Path(source) / HEADER_FILE).is_file():
-        return False
-    meta, (events, _bad) = read_header(Path(source)).meta, read_events(Path(source))
-    roles = meta.get("roles", {})
+def measured_responses(run: Recording, inputs: Sequence[str], output: str) -> bool:
+    """Whether a run measured frequency responses, of these channels where they are named."""
+    roles, kinds = run.meta.get("roles", {}), {part.get("kind") for part in run.meta.get("parts", ())}
     named = ((output, "response"), (inputs[0] if inputs else "", "command"))
-    kinds = {event.get("details", {}).get("kind") for event in events if "part" in event}
-    return bool(meta.get("procedure") and kinds & _KINDS) and all(n in ("", roles.get(role)) for n, role in named)
+    return bool(run.meta.get("procedure") and kinds & _KINDS) and all(n in ("", roles.get(role)) for n, role in named)
 
 
-def response_of_run(path: Path, part: str) -> ResponseTable:
+def response_of_run(run: Recording, part: str) -> ResponseTable:
     """The frequency response of a run, as its procedure measured it; the one called `part` where there are several.
 
     Raises:
         FileError: there is none of that name, or none was named where there are several; says which there are.
     """
-    found = responses_of_run(path)
+    found = responses_of_run(run)
     if part in found:
         return found[part]
     if part or len(found) != 1:
         names = ", ".join(f"'{label}'" for label in found) or "none"
         raise FileError(
-            f"{path}: the run measured {len(found)} frequency responses, {names}; a transfer function describes one "
-            f"amplitude about one bias: name it with {option('part')}"
+            f"{run.name}: the run measured {len(found)} frequency responses, {names}; a transfer function describes "
+            f"one amplitude about one bias: name it with {option('part')}"
         )
     return next(iter(found.values()))
 
 
-def responses_of_run(path: Path) -> dict[str, ResponseTable]:
-    """Every frequency response of a run, as its procedure measured it, by its label."""
-    recording: Recording = read(path)
-    procedure = load_procedure(str(recording.meta["procedure"]))
-    found = response_tables(measured_findings(procedure.evaluate, recording), str(path))
-    roles = recording.meta.get("roles", {})
-    origin = {SIMULATED: is_simulated(recording.meta)}
-    meta = {**origin, "roles": roles, "assumed": ["the frequency response as its procedure measured it"]}
+def responses_of_run(run: Recording) -> dict[str, ResponseTable]:
+    """Every frequency response of a run as it was recorded, by its label, as its procedure measured it."""
+    procedure = load_procedure(str(run.meta["procedure"]))
+    found = response_tables(measured_findings(procedure.evaluate, run), run.name)
+    origin = {SIMULATED: is_simulated(run.meta)}
+    meta = {
+        **origin,
+        "roles": run.meta.get("roles", {}),
+        "assumed": ["the frequency response as its procedure measured it"],
+    }
     return {label: replace(table, meta=meta) for label, table in found.items()}
 
 

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, Union
 from hil.errors import FileError
 from hil.language.note import OF, Note
 from hil.record.invalid_samples import notes_of_reading
-from hil.record.read import read_any
-from hil.record.reading import Reading
+from hil.record.read import read_any, recorded
+from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.table.frame import from_memory
+from hil.record.table.named import as_stated
 from hil.record.table.response_table import ResponseTable
 from hil.session.several import several
 
@@ -45,12 +46,14 @@ def read_source(
         return source
     if not isinstance(source, str | Path):
         return from_memory(source, reading)
-    if responses or part:
-        from hil.session.responses import measured_responses, response_of_run
+    if not (responses or part) or not Path(source).is_dir():
+        return read_any(source, reading)
+    from hil.session.responses import measured_responses, response_of_run
 
-        if measured_responses(source, inputs, output):
-            return response_of_run(Path(source), part)
-    return read_any(source, reading)
+    run = recorded(Path(source))
+    if measured_responses(run, inputs, output):
+        return response_of_run(run, part)
+    return as_stated(run, reading or AS_IT_IS)
 
 
 def samples_of(source: Source, reading: Reading | None) -> Recording:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from hil.errors import FileError, SettingError, option
 from hil.language.note import Note
+from hil.record.invalid_samples import with_blanks
 from hil.record.reading import AS_IT_IS, LEFT_OUT, Reading
 from hil.record.recording import Recording
 from hil.record.table import heading as headings
@@ -116,12 +117,14 @@ def with_stated_units(recording: Recording, reading: Reading) -> Recording:
     return replace(recording, meta={**recording.meta, "stated_units": stated}) if stated else recording
 
 
-def as_stated(recording: Recording, reading: Reading) -> Recording:
-    """A run of our own with the names, units and interval that its user says.
+def as_stated(run: Recording, reading: Reading) -> Recording:
+    """A run as it was recorded with the names, units and interval that its user says, and NaN for what is no sample.
 
     Raises:
-        FileError: no such channel. SettingError: an option for files whose columns are not known.
+        FileError: no such channel, or none was ever measured.
+        SettingError: an option for files whose columns are not known.
     """
+    recording = with_blanks(run)
     if reading == AS_IT_IS:
         return recording
     if reading.time or reading.columns:
@@ -136,4 +139,5 @@ def as_stated(recording: Recording, reading: Reading) -> Recording:
     if reading.interval_s:
         time_s = even_times(len(recording), reading.interval_s)
         meta = {**meta, "assumed": [*meta.get("assumed", ()), even_note(reading.interval_s)]}
-    return replace(recording, time_s=time_s, channels=channels, meta=meta, own=own).with_units(units)
+    stated = replace(recording, time_s=time_s, channels=channels, meta=meta, own=own).with_units(units)
+    return with_stated_units(stated, reading)
