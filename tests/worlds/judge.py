@@ -166,6 +166,8 @@ def _strangers(world: World, ran: Ran) -> Iterator[str]:
             for one in world.system.processes
             for at_s in one.connected_s
         )
+        if not stranger.identity:
+            continue  # it may be the same one, asked at a bad moment: a safe value is written to it all the same
         if not (came_early or met or _kinds(ran) - _ASK_FIRST or world.after) and stranger.written:
             yield f"another device that has the address of {device} was written to at {stranger.written[0]:.3f} s"
 

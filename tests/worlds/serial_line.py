@@ -53,6 +53,8 @@ class SerialLine:
     def pull(self, away_s: float) -> None:
         """The adapter is pulled out, and put back."""
         self.is_pulled = True
+        self._open_s.clear()  # with the adapter goes what is on its way
+        self._quiet_s.clear()
         for port in self.ports:
             port.break_off()
         self._hub.after(away_s, lambda: setattr(self, "is_pulled", False))
