@@ -11,8 +11,10 @@ from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.rig import BenchRig
+from hil.daq.contract import Block, Daq, Waveform, joined
 from hil.record.folder import read
 from hil.record.recording import Recording
+from hil.safety.guard import Guard
 from hil.session.procedure import Procedure
 from hil.session.setting import parse_settings
 
@@ -24,6 +26,11 @@ def silent_rig(
     if isinstance(bench, str):
         bench = benches()[bench]
     return open_rig(read_bench(bench) if isinstance(bench, Path) else bench, run, about or {}, lambda *_: None, **more)
+
+
+def played(daq: Daq | Guard, waveform: Waveform, block_samples: int | None = None) -> Block:
+    """What was read while this was driven."""
+    return joined(list(daq.play(waveform, block_samples)))
 
 
 def driven(procedure: Procedure, bench: BenchFile | Path | str, run: Path, given: Mapping[str, Any]) -> Recording:

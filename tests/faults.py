@@ -15,7 +15,7 @@ from typing import Any
 
 from hil.errors import FileError
 from hil.record.folder import read
-from tests.waits import PATIENCE_S
+from tests.waits import until
 
 STRANGER = Path(__file__).parent / "stranger"
 
@@ -74,12 +74,8 @@ class Observer:
 
     def wait_until_driven(self, process: subprocess.Popen[str] | None = None) -> None:
         """Return when the output has left zero."""
-        deadline_s = time.monotonic() + PATIENCE_S
-        while self.level == 0.0:
-            if process is not None and process.poll() is not None:
-                raise AssertionError(f"the run ended early: {process.communicate()}")
-            assert time.monotonic() < deadline_s, "the output was never driven"
-            time.sleep(0.002)
+        until(lambda: self.level != 0.0 or (process is not None and process.poll() is not None), every_s=0.002)
+        assert self.level != 0.0, f"the run ended early: {process and process.communicate()}"
 
     def safe_after(self, since_s: float, within_s: float) -> float | None:
         """Seconds from an instant until the output went to zero for good; None when it did not within this time."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import socket
 import struct
 import threading
@@ -12,7 +11,8 @@ from contextlib import nullcontext, suppress
 from types import TracebackType
 from typing import Self
 
-_RETURN, _ATTACH, _DETACH = 0x06, 26, 27  # BPF_RET | BPF_K, SO_ATTACH_FILTER, SO_DETACH_FILTER
+from tests import lost_packets
+
 WholeRequest = Callable[[bytes], int]
 """How many of the bytes that have come are the first request; none while it is not whole."""
 
@@ -54,16 +54,11 @@ class ForeignLine:
 
     def lose(self) -> None:
         """From now on the kernel throws away every packet that comes here, as a network does that is out."""
-        nothing = ctypes.create_string_buffer(struct.pack("HBBI", _RETURN, 0, 0, 0))
-        for end in (self._listener, *self.clients):  # a connection that is accepted later has what the listener has
-            with suppress(OSError):
-                end.setsockopt(socket.SOL_SOCKET, _ATTACH, struct.pack("HxxxxxxP", 1, ctypes.addressof(nothing)))
+        lost_packets.lose([self._listener, *self.clients])
 
     def heal(self) -> None:
         """Packets come through again: also those that the other side sends once more."""
-        for end in (self._listener, *self.clients):
-            with suppress(OSError):
-                end.setsockopt(socket.SOL_SOCKET, _DETACH, 0)
+        lost_packets.heal([self._listener, *self.clients])
 
     def reset(self) -> None:
         """Every connection is reset, as by a device that restarts."""

@@ -8,27 +8,19 @@ from __future__ import annotations
 
 import ctypes
 import socket
+import struct
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 
 _ATTACH, _DETACH = 26, 27  # SO_ATTACH_FILTER, SO_DETACH_FILTER
-_RETURN = 0x06  # of the packet, so many bytes: none
-
-
-class _Instruction(ctypes.Structure):
-    _fields_ = (("code", ctypes.c_uint16), ("jt", ctypes.c_uint8), ("jf", ctypes.c_uint8), ("k", ctypes.c_uint32))
-
-
-class _Filter(ctypes.Structure):
-    _fields_ = (("length", ctypes.c_uint16), ("instructions", ctypes.POINTER(_Instruction)))
+_NOTHING = ctypes.create_string_buffer(struct.pack("HBBI", 0x06, 0, 0, 0))  # BPF_RET: no byte of a packet
 
 
 def lose(sockets: Iterable[socket.socket]) -> None:
-    """From now on nothing comes in on these sockets."""
-    nothing = _Filter(1, ctypes.pointer(_Instruction(_RETURN, 0, 0, 0)))
+    """From now on nothing comes in on these sockets; a connection that is accepted later has what its listener has."""
     for one in sockets:
         with suppress(OSError):  # closed meanwhile
-            one.setsockopt(socket.SOL_SOCKET, _ATTACH, bytes(nothing))
+            one.setsockopt(socket.SOL_SOCKET, _ATTACH, struct.pack("HxxxxxxP", 1, ctypes.addressof(_NOTHING)))
 
 
 def heal(sockets: Iterable[socket.socket]) -> None:

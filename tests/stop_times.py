@@ -29,7 +29,7 @@ import numpy as np
 from tests import observer
 from tests.links import bench_text, devices_of, moved
 from tests.stops import posted
-from tests.waits import PATIENCE_S
+from tests.waits import PATIENCE_S, until
 
 How = Literal["work", "killed", "hung"]
 SAFE_PERCENT, DRIVEN_PERCENT = 0.6, 39.0
@@ -74,7 +74,7 @@ def stops(count: int, how: How, viewers: int, told: Callable[[Stopped], None] = 
 
 
 def _stopped(run: Path, how: How, look: Callable[[], float], console: subprocess.Popen[bytes] | None) -> Stopped:
-    _wait(lambda: look() > DRIVEN_PERCENT and (run / "control.json").exists(), f"{run.name} never drove its output")
+    until(lambda: _is_driven(look) and (run / "control.json").exists(), every_s=0.01)
     control = json.loads((run / "control.json").read_text())
     time.sleep(0.15)
     if how == "hung":
@@ -107,6 +107,12 @@ def _stopped(run: Path, how: How, look: Callable[[], float], console: subprocess
     return Stopped(safe_s - begun_s, answers[0][0] - begun_s, answers[0][1])
 
 
+def _is_driven(look: Callable[[], float]) -> bool:
+    with suppress(OSError):
+        return look() > DRIVEN_PERCENT
+    return False
+
+
 def _drive(path: Path, runs: Path, count: int) -> None:
     """Run after run in a process of its own each, as `hil run` does; forked from here, where all is imported."""
     from hil.session.preload import preload
@@ -119,7 +125,7 @@ def _drive(path: Path, runs: Path, count: int) -> None:
             print(f"{out.name} was not stopped, it ended with status {status}: once more", file=sys.stderr)
             shutil.rmtree(out, ignore_errors=True)
         if status != HALTED:  # its watchdog has the bench until nothing late can come
-            _wait((out / "watchdog.json").exists, f"the watchdog of {out.name} said no last word")
+            until((out / "watchdog.json").exists, every_s=0.01)
 
 
 def _driven(path: Path, out: Path) -> int:
@@ -193,16 +199,6 @@ def _view(address: str, count: int) -> None:
     for _ in range(count):
         threading.Thread(target=look, daemon=True).start()
     threading.Event().wait()
-
-
-def _wait(until: Callable[[], bool], otherwise: str) -> None:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while True:
-        with suppress(OSError):
-            if until():
-                return
-        assert time.monotonic() < deadline_s, otherwise
-        time.sleep(0.01)
 
 
 def _port_in(text: str) -> int:

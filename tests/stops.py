@@ -13,15 +13,13 @@ from urllib.parse import urlencode, urlsplit
 
 from hil.bench.stop.listener import Listener
 from hil.bench.stop.stop_service import StopService
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.safety.operator import Asked
 from hil.safety.outputs import Output, State
+from tests.channels import inputs, outputs
 from tests.waits import PATIENCE_S
 
-WIRING = Wiring(
-    {"valve": OutputChannel("valve", "out", "voltage", "V", -10.0, 10.0)},
-    {"pressure": InputChannel("pressure", "in", "voltage", "V", -20.0, 20.0)},
-)
+WIRING = Wiring(outputs({"valve": "out"}), inputs({"pressure": "in"}, low=-20.0, high=20.0))
 SAFE = {"valve": Output(State.SAFE, "V", 0.0)}
 
 

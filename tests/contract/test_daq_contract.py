@@ -11,6 +11,7 @@ from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.daq.contract import Block, Daq, Waveform, joined
 from hil.errors import RangeError
+from tests.driven import played
 
 TIMED_BY_THEMSELVES = sorted(n for n, path in benches().items() if "in_process" in path.read_text(encoding="utf-8"))
 
@@ -65,7 +66,7 @@ def test_one_reading_of_every_input_for_each_sample(daq):
 
 
 def test_time_goes_on_from_task_to_task_at_the_actual_rate(daq):
-    tasks = [joined(list(daq.play(sweep(daq)))), joined(list(daq.stream([sweep(daq)])))]
+    tasks = [played(daq, sweep(daq)), joined(list(daq.stream([sweep(daq)])))]
     for task in tasks:
         assert np.diff(task.time_s) == pytest.approx(1.0 / rate_hz(daq))
     assert tasks[1].time_s[0] > tasks[0].time_s[-1]
@@ -84,16 +85,16 @@ def test_finite_and_continuous_acquisition_say_the_same(file):
 
 def test_last_value_is_held_and_told(daq):
     waveform = sweep(daq)
-    list(daq.play(waveform))
+    played(daq, waveform)
     for name, values in waveform.outputs.items():
         assert daq.levels[name] == values[-1]
 
 
 def test_output_that_is_not_named_keeps_its_level(daq):
-    list(daq.play(sweep(daq)))
+    played(daq, sweep(daq))
     name = next(iter(daq.outputs))
     before = {other: level for other, level in daq.levels.items() if other != name}
-    block = joined(list(daq.play(Waveform(rate_hz(daq), {name: np.full(5, daq.outputs[name].safe)}))))
+    block = played(daq, Waveform(rate_hz(daq), {name: np.full(5, daq.outputs[name].safe)}))
     assert all((block.outputs[other] == level).all() for other, level in before.items())
 
 
@@ -102,7 +103,7 @@ def test_sample_beyond_the_range_is_refused_before_the_first(daq):
     before = daq.levels[name]
     beyond = np.append(np.full(10, channel.high), channel.high + 0.01 * (channel.high - channel.low))
     with pytest.raises(RangeError, match=f"'{name}', sample 10"):
-        list(daq.play(Waveform(rate_hz(daq), {name: beyond})))
+        played(daq, Waveform(rate_hz(daq), {name: beyond}))
     assert daq.levels[name] == before
 
 
@@ -115,7 +116,7 @@ def test_safe_at_once_in_the_middle_of_a_task_and_again(daq):
 
 
 def test_closing_makes_safe_and_may_be_repeated(daq):
-    list(daq.play(sweep(daq)))
+    played(daq, sweep(daq))
     daq.close()
     daq.close()
     assert daq.levels == {name: channel.safe for name, channel in daq.outputs.items()}
@@ -126,8 +127,8 @@ def test_first_input_is_read_when_the_promises_say(daq):
     assert 0.0 <= daq.promises.read_at <= 1.0
     name, channel = next(iter(daq.outputs.items()))
     first = next(iter(daq.inputs))
-    quiet = joined(list(daq.play(Waveform(rate_hz(daq), {name: np.full(500, channel.safe)})))).inputs[first]
-    moved = joined(list(daq.play(Waveform(rate_hz(daq), {name: np.full(2, channel.high)})))).inputs[first]
+    quiet = played(daq, Waveform(rate_hz(daq), {name: np.full(500, channel.safe)})).inputs[first]
+    moved = played(daq, Waveform(rate_hz(daq), {name: np.full(2, channel.high)})).inputs[first]
     assert abs(moved[0] - quiet.mean()) <= 6.0 * quiet.std() + 1e-3
 
 

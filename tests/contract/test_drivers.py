@@ -18,10 +18,11 @@ from hil.bench.read import read_bench
 from hil.bench.twin import subject
 from hil.catalog import entries
 from hil.cli.commands import new as begin
-from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
+from hil.daq.channel import Terminal, Wiring
 from hil.daq.conformance import CHECKS, Result, Subject, Witness, examine, left_safe, verdict_of
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, LinkError
+from tests.channels import inputs, outputs
 from tests.links import moved, patient_valve
 from tests.waits import side_by_side
 
@@ -373,10 +374,7 @@ BREAKS: dict[str, set[str]] = {
     "notices_that_the_device_restarted": {"does not notice"},
     "has_the_watchdog_that_it_promises": {"no watchdog", "silent about its watchdog"},
 }
-WIRING = Wiring(
-    {"a": OutputChannel("a", "out", "voltage", "V", -10.0, 10.0, 0.0)},
-    {"b": InputChannel("b", "in", "voltage", "V", -10.0, 10.0)},
-)
+WIRING = Wiring(outputs({"a": "out"}), inputs({"b": "in"}))
 
 
 def examined(fault: str, check: str) -> Subject:

@@ -7,6 +7,7 @@ import pytest
 from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.daq.contract import Waveform
+from tests.driven import played
 from tests.links import PATIENT, served
 from tests.ni_board import plugged_in
 from tests.recorded_line import RecordedLine
@@ -70,7 +71,7 @@ def test_on_canopen_nothing_but_uploads_is_sent(tmp_path):
         file = read_bench(path)
         inputs = _inputs_of(file, name) or {"actual": file.bench.channels["flow"]}
         daq = file.devices[name].open(inputs)
-        list(daq.play(Waveform(daq.actual_rate_hz(10.0), {}, 2)))
+        played(daq, Waveform(daq.actual_rate_hz(10.0), {}, 2))
         daq.close()
         line.close()
     sent = [words.split() for words in b"".join(line.asked).decode().split("<") if "send " in words]

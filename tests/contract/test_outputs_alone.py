@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -15,6 +12,7 @@ from hil.daq.contract import Waveform
 from tests.contract.test_drivers import CASES
 from tests.links import patient_valve, served
 from tests.ni_board import plugged_in
+from tests.waits import until
 
 ONE_EACH = {CASES[case][0]: case for case in reversed(CASES) if case != "ascii inputs"}
 
@@ -36,19 +34,16 @@ def test_outputs_alone_are_made_safe(driver, tmp_path):
         for _ in daq.play(Waveform(rate_hz, {channel.name: np.full(4, half)})):
             pass
         near = 0.01 * (channel.high - channel.low)
-        assert arrives(lambda: field.levels[channel.name], half, near)
+
+        def arrives(at: float) -> None:
+            """Sooner or later: on CAN nobody says when a command was obeyed."""
+            until(lambda: abs(field.levels[channel.name] - at) <= near)
+
+        arrives(half)
         daq.make_safe()
-        assert arrives(lambda: field.levels[channel.name], channel.safe, near)
+        arrives(channel.safe)
         daq.close()
-        assert arrives(lambda: field.levels[channel.name], channel.safe, near)
-
-
-def arrives(level: Callable[[], float], at: float, near: float) -> bool:
-    """Whether an output stands there, sooner or later: on CAN nobody says when a command was obeyed."""
-    deadline_s = time.monotonic() + 600.0
-    while abs(level() - at) > near and time.monotonic() < deadline_s:
-        time.sleep(0.005)
-    return abs(level() - at) <= near
+        arrives(channel.safe)
 
 
 def test_ni_board_too(monkeypatch):

@@ -16,6 +16,7 @@ from hil.errors import HilError
 from hil.safety.guard import Guard
 from hil.safety.interlock import Band, Interlock
 from hil.safety.protection import Protection
+from tests.driven import played
 
 EFFECTS = [
     {"name": "friction", "parameters": {"coulomb": 2.0}},
@@ -61,7 +62,7 @@ def left(interlocks: list[Interlock], pieces: list[int], block_s: float, fault: 
     try:
         for _ in guard.stream(waveforms()):
             pass
-        list(guard.play(Waveform(1000.0, {"command": np.full(1500, 5.0)})))
+        played(guard, Waveform(1000.0, {"command": np.full(1500, 5.0)}))
         guard.close()
     except HilError as error:
         ended = f"{type(error).__name__}: {error}"

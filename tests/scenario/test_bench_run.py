@@ -8,7 +8,6 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +18,7 @@ import pytest
 from hil.errors import FileError
 from hil.record.read import read_recording
 from tests.bench_files import bench_file
+from tests.waits import until
 
 REAL_TIME = {"devices": {"daq": {"time": "real"}}, "protection": {"block_s": 0.05}}
 STRANGER = Path(__file__).parents[1] / "stranger"
@@ -84,7 +84,7 @@ def test_stopped_by_a_signal_while_driving(tmp_path, number, status):
     file = bench_file(tmp_path / "bench.toml", "brevini-hpv41", **REAL_TIME)
     with start("run", "tiny_step", "--bench", file, "--out", folder, "--set", "hold_s=60") as process:
         try:
-            _wait_for(folder, "command", 40.0)
+            until(lambda: _last(folder) == 40.0)
             process.send_signal(number)
             process.send_signal(number)  # an impatient operator does not disturb the way down
             _, err = process.communicate(timeout=600)
@@ -147,11 +147,8 @@ def test_help_imports_nothing_heavy():
     assert found.stdout.strip() == "[]"
 
 
-def _wait_for(folder: Path, channel: str, value: float) -> None:
-    deadline = time.monotonic() + 600.0
-    while time.monotonic() < deadline:
-        with suppress(FileError):  # not made yet, or without samples
-            if read_recording(folder).values(channel)[-1] == value:
-                return
-        time.sleep(0.05)
-    pytest.fail(f"{channel} never became {value:g}")
+def _last(folder: Path) -> float | None:
+    """Where the command stood last; None where the run is not made yet, or without samples."""
+    with suppress(FileError):
+        return float(read_recording(folder).values("command")[-1])
+    return None

@@ -28,7 +28,7 @@ from hil.record.run_folder.header import read_end
 from tests.driven import silent_rig
 from tests.faults import Observer, observed, start_run, watchdog_of
 from tests.links import served
-from tests.waits import PATIENCE_S
+from tests.waits import PATIENCE_S, until
 
 # The coupler's own watchdog stays off, so that only the watchdog process can make it safe.
 TCP = ("hpv41-modbus-tcp", ("watchdog_s = 1.0\n", ""), ("block_s = 0.1", "block_s = 0.1\nwatchdog_s = 1.0"))
@@ -48,9 +48,7 @@ def driven(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Observer, Pa
 
 
 def told(folder: Path) -> dict[str, Any]:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not (folder / "watchdog.json").exists() and time.monotonic() < deadline_s:
-        time.sleep(0.02)
+    until((folder / "watchdog.json").exists)
     time.sleep(0.1)
     return json.loads((folder / "watchdog.json").read_text(encoding="utf-8"))
 
@@ -182,14 +180,10 @@ def test_a_check_of_a_driver_that_is_killed_leaves_its_outputs_safe(tmp_path):
 
 
 def test_a_lost_device_is_left_to_the_watchdog_before_the_record_is_closed(tmp_path, monkeypatch):
-    close, tried = RunWriter.close, list[bool]()
+    close, tried = RunWriter.close, list[float]()
 
     def close_on_a_slow_disk(self: RunWriter, *words: Any, **more: Any) -> None:
-        deadline_s = time.monotonic() + PATIENCE_S
-        so_far = tmp_path / "run" / "watchdog-so-far.json"
-        while not so_far.exists() and time.monotonic() < deadline_s:
-            time.sleep(0.02)
-        tried.append(so_far.exists())
+        tried.append(until((tmp_path / "run" / "watchdog-so-far.json").exists))
         close(self, *words, **more)
 
     monkeypatch.setattr(RunWriter, "close", close_on_a_slow_disk)
@@ -201,4 +195,4 @@ def test_a_lost_device_is_left_to_the_watchdog_before_the_record_is_closed(tmp_p
             lose(file, tmp_path / "run", device)
         device.answer = answer
         told(tmp_path / "run")
-    assert tried[0]
+    assert tried

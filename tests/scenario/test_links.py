@@ -13,7 +13,7 @@ import pytest
 from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.clock import VirtualClock
-from hil.daq.contract import Block, Waveform, joined
+from hil.daq.contract import Block, Waveform
 from hil.errors import LinkError, RangeError
 from hil.record.measurement import Measured
 from hil.record.read import read_recording
@@ -21,7 +21,7 @@ from hil.record.recording import Array, Recording
 from hil.session.procedure import load_procedure
 from hil.signals.sine_fit import sine_fit
 from tests import link_page
-from tests.driven import silent_rig
+from tests.driven import played, silent_rig
 from tests.fault_page import PAGE
 from tests.links import CALM, answered, bench_text, devices_of, moved, served
 from tests.simulated import FLOW, SPOOL, hpv41
@@ -80,7 +80,7 @@ def direct(name: str, rate_hz: float = RATE_HZ) -> complex:
     """The same sine on the plant behind a simulated DAQ, without any link."""
     signal, slope = {"flow": (FLOW, 10.0), "spool position": (SPOOL, 12.5)}[name]
     daq = hpv41({name: signal}, clock=VirtualClock())
-    block: Block = joined(list(daq.play(Waveform(rate_hz, {"command": command(rate_hz) / 10.0}))))
+    block: Block = played(daq, Waveform(rate_hz, {"command": command(rate_hz) / 10.0}))
     return response(block.time_s, 10.0 * block.outputs["command"], block.time_s, slope * block.inputs[name]).value
 
 
@@ -136,7 +136,7 @@ def test_devices_are_served_in_a_process_of_their_own(tmp_path):
     path.write_text(moved(answered(bench_text("hpv41-mixed", *CALM)), tmp_path), encoding="utf-8")
     with devices_of(path) as (process, told):
         daq = read_bench(path).open()
-        block = joined(list(daq.play(Waveform(10.0, {"command": np.full(10, 30.0)}))))
+        block = played(daq, Waveform(10.0, {"command": np.full(10, 30.0)}))
         daq.close()
     assert [line.partition(" at ")[0] for line in told[:3]] == [
         "valve: canopen_valve", "meter: modbus", "module: ascii_module",

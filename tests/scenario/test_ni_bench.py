@@ -7,13 +7,12 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.waits import PATIENCE_S
+from tests.waits import PATIENCE_S, until
 
 HERE = Path(__file__).parents[1]
 HALF, RELAY = 5.0, "port1/line0"
@@ -44,21 +43,15 @@ class Bench:
         levels: dict[str, float] = json.loads(self.board.read_text(encoding="utf-8"))["levels"]
         return levels[terminal]
 
-    def wait(self, until: Callable[[], bool]) -> None:
-        deadline_s = time.monotonic() + PATIENCE_S
-        while not until():
-            assert time.monotonic() < deadline_s
-            time.sleep(0.01)
-
     def drive(self) -> subprocess.Popen[str]:
         """A run that stands at half its range, the relay closed."""
         process = self.start(hold_s=60.0)
-        self.wait(lambda: self.level("ao0") == HALF and self.level(RELAY) == 1.0)
+        until(lambda: self.level("ao0") == HALF and self.level(RELAY) == 1.0)
         return process
 
     def watchdog(self) -> dict[str, Any]:
         told = self.folder / "run" / "watchdog.json"
-        self.wait(told.exists)
+        until(told.exists)
         time.sleep(0.05)
         found: dict[str, Any] = json.loads(told.read_text(encoding="utf-8"))
         return found
@@ -90,7 +83,7 @@ def test_board_is_unplugged_and_found_again_by_the_watchdog_process(bench):
     process = bench.drive()
     unplugged = bench.board.with_suffix(".unplugged")
     unplugged.touch()
-    bench.wait(lambda: process.poll() is not None)
+    until(lambda: process.poll() is not None)
     assert process.returncode == 3 and bench.level("ao0") == HALF
     unplugged.unlink()  # plugged in again; a real one would have forgotten its levels, this one has not
     _, err = process.communicate(timeout=PATIENCE_S)

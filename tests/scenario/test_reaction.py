@@ -10,20 +10,19 @@ import numpy as np
 import pytest
 
 from hil.clock import RealClock
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.daq.contract import Waveform
 from hil.daq.polled import PolledDaq
 from hil.errors import LinkError, StoppedError
 from hil.safety.guard import Guard
 from hil.safety.interlock import Band, Interlock
 from hil.safety.protection import Protection
+from tests.channels import inputs, outputs
+from tests.driven import played
 
 RATE_HZ, BLOCK_S, FOR_S = 100.0, 0.1, 0.02
 BUSY_S = 0.1  # what a computer that does other things besides may add
-WIRING = Wiring(
-    {"valve": OutputChannel("valve", "out", "voltage", "V", -10.0, 10.0)},
-    {"pressure": InputChannel("pressure", "in", "voltage", "V", -20.0, 20.0)},
-)
+WIRING = Wiring(outputs({"valve": "out"}), inputs({"pressure": "in"}, low=-20.0, high=20.0))
 
 
 class Remote:
@@ -77,7 +76,7 @@ def driven(after_s: float, answer_s: float) -> tuple[float, Exception]:
 
     threading.Thread(target=rise).start()
     with pytest.raises((StoppedError, LinkError)) as ended:
-        list(guard.play(Waveform(RATE_HZ, {"valve": np.full(1000, 5.0)})))
+        played(guard, Waveform(RATE_HZ, {"valve": np.full(1000, 5.0)}))
     guard.close()
     while not rose_s:
         time.sleep(0.05)

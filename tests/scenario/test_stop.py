@@ -30,7 +30,7 @@ from tests.driven import silent_rig
 from tests.faults import STRANGER, start_run
 from tests.links import CALM, served
 from tests.stops import posted
-from tests.waits import PATIENCE_S
+from tests.waits import PATIENCE_S, until
 
 # The coupler's own watchdog stays off, so that only the program and its watchdog process can make it safe.
 CHANGES = (("\nwatchdog_s = 10.0\n", "\n"), ("block_s = 0.1\n", "block_s = 0.1\nwatchdog_s = 10.0\n"))
@@ -38,10 +38,7 @@ CHANGES = (("\nwatchdog_s = 10.0\n", "\n"), ("block_s = 0.1\n", "block_s = 0.1\n
 
 def written(path: Path) -> dict[str, Any]:
     """What a file says as soon as it is there."""
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not path.exists():
-        assert time.monotonic() < deadline_s, f"no {path}"
-        time.sleep(0.01)
+    until(path.exists)
     return dict(json.loads(path.read_text()))
 
 

@@ -18,8 +18,9 @@ from hil.bench.read import read_bench
 from hil.bench.stop.stop_service import StopService
 from hil.daq import address
 from hil.daq.address import Port, places_of
-from hil.daq.channel import OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.errors import DeviceLostError, FileError
+from tests.channels import outputs
 from tests.links import PATIENT, served
 
 HERE = ["this computer:502"]
@@ -137,7 +138,7 @@ def test_addresses_that_write_files_or_lead_elsewhere_are_refused(text, tmp_path
 def test_the_coupler_that_has_the_name_of_a_lost_one_is_left_alone(tmp_path):
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
-    wiring = Wiring({"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)}, {})
+    wiring = Wiring(outputs({"command": "ao0"}), {})
     bench = "hpv41-modbus-rtu"
     with served(bench, tmp_path / "a", *PATIENT) as (file, _), served(bench, tmp_path / "b", *PATIENT) as (_, twins):
         settings = modbus.Settings.model_validate(file.bench.devices["io"].settings)
@@ -180,7 +181,7 @@ def test_a_port_that_another_program_has_is_said_to_be_so(tmp_path):
 
 def _at(settings: modbus.Settings, address: str, volts: float | None = None) -> float:
     """Where an output stands at an address, driven there first."""
-    wiring = Wiring({"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)}, {})
+    wiring = Wiring(outputs({"command": "ao0"}), {})
     link = modbus.open_link(settings.model_copy(update={"address": address}), wiring)
     if volts is not None:
         link.drive({"ao0": volts})

@@ -14,10 +14,10 @@ import pytest
 
 from hil.bench.heartbeat import GIVE_UP_S, REPORT_FILE, HeartbeatClient, watched
 from hil.bench.read import BenchFile
-from hil.daq.channel import OutputChannel
 from hil.errors import LinkError, with_notes
 from hil.safety.outputs import Outputs
 from hil.system.signals import HOLDING_UP
+from tests.channels import outputs
 from tests.links import PATIENT, served
 from tests.waits import until
 
@@ -37,7 +37,7 @@ def wait_for_report(run: Path) -> None:
 
 def lose(file: BenchFile, run: Path, known: Outputs) -> None:
     with watched(file, run, known):
-        known.opened({"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)})
+        known.opened(outputs({"command": "ao0"}))
         raise LinkError("gone")
 
 
@@ -70,7 +70,7 @@ def lost(file: BenchFile, run: Path, act: Callable[[int], None]) -> str:
     def lose_after() -> None:
         with watched(file, run, known) as watch:
             watch.beat(True)
-            known.opened({"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)})
+            known.opened(outputs({"command": "ao0"}))
             act(watchdog_of(run))
             raise LinkError("gone")
 

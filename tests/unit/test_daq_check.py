@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.daq.channel import OutputChannel
 from hil.daq.check import check_waveform, checked_task, coerced_rate
 from hil.daq.contract import Promises, Waveform
 from hil.errors import RangeError
+from tests.channels import outputs
 
 PROMISES = Promises("hardware", True, 0.0, 0.0, True, 1.0, 20_000.0, clock_hz=100_000.0)
-OUTPUTS = {"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)}
+OUTPUTS = outputs({"command": "ao0"})
 
 
 @pytest.mark.parametrize(("asked", "actual"), [(1000.0, 1000.0), (3000.0, 100_000 / 33), (19_999.0, 20_000.0)])
@@ -51,9 +51,10 @@ def test_waveform_has_samples_of_one_length(outputs):
     [(500.0, "command", "then came 500 Hz and command"), (1000.0, "other", "then came 1000 Hz and other")],
 )
 def test_one_task_keeps_its_rate_and_outputs(rate_hz, name, says):
-    outputs = {**OUTPUTS, "other": OutputChannel("other", "ao1", "voltage", "V", -10.0, 10.0)}
     task = checked_task(
-        [Waveform(1000.0, {"command": np.zeros(3)}), Waveform(rate_hz, {name: np.zeros(3)})], outputs, PROMISES
+        [Waveform(1000.0, {"command": np.zeros(3)}), Waveform(rate_hz, {name: np.zeros(3)})],
+        outputs({"command": "ao0", "other": "ao1"}),
+        PROMISES,
     )
     next(task)
     with pytest.raises(RangeError, match=f"began with 1000 Hz and command, {says}"):

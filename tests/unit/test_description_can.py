@@ -17,11 +17,12 @@ from hypothesis import strategies as st
 
 from drivers import can as driver
 from drivers._can_messages import checksum, group_of
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.daq.device_link import DeviceWatchdog
 from hil.description.can import database
 from hil.errors import HardwareError, LinkError, SettingError
 from sim_devices import can as twin
+from tests.channels import inputs, outputs
 from tests.described import bench, input_, is_told, output, passes, written
 from tests.waits import PATIENCE_S, until
 
@@ -79,10 +80,7 @@ signal = "Measured"
 time_s = 0.3
 expires_to = 0.0
 """
-WIRING = Wiring(
-    {"u": OutputChannel("u", "set", "voltage", "V", -10.0, 10.0)},
-    {"m": InputChannel("m", "measured", "voltage", "V", -10.0, 10.0)},
-)
+WIRING = Wiring(outputs({"u": "set"}), inputs({"m": "measured"}))
 
 
 class ByHand:
@@ -210,7 +208,7 @@ def test_an_output_that_stands_elsewhere_and_a_lapsed_watchdog_are_told(tmp_path
 def test_outputs_that_would_fall_elsewhere_than_safe_are_refused(tmp_path):
     written(tmp_path, "amplifier.dbc", DBC)
     path = written(tmp_path, "amplifier.toml", AMPLIFIER)
-    wiring = Wiring({"u": OutputChannel("u", "set", "voltage", "V", -10.0, 10.0, 5.0)}, {})
+    wiring = Wiring(outputs({"u": "set"}, safe=5.0), {})
     with pytest.raises(SettingError, match="puts set at 0 V, but 'u' is safe at 5 V; connect"):
         driver.open_link(driver.Settings(model=str(path), address="virtual:none"), wiring)
 
@@ -275,8 +273,8 @@ def test_the_amplifier_passes_the_checks_on_its_twin(tmp_path):
 
 
 def test_an_isobus_valve_by_its_dbc_frame_by_frame(tmp_path, monkeypatch):
-    wiring = Wiring({"c": OutputChannel("c", "flow command", "value", "%", -100.0, 100.0)},
-                    {"f": InputChannel("f", "estimated flow", "value", "%", -125.0, 125.0)})  # fmt: skip
+    wiring = Wiring(outputs({"c": "flow command"}, "%", -100.0, 100.0),
+                    inputs({"f": "estimated flow"}, "%", -125.0, 125.0))  # fmt: skip
     valve = can.Bus(interface="virtual", channel=tmp_path.name)
     told = {"model": "isobus-valve", "address": f"virtual:{tmp_path.name}", "timeout_s": 1.0, "longest_reply_s": 1.0}
     link = driver.open_link(driver.Settings.model_validate(told), wiring)

@@ -19,22 +19,20 @@ from canopen.objectdictionary import import_od
 from drivers import canopen as driver
 from drivers._node_objects import NodeObjects
 from drivers._pdo_mapping import pdos_for
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.description.canopen import FORMS, CanopenTerminal, dictionary
 from hil.description.find import descriptions
 from hil.description.read import read_description
 from hil.errors import DeviceLostError, FileError, HardwareError, LinkError, SettingError
 from sim_devices import canopen as twin
 from sim_devices._eds import objects_of
+from tests.channels import inputs, outputs
 from tests.described import bench, input_, is_told, output, passes, written
 from tests.waits import until
 
 HERE = descriptions()["io-401"].parent
 IO = (HERE / "io-401.toml").read_text(encoding="utf-8")
-WIRING = Wiring(
-    {"u": OutputChannel("u", "ao1", "voltage", "V", -10.0, 10.0)},
-    {name: InputChannel(name, name, "voltage", "V", -10.0, 10.0) for name in ("ai1", "ai2")},
-)
+WIRING = Wiring(outputs({"u": "ao1"}), inputs(("ai1", "ai2")))
 
 
 class ByHand:
@@ -192,7 +190,7 @@ def test_another_device_than_the_file_says_and_nobody(tmp_path):
 def test_a_node_that_is_only_read_is_asked_by_sdo_and_left_as_it_is(tmp_path):
     objects = {(0x1000, 0): struct.pack("<I", 0x00020194), (0x1018, 1): b"\0" * 4,
                (0x6130, 1): struct.pack("<f", 123.5)}  # fmt: skip
-    wiring = Wiring({}, {"p": InputChannel("p", "pressure", "value", "bar", 0.0, 250.0)})
+    wiring = Wiring({}, inputs({"p": "pressure"}, "bar", 0.0, 250.0))
     with by_hand(tmp_path, objects, model="transmitter-404", wiring=wiring) as (link, node):
         assert link.read() == {"pressure": 123.5}
         assert node.nmt == []
@@ -330,11 +328,8 @@ DIGITAL = (HERE / "dio-401.toml").read_text(encoding="utf-8")
 LAMP = '[terminals.lamp]\ndirection = "out"\nrange = [0, 1]\nobject = "6200.1"\nbit = 7\n\n'
 
 
-def lines(outputs: tuple[str, ...] = ("do2", "do5"), inputs: tuple[str, ...] = ("di1", "di8")) -> Wiring:
-    return Wiring(
-        {name: OutputChannel(name, name, "digital", "1", 0.0, 1.0) for name in outputs},
-        {name: InputChannel(name, name, "digital", "1", 0.0, 1.0) for name in inputs},
-    )
+def lines(out: tuple[str, ...] = ("do2", "do5"), into: tuple[str, ...] = ("di1", "di8")) -> Wiring:
+    return Wiring(outputs(out, "1", 0.0, 1.0), inputs(into, "1", 0.0, 1.0))
 
 
 def digital_module() -> dict[tuple[int, int], bytes]:
@@ -379,8 +374,7 @@ def test_bits_of_others_that_a_node_switched_off_by_itself_are_not_switched_on_a
 
 
 def test_bits_are_asked_for_by_sdo_where_nothing_is_driven(tmp_path):
-    inputs = lines((), ("di1", "di2", "di8"))
-    with by_hand(tmp_path, digital_module(), model="dio-401", wiring=inputs) as (link, node):
+    with by_hand(tmp_path, digital_module(), model="dio-401", wiring=lines((), ("di1", "di2", "di8"))) as (link, node):
         node.objects[0x6000, 1] = b"\x82"
         assert link.read() == {"di1": 0.0, "di2": 1.0, "di8": 1.0}
         assert node.nmt == [] and node.objects[0x6206, 1] == b"\0"

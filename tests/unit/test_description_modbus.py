@@ -14,10 +14,11 @@ import pytest
 from drivers import modbus
 from hil.bench.fault import BenchError
 from hil.bench.read import read_bench
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.description.modbus_place import as_in_manuals, on_the_wire
 from hil.description.read import read_description
 from hil.errors import FileError, LinkError, SettingError
+from tests.channels import inputs, outputs
 from tests.described import EVERYTHING, bench, input_, is_told, output, passes, written
 from tests.foreign_line import ForeignLine, Tables, serial_frame
 from tests.links import free_port
@@ -97,17 +98,8 @@ def test_addresses_that_no_manual_has(said):
 
 
 WIRING = Wiring(
-    {
-        "u": OutputChannel("u", "command", "voltage", "V", -10.0, 10.0, 2.0),
-        "lamp": OutputChannel("lamp", "lamp", "digital", "1", 0.0, 1.0),
-        "level": OutputChannel("level", "level", "voltage", "V", 0.0, 10.0),
-        "relay": OutputChannel("relay", "relay", "digital", "1", 0.0, 1.0),
-    },
-    {
-        **{f"v{i}": InputChannel(f"v{i}", f"volts {i}", "voltage", "V", -10.0, 10.0) for i in (1, 2, 3)},
-        "spool": InputChannel("spool", "spool", "voltage", "V", -10.0, 10.0),
-        "end": InputChannel("end", "end", "digital", "1", 0.0, 1.0),
-    },
+    outputs({"u": "command"}, safe=2.0) | outputs(["level"], low=0.0) | outputs(["lamp", "relay"], "1", 0.0, 1.0),
+    inputs([*(f"volts {i}" for i in (1, 2, 3)), "spool"]) | inputs(["end"], "1", 0.0, 1.0),
 )
 
 
@@ -266,7 +258,7 @@ def test_echo_and_pause_are_those_of_the_description(tmp_path):
         asked_s[0] = time.monotonic()
         return frame if early else frame + device.on_serial(frame)
 
-    wiring = Wiring({}, {"p": InputChannel("p", "pressure", "value", "bar", 0.0, 250.0)})
+    wiring = Wiring({}, inputs({"p": "pressure"}, "bar", 0.0, 250.0))
     with ForeignLine(echoing, serial_frame) as line:
         told = {"model": str(path), "transport": "rtu", "address": f"socket://127.0.0.1:{line.port}", "timeout_s": 1.0}
         link = modbus.open_link(modbus.Settings.model_validate(told), wiring)

@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 
 from drivers import scpi, text
 from drivers._templates import Numbers, filled, matched, remedy
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.description.find import descriptions
 from hil.description.read import read_description
 from hil.errors import LinkError, SettingError
+from tests.channels import inputs, outputs
 from tests.described import bench, input_, is_told, output, passes, written
 from tests.foreign_line import ForeignLine, ended
 from tests.links import free_port
@@ -73,10 +74,7 @@ reply = "OK"
 REGULATOR = REGULATOR.replace('[terminals."volts {n}"]\ncount = 2\nfirst = 1', '[terminals."volts 1"]') + (
     '\n[terminals."volts 2"]\ndirection = "in"\nunit = "V"\nrange = [-10.0, 10.0]\nask = "M?"\nfield = 1\n'
 )
-WIRING = Wiring(
-    {"u": OutputChannel("u", "set", "voltage", "V", -10.0, 10.0, 1.0)},
-    {name: InputChannel(name, name, "voltage", "V", -10.0, 10.0) for name in ("volts 1", "volts 2", "load")},
-)
+WIRING = Wiring(outputs({"u": "set"}, safe=1.0), inputs(("volts 1", "volts 2", "load")))
 
 
 class Regulator:
@@ -273,8 +271,8 @@ def test_a_described_scpi_instrument_by_hand(tmp_path):
         return (";".join(answers[unit] for unit in units if unit in answers) + "\n").encode()
 
     path = written(tmp_path, "source.toml", SOURCE)
-    wiring = Wiring({"u": OutputChannel("u", "volts", "voltage", "V", 0.0, 10.0)},
-                    {"m": InputChannel("m", "measured", "voltage", "V", 0.0, 10.0)})  # fmt: skip
+    wiring = Wiring(outputs({"u": "volts"}, low=0.0),
+                    inputs({"m": "measured"}, low=0.0))  # fmt: skip
     with ForeignLine(device, ended(b"\n")) as line:
         link = scpi.open_link(scpi.Settings(model=str(path), address=f"socket://127.0.0.1:{line.port}"), wiring)
         link.drive({"volts": 2.5})

@@ -13,21 +13,20 @@ import numpy as np
 import pytest
 
 from drivers.modbus import LineSettings, ModbusLink
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.daq.contract import Waveform
 from hil.daq.device_link import DeviceLink, ReadBackTimes, stands_as_driven
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, LinkError, SettingError
 from hil.system import system
+from tests.channels import inputs, outputs
+from tests.driven import played
 from tests.foreign_line import ForeignLine, Tables
 from tests.modbus_pair import MODEL, WIRING
 
 READS_OUTPUTS = 3
 WATCHDOG_S = 0.2
-CELL = Wiring(
-    {"u": OutputChannel("u", "out", "voltage", "V", -10.0, 10.0)},
-    {"x": InputChannel("x", "in", "voltage", "V", -10.0, 10.0)},
-)
+CELL = Wiring(outputs({"u": "out"}), inputs({"x": "in"}))
 
 
 class Unready(LinkError):
@@ -168,7 +167,7 @@ def test_a_program_that_stood_still_drives_nothing_on(where):
     with closing(PolledDaq({"cell": cell}, {"cell": CELL})) as daq:
         for _ in range(2):  # also who comes later, until outputs are safe
             with pytest.raises(LinkError, match="longer than its watchdog"):
-                list(daq.play(Waveform(20.0, {"u": np.full(20, 5.0)})))
+                played(daq, Waveform(20.0, {"u": np.full(20, 5.0)}))
         daq.make_safe()
     assert set(cell.afterwards) == {0.0}
 

@@ -15,20 +15,20 @@ from hypothesis import strategies as st
 
 from drivers import canopen_valve
 from hil.clock import VirtualClock
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.errors import DeviceLostError, LinkError
 from sim_devices import canopen_valve as twin
 from sim_devices._can_bus import Hub
 from sim_devices._eds import objects_of
 from sim_devices._quirks import Quirks
+from tests.channels import inputs, outputs
 from tests.linked import linked as linked_to
 from tests.linked import simulation, turned
 from tests.waits import PATIENCE_S, until
 
 SIMULATION = simulation("spool")
 WIRING = Wiring(
-    {"command": OutputChannel("command", "set point", "value", "%", -100.0, 100.0)},
-    {"spool": InputChannel("spool", "actual value", "value", "%", -200.0, 199.99)},
+    outputs({"command": "set point"}, "%", -100.0, 100.0), inputs({"spool": "actual value"}, "%", -200.0, 199.99)
 )
 SDO_ANSWER = 0x581
 

@@ -14,7 +14,7 @@ from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.bench.twin import subject
 from hil.catalog import entries, find
-from hil.daq.channel import InputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.daq.conformance import CHECKS, examine
 from hil.description import ascii_module as module_words
 from hil.description import can as can_words
@@ -25,6 +25,7 @@ from hil.description.find import descriptions
 from hil.errors import DeviceLostError, LinkError
 from sim_devices import kit
 from sim_devices.kit import Quirks
+from tests.channels import inputs
 from tests.links import moved
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -93,7 +94,7 @@ def test_the_driver_of_the_guide_passes_every_check_on_the_twin_of_the_guide(gui
 
 def test_the_driver_of_the_guide_when_the_gauge_goes_away(guide):
     driver = find("drivers", "gauge").load()
-    wiring = Wiring({}, {"p": InputChannel("p", "pressure", "value", "bar", 0.0, 400.0)})
+    wiring = Wiring({}, inputs({"p": "pressure"}, "bar", 0.0, 400.0))
     with socket.create_server(("127.0.0.1", 0)) as listener:
 
         def serve() -> None:

@@ -16,19 +16,19 @@ from hypothesis import strategies as st
 from drivers import _can_frames, j1939_valve
 from drivers._address_claim import CLAIM_WAIT_S, AddressClaim, default_name
 from hil.clock import VirtualClock
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.errors import LinkError
 from sim_devices import j1939_valve as twin
 from sim_devices._field import Side
 from sim_devices._quirks import Quirks
+from tests.channels import inputs, outputs
 from tests.linked import linked as linked_to
 from tests.linked import simulation, turned
 from tests.waits import until
 
 SIMULATION = simulation("estimate")
 WIRING = Wiring(
-    {"command": OutputChannel("command", "flow command", "value", "%", -100.0, 100.0)},
-    {"estimate": InputChannel("estimate", "estimated flow", "value", "%", -125.0, 125.0)},
+    outputs({"command": "flow command"}, "%", -100.0, 100.0), inputs({"estimate": "estimated flow"}, "%", -125.0, 125.0)
 )
 
 

@@ -14,10 +14,11 @@ import pytest
 from drivers import ascii_module, scpi, text
 from drivers._can import gone
 from drivers.modbus import LineSettings, ModbusLink
-from hil.daq.channel import OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.daq.link import Link
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, HardwareError, LinkError
+from tests.channels import outputs
 from tests.described import written
 from tests.foreign_line import ForeignLine, Tables, ended, serial_frame, tcp_frame
 from tests.modbus_pair import MODEL
@@ -104,7 +105,7 @@ class Place:
 
 
 def output(name: str, unit: str, high: float) -> Wiring:
-    return Wiring({name: OutputChannel(name, name, "value", unit, 0.0, high)}, {})
+    return Wiring(outputs([name], unit, 0.0, high), {})
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from nidaqmx.constants import AcquisitionType, RegenerationMode
 
 from drivers import ni
 from hil.clock import VirtualClock
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.daq.contract import Waveform, joined
 from hil.errors import (
     DeviceLostError,
@@ -26,16 +26,15 @@ from hil.errors import (
 from hil.safety.guard import Guard
 from hil.safety.outputs import Outputs
 from hil.safety.protection import Protection
+from tests.channels import inputs, outputs
+from tests.driven import played
 from tests.ni_board import Board, Task, plugged_in
 
 RATE_HZ = 1000.0
-PWM = {"duty": OutputChannel("duty", "ctr0", "value", "%", 0.0, 100.0)}
+PWM = outputs({"duty": "ctr0"}, "%", 0.0, 100.0)
 WIRING = Wiring(
-    {
-        "a": OutputChannel("a", "ao0", "voltage", "V", -10.0, 10.0, 1.0),
-        "b": OutputChannel("b", "ao1", "voltage", "V", 0.0, 10.0, 0.5),
-    },
-    {f"read {i}": InputChannel(f"read {i}", f"ai{i}", "voltage", "V", -10.0, 10.0) for i in range(2)},
+    outputs({"a": "ao0"}, safe=1.0) | outputs({"b": "ao1"}, low=0.0, safe=0.5),
+    inputs({"read 0": "ai0", "read 1": "ai1"}),
 )
 
 
@@ -58,7 +57,7 @@ def test_outputs_are_found_where_they_stand(daq):
 
 
 def test_outputs_wait_for_the_trigger_of_the_inputs_and_start_first(daq, board):
-    block = joined(list(daq.play(ramp(), 10)))
+    block = played(daq, ramp(), 10)
     assert board.calls[:2] == ["start outputs", "start inputs"]
     assert np.array_equal(block.outputs["a"], ramp().outputs["a"]) and (block.outputs["b"] == 4.0).all()
     assert np.array_equal(block.inputs["read 0"][1:], block.outputs["a"][:-1])  # read before it is driven
@@ -69,7 +68,7 @@ def test_outputs_wait_for_the_trigger_of_the_inputs_and_start_first(daq, board):
 def test_ranges_and_wiring_are_said_as_the_default_is_five_volts(daq, monkeypatch):
     seen: list[dict[str, Any]] = []
     monkeypatch.setattr(Task, "close", lambda self: seen.extend(self.kwargs))
-    list(daq.play(ramp(4)))
+    played(daq, ramp(4))
     assert {(k["min_val"], k["max_val"]) for k in seen} == {(-10.0, 10.0), (0.0, 10.0)}
     assert [k["terminal_config"].name for k in seen if "terminal_config" in k] == ["DIFF", "DIFF"]
 
@@ -118,14 +117,14 @@ def test_safe_values_are_written_at_once(daq, board):
 def test_codes_become_errors_of_one_line_with_the_whole_cause(daq, board, code, kind):
     board.codes["read"] = code
     with pytest.raises(kind) as raised:
-        list(daq.play(ramp()))
+        played(daq, ramp())
     assert str(raised.value) == f"Dev1: the reason. Device: Dev1 ({code})" and board.open == 0
 
 
 def test_lines_that_another_task_holds_are_told_with_what_may_hold_them(daq, board):
     board.codes["read"] = -50103
     with pytest.raises(LinkError, match=r"\(-50103\): another task or program holds it, such as"):
-        list(daq.play(ramp()))
+        played(daq, ramp())
 
 
 @pytest.mark.parametrize("code", [-200324, -200045, -50808, -201003, -88705, -50405, -88302, -200284, -999999])
@@ -178,20 +177,20 @@ def test_rate_is_what_the_board_makes_of_it(board):
 def test_rates_of_inputs_and_outputs_that_differ_are_told(daq, board):
     board.output_hz = 999.0
     with pytest.raises(LinkError, match="Dev1 makes 999 Hz of 1000 Hz: its rates are divisions of its own clocks"):
-        list(daq.play(ramp()))
+        played(daq, ramp())
 
 
 def test_rates_and_ranges_that_it_does_not_have_are_refused(daq):
     with pytest.raises(RangeError, match="Hz"):
         daq.actual_rate_hz(1e6)
     with pytest.raises(RangeError, match="'b', sample 1"):
-        list(daq.play(Waveform(RATE_HZ, {"b": np.array([1.0, -0.5])})))
+        played(daq, Waveform(RATE_HZ, {"b": np.array([1.0, -0.5])}))
     assert daq.actual_rate_hz(daq.actual_rate_hz(333.3)) == daq.actual_rate_hz(333.3)
 
 
 def test_outputs_alone_are_timed_by_the_clock_of_an_input_within_the_board(board):
     daq = ni.open_daq(ni.Settings(), Wiring(WIRING.outputs, {}))
-    block = joined(list(daq.play(ramp(), 7)))
+    block = played(daq, ramp(), 7)
     assert np.array_equal(block.outputs["a"], ramp().outputs["a"]) and block.inputs == {}
     assert board.levels["ao0"] == 2.0
     daq.close()
@@ -203,13 +202,13 @@ def test_where_the_board_does_not_tell_its_outputs_it_drives_nothing_beside_them
     daq = ni.open_daq(ni.Settings(), WIRING)
     assert all(np.isnan(level) for level in daq.levels.values())
     with pytest.raises(LinkError, match="Dev1 does not tell where 'b' stands; drive it, or make it safe"):
-        list(daq.play(ramp()))
+        played(daq, ramp())
     daq.make_safe()
-    assert daq.levels == {"a": 1.0, "b": 0.5} and len(joined(list(daq.play(ramp())))) == 30
+    assert daq.levels == {"a": 1.0, "b": 0.5} and len(played(daq, ramp())) == 30
 
 
-RELAY = {"enable": OutputChannel("enable", "do1", "digital", "1", 0.0, 1.0)}
-STOP = {"stop": InputChannel("stop", "di2", "digital", "1", 0.0, 1.0)}
+RELAY = outputs({"enable": "do1"}, "1", 0.0, 1.0)
+STOP = inputs({"stop": "di2"}, "1", 0.0, 1.0)
 
 
 @pytest.fixture
@@ -229,7 +228,7 @@ def test_relay_is_switched_before_the_waveform_that_wants_it(lines, board, finit
 
 
 def test_relay_opens_first_and_alone_if_need_be(lines, board):
-    list(lines.play(Waveform(RATE_HZ, {"enable": np.ones(5)})))
+    played(lines, Waveform(RATE_HZ, {"enable": np.ones(5)}))
     board.calls.clear()
     lines.make_safe()
     assert board.calls == ["write port1/line1 [0.0]", "write  [1.0, 0.5]"]
@@ -239,7 +238,7 @@ def test_relay_opens_first_and_alone_if_need_be(lines, board):
     assert board.calls[-1] == "write  [1.0, 0.5]"
 
 
-BEAT = {"relay": OutputChannel("relay", "hb3", "digital", "1", 0.0, 1.0)}
+BEAT = outputs({"relay": "hb3"}, "1", 0.0, 1.0)
 
 
 def edges(board: Board, for_s: float) -> int:
@@ -263,7 +262,7 @@ def edges_come(board: Board) -> bool:
 def test_heartbeat_changes_while_it_is_on_and_stands_still_when_safe(board):
     daq = ni.open_daq(ni.Settings(heartbeat_s=0.005), Wiring({**WIRING.outputs, **BEAT}, WIRING.inputs))
     assert daq.levels["relay"] == 0.0 and edges(board, 0.05) == 0
-    list(daq.play(Waveform(RATE_HZ, {"relay": np.ones(5)})))
+    played(daq, Waveform(RATE_HZ, {"relay": np.ones(5)}))
     assert daq.levels["relay"] == 1.0 and edges_come(board)
     list(daq.play(ramp()))  # it goes on
     assert edges_come(board) and daq.read_back()["relay"].at == 1.0
@@ -276,22 +275,21 @@ def test_heartbeat_changes_while_it_is_on_and_stands_still_when_safe(board):
 def test_heartbeat_that_fails_ends_the_task(board, stands_at):
     """Wherever the line stood when it failed: the board's reason is told, not what the line looks like."""
     daq = ni.open_daq(ni.Settings(heartbeat_s=0.005), Wiring({**WIRING.outputs, **BEAT}, WIRING.inputs))
-    list(daq.play(Waveform(RATE_HZ, {"relay": np.ones(5)})))
+    played(daq, Waveform(RATE_HZ, {"relay": np.ones(5)}))
     board.codes["write"] = -200324
     while any(thread.name == "hil-heartbeat" for thread in threading.enumerate()):
         time.sleep(0.001)
     board.levels["port1/line3"] = stands_at
     with pytest.raises(DeviceLostError, match="-200324"):
-        list(daq.play(Waveform(RATE_HZ, {"relay": np.ones(5)})))
+        played(daq, Waveform(RATE_HZ, {"relay": np.ones(5)}))
     daq.close()
     assert board.open == 0
 
 
 def test_line_is_a_heartbeat_or_not(board):
     assert "hb0" not in ni.terminals(ni.Settings()) and "hb3" in ni.terminals(ni.Settings(heartbeat_s=0.1))
-    both = {"enable": OutputChannel("enable", "do3", "digital", "1", 0.0, 1.0), **BEAT}
     with pytest.raises(SettingError, match="'relay': hb3 is the line of do3, which 'enable' has"):
-        ni.open_daq(ni.Settings(heartbeat_s=0.1), Wiring(both, {}))
+        ni.open_daq(ni.Settings(heartbeat_s=0.1), Wiring(outputs({"enable": "do3"}, "1", 0.0, 1.0) | BEAT, {}))
 
 
 def test_found_relay_and_input_are_as_they_stand(board):
@@ -342,7 +340,7 @@ def test_line_is_no_waveform(lines, values, says):
 
 def test_pairs_are_those_of_the_board(board):
     def opened(terminal: str) -> ni.NiDaq:
-        wiring = Wiring({}, {"p": InputChannel("p", terminal, "voltage", "V", -10.0, 10.0)})
+        wiring = Wiring({}, inputs({"p": terminal}))
         return ni.open_daq(ni.Settings(inputs=32), wiring)
 
     board.inputs, board.pairs = list(range(32)), [*range(8), *range(16, 24)]
@@ -356,7 +354,7 @@ def test_board_that_samples_all_at_once_has_no_convert_clock(board, monkeypatch)
     rates: list[float] = []
     monkeypatch.setattr(Task, "close", lambda self, close=Task.close: (rates.append(self.ai_conv_rate), close(self)))
     daq = ni.open_daq(ni.Settings(skew_s=0.0), WIRING)
-    list(daq.play(ramp(4)))
+    played(daq, ramp(4))
     assert daq.promises.simultaneous and set(rates) == {0.0}
     assert [text for _, text in ni.faults(ni.Settings(skew_s=1e-9))]
 
@@ -398,9 +396,9 @@ def test_duty_cycle_follows_the_samples_on_the_clock_of_the_inputs(pwm, board, m
 
 
 def test_duty_cycle_is_kept_up_between_tasks_and_until_the_next_one(pwm, board):
-    list(pwm.play(Waveform(RATE_HZ, {"duty": np.full(5, 40.0)})))
+    played(pwm, Waveform(RATE_HZ, {"duty": np.full(5, 40.0)}))
     assert board.levels["ctr0"] == pytest.approx(0.4) and pwm.levels["duty"] == 40.0
-    block = joined(list(pwm.play(ramp(5))))
+    block = played(pwm, ramp(5))
     assert (block.outputs["duty"] == 40.0).all() and board.levels["ctr0"] == pytest.approx(0.4)
     pwm.make_safe()
     assert board.levels["ctr0"] == 0.0 and pwm.levels == {"a": 1.0, "b": 0.5, "duty": 0.0}
@@ -418,13 +416,13 @@ def test_counter_stands_still_when_a_task_is_left_early(pwm, board):
 
 def test_ends_of_the_range_are_pulses_and_pauses_of_100_ns(pwm, monkeypatch):
     seen = seen_while_reading(monkeypatch)
-    list(pwm.play(Waveform(RATE_HZ, {"duty": np.array([0.0, 100.0, 50.0])})))
+    played(pwm, Waveform(RATE_HZ, {"duty": np.array([0.0, 100.0, 50.0])}))
     assert seen[:3] == pytest.approx([1e-4, 1.0 - 1e-4, 0.5])
 
 
 def test_counter_alone_needs_no_voltage_output(board):
     daq = ni.open_daq(ni.Settings(counters=1, pwm_hz=200.0), Wiring(PWM, WIRING.inputs))
-    block = joined(list(daq.play(Waveform(RATE_HZ, {"duty": np.array([25.0])}))))
+    block = played(daq, Waveform(RATE_HZ, {"duty": np.array([25.0])}))
     assert len(block) == 1 and daq.levels == {"duty": 25.0} and board.pulses_hz == {200.0}
     assert board.levels["ao0"] == 3.0
     daq.close()
@@ -434,12 +432,12 @@ def test_counter_alone_needs_no_voltage_output(board):
 def test_counter_that_cannot_be_started_is_let_go_of(pwm, board):
     board.codes["start"] = -200022
     with pytest.raises(LinkError, match="-200022"):
-        list(pwm.play(Waveform(RATE_HZ, {"duty": np.full(5, 40.0)})))
+        played(pwm, Waveform(RATE_HZ, {"duty": np.full(5, 40.0)}))
     assert board.open == 0
 
 
 def test_only_standing_still_can_be_safe_for_a_counter(board):
-    unsafe = {"duty": OutputChannel("duty", "ctr0", "value", "%", 0.0, 100.0, 10.0)}
+    unsafe = outputs({"duty": "ctr0"}, "%", 0.0, 100.0, 10.0)
     with pytest.raises(SettingError, match=r"'duty': safe = 10 %; ctr0 stands still .* only 0 % can be its safe value"):
         ni.open_daq(ni.Settings(counters=1), Wiring(unsafe, WIRING.inputs))
 

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 
 from hil.clock import VirtualClock
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.daq.contract import Waveform, joined
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, LinkError, OutputUnderflowError, RangeError, StoppedError
+from tests.channels import inputs, outputs
+from tests.driven import played
 from tests.waits import until
 
 RATE_HZ = 200.0
@@ -67,10 +69,7 @@ class Loop:
 
 
 def wiring(suffix: str = "") -> Wiring:
-    return Wiring(
-        {f"a{suffix}": OutputChannel(f"a{suffix}", "out", "voltage", "V", -10.0, 10.0, safe=-1.0)},
-        {f"b{suffix}": InputChannel(f"b{suffix}", "in", "voltage", "V", -10.0, 10.0)},
-    )
+    return Wiring(outputs({f"a{suffix}": "out"}, safe=-1.0), inputs({f"b{suffix}": "in"}))
 
 
 def daq(link: Loop) -> PolledDaq:
@@ -97,7 +96,7 @@ def test_outputs_are_told_where_they_were_found():
 def test_each_sample_is_driven_then_read_and_has_the_stamp_it_had():
     device, _ = timed(takes_s=1e-3)
     before_s = 17e-3  # asked where it stands, then eight probes
-    block = joined(list(device.play(ramp(), 7)))
+    block = played(device, ramp(), 7)
     assert np.array_equal(block.inputs["b"], block.outputs["a"])
     assert np.array_equal(block.outputs["a"], ramp().outputs["a"])
     assert block.time_s == pytest.approx(before_s + np.arange(20) / RATE_HZ + 0.5e-3)
@@ -113,7 +112,7 @@ def test_samples_are_taken_as_wall_time_goes_on():
 
 def test_each_reading_has_the_delay_that_it_had():
     device, _ = timed(takes_s=1e-3, slow_readings={5: 8e-3, 13: 2e-3})
-    block = joined(list(device.play(ramp(), 7)))
+    block = played(device, ramp(), 7)
     expected_s = np.full(20, 1e-3)
     expected_s[[4, 12]] += [4e-3, 1e-3]  # stamped in the middle of its exchange
     assert block.delays_s["delay of loop"] == pytest.approx(expected_s)
@@ -129,7 +128,7 @@ def test_age_of_what_a_device_tells_unasked_is_part_of_the_delay():
     link = Loop(clock=clock)
     link.reading_age_s = 0.05  # type: ignore[attr-defined]
     device = PolledDaq({"loop": link}, {"loop": wiring()}, clock)
-    block = joined(list(device.play(ramp())))
+    block = played(device, ramp())
     assert block.delays_s["delay of loop"] == pytest.approx(-0.05)
     assert device.promises.delays_s == {"b": pytest.approx(-0.05)}
 
@@ -141,7 +140,7 @@ def test_delays_are_known_before_the_first_sample():
     device = PolledDaq({"x": first, "y": second}, {"x": wiring("1"), "y": wiring("2")}, clock)
     # driving both takes 6 ms and is stamped in the middle; then x is read for 4 ms, y for 2 ms
     assert device.promises.delays_s == {"b1": pytest.approx(5e-3), "b2": pytest.approx(8e-3)}
-    block = joined(list(device.play(Waveform(20.0, {"a1": np.zeros(4)}))))
+    block = played(device, Waveform(20.0, {"a1": np.zeros(4)}))
     assert block.delays_s == {
         "delay of x": pytest.approx(np.full(4, 5e-3)),
         "delay of y": pytest.approx(np.full(4, 8e-3)),
@@ -162,7 +161,7 @@ def test_stream_asks_for_the_next_waveform_while_one_plays():
 
 def test_sample_that_is_late_counts_and_those_after_it_catch_up_without_a_burst():
     device, _ = timed(takes_s=1e-4, stalls={12: 0.03})
-    block = joined(list(device.play(ramp(60))))
+    block = played(device, ramp(60))
     steps_s = np.diff(block.time_s)
     assert block.late == 10  # 25.2 ms late, 2.5 ms less with each sample, as long as it is more than 2.5 ms
     assert steps_s.max() == pytest.approx(0.02, abs=1e-3)
@@ -191,7 +190,7 @@ def test_link_that_falls_behind_says_at_once_how_long_nothing_is_seen():
     device, _ = timed(takes_s=0.001, slow_readings={20: 0.03})
     list(device.play(ramp()))  # its last sample is the slow one
     assert device.promises.blind_s == pytest.approx(0.032)
-    list(device.play(ramp()))
+    played(device, ramp())
     assert device.promises.blind_s == 0.0
 
 
@@ -217,7 +216,7 @@ def test_link_that_has_become_too_slow_for_its_blocks_ends_the_task_in_words():
     begun_s = link.clock.now_s
     says = r"too slow: a sample takes 0\.3 s, and may take 0\.05 s where inputs are judged each 0\.1 s"
     with pytest.raises(LinkError, match=says):
-        list(device.play(ramp(400), 20))
+        played(device, ramp(400), 20)
     assert link.clock.now_s - begun_s == pytest.approx(1.2)
     device.make_safe()
     assert link.value == -1.0
@@ -225,7 +224,7 @@ def test_link_that_has_become_too_slow_for_its_blocks_ends_the_task_in_words():
 
 def test_one_long_stall_does_not_end_a_task():
     device, _ = timed(takes_s=1e-4, stalls={12: 2.0})
-    assert len(joined(list(device.play(ramp(100), 20)))) == 100
+    assert len(played(device, ramp(100), 20)) == 100
 
 
 def test_link_too_slow_for_the_watchdog_of_its_device_is_refused_at_opening():
@@ -233,19 +232,19 @@ def test_link_too_slow_for_the_watchdog_of_its_device_is_refused_at_opening():
         timed(takes_s=0.1, watchdog_s=0.2)
     device, link = timed(takes_s=0.01, watchdog_s=0.5)
     link.takes_s = 0.1  # a busy host: what samples take of late is not what the rate comes from
-    list(device.play(Waveform(5.0, {"a": np.zeros(4)})))
+    played(device, Waveform(5.0, {"a": np.zeros(4)}))
     with pytest.raises(RangeError, match=r"2 Hz: the device offers 2\.5 … 40 Hz, as its link was measured$"):
         device.actual_rate_hz(2.0)
 
 
 def test_nothing_is_driven_on_after_the_computer_has_slept():
     device, link = timed()
-    list(device.play(ramp()))
+    played(device, ramp())
     count = len(link.written)
     link.clock.slept_s = 5.0  # type: ignore[misc]
     for _ in range(2):
         with pytest.raises(StoppedError, match="the computer slept for 5 s, and where outputs stood"):
-            list(device.play(ramp()))
+            played(device, ramp())
     assert len(link.written) == count
     device.make_safe()
     assert link.value == -1.0
@@ -260,7 +259,7 @@ def test_nothing_is_kept_alive_after_the_computer_has_slept():
         time.sleep(0.1)
         assert not link.written
         with pytest.raises(StoppedError, match="slept for 5 s"):
-            list(device.play(ramp()))
+            played(device, ramp())
 
 
 def test_blocks_before_a_failure_are_handed_over_before_it_is_raised():
@@ -327,7 +326,7 @@ def test_devices_share_one_time_base():
     links = {"x": Loop(clock=clock), "y": Loop(clock=clock)}
     links["x"].takes_s = links["y"].takes_s = 1e-4
     device = PolledDaq(links, {"x": wiring("1"), "y": wiring("2")}, clock)
-    block = joined(list(device.play(Waveform(RATE_HZ, {"a1": np.full(5, 2.0)}))))
+    block = played(device, Waveform(RATE_HZ, {"a1": np.full(5, 2.0)}))
     assert (block.outputs["a2"] == 1.5).all() and (block.inputs["b1"] == 2.0).all()
     delays = device.promises.sampling(device.inputs, RATE_HZ)["delay_s"]
     assert 0.0 < delays["b1"] < delays["b2"]

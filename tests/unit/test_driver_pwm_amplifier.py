@@ -13,7 +13,7 @@ import pytest
 
 from drivers import pwm_amplifier
 from hil.clock import VirtualClock
-from hil.daq.channel import InputChannel, OutputChannel, Pwm, Wiring
+from hil.daq.channel import OutputChannel, Pwm, Wiring
 from hil.errors import LinkError, SettingError
 from hil.record.read import read_recording
 from hil.session.procedure import load_procedure
@@ -24,16 +24,13 @@ from sim_devices._modbus_table import serve_registers
 from sim_devices._quirks import Quirks
 from sim_devices._simulation import Simulation
 from sim_devices._twin import described_in
+from tests.channels import inputs
 from tests.links import PATIENT, opened, served
 from tests.waits import until
 
 OUT = OutputChannel("current", "current", "pwm_current", "A", 0.0, 3.0, pwm=Pwm(1000.0, 125.0, 0.02))
 WIRING = Wiring(
-    {"current": OUT},
-    {
-        "coil current": InputChannel("coil current", "coil current", "current", "A", 0.0, 3.3),
-        "coil voltage": InputChannel("coil voltage", "coil voltage", "voltage", "V", 0.0, 36.0),
-    },
+    {"current": OUT}, inputs(["coil current"], "A", 0.0, 3.3) | inputs(["coil voltage"], low=0.0, high=36.0)
 )
 SIMULATION = Simulation.model_validate({
     "plant": "efc-drive",

@@ -19,13 +19,14 @@ from drivers._can import open_bus
 from drivers._edge import message_of
 from drivers._node_objects import NodeObjects
 from drivers._sdo import Sdo
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.description.eds import Dictionary
 from hil.errors import DeviceLostError, HardwareError, LinkError
 from sim_devices import canopen_valve as canopen_twin
 from sim_devices import j1939_valve as j1939_twin
 from sim_devices._quirks import Quirks
 from sim_devices._simulation import Simulation
+from tests.channels import inputs, outputs
 from tests.sick_bus import SickBus
 from tests.waits import PATIENCE_S, until
 
@@ -36,13 +37,9 @@ SIMULATION = Simulation.model_validate({
     "instruments": {"out": {"direction": "out", "signal": "command", "unit": "%"},
                     "in": {"signal": "command", "unit": "%"}},
 })  # fmt: skip
-CANOPEN = Wiring(
-    {"out": OutputChannel("out", "set point", "value", "%", -100.0, 100.0)},
-    {"in": InputChannel("in", "actual value", "value", "%", -200.0, 199.99)},
-)
+CANOPEN = Wiring(outputs({"out": "set point"}, "%", -100.0, 100.0), inputs({"in": "actual value"}, "%", -200.0, 199.99))
 J1939 = Wiring(
-    {"out": OutputChannel("out", "flow command", "value", "%", -100.0, 100.0)},
-    {"in": InputChannel("in", "estimated flow", "value", "%", -125.0, 125.0)},
+    outputs({"out": "flow command"}, "%", -100.0, 100.0), inputs({"in": "estimated flow"}, "%", -125.0, 125.0)
 )
 KINDS = {"canopen": (canopen_valve, canopen_twin, CANOPEN), "j1939": (j1939_valve, j1939_twin, J1939)}
 ILL = (
@@ -84,13 +81,15 @@ def linked(kind: str, bus: str, **more: Any) -> Iterator[Any]:
 def moved(kind: str, link: Any, percent: float) -> dict[str, float]:
     """Drive, and read until what is read is what was driven."""
     (terminal,) = (channel.terminal for channel in KINDS[kind][2].outputs.values())
-    until_s = time.monotonic() + PATIENCE_S
-    while True:
+    read: dict[str, float] = {}
+
+    def follows() -> bool:
         link.drive({terminal: percent})
-        read: dict[str, float] = link.read()
-        if abs(next(iter(read.values())) - percent) < 1.0 or time.monotonic() > until_s:
-            return read
-        time.sleep(0.01)
+        read.update(link.read())
+        return abs(next(iter(read.values())) - percent) < 1.0
+
+    until(follows)
+    return read
 
 
 @pytest.mark.parametrize("where", ["send", "recv"])

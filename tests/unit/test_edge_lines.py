@@ -16,8 +16,9 @@ import pytest
 from drivers import _line as line_module
 from drivers import ascii_module, scpi
 from drivers._line import Line, SerialSettings
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.errors import DeviceLostError, HardwareError, LinkError
+from tests import channels
 from tests.foreign_line import BrokenPort, ForeignLine, ended
 from tests.links import free_port
 from tests.waits import side_by_side
@@ -69,15 +70,14 @@ class Instrument:
 
 
 def inputs(*terminals: str) -> Wiring:
-    return Wiring({}, {name: InputChannel(name, name, "voltage", "V", -10.0, 10.0) for name in terminals})
+    return Wiring({}, channels.inputs(terminals))
 
 
-OUT = Wiring({"ao0": OutputChannel("ao0", "ao0", "voltage", "V", -10.0, 10.0)}, {})
+OUT = Wiring(channels.outputs(["ao0"]), {})
 COIL = Wiring(
-    {"current": OutputChannel("current", "current", "current", "A", 0.0, 3.0)},
-    {"coil current": InputChannel("coil current", "coil current", "current", "A", 0.0, 3.2),
-     "coil voltage": InputChannel("coil voltage", "coil voltage", "voltage", "V", 0.0, 36.0)},
-)  # fmt: skip
+    channels.outputs(["current"], "A", 0.0, 3.0),
+    channels.inputs(["coil current"], "A", 0.0, 3.2) | channels.inputs(["coil voltage"], low=0.0, high=36.0),
+)
 
 
 @contextmanager

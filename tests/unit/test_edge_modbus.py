@@ -19,8 +19,9 @@ from hypothesis import strategies as st
 from drivers import _modbus_line as modbus_line
 from drivers import modbus
 from drivers.modbus import LineSettings, ModbusLink, Model, Register
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.errors import HardwareError, LinkError, SettingError
+from tests.channels import inputs, outputs
 from tests.foreign_line import BrokenPort, ForeignLine, Tables, crc, serial_frame, tcp_frame
 from tests.waits import side_by_side
 
@@ -56,10 +57,7 @@ def linked(
         address = f"{'socket://' if transport == 'rtu' else ''}127.0.0.1:{line.port}"
         told = {"timeout_s": 1.0, "longest_reply_s": 1.0, "transport": transport, "address": address, **more}
         ins, outs = ([n for n, t in model.terminals.items() if t.direction == way] for way in ("in", "out"))
-        wiring = Wiring(
-            {name: OutputChannel(name, name, "value", "bar", -500.0, 500.0) for name in outs},
-            {name: InputChannel(name, name, "value", "degC", -50.0, 200.0) for name in ins},
-        )
+        wiring = Wiring(outputs(outs, "bar", -500.0, 500.0), inputs(ins, "degC", -50.0, 200.0))
         with closing(ModbusLink(LineSettings.model_validate(told), wiring, model)) as link:
             yield link
 

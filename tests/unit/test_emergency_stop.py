@@ -19,7 +19,7 @@ from hil.bench.read import BenchFile, read_bench
 from hil.bench.rehearsal import twin_of
 from hil.clock import VirtualClock
 from hil.daq.calibration import Calibration
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.daq.contract import Block, Waveform
 from hil.daq.polled import PolledDaq
 from hil.daq.scaled import Scaled
@@ -28,6 +28,8 @@ from hil.record.folder import read
 from hil.safety.guard import Guard
 from hil.safety.interlock import Band, Interlock, Watch
 from hil.safety.protection import Protection
+from tests.channels import inputs, outputs
+from tests.driven import played
 from tests.links import served
 
 pytestmark = pytest.mark.usefixtures("unprinted")
@@ -173,8 +175,8 @@ def test_a_stop_that_cuts_off_the_device_read_first_is_told_from_its_dead_link(p
     clock = VirtualClock()
     io, door = Powered(5.0), Powered(8.0)
     wirings = {
-        "io": Wiring({"command": OutputChannel("command", "out", "voltage", "V", -10.0, 10.0, 0.0)}, {}),
-        "door": Wiring({}, {"stop": InputChannel("stop", "in", "voltage", "V", -10.0, 10.0)}),
+        "io": Wiring(outputs({"command": "out"}), {}),
+        "door": Wiring({}, inputs({"stop": "in"})),
     }
     daq = PolledDaq({"io": io, "door": door}, wirings, clock)
     lock = Interlock("stop", "trip", Band("stop", low=5.0), is_emergency_stop=True)
@@ -187,7 +189,7 @@ def test_a_stop_that_cuts_off_the_device_read_first_is_told_from_its_dead_link(p
     io.left, io.presses = 5, [door] if presses else []
     door.left = 10**9 if contact_lives else 3
     with pytest.raises(kind) as raised:
-        list(guard.play(Waveform(100.0, {"command": np.ones(20)})))
+        played(guard, Waveform(100.0, {"command": np.ones(20)}))
     assert fnmatch(with_notes(raised.value), says.format(s="*"))
     assert guard.latch.trips.keys() == ({"stop"} if presses else set())
     assert events == (["trip"] if presses else [])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from hil.safety.guard import Guard
 from hil.safety.interlock import Action, Band, Interlock
 from hil.safety.latch import Latch
 from hil.safety.protection import Protection
+from tests.driven import played
 
 RATE_HZ = 100.0
 LIMITS = {"a": Envelope(-8.0, 8.0)}
@@ -34,15 +36,19 @@ def protection(*interlocks: Interlock, ramps: dict[str, float] | None = None, **
     return Protection(RATE_HZ, LIMITS, ramps or {}, interlocks, **{"block_s": 0.1, **more})
 
 
+def guarded(*interlocks: Interlock, **more: Any) -> tuple[Wire, Guard]:
+    wire = Wire()
+    return wire, Guard(wire, protection(*interlocks, **more))
+
+
 def driven(wire: Wire) -> list[float]:
     return [value for value, _ in wire.log["a"]]
 
 
 def test_waveform_is_checked_whole_before_its_first_sample():
-    wire = Wire()
-    guard = Guard(wire, protection())
+    wire, guard = guarded()
     with pytest.raises(RangeError, match="sample 20"):
-        list(guard.play(wave(5.0, 5.0, 9.0)))
+        played(guard, wave(5.0, 5.0, 9.0))
     assert 5.0 not in driven(wire)
 
 
@@ -55,26 +61,24 @@ def test_interlocks_are_judged_before_anything_moves():
 
 
 def test_trip_makes_safe_within_the_block_and_latches():
-    wire = Wire()
-    guard = Guard(wire, protection(high("trip"), ramps={"a": 10.0}))
+    wire, guard = guarded(high("trip"), ramps={"a": 10.0})
     with pytest.raises(
         TrippedError, match=r"'high': 7; allowed: a read ≤ 6 at 0\.250 s; find the cause; this trip ends with its run"
     ):
-        list(guard.play(wave(1.0, 7.0, 7.0, 7.0, samples=15)))
+        played(guard, wave(1.0, 7.0, 7.0, 7.0, samples=15))
     assert driven(wire)[-1] == 0.0 and driven(wire)[-2] == 7.0  # a jump, whatever the ramp
     assert driven(wire).count(7.0) == 5  # the rest of its block
     with pytest.raises(TrippedError):
-        list(guard.play(wave(0.5)))
+        played(guard, wave(0.5))
     guard.latch.reset("high")
     with pytest.raises(TrippedError, match="'high': 7"):  # the run is over all the same
-        list(guard.play(wave(0.5)))
+        played(guard, wave(0.5))
 
 
 def test_stop_goes_down_the_ramp():
-    wire = Wire()
-    guard = Guard(wire, protection(high("stop"), ramps={"a": 100.0}))
+    wire, guard = guarded(high("stop"), ramps={"a": 100.0})
     with pytest.raises(StoppedError, match="the run was stopped"):
-        list(guard.play(wave(7.0)))
+        played(guard, wave(7.0))
     assert driven(wire)[-7:] == pytest.approx([6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0])
     assert not guard.latch.trips
 
@@ -84,7 +88,7 @@ def test_trip_on_the_way_down_jumps():
     low = Interlock("low", "trip", Band("a read", low=3.0), only_while=Band("a", high=2.5))
     guard = Guard(wire, protection(low, ramps={"a": 10.0}))
     wire.offset = 5.0
-    list(guard.play(wave(7.0)))
+    played(guard, wave(7.0))
     wire.offset = 0.0
     with pytest.raises(TrippedError, match="low"):
         guard.close()
@@ -102,8 +106,8 @@ def test_hold_waits_before_the_next_part_until_the_condition_is_met():
         wire.offset = -3.0 if len(kept) > 4 else 0.0  # it cools down while the guard waits
 
     guard = Guard(wire, protection(high("hold"), patience_s=10.0), keep=keep)
-    list(guard.play(wave(7.0)))
-    list(guard.play(wave(7.5)))
+    played(guard, wave(7.0))
+    played(guard, wave(7.5))
     assert driven(wire) == [0.0] * 10 + [7.0] * (10 + 40) + [7.5] * 10
 
 
@@ -111,19 +115,18 @@ def test_hold_does_not_wait_longer_than_an_output_may_dwell():
     wire = Wire()
     limits = {"a": Envelope(-8.0, 8.0, dwells=(Dwell(5.0, 1.0),))}
     guard = Guard(wire, Protection(RATE_HZ, limits, {}, (high("hold"),), block_s=0.1))
-    list(guard.play(wave(7.0)))
+    played(guard, wave(7.0))
     with pytest.raises(RangeError, match="beyond ±5"):
-        list(guard.play(wave(0.0)))
+        played(guard, wave(0.0))
     assert driven(wire).count(7.0) == 100
     assert wire.levels["a"] == 0.0
 
 
 def test_hold_gives_up_when_patience_ends():
-    wire = Wire()
-    guard = Guard(wire, protection(high("hold"), patience_s=0.5))
-    list(guard.play(wave(7.0)))
+    wire, guard = guarded(high("hold"), patience_s=0.5)
+    played(guard, wave(7.0))
     with pytest.raises(StoppedError, match=r"held the run for 0\.5 s"):
-        list(guard.play(wave(7.0)))
+        played(guard, wave(7.0))
     assert wire.levels["a"] == 0.0
 
 
@@ -149,15 +152,14 @@ def test_reader_who_leaves_early_makes_safe():
 
 
 def test_a_trip_on_the_way_down_ends_the_run_of_a_reader_who_left_early():
-    wire = Wire()
-    guard = Guard(wire, protection(high("trip"), ramps={"a": 10.0}))
+    wire, guard = guarded(high("trip"), ramps={"a": 10.0})
     blocks = guard.stream(wave(5.0) for _ in range(100))
     next(blocks)
     wire.offset = 4.0
     blocks.close()
     assert isinstance(guard.over, TrippedError) and wire.levels["a"] == 0.0
     with pytest.raises(TrippedError, match="high"):
-        list(guard.play(wave(0.0)))
+        played(guard, wave(0.0))
 
 
 def test_a_trip_waits_for_no_disk_and_its_block_is_kept():
@@ -169,7 +171,7 @@ def test_a_trip_waits_for_no_disk_and_its_block_is_kept():
 
     guard = Guard(wire, protection(high("trip")), keep=slowly)
     with pytest.raises(TrippedError):
-        list(guard.play(wave(5.0, 7.0)))
+        played(guard, wave(5.0, 7.0))
     assert stood[-2:] == [5.0, 0.0] and kept[-1].inputs["a read"].max() == 7.0
 
 
@@ -180,7 +182,7 @@ def test_a_trip_that_a_full_disk_cannot_record_is_latched_and_said():
 
     guard = Guard(Wire(), protection(high("trip")), keep=full)
     with pytest.raises(TrippedError, match="'high': 7"):
-        list(guard.play(wave(5.0, 7.0)))
+        played(guard, wave(5.0, 7.0))
     assert guard.latch.trips
 
 
@@ -189,7 +191,7 @@ def test_block_of_a_trip_that_cannot_be_latched_on_disk_is_kept(tmp_path):
     guard = Guard(Wire(), protection(high("trip")), Latch(tmp_path / "folder" / "trips.json"), keep=kept.append)
     (tmp_path / "folder").touch()  # no folder
     with pytest.raises(StorageError, match="the trips cannot be kept"):
-        list(guard.play(wave(5.0, 7.0)))
+        played(guard, wave(5.0, 7.0))
     assert kept[-1].inputs["a read"].max() == 7.0 and guard.latch.trips
 
 
@@ -198,7 +200,7 @@ def test_a_trip_goes_before_a_stop_of_its_block_and_both_are_recorded():
     locks = high("stop", 6.0), replace(high("trip", 6.5), name="higher")
     guard = Guard(Wire(), protection(*locks), note=lambda event, **_details: noted.append(event))
     with pytest.raises(TrippedError, match="higher"):
-        list(guard.play(wave(5.0, 7.0)))
+        played(guard, wave(5.0, 7.0))
     assert noted == ["stop", "trip"]
 
 
@@ -225,7 +227,7 @@ def test_ramp_that_fails_becomes_a_jump():
 
     wire, events = Broken(), []
     guard = Guard(wire, protection(ramps={"a": 100.0}), note=lambda event, **_: events.append(event))
-    list(guard.play(wave(3.0)))
+    played(guard, wave(3.0))
     wire.broken = True
     guard.make_safe()
     assert wire.levels["a"] == 0.0
@@ -255,9 +257,8 @@ def test_a_trip_in_the_block_after_a_sleep_is_what_ends_the_run():
 
 
 def test_way_down_takes_its_time_and_no_longer_on_a_link_that_has_become_slow():
-    wire = Wire()
-    guard = Guard(wire, protection(ramps={"a": 5.0}))
-    list(guard.play(wave(5.0)))
+    wire, guard = guarded(ramps={"a": 5.0})
+    played(guard, wave(5.0))
     wire.promises = replace(Wire.promises, sample_s=0.05)
     guard.close()
     assert wire.log["a"][-10:] == [(pytest.approx(5.0 - 0.5 * i), 10.0) for i in range(1, 11)]
@@ -275,13 +276,13 @@ def test_limits_can_be_tightened_and_never_widened():
     guard.tighten("a", Envelope(-2.0, 20.0))
     assert (guard.limits["a"].low, guard.limits["a"].high) == (-2.0, 8.0)
     with pytest.raises(RangeError, match="outside -2 … 8"):
-        list(guard.play(wave(-3.0)))
+        played(guard, wave(-3.0))
 
 
 @pytest.mark.parametrize(("limits", "what"), [(Envelope(1.0, 8.0), "safe value"), (Envelope(-1.0, 2.0), "present")])
 def test_tightening_never_leaves_out_where_an_output_is_or_must_go(limits, what):
     guard = Guard(Wire(), protection())
-    list(guard.play(wave(3.0)))
+    played(guard, wave(3.0))
     with pytest.raises(RangeError, match=what):
         guard.tighten("a", limits)
 
@@ -296,14 +297,14 @@ def test_dwell_goes_on_while_nothing_plays_and_time_that_is_driven_does_not_coun
             clock.sleep_until(clock.now_s + 0.1)
 
     guard = Guard(Wire(), Protection(RATE_HZ, limits, block_s=0.1), clock=clock, keep=goes_on)
-    list(guard.play(wave(6.0, samples=50)))
+    played(guard, wave(6.0, samples=50))
     guard.check(wave(6.0, samples=50))
     with pytest.raises(RangeError, match="beyond ±5"):
         guard.check(wave(6.0, samples=51))
     clock.sleep_until(clock.now_s + 0.2)
-    for played in (guard.check, lambda waveform: list(guard.play(waveform))):
+    for drive in (guard.check, partial(played, guard)):
         with pytest.raises(RangeError, match="beyond ±5"):
-            played(wave(6.0, samples=50))
+            drive(wave(6.0, samples=50))
 
 
 def test_slew_counts_from_where_an_output_really_stands():
@@ -324,6 +325,6 @@ def test_trip_outlives_the_program(tmp_path):
         list(Guard(Wire(), protection(high("trip")), Latch(path)).play(wave(7.0)))
     guard = Guard(Wire(), protection(high("trip")), Latch(path))
     with pytest.raises(TrippedError, match="high"):
-        list(guard.play(wave(0.0)))
+        played(guard, wave(0.0))
     guard.latch.reset("high")
     assert len(list(Guard(Wire(), protection(high("trip")), Latch(path)).play(wave(0.0)))) == 1

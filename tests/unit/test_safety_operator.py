@@ -21,6 +21,7 @@ from hil.safety.latch import Latch
 from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
 from hil.safety.protection import Protection
+from tests.driven import played
 from tests.stops import WIRING, Remote
 from tests.waits import PATIENCE_S
 
@@ -74,7 +75,7 @@ def halted(
     """What is known of the output after a run at 5 V that somebody stopped."""
     try:
         with terminable(), guarded(remote, ramps, operator, latch) as guard:
-            list(guard.play(Waveform(RATE_HZ, {"valve": np.full(samples, 5.0)})))
+            played(guard, Waveform(RATE_HZ, {"valve": np.full(samples, 5.0)}))
     except Halted:
         return guard.output_states
     raise AssertionError("the run was not stopped")
@@ -106,7 +107,7 @@ def test_stop_ends_an_endless_loop():
 
     def run() -> None:
         with terminable(), guarded(remote, {}, operator) as guard:
-            list(guard.play(Waveform(RATE_HZ, {"valve": np.full(10, 5.0)})))
+            played(guard, Waveform(RATE_HZ, {"valve": np.full(10, 5.0)}))
             timers.append(later(0.1, lambda: operator.ask("stop")))
             while True:
                 pass
@@ -124,7 +125,7 @@ def test_nothing_is_driven_after_a_stop():
     operator.ask("stop")
     for _ in range(2):
         with pytest.raises(Halted):
-            list(guard.play(Waveform(100.0, {"a": np.full(5, 3.0)})))
+            played(guard, Waveform(100.0, {"a": np.full(5, 3.0)}))
         with pytest.raises(Halted):
             list(guard.stream([Waveform(100.0, {"a": np.full(5, 3.0)})]))
     assert wire.log["a"] == []
@@ -141,7 +142,7 @@ def test_run_in_another_thread_is_stopped_at_its_next_block():
         mine.append(Operator())
         guard = Guard(daq, Protection(RATE_HZ, {}, {}, (), 0.1), None, RealClock(), operator=mine[0])
         try:
-            list(guard.play(Waveform(RATE_HZ, {"valve": np.full(500, 5.0)})))
+            played(guard, Waveform(RATE_HZ, {"valve": np.full(500, 5.0)}))
         except Halted as halted:
             ended.append(halted)
         finally:
@@ -181,7 +182,7 @@ def test_hold_waits_at_the_border_and_goes_on():
         daq, Protection(RATE_HZ, {}, {}, (), 0.05), None, RealClock(), operator=operator,
         note=lambda event, **details: noted.append(event),
     )  # fmt: skip
-    list(guard.play(Waveform(RATE_HZ, {"valve": np.full(3, 5.0)})))
+    played(guard, Waveform(RATE_HZ, {"valve": np.full(3, 5.0)}))
     operator.ask("hold")
     begun_s, resumed_s = time.monotonic(), list[float]()
 
@@ -190,7 +191,7 @@ def test_hold_waits_at_the_border_and_goes_on():
         operator.ask("resume")
 
     timer = later(2.0, resume)
-    list(guard.play(Waveform(RATE_HZ, {"valve": np.full(3, 4.0)})))
+    played(guard, Waveform(RATE_HZ, {"valve": np.full(3, 4.0)}))
     timer.join()
     held = [value for at_s, value in remote.given if begun_s < at_s < resumed_s[0]]
     guard.close()
@@ -206,7 +207,7 @@ def test_hold_of_virtual_time_waits_on_the_wall_clock_and_a_stop_ends_it():
     timer = later(0.1, lambda: operator.ask("stop"))
     begun_s = time.monotonic()
     with pytest.raises(Halted):
-        list(guard.play(Waveform(100.0, {"a": np.full(5, 3.0)})))
+        played(guard, Waveform(100.0, {"a": np.full(5, 3.0)}))
     timer.join()
     assert time.monotonic() - begun_s >= 0.09 and 3.0 not in [value for value, _ in wire.log["a"]]
 
@@ -216,7 +217,7 @@ def test_hold_is_not_waited_for_longer_than_patience():
     guard = Guard(Wire(), Protection(100.0, patience_s=0.1), operator=operator)
     operator.ask("hold")
     with pytest.raises(StoppedError, match=r"the operator held the run for 0\.1 s"):
-        list(guard.play(Waveform(100.0, {"a": np.full(5, 3.0)})))
+        played(guard, Waveform(100.0, {"a": np.full(5, 3.0)}))
 
 
 def test_who_asked_for_a_stop_is_answered_before_it_is_said_that_nothing_is_driven():

@@ -15,10 +15,11 @@ from drivers import modbus
 from drivers._ports import serial_port
 from drivers._shared_port import shared_port
 from hil.daq.address import Port
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.errors import DeviceLostError, LinkError
 from sim_devices import modbus as twin
 from sim_devices._quirks import Quirks
+from tests.channels import inputs, outputs
 
 ANALOGUE = {
     "summary": "two registers", "modbus": {"addresses": "wire"},
@@ -27,8 +28,8 @@ ANALOGUE = {
         "in": {"direction": "in", "unit": "V", "range": [0, 10], "table": "input", "address": 0, "slope": 0.01},
     },
 }  # fmt: skip
-DRIVEN = Wiring({"u": OutputChannel("u", "out", "voltage", "V", 0.0, 10.0)}, {})
-READ = Wiring({}, {"y": InputChannel("y", "in", "voltage", "V", 0.0, 10.0)})
+DRIVEN = Wiring(outputs({"u": "out"}, low=0.0), {})
+READ = Wiring({}, inputs({"y": "in"}, low=0.0))
 
 
 class Terminals:

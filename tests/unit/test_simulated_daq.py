@@ -14,6 +14,7 @@ from hil.daq.contract import Block, Waveform, joined
 from hil.errors import DeviceLostError, OutputUnderflowError, OverrunError, RangeError
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate
+from tests.driven import played
 
 LSB_V = 20.0 / 2**16
 
@@ -24,7 +25,7 @@ def steps(*volts: float, samples: int = 200) -> Waveform:
 
 def test_first_input_is_read_on_the_edge_that_updates_the_output():
     daq = hpv41({"now": READ_BACK, "later": READ_BACK}, skew_s=14e-6)
-    block = joined(list(daq.play(Waveform(1000.0, {"command": np.array([1.0, 2.0, 3.0])}))))
+    block = played(daq, Waveform(1000.0, {"command": np.array([1.0, 2.0, 3.0])}))
     assert block.inputs["now"] == pytest.approx([0.0, 1.0, 2.0], abs=LSB_V)
     assert block.inputs["later"] == pytest.approx([1.0, 2.0, 3.0], abs=LSB_V)
 
@@ -32,7 +33,7 @@ def test_first_input_is_read_on_the_edge_that_updates_the_output():
 def test_skew_reads_the_plant_later_within_the_sample():
     inputs = {"first": SPOOL, **{f"unused {i}": {"value": 0.0} for i in range(4)}, "late": SPOOL}
     daq = hpv41(inputs, skew_s=100e-6, bits=24)
-    block = joined(list(daq.play(steps(2.0, 8.0))))
+    block = played(daq, steps(2.0, 8.0))
     first, late = 12.5 * block.inputs["first"], 12.5 * block.inputs["late"]
     assert late[:-1] == pytest.approx(first[:-1] + 0.5 * np.diff(first), abs=1e-4)
     assert np.max(np.abs(late - first)) > 0.05
@@ -40,7 +41,7 @@ def test_skew_reads_the_plant_later_within_the_sample():
 
 def test_plant_is_the_one_of_the_physics():
     daq = hpv41({"flow": {**FLOW, "slope": 10.0}}, bits=24)
-    block = joined(list(daq.play(steps(6.0, 3.0, -5.0))))
+    block = played(daq, steps(6.0, 3.0, -5.0))
     hpv = plant("brevini-hpv41")
     drive = Drive(10.0 * np.concatenate(([0.0], block.outputs["command"]))[None], np.nan, 1e-3)
     expected = simulate(hpv, hpv.typical, drive)[0][1:]
@@ -49,7 +50,7 @@ def test_plant_is_the_one_of_the_physics():
 
 def test_readings_are_whole_codes_and_clip_at_the_last_one():
     daq = hpv41({"flow": {**FLOW, "noise": 0.5}, "beyond": {**READ_BACK, "slope": 2.0}})
-    block = joined(list(daq.play(steps(5.0))))
+    block = played(daq, steps(5.0))
     codes = block.inputs["flow"] / LSB_V
     assert codes == pytest.approx(np.rint(codes), abs=1e-9)
     assert block.inputs["beyond"][1:] == pytest.approx(10.0 - LSB_V)
@@ -57,7 +58,7 @@ def test_readings_are_whole_codes_and_clip_at_the_last_one():
 
 def test_noise_is_as_large_as_said_and_different_on_each_channel():
     daq = hpv41({"flow": {**FLOW, "noise": 0.3}, "again": {**FLOW, "noise": 0.3}}, noise_v=0.04)
-    block = joined(list(daq.play(steps(0.0, samples=20_000))))
+    block = played(daq, steps(0.0, samples=20_000))
     expected = np.hypot(0.03, 0.04)
     assert block.inputs["flow"].std() == pytest.approx(expected, rel=0.03)
     assert abs(np.corrcoef(block.inputs["flow"], block.inputs["again"])[0, 1]) < 0.03
@@ -65,7 +66,7 @@ def test_noise_is_as_large_as_said_and_different_on_each_channel():
 
 def test_output_is_held_between_tasks_and_time_goes_on():
     daq = hpv41({"read back": READ_BACK})
-    first, second = (joined(list(daq.play(steps(volts, samples=5)))) for volts in (4.0, 2.0))
+    first, second = (played(daq, steps(volts, samples=5)) for volts in (4.0, 2.0))
     assert np.concatenate((first.time_s, second.time_s)) == pytest.approx(np.arange(10) / 1000.0)
     assert second.inputs["read back"][0] == pytest.approx(4.0, abs=LSB_V)
     assert daq.levels == {"command": 2.0}
@@ -74,9 +75,9 @@ def test_output_is_held_between_tasks_and_time_goes_on():
 def test_plant_goes_on_while_nothing_plays():
     clock = VirtualClock(50.0)
     daq = hpv41({"flow": FLOW}, clock=clock, time="real")
-    rising = joined(list(daq.play(steps(6.0, samples=20))))
+    rising = played(daq, steps(6.0, samples=20))
     clock.sleep_until(clock.now_s + 5.0)
-    later = joined(list(daq.play(steps(6.0, samples=20))))
+    later = played(daq, steps(6.0, samples=20))
     assert rising.inputs["flow"][-1] < 0.5
     assert 10.0 * later.inputs["flow"] == pytest.approx(70.0 * 0.5**1.2, abs=0.01)
     assert later.time_s[0] == pytest.approx(5.02)
@@ -85,8 +86,8 @@ def test_plant_goes_on_while_nothing_plays():
 def test_lower_rate_holds_each_value_for_whole_clock_periods():
     fast, slow = hpv41(bits=24), hpv41(bits=24)
     values = np.array([1.0, 5.0, 7.0, -3.0])
-    every = joined(list(fast.play(Waveform(1000.0, {"command": np.repeat(values, 50)}))))
-    coarse = joined(list(slow.play(Waveform(20.0, {"command": values}))))
+    every = played(fast, Waveform(1000.0, {"command": np.repeat(values, 50)}))
+    coarse = played(slow, Waveform(20.0, {"command": values}))
     assert coarse.inputs["flow"] == pytest.approx(every.inputs["flow"][::50], abs=1e-9)
 
 
@@ -103,7 +104,7 @@ def test_unit_of_the_instrument_may_differ_from_the_plants():
 
 def test_dither_is_on_the_coil_and_not_on_the_mean():
     daq = efc(Pwm(1000.0, dither_hz=125.0, dither_amplitude=0.05))
-    block = joined(list(daq.play(Waveform(1000.0, {"current": np.full(801, 1.5)}))))
+    block = played(daq, Waveform(1000.0, {"current": np.full(801, 1.5)}))
     coil = 0.5 * block.inputs["coil current"][1:]
     assert coil.mean() == pytest.approx(1.5, abs=1e-4)
     assert coil.std() == pytest.approx(0.05 / np.sqrt(2.0), rel=0.01)
@@ -112,7 +113,7 @@ def test_dither_is_on_the_coil_and_not_on_the_mean():
 
 def test_current_drive_neither_pulls_nor_exceeds_itself():
     daq = efc(Pwm(1000.0, dither_hz=125.0, dither_amplitude=0.5))
-    block = joined(list(daq.play(Waveform(1000.0, {"current": np.repeat([0.0, 3.0], 400)}))))
+    block = played(daq, Waveform(1000.0, {"current": np.repeat([0.0, 3.0], 400)}))
     coil = 0.5 * block.inputs["coil current"]
     assert coil.min() >= -1e-3 and coil.max() <= 3.0 + 1e-3
 
@@ -138,7 +139,7 @@ def test_fault_hands_over_what_was_read_before_it(kind, error):
 def test_lost_device_stays_lost_and_says_nothing_of_its_outputs():
     daq = hpv41(fault={"kind": "lost", "after": 10})
     with pytest.raises(DeviceLostError):
-        list(daq.play(steps(5.0)))
+        played(daq, steps(5.0))
     for act in (lambda: list(daq.play(steps(0.0))), daq.make_safe):
         with pytest.raises(DeviceLostError, match="gone after 10 samples"):
             act()
@@ -169,7 +170,7 @@ def test_writer_who_falls_behind_lets_the_output_run_dry():
 def test_real_time_is_paced_by_the_wall_clock():
     daq = hpv41(time="real")
     start = time.monotonic()
-    block = joined(list(daq.play(steps(1.0, samples=150), 50)))
+    block = played(daq, steps(1.0, samples=150), 50)
     assert time.monotonic() - start >= 0.150
     assert block.time_s == pytest.approx(block.time_s[0] + np.arange(150) / 1000.0)
 

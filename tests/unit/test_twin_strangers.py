@@ -6,7 +6,7 @@ import minimalmodbus
 import pytest
 
 from hil.clock import VirtualClock
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.description.named import Described, description_of
 from sim_devices import canopen_valve, j1939_valve, modbus
 from sim_devices._field import Field
@@ -14,6 +14,7 @@ from sim_devices._modbus_frames import RtuFrames, TcpFrames, crc16
 from sim_devices._simulation import Simulation
 from sim_devices.kit import Quirks, Side
 from sim_devices.scpi import Instrument
+from tests.channels import inputs, outputs
 
 INSTRUMENTS = {
     "command": {"direction": "out", "signal": "command", "unit": "%", "slope": 10.0},
@@ -23,10 +24,7 @@ SIMULATION = Simulation.model_validate({"plant": "brevini-hpv41", "instruments":
 
 
 def side(out: str, in_: str, unit: str = "V") -> Side:
-    wiring = Wiring(
-        {"command": OutputChannel("command", out, "voltage", unit, -10.0, 10.0)},
-        {"seen": InputChannel("seen", in_, "voltage", unit, -10.0, 10.0)},
-    )
+    wiring = Wiring(outputs({"command": out}, unit), inputs({"seen": in_}, unit))
     return Field(SIMULATION, {"": wiring}, VirtualClock()).side("")
 
 

@@ -15,8 +15,9 @@ from drivers import scpi as scpi_driver
 from drivers import text as text_driver
 from drivers._start_up import once_started
 from drivers.modbus import LineSettings, ModbusLink
-from hil.daq.channel import InputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.errors import DeviceLostError, LinkError
+from tests.channels import inputs
 from tests.described import written
 from tests.foreign_line import ForeignLine, Tables, ended, serial_frame, tcp_frame
 from tests.links import free_port
@@ -96,7 +97,7 @@ def test_a_line_of_text_waits_for_a_start_up_too(protocol, tmp_path):
     with ForeignLine(starting, ended(b"\n")) as line:
         settings = {"model": str(tmp_path / "meter.toml"), "timeout_s": 1.0, "longest_reply_s": 1.0,
                     "address": f"socket://127.0.0.1:{line.port}"}  # fmt: skip
-        wiring = Wiring({}, {"in": InputChannel("in", "in", "voltage", "V", 0.0, 10.0)})
+        wiring = Wiring({}, inputs(["in"], low=0.0))
         with pytest.raises(LinkError, match="no answer within"):
             module.open_link(module.Settings.model_validate(settings), wiring)
         on_s[0] = time.monotonic() + 0.3
@@ -154,7 +155,7 @@ def test_an_answer_of_a_function_that_is_none():
 
 def test_error_frames_of_a_wrong_bit_rate_or_an_overrun_are_no_readings(tmp_path):
     """An interface gives them for a disturbed bus, error-passive, and frames that it lost."""
-    wiring = Wiring({}, {"s": InputChannel("s", "engine speed", "value", "1/min", 0.0, 8031.875)})
+    wiring = Wiring({}, inputs({"s": "engine speed"}, "1/min", 0.0, 8031.875))
     bus = can.Bus(interface="virtual", channel=tmp_path.name)
     told = {"model": "j1939-fluids", "address": f"virtual:{tmp_path.name}", "timeout_s": 1.0, "longest_reply_s": 1.0}
     link = can_driver.open_link(can_driver.Settings.model_validate(told), wiring)
