@@ -101,18 +101,6 @@ def test_valve_blocks_when_commands_stop():
     assert side.standing("flow command") == 0.0
 
 
-def test_what_is_driven_is_estimated(bus):
-    with linked(bus) as (link, _, side):
-        for percent in (40.0, -62.0, 0.0):
-
-            def follows() -> bool:
-                link.drive({"flow command": percent})  # noqa: B023
-                return abs(link.read()["estimated flow"] - percent) < 0.7  # noqa: B023
-
-            until(follows)
-            assert side.standing("flow command") == pytest.approx(percent, abs=0.2)
-
-
 def test_silence_is_an_error_and_others_are_not_believed(bus):
     with linked(bus) as (link, served, _):
         served.behaviour.quirks = Quirks(silent=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import socket
 import struct
 import threading
@@ -17,7 +16,7 @@ from hypothesis import strategies as st
 from drivers import _modbus_client, modbus
 from drivers._modbus_line import ModbusLine
 from drivers._registers import encodings
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.channel import OutputChannel, Wiring
 from hil.daq.contract import Waveform
 from hil.daq.device_link import DeviceWatchdog
 from hil.daq.polled import PolledDaq
@@ -28,7 +27,8 @@ from sim_devices._modbus_described import DescribedBank
 from sim_devices._modbus_frames import RtuFrames, TcpFrames, answered, crc16
 from sim_devices._quirks import Quirks
 from sim_devices._twin import described_in
-from sim_devices.kit import Place, Table, Timer, serve_registers
+from tests.channels import inputs, outputs
+from tests.driven import played
 from tests.foreign_line import ForeignLine
 from tests.linked import linked as linked_to
 from tests.linked import simulation, turned
@@ -40,11 +40,11 @@ SIMULATION = simulation("read back", "level", slope=10.0, flow=1.0)
 
 
 def output(low: float = -10.0, safe: float = 0.0) -> dict[str, OutputChannel]:
-    return {"command": OutputChannel("command", "ao0", "voltage", "V", low, 10.0, safe)}
+    return outputs({"command": "ao0"}, low=low, safe=safe)
 
 
 OUT = output()
-IN = {"read back": InputChannel("read back", "ai0", "voltage", "V", -10.0, 10.0)}
+IN = inputs({"read back": "ai0"})
 WAGO = Wiring(OUT, IN)
 
 
@@ -150,17 +150,6 @@ def line(request, port):
     return {"tcp": {}, "rtu on a port": port}.get(request.param, SERVER)
 
 
-def test_what_is_driven_is_read(line):
-    with linked(**line) as (link, _, terminals):
-        assert link.standing() == {"ao0": 0.0}
-        for volts in (2.5, -10.0, 0.0):
-            link.drive({"ao0": volts})
-            time.sleep(0.003)
-            assert link.read()["ai0"] == pytest.approx(volts, abs=1e-3)
-            assert terminals.standing("ao0") == pytest.approx(volts, abs=1e-3)
-            assert link.standing()["ao0"] == pytest.approx(volts, abs=1e-3)
-
-
 @pytest.mark.parametrize("quirk", ["late_s", "silent", "cut"])
 def test_bad_answer_is_an_error_and_the_next_one_is_right(line, quirk):
     check_bad_answer(line, quirk)
@@ -224,15 +213,6 @@ def test_safe_value_does_not_wait_for_a_line_that_is_not_clean(port):
         thread.join()
 
 
-def test_watchdog_of_the_coupler_makes_safe_by_itself_and_the_driver_notices():
-    with linked(watchdog_s=0.2) as (link, _, terminals):
-        link.drive({"ao0": 5.0})
-        until(lambda: terminals.standing("ao0") == 0.0)
-        time.sleep(0.25)
-        with pytest.raises(LinkError, match=r"longer than its watchdog of 0\.2 s"):
-            link.read()
-
-
 def test_without_a_watchdog_the_coupler_keeps_its_output():
     with linked() as (link, _, terminals):
         link.drive({"ao0": 5.0})
@@ -247,7 +227,7 @@ SECONDS = {"ao0": modbus.Register("out", "voltage", "V", 0.0, 10.0, "holding", 1
 @pytest.mark.parametrize(("unit", "count"), [("tenths", 20), ("seconds", 2), ("ms", 2000)])
 def test_watchdog_is_told_its_time_in_its_own_unit_and_where_the_output_is_safe(unit, count):
     model = modbus.Model(SECONDS, watchdog=((140, f"{{{unit}}}"), (141, "{safe:ao0}"), (142, 1)))
-    wiring = Wiring({"valve": OutputChannel("valve", "ao0", "voltage", "V", 0.0, 10.0, 5.0)}, {})
+    wiring = Wiring(outputs({"valve": "ao0"}, low=0.0, safe=5.0), {})
     for connected, written in (
         (wiring, [(140, count), (141, 5000), (142, 1)]),
         (Wiring({}, {}), []),  # a device without an output in use is left as it is
@@ -311,46 +291,11 @@ def test_valve_whose_neutral_is_5_v_stands_there_after_a_run_when_the_watchdog_h
     settings = {"model": "iologik-e1241", "watchdog_s": 1.0, "watchdog_level": 5.0}
     with linked(wiring, **settings) as (link, served, terminals):
         daq = PolledDaq({"io": link}, {"io": wiring})
-        list(daq.play(Waveform(50.0, {"command": np.full(5, 9.0)})))
+        played(daq, Waveform(50.0, {"command": np.full(5, 9.0)}))
         daq.close()
         assert asked(served.where, 0x0400) == round(5.0 * 409.5)
         time.sleep(1.5)
         assert terminals.standing("ao0") == pytest.approx(5.0, abs=0.002)
-
-
-def test_stranger_s_device_is_told_where_the_output_is_safe_and_stands_there_after_the_run():
-    """By the template of `hil new driver`: the safe value is written with the watchdog's time."""
-    model = modbus.Model(SECONDS, watchdog=((141, "{safe:ao0}"), (140, "{tenths}")))
-    wiring = Wiring(output(0.0, safe=5.0), {})
-    places, timer = {120: Place("ao0", 1000.0)}, Timer(140, 10.0, {120: 141})
-    table = Table(twin.world(SIMULATION, {"": wiring}).side(""), places, {}, timer=timer)
-    served = serve_registers(table, {"address": "127.0.0.1:0"}, table.side, Quirks())
-    try:
-        settings = modbus.LineSettings(address=served.where, timeout_s=1.0, watchdog_s=1.0)
-        link = modbus.ModbusLink(settings, wiring, model)
-        link.drive({"ao0": 9.0})
-        assert asked(served.where, 120) == 9000
-        link.close()  # as when the program dies
-        time.sleep(1.5)
-        assert asked(served.where, 120) == 5000
-        daq = PolledDaq({"io": modbus.ModbusLink(settings, wiring, model)}, {"io": wiring})
-        list(daq.play(Waveform(50.0, {"command": np.full(5, 9.0)})))
-        daq.close()
-        time.sleep(1.5)
-        assert asked(served.where, 120) == 5000
-    finally:
-        served.close()
-
-
-def test_restart_of_the_device_is_noticed(half_a_second_later):
-    with linked() as (link, served, _):
-        link.drive({"ao0": 5.0})
-        served.behaviour.quirks = Quirks(reboot=True, answers=1)
-        with pytest.raises(LinkError, match="no valid answer"):
-            link.read()
-        half_a_second_later()
-        with pytest.raises(LinkError, match=r"ao0 stands at 0 V, not at 5\.00015 V as it was driven: the device"):
-            link.read()
 
 
 def test_cable_that_is_pulled_is_a_lost_device():
@@ -358,38 +303,6 @@ def test_cable_that_is_pulled_is_a_lost_device():
         served.close()
         with pytest.raises(DeviceLostError, match="the connection is lost"):
             link.read()
-
-
-METER = Wiring(OUT, {"flow": InputChannel("flow", "flow", "value", "l/min", -500.0, 500.0)})
-
-
-def test_float_in_the_wrong_word_order_is_not_believed():
-    with linked(METER, model="flow-meter") as (link, served, terminals):
-        terminals.drive({"ao0": 3.3})
-        time.sleep(0.003)
-        assert link.read()["flow"] == pytest.approx(33.0, rel=1e-3)
-        served.behaviour.quirks = Quirks(word_order=True)
-        assert math.isnan(link.read()["flow"])
-    with linked(METER, Quirks(word_order=True), model="flow-meter") as (link, _, terminals):
-        terminals.drive({"ao0": 3.3})
-        time.sleep(0.003)
-        with pytest.raises(LinkError, match=r"flow reads .* check word_order \(now ABCD\)"):
-            link.read()
-
-
-def test_float_in_the_word_order_of_the_bench_file():
-    with linked(METER, model="flow-meter", word_order="little") as (link, _, terminals):
-        terminals.drive({"ao0": 3.3})
-        time.sleep(0.003)
-        assert link.read()["flow"] == pytest.approx(33.0, rel=1e-3)
-
-
-def test_no_number_is_no_reading():
-    with (
-        linked(METER, Quirks(not_a_number=True), model="flow-meter") as (link, _, _),
-        pytest.raises(LinkError, match="flow reads no measurement from the first on: reads nan l/min: a dead sensor"),
-    ):
-        link.read()
 
 
 E1241 = Wiring(output(0.0), {})
@@ -410,14 +323,6 @@ def test_outputs_in_safe_mode_are_noticed_and_left_from_the_safe_value(monkeypat
         again.drive({"ao0": 3.0})
         assert terminals.standing("ao0") == pytest.approx(3.0, abs=2e-3)
         again.close()
-
-
-def test_inputs_of_the_e1240():
-    wiring = Wiring(OUT, {"level": InputChannel("level", "ai3", "voltage", "V", 0.0, 10.0)})
-    with linked(wiring, model="iologik-e1240") as (link, _, terminals):
-        terminals.drive({"ao0": 4.2})
-        time.sleep(0.003)
-        assert link.read()["ai3"] == pytest.approx(4.2, abs=1e-3)
 
 
 def test_refusal_says_which_register_and_why():

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import socket
 import threading
-import time
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -15,8 +13,7 @@ from hypothesis import strategies as st
 from serial import rfc2217
 
 from drivers import ascii_module, scpi
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
-from hil.daq.device_link import DeviceWatchdog
+from hil.daq.channel import Wiring
 from hil.description.ascii_module import ModuleDescription
 from hil.description.named import Described, description_of
 from hil.errors import DeviceLostError, LinkError
@@ -24,6 +21,7 @@ from sim_devices import ascii_module as module_twin
 from sim_devices import scpi as scpi_twin
 from sim_devices._field import Side
 from sim_devices._quirks import Quirks
+from tests.channels import inputs, outputs
 from tests.linked import linked as linked_to
 from tests.linked import simulation, turned
 from tests.waits import until
@@ -31,15 +29,8 @@ from tests.waits import until
 pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
 
 SIMULATION = simulation("read back", slope=10.0)
-MODULE = Wiring({"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)}, {})
-INPUTS = Wiring(
-    {"command": OutputChannel("command", "unused", "voltage", "V", -10.0, 10.0)},
-    {"read back": InputChannel("read back", "ai2", "voltage", "V", -10.0, 10.0)},
-)
-SCANNER = Wiring(
-    {"command": OutputChannel("command", "dac4", "voltage", "V", -12.0, 12.0)},
-    {"read back": InputChannel("read back", "in3", "voltage", "V", -10.0, 10.0)},
-)
+MODULE = Wiring(outputs({"command": "ao0"}), {})
+SCANNER = Wiring(outputs({"command": "dac4"}, low=-12.0, high=12.0), inputs({"read back": "in3"}))
 CALM = {"timeout_s": 1.0, "longest_reply_s": 1.0}
 
 
@@ -82,21 +73,6 @@ def test_lines_of_the_module_as_its_manual_prints_them():
     assert side.standing("ao0") == 7.456
 
 
-def test_module_is_driven_and_read_back():
-    with module() as (link, _, side):
-        link.drive({"ao0": -3.25})
-        assert side.standing("ao0") == -3.25
-        assert link.standing() == {"ao0": -3.25}
-
-
-def test_module_with_inputs_is_read():
-    used = Wiring({}, INPUTS.inputs)
-    with linked(ascii_module, module_twin, INPUTS, used=used, model="adam-4017") as (link, _, side):
-        side.drive({"unused": 4.5})
-        time.sleep(0.003)
-        assert link.read() == {"ai2": pytest.approx(4.5, abs=2e-3)}
-
-
 def test_another_module_than_the_one_that_was_named_is_refused():
     side = module_twin.world(SIMULATION, {"": MODULE}).side("")
     served = module_twin.serve({"model": "adam-4017", "address": "socket://127.0.0.1:0"}, side, Quirks())
@@ -105,42 +81,10 @@ def test_another_module_than_the_one_that_was_named_is_refused():
     served.close()
 
 
-def test_watchdog_of_the_module_makes_safe_by_itself_and_the_driver_notices(monkeypatch, half_a_second_later):
-    with module(watchdog_s=0.2) as (link, _, side):
-        link.drive({"ao0": 5.0})
-        until(lambda: side.standing("ao0") == 0.0)
-        time.sleep(0.25)
-        assert side.standing("ao0") == 0.0
-        with pytest.raises(LinkError, match=r"longer than its watchdog of 0\.2 s"):
-            link.read()
-        monkeypatch.setattr(DeviceWatchdog, "begin", lambda *_: None)
-        half_a_second_later()
-        link.read()  # the module tells what it was sent last; only the driver's own clock gives it away
-
-
-def test_another_master_is_noticed(half_a_second_later):
-    with module() as (link, served, _):
-        link.drive({"ao0": 5.0})
-        served.device.answer_to("#01C0+01.000")
-        half_a_second_later()
-        with pytest.raises(LinkError, match="ao0 stands at 1 V, not at 5 V as it was driven"):
-            link.read()
-
-
 def test_output_that_is_set_to_give_a_current_is_refused(monkeypatch):
     monkeypatch.setattr(module_twin.Module, "_answered_value", lambda self, what, channel: "!01C030")
     with pytest.raises(LinkError, match="ao0 is of output type 30, not 32"), module():
         pass
-
-
-@pytest.mark.parametrize("port", ["", "tty"], ids=["socket", "serial port"])
-def test_scanner_is_driven_and_read(port, tmp_path):
-    with scanner(**({"address": str(tmp_path / port)} if port else {})) as (link, _, side):
-        link.drive({"dac4": 6.5})
-        time.sleep(0.003)
-        assert link.read() == {"in3": pytest.approx(6.5, abs=1e-3)}
-        assert link.standing() == {"dac4": pytest.approx(6.5)}
-        assert side.standing("dac4") == 6.5
 
 
 def bridged(listener: socket.socket, device: Any) -> None:
@@ -203,12 +147,6 @@ def test_refused_command_is_raised_with_the_error_of_the_instrument():
         with pytest.raises(LinkError, match=r"refused SOUR:VOLT 13\.00000,\(@204\): -222 Data out of range"):
             link.drive({"dac4": 13.0})
         link.drive({"dac4": 1.0})
-
-
-def test_meter_without_a_measurement_says_so():
-    with scanner() as (link, served, _):
-        served.behaviour.quirks = Quirks(not_a_number=True)
-        assert math.isnan(link.read()["in3"])
 
 
 @pytest.mark.parametrize("quirk", ["late_s", "silent", "garbled", "cut"])

@@ -13,8 +13,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from drivers import _modbus_line as modbus_line
 from drivers import modbus
@@ -106,17 +104,6 @@ def test_what_counts_as_a_reading(readings, measured):
             assert math.isnan(link.read()["t"]) is not good, reading
 
 
-@pytest.mark.parametrize(
-    ("form", "words", "value"),
-    [("u16", [0xFFFE], 65.534), ("s16", [0xFFFE], -0.002), ("u32", [0x0001, 0xE240], 123.456),
-     ("s32", [0x0001, 0xE240], 123.456), ("s32", [0xFFFE, 0x1DC0], -123.456)],
-)  # fmt: skip
-def test_formats_of_whole_numbers(form, words, value):
-    device = Tables(inputs=dict(enumerate(words)))
-    with linked(device.on_tcp, Model({"t": gauge(form, slope=1e-3)})) as link:
-        assert link.read()["t"] == pytest.approx(value)
-
-
 @pytest.mark.parametrize(("key", "said"), [("type", "f16"), ("type", "int16"), ("table", "coils")])
 def test_an_unknown_format_or_table_is_no_register(key, said):
     with pytest.raises(SettingError, match=rf"terminals\.t\.{key}: "):
@@ -142,13 +129,6 @@ def test_outputs_in_two_registers_are_driven_and_read_back(form, half_a_second_l
         half_a_second_later()
         with pytest.raises(LinkError, match=r"p stands at .* bar, not at -123.5 bar as it was driven"):
             link.read()
-
-
-@given(value=st.floats(-500.0, 500.0, width=32), order=st.sampled_from(list(ORDERS)))
-def test_what_is_written_is_what_is_read(value, order):
-    model = Model({"q": Register("out", "value", "bar", -500.0, 500.0, "holding", 0, "f32")}, word_order=order)
-    register = model.registers["q"]
-    assert register.value_of(register.words_of(value)) == value
 
 
 def test_a_gateway_that_numbers_by_itself_is_told_apart_from_silence():
@@ -271,11 +251,6 @@ def test_a_busy_device_and_one_that_then_falls_silent_take_one_time_out(asked_by
 def test_echo_belongs_to_a_serial_line():
     settings = LineSettings(address="127.0.0.1:502", echo=True)
     assert [place for place, _ in modbus.line_faults(settings, DEG_C)] == [("echo",)]
-
-
-def test_a_device_that_needs_a_pause_between_frames_gets_it():
-    with linked(slow(Tables(inputs={0: 453}), 0.3), transport="rtu", pause_s=0.35) as link:
-        assert [link.read()["t"] for _ in range(3)] == [453.0] * 3
 
 
 def test_noise_before_an_answer_on_a_serial_line_is_passed_over():
