@@ -107,6 +107,19 @@ def state(tmp_path_factory):
 
 
 @pytest.fixture
+def read_text(tmp_path):
+    """What is read of a file of this text, or of these bytes."""
+
+    def read(text, reading=None, name="x.csv"):
+        from hil.record.read import read_recording
+
+        (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+        return read_recording(tmp_path / name, reading)
+
+    return read
+
+
+@pytest.fixture
 def own_state(tmp_path, monkeypatch):
     """Trips, leases, keys and the audit trail of this test alone, in `tmp_path`/state."""
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))

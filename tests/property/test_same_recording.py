@@ -87,10 +87,9 @@ STYLES = {
 
 
 @pytest.mark.parametrize("style", STYLES)
-def test_in_every_heading_style(tmp_path, style):
+def test_in_every_heading_style(read_text, style):
     head, row, reading = STYLES[style]
-    (tmp_path / "x.csv").write_text(text(head, row), encoding="utf-8")
-    found = read_recording(tmp_path / "x.csv", reading)
+    found = read_text(text(head, row), reading)
     assert found.time_s - found.time_s[0] == pytest.approx(TIME_S, abs=1e-9)
     assert np.array_equal(found.values("command", "%"), made().values("command"))
     assert np.array_equal(found.values("flow", "l/min"), made().values("flow"))
@@ -203,7 +202,7 @@ def test_as_other_libraries_write_it(tmp_path, writer, clock):
     agrees(read_recording(writer(columns(clock), tmp_path), Reading(gaps=clock != "one clock", units=units)))
 
 
-def test_in_lvm(tmp_path):
+def test_in_lvm(read_text):
     head = (
         "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t,\n"
         "Multi_Headings\tNo\nX_Columns\tOne\n***End_of_Header***\t\n\t\nChannels\t2\t\n"
@@ -211,8 +210,7 @@ def test_in_lvm(tmp_path):
         "***End_of_Header***\t\t\nX_Value\tcommand\tflow\n"
     )
     rows = text(head, lambda t, u, y: f"{t:.2f}\t{u}\t{y}".replace(".", ","))
-    (tmp_path / "x.lvm").write_text(rows, encoding="utf-8")
-    agrees(read_recording(tmp_path / "x.lvm"))
+    agrees(read_text(rows, name="x.lvm"))
 
 
 def test_in_mdf_3(tmp_path):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,12 +15,6 @@ from hil.record.table.frame import from_memory
 
 PLAIN = "time [s],command [%],flow [l/min]\n0,1.5,10\n0.011,2.5,-20\n0.02,3.5,30.25\n"
 FRAMES = "".join(f"10:11:{k // 25:02d}:{k % 25:02d},{k}\n" for k in range(60))  # of a film, behind seconds
-
-
-def read_text(tmp_path: Path, text: str | bytes, name: str = "made.csv"):
-    path = tmp_path / name
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return read_recording(path)
 
 
 @pytest.mark.parametrize(
@@ -44,22 +37,22 @@ def read_text(tmp_path: Path, text: str | bytes, name: str = "made.csv"):
         PLAIN.replace("time [s]", "time [ms]").replace("0.011", "11").replace("0.02", "20"),
     ],
 )
-def test_every_dialect_says_the_same(tmp_path, text):
-    found = read_text(tmp_path, text)
+def test_every_dialect_says_the_same(read_text, text):
+    found = read_text(text)
     assert found.time_s == pytest.approx([0, 0.011, 0.02])
     assert list(found.channels) == ["command", "flow"]
     assert found.channels["flow"].unit == "l/min"
     assert found.channels["flow"].values.tolist() == [10, -20, 30.25]
 
 
-def test_a_degree_sign_of_a_western_spreadsheet_is_understood(tmp_path):
-    found = read_text(tmp_path, "time [s];oil [°C]\n0;40,5\n1;41\n".encode("cp1252"))
+def test_a_degree_sign_of_a_western_spreadsheet_is_understood(read_text):
+    found = read_text("time [s];oil [°C]\n0;40,5\n1;41\n".encode("cp1252"))
     assert found.channels["oil"].unit == "°C"
     assert found.channels["oil"].values.tolist() == [40.5, 41.0]
 
 
-def test_a_sample_column_is_an_even_time_base(tmp_path):
-    found = read_text(tmp_path, "sample [1],flow [l/min]\n5,1\n6,2\n7,3\n")
+def test_a_sample_column_is_an_even_time_base(read_text):
+    found = read_text("sample [1],flow [l/min]\n5,1\n6,2\n7,3\n")
     assert found.time_s.tolist() == [0, 1, 2]
     assert any("1 s per sample" in sentence for sentence in found.meta["assumed"])
 
@@ -109,14 +102,14 @@ def test_a_sample_column_is_an_even_time_base(tmp_path):
         ("9.16,0.24\n9.18,0.21\n9.20,0.19\n", "as in (--columns|columns=).*time,flow"),
     ],
 )
-def test_errors_name_the_place(tmp_path, text, message):
-    with pytest.raises(FileError, match=rf"made.csv: .*({message})"):
-        read_text(tmp_path, text)
+def test_errors_name_the_place(read_text, text, message):
+    with pytest.raises(FileError, match=rf"x.csv: .*({message})"):
+        read_text(text)
 
 
-def test_a_broken_archive_is_named(tmp_path):
-    with pytest.raises(FileError, match=r"made.csv.gz: cannot be unpacked"):
-        read_text(tmp_path, gzip.compress(PLAIN.encode())[:-9], "made.csv.gz")
+def test_a_broken_archive_is_named(read_text):
+    with pytest.raises(FileError, match=r"x.csv.gz: cannot be unpacked"):
+        read_text(gzip.compress(PLAIN.encode())[:-9], name="x.csv.gz")
 
 
 SOME = "time [s],flow [l/min]\n" + "".join(f"{0.1 * i:.1f},{i}.5\n" for i in range(40))
@@ -124,67 +117,59 @@ SOME = "time [s],flow [l/min]\n" + "".join(f"{0.1 * i:.1f},{i}.5\n" for i in ran
 
 @pytest.mark.parametrize("name", ["x.csv", "x.csv.gz"])
 @pytest.mark.parametrize("packed", [False, True])
-def test_a_file_is_unpacked_where_its_bytes_say_so_whatever_its_name_says(tmp_path, name, packed):
-    (tmp_path / name).write_bytes(gzip.compress(SOME.encode()) if packed else SOME.encode())
-    assert len(read_recording(tmp_path / name)) == 40
+def test_a_file_is_unpacked_where_its_bytes_say_so_whatever_its_name_says(read_text, name, packed):
+    assert len(read_text(gzip.compress(SOME.encode()) if packed else SOME, name=name)) == 40
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-8-sig"])
-def test_wide_texts_are_read_with_and_without_their_mark(tmp_path, encoding):
-    (tmp_path / "x.csv").write_bytes(SOME.encode(encoding))
-    assert read_recording(tmp_path / "x.csv").values("flow")[39] == 39.5
+def test_wide_texts_are_read_with_and_without_their_mark(read_text, encoding):
+    assert read_text(SOME.encode(encoding)).values("flow")[39] == 39.5
 
 
 TEXTS = [("# range changed", False), ("time [s],flow [l/min]", True), ("stopped", True)]
 
 
 @pytest.mark.parametrize(("line", "gaps"), TEXTS)
-def test_a_line_of_text_among_the_samples_is_left_out_and_said(tmp_path, line, gaps):
+def test_a_line_of_text_among_the_samples_is_left_out_and_said(read_text, line, gaps):
     lines = SOME.splitlines()
     lines.insert(20, line)
-    (tmp_path / "x.csv").write_text("\n".join(lines), encoding="utf-8")
     if gaps:
         with pytest.raises(FileError, match=r"line 21 is no row of numbers: .*--gaps leaves such lines out"):
-            read_recording(tmp_path / "x.csv")
-    found = read_recording(tmp_path / "x.csv", Reading(gaps=gaps))
+            read_text("\n".join(lines))
+    found = read_text("\n".join(lines), Reading(gaps=gaps))
     assert len(found) == 40
     assert any(text.startswith(f"line 21, no row of numbers, left out: '{line}") for text in found.meta["assumed"])
 
 
-def test_what_is_wrong_behind_a_remark_is_named_by_its_own_line(tmp_path):
+def test_what_is_wrong_behind_a_remark_is_named_by_its_own_line(read_text):
     lines = SOME.splitlines()
     lines[30] = "2.9,"
     lines.insert(20, "# a remark")
-    (tmp_path / "x.csv").write_text("\n".join(lines), encoding="utf-8")
     with pytest.raises(FileError, match=r"line 32, channel 'flow': no value"):
-        read_recording(tmp_path / "x.csv")
+        read_text("\n".join(lines))
 
 
 @pytest.mark.parametrize(("factor", "words"), [(1.0, "s since 1970"), (1e3, "ms since 1970"), (1e9, "ns since 1970")])
-def test_stamps_since_1970_are_known_by_their_size(tmp_path, factor, words):
+def test_stamps_since_1970_are_known_by_their_size(read_text, factor, words):
     rows = "".join(f"{round((1.7e9 + 0.5 * i) * factor) if factor > 1 else 1.7e9 + 0.5 * i},{i}\n" for i in range(20))
-    (tmp_path / "x.csv").write_text("timestamp,flow [l/min]\n" + rows, encoding="utf-8")
-    found = read_recording(tmp_path / "x.csv")
+    found = read_text("timestamp,flow [l/min]\n" + rows)
     assert found.duration_s == pytest.approx(9.5, abs=1e-6)
     assert any(words in text for text in found.meta["assumed"])
 
 
-def test_ticks_of_a_device_are_no_seconds(tmp_path):
+def test_ticks_of_a_device_are_no_seconds(read_text):
     ticks = 112_540_231 + np.cumsum(4000 + np.random.default_rng(0).integers(-30, 30, 40))
-    path = tmp_path / "x.csv"
-    path.write_text("timestamp,flow [l/min]\n" + "".join(f"{t},{t % 7}\n" for t in ticks), encoding="utf-8")
+    text = "timestamp,flow [l/min]\n" + "".join(f"{t},{t % 7}\n" for t in ticks)
     with pytest.raises(FileError, match=r"'timestamp' has no unit, and its samples lie about [34]\d{3} apart"):
-        read_recording(path)
-    assert read_recording(path, Reading(units={"timestamp": "us"})).duration_s == pytest.approx(0.156, abs=0.002)
-    path.write_text("time,flow [l/min]\n" + "".join(f"{3600 * i},{i}\n" for i in range(40)), encoding="utf-8")
-    assert read_recording(path).duration_s == 39 * 3600.0  # whole hours may well be seconds
+        read_text(text)
+    assert read_text(text, Reading(units={"timestamp": "us"})).duration_s == pytest.approx(0.156, abs=0.002)
+    hours = read_text("time,flow [l/min]\n" + "".join(f"{3600 * i},{i}\n" for i in range(40)))
+    assert hours.duration_s == 39 * 3600.0  # whole hours may well be seconds
 
 
-def test_rows_out_of_order_are_said_to_be_so(tmp_path):
-    path = tmp_path / "mixed.csv"
-    path.write_text("time [s],flow [l/min]\n0.3,1\n0.1,2\n0.2,3\n0,1\n", encoding="utf-8")
+def test_rows_out_of_order_are_said_to_be_so(read_text):
     with pytest.raises(FileError, match=r"line 3: time 0.1 s does not come after 0.3 s.*sort them by it$") as told:
-        read_recording(path)
+        read_text("time [s],flow [l/min]\n0.3,1\n0.1,2\n0.2,3\n0,1\n")
     assert "--interval" not in str(told.value)
 
 

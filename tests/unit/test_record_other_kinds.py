@@ -20,6 +20,7 @@ from hil.record.reading import Reading
 from hil.record.recording import recording
 from hil.record.table.response_table import ResponseTable
 
+HEAD = ("time [s]", "u [V]", "y [bar]")
 ROWS = [(0.01 * k, float(k % 7), 0.25 * k) for k in range(40)]
 
 
@@ -42,9 +43,9 @@ class TestSpreadsheets:
     @pytest.mark.parametrize(
         ("above", "first"),
         [
-            ([("time [s]", "u [V]", "y [bar]")], (1, 1)),
+            ([HEAD], (1, 1)),
             ([("Bench 3",), (), ("Time", "u", "y"), ("s", "V", "bar")], (1, 1)),
-            ([("time [s]", "u [V]", "y [bar]")], (5, 3)),
+            ([HEAD], (5, 3)),
         ],
     )
     def test_a_sheet_is_read_as_a_text_file_would_be(self, tmp_path, above, first):
@@ -61,7 +62,7 @@ class TestSpreadsheets:
         np.testing.assert_allclose(found.time_s, [row[0] for row in ROWS], atol=1e-6)
 
     def test_the_sheet_with_the_most_rows_is_read_and_others_are_named(self, tmp_path):
-        found = read_recording(sheet(tmp_path / "x.xlsx", ("time [s]", "u [V]"), *(r[:2] for r in ROWS), other=("a",)))
+        found = read_recording(sheet(tmp_path / "x.xlsx", HEAD[:2], *(r[:2] for r in ROWS), other=("a",)))
         assert any("not read: notes" in note for note in found.meta["assumed"])
 
     def test_a_longer_sheet_of_remarks_is_not_read(self, tmp_path):
@@ -69,19 +70,19 @@ class TestSpreadsheets:
         path = sheet(tmp_path / "x.xlsx", *remarks)
         openpyxl = pytest.importorskip("openpyxl")
         book = openpyxl.load_workbook(path)
-        for row in [("time [s]", "u [V]", "y [bar]"), *ROWS]:
+        for row in [HEAD, *ROWS]:
             (book["data"] if "data" in book.sheetnames else book.create_sheet("data")).append(row)
         book.save(path)
         assert read_recording(path).values("y", "bar").tolist() == [row[2] for row in ROWS]
 
     def test_a_mean_below_an_empty_row_is_named_by_its_row(self, tmp_path):
-        path = sheet(tmp_path / "x.xlsx", ("time [s]", "u [V]", "y [bar]"), *ROWS, (), ("Mean", 3.0, 5.0))
+        path = sheet(tmp_path / "x.xlsx", HEAD, *ROWS, (), ("Mean", 3.0, 5.0))
         with pytest.raises(FileError, match=r"line 43, column 1 .*: 'Mean' is not a number"):
             read_recording(path)
 
     def test_a_cell_that_is_no_number_is_named_by_sheet_and_row(self, tmp_path):
         rows = [*ROWS[:20], (0.2, "bad", 5.0), *ROWS[21:]]
-        path = sheet(tmp_path / "x.xlsx", ("time [s]", "u [V]", "y [bar]"), *rows)
+        path = sheet(tmp_path / "x.xlsx", HEAD, *rows)
         with pytest.raises(FileError, match=r"x\.xlsx, sheet 'Sheet': line 22, column 2 .*: 'bad' is not a number"):
             read_recording(path)
         assert np.isnan(read_recording(path, Reading(gaps=True)).own["u"].values).sum() == 0
@@ -279,10 +280,9 @@ class TestUniversalFiles:
         ("x.log", b"V3.1\n\nFMT, 128, 89, FMT, BBnNZ,\n", "is a flight log of ArduPilot, which is not read"),
     ],
 )
-def test_what_is_not_read_says_what_it_is(tmp_path, name, content, said):
-    (tmp_path / name).write_bytes(content)
+def test_what_is_not_read_says_what_it_is(read_text, name, content, said):
     with pytest.raises(FileError, match=re.escape(f"{name}: {said}")):
-        read_recording(tmp_path / name)
+        read_text(content, name=name)
 
 
 def test_an_archive_is_named_with_what_it_holds(tmp_path):
@@ -386,10 +386,9 @@ TABLES = {  # ending, text, its last channel and what that reads at each of its 
 
 
 @pytest.mark.parametrize("kind", TABLES)
-def test_a_text_is_read_as_its_program_means_it(kind, tmp_path):
+def test_a_text_is_read_as_its_program_means_it(kind, read_text):
     ending, text, time_s, heading, values = TABLES[kind]
-    (tmp_path / f"x{ending}").write_text(text)
-    found = read_recording(tmp_path / f"x{ending}")
+    found = read_text(text, name=f"x{ending}")
     *_, last = found.channels.values()
     assert (last.heading, last.values.tolist()) == (heading, values)
     assert found.time_s - found.time_s[0] == pytest.approx(list(time_s), abs=1e-6)
@@ -405,39 +404,33 @@ class TestTexts:
         reading = Reading(renamed={"Zre": "re", "Zimg": "im"}, units={"Frequency": "Hz"})
         assert read_any(tmp_path / "x.txt", reading).response[0] == 4.0 - 1.0j
 
-    def test_an_example_of_many_names_is_short(self, tmp_path):
-        (tmp_path / "x.csv").write_text(
-            "".join(",".join(f"{k + 0.5 * i}" for i in range(400)) + "\n" for k in range(4))
-        )
+    def test_an_example_of_many_names_is_short(self, read_text):
         with pytest.raises(FileError, match="name the 400 columns") as caught:
-            read_recording(tmp_path / "x.csv")
+            read_text(lines(4, lambda k: ",".join(f"{k + 0.5 * i}" for i in range(400))))
         assert len(str(caught.value)) < 300
 
-    def test_fields_of_a_time_series_database_are_channels(self, tmp_path):
+    def test_fields_of_a_time_series_database_are_channels(self, read_text):
         above = "#datatype,string,long,dateTime:RFC3339,dateTime:RFC3339,dateTime:RFC3339,double,string\n"
         rows = [
             f",,{n},2026-11-28T10:00:00Z,2026-11-28T11:00:00Z,2026-11-28T10:11:{12 + k}Z,{k + 100 * n},{name}\n"
             for n, name in enumerate(("command", "flow")) for k in range(20)
         ]  # fmt: skip
-        (tmp_path / "x.csv").write_text(f"{above},result,table,_start,_stop,_time,_value,_field\n{''.join(rows)}")
-        found = read_recording(tmp_path / "x.csv")
+        found = read_text(f"{above},result,table,_start,_stop,_time,_value,_field\n{''.join(rows)}")
         assert found.time_s.tolist() == list(range(20))
         assert found.values("flow").tolist() == [100.0 + k for k in range(20)]
 
     @pytest.mark.parametrize("heading", ["T", "T_oil", "clock"])
-    def test_what_only_sounds_like_a_time_is_a_signal(self, heading, tmp_path):
+    def test_what_only_sounds_like_a_time_is_a_signal(self, heading, read_text):
         values = [k % 2 if heading == "clock" else 40.0 + 0.5 * k for k in range(30)]
         rows = "".join(f"{0.1 * k:.1f},{k % 7},{value},{2 * k}\n" for k, value in enumerate(values))
-        (tmp_path / "x.csv").write_text(f"t,u,{heading},y\n{rows}")
-        found = read_recording(tmp_path / "x.csv")
+        found = read_text(f"t,u,{heading},y\n{rows}")
         assert found.values(heading).tolist() == values and not found.own
         assert found.time_s == pytest.approx(0.1 * np.arange(30))
 
-    def test_samples_of_another_form_above_are_not_dropped(self, tmp_path):
+    def test_samples_of_another_form_above_are_not_dropped(self, read_text):
         rows = "".join(f"{k} {k % 7} {2 * k}{' 9' if k < 5 else ''}\n" for k in range(60))
-        (tmp_path / "x.txt").write_text(rows)
         with pytest.raises(FileError, match="line 5 has 4 values, those below 3"):
-            read_recording(tmp_path / "x.txt", Reading(columns=("time", "u", "y")))
+            read_text(rows, Reading(columns=("time", "u", "y")))
 
 
 class TestMcap:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hil.errors import FileError
-from hil.record.read import read_any, read_recording
+from hil.record.read import read_any
 from hil.record.table.response_table import ResponseTable
 from hil.units import convert
 
@@ -167,9 +167,8 @@ UNITS = {"SignalExpress": "1", "Hantek": "1", "Tektronix DPO7000": "1", "panel o
 
 
 @pytest.mark.parametrize("program", SAYS_ABOVE)
-def test_what_lines_above_or_beside_the_samples_say_is_used(tmp_path, program):
-    (tmp_path / "x.csv").write_text(SAYS_ABOVE[program], encoding="utf-8")
-    found = read_recording(tmp_path / "x.csv")
+def test_what_lines_above_or_beside_the_samples_say_is_used(read_text, program):
+    found = read_text(SAYS_ABOVE[program])
     assert found.time_s - found.time_s[0] == pytest.approx(TIME_S, abs=1e-5)
     command, *flow = found.channels.values()
     assert convert(command.values, command.unit, UNITS.get(program, "V")) == pytest.approx(COMMAND, abs=1e-5)
@@ -177,28 +176,25 @@ def test_what_lines_above_or_beside_the_samples_say_is_used(tmp_path, program):
         assert channel.values == pytest.approx(FLOW, abs=1e-5)
 
 
-def test_a_scope_without_times_starts_where_it_says(tmp_path):
-    (tmp_path / "x.csv").write_text(SAYS_ABOVE["Yokogawa"], encoding="utf-8")
-    found = read_recording(tmp_path / "x.csv")
+def test_a_scope_without_times_starts_where_it_says(read_text):
+    found = read_text(SAYS_ABOVE["Yokogawa"])
     assert list(found.channels) == ["CH1", "CH2"] and found.channel("CH2").unit == "A"
     assert found.time_s[0] == pytest.approx(-0.01)
     assert found.meta["assumed"] == ["even time base of 0.002 s, as line 4 says"]
 
 
-def test_numbers_of_rows_below_labels_are_no_time_where_one_is_labelled(tmp_path):
+def test_numbers_of_rows_below_labels_are_no_time_where_one_is_labelled(read_text):
     head = "Operator: A\n\nChannel,Time,Command,Flow\nUnit,ms,%,l/min\nSensor,,AO1,FM2\n"
     rows = "".join(f"{k + 1},{10 * k},{k % 7},{0.1 * k:.1f}\n" for k in range(60))
-    (tmp_path / "x.csv").write_text(head + rows, encoding="utf-8")
-    found = read_recording(tmp_path / "x.csv")
+    found = read_text(head + rows)
     assert found.time_s == pytest.approx(0.01 * np.arange(60))
     assert [channel.heading for channel in found.channels.values()] == ["Command [%]", "Flow [l/min]"]
 
 
 @pytest.mark.parametrize("first", [lambda k: 5.0 * (k > 30), float], ids=["a command that steps up", "a row's number"])
-def test_a_column_that_goes_on_otherwise_than_the_interval_above_is_no_time(tmp_path, first):
+def test_a_column_that_goes_on_otherwise_than_the_interval_above_is_no_time(read_text, first):
     rows = "".join(f"{first(k)}\t{0.1 * k:.3f}\n" for k in range(60))
-    (tmp_path / "x.txt").write_text(f"[Header]\nSamplingTime=10.000 ms\n[Data]\n{rows}", encoding="utf-8")
-    found = read_recording(tmp_path / "x.txt")
+    found = read_text(f"[Header]\nSamplingTime=10.000 ms\n[Data]\n{rows}", name="x.txt")
     assert found.time_s == pytest.approx(0.01 * np.arange(60))
     assert found.values("channel 1").tolist() == [first(k) for k in range(60)]
     assert found.values("channel 2")[-1] == 5.9
@@ -214,101 +210,89 @@ def test_a_column_that_goes_on_otherwise_than_the_interval_above_is_no_time(tmp_
         ("Datum;Zeit;[V] u;[bar] y\n", "04.03.2026;13:05:07,{ms:03d};{u};{y}"),  # Testo
     ],
 )  # fmt: skip
-def test_stamps_and_names_of_a_panel_a_solver_and_a_meter_are_read(tmp_path, above, row):
+def test_stamps_and_names_of_a_panel_a_solver_and_a_meter_are_read(read_text, above, row):
     lines = [row.format(k=k, t=0.01 * k, ms=10 * k, u=k // 7, y=0.5 * k) for k in range(60)]
-    (tmp_path / "x.csv").write_text(above + "\n".join(lines) + "\n", encoding="utf-8")
-    found = read_recording(tmp_path / "x.csv")
+    found = read_text(above + "\n".join(lines) + "\n")
     assert list(found.channels) == ["u", "y"]
     np.testing.assert_allclose(found.time_s, 0.01 * np.arange(60), atol=1e-9)
     assert found.values("y").tolist() == [0.5 * k for k in range(60)]
 
 
 @pytest.mark.parametrize("remark", ["# type: matrix", "# title = time,u,y"])
-def test_words_of_a_remark_are_no_headings(tmp_path, remark):
+def test_words_of_a_remark_are_no_headings(read_text, remark):
     rows_of = "".join(f" {0.01 * k} {k // 7} {0.5 * k}\n" for k in range(60))
-    (tmp_path / "x.txt").write_text(f"# Created by a program\n{remark}\n{rows_of}", encoding="utf-8")
     with pytest.raises(FileError, match=r"name the 3 columns with --columns"):
-        read_recording(tmp_path / "x.txt")
+        read_text(f"# Created by a program\n{remark}\n{rows_of}", name="x.txt")
 
 
-def test_counts_of_a_converter_are_not_said_to_be_volts(tmp_path):
+def test_counts_of_a_converter_are_not_said_to_be_volts(read_text):
     fast = SAYS_ABOVE["GW Instek"].split("Waveform Data")[0].replace("Detail", "Fast") + "Waveform Data,\n"
-    (tmp_path / "x.csv").write_text(fast + rows(lambda i, t, u, y: f"{i % 50},"), encoding="utf-8")
-    assert read_recording(tmp_path / "x.csv").meta["units_missing"] == ["CH1"]
+    assert read_text(fast + rows(lambda i, t, u, y: f"{i % 50},")).meta["units_missing"] == ["CH1"]
 
 
 @pytest.mark.parametrize("heading", ["V(V)", "V(mV)", "I(mA)"])
-def test_a_unit_of_a_voltage_or_current_is_no_node_of_a_circuit(tmp_path, heading):
-    (tmp_path / "x.csv").write_text(f"time,{heading}\n0,1\n1,2\n2,3\n", encoding="utf-8")
-    (channel,) = read_recording(tmp_path / "x.csv").channels.values()
+def test_a_unit_of_a_voltage_or_current_is_no_node_of_a_circuit(read_text, heading):
+    (channel,) = read_text(f"time,{heading}\n0,1\n1,2\n2,3\n").channels.values()
     assert (channel.name, channel.unit) == (heading[0], heading[2:-1])
 
 
-def test_a_point_among_decimal_commas_is_no_mark_of_thousands(tmp_path):
-    (tmp_path / "x.csv").write_text("time [s];flow [l/min]\n0,0;5,0\n0,1;5.0739\n0,2;-4.07\n", encoding="utf-8")
-    assert read_recording(tmp_path / "x.csv").values("flow").tolist() == [5.0, 5.0739, -4.07]
+def test_a_point_among_decimal_commas_is_no_mark_of_thousands(read_text):
+    found = read_text("time [s];flow [l/min]\n0,0;5,0\n0,1;5.0739\n0,2;-4.07\n")
+    assert found.values("flow").tolist() == [5.0, 5.0739, -4.07]
 
 
-def test_thousands_far_down_are_read(tmp_path):
+def test_thousands_far_down_are_read(read_text):
     number = (f"{3.7 * i:,.1f}".translate(str.maketrans(",.", ".,")) for i in range(900))
     text = "".join(f"{i};{text}\n" for i, text in enumerate(number))
-    (tmp_path / "x.csv").write_text(f"time [s];flow [l/min]\n{text}", encoding="utf-8")
-    assert read_recording(tmp_path / "x.csv").values("flow")[-1] == pytest.approx(3.7 * 899, abs=0.051)
+    assert read_text(f"time [s];flow [l/min]\n{text}").values("flow")[-1] == pytest.approx(3.7 * 899, abs=0.051)
 
 
 @pytest.mark.parametrize("program", FILES)
-def test_a_recording_of_another_program_has_its_numbers_and_times(tmp_path, program):
-    (tmp_path / "x.csv").write_text(FILES[program], encoding="utf-8")
-    found = read_recording(tmp_path / "x.csv")
+def test_a_recording_of_another_program_has_its_numbers_and_times(read_text, program):
+    found = read_text(FILES[program])
     command, flow = (found.samples(name) for name in list(found.channels))
     for one, values in ((command, COMMAND), (flow, FLOW)):
         assert one.time_s - one.time_s[0] == pytest.approx(TIME_S, abs=2e-5)
         assert one.values == pytest.approx(values, abs=1e-5)
 
 
-def test_a_scope_says_its_units_and_where_its_time_starts(tmp_path):
-    (tmp_path / "x.csv").write_text(next(iter(FILES.values())), encoding="utf-8")
-    found = read_recording(tmp_path / "x.csv")
+def test_a_scope_says_its_units_and_where_its_time_starts(read_text):
+    found = read_text(next(iter(FILES.values())))
     assert found.time_s[0] == pytest.approx(-0.01) and found.values("CH2", "mV") == pytest.approx(1e3 * FLOW)
-    (tmp_path / "y.csv").write_text(FILES["LTspice"], encoding="utf-8")
-    assert {c.heading for c in read_recording(tmp_path / "y.csv").channels.values()} == {"V(in) [V]", "I(R1) [A]"}
+    assert {c.heading for c in read_text(FILES["LTspice"]).channels.values()} == {"V(in) [V]", "I(R1) [A]"}
 
 
-def test_channels_of_twincat_keep_their_own_rates_and_a_scale_is_said(tmp_path):
+def test_channels_of_twincat_keep_their_own_rates_and_a_scale_is_said(read_text):
     slow = [f"{4 * i}\t{y}" if 2 * i < COUNT else "\t" for i, y in enumerate(FLOW[::2].tolist() + [""] * 30)]
     head = TWINCAT_HEAD.replace("ScaleFactor\t1\tScaleFactor\t1", "ScaleFactor\t1\tScaleFactor\t-10")
     text = head + rows(lambda i, t, u, y: f"{1e3 * t:g}\t{u:g}\t{slow[i]}")
-    (tmp_path / "x.txt").write_text(text, encoding="utf-8")
-    found = read_recording(tmp_path / "x.txt")
+    found = read_text(text, name="x.txt")
     assert found.samples("flow").time_s == pytest.approx(TIME_S[::2]) and len(found.samples("command").values) == COUNT
     assert any("'flow': the headings state ScaleFactor -10" in said for said in found.meta["assumed"])
 
 
-def test_channels_of_a_historian_keep_how_far_their_first_stamps_lie_apart(tmp_path):
+def test_channels_of_a_historian_keep_how_far_their_first_stamps_lie_apart(read_text):
     lines = [f"2026-11-25 10:00:{t:06.3f};{name};{t}" for t in np.arange(8) / 2 for name in ("uy"[int(2 * t) % 2],)]
-    (tmp_path / "x.csv").write_text("\n".join(["Timestamp;Tagname;Value", *lines]), encoding="utf-8")
-    found = read_recording(tmp_path / "x.csv")
+    found = read_text("\n".join(["Timestamp;Tagname;Value", *lines]))
     assert found.samples("u").time_s.tolist() == found.samples("u").values.tolist() == [0.0, 1.0, 2.0, 3.0]
     assert found.samples("y").time_s.tolist() == found.samples("y").values.tolist() == [0.5, 1.5, 2.5, 3.5]
 
 
 @pytest.mark.parametrize(("late_s", "rounded"), [(0.5, False), (0.0, False), (0.0, True)])
-def test_a_date_further_on_is_a_clock_of_its_own_unless_it_says_the_same(tmp_path, late_s, rounded):
+def test_a_date_further_on_is_a_clock_of_its_own_unless_it_says_the_same(read_text, late_s, rounded):
     def date(t: float, digits: int = 3) -> str:
         return f"2026-11-25 10:00:{t:0{3 + digits if digits else 2}.{digits}f}"
 
     own = [date(math.floor(t), 0) if rounded else date(t + late_s) for t in np.arange(10) / 10]
     lines = [f"{date(i / 10)};{i};{one};{i}" for i, one in enumerate(own)]
-    (tmp_path / "x.csv").write_text("\n".join(["Time A;u;Time B;y", *lines]), encoding="utf-8")
-    found = read_recording(tmp_path / "x.csv")
+    found = read_text("\n".join(["Time A;u;Time B;y", *lines]))
     for name, apart_s in (("u", 0.0), ("y", late_s)):
         samples = found.samples(name)
         assert samples.time_s == pytest.approx(samples.values / 10 + apart_s) and len(samples.values) >= 5
 
 
-def test_a_bad_quality_is_left_out_and_counted(tmp_path):
-    (tmp_path / "x.csv").write_text(FILES["historian"], encoding="utf-8")
-    assert any("1 rows of bad quality left out" in said for said in read_recording(tmp_path / "x.csv").meta["assumed"])
+def test_a_bad_quality_is_left_out_and_counted(read_text):
+    assert any("1 rows of bad quality left out" in said for said in read_text(FILES["historian"]).meta["assumed"])
 
 
 def polar(g: complex) -> str:
