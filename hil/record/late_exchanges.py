@@ -6,12 +6,11 @@ part of the delay that estimators know. What it took beyond that may lie before 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hil.record.recording import Array, Recording
+from hil.record.recording import Recording
 
 _APART_S = 1e-6  # stamps that a supposition brings together stay apart by so much
 
@@ -34,32 +33,28 @@ class LateExchanges:
 
 
 def late_exchanges(recording: Recording) -> LateExchanges | None:
-    """What a recording has of late exchanges; None where it has none."""
-    delays = {name: recording.values(name, "s") for name in dict.fromkeys(recording.delay_channels.values())
-              if name in recording.channels}  # fmt: skip
-    # how far from its stamp each reading may have been taken, beyond the usual
-    off_s = {name: np.maximum(delay_s - np.median(delay_s), 0.0) for name, delay_s in delays.items()}
-    longest_s = 2.0 * np.max(list(off_s.values()), axis=0, initial=0.0)
-    late = longest_s > recording.interval_s
-    if not late.any():
-        return None
-    early, at_the_end = (_with_supposed_times(recording, off_s, sign) for sign in (-1.0, 1.0))
-    return LateExchanges(int(np.count_nonzero(late)), float(np.max(longest_s)), early, at_the_end)
+    """What a recording has of late exchanges; None where it has none.
 
-
-def _with_supposed_times(recording: Recording, off_s: Mapping[str, Array], sign: float) -> Recording:
-    """Readings as far behind their stamps as they may be (1), or before (-1), and commands the other way.
-
-    No update is moved past that of another sample, and no reading past another one.
+    No update is supposed to be past that of another sample, and no reading past another one.
     """
-    time_s = recording.time_s
-    read_s = {name: time_s + recording.values(name) for name in off_s}
+    delays_s = {name: recording.values(name, "s") for name in dict.fromkeys(recording.delay_channels.values())
+                if name in recording.channels}  # fmt: skip
+    # how far from its stamp each reading may have been taken, beyond the usual
+    off_s = {name: np.maximum(delay_s - np.median(delay_s), 0.0) for name, delay_s in delays_s.items()}
+    longest_s = 2.0 * np.max(list(off_s.values()), axis=0, initial=0.0)
+    is_late = longest_s > recording.interval_s
+    if not is_late.any():
+        return None
+    time_s, supposed = recording.time_s, []
+    read_s = {name: time_s + delay_s for name, delay_s in delays_s.items()}
     before_s = np.append(-np.inf, np.max(list(read_s.values()), axis=0)[:-1] + _APART_S)
     behind_s = np.append(time_s[1:], np.inf)
     first_s, least_s = np.min(list(read_s.values()), axis=0), np.min(list(off_s.values()), axis=0)
-    acted_s = np.clip(time_s - sign * least_s, np.minimum(before_s, time_s), np.maximum(first_s, time_s))
-    channels = dict(recording.channels)
-    for name, at_s in read_s.items():
-        moved_s = np.clip(at_s + sign * off_s[name], np.minimum(time_s, at_s), np.maximum(behind_s, at_s))
-        channels[name] = replace(channels[name], values=moved_s - acted_s)
-    return replace(recording, time_s=acted_s, channels=channels)
+    for sign in (-1.0, 1.0):
+        acted_s = np.clip(time_s - sign * least_s, np.minimum(before_s, time_s), np.maximum(first_s, time_s))
+        channels = dict(recording.channels)
+        for name, at_s in read_s.items():
+            moved_s = np.clip(at_s + sign * off_s[name], np.minimum(time_s, at_s), np.maximum(behind_s, at_s))
+            channels[name] = replace(channels[name], values=moved_s - acted_s, unit="s")
+        supposed.append(replace(recording, time_s=acted_s, channels=channels))
+    return LateExchanges(int(np.count_nonzero(is_late)), float(np.max(longest_s)), *supposed)

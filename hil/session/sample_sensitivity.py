@@ -80,11 +80,12 @@ def _measured(evaluate: Callable[[Recording], Findings], recording: Recording) -
     lacking = invalid_samples(recording)
     if not lacking:
         return evaluate(recording)
-    near, far = (_evaluated(evaluate, supposed(recording, where)) for where in ("near", "far"))
+    notes = [invalid_note(recording, name, mask).stopped for name, mask in lacking.items()]
+    suppositions = [supposed(recording, where) for where in ("near", "far")]
+    near, far = (_evaluated(evaluate, one) for one in suppositions)
     if isinstance(near, InputError):
         raise near
     found = _common(near, Findings() if isinstance(far, InputError) else far)
-    notes = [invalid_note(recording, name, mask).stopped for name, mask in lacking.items()]
     if gone := [m.name for m, kept in zip(near.measured, found.measured, strict=True) if kept.value != m.value]:
         notes.append(
             Note("Not given, or as a bound only, because they rest on these samples: {names}.", names=tuple(gone))
