@@ -14,7 +14,7 @@ import os
 import socket
 import subprocess
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.child import Process, child
-from hil.errors import FileError, StorageError
-from hil.record.extra import check_installed
+from hil.errors import FileError, StorageError, naming
 from hil.record.plain import to_json
 from hil.record.table.columns import Column, Contents, Table
 from hil.untrusted import most_bytes, most_unpacked, parse_json, unpacked_allowed
@@ -55,22 +54,36 @@ def confined_contents(form: ModuleType, path: Path, file: BinaryIO) -> Contents:
         FileError: it cannot be read, or needs more memory or time than allowed.
         StorageError: no such process can be started.
     """
-    for name in form.LIBRARIES:
-        check_installed(name, path)
     stored_bytes = os.fstat(file.fileno()).st_size
     here, there = socket.socketpair()
     with here, there:
         _ask({"format": form.__name__.rpartition(".")[2], "path": str(path)}, file.fileno(), there.fileno())
         there.close()
         here.settimeout(_LONGEST_WAIT_S)
-        with here.makefile("rb") as answer:
+        with here.makefile("rb") as answer, naming(str(path)):
             try:
-                return _received(answer, path, most_unpacked(stored_bytes))
+                count = int.from_bytes(_read_exactly(answer, _COUNT_BYTES), "little")
+                head = parse_json(_read_exactly(answer, min(count, most_bytes())), "the answer of its reader")
+                arrays = list(_arrays(answer, head.get("arrays", ()), most_unpacked(stored_bytes)))
             except (OSError, EOFError):
                 raise FileError(
-                    f"{path}: its reader ended without an answer: the file is damaged, or needs more memory or time "
-                    f"than allowed; {unpacked_allowed(stored_bytes)}, within {most_cpu_s(stored_bytes)} s of processor"
+                    "its reader ended without an answer: the file is damaged, or needs more memory or time than "
+                    f"allowed; {unpacked_allowed(stored_bytes)}, within {most_cpu_s(stored_bytes)} s of processor"
                 ) from None
+    if "error" in head:
+        raise FileError(str(head["error"]))
+    if not head["is_confined"]:
+        _say_unconfined()
+    tables = [
+        Table(
+            table["name"],
+            [Column(heading, arrays[at], unit) for heading, at, unit in table["columns"]],
+            None if table["time"] is None else arrays[table["time"]],
+            table["assumed"],
+        )
+        for table in head["tables"]
+    ]
+    return tables, head["about"]
 
 
 def most_cpu_s(stored_bytes: int) -> int:
@@ -127,40 +140,19 @@ def _plain(values: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(values).reshape(values.shape)
 
 
-def _received(answer: BinaryIO, path: Path, most: int) -> Contents:
-    count = int.from_bytes(_read_exactly(answer, _COUNT_BYTES), "little")
-    head = parse_json(_read_exactly(answer, min(count, most_bytes())), str(path))
-    if "error" in head:
-        raise FileError(str(head["error"]))
-    if not head["is_confined"]:
-        _say_unconfined()
-    arrays = []
-    for dtype, shape in head["arrays"]:
-        arrays.append(_array(answer, path, dtype, shape, most))
-        most -= arrays[-1].nbytes
-    tables = [
-        Table(
-            table["name"],
-            [Column(heading, arrays[at], unit) for heading, at, unit in table["columns"]],
-            None if table["time"] is None else arrays[table["time"]],
-            table["assumed"],
-        )
-        for table in head["tables"]
-    ]
-    return tables, head["about"]
-
-
-def _array(answer: BinaryIO, path: Path, kind: str, shape: Sequence[int], most: int) -> NDArray[Any]:
-    dtype = np.dtype(kind)
-    if dtype.kind not in _PLAIN_KINDS or dtype.names or dtype.subdtype or dtype.hasobject:
-        raise FileError(f"{path}: its reader sent '{kind:.20}', which is no kind of figures")
-    size = dtype.itemsize * int(np.prod(shape, dtype=object))
-    if not 0 <= size <= most:
-        raise FileError(f"{path}: an array of {size / 1e9:.3g} GB; {most / 1e9:.3g} GB of it may still be read")
-    found = np.empty(size, dtype=np.uint8)
-    if answer.readinto(found.data) != size:  # type: ignore[attr-defined]
-        raise EOFError
-    return found.view(dtype).reshape(shape)
+def _arrays(answer: BinaryIO, kinds: Sequence[tuple[str, Sequence[int]]], most: int) -> Iterator[NDArray[Any]]:
+    for kind, shape in kinds:
+        dtype = np.dtype(kind)
+        if dtype.kind not in _PLAIN_KINDS or dtype.names or dtype.subdtype or dtype.hasobject:
+            raise FileError(f"its reader sent '{kind:.20}', which is no kind of figures")
+        size = dtype.itemsize * int(np.prod(shape, dtype=object))
+        if not 0 <= size <= most:
+            raise FileError(f"an array of {size / 1e9:.3g} GB; {most / 1e9:.3g} GB of it may still be read")
+        most -= size
+        found = np.empty(size, dtype=np.uint8)
+        if answer.readinto(found.data) != size:  # type: ignore[attr-defined]
+            raise EOFError
+        yield found.view(dtype).reshape(shape)
 
 
 def _read_exactly(answer: BinaryIO, count: int) -> bytes:

@@ -8,7 +8,7 @@ import pkgutil
 import re
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -17,6 +17,7 @@ from typing import BinaryIO
 from hil.catalog import tables
 from hil.errors import FileError, reason, storing
 from hil.record import exchange
+from hil.record.extra import check_installed
 from hil.record.foreign import check_read
 from hil.record.gathered import open_recording
 from hil.record.reading import AS_IT_IS, Reading
@@ -53,24 +54,31 @@ def _by_content(file: BinaryIO) -> ModuleType | None:
     return None
 
 
+def _by_ending(path: Path) -> ModuleType | None:
+    """The module of a file whose name says what it is; of two endings the longer one counts."""
+    endings = [ending for ending in formats() if path.name.lower().endswith(ending)]
+    return formats()[max(endings, key=len)] if endings else None
+
+
 def format_of(path: Path) -> ModuleType:
     """The exchange module for a file name.
 
     Raises:
         FileError: the ending is none that is known.
     """
-    endings = sorted(formats(), key=len, reverse=True)
-    for ending in endings:
-        if path.name.lower().endswith(ending):
-            return formats()[ending]
-    raise FileError(f"{path}: unknown kind of recording; known endings: {', '.join(sorted(endings))}")
+    found = _by_ending(path)
+    if found is None:
+        raise FileError(f"{path}: {_unknown_kind()}")
+    return found
 
 
-def _is_text(path: Path, file: BinaryIO) -> bool:
-    """Whether a file begins as a text, under an ending that says nothing or that programs give to texts too."""
+def _unknown_kind() -> str:
+    return f"unknown kind of recording; known endings: {', '.join(sorted(formats()))}"
+
+
+def _is_text(file: BinaryIO) -> bool:
     start = os.pread(file.fileno(), _LONGEST_TEXT, 0)
-    known = path.name.lower().endswith(tuple(formats()))
-    return bool(start) and not _NO_TEXT.search(start) and (not known or hasattr(format_of(path), "OR_TEXT"))
+    return bool(start) and not _NO_TEXT.search(start)
 
 
 def read_recording(path: str | Path, reading: Reading | None = None) -> Recording:
@@ -98,24 +106,12 @@ def read_any(path: str | Path, reading: Reading | None = None) -> Recording | Re
     Raises:
         FileError: as `read_recording`.
     """
-    path, reading = Path(path), reading or AS_IT_IS
-    with _undamaged(path):
-        if path.is_dir():
-            return as_stated(recorded(path), reading)
-        found = _read_file(path if path.exists() or len(path.parts) > 1 else tables().get(path.name, path), reading)
-        return with_stated_units(found, reading) if isinstance(found, Recording) else found
-
-
-def recorded(folder: Path) -> Recording:
-    """A run as it was recorded, with all that `hil.record.folder.read` says of it. Raises `FileError` likewise."""
-    from hil.record.folder import read
-
-    with _undamaged(folder):
-        return read(folder)
+    reading = reading or AS_IT_IS
+    return as_stated(recorded(path), reading) if Path(path).is_dir() else read_file(path, reading)
 
 
 @contextmanager
-def _undamaged(path: Path) -> Iterator[None]:
+def _undamaged(path: str | Path) -> Iterator[None]:
     """Whatever a reader stumbles over in a file that was cut off or made by hand is a `FileError`."""
     try:
         yield
@@ -123,28 +119,47 @@ def _undamaged(path: Path) -> Iterator[None]:
         raise FileError(f"{path}: cannot be read, it is damaged or no recording: {reason(error)}") from error
 
 
-def _read_file(path: Path, reading: Reading) -> Recording | ResponseTable:
-    if not path.exists():
-        raise FileError(f"{path}: no such file or folder")
-    with open_recording(path) as file:
-        known = _by_content(file)
-        if known is None:
-            check_read(path, file, by_ending=not path.name.lower().endswith(tuple(formats())))
-        form = known or (formats()[ANY_TEXT] if _is_text(path, file) else format_of(path))
-        if not os.fstat(file.fileno()).st_size:
-            raise FileError(f"{path}: the file is empty")
-        if hasattr(form, "contents"):
-            from hil.record.confined import confined_contents
+def recorded(folder: str | Path) -> Recording:
+    """A run as it was recorded, with all that `hil.record.folder.read` says of it. Raises `FileError` likewise."""
+    from hil.record.folder import read
 
-            if hasattr(form, "files_of"):  # with others that belong to it
-                with form.files_of(path, file) as gathered:
-                    inside = confined_contents(form, path, gathered)
+    with _undamaged(folder):
+        return read(Path(folder))
+
+
+def read_file(path: str | Path, reading: Reading) -> Recording | ResponseTable:
+    """The recording or the table in a file; an installed table by its bare name. Raises `FileError`."""
+    with _undamaged(path):
+        path = Path(path)
+        if not path.exists() and len(path.parts) == 1:
+            path = tables().get(path.name, path)
+        if not path.exists():
+            raise FileError(f"{path}: no such file or folder")
+        by_ending = _by_ending(path)
+        with open_recording(path) as file:
+            form = _by_content(file)
+            if form is None:
+                check_read(path, file, by_ending=by_ending is None)
+                is_text = _is_text(file) and (by_ending is None or hasattr(by_ending, "OR_TEXT"))
+                form = formats()[ANY_TEXT] if is_text else by_ending
+            if form is None:
+                raise FileError(f"{path}: {_unknown_kind()}")
+            if not os.fstat(file.fileno()).st_size:
+                raise FileError(f"{path}: the file is empty")
+            if not hasattr(form, "contents"):
+                found = form.read(path, reading)
             else:
-                inside = confined_contents(form, path, file)
-            if hasattr(form, "assembled"):
-                return form.assembled(path, inside, reading)
-            return assemble(str(path), *described(*inside), reading)
-    return form.read(path, reading)
+                from hil.record.confined import confined_contents
+
+                for name in form.LIBRARIES:
+                    check_installed(name, path)
+                with form.files_of(path, file) if hasattr(form, "files_of") else nullcontext(file) as gathered:
+                    inside = confined_contents(form, path, gathered)
+                if hasattr(form, "assembled"):
+                    found = form.assembled(path, inside, reading)
+                else:
+                    found = assemble(str(path), *described(*inside), reading)
+        return with_stated_units(found, reading) if isinstance(found, Recording) else found
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:

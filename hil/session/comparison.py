@@ -67,7 +67,7 @@ def _read_for(
 ) -> list[Recording | ResponseTable]:
     """What a model is held against: one of lines, against the lines of a run that measured some; else samples."""
     if "band_hz" in model.origin and isinstance(source, str | Path) and Path(source).is_dir():
-        run = recorded(Path(source))
+        run = recorded(source)
         if measured_responses(run, inputs, output):
             return list(responses_of_run(run).values())
     return [read_source(source, reading)]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Union
 from hil.errors import FileError
 from hil.language.note import OF, Note
 from hil.record.invalid_samples import notes_of_reading
-from hil.record.read import read_any, recorded
+from hil.record.read import read_file, recorded
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.table.frame import from_memory
@@ -46,13 +46,14 @@ def read_source(
         return source
     if not isinstance(source, str | Path):
         return from_memory(source, reading)
-    if not (responses or part) or not Path(source).is_dir():
-        return read_any(source, reading)
-    from hil.session.responses import measured_responses, response_of_run
+    if not Path(source).is_dir():
+        return read_file(source, reading or AS_IT_IS)
+    run = recorded(source)
+    if responses or part:
+        from hil.session.responses import measured_responses, response_of_run
 
-    run = recorded(Path(source))
-    if measured_responses(run, inputs, output):
-        return response_of_run(run, part)
+        if measured_responses(run, inputs, output):
+            return response_of_run(run, part)
     return as_stated(run, reading or AS_IT_IS)
 
 
