@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -14,7 +14,7 @@ from hil.errors import HilError, UnitError
 from hil.physics.compose import effects as installed_effects
 from hil.physics.effect import Effect
 from hil.physics.model import Model, ModelEffect, Value, load_model, typical_model
-from hil.physics.plant import Hook, Plant
+from hil.physics.plant import Hook, Parameter, Plant
 from hil.physics.pwm import CurrentLoop, PwmCoil, PwmDrive
 from hil.strict import Strict
 from hil.units import scale_and_offset
@@ -113,7 +113,8 @@ def faults(simulation: Simulation) -> Iterator[tuple[Place, str]]:
         yield ("plant",), str(error)
         return
     plant, lines = base.definition, lines_of(base)
-    yield from _unknown(("parameters",), "parameter", simulation.parameters, base.parameters)
+    own = [replace(one, unit=base.resolved_unit(one.unit)) for one in plant.parameters]
+    yield from _parameter_faults((), simulation.parameters, own)
     for i, effect in enumerate(simulation.effects):
         yield from _effect_faults(("effects", i), plant, effect)
     for name, instrument in simulation.instruments.items():
@@ -158,8 +159,8 @@ def _effect_faults(place: Place, plant: Plant, asked: SimulatedEffect) -> Iterat
         hooks = ", ".join(hook.name for _, hook in sites)
         yield place, f"'{asked.name}' fits more than one place; say hook = one of {hooks}"
     else:
-        known_parameters = [parameter.name for parameter in sites[0][0].parameters]
-        yield from _unknown((*place, "parameters"), "parameter", asked.parameters, known_parameters)
+        ((effect, hook),) = sites
+        yield from _parameter_faults(place, asked.parameters, [one.possible_at(hook) for one in effect.parameters])
 
 
 def _instrument_faults(
@@ -200,7 +201,12 @@ def _driven_faults(
             yield ("instruments",), f'{text}: name a channel so, or say signal = "{signal.name}" in its instrument'
 
 
-def _unknown(place: Place, what: str, given: Iterable[str], known: Collection[str]) -> Iterator[tuple[Place, str]]:
-    for name in given:
-        if name not in known:
-            yield (*place, name), f"no {what} '{name}'; there are: {', '.join(known)}"
+def _parameter_faults(
+    place: Place, given: Mapping[str, float], known: Iterable[Parameter]
+) -> Iterator[tuple[Place, str]]:
+    by_name = {parameter.name: parameter for parameter in known}
+    for name, value in given.items():
+        if name not in by_name:
+            yield (*place, "parameters", name), f"no parameter '{name}'; there are: {', '.join(by_name)}"
+        elif refusal := by_name[name].refusal(value):
+            yield (*place, "parameters", name), refusal

@@ -17,6 +17,7 @@ nothing else; the composer passes by name:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -81,6 +82,13 @@ class EffectParameter:
         scale = self.scale_at(hook)
         unit = self.unit.replace("{value}", hook.unit).replace("{motion}", hook.motion_unit or hook.unit)
         return Parameter(self.name, unit, self.typical * scale, self.low * scale, self.high * scale, self.meaning)
+
+    def possible_at(self, hook: Hook) -> Parameter:
+        """The parameter with bounds that no value passes: a share may be of more than the full scale of a hook."""
+        there = self.at(hook)
+        if "{value}" not in self.unit and "{motion}" not in self.unit:
+            return there
+        return replace(there, low=there.low if self.low >= 0.0 else -math.inf, high=math.inf)
 
     def scale_at(self, hook: Hook) -> float:
         """What a share of one is at a hook; for parameters that are no shares, what one is there."""

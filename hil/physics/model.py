@@ -13,20 +13,22 @@ from pathlib import Path
 from typing import Any
 
 from hil.catalog import entries, models
-from hil.errors import FileError, first_fault, storing
+from hil.errors import FileError, UnitError, first_fault, storing
 from hil.physics.compose import effects as installed_effects
 from hil.physics.compose import kernel, plant
-from hil.physics.plant import Plant
+from hil.physics.plant import Parameter, Plant
 from hil.physics.simulate import ActiveEffect
 from hil.record.durable import write_named
 from hil.record.plain import plain
 from hil.record.show import table_html
 from hil.record.simulated import SIMULATED, marked
+from hil.units import scale_and_offset
 from hil.untrusted import parse_json, read_small
 from hil.version import PROGRAM, made_by
 
 FORMAT = "hil-model"
 VERSION = 1
+_ANY = "any [any]"  # the heading of a channel that nobody named
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,8 +128,7 @@ class Model:
 
     def resolved_unit(self, unit: str) -> str:
         """A unit of its plant's page for a reader: that of its own channels where the plant takes any."""
-        any_channel = "any [any]"
-        return self.definition.in_units(unit, self.input or any_channel, self.output or any_channel)
+        return self.definition.in_units(unit, self.input or _ANY, self.output or _ANY)
 
     @property
     def output_unit(self) -> str:
@@ -239,9 +240,31 @@ def _checked(model: Model, path: Path) -> Model:
                 f"{path}: effect '{effect.name}' has the parameters {', '.join(sorted(wanted))}; "
                 f"found {', '.join(sorted(effect.parameters)) or 'none'}"
             )
-    units = definition.units(model.input or "any [any]", model.output or "any [any]")
+        for one in sites[effect.key].effect.parameters:
+            there = one.possible_at(definition.hook(effect.hook))
+            place = f"{path}: effects.{effect.name}.{one.name}"
+            _possible(place, effect.parameters[one.name], replace(there, unit=model.resolved_unit(there.unit)))
+    units = definition.units(model.input or _ANY, model.output or _ANY)
+    for name, given in model.parameters.items():
+        _possible(f"{path}: parameters.{name}", given, replace(known[name], unit=units[name]))
     missing = {name: Value(p.typical, units[name]) for name, p in known.items() if name not in model.parameters}
     return _with_unidentifiable(replace(model, parameters={**model.parameters, **missing}))
+
+
+def _possible(place: str, given: Value, parameter: Parameter) -> None:
+    """Raises `FileError`: in another unit than the plant takes it, or a value that its equations cannot have."""
+    if "any" not in parameter.unit and not _is_same(given.unit, parameter.unit):
+        raise FileError(f"{place}: in '{given.unit}'; the plant takes it in '{parameter.unit}'")
+    if refusal := parameter.refusal(given.value):
+        raise FileError(f"{place}: {refusal}")
+
+
+def _is_same(unit: str, other: str) -> bool:
+    try:
+        scale, offset = scale_and_offset(unit, other)
+    except UnitError:
+        return False
+    return math.isclose(scale, 1.0) and offset == 0.0
 
 
 def _with_unidentifiable(model: Model) -> Model:

@@ -45,6 +45,12 @@ class Parameter:
         """A natural size for steps in this parameter."""
         return abs(self.typical) or (self.high - self.low) / 10.0
 
+    def refusal(self, value: float) -> str:
+        """Why it cannot have a value: `0.5 s; allowed are 0 … 0.2`; empty for one that it can have."""
+        if self.low <= value <= self.high:
+            return ""
+        return f"{value:g} {self.unit}; allowed are {self.low:g} … {self.high:g}"
+
 
 @dataclass(frozen=True, slots=True)
 class Signal:

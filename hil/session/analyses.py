@@ -451,7 +451,7 @@ def model_to_linearise(path: Path, changed: Sequence[str] = ()) -> Model:
     """A model file, an installed model or a plant at its typical values, with parameters changed (`coulomb=0`).
 
     Raises:
-        SettingError: a parameter that it does not have, or no number.
+        SettingError: a parameter that it does not have, no number, or one that it cannot have.
     """
     installed = path.suffix == ".json" or path.name in models()
     model = load_model(path) if installed else typical_model(str(path))
@@ -463,4 +463,6 @@ def model_to_linearise(path: Path, changed: Sequence[str] = ()) -> Model:
             raise SettingError(f"--set {name}: {model.plant} has no such parameter: {', '.join(values)}") from None
         except ValueError:
             raise SettingError(f"--set {name}={text}: not a number") from None
+        if refusal := model.definition.parameter(name).refusal(values[name].value):
+            raise SettingError(f"--set {name}={text}: {refusal}")
     return replace(model, parameters=values)

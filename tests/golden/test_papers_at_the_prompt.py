@@ -233,3 +233,4 @@ def test_what_does_not_answer_is_not_linearised(command_line):
     assert status == 2
     assert "dead band" in text
     assert command_line("linearise", "hydraforce-open-loop", "--at", 0.75, "--set", "nothing=0")[0] == 2
+    assert "allowed are 0 … 0.2" in command_line("linearise", "brevini-hpv41", "--at", 30, "--set", "dead_time=nan").err

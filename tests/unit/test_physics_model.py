@@ -76,6 +76,14 @@ FAULTS: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
     (lambda c: c["parameters"]["pilot_rate"].update(value="fast"), "field 'parameters.pilot_rate.value'"),
     (lambda c: c["parameters"]["pilot_rate"].pop("unit"), "field 'parameters.pilot_rate.unit'"),
     (lambda c: c.pop("plant"), "field 'plant'"),
+    (lambda c: c["parameters"]["dead_time"].update(value=0.5), "parameters.dead_time: 0.5 s; allowed are 0 … 0.2"),
+    (lambda c: c["parameters"]["pilot_rate"].update(value=-7), "pilot_rate: -7 rad/s; allowed are 0.5 … 100"),
+    (lambda c: c["parameters"]["dead_time"].update(unit="ms"), "dead_time: in 'ms'; the plant takes it in 's'"),
+    (
+        lambda c: c["effects"][0]["parameters"]["coulomb"].update(value=-1),
+        "friction.coulomb: -1 %; allowed are 0 … inf",
+    ),
+    (lambda c: c["effects"][0]["parameters"]["coulomb"].update(unit="bar"), "effects.friction.coulomb: in 'bar'"),
 ]
 
 
@@ -86,6 +94,13 @@ def test_a_fault_is_named(tmp_path, change, says):
         load_model(path)
     assert says in str(caught.value)
     assert str(path) in str(caught.value)
+
+
+def test_a_unit_may_be_written_otherwise_and_a_share_be_more_than_full_scale(tmp_path):
+    path = changed(tmp_path, lambda c: c["parameters"]["full_flow"].update(unit="L/min"))
+    assert load_model(path).values["full_flow"] == 70.0
+    path = changed(tmp_path, lambda c: c["effects"][0]["parameters"]["coulomb"].update(value=120.0))
+    assert load_model(path).effects[0].parameters["coulomb"].value == 120.0
 
 
 def test_a_plant_that_is_not_installed(tmp_path):
