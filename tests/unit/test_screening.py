@@ -12,15 +12,19 @@ import pytest
 
 import hil
 from hil.diagnosis.diagnose import diagnose
+from hil.diagnosis.intake.problem import pose
 from hil.diagnosis.screening import Screening, screen
+from hil.diagnosis.skeleton.rows import Rows, columns_of, rows_of
 from hil.diagnosis.skeleton.table import table_of
 from hil.errors import SettingError
 from hil.identification.grey_box.identify import fit_plant
-from hil.identification.preparation.experiment import Experiment
+from hil.identification.preparation.experiment import Experiment, for_model
 from hil.physics.model import Model, save_model, typical_model
+from hil.physics.simulate import ActiveEffect
 from hil.record.read import write_recording
 from hil.record.recording import recording
 from hil.session import fleet
+from tests.concealed import NOISE, PLANT, records
 from tests.flap import FLAP, recorded
 
 pytestmark = pytest.mark.xdist_group("screening")  # on one worker: the model is fitted once
@@ -78,6 +82,32 @@ def test_a_model_that_keeps_nothing_cannot_be_asked(lacking):
 def test_a_screening_is_read_as_it_was_written():
     made = Screening("unsure", 6.0, 5.5, "friction force", None, simulated=True)
     assert Screening.of_dict(json.loads(json.dumps(made.as_dict()))) == made
+
+
+def test_units_that_were_driven_alike_share_what_the_library_changes_in_them(monkeypatch):
+    model, simulations, respond = typical_model(PLANT), [], Experiment.respond
+
+    def counted(self, *arguments, **how):
+        simulations.append(self.name)
+        return respond(self, *arguments, **how)
+
+    def rows(e: Experiment, **more: float) -> Rows:
+        del simulations[:]
+        return rows_of(model, [e], columns, {"output": NOISE, **more}, 0.02)
+
+    (steps, sweep, _), (leaking, *_) = (
+        [for_model(model, one) for one in records(effects)]
+        for effects in ((), (ActiveEffect("leakage", "flow", {"leak": 2.0, "fall": 0.5, "lean": 0.0}),))
+    )
+    columns = columns_of(pose(model, [steps]))[:30]
+    monkeypatch.setattr(Experiment, "respond", counted)
+    own, made = rows(steps), len(simulations)
+    shared = rows(leaking)  # one command, two outputs
+    assert len(simulations) < 4 < len(columns) < made
+    assert np.array_equal(own.changes, shared.changes) and not np.array_equal(own.misfit, shared.misfit)
+    assert not np.array_equal(rows(sweep).changes, own.changes) and len(simulations) == made
+    anew = rows(leaking, another=1.0)
+    assert np.array_equal(anew.changes, shared.changes) and len(simulations) == made
 
 
 @pytest.fixture

@@ -183,8 +183,12 @@ def _blocks(rows: Rows, left: Array, std: Array, use: Mask) -> tuple[Array, Arra
     """Score and information of every column in every block, shape (columns, blocks) each."""
     first = _firsts(rows.block)
     weight = np.where(use, 1.0 / std, 0.0)
-    x = rows.changes * weight
-    return np.add.reduceat(-x * (left * weight), first, axis=1), np.add.reduceat(x * x, first, axis=1)
+    score, information = np.empty((2, len(rows.changes), len(first)))
+    for k, own in enumerate(map(slice, first, [*first[1:], len(weight)])):  # a block stays in the processor's cache
+        x = rows.changes[:, own] * weight[own]
+        score[:, k] = -x @ (left[own] * weight[own])
+        information[:, k] = np.einsum("ij,ij->i", x, x)
+    return score, information
 
 
 def _firsts(block: Integers) -> Integers:

@@ -54,7 +54,7 @@ class Misfit:
         d = scaled(rows, self.rms) if columns is None else columns
         left = np.where(rows.valid, rows.misfit - d @ self.coefficients, 0.0)
         seen = d @ self.directions.T
-        leverage = np.einsum("ij,ij->i", d, d) / self.ridge - np.einsum("ij,ij->i", seen, seen)
+        leverage = np.einsum("ji,ji->i", d.T, d.T) / self.ridge - np.einsum("ij,ij->i", seen, seen)
         return left, np.maximum(leverage, 0.0)
 
 
@@ -128,8 +128,8 @@ class _Spectrum:
 
 def scaled(rows: Rows, rms: Array) -> Array:
     """Columns over their rms of before, shape (n, columns); 0 where they did nothing."""
-    d = np.where(rms[:, None] > 0.0, rows.changes / np.where(rms > 0.0, rms, 1.0)[:, None], 0.0)
-    return np.clip(d, -_FARTHEST, _FARTHEST).T
+    d = rows.changes / np.where(rms > 0.0, rms, np.inf)[:, None]
+    return np.clip(d, -_FARTHEST, _FARTHEST, out=d).T
 
 
 def rms_of(rows: Rows, known: Mask) -> Array:

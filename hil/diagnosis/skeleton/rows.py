@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +31,10 @@ _IN_RECORDING, _MOST = 2000, 8000
 _LAGS = (2, 8, 32)
 # A plant that adds up its errors, and has no observer, is compared by what they grow in so many rows.
 _GROWTH = 10
+# What is kept of recordings that were driven alike, in bytes: 20 of 76 s at 250 Hz.
+_KEPT_BYTES = 1 << 27
+
+_Changes = Mapping[str, NDArray[np.float32]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,15 +214,10 @@ def samples_in(length_s: float, e: Experiment) -> int:
 def _of_recording(
     model: Model, e: Experiment, columns: Sequence[Column], floors: Mapping[str, float], length_s: float
 ) -> list[_Channel]:
-    simulated = partial(answers, model, e, floors, length_s)
-    nominal, coarse = (simulated(model.values, model.active_effects, factor) for factor in (1.0, COARSER))
+    nominal = answers(model, e, floors, length_s, model.values, model.active_effects)
     sampled = _simulated(model, e, model.values, model.active_effects, 1.0)
-    changes: dict[str, list[NDArray[np.float32]]] = {name: [] for name in nominal}
-    for column in columns:
-        parameters, effects = dict(model.values), list(model.active_effects)
-        column.apply(parameters, effects)
-        for name, rows in simulated(parameters, effects, COARSER).items():
-            changes[name].append(np.nan_to_num(rows - coarse[name]).astype(np.float32))
+    changes = _kept.of(_driven_alike(model, e, columns, floors, length_s),
+                       partial(_changes, model, e, columns, floors, length_s))  # fmt: skip
     samples, places = samples_in(length_s, e), _channels(model, e, floors)
     state = _state(_means(e.on_grid_input(), samples), floors["output"] * nominal["output"])
     found = []
@@ -228,9 +229,63 @@ def _of_recording(
         misfit = np.where(valid, nominal[name] - recorded / floors[name], 0.0)
         own = np.zeros((len(state), 1 + len(model.definition.observed)))
         own[:, k] = 1.0
-        changed = np.array(changes[name]) if columns else np.zeros((0, len(misfit)), np.float32)
-        found.append(_Channel(misfit, changed, np.hstack([state, own]), valid, k))
+        found.append(_Channel(misfit, changes[name], np.hstack([state, own]), valid, k))
     return found
+
+
+def _changes(
+    model: Model, e: Experiment, columns: Sequence[Column], floors: Mapping[str, float], length_s: float
+) -> _Changes:
+    """What every column changes in the rows of a recording, by channel, shape (columns, n) each."""
+    simulated = partial(answers, model, e, floors, length_s)
+    coarse = simulated(model.values, model.active_effects, COARSER)
+    changes = {name: np.empty((len(columns), len(rows)), np.float32) for name, rows in coarse.items()}
+    for k, column in enumerate(columns):
+        parameters, effects = dict(model.values), list(model.active_effects)
+        column.apply(parameters, effects)
+        for name, rows in simulated(parameters, effects, COARSER).items():
+            changes[name][k] = np.nan_to_num(rows - coarse[name])
+    return changes
+
+
+def _driven_alike(
+    model: Model, e: Experiment, columns: Sequence[Column], floors: Mapping[str, float], length_s: float
+) -> str:
+    """A hash of all that `_changes` depends on; empty where that is also what was measured, or when."""
+    plant, drive = model.definition, e.drive
+    starts = plant.initial(model.values, tuple(drive.inputs[:, 0].tolist()), drive.first_output)
+    if plant.observer is not None or starts or e.is_late or e.ripples is not None or e.read_s is not None:
+        return ""
+    grid_s = e.time_s if e.grid_s is None else np.concatenate([e.time_s, e.grid_s])
+    said = (
+        plant.name, sorted(model.values.items()), model.active_effects, columns, sorted(floors.items()), length_s,
+        tuple(_channels(model, e, floors)), drive.interval_s, drive.read_at, drive.inputs.shape, e.skew_s,
+    )  # fmt: skip
+    return hashlib.sha256(repr(said).encode() + drive.inputs.tobytes() + grid_s.tobytes()).hexdigest()
+
+
+class _Kept:
+    """The changes of the latest recordings: units of one type that went through one programme share them."""
+
+    def __init__(self) -> None:
+        self._by_hash: dict[str, _Changes] = {}
+        self._lock = Lock()
+
+    def of(self, key: str, made: Callable[[], _Changes]) -> _Changes:
+        """Those of a hash, made where they are not there; those of no hash are not kept."""
+        with self._lock:
+            found = self._by_hash.pop(key, None)
+        if found is None:
+            found = made()
+        if key:
+            with self._lock:
+                self._by_hash[key] = found
+                while sum(sum(rows.nbytes for rows in one.values()) for one in self._by_hash.values()) > _KEPT_BYTES:
+                    del self._by_hash[next(iter(self._by_hash))]
+        return found
+
+
+_kept = _Kept()
 
 
 def _means(values: Array, count: int) -> Array:
