@@ -14,7 +14,7 @@ from tests.worlds.left import kinds, recording_of
 from tests.worlds.schedule import CALM
 from tests.worlds.serial_line import OnALine
 from tests.worlds.system import instant_s
-from tests.worlds.world import RATE_HZ, THIRD, THIRD_READS, Ran, World
+from tests.worlds.world import NEAR, RATE_HZ, THIRD, THIRD_READS, Ran, World
 
 _COUNTS = {"supply pressure": ("aux", 1, 250.0), "emergency stop": ("aux", 2, 10.0)}
 """Inputs beside the flow (see `left.samples_are_those`): of which coupler, which of its inputs, and full scale."""
@@ -135,6 +135,10 @@ def stop_is_answered(world: World, ran: Ran) -> Iterator[str]:
             yield f"stop of {asked_s:.3f} s is answered: {answer}"
         if not 0.0 <= answer["seconds"] <= answered_s - asked_s + 1e-3 and is_done:
             yield f"stop of {asked_s:.3f} s was answered at {answered_s:.3f} s: {answer}"
+        was_dead = world.run.status == -9 and asked_s > world.run.ended_s
+        is_fresh = answer["by"] == "watchdog" and answer["seconds"] > 0.0
+        if was_dead and answer["state"] == "confirmed" and not is_fresh:
+            yield f"the run was dead when stop was pressed at {asked_s:.3f} s, and the answer is {answer}"
         units = {name: output["unit"] for name, output in answer["outputs"].items()}
         if units and units != world.units:
             yield f"stop of {asked_s:.3f} s is answered with outputs in {units}"
@@ -222,7 +226,43 @@ def causes_of_the_watchdog(world: World, ran: Ran) -> Iterator[str]:
         yield f"nobody else had the bench, and the watchdog says: {said:.200}"
 
 
+_OF_ALL = {"switch", "pause", "sleep", "power", "second", "disk slow", "wd kill", "wd pause"}
+"""Faults beside which an output may come later to its safe value, to whatever device they happen."""
+_TIME_OUT_S, _RAMP_S = 0.3, 0.7  # of an exchange with another device that is under way, of the way down
+
+
+def others_delay_nothing(world: World, ran: Ran) -> Iterator[str]:
+    """An output to whose own device nothing happened is safe soon, whatever the others do: by the run, or after it."""
+    begun_s, run = world.begun_s.get("making safe"), world.run
+    if run.status is None or kinds(ran) & _OF_ALL or (run.status < 0 and ran.schedule.procedure == "blocks"):
+        return
+    from_s = run.ended_s if run.status < 0 else begun_s
+    struck = {fault.device for fault, _ in ran.took} - {""}
+    within_s = 0.1 + _TIME_OUT_S * len(struck) + _RAMP_S * ran.schedule.ramped
+    for output, device in world.outputs.items() if from_s is not None else ():
+        changes = ran.changes[output]
+        stood = [percent for at_s, percent in changes if at_s <= from_s][-1]
+        safe_s = next((at_s for at_s, percent in changes if at_s > from_s and abs(percent) <= NEAR), np.inf)
+        if device not in struck and abs(stood) > NEAR and safe_s > from_s + within_s:
+            yield f"over at {from_s:.3f} s, nothing happened to {device}, and {output} is safe at {safe_s:.3f} s"
+
+
+def safe_goes_out_at_once(world: World, ran: Ran) -> Iterator[str]:
+    """On a serial line a safe value waits for no answer that may come late."""
+    begun_s, third = world.begun_s.get("making safe"), world.third
+    never = {fault.kind for fault, _ in ran.took if fault.device == "third"} & {"reset", "out", "restart", "fails"}
+    if begun_s is None or not isinstance(third, OnALine) or kinds(ran) & _OF_ALL or never or world.run.status != 3:
+        return
+    stood = [percent for at_s, percent in ran.changes["pilot"] if at_s <= begun_s][-1]
+    sent_s = next((at_s for at_s, data in third.line.sent if at_s > begun_s and data.startswith(third.safe)), np.inf)
+    others = {fault.device for fault, _ in ran.took} - {"", "third"}
+    within_s = 0.25 + _TIME_OUT_S * len(others) + _RAMP_S * ran.schedule.ramped
+    if abs(stood) > NEAR and sent_s > begun_s + within_s:
+        yield f"made safe from {begun_s:.3f} s on, and third is told so at {sent_s:.3f} s"
+
+
 LAWS = (
     inputs_are_those, delays_agree, is_sampled_in_time, tries_before_it_says_so, figures_are_true, meets_first,
-    late_answers_pass, stop_is_answered, hold_is_shown, header_is_true, events_have_their_row, causes_of_the_watchdog,
+    others_delay_nothing, safe_goes_out_at_once, late_answers_pass, stop_is_answered, hold_is_shown, header_is_true,
+    events_have_their_row, causes_of_the_watchdog,
 )  # fmt: skip

@@ -4,8 +4,8 @@
 
 Each is drawn by one of five operators over all lines of `planted.ROOMS`. How it is counted:
 
-- One that changes nothing (the same byte code, an order that no value or call can tell, words of a message, a
-  docstring, a type) is not drawn.
+- One that changes nothing (the same byte code, other names of local values, an order that no value or call can tell,
+  words of a message, a docstring, a type) is not drawn.
 - One that fails a world without any fault, with any device, does not count: a test of the happy path finds it.
 - One whose lines none of `--reach` drawn worlds reaches is *never reached*: their share is told, and it does not count.
 - One that *changes nothing* does not count either, and their share is told: every world of its budget takes the same
@@ -207,8 +207,14 @@ def _same(one: CodeType, other: CodeType) -> bool:
     """Whether two codes do the same, whatever lines they stand on."""
     if one.co_code != other.co_code or one.co_names != other.co_names or len(one.co_consts) != len(other.co_consts):
         return False
+    if _arguments(one) != _arguments(other):  # other local names do the same
+        return False
     pairs = zip(one.co_consts, other.co_consts, strict=True)
     return all(_same(a, b) if isinstance(a, CodeType) and isinstance(b, CodeType) else a == b for a, b in pairs)
+
+
+def _arguments(code: CodeType) -> tuple[str, ...]:
+    return code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
 
 
 Planting = tuple[Callable[[], None], int]
@@ -349,7 +355,7 @@ def _taken_back(source: str, number: int, room: str) -> Mutant | None:
             if made != before and not is_moved and source.count(made) == 1 and len(made.strip()) > 40:
                 other = source.replace(made, before)
                 try:
-                    differs = _meaning(other) != _meaning(source)
+                    differs = not _same(_meaning(other), _meaning(source))
                 except SyntaxError:
                     continue
                 if differs:
@@ -362,7 +368,7 @@ def _taken_back(source: str, number: int, room: str) -> Mutant | None:
     return Mutant(compile(other, room, "exec"), changed, what)
 
 
-def _meaning(source: str) -> str:
+def _meaning(source: str) -> CodeType:
     """What a source does, without types, words and docstrings."""
     tree = ast.parse(source)
     words = _words(tree)
@@ -373,15 +379,20 @@ def _meaning(source: str) -> str:
                 argument.annotation = None
         for name, value in ast.iter_fields(node):
             if isinstance(value, list):
-                kept = [one for one in value if not (isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant))]
+                kept = [ast.Expr(ast.Constant("")) if _is_prose_alone(one) else one for one in value]
                 setattr(node, name, [ast.Constant("") if _is_words(one, words) else one for one in kept])
             elif _is_words(value, words):
                 setattr(node, name, ast.Constant(""))
-    return ast.dump(tree)
+    return compile(ast.fix_missing_locations(tree), "", "exec")
+
+
+def _is_prose_alone(node: Any) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
 def _is_words(node: Any, words: set[int]) -> bool:
-    return isinstance(node, ast.expr) and id(node) in words
+    is_read = not isinstance(getattr(node, "ctx", None), ast.Store | ast.Del)
+    return isinstance(node, ast.expr) and is_read and id(node) in words
 
 
 def _git(*words: str) -> str:

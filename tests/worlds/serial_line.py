@@ -35,12 +35,14 @@ class SerialLine:
         delay_s: least and greatest time that a few bytes take beside their own.
         is_pulled: the adapter is gone; a port that was open on it never works again.
         is_answered: whether the device says something to a request.
+        sent: every request of a program: (s, bytes).
         hasty: what a program sent while an answer to an earlier request of it might still come: (s, bytes).
     """
 
     def __init__(self, hub: Hub, hear: Callable[[bytes], None]) -> None:
         self._hub, self._hear = hub, hear
         self.is_answered: Callable[[bytes], bool] = lambda _request: True
+        self.sent: list[tuple[float, bytes]] = []
         self.hasty: list[tuple[float, bytes]] = []
         self._open_s: dict[Any, float] = {}  # by process: since when it waits for an answer
         self._quiet_s: dict[Any, float] = {}  # until when it keeps quiet
@@ -84,6 +86,7 @@ class SerialLine:
 
     def asked(self, process: Any, data: bytes) -> None:
         """A program sends a request."""
+        self.sent.append((self._hub.now_s, data))
         if (open_s := self._open_s.get(process)) is not None:
             self._quiet_s[process] = max(self._quiet_s.get(process, 0.0), open_s + QUIET_S)
         if self._hub.now_s < self._quiet_s.get(process, 0.0):
