@@ -10,7 +10,7 @@ from hil.daq.contract import Waveform
 from tests.driven import played
 from tests.links import PATIENT, served
 from tests.ni_board import plugged_in
-from tests.recorded_line import RecordedLine
+from tests.recorded_line import recorded
 
 
 @pytest.mark.parametrize("bench", ["hpv41-modbus-tcp", "hpv41-serial", "hpv41-canopen", "hpv41-j1939",
@@ -65,16 +65,9 @@ def test_on_canopen_nothing_but_uploads_is_sent(tmp_path):
     with served("hpv41-canopen", tmp_path, *PATIENT) as (file, _):
         (name,) = (name for name, device in file.bench.devices.items() if device.driver == "canopen_valve")
         port = str(file.bench.devices[name].settings["address"]).rpartition(":")[2]
-        line = RecordedLine(int(port))
-        path = tmp_path / "through.toml"
-        path.write_text(file.text.replace(f":{port}", f":{line.port}"), encoding="utf-8")
-        file = read_bench(path)
-        inputs = _inputs_of(file, name) or {"actual": file.bench.channels["flow"]}
-        daq = file.devices[name].open(inputs)
-        played(daq, Waveform(daq.actual_rate_hz(10.0), {}, 2))
-        daq.close()
-        line.close()
-    sent = [words.split() for words in b"".join(line.asked).decode().split("<") if "send " in words]
-    assert sent and all(
-        0x600 < int(words[1], 16) < 0x680 and int(words[3], 16) & 0xE0 in (0x40, 0x60) for words in sent
-    )
+        with recorded(file, int(port)) as (through, line):
+            daq = through.devices[name].open(_inputs_of(through, name))
+            played(daq, Waveform(daq.actual_rate_hz(10.0), {}, 2))
+            daq.close()
+    assert line.can_frames
+    assert all(0x600 < to < 0x680 and data[0] & 0xE0 in (0x40, 0x60) for to, data in line.can_frames)

@@ -6,7 +6,6 @@ import json
 import subprocess
 import sys
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from urllib.error import HTTPError
@@ -17,6 +16,7 @@ import pytest
 
 import hil
 from tests.consoles import Lab, console, real_time_bench
+from tests.faults import watchdogs_of
 from tests.outside.coupler import NEAR, Coupler
 from tests.outside.running import STRANGER, bench
 from tests.waits import PATIENCE_S, until
@@ -93,15 +93,6 @@ def test_press_where_nothing_is_under_way_keeps_runs_from_starting_until_it_is_r
     asked(lab, "/stop", {})
 
 
-def watchdogs(folder: Path) -> list[str]:
-    """The watchdog processes of runs in a folder."""
-    found = []
-    for place in Path("/proc").glob("[0-9]*/cmdline"):
-        with suppress(OSError):
-            found.append(place.read_bytes().decode())
-    return [words for words in found if "hil.bench.watchdog" in words and str(folder) in words]
-
-
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks into /proc")
 def test_console_that_is_terminated_leaves_after_its_runs_and_their_watchdogs(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(STRANGER))
@@ -117,5 +108,5 @@ def test_console_that_is_terminated_leaves_after_its_runs_and_their_watchdogs(tm
         coupler.line.heal()
         lab.process.wait(PATIENCE_S)
         assert abs(coupler.percent) < NEAR
-        assert not watchdogs(tmp_path)
+        assert not watchdogs_of(tmp_path)
     assert (lab.runs / begun["run"] / "end.json").exists()

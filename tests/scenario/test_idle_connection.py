@@ -14,25 +14,17 @@ from hil.rig import Rig
 from tests.driven import silent_rig
 from tests.links import served
 from tests.observer import Line
+from tests.recorded_line import recorded
+
+UNWATCHED = ("block_s = 0.1", "block_s = 0.1\nwatchdog_s = 0")
 
 
 @contextmanager
 def behind_a_relay(tmp_path: Path) -> Iterator[tuple[Rig, Line]]:
-    with served("hpv41-modbus-tcp", tmp_path, ("watchdog_s = 1.0\n", "")) as (file, _):
-        address = str(file.bench.devices["io"].settings["address"])
-        relay = Line(int(address.rpartition(":")[2]))
-        path = tmp_path / "relayed.toml"
-        path.write_text(
-            file.text.replace(address, f"127.0.0.1:{relay.port}").replace(
-                "block_s = 0.1", "block_s = 0.1\nwatchdog_s = 0"
-            ),
-            encoding="utf-8",
-        )
-        try:
-            with silent_rig(path, tmp_path / "run") as rig:
-                yield rig, relay
-        finally:
-            relay.close()
+    with served("hpv41-modbus-tcp", tmp_path, ("watchdog_s = 1.0\n", ""), UNWATCHED) as (file, _):
+        port = int(str(file.bench.devices["io"].settings["address"]).rpartition(":")[2])
+        with recorded(file, port) as (through, relay), silent_rig(through, tmp_path / "run") as rig:
+            yield rig, relay
 
 
 def play(rig: Rig, level: float) -> None:

@@ -71,14 +71,6 @@ def test_it_runs_with_its_watchdog_and_ends_safe(bench):
     assert [column["name"] for column in header["samples"]["columns"]] == ["time", "command", "enable", "flow"]
 
 
-def test_it_is_killed_and_the_watchdog_process_makes_the_board_safe(bench):
-    process = bench.drive()
-    process.kill()
-    process.communicate(timeout=PATIENCE_S)
-    assert "safe_after_s" in bench.watchdog()
-    assert (bench.level("ao0"), bench.level(RELAY)) == (0.0, 0.0)
-
-
 def test_board_is_unplugged_and_found_again_by_the_watchdog_process(bench):
     process = bench.drive()
     unplugged = bench.board.with_suffix(".unplugged")

@@ -5,9 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
-import time
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -18,6 +16,7 @@ from hil.errors import LinkError, with_notes
 from hil.safety.outputs import Outputs
 from hil.system.signals import HOLDING_UP
 from tests.channels import outputs
+from tests.faults import watchdog_of
 from tests.links import PATIENT, served
 from tests.waits import until
 
@@ -50,18 +49,6 @@ def test_a_run_that_lost_its_device_tells_who_goes_on_and_where_that_is_told(tmp
         assert re.match(says, with_notes(raised.value))
         wait_for_report(run)
     assert "safe_after_s" in (run / REPORT_FILE).read_text()
-
-
-def watchdog_of(run: Path) -> int:
-    """The process that watches over a run."""
-    deadline_s = time.monotonic() + GIVE_UP_S
-    while time.monotonic() < deadline_s:
-        for place in Path("/proc").glob("[0-9]*/cmdline"):
-            with suppress(OSError):
-                words = place.read_bytes().split(b"\0")
-                if b"hil.bench.watchdog" in words and str(run).encode() in words:
-                    return int(place.parent.name)
-    raise AssertionError("no watchdog")
 
 
 def lost(file: BenchFile, run: Path, act: Callable[[int], None]) -> str:

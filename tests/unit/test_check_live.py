@@ -15,7 +15,7 @@ from hil.session.procedure import load_procedure
 from sim_devices._quirks import Quirks
 from tests.bench_files import bench_file
 from tests.links import PATIENT, served
-from tests.recorded_line import RecordedLine
+from tests.recorded_line import recorded
 
 
 def test_a_simulated_bench():
@@ -30,12 +30,9 @@ def test_a_simulated_bench():
 def test_a_polled_link_is_measured_and_nothing_is_written(tmp_path):
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, devices):
         (device,) = devices.values()
-        line = RecordedLine(device.port)
-        path = tmp_path / "through.toml"
-        path.write_text(file.text.replace(f":{device.port}", f":{line.port}"), encoding="utf-8")
         device.behaviour.quirks = Quirks(late_s=0.03)
-        seen = look_at(read_bench(path), 1.0)
-        line.close()
+        with recorded(file, device.port) as (through, line):
+            seen = look_at(through, 1.0)
     (link,) = seen.links
     assert link.latency_s is not None and link.latency_s > 0.03
     assert link.rate_hz < 27.0 and seen.rate_hz < 0.6 * link.rate_hz

@@ -179,15 +179,6 @@ def test_follower_tells_every_sample_and_sine_once(tmp_path):
     assert len(follower.snapshot()["bode"]) == 1
 
 
-def test_board_shows_a_silent_bench_as_missing_and_never_as_zero():
-    file = read_bench(BENCH)
-    lines = lines_of(file, [], {})
-    assert [line.name for line in lines] == list(file.bench.channels)
-    assert {line.value for line in lines} == {None}
-    assert {line.tone for line in lines} == {"missing"}
-    assert {lock["state"] for lock in interlocks_of(file, lines)} <= {"not known", "judged by the run"}
-
-
 def test_board_reads_a_run_as_watch_does(tmp_path, monkeypatch):
     file = read_bench(BENCH)
     writer = written(tmp_path / "run")

@@ -7,8 +7,9 @@ import pytest
 from wire import Wire
 
 from hil.daq.calibration import Calibration
-from hil.daq.contract import Waveform, joined
+from hil.daq.contract import Waveform
 from hil.daq.scaled import Scaled
+from tests.driven import played
 
 CALIBRATIONS = {
     "a": Calibration("%", slope=10.0),
@@ -20,7 +21,7 @@ CALIBRATIONS = {
 
 def test_what_is_driven_and_read_goes_through_the_calibrations():
     wire = Wire()
-    block = joined(list(Scaled(wire, CALIBRATIONS).play(Waveform(100.0, {"a": np.array([50.0, 100.0])}))))
+    block = played(Scaled(wire, CALIBRATIONS), Waveform(100.0, {"a": np.array([50.0, 100.0])}))
     assert [value for value, _ in wire.log["a"]] == [5.0, 10.0]
     assert block.inputs["a read"].tolist() == [11.0, 21.0]
     assert block.outputs["a"].tolist() == [50.0, 100.0]

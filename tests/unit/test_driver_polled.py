@@ -147,18 +147,6 @@ def test_delays_are_known_before_the_first_sample():
     }
 
 
-def test_stream_asks_for_the_next_waveform_while_one_plays():
-    link, seen = Loop(), []
-
-    def waveforms():  # type: ignore[no-untyped-def]
-        for _ in range(3):
-            seen.append(len(link.written))
-            yield ramp(10)
-
-    assert sum(len(block) for block in daq(link).stream(waveforms())) == 30
-    assert seen[1] < 10 and 10 <= seen[2] < 20 + 10
-
-
 def test_sample_that_is_late_counts_and_those_after_it_catch_up_without_a_burst():
     device, _ = timed(takes_s=1e-4, stalls={12: 0.03})
     block = played(device, ramp(60))

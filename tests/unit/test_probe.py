@@ -58,12 +58,10 @@ def test_canopen_with_uploads_alone(tmp_path):
         found = _who("can", f"socketcand:127.0.0.1:{line.port}", listen_s="1.0", timeout_s="1.0")
         line.close()
         assert [one.place for one in found] == ["CANopen node 1"] and found[0].answers["profile"].startswith("408 ")
-        sent = [words.split() for words in b"".join(line.asked).decode().split("<") if "send " in words]
-        assert sent
-        for words in sent:
-            identifier, data = int(words[1], 16), [int(text, 16) for text in words[3:-1]]
-            assert 0x601 <= identifier <= 0x67F, words
-            assert data[0] & 0xE0 in (0x40, 0x60), words  # upload: begun, and its segments
+        assert line.can_frames
+        for identifier, data in line.can_frames:
+            assert 0x601 <= identifier <= 0x67F
+            assert data[0] & 0xE0 in (0x40, 0x60), data  # upload: begun, and its segments
 
 
 def test_j1939_is_heard_and_not_asked_by_sdo(tmp_path):

@@ -10,8 +10,9 @@ import tty
 import pytest
 
 from drivers import modbus
-from hil.daq.channel import OutputChannel, Wiring
+from hil.daq.channel import Wiring
 from hil.errors import DeviceLostError, LinkError
+from tests.channels import outputs
 
 
 @pytest.fixture
@@ -26,7 +27,7 @@ def silent_line():
 
 def test_answer_that_is_missing_on_a_serial_line(silent_line, monkeypatch):
     settings = modbus.Settings(model="wago-750", transport="rtu", address=silent_line, timeout_s=1.0)
-    wiring = Wiring({"a": OutputChannel("a", "ao0", "voltage", "V", -10.0, 10.0)}, {})
+    wiring = Wiring(outputs(["ao0"]), {})
     wall, stepped = time.time, threading.Event()
     monkeypatch.setattr(time, "time", lambda: wall() - (300.0 if stepped.is_set() else 0.0))
     threading.Timer(0.1, stepped.set).start()

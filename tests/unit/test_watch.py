@@ -24,7 +24,7 @@ from tests.bench_files import bench_file
 from tests.described import bench, input_, output, written
 from tests.foreign_line import ForeignLine, ended, tcp_frame
 from tests.links import PATIENT, served
-from tests.recorded_line import RecordedLine
+from tests.recorded_line import recorded
 
 
 def _state(raw: Iterable[float], folder: Path, channel: str = "flow", **more: Any) -> str:
@@ -53,13 +53,9 @@ def test_a_live_zero_tells_a_broken_wire(tmp_path):
 def test_a_bench_is_looked_at_and_nothing_is_written(tmp_path):
     with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, devices):
         (device,) = devices.values()
-        line = RecordedLine(device.port)
-        path = tmp_path / "through.toml"
-        path.write_text(file.text.replace(f":{device.port}", f":{line.port}"), encoding="utf-8")
-        with inputs_of(read_bench(path)) as looked:
+        with recorded(file, device.port) as (through, line), inputs_of(through) as looked:
             for _ in range(3):
                 readings = looked.look(0.2)
-        line.close()
         assert {reading.state for reading in readings} == {"ok"}, readings
         assert line.modbus_functions <= {3, 4, 43} and 4 in line.modbus_functions
         assert device.side.field.levels["command"] == 0.0
