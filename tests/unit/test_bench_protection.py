@@ -6,17 +6,14 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from hil.bench.file import Bench
 from hil.bench.protection import envelopes_of, protection_of
 from hil.bench.read import read_bench
-from hil.errors import StoppedError
 from hil.safety.envelope import Dwell, Envelope
 from hil.safety.interlock import Band, Interlock
 from tests.bench_files import bench_file
-from tests.driven import silent_rig
 
 
 def bench(tmp_path: Path, **tables: Any) -> Bench:
@@ -38,13 +35,3 @@ def test_live_zero_is_brought_to_the_unit_of_the_channel(tmp_path, line, low, hi
     found = bench(tmp_path, channels={"pressure": {"calibration": line}})
     (lock,) = [lock for lock in protection_of(found, 1000.0).interlocks if lock.name == "live-zero"]
     assert lock == Interlock("live-zero", "stop", Band("pressure", low, high), for_s=0.05)
-
-
-def test_broken_cable_is_noticed_before_anything_moves(tmp_path):
-    broken = {"instruments": {"pressure": {"value": -100.0}}}
-    path = bench_file(tmp_path / "bench.toml", "cummins-efc", simulation=broken)
-    with (
-        pytest.raises(StoppedError, match="live-zero"),
-        silent_rig(path, tmp_path / "run") as rig,
-    ):
-        rig.play(np.full(100, 1.5))

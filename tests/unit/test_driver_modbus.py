@@ -13,8 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import _modbus_client, modbus
-from drivers._modbus_line import ModbusLine
+from drivers import modbus
 from drivers._registers import encodings
 from hil.daq.channel import OutputChannel, Wiring
 from hil.daq.contract import Waveform
@@ -99,25 +98,6 @@ EXAMPLES = {  # request and answer as printed in the specification
 def test_twin_answers_as_the_specification_prints(name):
     request, answer = (bytes.fromhex(text) for text in EXAMPLES[name])
     assert answered(request, Manual()).hex(" ") == answer.hex(" ")  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_driver_sends_and_understands_what_the_specification_prints(name):
-    """Against a socket that knows nothing but this one exchange."""
-    request, answer = (bytes.fromhex(text) for text in EXAMPLES[name])
-    function, address, rest = request[0], *struct.unpack(">HH", request[1:5])
-    values = [0x000A, 0x0102] if function == 16 else [rest]
-    with ForeignLine(lambda frame: frame[:4] + struct.pack(">HB", len(answer) + 1, frame[6]) + answer) as device:
-        line = ModbusLine(modbus.Settings(model="wago-750", address=f"127.0.0.1:{device.port}"), lambda: None)
-        line.connect()
-        got = line.exchange(_modbus_client.request(function, address, rest, values, 1))
-        line.close()
-    assert device.heard[0][1][7:].hex(" ") == request.hex(" ")
-    assert _modbus_client.belongs(got, function, address, 3 if function == 3 else 1, values)
-    if function in (3, 4):
-        assert got.registers == list(struct.unpack(f">{answer[1] // 2}H", answer[2:]))
-    if function == 1:
-        assert [bool(0x056BCD >> k & 1) for k in range(19)] == got.bits[:19]
 
 
 def test_checksum_and_frame_of_the_serial_line_guide():

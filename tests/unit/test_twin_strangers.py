@@ -138,14 +138,6 @@ def test_sdo_is_refused_with_the_codes_of_cia_301(request_, abort):
     assert answer == f"80 {request_[3:11]} {abort.to_bytes(4, 'little').hex(' ')}"
 
 
-def test_identifiers_are_those_of_the_predefined_connection_set():
-    node = Node()
-    identifiers = {index: node.uploaded(index, 1) for index in (0x1400, 0x1401, 0x1402, 0x1403, 0x1800)}
-    assert identifiers == {0x1400: 0x205, 0x1401: 0x305, 0x1402: 0x405, 0x1403: 0x505, 0x1800: 0x185}
-    assert node.uploaded(0x1014, 0) == 0x085
-    assert node.uploaded(0x1005, 0) == 0x080
-
-
 def test_set_point_in_every_pdo_that_carries_it_and_in_one_that_a_client_maps():
     node = Node()
     list(node.valve.on_frame(0x000, b"\x01\x05"))
