@@ -166,6 +166,30 @@ def command_line(monkeypatch, capsys):
     return run
 
 
+@pytest.fixture
+def prints(command_line):
+    """What a command prints that ends well."""
+
+    def run(*words):
+        ended = command_line(*words)
+        assert ended.status == 0, ended.err
+        return ended.out
+
+    return run
+
+
+@pytest.fixture
+def refused(command_line):
+    """The one line in which a command says what is wrong with its input."""
+
+    def run(*words):
+        ended = command_line(*words)
+        assert ended.status == 2 and ended.err.startswith("hil: ") and ended.err.count("\n") == 1, ended
+        return ended.err
+
+    return run
+
+
 @pytest.fixture(scope="module")
 def unprinted():
     """Drawings of a module are filled as ever, and not printed: that is most of a run whose numbers alone count."""

@@ -84,7 +84,7 @@ def test_what_is_no_date_is_not_stated(tmp_path):
     assert (one.calibration.date, one.calibration.due, one.overdue) == (None, None, ())
 
 
-def test_index_of_the_version_before_is_brought_up_and_says_what_it_lacks(tmp_path, command_line):
+def test_index_of_the_version_before_is_brought_up_and_says_what_it_lacks(tmp_path, command_line, prints):
     lab = tmp_path / "lab"
     enter(archive_place(str(lab)), [made(lab / "a")])
     with sqlite3.connect(lab / INDEX_FILE) as other:
@@ -95,16 +95,15 @@ def test_index_of_the_version_before_is_brought_up_and_says_what_it_lacks(tmp_pa
         other.execute("UPDATE alembic_version SET version_num = '0001'")
     other.close()
     assert [run.folder.name for run in find_runs(archive_place(str(lab)), Search())] == ["a"]
-    status, text, _ = command_line("archive", "calibrations", "--archive", lab)
-    assert status == 0
+    text = prints("archive", "calibrations", "--archive", lab)
     assert "1 runs were entered without their calibrations: `hil archive rebuild`" in text
     command_line("archive", "rebuild", "--archive", lab)
-    text = command_line("archive", "calibrations", "--archive", lab).out
+    text = prints("archive", "calibrations", "--archive", lab)
     assert "gear meter" in text
     assert "without their calibrations" not in text
 
 
-def test_command_lists_what_falls_due(tmp_path, command_line):
+def test_command_lists_what_falls_due(tmp_path, command_line, prints):
     lab, today = tmp_path / "lab", dt.datetime.now(dt.UTC).date()
     soon = {"name": "soon", "due": str(today + dt.timedelta(days=20))}
     later = {"name": "later", "due": str(today + dt.timedelta(days=21))}
@@ -118,6 +117,6 @@ def test_command_lists_what_falls_due(tmp_path, command_line):
         "gear meter": (dt.date(2026, 2, 1) - today).days, "soon": 20
     }  # fmt: skip
     assert told["without_due_date"] == 1
-    text = command_line(*ask).out
+    text = prints(*ask)
     assert "later" not in text
     assert "1 of the instruments in use state no due date" in text

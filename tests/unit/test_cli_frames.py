@@ -3,9 +3,8 @@
 import logging
 
 
-def test_debug_of_one_command_does_not_outlast_it(command_line):
+def test_debug_of_one_command_does_not_outlast_it(prints):
     links = logging.getLogger("hil.link")
     before = links.level, list(links.handlers)
-    status, out, _ = command_line("--debug", "list", "plants")
-    assert status == 0 and out
+    assert prints("--debug", "list", "plants")
     assert (links.level, list(links.handlers)) == before

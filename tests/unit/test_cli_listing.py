@@ -63,8 +63,8 @@ def test_a_command_that_is_asked_for_imports_no_other():
     assert {name for name in imported if name.startswith("hil.cli.commands.")} == {"hil.cli.commands.list_"}
 
 
-def test_listing_shows_everything_with_a_summary(command_line):
-    lines = command_line("list").out.splitlines()
+def test_listing_shows_everything_with_a_summary(prints):
+    lines = prints("list").splitlines()
     for kind in KINDS:
         start = lines.index(f"{kind}:") + 1
         here = lines[start : start + len(entries(kind))]
@@ -81,6 +81,6 @@ def test_listing_shows_everything_with_a_summary(command_line):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_one_kind(kind, command_line):
-    listed = command_line("list", kind).out
+def test_one_kind(kind, prints):
+    listed = prints("list", kind)
     assert [line.split()[0] for line in listed.splitlines()] == [entry.name for entry in entries(kind)]

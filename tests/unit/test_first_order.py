@@ -97,13 +97,13 @@ def test_what_cannot_be_fitted_is_refused(command, output, told):
         fitted(made, integrates=False)
 
 
-def test_the_prompt_fits_an_own_recording_and_writes_its_transfer_function(command_line, tmp_path):
+def test_the_prompt_fits_an_own_recording_and_writes_its_transfer_function(tmp_path, prints):
     path, out = tmp_path / "axis.csv", tmp_path / "model.json"
     write_recording(recorded(STEPS, [LAG_S, 1.0, 0.0]), path)
     names = ("--input", "command", "--output", "position", "--integrates")
-    found = json.loads(command_line("analyse", "process", path, *names, "--out", out, "--json").out)
+    found = json.loads(prints("analyse", "process", path, *names, "--out", out, "--json"))
     assert found["gain"] == pytest.approx(GAIN, abs=4 * found["gain_std"])
     assert found["time_s"] == pytest.approx(LAG_S, abs=4 * found["time_std_s"])
     (written,) = json.loads(out.read_text())["transfer_functions"]
     assert written["denominator"] == pytest.approx([1.0, 1.0 / found["time_s"], 0.0])
-    assert command_line("analyse", "process", path, *names).out.startswith("P1I, gain 0.203")
+    assert prints("analyse", "process", path, *names).startswith("P1I, gain 0.203")

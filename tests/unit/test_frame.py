@@ -121,11 +121,11 @@ def test_an_option_is_called_as_at_the_outermost_door():
         assert option("gaps") == "--gaps"
 
 
-def test_the_command_line_keeps_its_options(tmp_path, command_line):
+def test_the_command_line_keeps_its_options(tmp_path, refused):
     path = str(tmp_path / "one.csv")
     pd.DataFrame({**UNITS, "flow": COMMAND}).to_csv(path, index=False)
-    refused = command_line("identify", path, "--plant", "brevini-hpv41", "--out", tmp_path / "m")
-    assert refused.status == 2 and "--unit 'flow=l/min'" in refused.err
+    said = refused("identify", path, "--plant", "brevini-hpv41", "--out", tmp_path / "m")
+    assert "--unit 'flow=l/min'" in said
     with pytest.raises(HilError, match=r"units=\{'flow': 'l/min'\}"):
         hil.identify(path, "brevini-hpv41")
 

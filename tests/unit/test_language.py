@@ -129,18 +129,18 @@ def test_a_german_table_of_values_fits_a_telephone(tmp_path, monkeypatch):
 
 
 @pytest.mark.usefixtures("stranger")
-def test_a_page_in_german_by_option(tmp_path, command_line):
+def test_a_page_in_german_by_option(tmp_path, prints):
     runs = [run_of(tmp_path, name=name, gain=gain) for name, gain in (("a", 50.0), ("b", 53.0))]
     page = tmp_path / "page.html"
-    assert command_line("compare", *runs, "--page", page, "--language", "de").status == 0
+    prints("compare", *runs, "--page", page, "--language", "de")
     assert "1 von 1 Werten weichen über ihre Unsicherheit hinaus ab: Verstärkung." in read_page(page).text
     assert page_language({}) == "en", "the option outlasts its command"
 
 
 @pytest.mark.usefixtures("stranger")
-def test_the_certificate_in_german_and_its_files_in_english(tmp_path, command_line):
+def test_the_certificate_in_german_and_its_files_in_english(tmp_path, prints):
     run = run_of(tmp_path)
-    assert command_line("passport", run, "--out", tmp_path / "p.pdf", "--language", "de").status == 0
+    prints("passport", run, "--out", tmp_path / "p.pdf", "--language", "de")
     with pikepdf.open(tmp_path / "p.pdf") as pdf:
         assert pdf.Root.Lang == "de"
         assert str(pdf.docinfo["/Title"]) == "Ventilpass: HPV41, SN-7"

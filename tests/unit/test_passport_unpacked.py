@@ -78,7 +78,7 @@ def strange(tmp_path, monkeypatch):
     entries.cache_clear()
 
 
-def test_open_of_an_unknown_signer_has_a_limit(strange, command_line):
+def test_open_of_an_unknown_signer_has_a_limit(strange, command_line, prints):
     for words in ([], ["--most", "0.001"]):
         status, _, err = command_line("open", "unit.pdf", "--out", "out", *words)
         assert status == 2 and len(err.splitlines()) == 1
@@ -86,7 +86,7 @@ def test_open_of_an_unknown_signer_has_a_limit(strange, command_line):
         assert "its signer is not known here; nothing was written" in err
         assert not Path("out").exists()
     assert strange.exists()
-    assert command_line("open", "unit.pdf", "--out", "out", "--most", "10").status == 0
+    prints("open", "unit.pdf", "--out", "out", "--most", "10")
     assert Path("out/runs/run/run.json").exists()
 
 

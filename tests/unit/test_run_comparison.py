@@ -123,10 +123,9 @@ def test_run_compared_with_itself_does_not_differ(runs, command_line):
     assert "No value differs" in said.out
 
 
-def test_wrong_use_is_said(runs, command_line):
-    said = command_line("compare", runs / "new")
-    assert said.status == 2
-    assert "two runs are compared, 1 given" in said.err
+def test_wrong_use_is_said(runs, refused):
+    said = refused("compare", runs / "new")
+    assert "two runs are compared, 1 given" in said
 
 
 @pytest.fixture

@@ -75,11 +75,11 @@ def test_folder_of_a_unit_keeps_its_letters_and_no_path():
     assert len(folder_name("efc_frequency_response", 64 * "阀").encode()) < 255
 
 
-def test_run_is_found_again_by_its_unit(monkeypatch, tmp_path, command_line):
+def test_run_is_found_again_by_its_unit(monkeypatch, tmp_path, command_line, prints):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HIL_ARCHIVE", str(tmp_path / "lab"))
     labels = ("--serial", "A/7", "--operator", "mk", "--note", "oil=VG 46")
-    assert command_line(*STEP, "--bench", "brevini-hpv41", *labels).status == 0
+    prints(*STEP, "--bench", "brevini-hpv41", *labels)
     (folder,) = (tmp_path / "runs").iterdir()
     assert folder.name.startswith("step_response-A-7-")
     header = json.loads((folder / "run.json").read_text(encoding="utf-8"))["meta"]

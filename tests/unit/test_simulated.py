@@ -38,12 +38,6 @@ def run(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def said(command_line):
-    """What `hil …` prints."""
-    return lambda *arguments: command_line(*arguments).out
-
-
 @pytest.mark.parametrize(
     ("meta", "simulated"),
     [
@@ -64,12 +58,12 @@ def test_a_header_says_it_of_every_simulated_bench_and_of_twins():
     assert conditions_of(read_bench(benches()["brevini-hpv41"]).bench)["simulated"] is True
 
 
-def test_report_and_verdict_line_and_results_say_it(run, said):
+def test_report_and_verdict_line_and_results_say_it(run, prints):
     assert read_header(run).meta["simulated"] is True
     assert "SIMULATED Recorded on a simulated device" in read_page(run / "report.html").text
     assert 'data-across="SIMULATED"' in (run / "report.html").read_text(encoding="utf-8")
-    assert "verdict: pass (SIMULATED)\n" in said("results", run)
-    assert json.loads(said("results", run, "--json", "-"))["simulated"] is True
+    assert "verdict: pass (SIMULATED)\n" in prints("results", run)
+    assert json.loads(prints("results", run, "--json", "-"))["simulated"] is True
 
 
 def test_results_of_a_version_without_it_go_by_the_header(run, tmp_path):
@@ -83,17 +77,17 @@ def test_results_of_a_version_without_it_go_by_the_header(run, tmp_path):
 
 @pytest.mark.usefixtures("stranger")
 @pytest.mark.parametrize("simulated", [True, False])
-def test_lists_trends_and_comparisons_say_it(simulated, tmp_path, said):
+def test_lists_trends_and_comparisons_say_it(simulated, tmp_path, prints):
     old, new = (run_of(tmp_path / "lab", simulated=simulated, name=name, hour=hour) for name, hour in RUNS)
-    said("archive", "rebuild", "--archive", tmp_path / "lab")
+    prints("archive", "rebuild", "--archive", tmp_path / "lab")
     lab = ("--archive", tmp_path / "lab")
-    assert said("runs", *lab).count("pass (SIMULATED)") == 2 * simulated
-    assert [row["simulated"] for row in json.loads(said("runs", *lab, "--json"))] == 2 * [simulated]
-    assert said("trend", "gain", "--serial", "SN-7", *lab).count("(SIMULATED)") == 2 * simulated
-    assert said("compare", old, new).count("(SIMULATED)") == 2 * simulated
-    told = json.loads(said("compare", old, new, "--json"))
+    assert prints("runs", *lab).count("pass (SIMULATED)") == 2 * simulated
+    assert [row["simulated"] for row in json.loads(prints("runs", *lab, "--json"))] == 2 * [simulated]
+    assert prints("trend", "gain", "--serial", "SN-7", *lab).count("(SIMULATED)") == 2 * simulated
+    assert prints("compare", old, new).count("(SIMULATED)") == 2 * simulated
+    told = json.loads(prints("compare", old, new, "--json"))
     assert told["simulated"] == 2 * [simulated]
-    values = said("results", old, "--csv", "-")
+    values = prints("results", old, "--csv", "-")
     assert values.splitlines()[1].endswith(f",{simulated}")
 
 
@@ -101,11 +95,11 @@ RUNS = (("old", 8), ("new", 9))
 
 
 @pytest.mark.usefixtures("stranger")
-def test_real_units_are_no_population_of_a_simulated_one(tmp_path, said):
+def test_real_units_are_no_population_of_a_simulated_one(tmp_path, prints):
     run_of(tmp_path / "lab", "REAL", name="real")
     run_of(tmp_path / "lab", "TWIN", simulated=True, name="twin")
     unit = run_of(tmp_path / "lab", "A", simulated=True, name="a")
-    told = said("compare", "--population", unit, "--archive", tmp_path / "lab", "--json")
+    told = prints("compare", "--population", unit, "--archive", tmp_path / "lab", "--json")
     assert json.loads(told)["others"] == ["TWIN"]
 
 
@@ -119,17 +113,17 @@ def test_an_index_of_a_version_without_it_is_filled_from_the_headers(tmp_path):
     assert [entry.simulated for entry in hil.find_runs(archive=lab)] == [True]
 
 
-def test_models_beside_a_simulated_run_say_it(run, tmp_path, said):
+def test_models_beside_a_simulated_run_say_it(run, tmp_path, prints):
     model, page = tmp_path / "model.json", tmp_path / "page.html"
     hil.save_model(hil.typical_model("brevini-hpv41"), model)
-    assert f"{run} (SIMULATED)\n" in said("compare", "--model", model, run)
+    assert f"{run} (SIMULATED)\n" in prints("compare", "--model", model, run)
     found = hil.identify(run, "brevini-hpv41", page=page)
     assert found.as_dict()["simulated"] is True
     assert 'data-across="SIMULATED"' in page.read_text(encoding="utf-8")
     assert found.text.splitlines()[0] == "brevini-hpv41 (SIMULATED)" and "(SIMULATED)" in found.model._repr_html_()
     hil.save_model(found.model, model)
-    assert "(SIMULATED)" in said("export", model, "--to", "matlab").splitlines()[0]
-    assert said("export", model, "--to", "csv").splitlines()[1].endswith(",True")
+    assert "(SIMULATED)" in prints("export", model, "--to", "matlab").splitlines()[0]
+    assert prints("export", model, "--to", "csv").splitlines()[1].endswith(",True")
 
 
 def test_every_table_of_results_says_it_in_each_row(run, tmp_path):
@@ -137,29 +131,29 @@ def test_every_table_of_results_says_it_in_each_row(run, tmp_path):
         assert {row["simulated"] for row in csv.DictReader(written.read_text("utf-8").splitlines())} == {"True"}
 
 
-def test_a_diagnosis_and_a_difference_say_it_in_the_line_of_the_verdict(run, tmp_path, said):
+def test_a_diagnosis_and_a_difference_say_it_in_the_line_of_the_verdict(run, tmp_path, prints):
     model = tmp_path / "model.json"
     hil.save_model(hil.typical_model("brevini-hpv41"), model)
-    words = said("diagnose", "--model", model, run, "--out", tmp_path / "d", "--budget", "0.01")
+    words = prints("diagnose", "--model", model, run, "--out", tmp_path / "d", "--budget", "0.01")
     told = json.loads((tmp_path / "d" / "diagnosis.json").read_text(encoding="utf-8"))
     assert told["simulated"] is True
     assert f"{told['verdict']} (SIMULATED): " in words
-    words = said("diff", run, run, "--model", model, "--budget", "0.01")
+    words = prints("diff", run, run, "--model", model, "--budget", "0.01")
     assert any(line.endswith("changed (SIMULATED)") or line == "unexplained (SIMULATED)" for line in words.splitlines())
 
 
 @pytest.mark.usefixtures("stranger")
 @pytest.mark.parametrize("simulated", [True, False])
-def test_a_passport_and_its_check_say_it(simulated, tmp_path, said):
+def test_a_passport_and_its_check_say_it(simulated, tmp_path, prints):
     run = run_of(tmp_path, simulated=simulated)
     passport = tmp_path / "p.pdf"
-    assert ("(SIMULATED)" in said("passport", run, "--out", passport, "--no-model")) is simulated
+    assert ("(SIMULATED)" in prints("passport", run, "--out", passport, "--no-model")) is simulated
     with pikepdf.open(passport) as pdf:
         assert json.loads(pdf.attachments["passport.json"].get_file().read_bytes())["simulated"] is simulated
         certificate = pdf.attachments["certificate.xml"].get_file().read_bytes().decode()
     assert ("SIMULATED: HPV41" in certificate) is simulated
-    assert ("SIMULATED" in said("verify", passport)) is simulated
-    assert json.loads(said("verify", passport, "--json"))["simulated"] is simulated
+    assert ("SIMULATED" in prints("verify", passport)) is simulated
+    assert json.loads(prints("verify", passport, "--json"))["simulated"] is simulated
 
 
 @pytest.mark.usefixtures("stranger")
