@@ -143,10 +143,17 @@ class Recording:
     def values(self, name: str, unit: str | None = None) -> Array:
         """Samples of a channel, converted to `unit` when one is given."""
         channel = self.channel(name)
-        if unit is None:
-            return channel.values
+        return channel.values if unit is None else self._in_unit(channel, channel.values, unit)
+
+    def samples(self, name: str, unit: str | None = None) -> Samples:
+        """A channel as it was sampled, converted to `unit` when one is given."""
+        channel = self.channel(name)
+        taken = self.own.get(channel.name) or Samples(self.time_s, channel.values)
+        return taken if unit is None else replace(taken, values=self._in_unit(channel, taken.values, unit))
+
+    def _in_unit(self, channel: Channel, values: Array, unit: str) -> Array:
         try:
-            return convert(channel.values, channel.unit, unit)
+            return convert(values, channel.unit, unit)
         except UnitError as error:
             missing = channel.name in self.meta.get("units_missing", ())
             if missing:
@@ -158,17 +165,6 @@ class Recording:
                 f"{self.name}: channel '{channel.heading}': {error}; if the heading is wrong, say the right unit with "
                 f"{option('unit', f'{channel.name}=UNIT')}"
             ) from None
-
-    def samples(self, name: str, unit: str | None = None) -> Samples:
-        """A channel as it was sampled, converted to `unit` when one is given."""
-        values = self.values(name, unit)
-        label = self.channel(name).name
-        if label not in self.own:
-            return Samples(self.time_s, values)
-        taken = self.own[label]
-        return Samples(
-            taken.time_s, taken.values if unit is None else convert(taken.values, self.channel(name).unit, unit)
-        )
 
     def stamps(self, name: str) -> Array:
         """When each sample of a channel was taken: `time_s`, and later where a link was asked for it afterwards.

@@ -308,50 +308,51 @@ def experiment(
         FileError: a channel is missing, or the input never changes.
         UnitError: a channel's unit does not convert to the plant's.
     """
-    with_dithers = with_dither(stood_before(recording)) if plant.rectifies and recording.is_even() else ()
-    recording, sampled = as_driven(recording), len(recording)
     names = _input_names(plant, input_name)
     output_name = output_name or plant.output.name
     _check_named(recording, plant, names[0], output_name)
+    with_dithers = with_dither(stood_before(recording)) if plant.rectifies and recording.is_even() else ()
+    recording, sampled = as_driven(recording), len(recording)
     recording = measured_rows(recording, names)
     stated = _gain_stds(recording, names[0], output_name, plant)
+    sines = _sines(recording) if len(recording) == sampled else ()
     units = [_unit_in(recording, signal, name) for signal, name in zip(plant.inputs, names, strict=True)]
-    answer = recording.channel(output_name).name, _unit_in(recording, plant.output, output_name)
+    unit = _unit_in(recording, plant.output, output_name)
+    headings = f"{names[0]} [{units[0]}]", f"{output_name} [{unit}]"
     at = declared_read_at(recording) if read_at is None else read_at
-    if any(name in recording.own for name in (*names, output_name, *(signal.name for signal in plant.observed))):
-        return replace(_on_own_stamps(recording, plant, names, units, answer, at), gain_stds=stated)
-    inputs = np.array([recording.values(name, unit) for name, unit in zip(names, units, strict=True)])
-    channels = {OUTPUT: across(recording.values(*answer))}
-    channels |= {
-        signal.name: across(recording.values(signal.name, signal.unit))
-        for signal in plant.observed
-        if signal.name in recording.channels
-    }
+    given = [recording.samples(name, unit) for name, unit in zip(names, units, strict=True)]
+    waves = [[one.values(name, unit) for name, unit in zip(names, units, strict=True)] for one in with_dithers]
+    taken = {OUTPUT: recording.samples(output_name, unit)}
+    taken |= {s.name: recording.samples(s.name, s.unit) for s in plant.observed if s.name in recording.channels}
+    compared = [output_name, *(signal.name for signal in plant.observed)]
+    stamps = np.array([recording.stamps(n) if n in recording.channels else recording.time_s for n in compared])
+    if any(name in recording.own for name in (*names, *compared)):
+        adds_up = plant.observer is not None
+        return replace(_on_own_stamps(recording, headings, given, taken, at, adds_up=adds_up), gain_stds=stated)
+    read_s = None if (stamps == recording.time_s).all() else stamps
+    at, skew_s = (at, _skew_s(recording, compared, at or 0.0)) if read_s is None else (0.0, ())
+    inputs = np.array([one.values for one in given])
+    channels = {name: across(one.values) for name, one in taken.items()}
     invalid = {name: lacking for name, (_, lacking) in channels.items() if lacking.any()}
     observed = {name: values for name, (values, _) in channels.items()}
     output = observed.pop(OUTPUT)
-    read_s = _read_s(recording, answer[0], plant)
-    if read_s is not None:
-        at = 0.0
     grid_s, on_grid, interval_s = _even(recording, inputs, read_s)
     ripples = None
-    if with_dithers and grid_s is None and len(recording) == sampled:
-        driven = np.array([[one.values(n, u) for n, u in zip(names, units, strict=True)] for one in with_dithers])
+    if waves and grid_s is None and len(recording) == sampled:
+        driven = np.array(waves)
         held = np.pad(on_grid, ((0, 0), (driven.shape[2] // FINER - sampled, 0)), mode="edge")
         ripples = driven - np.repeat(held, FINER, axis=1)
     drive = Drive(on_grid, _at_rest(inputs, output), interval_s, at or 0.0)
-    skew_s = () if read_s is not None else _skew_s(recording, answer[0], plant, at or 0.0)
     if any(skew_s):
         late_s = dict(zip((signal.name for signal in plant.observed), skew_s[1:], strict=True))
         bent = {name: _bends(values, late_s[name] / interval_s) for name, values in observed.items()}
         invalid |= {name: samples | invalid.get(name, False) for name, samples in bent.items() if samples.any()}
     return Experiment(
-        recording.name, f"{names[0]} [{units[0]}]", f"{answer[0]} [{answer[1]}]",
-        recording.time_s, drive, grid_s, output, observed, at is not None, invalid,
+        recording.name, *headings, recording.time_s, drive, grid_s, output, observed, at is not None, invalid,
         read_s=read_s, gain_stds=stated,
         ripples=ripples, skew_s=skew_s, is_timed="sampling" in recording.meta,
         stated_units=frozenset(recording.meta.get("stated_units", ())),
-        sines=_sines(recording) if len(recording) == sampled else (),
+        sines=sines,
     )  # fmt: skip
 
 
@@ -398,60 +399,57 @@ def _input_names(plant: Plant, given: str | Sequence[str] | None) -> list[str]:
 
 
 def _on_own_stamps(
-    recording: Recording, plant: Plant, names: Sequence[str], units: Sequence[str], answer: tuple[str, str],
-    at: float | None,
+    recording: Recording, headings: tuple[str, str], given: Sequence[Samples], taken: Mapping[str, Samples],
+    at: float | None, *, adds_up: bool,
 ) -> Experiment:  # fmt: skip
     """An experiment of channels that were sampled at different times: commands are held, the output stays as it was.
 
-    `answer`: name and unit of the output. `at`: the reading instant, None where nobody knows it.
+    Args:
+        recording: of them.
+        headings: of the command and of the output.
+        given: the commands.
+        taken: the output (`OUTPUT`), and inner signals by name. Slower ones, which would count more than once, are
+            left out.
+        at: the reading instant, None where nobody knows it.
+        adds_up: whether the unit is a loop that adds up.
     """
-    given = [recording.samples(name, unit) for name, unit in zip(names, units, strict=True)]
-    output = recording.samples(*answer)
+    output = taken[OUTPUT]
     first, last = max(one.time_s[0] for one in given), recording.time_s[-1]
     kept = (output.time_s >= first - 1e-9) & (output.time_s <= last + recording.interval_s)
     if np.count_nonzero(kept) < CRITERIA.fewest_samples:
+        command, answer = (split_heading(heading)[0] for heading in headings)
         raise FileError(
-            f"{recording.name}: '{answer[0]}' has {np.count_nonzero(kept)} samples while '{names[0]}' is known; at "
+            f"{recording.name}: '{answer}' has {np.count_nonzero(kept)} samples while '{command}' is known; at "
             f"least {CRITERIA.fewest_samples} are needed"
         )
     output = Samples(output.time_s[kept], output.values[kept])
     # a loop that adds up starts at its first reading; what went before tells nobody where it stood
-    begins_s = float(output.time_s[0] if plant.observer is not None else min(first, output.time_s[0]))
+    begins_s = float(output.time_s[0] if adds_up else min(first, output.time_s[0]))
     grid_s, interval_s = held_grid(given, output.time_s, begins_s)
-    inputs = np.ascontiguousarray([one.held_at(grid_s) for one in given])
-    is_late = bool(output.time_s[0] - grid_s[0] > 0.5 * interval_s)
     ignored = missing_of_even(grid_s, output.time_s, interval_s)
+    known = all(map(is_known_throughout, given))
+    held = output.held_at(grid_s)
+    inputs, at_samples = (np.array([one.held_at(at_s) for one in given]) for at_s in (grid_s, output.time_s))
+    is_late = bool(output.time_s[0] - grid_s[0] > 0.5 * interval_s)
     if is_late and ignored is not None and not ignored[int(np.argmin(ignored)) :].any():
         ignored = None  # nothing is missing once it has begun
-    observed, left_out = _inner(recording, plant, output.time_s)
-    notes = [note.of(recording.name) for note in left_out]
-    headings = f"{names[0]} [{units[0]}]", f"{answer[0]} [{answer[1]}]"
-    at_rest = _at_rest(np.array([one.held_at(output.time_s) for one in given]), output.values)
-    drive = Drive(inputs, at_rest, interval_s, at or 0.0)
+    inner = {name: one for name, one in taken.items() if name != OUTPUT}
+    usual_s = np.median(np.diff(output.time_s))
+    slow = [name for name, one in inner.items() if np.median(np.diff(one.time_s)) > 1.05 * usual_s]
+    notes = [
+        Note("'{channel}' is sampled more slowly than the output and is not compared", channel=name).of(recording.name)
+        for name in slow
+    ]
+    observed = {n: np.interp(output.time_s, one.time_s, one.values) for n, one in inner.items() if n not in slow}
+    drive = Drive(inputs, _at_rest(at_samples, output.values), interval_s, at or 0.0)
     bound = Experiment(
         recording.name, *headings, output.time_s, drive, grid_s, output.values, observed, at is not None,
         notes=tuple(notes), is_late=is_late,
     )  # fmt: skip
     if ignored is not None and not observed:
-        return replace(bound, time_s=grid_s, grid_s=None, output=output.held_at(grid_s), invalid={OUTPUT: ignored})
+        return replace(bound, time_s=grid_s, grid_s=None, output=held, invalid={OUTPUT: ignored})
     on_grid = len(grid_s) == len(output.time_s) and bool(np.all(np.abs(grid_s - output.time_s) < 1e-3 * interval_s))
-    known = all(map(is_known_throughout, given))
     return replace(bound, grid_s=None if on_grid else grid_s, command_is_known=known)
-
-
-def _inner(recording: Recording, plant: Plant, output_s: Array) -> tuple[dict[str, Array], list[Note]]:
-    """Inner signals at the times of the output; slower ones, which would count more than once, are left out."""
-    found, left_out = {}, []
-    for signal in plant.observed:
-        if signal.name not in recording.channels:
-            continue
-        taken = recording.samples(signal.name, signal.unit)
-        if np.median(np.diff(taken.time_s)) > 1.05 * np.median(np.diff(output_s)):
-            left_out.append(Note("'{channel}' is sampled more slowly than the output and is not compared",
-                                 channel=signal.name))  # fmt: skip
-        else:
-            found[signal.name] = np.interp(output_s, taken.time_s, taken.values)
-    return found, left_out
 
 
 def _at_rest(inputs: Array, output: Array) -> float:
@@ -530,23 +528,16 @@ def _check_named(recording: Recording, plant: Plant, input_name: str, output_nam
 
 def _unit_in(recording: Recording, signal: Signal, name: str) -> str:
     """The plant's unit of a signal, or that of its channel where the plant takes any."""
-    return recording.channel(name).unit if signal.unit == "any" else signal.unit
+    return recording.channels[name].unit if signal.unit == "any" else signal.unit
 
 
-def _read_s(recording: Recording, output: str, plant: Plant) -> Array | None:
-    """When every sample was read that simulated ones are held against; None where that is the same in each sample."""
-    names = [output, *(signal.name for signal in plant.observed)]
-    stamps = np.array([recording.stamps(n) if n in recording.channels else recording.time_s for n in names])
-    return None if (stamps == recording.time_s).all() else stamps
-
-
-def _skew_s(recording: Recording, output: str, plant: Plant, read_at: float) -> tuple[float, ...]:
+def _skew_s(recording: Recording, names: Sequence[str], read_at: float) -> tuple[float, ...]:
     """How much later than `read_at` says the output and the inner signals were read, as the header states it."""
     delays = _promised(recording).get("delay_s")
     if not isinstance(delays, Mapping):
         return ()
     at_s = read_at * recording.interval_s
-    return tuple(float(delays.get(name, at_s)) - at_s for name in (output, *(signal.name for signal in plant.observed)))
+    return tuple(float(delays.get(name, at_s)) - at_s for name in names)
 
 
 def _even(recording: Recording, inputs: Array, read_s: Array | None) -> tuple[Array | None, Array, float]:

@@ -56,20 +56,22 @@ def experiments_of(
     for one in recordings:
         own = max(int(most * len(one) / total), min(len(one), EFFORT.segment_samples, most))
         found = informative_segments(one.values(command(one)), own, _length(model, one, bind, own))
-        made += _bound(model, one, found, bind)
         notes.append(_sentence(one, found))
+        cut = []
+        for first, stop in found:
+            start_s, stop_s = one.time_s[first], one.time_s[stop - 1]
+            e = bind(replace(one.rows(first, stop - first), name=f"{one.name}, {start_s:.6g}…{stop_s:.6g} s"))
+            # where a stretch begins nobody knows what moves still
+            constant_s = time_constant_s(model, e) if can_be_held_against(model) else 0.0
+            settling_s = CRITERIA.forgotten_after * constant_s or CRITERIA.settling_share * e.duration_s
+            until_s = e.time_s[0] + min(settling_s, CRITERIA.unsettled_share * e.duration_s)
+            cut.append(e.without_all(e.time_s < until_s))
+        if any(e.observed for e in cut):
+            whole = bind(one)
+            rows = whole.simulated(model)
+            cut = [_as_in_the_whole(model, e, rows[:, np.searchsorted(whole.time_s, e.time_s)]) for e in cut]
+        made += cut
     return made, tuple(notes)
-
-
-def _bound(
-    model: Model, one: Recording, found: Sequence[tuple[int, int]], bind: Callable[[Recording], Experiment]
-) -> list[Experiment]:
-    cut = [_settling_left_out(model, bind(_named(one.rows(first, stop - first)))) for first, stop in found]
-    if not any(e.observed for e in cut):
-        return cut
-    whole = bind(one)
-    rows = whole.simulated(model)
-    return [_as_in_the_whole(model, e, rows[:, np.searchsorted(whole.time_s, e.time_s)]) for e in cut]
 
 
 def _as_in_the_whole(model: Model, e: Experiment, rows: Array) -> Experiment:
@@ -136,19 +138,6 @@ def _length(model: Model, recording: Recording, bind: Callable[[Recording], Expe
         most // EFFORT.timed_segments, wanted // 2, 1
     )  # half of that is enough where few samples are asked for
     return min(int(np.clip(wanted, min(EFFORT.segment_samples, most // EFFORT.segments), longest)), most)
-
-
-def _settling_left_out(model: Model, e: Experiment) -> Experiment:
-    """Where a stretch begins nobody knows what moves still."""
-    constant_s = time_constant_s(model, e) if can_be_held_against(model) else 0.0
-    settling_s = CRITERIA.forgotten_after * constant_s or CRITERIA.settling_share * e.duration_s
-    until_s = e.time_s[0] + min(settling_s, CRITERIA.unsettled_share * e.duration_s)
-    return e.without_all(e.time_s < until_s)
-
-
-def _named(recording: Recording) -> Recording:
-    start_s, stop_s = recording.time_s[0], recording.time_s[-1]
-    return replace(recording, name=f"{recording.name}, {start_s:.6g}…{stop_s:.6g} s")
 
 
 def _sentence(recording: Recording, found: Sequence[tuple[int, int]]) -> Note:
