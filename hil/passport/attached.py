@@ -17,7 +17,7 @@ from hil.record.recording import Recording
 from hil.record.run_folder.header import sha256_of
 from hil.record.run_folder.seal import seal_folder
 from hil.session.outcome import REPORT_FILE
-from hil.session.results import judged_by, write_evaluation
+from hil.session.results import write_evaluation
 
 Relation = Literal["source", "data", "supplement"]
 RUNS = "runs"
@@ -84,7 +84,7 @@ def _without_name(run: UnitRun, folder: Path) -> UnitRun:
     folder.parent.mkdir(parents=True, exist_ok=True)
     write(recording, folder)
     write_results(results, folder)
-    seal_folder(folder, judged_by(run.recording, run.folder))
+    seal_folder(folder, run.limits)
     return replace(run, folder=folder, recording=recording, results=results)
 
 

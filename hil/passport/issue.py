@@ -93,7 +93,15 @@ def issue(
     _check_kind(unit, wanted.model)
     signer = Signer(name_of(key.certificate), fingerprint(key.certificate))
     known = understood(unit, wanted.identify, wanted.model, progress)
-    powers = _powers(unit, known, out, progress) if wanted.power else ()
+    powers: tuple[Power, ...] = ()
+    if wanted.power:
+        if known.model is None:
+            raise InputError(f"{option('power')} needs the model of the unit. {known.sentences[0]}")
+        judged = [run for run in unit.runs if any(m.verdict for m in run.findings.measured)]
+        powers = tuple(  # what was found so far is kept beside the passport until it is written
+            power_of(run, known.model, progress, out.with_name(f".{out.name}.power{n}.json"))
+            for n, run in enumerate(judged)
+        )
     if powers:
         annex = Note("What its limits would have caught is in the annex.")
         known = replace(known, sentences=(*known.sentences, annex))
@@ -110,17 +118,6 @@ def issue(
     issued_on_the_trail(out, hashlib.sha256(content).hexdigest(), unit.serial)
     progress(1.0, "done")
     return issued
-
-
-def _powers(unit: Unit, known: Understood, out: Path, progress: Progress) -> tuple[Power, ...]:
-    """Of every run that was judged; what was found so far is kept beside the passport until it is written."""
-    if known.model is None:
-        raise InputError(f"{option('power')} needs the model of the unit. {known.sentences[0]}")
-    judged = [run for run in unit.runs if any(m.verdict for m in run.findings.measured)]
-    return tuple(
-        power_of(run, known.model, progress, out.with_name(f".{out.name}.power{n}.json"))
-        for n, run in enumerate(judged)
-    )
 
 
 def _check_kind(unit: Unit, kind: Model | None) -> None:

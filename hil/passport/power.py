@@ -36,7 +36,7 @@ from hil.record.recording import Array, Recording, split_heading
 from hil.record.run_folder.progress import Progress
 from hil.report.number import number, with_unit
 from hil.session.procedure import Procedure
-from hil.session.results import evaluated, judged_by, procedure_of
+from hil.session.results import evaluated
 from hil.signals.autoregression import coloured
 from hil.units import convert
 from hil.version import PROGRAM
@@ -119,7 +119,7 @@ def power_of(run: UnitRun, model: Model, progress: Progress, kept: Path | None =
     limits = tuple(m.name for m in run.findings.measured if m.verdict is not None)
     if not limits:
         raise InputError(f"{run.results.run}: no limit was given")
-    judge = _Judge(procedure_of(run.recording), judged_by(run.recording, run.folder))
+    judge = _Judge(run.procedure, run.limits)
     state, pieces = _State.of(kept, run, model, judge), tuple(_pieces(run, judge, limits))
     faults: list[LeastFault] = []
     proven, tried = set[str](), dict[str, None]()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date, datetime
 from pathlib import Path
@@ -12,14 +12,15 @@ from hil.findings.agreement import disagreements
 from hil.findings.collect import findings_of, results_of
 from hil.findings.results import Results
 from hil.record.folder import read
-from hil.record.measurement import RESULTS_FILE, Findings, Verdict, ended_as_planned, present_name
+from hil.record.measurement import RESULTS_FILE, Findings, Limit, Verdict, ended_as_planned, present_name
 from hil.record.recording import Recording
 from hil.record.run_folder.header import stated
 from hil.record.run_folder.seal import Seal, check_seal
 from hil.record.simulated import is_simulated
 from hil.session.kept_results import results_of_run
 from hil.session.limit import limits_of
-from hil.session.results import evaluated_anew
+from hil.session.procedure import Procedure
+from hil.session.results import evaluated, judged_by, procedure_of
 from hil.version import PROGRAM
 
 _SHOWN = 5  # of what was found otherwise: a message, not a report
@@ -31,6 +32,8 @@ class UnitRun:
 
     Attributes:
         folder, recording, results: of the run.
+        procedure: that made it.
+        limits: by which it was last judged.
         evaluated_by: the program that sealed the results; empty where an earlier version did not seal them.
         late_limits: names of limits that were given or changed after the run.
         moved: what an evaluation now finds otherwise than the results, a sentence each.
@@ -40,6 +43,8 @@ class UnitRun:
     folder: Path
     recording: Recording
     results: Results
+    procedure: Procedure
+    limits: Mapping[str, Limit]
     evaluated_by: str = ""
     late_limits: tuple[str, ...] = ()
     moved: tuple[str, ...] = ()
@@ -128,13 +133,15 @@ def read_unit_runs(folders: Sequence[Path], *, also_moved: bool = False) -> Unit
 def _run(folder: Path, also_moved: bool) -> UnitRun:
     recording = read(folder)
     seal = check_seal(folder)
-    found = evaluated_anew(recording, folder)
+    limits = judged_by(recording, folder)
+    procedure = procedure_of(recording)
+    found = evaluated(procedure, recording, limits)
     results = results_of(recording, found)
     kept = results_of_run(folder) if (folder / RESULTS_FILE).is_file() else results
     same_program = kept is results or (seal is not None and seal.program == PROGRAM)
     moved = tuple(disagreements(kept, results, words=same_program))
     late = () if seal is None else _late(recording, seal)
-    run = UnitRun(folder, recording, kept, _evaluator(seal, kept is results), late, moved, found)
+    run = UnitRun(folder, recording, kept, procedure, limits, _evaluator(seal, kept is results), late, moved, found)
     if moved and not also_moved:
         raise FileError(_refusal(run, same_program))
     return run
