@@ -10,7 +10,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from annotated_types import Ge, Interval
 
 from hil.catalog import entries, models
 from hil.errors import FileError, UnitError, first_fault, storing
@@ -28,6 +30,7 @@ from hil.version import PROGRAM, made_by
 
 FORMAT = "hil-model"
 VERSION = 1
+Std = Annotated[float, Ge(0.0)]
 _ANY = "any [any]"  # the heading of a channel that nobody named
 
 
@@ -41,8 +44,8 @@ class Value:
 
     value: float
     unit: str
-    std: float | None = None
-    calibration_std: float | None = None
+    std: Std | None = None
+    calibration_std: Std | None = None
 
     @property
     def std_with_calibration(self) -> float | None:
@@ -75,12 +78,12 @@ class Noise:
         std_uncertainty: standard uncertainty of `std`; 0 where nobody stated one.
     """
 
-    std: float
+    std: Std
     colour: tuple[float, ...] = ()
     interval_s: float | None = None
     hum_hz: float | None = None
     hum: float = 0.0
-    std_uncertainty: float = 0.0
+    std_uncertainty: Std = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +92,14 @@ class Covariance:
 
     names: tuple[str, ...]
     matrix: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        """Raises `ValueError`: not a row and a column for each name, or a variance below zero."""
+        count = len(self.names)
+        if [len(row) for row in self.matrix] != [count] * count:
+            raise ValueError(f"a row and a column are needed for each of the {count} names")
+        if any(row[k] < 0.0 for k, row in enumerate(self.matrix)):
+            raise ValueError("a variance, on the diagonal, is not below 0")
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +124,7 @@ class Model:
     effects: tuple[ModelEffect, ...] = ()
     input: str = ""
     output: str = ""
-    read_at: float = 0.0
+    read_at: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
     noise: Noise | None = None
     covariance: Covariance | None = None
     origin: Mapping[str, Any] = field(default_factory=dict)
@@ -228,7 +239,9 @@ def _checked(model: Model, path: Path) -> Model:
         if name not in known:
             raise FileError(f"{path}: plant {model.plant} has no parameter '{name}'; known: {', '.join(known)}")
     sites = {site.key: site for site in kernel(model.plant).sites}
-    for effect in model.effects:
+    for k, effect in enumerate(model.effects):
+        if effect.key in {one.key for one in model.effects[:k]}:
+            raise FileError(f"{path}: effect '{effect.name}' at '{effect.hook}' is given twice")
         if effect.key not in sites:
             have = ", ".join(sorted({e.name for e in installed_effects()}))
             raise FileError(

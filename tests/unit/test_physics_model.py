@@ -83,6 +83,11 @@ FAULTS: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
         lambda c: c["effects"][0]["parameters"]["coulomb"].update(value=-1),
         "friction.coulomb: -1 %; allowed are 0 … inf",
     ),
+    (lambda c: c["effects"].append(c["effects"][0]), "effect 'friction' at 'force' is given twice"),
+    (lambda c: c.update(read_at=5), "field 'read_at': Input should be less than or equal to 1, found 5"),
+    (lambda c: c["noise"].update(std=-1), "field 'noise.std': Input should be greater than or equal to 0, found -1"),
+    (lambda c: c["covariance"].update(matrix=[[1, 0]]), "a row and a column are needed for each of the 2 names"),
+    (lambda c: c["covariance"]["matrix"][1].__setitem__(1, -1), "a variance, on the diagonal, is not below 0"),
     (lambda c: c["effects"][0]["parameters"]["coulomb"].update(unit="bar"), "effects.friction.coulomb: in 'bar'"),
 ]
 
