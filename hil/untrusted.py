@@ -157,9 +157,12 @@ def _all_of(file: BufferedReader) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """The text of a file that its user names, in UTF-8; raises as `open_small`, and `FileError` for other bytes."""
+    """The text of a file that its user names, in UTF-8 with its mark or without.
+
+    Raises as `open_small`, and `FileError` for other bytes.
+    """
     try:
-        return read_small(path).decode("utf-8").replace("\r\n", "\n")
+        return read_small(path).decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         raise FileError(f"{path}: no text in UTF-8: {error.reason} at byte {error.start}") from None
 

@@ -185,7 +185,7 @@ def classes_of_table(path: Path) -> ClassAnalysis:
 
 def _rows_of(path: Path) -> tuple[list[str], list[list[str]]]:
     try:
-        head, *rows = [row for row in csv.reader(read_text(path).removeprefix("\ufeff").splitlines()) if row]
+        head, *rows = [row for row in csv.reader(read_text(path).splitlines()) if row]
     except (OSError, ValueError) as error:
         raise FileError(f"{path}: no table of valves: {getattr(error, 'strerror', None) or error}") from error
     if short := next((i for i, row in enumerate(rows, 2) if len(row) != len(head)), None):

@@ -113,6 +113,13 @@ def test_one_fault(tmp_path, old, new, key, says):
     assert any(part.strip('"') in line for part in key.split(".")) or key in ("channels",), (line, lines[0])
 
 
+@pytest.mark.parametrize("text", ["\ufeff" + GOOD, GOOD.replace("\n", "\r\n")], ids=["mark", "line ends"])
+def test_a_file_as_windows_writes_it(tmp_path, text):
+    path = tmp_path / "bench.toml"
+    path.write_bytes(text.encode())
+    assert read_bench(path).text.startswith(GOOD)
+
+
 def test_missing_calibration_says_what_is_needed(tmp_path):
     line = next(line for line in GOOD.splitlines() if line.startswith("calibration = { slope = 25.0"))
     fault = next(fault for fault in faults(tmp_path, GOOD.replace(line, "")) if "ai2 gives V" in fault)
