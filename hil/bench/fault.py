@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil.bench.lines import Place, line_at
+from hil.bench.lines import Place, line_at, lines_of
 from hil.errors import FileError
 
 
@@ -32,3 +32,10 @@ class BenchError(FileError):
         more = f" (and {len(faults) - 1} more; `hil check` shows all)" if len(faults) > 1 else ""
         super().__init__(f"{faults[0]}{more}")
         self.faults = tuple(faults)
+
+
+def bench_error(path: Path, text: str, faults: Sequence[Fault]) -> BenchError:
+    """The faults of a bench file as an error, in the order of its text."""
+    lines = lines_of(text)
+    in_order = sorted(faults, key=lambda fault: line_at(lines, fault.place) or 0)
+    return BenchError(list(dict.fromkeys(fault.described(path, lines) for fault in in_order)))

@@ -10,10 +10,9 @@ from hil.bench.base import text_of, whole_bench
 from hil.bench.check import faults_of
 from hil.bench.device import DeviceInUse, device_in_use, open_devices, own_settings
 from hil.bench.draft import draft_of
-from hil.bench.fault import BenchError, Fault
+from hil.bench.fault import bench_error
 from hil.bench.file import Bench, ChannelEntry
 from hil.bench.files import kept
-from hil.bench.lines import line_at, lines_of
 from hil.daq.channel import Terminal
 from hil.daq.contract import Daq
 from hil.errors import FileError
@@ -79,13 +78,7 @@ def read_bench(path: Path) -> BenchFile:
             devices[name] = device
     faults += faults_of(draft, devices, path.parent)
     if faults:
-        raise _error(path, text, faults)
+        raise bench_error(path, text, faults)
     bench = Bench.model_validate(content)
     beside = kept({name: own_settings(device, path.parent) for name, device in bench.devices.items()})
     return BenchFile(path, whole + beside, bench, devices)
-
-
-def _error(path: Path, text: str, faults: list[Fault]) -> BenchError:
-    lines = lines_of(text)
-    in_order = sorted(faults, key=lambda fault: line_at(lines, fault.place) or 0)
-    return BenchError(list(dict.fromkeys(fault.described(path, lines) for fault in in_order)))

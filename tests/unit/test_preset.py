@@ -58,3 +58,11 @@ def test_check_names_a_preset_of_an_unknown_procedure(bench, command_line):
     bench.write_text('based_on = "brevini-hpv41"\n[presets.step_respnse.quick]\nlevels = [0, 50]\n')
     status, out, err = command_line("check", bench)
     assert status == 2 and "presets.step_respnse" in out + err
+
+
+def test_check_names_what_a_procedure_refuses(bench, command_line):
+    bench.write_text(bench.read_text() + "[acceptance.step_response]\nrize = { high = 350 }\n")
+    status, out, _ = command_line("check", bench)
+    assert status == 2 and len(out.splitlines()) == 2
+    assert f"{bench}:6: presets.step_response.wrong.hold_s: setting hold_s: -1 s; it must be above 0" in out
+    assert f"{bench}:8: acceptance.step_response.rize: limit 'rize': not measured here; measured are: onset" in out

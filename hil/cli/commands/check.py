@@ -45,12 +45,14 @@ def command(
     from hil.bench.protection_coverage.missing import missing_protection
     from hil.bench.read import read_bench
     from hil.cli.faults import each_reported
+    from hil.session.stated_for_procedures import check_stated
 
     if live and reference:
         raise typer.BadParameter("drives the bench; --live reads it: one after the other", param_hint="--reference")
     path = find_bench(bench)
     with each_reported(path, as_json=as_json):
         found = read_bench(path)
+        check_stated(found)
     warnings = missing_protection(found, datetime.now(UTC).date())
     if not as_json:
         typer.echo("\n".join([*_described(found), *(f"warning: {text}" for text in warnings)]))
