@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hil.identification.grey_box.estimate import Unknown, estimate
 from hil.identification.step.step_response import StepFigures
 from hil.language.note import Note
 from hil.record.recording import Array
@@ -27,8 +28,6 @@ def step_model(time_s: Array, measured: Array, figures: StepFigures) -> StepMode
         measured: the response, shape (n,).
         figures: where it starts and ends, and a first guess of the rest.
     """
-    from scipy.optimize import least_squares
-
     change = figures.final - figures.start
     share = (measured - figures.start) / change
 
@@ -36,24 +35,15 @@ def step_model(time_s: Array, measured: Array, figures: StepFigures) -> StepMode
         late = np.maximum(time_s - p[1], 0.0)
         return -np.expm1(-late / p[0])
 
-    longest_s = float(time_s[-1])
-    first = [max(figures.rise_s / np.log(9.0), 1e-6), max(figures.onset_s, 0.0)]
-
-    def residuals(p: Array) -> Array:
-        return follow(p) - share
-
-    def slopes(p: Array) -> Array:
-        late = np.maximum(time_s - p[1], 0.0)
-        left = np.exp(-late / p[0]) / p[0]
-        return np.column_stack((-left * late / p[0], -left * (late > 0.0)))
-
-    found = least_squares(
-        residuals, np.clip(first, 1e-6, 0.9 * longest_s), jac=slopes,
-        bounds=([1e-7, 0.0], [10.0 * longest_s, longest_s]), x_scale=[first[0], first[0]],
-    )  # fmt: skip
-    constant_s, dead_time_s = found.x.tolist()
+    longest_s, scale_s = float(time_s[-1]), max(figures.rise_s / np.log(9.0), 1e-6)
+    unknowns = (
+        Unknown("time_constant", "s", min(scale_s, 0.9 * longest_s), 1e-7, 10.0 * longest_s, scale_s),
+        Unknown("dead_time", "s", min(max(figures.onset_s, 1e-6), 0.9 * longest_s), 0.0, longest_s, scale_s),
+    )
+    found = estimate(lambda p: follow(p) - share, unknowns).values
+    constant_s, dead_time_s = found.tolist()
     text = Note(
         "first order: time constant {constant_ms:.3g} ms, dead time {dead_time_ms:.3g} ms",
         constant_ms=1e3 * constant_s, dead_time_ms=1e3 * dead_time_s,
     )  # fmt: skip
-    return StepModel(figures.start + change * follow(found.x), text)
+    return StepModel(figures.start + change * follow(found), text)

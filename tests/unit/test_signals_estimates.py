@@ -27,6 +27,18 @@ def test_a_smooth_curve_is_as_stiff_as_the_samples_ask_for():
     assert np.std(slope - 6.0 * np.pi * np.cos(6.0 * np.pi * TIME_S)) < 0.1 * np.std(slope)
 
 
+def test_a_smooth_curve_and_its_slope_are_those_of_its_b_splines_and_go_on_beyond_the_samples():
+    from scipy.interpolate import BSpline
+
+    smoother = Smoother.on(TIME_S, 20)
+    curves = smoother.curves(np.sin(2.0 * np.pi * 3.0 * TIME_S)[None, :])
+    spline = BSpline(smoother.knots, curves.coefficients[0], 3)
+    places = np.linspace(-0.1, TIME_S[-1] + 0.1, 300)
+    values, slopes = smoother.beside(curves, places)
+    assert values[0] == pytest.approx(spline(places), abs=1e-9)
+    assert slopes[0] == pytest.approx(spline(places, 1), abs=1e-7)
+
+
 def test_white_noise_needs_no_whitener_and_coloured_noise_gets_its_own():
     from scipy.signal import lfilter
 
