@@ -78,9 +78,8 @@ def _run() -> int:
         program = _program(next((word for word in sys.argv[1:] if not word.startswith("-")), ""))
         with options_of("prompt"):
             status = program(["--help"] if silent else None, prog_name="hil", standalone_mode=False)
-        signalled = None if error_message.ended or status != _CTRL_C else raised()
-        if signalled is not None and status_of(signalled) != _CTRL_C:
-            return _stopped(signalled)  # typer takes every signal that was raised for Ctrl-C
+        if status == _CTRL_C and not error_message.ended:
+            return _stopped(raised() or KeyboardInterrupt())  # typer takes every signal that was raised for Ctrl-C
         return 2 if silent else int(status or 0)
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         sys.stderr.close()
