@@ -17,7 +17,7 @@ from tests.worlds.world import NEAR, OUTPUTS, PILOT, RAMP_PER_S, RATE_HZ, Array,
 _ON = {"enable": 50.0, PILOT: 50.0}  # % of full scale
 _ON_VALVE = 40.0
 _STEP = 0.01  # % of full scale: what a converter rounds
-_HEARD_S = {"int": 0.5, "term": 0.5, "hup": 0.5, "stop": 0.8, "over": 0.8, "pressed": 0.8}
+_HEARD_S = {"int": 0.15, "term": 0.15, "hup": 0.15, "stop": 0.3, "over": 0.8, "pressed": 0.8}
 _LEAST_S = {"over": 0.3, "pressed": 0.3}
 _CAUSES = (
     ("over-pressure", {"over"}), ("pressed at", {"pressed"}), ("low-pressure", {"low", "swap"}),

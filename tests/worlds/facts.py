@@ -7,10 +7,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from hil.errors import InUseError
 from hil.record.recording import Array
 from tests.worlds.devices import FULL
 from tests.worlds.driven import drives_s
-from tests.worlds.left import kinds, recording_of
+from tests.worlds.left import end_of, kinds, recording_of, report_of
 from tests.worlds.schedule import CALM
 from tests.worlds.serial_line import OnALine
 from tests.worlds.system import instant_s
@@ -19,6 +20,8 @@ from tests.worlds.world import NEAR, RATE_HZ, THIRD, THIRD_READS, Ran, World
 _COUNTS = {"supply pressure": ("aux", 1, 250.0), "emergency stop": ("aux", 2, 10.0)}
 """Inputs beside the flow (see `left.samples_are_those`): of which coupler, which of its inputs, and full scale."""
 _NO_CHECKSUM = {"source", "controller"}
+_HIGH, _OPEN = round(140.0 / 250.0 * FULL), round(0.2 * FULL)  # counts of pressure and contact beyond which it trips
+_PERSON = "a person"
 _SPOILS = {"double", "lose", "garble"}
 _IN_TIME_S = 0.005
 _TRIES_S = 0.45  # so long it is tried at least before an output is called anything but safe
@@ -247,6 +250,20 @@ def others_delay_nothing(world: World, ran: Ran) -> Iterator[str]:
             yield f"over at {from_s:.3f} s, nothing happened to {device}, and {output} is safe at {safe_s:.3f} s"
 
 
+def trips_within_a_block(world: World, ran: Ran) -> Iterator[str]:
+    """Once a device has told what trips, the safe value goes out when this block is over."""
+    begun_s = world.begun_s.get("making safe")
+    if begun_s is None or kinds(ran) - CALM or kinds(ran) & {"wd pause", "low", "hold run"}:
+        return
+    drives_from_s, _ = drives_s(world)
+    told = world.couplers["aux"].inputs_told
+    for kind, beyond in (("over", lambda counts: counts[1] > _HIGH), ("pressed", lambda counts: counts[2] < _OPEN)):
+        told_s = [at_s for at_s, counts in told if beyond(counts) and drives_from_s < at_s < begun_s]
+        late_s = begun_s - told_s[min(1, len(told_s) - 1)] if told_s else 0.0
+        if late_s > ran.schedule.block_s + _IN_TIME_S * 6.0:
+            yield f"{kind} was told at {told_s[0]:.3f} s, and it was made safe from {begun_s:.3f} s on"
+
+
 def safe_goes_out_at_once(world: World, ran: Ran) -> Iterator[str]:
     """On a serial line a safe value waits for no answer that may come late."""
     begun_s, third = world.begun_s.get("making safe"), world.third
@@ -261,8 +278,23 @@ def safe_goes_out_at_once(world: World, ran: Ran) -> Iterator[str]:
         yield f"made safe from {begun_s:.3f} s on, and third is told so at {sent_s:.3f} s"
 
 
+def who_it_was_is_told(world: World, ran: Ran) -> Iterator[str]:
+    """Who pressed stop is kept with the run and by its watchdog; who has the bench is told to who wants it."""
+    recording, watchdog = recording_of(world), report_of(world)
+    events = [] if recording is None else [one for one in recording.meta["events"] if one["event"] == "stop"]
+    by = {event["details"].get("by", "") for event in events}
+    by |= {kept["stopped_by"] for kept in (end_of(world).get("meta", {}), watchdog) if "stopped_by" in kept}
+    if by and (by != {_PERSON} or "stop" not in kinds(ran)):
+        yield f"stopped by {by}, of {kinds(ran)}"
+    if events and end_of(world) and "stopped_by" not in end_of(world)["meta"]:
+        yield f"an event says that {by} stopped the run, and its end does not"
+    for kind, text in ran.errors:
+        if kind is InUseError and not re.search(r"in use by (process 100[012] |another program)", text):
+            yield f"who wanted the bench was told: {text}"
+
+
 LAWS = (
     inputs_are_those, delays_agree, is_sampled_in_time, tries_before_it_says_so, figures_are_true, meets_first,
-    others_delay_nothing, safe_goes_out_at_once, late_answers_pass, stop_is_answered, hold_is_shown, header_is_true,
-    events_have_their_row, causes_of_the_watchdog,
+    others_delay_nothing, trips_within_a_block, safe_goes_out_at_once, late_answers_pass, stop_is_answered,
+    hold_is_shown, header_is_true, events_have_their_row, causes_of_the_watchdog, who_it_was_is_told,
 )  # fmt: skip

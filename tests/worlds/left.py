@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -43,12 +44,22 @@ def kinds(ran: Ran) -> set[str]:
 
 def end_of(world: World) -> dict[str, Any]:
     """What stands in end.json; nothing where there is none."""
+    return _in_file(world, "end.json")
+
+
+def report_of(world: World) -> dict[str, Any]:
+    """What stands in watchdog.json; nothing where there is none."""
+    return _in_file(world, "watchdog.json")
+
+
+def _in_file(world: World, name: str) -> dict[str, Any]:
     with suppress(OSError, ValueError):
-        found: dict[str, Any] = json.loads((world.folder / "run" / "end.json").read_text(encoding="utf-8"))
+        found: dict[str, Any] = json.loads((world.folder / "run" / name).read_text(encoding="utf-8"))
         return found
     return {}
 
 
+@lru_cache(maxsize=1)  # of one world after the other: most laws ask for it
 def recording_of(world: World) -> Recording | None:
     """The record, where there is one with samples."""
     with suppress(FileError):
@@ -232,19 +243,17 @@ def what_stands_was_answered(world: World, ran: Ran) -> Iterator[str]:
     """Where an output is said to stand its device has answered that it stands, just before: no other, and no older."""
     if kinds(ran) & _STANDS_STILL:
         return
-    for file in ("end.json", "watchdog.json"):
-        with suppress(OSError, ValueError):
-            outputs = json.loads((world.folder / "run" / file).read_text(encoding="utf-8"))["outputs"]
-            for name, device in OUTPUTS.items():
-                output = outputs.get(name, {"state": ""})
-                if output["state"] not in ("safe", "driven") or output["at"] is None:
-                    continue
-                known_s = instant_s(output["at_utc"])
-                told = [count / FULL * FULL_SCALE[name]
-                        for one in (world.couplers[device], world.strangers.get(device)) if one is not None
-                        for at_s, count in one.read_back if known_s - _SAFE_S < at_s <= known_s + _STAMP_S]  # fmt: skip
-                if not any(abs(at - output["at"]) <= 0.01 for at in told):
-                    yield f"{file} has {name} at {output['at']} since {known_s:.3f} s, and it answered {told[-3:]}"
+    for file, kept in (("end.json", end_of(world)), ("watchdog.json", report_of(world))):
+        for name, device in OUTPUTS.items():
+            output = kept.get("outputs", {}).get(name, {"state": ""})
+            if output["state"] not in ("safe", "driven") or output["at"] is None:
+                continue
+            known_s = instant_s(output["at_utc"])
+            told = [count / FULL * FULL_SCALE[name]
+                    for one in (world.couplers[device], world.strangers.get(device)) if one is not None
+                    for at_s, count in one.read_back if known_s - _SAFE_S < at_s <= known_s + _STAMP_S]  # fmt: skip
+            if not any(abs(at - output["at"]) <= 0.01 for at in told):
+                yield f"{file} has {name} at {output['at']} since {known_s:.3f} s, and it answered {told[-3:]}"
 
 
 def ramps_down(world: World, ran: Ran) -> Iterator[str]:
