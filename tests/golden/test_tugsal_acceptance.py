@@ -1,7 +1,5 @@
 """The three valves of the thesis through the acceptance test: the good one is accepted, the returned one is not."""
 
-from __future__ import annotations
-
 import pytest
 from efc_bench import failed, outcome, published, value
 

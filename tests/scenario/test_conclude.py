@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from hil.bench.read import read_bench
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.errors import FileError
 from hil.identification.preparation.experiment import Experiment, for_model
-from hil.physics.model import Model
 from hil.physics.simulate import ActiveEffect
 from hil.record.folder import read
 from hil.session.demo import write_bench_with
@@ -46,7 +43,7 @@ def diagnosed_once(monkeypatch):
     """The same recordings are diagnosed once, however often they are asked about: that takes seconds."""
     known: dict[tuple[Experiment, ...], Diagnosed] = {}
 
-    def remembered(model: Model, experiments: list[Experiment], *others: Any) -> Diagnosed:
+    def remembered(model, experiments, *others):
         asked = tuple(experiments)
         if asked not in known:
             known[asked] = diagnose(model, experiments, *others)

@@ -1,7 +1,5 @@
 """Nothing is imported or compiled while a procedure drives: it would hold the program while a valve is open."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -81,7 +81,7 @@ def test_each_test_finds_what_it_finds_alone(file, tmp_path, whole, name):
 
 
 def test_a_run_that_was_broken_off_goes_on_with_the_test_that_was_not_completed(file, tmp_path, whole):
-    def stop(_done: float, text: str) -> None:
+    def stop(_done, text):
         if text.startswith("onward"):
             raise StoppedError("somebody opened the door")
 
@@ -100,7 +100,7 @@ def test_a_run_that_was_broken_off_goes_on_with_the_test_that_was_not_completed(
 
 
 def test_what_was_not_driven_to_its_end_is_said_and_judged_by_nobody(file, tmp_path):
-    def stop(_done: float, text: str) -> None:
+    def stop(_done, text):
         if "sweep of 20" in text:
             raise StoppedError("somebody opened the door")
 
@@ -139,7 +139,7 @@ def test_tests_of_adjusted_conditions_join_where_the_bench_has_their_roles(tmp_p
 
 
 def test_nobody_has_to_name_the_tests_of_a_bench(file, tmp_path):
-    def stop(_done: float, text: str) -> None:
+    def stop(_done, text):
         if text.startswith("sweep"):
             raise StoppedError("somebody opened the door")
 

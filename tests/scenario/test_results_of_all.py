@@ -1,7 +1,5 @@
 """Every installed procedure's results, as `hil results` hands them on, against the schema that documents them."""
 
-from __future__ import annotations
-
 import pytest
 from handed_on import check_handed_on
 

@@ -1,7 +1,5 @@
 """The table of what the acceptance test risks, from verdicts that are known."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

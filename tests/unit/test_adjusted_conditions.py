@@ -16,7 +16,6 @@ from hil.bench.read import read_bench
 from hil.errors import RangeError, RehearsalError, SettingError, StoppedError
 from hil.record.measurement import Findings
 from hil.record.read import read_recording
-from hil.rig import Rig
 from hil.safety.operator import Operator
 from hil.session.procedure import load_procedure
 from hil.session.run import rehearse_procedure, run_procedure
@@ -119,7 +118,7 @@ def test_a_test_that_lacks_a_role_is_refused_by_name(tmp_path, name):
 
 
 def test_the_rehearsal_judges_adjusted_conditions_too(tmp_path):
-    def run(rig: Rig) -> None:
+    def run(rig):
         rig.adjust({"supply pressure": 140.0})
 
     file = bench(tmp_path, ('high = 230.0\nfor_s = 0.02\naction = "trip"', 'high = 130.0\naction = "trip"'))
@@ -146,7 +145,7 @@ def by_hand(tmp_path: Path, change: tuple[str, str] | None = None):
 def test_somebody_sets_a_condition_by_hand_and_the_reading_is_held_against_it(tmp_path, asked, message):
     operator, heard = Operator(), []
 
-    def told(_done: float, text: str) -> None:
+    def told(_done, text):
         heard.append(text)
 
     with (
@@ -173,7 +172,7 @@ def test_nobody_is_asked_where_nobody_is_and_a_value_beyond_the_range_is_refused
 
 
 def test_nobody_is_asked_on_a_simulated_bench_without_a_terminal(tmp_path):
-    def run(rig: Rig) -> None:
+    def run(rig):
         rig.adjust({"supply pressure": 101.0})
         rig.hold(0.1)
 

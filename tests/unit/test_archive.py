@@ -409,7 +409,7 @@ def test_a_run_that_is_entered_slowly_says_so(tmp_path, monkeypatch, capfd):
     (tmp_path / "run" / "run.json").write_text("{}")
     said: list[str] = []
 
-    def slowly(*_: object) -> str:
+    def slowly(*_):
         until(lambda: said.append(capfd.readouterr().err) or "being entered" in "".join(said))
         return ""
 

@@ -1,7 +1,5 @@
 """The calibrations of a bench in the archive, against what its runs say of themselves."""
 
-from __future__ import annotations
-
 import datetime as dt
 import json
 import sqlite3

@@ -288,9 +288,8 @@ def test_a_run_of_the_command_line_tells_nobody_the_password(postgresql, tmp_pat
     """A whole run with the address in the environment: neither its processes nor its files show the password."""
     environment = {**os.environ, "HIL_ARCHIVE": secret_place(new_database(postgresql)).url.replace("+psycopg", ""),
                    "HIL_STATE_DIR": str(tmp_path / "state")}  # fmt: skip
-    asked = python(
-        "hil", "run", "flow_curve", "--bench", "brevini-hpv41", "--serial", "S", "--out", str(tmp_path / "r")
-    )
+    step = ("step_response", "--set", "levels=0,80")
+    asked = python("hil", "run", *step, "--bench", "brevini-hpv41", "--serial", "S", "--out", str(tmp_path / "r"))
     seen: set[str] = set()
     with subprocess.Popen(asked, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as run:
         while run.poll() is None:

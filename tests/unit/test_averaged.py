@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.identification.grey_box.estimate import Estimate, estimate
+from hil.identification.grey_box.estimate import estimate
 from hil.identification.grey_box.free import unknown_of
 from hil.identification.grey_box.identify import starting_model
 from hil.identification.grey_box.residuals import Residuals
@@ -54,7 +54,7 @@ def test_means_leave_estimates_and_their_uncertainties_as_they_are():
     recorded = _recorded(model, _sine(10_000, 1e-3, 0.4), 1e-3)
     unknowns = [unknown_of(model, name) for name in ("full_flow", "dead_time")]
 
-    def fitted(count: int) -> Estimate:
+    def fitted(count):
         of = Residuals(model.definition, [replace(recorded, averaged=count)], model.values, ())
         named = [u.name for u in unknowns]
         return estimate(lambda x: of.at(dict(model.values) | dict(zip(named, x.tolist(), strict=True)), ()), unknowns)

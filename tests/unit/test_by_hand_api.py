@@ -1,7 +1,5 @@
 """A bench by hand from Python: what `hil jog`, `hil watch` and `hil calibrate` do, as functions."""
 
-from __future__ import annotations
-
 import pytest
 
 from hil import api

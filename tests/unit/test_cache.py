@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from typing import Any
 
 import numba
 import numpy as np
@@ -127,7 +126,7 @@ def test_kept_folder_is_no_link(tmp_path, monkeypatch):
 def test_kernels_are_made_where_nothing_can_be_kept(monkeypatch):
     njit = numba.njit
 
-    def without_a_home(*functions: Any, cache: bool = False, **options: Any) -> Any:
+    def without_a_home(*functions, cache=False, **options):
         if cache:
             raise RuntimeError("cannot cache function: no locator available")
         return njit(*functions, **options)

@@ -33,7 +33,7 @@ Calibrated = Callable[..., Told]
 def calibrated(command_line, tmp_path):
     """How `hil calibrate` of the command ended that was answered so."""
 
-    def run(typed: str, *more: str) -> Told:
+    def run(typed, *more):
         stated = ("--reference", "meter 7, 2026-03", "--reference-uncertainty", "0.4 %", "--operator", "kb")
         where = ("--out", tmp_path / "run", "--archive", tmp_path)
         return command_line("calibrate", _bench(tmp_path), "command", *stated, *where, *more, typed=typed)
@@ -113,7 +113,7 @@ def test_an_input_is_averaged_at_each_point(tmp_path):
         places = iter([-40.0, 0.0, 40.0])
         places_v = iter([-4.0, 0.0, 4.0])
 
-        def ask(_text: str) -> None:
+        def ask(_text):
             device.side.drive({"ao0": next(places_v)})
             ahead.by_s += 2.0  # the spool takes its time
 

@@ -1,7 +1,5 @@
 """The folder is the catalog: every public module of a named package is an entry under its file name."""
 
-from __future__ import annotations
-
 import pytest
 
 from hil.catalog import KINDS, Entry, entries, find

@@ -119,7 +119,7 @@ def test_a_search_that_does_not_end_is_ended(tmp_path, certifies, monkeypatch):
 def test_ctrl_c_during_the_search_keeps_the_verdict(tmp_path, certifies, monkeypatch):
     answers(monkeypatch, "import time; time.sleep(60)")
 
-    def stopped(_done: float, text: str) -> None:
+    def stopped(_done, text):
         assert "verdict written; looking for the cause" in text
         raise KeyboardInterrupt
 

@@ -1,7 +1,5 @@
 """Several base parameters of an EFC that are far off at once: none stays that only stands for the others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Base parameters that changed: a unit that has changed, or the effect that one of them has grown into."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

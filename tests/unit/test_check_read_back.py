@@ -1,7 +1,5 @@
 """What reading outputs back while driving costs each link, as `hil check` prints it."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

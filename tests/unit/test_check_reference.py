@@ -1,12 +1,9 @@
 """`hil check --reference`: a bench that is as it was, one whose meter reads 2 % more, and the first time."""
 
-from __future__ import annotations
-
 import datetime as dt
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -29,7 +26,7 @@ Checked = Callable[..., tuple[int, str]]
 def checked(bench, command_line):
     """Exit status of `hil check --reference` of a bench with such values, and what it prints."""
 
-    def run(*more: str, **tables: Any) -> tuple[int, str]:
+    def run(*more, **tables):
         bench_file(bench, "brevini-hpv41", sample_rate_hz=200, **tables)
         return command_line("check", bench, "--reference", "REF 1", *more)[:2]
 

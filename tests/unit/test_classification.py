@@ -1,7 +1,5 @@
 """Classes from features: probabilities, thresholds, intervals; the EFC population by physics and as the thesis does."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

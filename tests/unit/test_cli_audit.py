@@ -1,7 +1,5 @@
 """`hil audit`: the trail is printed, its chain checked, and its head printed to be kept elsewhere."""
 
-from __future__ import annotations
-
 import json
 import os
 

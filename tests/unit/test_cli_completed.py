@@ -1,7 +1,5 @@
 """A shell completes names that are installed."""
 
-from __future__ import annotations
-
 from hil.cli.completed import benches_like, procedures_like
 
 

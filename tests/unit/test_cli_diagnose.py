@@ -1,7 +1,5 @@
 """Recordings of before on the command line."""
 
-from __future__ import annotations
-
 import pytest
 import typer
 from typer.main import get_command

@@ -81,7 +81,7 @@ def fenced(page: Path, language: str) -> list[str]:
 def follow(install_package):
     """Puts the code of a how-to into a package of its own and installs it for one test."""
 
-    def followed(group: str, module: str, page: str) -> None:
+    def followed(group, module, page):
         package = f"acme_{group.rpartition('.')[2]}"
         (code,) = fenced(DOCS / "how-to" / page, "python")
         (declared,) = fenced(DOCS / "how-to" / page, "toml")

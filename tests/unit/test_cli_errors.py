@@ -179,7 +179,7 @@ def test_debug_is_not_asked_of_the_next_command_of_a_process(command_line):
     ids=["file system", "fault", "ctrl-c"],
 )  # fmt: skip
 def test_what_is_raised_is_one_line(error, status, says, command_line, monkeypatch):
-    def broken(_kind: str) -> None:
+    def broken(_kind):
         raise error
 
     monkeypatch.setattr("hil.cli.commands.list_.entries", broken)
@@ -234,7 +234,7 @@ def test_a_unit_that_the_file_stated_otherwise_is_remarked(command_line, prints)
 
 
 def test_a_second_signal_says_no_second_end(command_line, monkeypatch):
-    def stopped(_kind: str) -> None:
+    def stopped(_kind):
         ended = KeyboardInterrupt()
         marked(ended, 130, "outputs are safe (read back)")
         raise typer.Exit(say(ended))

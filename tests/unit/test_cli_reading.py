@@ -29,7 +29,7 @@ def test_what_is_typed_is_the_reading():
     taken: list[Reading] = []
 
     @takes_reading
-    def command(name: str = typer.Argument(...), *, reading: Reading) -> None:
+    def command(name=typer.Argument(...), *, reading):
         taken.append(reading)
         typer.echo(name)
 

@@ -25,7 +25,7 @@ def hil(monkeypatch, tmp_path, command_line):
     """Runs `hil …` in a folder of its own; gives stdout."""
     monkeypatch.chdir(tmp_path)
 
-    def run(*arguments: str) -> str:
+    def run(*arguments):
         found = command_line(*arguments)
         assert found.status == 0, found.err
         return found.out

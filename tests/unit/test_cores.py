@@ -34,7 +34,7 @@ def permits(idle: threading.Semaphore) -> int:
 
 
 def test_results_come_in_the_order_of_what_was_given(three_cores):
-    def late_first(k: int) -> int:
+    def late_first(k):
         time.sleep(0.002 * (10 - k))
         return k * k
 
@@ -46,7 +46,7 @@ def test_results_come_in_the_order_of_what_was_given(three_cores):
 def test_idle_cores_help_and_no_more_than_there_are(three_cores):
     at_work, most, lock = 0, 0, threading.Lock()
 
-    def watched(k: int) -> int:
+    def watched(k):
         nonlocal at_work, most
         with lock:
             at_work += 1
@@ -56,7 +56,7 @@ def test_idle_cores_help_and_no_more_than_there_are(three_cores):
             at_work -= 1
         return k
 
-    def nested(k: int) -> int:
+    def nested(k):
         return sum(parallel_map(watched, range(k, k + 4)))
 
     assert parallel_map(nested, range(5)) == [4 * k + 6 for k in range(5)]
@@ -70,7 +70,7 @@ def test_without_an_idle_core_the_caller_does_it_all(monkeypatch):
 
 
 def test_depth_beyond_the_number_of_threads_ends(three_cores):
-    def deep(depth: int) -> int:
+    def deep(depth):
         return sum(parallel_map(deep, [depth - 1] * 3)) if depth else 1
 
     assert deep(7) == 3**7
@@ -81,7 +81,7 @@ def test_depth_beyond_the_number_of_threads_ends(three_cores):
 def test_the_first_failure_ends_it_and_is_raised(three_cores, failing):
     begun = []
 
-    def fails(k: int) -> int:
+    def fails(k):
         begun.append(k)
         time.sleep(0.002)
         if k == failing:
@@ -97,13 +97,13 @@ def test_the_first_failure_ends_it_and_is_raised(three_cores, failing):
 def test_ctrl_c_ends_what_other_cores_are_at(three_cores):
     done, begun = 0, threading.Event()
 
-    def step(_k: int) -> None:
+    def step(_k):
         nonlocal done
         done += 1
         begun.set()
         time.sleep(0.001)
 
-    def work(_k: int) -> None:
+    def work(_k):
         if threading.current_thread() is threading.main_thread():
             begun.wait()
             raise KeyboardInterrupt

@@ -1,7 +1,5 @@
 """How uncertain the values of a corrected model are."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

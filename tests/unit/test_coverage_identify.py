@@ -1,7 +1,5 @@
 """A seed of the study of identified parameters: values that are told hold truths that are solved elsewhere."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.studies.identify.cases import CASES

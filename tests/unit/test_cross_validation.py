@@ -41,7 +41,7 @@ def problem(
     return pose(typical_model(name), made)
 
 
-def test_recordings_are_short_by_what_they_hold_and_not_by_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recordings_are_short_by_what_they_hold_and_not_by_the_clock(monkeypatch):
     """The answer would depend on what else the machine is at: a fleet on a cluster was told otherwise than here."""
     short, long = problem("brevini-hpv41", (30.0,)), problem("brevini-hpv41", (20.0, 25.0))
     monkeypatch.setattr(Experiment, "respond", lambda *_, **__: pytest.fail("a simulation was timed"))
@@ -57,14 +57,14 @@ def test_recordings_are_short_by_what_they_hold_and_not_by_the_clock(monkeypatch
         ("flow-loop", (50.0,), 1.0, rooms.NOTHING),
     ],
 )
-def test_what_is_kept_back(name: str, seconds: tuple[float, ...], interval_s: float, said: str) -> None:
+def test_what_is_kept_back(name, seconds, interval_s, said):
     asked = problem(name, seconds, interval_s=interval_s)
     kept = folds_of(asked, nothing(asked))
     assert kept.basis == said
     assert len(kept.fold) == len(kept.scored) == len(asked.nominal_residuals)
 
 
-def test_what_the_plant_remembers_of_the_other_half_is_not_judged() -> None:
+def test_what_the_plant_remembers_of_the_other_half_is_not_judged():
     asked = problem("throttle-flap", (8.0,))
     kept = folds_of(asked, nothing(asked))
     unjudged = np.flatnonzero(~kept.scored)
@@ -73,7 +73,7 @@ def test_what_the_plant_remembers_of_the_other_half_is_not_judged() -> None:
     assert 3 <= len(unjudged) < 100
 
 
-def test_a_prediction_is_of_a_fit_without_what_it_predicts() -> None:
+def test_a_prediction_is_of_a_fit_without_what_it_predicts():
     """A constant that the second recording alone has is not foretold."""
     asked = problem("throttle-flap", (8.0, 8.0))
     shifted = asked.experiments[1].output + 0.5
@@ -89,7 +89,7 @@ def test_a_prediction_is_of_a_fit_without_what_it_predicts() -> None:
     ("changed", "said"),
     [((1,), rooms.OTHER_HALVES), ((0, 1), rooms.OTHER_RECORDINGS), ((), rooms.OTHER_RECORDINGS)],
 )
-def test_what_shows_in_one_recording_alone_is_judged_within_it(changed: tuple[int, ...], said: str) -> None:
+def test_what_shows_in_one_recording_alone_is_judged_within_it(changed, said):
     """A limit of rate that only the steps reach was refused: a fit of the slow recordings cannot foretell it."""
     asked = problem("throttle-flap", (8.0, 9.0))
     term = next(t for t in all_terms(asked, asked.nominal_residuals) if t.name == "rate_limit")
@@ -107,7 +107,7 @@ def test_what_shows_in_one_recording_alone_is_judged_within_it(changed: tuple[in
 @pytest.mark.parametrize(
     ("pressures", "said"), [((3.0, 7.0), rooms.OTHER_HALVES), ((3.0, 3.5, 7.0, 6.5), rooms.OTHER_RECORDINGS)]
 )
-def test_values_that_only_both_recordings_tell_are_judged_within_each(pressures: Sequence[float], said: str) -> None:
+def test_values_that_only_both_recordings_tell_are_judged_within_each(pressures, said):
     """Friction with and without pressure: at one pressure nothing tells them apart, so that it foretells no other."""
     cylinder = plant("pneumatic-cylinder")
     friction = ActiveEffect("seal_friction", "seal", {"share": 0.05, "constant": 5.0, "presliding": 0.5})
@@ -126,7 +126,7 @@ def test_values_that_only_both_recordings_tell_are_judged_within_each(pressures:
     assert folds_of(asked, found).basis == said
 
 
-def test_no_cause_is_excluded_that_would_do_as_well() -> None:
+def test_no_cause_is_excluded_that_would_do_as_well():
     friction = ActiveEffect("friction", "force", {"coulomb": 3.0, "stiction": 1.2, "stribeck": 5.0, "presliding": 0.05})
     asked = problem("throttle-flap", (10.0,), friction)
     terms = all_terms(asked, asked.nominal_residuals)
@@ -142,7 +142,7 @@ def test_no_cause_is_excluded_that_would_do_as_well() -> None:
     assert fitted["friction"].upper == pytest.approx(7.0 + 1.645 * 0.5)  # it may be larger than it was fitted
 
 
-def test_beside_what_nobody_explains_an_effect_may_be_all_that_is_left() -> None:
+def test_beside_what_nobody_explains_an_effect_may_be_all_that_is_left():
     """Of a unit called unexplained a heating coil was excluded at a hundred thousandth of what it had."""
     offset = ActiveEffect("sensor_offset", "sensor", {"offset": 0.5})
     upper = {}
@@ -155,12 +155,12 @@ def test_beside_what_nobody_explains_an_effect_may_be_all_that_is_left() -> None
     assert upper[1] == pytest.approx(0.5, rel=0.2)
 
 
-def test_a_rate_of_false_alarms_is_that_of_a_plant_that_was_counted() -> None:
+def test_a_rate_of_false_alarms_is_that_of_a_plant_that_was_counted():
     known, unknown = false_alarms("cummins-efc", "changed"), false_alarms("throttle-flap", "changed")
     assert known.rate is not None and 0.05 < known.rate < 0.15  # 0 of 30
     assert "cummins-efc" in known.scope
     assert unknown.rate is None and "not counted" in unknown.scope
 
 
-def test_what_a_model_leaves_out_has_no_rate_of_false_alarms() -> None:
+def test_what_a_model_leaves_out_has_no_rate_of_false_alarms():
     assert false_alarms("cummins-efc", "left_out").rate is None

@@ -1,7 +1,5 @@
 """An edge of the dead band that may as well lie at neutral is a bound, not a value with an uncertainty around 0."""
 
-from __future__ import annotations
-
 import pytest
 
 from hil.record.measurement import Measurement

@@ -12,12 +12,11 @@ from hil.diagnosis.intake.check import check
 from hil.errors import FileError
 from hil.physics.compose import plant
 from hil.physics.model import Model
-from hil.record.recording import Recording
 from tests.concealed import PLANT, WORN, bound, changed, noise, nominal, poor, records, with_rows
 
 
 def test_swapped_columns_are_refused():
-    def swap(each: Recording) -> None:
+    def swap(each):
         command, flow = each.channels["command"].values, each.channels["flow"].values
         kept = command.copy()
         command[:], flow[:] = flow, kept
@@ -27,7 +26,7 @@ def test_swapped_columns_are_refused():
 
 
 def test_columns_that_look_swapped_are_taken_where_their_units_are_stated():
-    def swap(each: Recording) -> None:
+    def swap(each):
         command, flow = each.channels["command"].values, each.channels["flow"].values
         command[:], flow[:] = flow.copy(), command.copy()
 
@@ -62,7 +61,7 @@ def test_recordings_may_be_as_short_as_those_of_identification():
 
 
 def test_a_constant_command_is_refused():
-    def stand_still(each: Recording) -> None:
+    def stand_still(each):
         each.channels["command"].values[:] = 50.0
 
     with pytest.raises(FileError, match="never changes"):
@@ -70,7 +69,7 @@ def test_a_constant_command_is_refused():
 
 
 def test_a_clipped_channel_is_left_out_and_said():
-    def clip(each: Recording) -> None:
+    def clip(each):
         flow = each.channels["flow"].values
         flow[:] = np.clip(flow, -20.0, 20.0)
 
@@ -80,7 +79,7 @@ def test_a_clipped_channel_is_left_out_and_said():
 
 
 def test_a_slow_channel_is_clipped_where_noise_lets_it_go_for_a_moment_too():
-    def clip(each: Recording) -> None:
+    def clip(each):
         flow = each.channels["flow"].values
         flow[:] = np.minimum(flow, np.quantile(flow, 0.9))
 

@@ -86,7 +86,7 @@ def test_a_loop_whose_output_has_a_wrong_unit_is_refused(factor):
 
 
 def test_an_offset_many_times_what_moves_is_no_unit():
-    def offset(each: Recording) -> None:
+    def offset(each):
         each.channels["flow"].values[:] += 130.0
 
     check(nominal(), bound(nominal(), changed(offset)))
@@ -118,7 +118,7 @@ def test_a_recording_that_a_poor_model_cannot_follow_is_in_no_wrong_unit():
     good = nominal()
     unfit = replace(good, origin={**good.origin, "fit_percent": {"steps": 20.0}})
 
-    def unlike(each: Recording) -> None:
+    def unlike(each):
         flow = each.channels["flow"].values
         flow[:] = 0.15 * (flow + np.std(flow) * np.sqrt(2.0) * np.sin(0.9 * each.time_s))
 
@@ -199,7 +199,7 @@ def test_moves_that_are_many_times_what_is_expected_at_the_right_level_are_no_un
 def test_factors_are_those_of_the_unit():
     gallon, psi_in_kpa, rate = 3.785, 6.895, 60.0
 
-    def holds(unit: str, factor: float) -> bool:
+    def holds(unit, factor):
         return any(abs(found / factor - 1.0) < 0.01 for found in unit_factors(unit))
 
     assert holds("l/min", gallon) and holds("l/min", rate)

@@ -1,7 +1,5 @@
 """A diagnosis does not take the ripple of a dither, whose phase no recording holds, for a misfit of inner signals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

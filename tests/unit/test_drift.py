@@ -1,7 +1,5 @@
 """Base parameters may drift a little: what is told of it, and from where on the unit has changed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 One that cannot be tested in full ends early, says why, and leaves the outputs safe.
 """
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

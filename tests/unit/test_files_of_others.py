@@ -1,7 +1,5 @@
 """Files of others that a command takes: too deep, no files, links in run folders. One line, exit 2, and no waiting."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Null bias, lap and saturation of curves by formula; the pressure drop beside a rated flow."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

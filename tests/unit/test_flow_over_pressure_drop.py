@@ -1,7 +1,5 @@
 """Flow over pressure drop of flows by formula."""
 
-from __future__ import annotations
-
 import pytest
 from supply_recording import supply_recording
 

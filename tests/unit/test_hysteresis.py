@@ -41,7 +41,7 @@ def test_a_memory_that_fades_is_worn_off_by_small_motions():
     state = np.zeros(2)
     at_rest(0.0, state)
 
-    def behind(command: np.ndarray) -> float:
+    def behind(command):
         return [v - fading_hysteresis.transform(v, state, 100.0, WIDTH, REACH, 0.0) for v in command][-1]
 
     assert behind(np.linspace(0.0, 50.0, 101)) == pytest.approx(WIDTH, rel=0.01)

@@ -28,7 +28,7 @@ def test_directions_that_no_sample_tells_are_told_from_those_that_samples_do():
     unknowns = [Unknown(name, "1", 1.0, 0.0, 5.0, 1.0) for name in "abc"]
     noise = np.random.default_rng(1).normal(size=500)
 
-    def residuals(values: Array) -> Array:
+    def residuals(values):
         a, b, c = values
         left: Array = 20.0 * (a + b - 2.0) + 30.0 * np.linspace(-1.0, 1.0, 500) * (c - 1.0) + noise
         return left

@@ -1,7 +1,5 @@
 """Rooms of identification: a stranger's package finds modules under the names of before, and they are the same."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -72,7 +72,7 @@ def test_nobody_pays_for_an_uncertainty_that_is_not_asked_for():
 def test_a_sketch_is_asked_for_slopes_and_the_whole_for_what_they_bring():
     valley, rough = Counted(), Counted()
 
-    def sketch(values: Array) -> Array:
+    def sketch(values):
         nearly: Array = 1.05 * rough(values) + 0.2
         return nearly
 
@@ -126,7 +126,7 @@ def test_what_bounds_leave_of_a_valley_is_no_matter_of_rounding_or_order():
 def test_what_is_no_more_certain_than_its_bounds_is_not_told():
     noise = np.random.default_rng(3).standard_normal(400)
 
-    def residuals(values: Array) -> Array:
+    def residuals(values):
         left: Array = noise + values[0] * 0.05 + values[1]
         return left
 
@@ -137,7 +137,7 @@ def test_what_is_no_more_certain_than_its_bounds_is_not_told():
 
 
 def test_a_step_to_where_the_plant_runs_away_is_taken_back_without_a_word():
-    def residuals(values: Array) -> Array:
+    def residuals(values):
         far = np.full(2, 1e200)
         return far if values[0] < -3.0 else np.array([np.arctan(values[0]), 0.0])
 

@@ -33,7 +33,7 @@ def recorded(mid_mm: float) -> Experiment:
     return experiment(read, model.definition)
 
 
-def test_another_zero_moves_the_reading_and_nothing_else() -> None:
+def test_another_zero_moves_the_reading_and_nothing_else():
     one, other = recorded(0.0), recorded(400.0)
     np.testing.assert_allclose(other.output - one.output, 400.0, atol=1e-9)
     assert np.max(one.output) > 120.0  # an end of the stroke is reached
@@ -55,20 +55,20 @@ def test_another_zero_moves_the_reading_and_nothing_else() -> None:
         (Travel(378.0, 612.0, ends_at_least=True, ends_at_greatest=True), 495.0),  # of a shorter stroke
     ],
 )
-def test_the_zero_is_at_mid_stroke_at_an_end_by_an_end_or_amid_what_was_read(travel: Travel, mid: float | None) -> None:
+def test_the_zero_is_at_mid_stroke_at_an_end_by_an_end_or_amid_what_was_read(travel, mid):
     cylinder = plant(CYLINDER)
     assert cylinder.zero is not None
     assert cylinder.zero(cylinder.typical, travel) == ({} if mid is None else {"mid_reading": mid})
 
 
-def test_an_end_is_where_it_stands_under_a_command_that_moves_it_elsewhere() -> None:
+def test_an_end_is_where_it_stands_under_a_command_that_moves_it_elsewhere():
     travel = travelled([recorded(400.0)])  # out to the end of the stroke, then in by less than all of it
     assert travel is not None
     assert travel.ends_at_greatest and not travel.ends_at_least
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.12])
-def test_where_a_command_rests_or_turns_there_is_no_end(late_s: float) -> None:
+def test_where_a_command_rests_or_turns_there_is_no_end(late_s):
     time_s = np.arange(0.0, 12.0, 0.01)
     current = np.where(time_s < 6.0, 0.8 * np.sin(4.0 * time_s), np.where(time_s < 7.0, 0.7, 0.3))
     at_rest = from_memory({"time [s]": time_s, "current [A]": current, "position [mm]": np.full(len(time_s), 300.0)})
@@ -82,14 +82,14 @@ def test_where_a_command_rests_or_turns_there_is_no_end(late_s: float) -> None:
     assert not (travel.ends_at_least or travel.ends_at_greatest)
 
 
-def test_a_position_from_an_end_of_the_stroke_is_identified() -> None:
+def test_a_position_from_an_end_of_the_stroke_is_identified():
     found = fit_plant(starting_model(CYLINDER), [recorded(125.0)])
     assert found.model.values["mid_reading"] == 125.0
     assert min(found.fits.values()) > 99.0
     assert [str(note) for note in found.notes if "mid_reading is taken as 125" in str(note)]
 
 
-def test_a_model_that_followed_none_of_its_recordings_says_nothing_of_units() -> None:
+def test_a_model_that_followed_none_of_its_recordings_says_nothing_of_units():
     model: Model = starting_model(CYLINDER)
     assert can_be_held_against(replace(model, origin={"fit_percent": {"a": -30.0, "b": 82.0}}))
     assert not can_be_held_against(replace(model, origin={"fit_percent": {"a": -146.0, "b": -30.0}}))

@@ -1,7 +1,5 @@
 """Internal leakage of return flows by formula."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from swept_recording import swept_recording

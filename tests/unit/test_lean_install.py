@@ -36,7 +36,7 @@ def hide(monkeypatch, tmp_path):
     """Takes packages away; others stay, as what a test before has imported may still ask for them."""
     monkeypatch.chdir(tmp_path)
 
-    def hidden(*names: str) -> None:
+    def hidden(*names):
         for name in [name for name in sys.modules if name.partition(".")[0] in names]:
             monkeypatch.delitem(sys.modules, name)
         monkeypatch.setattr(sys, "meta_path", [Hiding(finder, names) for finder in sys.meta_path])

@@ -9,7 +9,7 @@ import numpy as np
 from hil.diagnosis.events.least_trimmed_squares import least_trimmed_squares, quiet
 from hil.diagnosis.intake.problem import pose
 from hil.diagnosis.search.fits import fit
-from hil.diagnosis.search.fitted import Fitted, nothing
+from hil.diagnosis.search.fitted import nothing
 from hil.diagnosis.search.terms import all_terms
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
@@ -46,7 +46,7 @@ def test_a_law_does_not_bend_to_what_happens_beside_it():
     start = nothing(problem)
     terms = all_terms(problem, start.residuals)
 
-    def fitted(name: str) -> Fitted:
+    def fitted(name):
         term = next(t for t in terms if t.name == name and t.hook in ("pilot", "flow"))
         return fit(problem, replace(start, terms=(term,), values=(term.starts[0],)))
 

@@ -1,7 +1,5 @@
 """Limiting power of flows by formula: one that rises on, one that is cut off, one that falls."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Load steps of responses by formula: one that goes elsewhere, one that overshoots, one that comes back, none."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

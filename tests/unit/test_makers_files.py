@@ -1,7 +1,5 @@
 """EDS and DBC files as makers really write them come in; what of them cannot be understood is said."""
 
-from __future__ import annotations
-
 import os
 import tomllib
 

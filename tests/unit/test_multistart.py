@@ -1,7 +1,5 @@
 """A fit that begins in the wrong place ends in the right one."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from hil.identification.grey_box.free import unknown_of

@@ -1,7 +1,5 @@
 """After a run: why it did not pass, what to do now, and the same test of the next unit."""
 
-from __future__ import annotations
-
 from urllib.parse import parse_qs, urlsplit
 
 import pytest

@@ -184,7 +184,7 @@ def test_only_channels_that_are_used_decide_which_samples_tell():
 
 
 def test_only_what_rests_on_no_measurement_is_not_given():
-    def evaluate(made: Recording) -> Findings:
+    def evaluate(made):
         a = made.values("a")
         first, largest = Measurement("first", "V", ""), Measurement("largest", "V", "", high=5.0)
         bound = Measurement("bound", "V", "", low=5.0)

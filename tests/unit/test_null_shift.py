@@ -1,7 +1,5 @@
 """Null shift of flows by formula: each condition moves the null by so much."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from swept_recording import swept_recording

@@ -67,13 +67,15 @@ def efc_run(folder: Path) -> Path:
     return folder
 
 
-def test_compare_and_diff_say_it_before_what_they_found(tmp_path, command_line):
+def test_compare_and_diff_say_it_before_what_they_found(tmp_path, prints):
     run = str(efc_run(tmp_path / "run"))
-    compared = command_line("compare", "--model", "efc-good", run)
-    assert compared.status == 0 and f"note: {run} {TOLD}efc-drive" in compared.out.splitlines()[0]
-    notes: list[str] = []
-    hil.diff(run, run, model="efc-good", budget_s=0.1, notes=notes.append)
-    assert TOLD in notes[0]
+    assert f"note: {run} {TOLD}efc-drive" in prints("compare", "--model", "efc-good", run).splitlines()[0]
+
+    def stop(note):
+        raise KeyboardInterrupt(note)
+
+    with pytest.raises(KeyboardInterrupt, match=TOLD):  # nothing is compared yet
+        hil.diff(run, run, model="efc-good", notes=stop)
 
 
 def test_a_diagnosis_has_it_above_its_verdict(tmp_path):

@@ -211,7 +211,7 @@ def test_a_run_that_the_trail_does_not_hold_is_said_on_page_one(tmp_path):
 
 
 def test_a_run_that_was_stopped_is_closed_on_the_trail(tmp_path):
-    def stopped() -> None:
+    def stopped():
         with on_the_trail(read_bench(benches()["brevini-hpv41"]), tmp_path / "run", {}) as begins:
             begins()
             run_of(tmp_path, outcome="KeyboardInterrupt: Ctrl-C")

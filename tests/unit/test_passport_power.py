@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import Any
 
 import pytest
 from pypdf import PdfReader
 
 from hil.api import issue_passport, run
-from hil.diagnosis.search.terms import Term, all_terms
+from hil.diagnosis.search.terms import all_terms
 from hil.passport import power
 from hil.passport.contents import lay_out
 from hil.passport.unit import read_unit_runs
@@ -25,7 +24,7 @@ TRIED = ("full_flow", "load_force at spool", "sensor_lag")
 
 @pytest.fixture(autouse=True)
 def a_short_search(monkeypatch):
-    def few(*posed: Any) -> tuple[Term, ...]:
+    def few(*posed):
         return tuple(term for term in all_terms(*posed) if term.label in TRIED)
 
     monkeypatch.setattr("hil.diagnosis.search.terms.all_terms", few)
@@ -75,11 +74,11 @@ def test_least_size_is_where_the_value_leaves_its_guarded_limit(unit, model):
 def test_stopped_it_goes_on_where_it_was(unit, model, tmp_path, monkeypatch):
     kept, evaluations = tmp_path / "kept.json", list[int]()
 
-    def counting(*given: Any) -> Any:
+    def counting(*given):
         evaluations.append(1)
         return evaluated(*given)
 
-    def stopping(_done: float, text: str) -> None:
+    def stopping(_done, text):
         if text.endswith(OVERSHOOT):
             raise KeyboardInterrupt
 

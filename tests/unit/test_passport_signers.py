@@ -47,7 +47,7 @@ def unsigned(tmp_path_factory):
 def at(monkeypatch):
     """Sign at another time, as a computer with another clock does."""
 
-    def sign(pdf: bytes, who: Holder, moment: datetime) -> bytes:
+    def sign(pdf, who, moment):
         with monkeypatch.context() as clock:
             clock.setattr("pyhanko.sign.signers.pdf_signer.datetime", _clock(moment))
             return signed(pdf, key_of(who))
@@ -180,7 +180,7 @@ def test_at_the_prompt_a_revoked_key_needs_a_date_of_ones_own(tmp_path, unsigned
     (tmp_path / "unit.pdf").write_bytes(at(unsigned, lab, NOW - 30 * DAY))
     (tmp_path / "revoked").write_text(f"{fingerprint(lab.certificate)} {NOW - 10 * DAY:%Y-%m-%d} stolen\n")
 
-    def status(*more: str) -> tuple[int, str]:
+    def status(*more):
         ended = command_line("verify", tmp_path / "unit.pdf", "--trust", tmp_path / "lab.pem", *more)
         return ended.status, ended.out + ended.err
 

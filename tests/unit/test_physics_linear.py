@@ -1,7 +1,5 @@
 """Linear stages are exact: against scipy, which solves the same equations by matrix exponentials."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

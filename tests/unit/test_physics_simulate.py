@@ -6,7 +6,6 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -170,7 +169,7 @@ def test_values_that_were_simulated_before_are_not_mistaken_for_others():
         for interval_s in (1e-3, 2e-3)
     ]
 
-    def answers(fresh: bool) -> list[bytes]:
+    def answers(fresh):
         made = []
         for values, switched_on, interval_s in asked:
             if fresh:
@@ -188,7 +187,7 @@ def test_values_that_were_simulated_before_are_not_mistaken_for_others():
 def test_a_fit_works_out_the_same_values_once_for_all_its_recordings():
     calls = []
 
-    def counted(values: Mapping[str, float], step_s: float) -> Mapping[str, float | np.ndarray]:
+    def counted(values, step_s):
         calls.append(step_s)
         return VALVE.coefficients(values, step_s)
 

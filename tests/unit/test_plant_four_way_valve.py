@@ -1,7 +1,5 @@
 """The four-way valve against a simulator of another structure: SI, oil that is compressed, gaps solved by bisection."""
 
-from __future__ import annotations
-
 import math
 import time
 

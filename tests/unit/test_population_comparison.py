@@ -1,7 +1,5 @@
 """A valve beside good ones: what differs and by how much, what does not, what cannot be told; never the verdict."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from hil.findings.collect import findings_of, results_of

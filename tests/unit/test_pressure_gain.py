@@ -1,7 +1,5 @@
 """Pressure gain of load pressures by formula."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from swept_recording import swept_recording

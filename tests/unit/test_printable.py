@@ -1,7 +1,5 @@
 """Names that others wrote reach no terminal as commands."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """Settings that cannot be: refused with one clear line before the rig is asked for anything that moves."""
 
-from __future__ import annotations
-
 import math
 import re
 

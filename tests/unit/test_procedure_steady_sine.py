@@ -1,7 +1,5 @@
 """The path that is checked before a run holds whatever the run may drive."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

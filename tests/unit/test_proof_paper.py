@@ -1,7 +1,5 @@
 """Recordings of the published models have the level, the gain and the noise that they should."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

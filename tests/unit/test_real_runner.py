@@ -1,7 +1,5 @@
 """The runner of real recordings, on recordings made up for it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from typer import Typer

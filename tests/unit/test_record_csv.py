@@ -1,7 +1,5 @@
 """CSV: the contract's format, the dialects of spreadsheets, and errors that name line and column."""
 
-from __future__ import annotations
-
 import gzip
 
 import numpy as np

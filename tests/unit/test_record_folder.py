@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import tracemalloc
 from collections.abc import Callable
-from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -129,7 +128,7 @@ def test_a_reader_follows_a_run_to_its_end(tmp_path):
 
 
 def test_an_error_inside_a_part_marks_it_and_names_the_outcome(tmp_path):
-    def interrupted() -> None:
+    def interrupted():
         with RunWriter.create(tmp_path / "run", {}, CHANNELS) as run, run.part({"kind": "sine"}):
             run.append(*block(0))
             raise RuntimeError("pump off")
@@ -305,7 +304,7 @@ def test_what_was_not_measured_is_kept_as_such_and_is_no_number_for_who_asks_for
 def test_an_interrupt_in_the_middle_of_a_block_leaves_no_trace(tmp_path, monkeypatch, call, share):
     calls = iter(range(2))
 
-    def interrupted(file: FileIO, position: int, data: memoryview) -> None:
+    def interrupted(file, position, data):
         if next(calls) == call:
             write_at(file, position, data[: int(share * len(data))])
             raise KeyboardInterrupt

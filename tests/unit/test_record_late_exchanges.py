@@ -96,7 +96,7 @@ def test_no_time_is_supposed_past_its_neighbours_and_late_is_behind_early():
 def test_a_value_that_a_supposition_does_not_have_is_not_given_and_a_limit_is_judged_again():
     run, lag = stepped(range(5, 3 * HELD, 7)), Measurement("lag", "ms", "", high=31.0)
 
-    def evaluate(told: Recording) -> Findings:
+    def evaluate(told):
         delay_ms = 1e3 * float(np.max(told.values("delay of io")))
         return Findings((lag.of(30.0 if told is run else delay_ms, 0.1), lag.at("b").of(1.0 if told is run else None)))
 

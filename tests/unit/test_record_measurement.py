@@ -1,7 +1,5 @@
 """Declared measurements and what may be said about a limit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -280,7 +280,7 @@ def test_channels_of_a_historian_keep_how_far_their_first_stamps_lie_apart(read_
 
 @pytest.mark.parametrize(("late_s", "rounded"), [(0.5, False), (0.0, False), (0.0, True)])
 def test_a_date_further_on_is_a_clock_of_its_own_unless_it_says_the_same(read_text, late_s, rounded):
-    def date(t: float, digits: int = 3) -> str:
+    def date(t, digits=3):
         return f"2026-11-25 10:00:{t:0{3 + digits if digits else 2}.{digits}f}"
 
     own = [date(math.floor(t), 0) if rounded else date(t + late_s) for t in np.arange(10) / 10]

@@ -1,7 +1,5 @@
 """How far a run is stands in its folder while it lasts, whoever started it."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

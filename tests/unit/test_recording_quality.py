@@ -206,7 +206,7 @@ def test_an_output_that_runs_away_is_called_unstable(rate, said):
 
 
 def test_the_noise_of_an_inner_channel_is_that_of_samples_within_its_range():
-    def clipped(one: Recording) -> Array:
+    def clipped(one):
         noisy = 50.0 * command_of(one) / np.abs(command_of(one)).max()
         noisy += 0.5 * np.random.default_rng(3).standard_normal(len(one))
         return np.clip(noisy, -90.0, 20.0)

@@ -112,7 +112,7 @@ def test_the_explanation_that_was_chosen_is_marked():
     mass = ChangedParameter("mass", 20.0, 100.0, 0.2, "kg", "moved mass")
     tried = [Candidate(name, "spool", 99.0, 9000.0 - i, 0.5) for i, name in enumerate(("friction + mass", "friction"))]
 
-    def marked(candidates: list[Candidate], changed: tuple[ChangedParameter, ...]) -> list[str]:
+    def marked(candidates, changed):
         return [row["name"] for row in candidate_rows(candidates, (friction,), changed) if row["named"]]
 
     assert marked(tried, (mass,)) == ["friction + mass"]

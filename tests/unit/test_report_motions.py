@@ -1,7 +1,5 @@
 """Drawings of motions keep to the stroke; a formula writes no dead time that is none."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The table on the terminal rounds as the report does."""
 
-from __future__ import annotations
-
 import pytest
 
 from hil.record.measurement import Findings, Measurement

@@ -1,7 +1,5 @@
 """`hil run --json`: one document on stdout, whatever became of the run, with what is known of the outputs."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from typing import Any
@@ -23,7 +21,7 @@ Printed = Callable[..., tuple[int, dict[str, Any], str]]
 def printed(command_line, tmp_path):
     """Exit status of a run, the document on stdout, and what was said on stderr."""
 
-    def run(level: float, **tables: Any) -> tuple[int, dict[str, Any], str]:
+    def run(level, **tables):
         bench = bench_file(tmp_path / "bench.toml", "brevini-hpv41", **tables)
         words = ("--json", "--set", f"value={level:g}", "--set", "for_s=0.5", "--out", tmp_path / "run")
         status, out, err = command_line("run", "jog", "--bench", bench, "--archive", tmp_path, *words)

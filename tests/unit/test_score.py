@@ -132,7 +132,7 @@ def test_verdict_what_a_gate_has_refuted_does_not_compete():
 
 
 def test_reader_finds_the_first_row_by_causes_and_what_is_left():
-    def case(k: int) -> bool:
+    def case(k):
         rng = np.random.default_rng(k)
         nothing = 10.0 ** rng.uniform(2.0, 6.0)
         shares = [rng.uniform(1 / 6, 1 / 2.7), 0.1] if k < 5 else 10.0 ** -rng.uniform(0.0, 4.0, 2)

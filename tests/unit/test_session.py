@@ -17,7 +17,6 @@ from hil.catalog import Entry
 from hil.errors import FileError, RangeError, SettingError, UnknownNameError
 from hil.record.measurement import Limit
 from hil.record.read import read_recording
-from hil.rig import Rig
 from hil.session.procedure import argument_lines, load_procedure
 from hil.session.run import run_procedure
 from hil.session.setting import Setting, parse_settings, split_assignments
@@ -155,7 +154,7 @@ def test_what_cannot_be_told_is_exit_status_1_and_nothing_judged_is_0(tiny, benc
 
 
 def test_a_run_refused_before_its_first_sample_leaves_its_name_free(tiny, bench, tmp_path):
-    def refuse(_rig: Rig, **settings: object) -> None:
+    def refuse(_rig, **settings):
         raise SettingError(f"setting levels: {settings['levels']}")
 
     for procedure, settings in ((tiny, {"hold_s": "-1"}), (replace(tiny, run=refuse), {})):

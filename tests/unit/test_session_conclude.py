@@ -21,7 +21,7 @@ def runs(monkeypatch: pytest.MonkeyPatch, asked: list[NextTest | None], took_s: 
     def diagnose(*_: Any) -> Any:
         return SimpleNamespace(diagnosis=SimpleNamespace(next_test=next(wanted)))
 
-    def tested(_model: Any, test: NextTest, *_: Any) -> Any:
+    def tested(_model, test, *_):
         ran.append(test)
         return SimpleNamespace(duration_s=took_s)
 

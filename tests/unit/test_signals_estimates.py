@@ -1,7 +1,5 @@
 """Smooth curves, tones and rounding: what figures are read from."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

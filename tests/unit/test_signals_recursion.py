@@ -1,7 +1,5 @@
 """Our recursive filter against scipy's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

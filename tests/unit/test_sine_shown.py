@@ -1,7 +1,5 @@
 """What a report shows of a sine."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

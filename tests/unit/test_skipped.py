@@ -1,7 +1,5 @@
 """In CI a skipped test fails."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 pytest_plugins = ["pytester"]

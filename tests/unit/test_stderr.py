@@ -1,7 +1,5 @@
 """Writing to who does not read: in time, and as far as it goes."""
 
-from __future__ import annotations
-
 import os
 import time
 

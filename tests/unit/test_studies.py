@@ -1,7 +1,5 @@
 """The studies' units of another structure are what the study takes them for."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -57,7 +55,7 @@ def test_a_seal_is_that_of_its_truths():
 
 
 def test_what_is_counted():
-    def said(change: str, verdict: str, *named: str, alike: tuple[str, ...] = ()) -> Outcome:
+    def said(change, verdict, *named, alike=()):
         return Outcome(Case("hpv41_direct", 0, change, 1.0, 1), 2.0 * (change != NOTHING), verdict, named, alike)
 
     found = [

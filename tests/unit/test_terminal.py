@@ -1,7 +1,5 @@
 """Whoever sits at the terminal: a program of its own, whose terminal is the other end of this test."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Thresholds of motions by formula: onward, after reversal, beneath the noise, beyond the reach, beside drift."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How long a plant takes to follow its command."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

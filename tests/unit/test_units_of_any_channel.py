@@ -1,7 +1,5 @@
 """A plant that takes any channel: what is said of it has the units of the recordings, not those of its page."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Somebody sets the time of day while a device is waited for: nothing waits longer than without."""
 
-from __future__ import annotations
-
 import os
 import threading
 import time
