@@ -5,16 +5,16 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hil.errors import FileError
 from hil.record.folder import read
+from tests.observer import Watch
 from tests.waits import until
 
 STRANGER = Path(__file__).parent / "stranger"
@@ -56,56 +56,27 @@ class Seen:
     status: int
 
 
-class Observer:
+class Observer(Watch):
     """Looks at an output at the device itself every millisecond, whatever the program says."""
 
-    def __init__(self, served: Mapping[str, Any], channel: str = "command") -> None:
-        self._field = next(iter(served.values())).side.field
-        self._channel = channel
-        self._ended = threading.Event()
-        self._changes: list[tuple[float, float]] = [(time.monotonic(), self.level)]
-        self._thread = threading.Thread(target=self._look, daemon=True)
-        self._thread.start()
-
-    @property
-    def level(self) -> float:
-        """Where the output stands, raw."""
-        return float(self._field.levels[self._channel])
+    def __init__(self, served: Mapping[str, Any]) -> None:
+        field = next(iter(served.values())).side.field
+        super().__init__(lambda: float(field.levels["command"]), 0.0, 0.001)
 
     def wait_until_driven(self, process: subprocess.Popen[str] | None = None) -> None:
         """Return when the output has left zero."""
-        until(lambda: self.level != 0.0 or (process is not None and process.poll() is not None), every_s=0.002)
-        assert self.level != 0.0, f"the run ended early: {process and process.communicate()}"
+        until(lambda: self.now or (process is not None and process.poll() is not None), every_s=0.002)
+        assert self.now, f"the run ended early: {process and process.communicate()}"
 
     def safe_after(self, since_s: float, within_s: float) -> float | None:
-        """Seconds from an instant until the output went to zero for good; None when it did not within this time."""
-        deadline_s = since_s + within_s
-        while self.level != 0.0 and time.monotonic() < deadline_s:
-            time.sleep(0.002)
-        time.sleep(0.2)  # it stays there
-        at_s, level = self._changes[-1]
-        return max(0.0, at_s - since_s) if level == 0.0 else None
-
-    def close(self) -> None:
-        """Stop looking."""
-        self._ended.set()
-        self._thread.join()
-
-    def _look(self) -> None:
-        while not self._ended.wait(0.001):
-            level = self.level
-            if level != self._changes[-1][1]:
-                self._changes.append((time.monotonic(), level))
+        """Seconds from an instant until the output went to zero and stayed there; None when not within this time."""
+        stays = self.wait(lambda: self.is_safe and time.monotonic() - self.unsafe_s > 0.2, within_s + 0.2)
+        return max(0.0, self.unsafe_s - since_s) if stays else None
 
 
-@contextmanager
-def observed(served: Mapping[str, Any]) -> Iterator[Observer]:
+def observed(served: Mapping[str, Any]) -> closing[Observer]:
     """An observer while inside."""
-    observer = Observer(served)
-    try:
-        yield observer
-    finally:
-        observer.close()
+    return closing(Observer(served))
 
 
 def start_run(bench: Path, out: Path, state: Path, *settings: str) -> subprocess.Popen[str]:

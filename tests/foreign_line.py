@@ -38,13 +38,18 @@ def serial_frame(came: bytes) -> int:
 class ForeignLine:
     """Gives whatever `answer` makes of a request; None closes the connection. Requests that come together are two.
 
+    `met` is called when somebody connects.
+
     Attributes:
         port: where it listens.
         heard: what came, with the time at which it came.
     """
 
-    def __init__(self, answer: Callable[[bytes], bytes | None], whole: WholeRequest = tcp_frame) -> None:
-        self.answer, self._whole = answer, whole
+    def __init__(
+        self, answer: Callable[[bytes], bytes | None], whole: WholeRequest = tcp_frame,
+        met: Callable[[], None] = lambda: None,
+    ) -> None:  # fmt: skip
+        self.answer, self._whole, self._met = answer, whole, met
         self.heard: list[tuple[float, bytes]] = []
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port = int(self._listener.getsockname()[1])
@@ -90,6 +95,7 @@ class ForeignLine:
                 return
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self.clients.append(client)
+            self._met()
             threading.Thread(target=self._talk, args=(client,), daemon=True).start()
 
     def _talk(self, client: socket.socket) -> None:

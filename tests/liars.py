@@ -1,21 +1,20 @@
 """Devices that lie, behind a wire: Modbus TCP as a WAGO coupler speaks it, and SCPI text. No code of `hil` is in them.
 
-Each has two outputs, each output wired to an input of the same number. Run by hand: `python tests/liars.py modbus KEY`.
+Each has two outputs, each output wired to an input of the same number.
 """
 
 from __future__ import annotations
 
 import math
-import os
-import socket
 import struct
-import sys
 import threading
 import time
-import tty
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+
+from tests.foreign_line import ForeignLine, WholeRequest, ended, tcp_frame
+from tests.outside.serial_line import SerialLine
 
 FULL_V = 10.0
 
@@ -165,76 +164,27 @@ class Device:
         self.heard_s = time.monotonic()
 
 
-class Server:
-    """A device on a port of its own; each client in a thread of its own."""
+def line_of(lie: str, wire: str, *, on_serial: bool = False) -> ForeignLine | SerialLine:
+    """The device that lies so at the end of a line; on a serial one nobody notices who opens it."""
+    device, lock = Device(LIES[lie]), threading.Lock()
+    answered, whole = WIRES[wire]
 
-    def __init__(self, lie: str, answer: Callable[[Device, bytes], tuple[bytes, int]], port: int = 0) -> None:
-        self.device, self._answer, self._lock = Device(LIES[lie]), answer, threading.Lock()
-        self._listener = socket.create_server(("127.0.0.1", port))
-        self.port = int(self._listener.getsockname()[1])
-        threading.Thread(target=self._accept, daemon=True).start()
+    def answer(request: bytes) -> bytes:
+        with lock:
+            said = answered(device, request)
+            device.heard()
+            return said
 
-    def close(self) -> None:
-        self._listener.shutdown(socket.SHUT_RDWR)
-        self._listener.close()
+    def met() -> None:
+        with lock:
+            device.lie.on_connect(device)
 
-    def _accept(self) -> None:
-        try:
-            while True:
-                client, _ = self._listener.accept()
-                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                with self._lock:
-                    self.device.lie.on_connect(self.device)
-                threading.Thread(target=self._serve, args=(client,), daemon=True).start()
-        except OSError:
-            return
-
-    def _serve(self, client: socket.socket) -> None:
-        received = b""
-        with client:
-            while more := client.recv(4096):
-                received += more
-                while True:
-                    with self._lock:
-                        answer, used = self._answer(self.device, received)
-                        if used:
-                            self.device.heard()
-                    if not used:
-                        break
-                    received = received[used:]
-                    client.sendall(answer)
+    return SerialLine(answer, whole) if on_serial else ForeignLine(answer, whole, met)
 
 
-class Port:
-    """A device on a serial port; who opens it is not noticed."""
-
-    def __init__(self, lie: str, answer: Callable[[Device, bytes], tuple[bytes, int]]) -> None:
-        self.device, self._answer = Device(LIES[lie]), answer
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        self.name = os.ttyname(self._slave)
-        threading.Thread(target=self._serve, daemon=True).start()
-
-    def close(self) -> None:
-        os.close(self._slave)
-
-    def _serve(self) -> None:
-        received = b""
-        try:
-            while more := os.read(self._master, 4096):
-                received += more
-                while (answered := self._answer(self.device, received))[1]:
-                    received = received[answered[1] :]
-                    os.write(self._master, answered[0])
-        except OSError:
-            os.close(self._master)
-
-
-def modbus(device: Device, received: bytes) -> tuple[bytes, int]:
+def modbus(device: Device, request: bytes) -> bytes:
     """A WAGO 750-352: outputs 0x0000 …, read back from 0x0200, watchdog 0x1000, 0x1008, 0x100A."""
-    if len(received) < 6 or len(received) < (whole := 6 + struct.unpack(">H", received[4:6])[0]):
-        return b"", 0
-    pdu = received[7:whole]
+    pdu = request[7:]
     function, answer = pdu[0], bytes([pdu[0] | 0x80, 1])
     address, word = struct.unpack(">HH", pdu[1:5].ljust(4, b"\0"))
     if function in (3, 4):
@@ -245,7 +195,7 @@ def modbus(device: Device, received: bytes) -> tuple[bytes, int]:
         for k, each in enumerate(words):
             _write(device, address + k, each)
         answer = pdu[:5]
-    return received[:4] + struct.pack(">HB", 1 + len(answer), received[6] + device.lie.answers_for) + answer, whole
+    return request[:4] + struct.pack(">HB", 1 + len(answer), request[6] + device.lie.answers_for) + answer
 
 
 def _word(device: Device, function: int, address: int) -> int:
@@ -265,14 +215,11 @@ def _write(device: Device, address: int, word: int) -> None:
         device.drive(address, (word - 0x10000 if word >= 0x8000 else word) / 0x7FFF * FULL_V)
 
 
-def scpi(device: Device, received: bytes) -> tuple[bytes, int]:
+def scpi(device: Device, request: bytes) -> bytes:
     """A scanner: outputs @204 and @205, inputs @101 and @102, one answer for the whole line."""
-    line, end, _ = received.partition(b"\n")
-    if not end:
-        return b"", 0
-    answers = [_said(device, unit.strip().lstrip(":").upper()) for unit in line.decode("ascii").split(";")]
+    answers = [_said(device, unit.strip().lstrip(":").upper()) for unit in request.decode("ascii").split(";")]
     told = ";".join(answer for answer in answers if answer is not None)
-    return (told.encode("ascii") + b"\n" if told else b""), len(line) + 1
+    return told.encode("ascii") + b"\n" if told else b""
 
 
 def _said(device: Device, unit: str) -> str | None:
@@ -292,9 +239,6 @@ def _said(device: Device, unit: str) -> str | None:
     return "1" if header == "*OPC?" else None
 
 
-WIRES = {"modbus": modbus, "scpi": scpi}
-
-if __name__ == "__main__":
-    served = Server(sys.argv[2] if len(sys.argv) > 2 else "", WIRES[sys.argv[1]], port=15599)
-    print(f"127.0.0.1:{served.port}", flush=True)
-    threading.Event().wait()
+WIRES: Mapping[str, tuple[Callable[[Device, bytes], bytes], WholeRequest]] = {
+    "modbus": (modbus, tcp_frame), "scpi": (scpi, ended(b"\n")),
+}  # fmt: skip

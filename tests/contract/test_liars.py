@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -13,7 +13,9 @@ from hil.bench.read import read_bench
 from hil.bench.twin import subject
 from hil.daq.conformance import CHECKS, Subject, examine, left_safe, verdict_of
 from hil.errors import DeviceLostError
-from tests.liars import LIES, WIRES, Port, Server
+from tests.foreign_line import ForeignLine
+from tests.liars import LIES, WIRES, line_of
+from tests.outside.serial_line import SerialLine
 
 pytestmark = pytest.mark.xdist_group("waits for liars")  # for clocks: on one worker, beside others that compute
 
@@ -111,10 +113,10 @@ ONE_WIRE = {lie for lie, check in CAUGHT.items() if check == WATCHDOG} | {
 }
 
 
-def bench(wire: str, server: Server | Port, folder: Path, *, meter: str = "", watchdog: bool = False) -> Path:
+def bench(wire: str, line: ForeignLine | SerialLine, folder: Path, *, meter: str = "", watchdog: bool = False) -> Path:
     """A bench with this device, its response on another one if that is named."""
     socket_ = "" if wire == "modbus" else "socket://"
-    address = f"{socket_}127.0.0.1:{server.port}" if isinstance(server, Server) else server.name
+    address = f"{socket_}127.0.0.1:{line.port}" if isinstance(line, ForeignLine) else line.address
     text = BENCH.replace("DEVICE", DEVICES[wire]).replace("ADDRESS", address)
     text = text if watchdog else text.replace("watchdog_s = 1.5", "")  # a busy computer would meet it
     if meter:
@@ -128,13 +130,10 @@ def bench(wire: str, server: Server | Port, folder: Path, *, meter: str = "", wa
 
 
 @contextmanager
-def served(wire: str, lie: str) -> Iterator[Server | Port]:
+def served(wire: str, lie: str) -> Iterator[ForeignLine | SerialLine]:
     noticed = LIES[lie].on_connect is not LIES[""].on_connect
-    server = Server(lie, WIRES[wire]) if wire == "modbus" or noticed else Port(lie, WIRES[wire])
-    try:
-        yield server
-    finally:
-        server.close()
+    with closing(line_of(lie, wire, on_serial=wire != "modbus" and not noticed)) as line:
+        yield line
 
 
 @contextmanager

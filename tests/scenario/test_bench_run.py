@@ -125,13 +125,6 @@ def test_usage_without_a_bench(told):
     assert status == 2 and "--bench" in err
 
 
-def test_help_imports_nothing_heavy():
-    heavy = "[m for m in ('numpy', 'pydantic', 'rich') if m in sys.modules]"
-    code = f"import sys, hil.cli.commands.run, hil.cli.commands.check; print({heavy})"
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
-
-
 def _last(folder: Path) -> float | None:
     """Where the command stood last; None where the run is not made yet, or without samples."""
     with suppress(FileError):

@@ -148,7 +148,7 @@ def test_a_device_that_comes_back_after_its_run_has_ended_is_made_safe(tmp_path)
         answer = device.answer
         with pytest.raises(LinkError) as lost:
             lose(file, tmp_path / "run", device)
-        assert observer.level == pytest.approx(4.0, abs=0.01)  # nobody could reach it
+        assert observer.now == pytest.approx(4.0, abs=0.01)  # nobody could reach it
         assert "NOT SAFE: nobody knows where 'command' stands" in said(lost.value)
         assert (read_end(tmp_path / "run").meta["outputs"]["command"]["state"], exit_status_of(lost.value)) == (
             "unknown", 3,
@@ -175,7 +175,7 @@ def test_a_check_of_a_driver_that_is_killed_leaves_its_outputs_safe(tmp_path):
         observer.wait_until_driven(process)
         process.kill()
         after_s = observer.safe_after(time.monotonic(), PATIENCE_S)
-        stood = observer.level
+        stood = observer.now
     assert after_s is not None and stood == 0.0
 
 

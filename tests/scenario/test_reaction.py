@@ -10,54 +10,41 @@ import numpy as np
 import pytest
 
 from hil.clock import RealClock
-from hil.daq.channel import Wiring
 from hil.daq.contract import Waveform
 from hil.daq.polled import PolledDaq
 from hil.errors import LinkError, StoppedError
 from hil.safety.guard import Guard
 from hil.safety.interlock import Band, Interlock
 from hil.safety.protection import Protection
-from tests.channels import inputs, outputs
 from tests.driven import played
+from tests.stops import WIRING, Remote
+from tests.waits import until
 
 RATE_HZ, BLOCK_S, FOR_S = 100.0, 0.1, 0.02
 BUSY_S = 0.1  # what a computer that does other things besides may add
-WIRING = Wiring(outputs({"valve": "out"}), inputs({"pressure": "in"}, low=-20.0, high=20.0))
 
 
-class Remote:
-    """A device whose answers take as long as they are told to; it obeys at once. Time is the wall clock's."""
+class Slow(Remote):
+    """Answers take as long as they are told to; it obeys at once."""
 
-    watchdog_s: float | None = None
-    keep_alive_s: float | None = None
-
-    def __init__(self) -> None:
-        self.answer_s, self.pressure = 0.0, 1.0
-        self.out, self.safe_at_s = 0.0, 0.0
+    answer_s, pressure = 0.0, 1.0
 
     def standing(self) -> Mapping[str, float]:
-        return self._answered({"out": self.out})
+        time.sleep(self.answer_s)
+        return super().standing()
 
     def drive(self, values: Mapping[str, float]) -> None:
-        if values["out"] == 0.0 and self.out != 0.0:
-            self.safe_at_s = time.monotonic()
-        self.out = values["out"]
-        self._answered({})
+        super().drive(values)
+        time.sleep(self.answer_s)
 
     def read(self) -> Mapping[str, float]:
-        return self._answered({"in": self.pressure})
-
-    def close(self) -> None:
-        """Nothing is held."""
-
-    def _answered(self, answer: Mapping[str, float]) -> Mapping[str, float]:
         time.sleep(self.answer_s)
-        return answer
+        return {"in": self.pressure}
 
 
 def driven(after_s: float, answer_s: float) -> tuple[float, Exception]:
     """Answers become slow, some time later the pressure rises: how long the output still stood, and what was raised."""
-    remote = Remote()
+    remote = Slow()
     locks = [Interlock("pressure", "stop", Band("pressure", high=5.0), for_s=FOR_S)]
     guard = Guard(
         PolledDaq({"remote": remote}, {"remote": WIRING}),
@@ -78,9 +65,9 @@ def driven(after_s: float, answer_s: float) -> tuple[float, Exception]:
     with pytest.raises((StoppedError, LinkError)) as ended:
         played(guard, Waveform(RATE_HZ, {"valve": np.full(1000, 5.0)}))
     guard.close()
-    while not rose_s:
-        time.sleep(0.05)
-    return remote.safe_at_s - rose_s[0], ended.value
+    until(lambda: rose_s)
+    (safe_s, _) = next(one for one, before in zip(remote.given[::-1], remote.given[-2::-1], strict=False) if before[1])
+    return safe_s - rose_s[0], ended.value
 
 
 @pytest.mark.alone

@@ -36,6 +36,7 @@ from hil.errors import FileError, SettingError, StorageError, UnknownNameError
 from hil.record.state import state_path
 
 ORIGIN, PASSWORD = "http://127.0.0.1:8123", "twelve chars"
+START = "/run/start", {"a": "1"}
 
 
 @pytest.fixture(autouse=True)
@@ -98,8 +99,12 @@ class Browser:
         text = b"".join(message.get("body", b"") for message in messages[1:]).decode()
         return messages[0]["status"], text, got
 
-    def logged_in(self, name: str, password: str = PASSWORD) -> Browser:
-        assert self.ask("/login", {"name": name, "password": password})[0] == 303
+    def logs_in(self, name: str, password: str = PASSWORD, **more: str) -> int:
+        """The status of the answer."""
+        return self.ask("/login", {"name": name, "password": password}, **more)[0]
+
+    def logged_in(self, name: str) -> Browser:
+        assert self.logs_in(name) == 303
         return self
 
 
@@ -167,7 +172,7 @@ def test_nobody_sees_anything_but_what_a_stop_needs(accounts):
     browser = Browser(console(accounts))
     assert browser.ask("/bench")[0] == 303 and browser.ask("/bench")[2]["location"] == "/login?next=/bench"
     assert browser.ask("/bench", accept="application/json")[0] == 401
-    assert browser.ask("/run/start", {"a": "1"})[0] == 401
+    assert browser.ask(*START)[0] == 401
     assert [browser.ask(path)[0] for path in ("/controls", "/static/stop.js", "/login")] == [200, 200, 200]
 
 
@@ -203,8 +208,8 @@ def test_session_ends_with_its_time(accounts, monkeypatch):
 )
 def test_act_from_another_page_is_refused(origin, accounts):
     browser = Browser(console(accounts)).logged_in("emil")
-    assert browser.ask("/run/start", {"a": "1"}, origin=origin)[0] == 403
-    assert browser.ask("/run/start", {"a": "1"}, origin="http://localhost:8123")[0] == 200
+    assert browser.ask(*START, origin=origin)[0] == 403
+    assert browser.ask(*START, origin="http://localhost:8123")[0] == 200
 
 
 def test_another_name_for_this_computer_is_refused(accounts):
@@ -215,7 +220,7 @@ def test_console_at_every_address_takes_acts_of_the_page_that_it_served(accounts
     there = Where("0.0.0.0", 8123, Path("c"), Path("k"))
     browser = Browser(console(accounts, there))
     answers = [
-        browser.ask("/login", {"name": "otto", "password": PASSWORD}, origin=origin, host="bench7:8123")[0]
+        browser.logs_in("otto", origin=origin, host="bench7:8123")
         for origin in ("https://evil.example", "http://bench7:8123", "https://bench7:8123")
     ]
     assert answers == [403, 403, 303]
@@ -229,22 +234,22 @@ def test_who_tries_passwords_is_slowed_and_nobody_else_is(accounts, monkeypatch)
 
     monkeypatch.setattr("hil.console.access.asyncio.sleep", waits)
     browser = Browser(console(accounts))
-    tried = [browser.ask("/login", {"name": "otto", "password": f"wrong {i}"})[0] for i in range(14)]
+    tried = [browser.logs_in("otto", f"wrong {i}") for i in range(14)]
     assert tried == [401] * 10 + [429] * 4 and waited[:5] == [0] * 5
     assert all(0 < found <= most for found, most in zip(waited[5:], [4, 8, 12, 16, 20], strict=True))
     other = Browser(browser.app, address="198.51.100.1")  # the owner of the name, from elsewhere
-    assert other.ask("/login", {"name": "otto", "password": PASSWORD})[0] == 303 and waited[-1] == 0
+    assert other.logs_in("otto") == 303 and waited[-1] == 0
     beside = Browser(browser.app)  # another name, from the same address
-    assert beside.ask("/login", {"name": "emil", "password": PASSWORD})[0] == 303 and waited[-1] == 0
+    assert beside.logs_in("emil") == 303 and waited[-1] == 0
 
 
 def test_owner_at_the_address_of_who_tries_passwords_logs_in_at_once(accounts, monkeypatch):
     monkeypatch.setattr(access, "_LOGINS", Rate(3.0, 0.0001))
     stranger = Browser(console(accounts))
     owner = Browser(stranger.app).logged_in("otto")
-    tried = [stranger.ask("/login", {"name": "otto", "password": f"wrong {i}"})[0] for i in range(5)]
+    tried = [stranger.logs_in("otto", f"wrong {i}") for i in range(5)]
     assert tried == [401] * 2 + [429] * 3
-    assert owner.ask("/login", {"name": "otto", "password": PASSWORD})[0] == 303
+    assert owner.logs_in("otto") == 303
 
 
 def test_a_new_browser_at_the_address_of_who_tries_passwords_logs_in_at_once(accounts, monkeypatch):
@@ -255,15 +260,15 @@ def test_a_new_browser_at_the_address_of_who_tries_passwords_logs_in_at_once(acc
 
     monkeypatch.setattr("hil.console.access.asyncio.sleep", waits)
     stranger = Browser(console(accounts))
-    while stranger.ask("/login", {"name": "otto", "password": "wrong"})[0] != 429:
+    while stranger.logs_in("otto", "wrong") != 429:
         pass
     owner = Browser(stranger.app)
     assert owner.ask("/login")[0] == 200 and owner.cookie
-    assert owner.ask("/login", {"name": "otto", "password": PASSWORD})[0] == 303 and waited[-1] == 0.0
+    assert owner.logs_in("otto") == 303 and waited[-1] == 0.0
     for _ in range(9):  # who takes the page for each try is slowed all the same
         stranger.cookie = ""
         stranger.ask("/login")
-        last = stranger.ask("/login", {"name": "otto", "password": "wrong"})[0]
+        last = stranger.logs_in("otto", "wrong")
     assert last == 429
 
 
@@ -273,20 +278,19 @@ def test_who_floods_slows_nobody_else_at_the_same_address(accounts, monkeypatch)
     stranger = Browser(console(accounts))
     owner = Browser(stranger.app).logged_in("emil")
     assert [stranger.ask("/bench")[0] for _ in range(21)][-1] == 429
-    assert owner.ask("/bench")[0] == owner.ask("/run/start", {"a": "1"})[0] == 200
+    assert owner.ask("/bench")[0] == owner.ask(*START)[0] == 200
 
 
 def test_two_consoles_on_one_computer_keep_their_sessions_apart(accounts):
     one, two = (Browser(console(accounts, Where("127.0.0.1", port))) for port in (8123, 8124))
     for browser, port in ((one, 8123), (two, 8124)):
-        told = browser.ask("/login", {"name": "otto", "password": PASSWORD}, origin=f"http://127.0.0.1:{port}",
-                           host=f"127.0.0.1:{port}")[2]  # fmt: skip
+        fields = {"name": "otto", "password": PASSWORD}
+        told = browser.ask("/login", fields, origin=f"http://127.0.0.1:{port}", host=f"127.0.0.1:{port}")[2]
         assert told["set-cookie"].startswith(f"hil_session_{port}=")
     one.cookie = two.cookie = f"{one.cookie}; {two.cookie}"  # a browser sends both to both
     assert one.ask("/bench")[0] == two.ask("/bench", host="127.0.0.1:8124")[0] == 200
     away = Browser(console(accounts, Where("bench7", 8123, Path("c"), Path("k"))))
-    told = away.ask("/login", {"name": "otto", "password": PASSWORD}, origin="https://bench7:8123",
-                    host="bench7:8123")[2]["set-cookie"]  # fmt: skip
+    told = away.ask("/login", fields, origin="https://bench7:8123", host="bench7:8123")[2]["set-cookie"]
     assert told.startswith("__Host-hil_session_8123=") and "; secure" in told.lower() and "; path=/;" in told.lower()
 
 
@@ -311,8 +315,7 @@ def test_console_behind_a_proxy_believes_that_one_alone(accounts):
     assert (there.is_local, there.origins, there.listeners) == (False, ("https://bench7.lab",), "")
     browser = Browser(console(accounts, there))
     assert browser.ask("/bench", host="127.0.0.1:8123")[0] == 421
-    assert browser.ask("/login", {"name": "otto", "password": PASSWORD}, origin="https://bench7.lab",
-                       host="bench7.lab")[0] == 303  # fmt: skip
+    assert browser.logs_in("otto", origin="https://bench7.lab", host="bench7.lab") == 303
     for wrong in (Where("127.0.0.1", 1, public="https://bench7.lab"), Where("127.0.0.1", 1, proxies=("::1",)),
                   Where("127.0.0.1", 1, public="http://bench7.lab", proxies=("::1",))):  # fmt: skip
         with pytest.raises(SettingError, match="--public"):
@@ -322,8 +325,8 @@ def test_console_behind_a_proxy_believes_that_one_alone(accounts):
 def test_too_many_acts_are_refused(accounts, monkeypatch):
     monkeypatch.setattr(access, "_ACTS", Rate(3.0, 0.0))
     browser = Browser(console(accounts))
-    assert [browser.ask("/run/start", {"a": "1"})[0] for _ in range(5)] == [401] * 3 + [429] * 2
-    assert browser.ask("/run/start", {"a": "1"})[2]["connection"] == "close"  # what was sent ahead is not answered
+    assert [browser.ask(*START)[0] for _ in range(5)] == [401] * 3 + [429] * 2
+    assert browser.ask(*START)[2]["connection"] == "close"  # what was sent ahead is not answered
 
 
 def test_page_for_logging_in_is_made_beside_the_loop(accounts, monkeypatch):
@@ -370,16 +373,16 @@ def test_one_operates_and_the_others_look(accounts):
     clock = VirtualClock(100.0)
     app = console(accounts, lock=OperatorLock(clock))
     first, second = Browser(app).logged_in("otto"), Browser(app).logged_in("olga")
-    assert first.ask("/run/start", {"a": "1"})[0] == 200
-    status, text, _ = second.ask("/run/start", {"a": "1"})
+    assert first.ask(*START)[0] == 200
+    status, text, _ = second.ask(*START)
     assert status == 409 and "otto operates this console since" in text
     assert second.ask("/bench")[0] == second.ask("/run/check", {"a": "1"})[0] == 200
     assert json.loads(second.ask("/seat")[1])["operator"] == "otto"
     assert "otto" not in Browser(app).ask("/seat")[1]
     assert json.loads(second.ask("/seat", {"take": "1"})[1])["operator"] == "olga"
-    assert first.ask("/run/start", {"a": "1"})[0] == 409
+    assert first.ask(*START)[0] == 409
     second.ask("/seat", {"take": "0"})
-    assert first.ask("/run/start", {"a": "1"})[0] == 200
+    assert first.ask(*START)[0] == 200
     assert Browser(app).logged_in("vera").ask("/seat", {"take": "1"})[0] == 403
 
 
@@ -399,7 +402,7 @@ def test_seat_lapses_when_its_pages_are_gone():
 def test_audit_names_who_did_what_and_when(accounts):
     audit = Audit()
     app = console(accounts, audit=audit)
-    Browser(app).logged_in("otto").ask("/run/start", {"a": "1"})
+    Browser(app).logged_in("otto").ask(*START)
     Browser(app).ask("/login", {"name": "otto", "password": "wrong"})
     lines = list(read_audit(audit.path))
     assert [(line["account"], line["act"]) for line in lines] == [
@@ -416,7 +419,7 @@ def test_act_is_refused_when_it_cannot_be_written_down(accounts, tmp_path):
     browser = Browser(app).logged_in("otto")
     audit.path.unlink()
     audit.path.mkdir()
-    assert browser.ask("/run/start", {"a": "1"})[0] == 503
+    assert browser.ask(*START)[0] == 503
     with pytest.raises(StorageError):
         audit.write("otto", "run", {})
     for password in (PASSWORD, "another one"):  # also for who logs in, or tries to

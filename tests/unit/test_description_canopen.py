@@ -201,6 +201,13 @@ def test_a_node_that_is_only_read_is_asked_by_sdo_and_left_as_it_is(tmp_path):
             link.read()
 
 
+def test_an_encoder_is_read_by_sdo(tmp_path):
+    objects = {(0x1000, 0): struct.pack("<I", 0x00010196), (0x1018, 1): bytes(4), (0x6004, 0): struct.pack("<I", 2048)}
+    wiring = Wiring({}, inputs(["angle"], "deg", 0.0, 360.0))
+    with by_hand(tmp_path, objects, model="encoder-406", wiring=wiring) as (link, _):
+        assert link.read() == {"angle": 90.0}
+
+
 BY_EDS = pytest.mark.parametrize(
     "name", [name for name, path in descriptions().items() if 'protocol = "canopen"' in path.read_text()]
 )

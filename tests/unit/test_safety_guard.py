@@ -271,14 +271,6 @@ def test_sample_rate_with_less_than_a_sample_in_a_block_is_refused():
         guard.actual_rate_hz(9.0)
 
 
-def test_limits_can_be_tightened_and_never_widened():
-    guard = Guard(Wire(), protection())
-    guard.tighten("a", Envelope(-2.0, 20.0))
-    assert (guard.limits["a"].low, guard.limits["a"].high) == (-2.0, 8.0)
-    with pytest.raises(RangeError, match="outside -2 … 8"):
-        played(guard, wave(-3.0))
-
-
 @pytest.mark.parametrize(("limits", "what"), [(Envelope(1.0, 8.0), "safe value"), (Envelope(-1.0, 2.0), "present")])
 def test_tightening_never_leaves_out_where_an_output_is_or_must_go(limits, what):
     guard = Guard(Wire(), protection())

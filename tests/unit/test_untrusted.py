@@ -105,11 +105,24 @@ def test_open_untrusted_refuses_what_is_too_large(root):
 
 
 @pytest.mark.parametrize(
-    "text", ["[" * 100_000, '{"a":' * 100_000, "[" * 65 + "]" * 65, '{"a":' * 65 + "1" + "}" * 65], ids=begins
-)
-def test_parse_json_refuses_depth(text):
-    with pytest.raises(FileError, match="here: JSON nested more than 64 deep"):
-        parse_json(text, "here")
+    ("parse", "texts", "says"),
+    [
+        (parse_json, ["[" * 100_000, '{"a":' * 100_000, "[" * 65 + "]" * 65, '{"a":' * 65 + "1" + "}" * 65],
+         "JSON nested more than 64 deep"),
+        (parse_json, [r'{"a": ["\ud800"]}', rb'{"\uDC00x": 1}', b'"\xed\xa0\x80"'],
+         r"JSON was expected: .*can't (en|de)code"),  # half a character
+        (parse_json, ["1" * 310, '{"a": [-1e309]}', "[NaN]", '{"a": -Infinity}', f'["a", {10**308 * 2}]'],
+         "JSON was expected"),  # what no float holds
+        (parse_json, [b"", b"\xff\xfe\xfd", b"{", b"1" * 5000, b"\x00" * 10], "JSON was expected"),
+        (parse_toml, ["a = " + "[" * 100_000, "a = " + "{a = " * 100_000, "a=" + "[" * 65 + "]" * 65],
+         "TOML nested more than 64 deep"),
+    ],
+    ids=["deep", "half a character", "no float", "no JSON", "deep TOML"],
+)  # fmt: skip
+def test_what_cannot_be_parsed_is_said_with_its_place(parse, texts, says):
+    for text in texts:
+        with pytest.raises(FileError, match=f"here: {says}"):
+            parse(text, "here")
 
 
 def test_parse_json_reads_what_is_no_deeper():
@@ -117,31 +130,13 @@ def test_parse_json_reads_what_is_no_deeper():
     assert parse_json("1", "here") == 1
 
 
-@pytest.mark.parametrize("text", [r'{"a": ["\ud800"]}', rb'{"\uDC00x": 1}', b'"\xed\xa0\x80"'], ids=repr)
-def test_parse_json_refuses_half_a_character(text):
-    with pytest.raises(FileError, match=r"here: JSON was expected: .*can't (en|de)code"):
-        parse_json(text, "here")
-
-
 def test_parse_json_reads_both_halves():
     assert parse_json(r'"\ud83d\ude00"', "here") == "\U0001f600" == parse_json('"\U0001f600"'.encode(), "here")
-
-
-@pytest.mark.parametrize("text", ["1" * 310, '{"a": [-1e309]}', "[NaN]", '{"a": -Infinity}', f'["a", {10**308 * 2}]'])
-def test_parse_json_refuses_what_no_float_holds(text):
-    with pytest.raises(FileError, match="here: JSON was expected"):
-        parse_json(text, "here")
 
 
 def test_parse_json_reads_long_and_large_numbers():
     text = "9" * 400
     assert parse_json(f'["{text}", 1e308, {10**307}, 0.{text}, 1e-999]', "here")[:2] == [text, 1e308]
-
-
-@pytest.mark.parametrize("text", [b"", b"\xff\xfe\xfd", b"{", b"1" * 5000, b"\x00" * 10])
-def test_parse_json_says_what_is_no_json(text):
-    with pytest.raises(FileError, match="here: JSON was expected"):
-        parse_json(text, "here")
 
 
 LONG_KEYS = ("a." * 50_000 + "a = 1", "[" + "a." * 50_000 + "a]", "x = [1]\n" + '"a". ' * 50_000 + "a = 1",
@@ -156,14 +151,6 @@ def test_parse_toml_refuses_a_dotted_key_and_what_is_none_at_once(text):
     with pytest.raises(FileError, match=f"^here: {says}"):
         parse_toml(text, "here")
     assert time.process_time() - begun < 2  # 200 s in the parser
-
-
-@pytest.mark.parametrize(
-    "text", ["a = " + "[" * 100_000, "a = " + "{a = " * 100_000, "a=" + "[" * 65 + "]" * 65], ids=begins
-)
-def test_parse_toml_refuses_depth(text):
-    with pytest.raises(FileError, match="here: TOML nested more than 64 deep"):
-        parse_toml(text, "here")
 
 
 def test_parse_toml_reads_versions_and_addresses_in_text():
