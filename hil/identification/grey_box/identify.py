@@ -260,20 +260,16 @@ def _fitted(model: Model, experiments: Sequence[Experiment], asked: _Asked, rema
     remarks = (*remarks, *averaged, *periods)
     names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in asked.free]
     names += [name for name in dict.fromkeys(asked.free) if "." in name]
-    found, used = _best_reading(model, names, experiments, asked.tick)
-    near = model
+    found, fitting = _best_reading(model, names, experiments, asked.tick)
+    used, near = fitting.experiments, model
     if any(e.ripples is not None for e in used):  # what the phase of a dither does is only known about the fit itself
         near = moved(model, _merged(model, found))
-        found = _fit_from(near, used, _unknowns(model, names, _merged(model, found)), asked.tick)
+        found = fitting.at(_merged(model, found), names)
     found = replace(found, fixed_at_bound=_driven_out(found))
     at = _merged(model, found)
     about = Residuals(plant, used, near.values, effects_at(model.active_effects, at))
     beside = systematic(about, found, {p.name: at[p.name] for p in plant.parameters})
-
-    def fit_at(values: Parameters, names: Sequence[str]) -> Estimate:
-        return _fit_from(moved(model, values), used, _unknowns(model, names, values), asked.tick)
-
-    other, remarks_of_others = alternative_optima(found, at, fit_at)
+    other, remarks_of_others = alternative_optima(found, at, fitting.at)
     beside = replace(beside, model=beside.model + other, notes=(*beside.notes, *remarks_of_others))
     if choice is not None:
         of_form = np.diag([choice.form_std(u.name) ** 2 for u in found.unknowns])
@@ -353,21 +349,21 @@ def _kept(model: Model) -> dict[str, str]:
 
 def _best_reading(
     model: Model, names: Sequence[str], experiments: Sequence[Experiment], tick: Tick
-) -> tuple[Estimate, list[Experiment]]:
+) -> tuple[Estimate, _Fitting]:
     """Fit with both conventions of when a sample is read, unless the recordings declare it; keep the better."""
-    best: tuple[Estimate, list[Experiment]] | None = None
+    best: tuple[Estimate, _Fitting] | None = None
     declared = {e.drive.read_at for e in experiments if e.reading_known}
     for read_at in sorted(declared) or (0.0, 1.0):
-        read = [e.reading_at(read_at) for e in experiments]
-        start = _unknowns(model, names, all_values(model) if best is None else _merged(model, best[0]))
-        found = _fit_from(model, read, start, tick)
+        fitting = _Fitting(model, [e.reading_at(read_at) for e in experiments], tick)
+        near = moved(model, all_values(model) if best is None else _merged(model, best[0]))
+        found = fitting.fit([unknown_of(near, name) for name in names])
         if best is None:
-            found = _restarted(model, read, found, tick)
+            found = fitting.restarted(found)
         # Where a dead time can stand in for it, the data do not tell the reading instant: keep the plain one. Nor does
         # what a model of another structure leaves: there a difference counts in units of that.
         excess = 1.0 if best is None else max(1.0, best[0].mean_square)
         if best is None or found.chi2 < best[0].chi2 - CRITERIA.decisive * excess:
-            best = found, read
+            best = found, fitting
     assert best is not None  # noqa: S101
     return best
 
@@ -376,47 +372,55 @@ def _merged(model: Model, found: Estimate) -> dict[str, float]:
     return all_values(model) | found.named
 
 
-def _restarted(model: Model, experiments: Sequence[Experiment], first: Estimate, tick: Tick) -> Estimate:
-    """Try other starts while the fit stays far above the noise; a poor start must not pass for physics."""
-    best = first
-    for factor in EFFORT.restarts:
-        if best.mean_square < CRITERIA.misfit:
-            break
-        moved = [
-            replace(u, start=float(np.clip(u.start * factor, u.low, u.high))) if u.unit in ("s", "rad/s") else u
-            for u in first.unknowns
-        ]
-        best = min(best, _fit_from(model, experiments, moved, tick), key=lambda found: found.chi2)
-    if not explains_little([e.weight * e.valid_output for e in experiments], [best.residuals]):
-        return best
-    starts = multistart(_residuals(model, experiments, first.unknowns, tick), first.unknowns)
-    return min([best, *(_fit_from(model, experiments, start, tick) for start in starts)], key=lambda found: found.chi2)
+@dataclass(frozen=True, slots=True)
+class _Fitting:
+    """Fits of a model's parameters to experiments, each with the others held as the model has them.
 
+    `tick` is called before each simulation.
+    """
 
-def _unknowns(model: Model, names: Sequence[str], values: Parameters) -> list[Unknown]:
-    at = moved(model, values)
-    return [unknown_of(at, name) for name in names]
+    model: Model
+    experiments: Sequence[Experiment]
+    tick: Tick
 
+    def fit(self, start: Sequence[Unknown]) -> Estimate:
+        """From these values."""
+        return estimate(self._residuals(start), start, careful=True)
 
-def _fit_from(model: Model, experiments: Sequence[Experiment], start: Sequence[Unknown], tick: Tick) -> Estimate:
-    return estimate(_residuals(model, experiments, start, tick), start, careful=True)
+    def at(self, values: Parameters, names: Sequence[str]) -> Estimate:
+        """From other values of the model, at which those that are not named are held."""
+        near = replace(self, model=moved(self.model, values))
+        return near.fit([unknown_of(near.model, name) for name in names])
 
+    def restarted(self, first: Estimate) -> Estimate:
+        """Try other starts while the fit stays far above the noise; a poor start must not pass for physics."""
+        best = first
+        for factor in EFFORT.restarts:
+            if best.mean_square < CRITERIA.misfit:
+                break
+            start = [
+                replace(u, start=float(np.clip(u.start * factor, u.low, u.high))) if u.unit in ("s", "rad/s") else u
+                for u in first.unknowns
+            ]
+            best = min(best, self.fit(start), key=lambda found: found.chi2)
+        if not explains_little([e.weight * e.valid_output for e in self.experiments], [best.residuals]):
+            return best
+        starts = multistart(self._residuals(first.unknowns), first.unknowns)
+        return min([best, *map(self.fit, starts)], key=lambda found: found.chi2)
 
-def _residuals(
-    model: Model, experiments: Sequence[Experiment], unknowns: Sequence[Unknown], tick: Tick
-) -> Callable[[Array], Array]:
-    """Weighted residuals over the values of the unknowns."""
-    names = [u.name for u in unknowns]
-    base, active = model.values, model.active_effects
-    of_plant = Residuals(model.definition, experiments, base, active)
+    def _residuals(self, unknowns: Sequence[Unknown]) -> Callable[[Array], Array]:
+        """Weighted residuals over the values of the unknowns."""
+        names = [u.name for u in unknowns]
+        base, active = self.model.values, self.model.active_effects
+        of_plant = Residuals(self.model.definition, self.experiments, base, active)
 
-    def residuals(values: Array) -> Array:
-        tick()
-        tried = dict(zip(names, values.tolist(), strict=True))
-        parameters = base | {name: value for name, value in tried.items() if "." not in name}
-        return of_plant.at(parameters, effects_at(active, tried))
+        def residuals(values: Array) -> Array:
+            self.tick()
+            tried = dict(zip(names, values.tolist(), strict=True))
+            parameters = base | {name: value for name, value in tried.items() if "." not in name}
+            return of_plant.at(parameters, effects_at(active, tried))
 
-    return residuals
+        return residuals
 
 
 def _noise(
