@@ -6,8 +6,8 @@ import numpy as np
 
 from hil.identification.preparation.experiment import Experiment, experiment
 from hil.physics.compose import plant
-from hil.physics.simulate import ActiveEffect, Drive, simulate
-from hil.record.recording import recording
+from hil.physics.simulate import ActiveEffect
+from tests.answers import answer
 
 FLAP = plant("throttle-flap")
 NOISE_V = 0.003
@@ -19,11 +19,10 @@ def recorded(
 ) -> Experiment:
     """What is recorded of it over 20 s, so many `samples` in 20 ms, noise of `NOISE_V` in the reading."""
     rng = np.random.default_rng(seed)
-    time_s = 0.02 / samples * np.arange(samples * len(TIME_S))
-    command = np.repeat(rng.uniform(-15.0, 15.0, levels), len(time_s) // levels)
+    command = np.repeat(rng.uniform(-15.0, 15.0, levels), samples * len(TIME_S) // levels)
     friction = ActiveEffect(
         "friction", "force", {"coulomb": coulomb, "stiction": 1.2, "stribeck": 0.5, "presliding": 0.01}
     )
-    angle = simulate(FLAP, {**FLAP.typical, "rest": rest}, Drive(command[None, :], 2.5, 0.02 / samples), [friction])[0]
-    angle = angle + NOISE_V * rng.standard_normal(len(angle))
-    return experiment(recording(name, time_s, {"motor command [V]": command, "flap angle [V]": angle}), FLAP)
+    noise = NOISE_V * rng.standard_normal(len(command))
+    made = answer(FLAP, command, 0.02 / samples, friction, noise=noise, start=2.5, name=name, rest=rest)
+    return experiment(made, FLAP)

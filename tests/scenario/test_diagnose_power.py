@@ -7,8 +7,7 @@ import numpy as np
 from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.diagnosis import Diagnosis
 from hil.physics.compose import plant
-from hil.physics.simulate import Drive, simulate
-from hil.record.recording import recording
+from tests.answers import answer
 from tests.concealed import NOISE, PLANT, RATE_HZ, bound, nominal
 
 
@@ -16,10 +15,8 @@ def of_a_healthy_unit(top: float, duration_s: float = 5.6) -> Diagnosis:
     """One step up and back, which ends where the half begins that is judged, less what the plant remembers."""
     time_s = np.arange(0.0, duration_s, 1.0 / RATE_HZ)
     command = top * ((time_s > 0.464 * duration_s) & (time_s < 0.553 * duration_s))
-    valve = plant(PLANT)
-    flow, _, _ = simulate(valve, valve.typical, Drive(command[None, :], 0.0, 1.0 / RATE_HZ, 0.0), factor=4.0)
-    read = flow + NOISE * np.random.default_rng(3).standard_normal(len(flow))
-    one = recording("up and back", time_s, {"command [%]": command, "flow [l/min]": read})
+    noise = NOISE * np.random.default_rng(3).standard_normal(len(command))
+    one = answer(plant(PLANT), command, 1.0 / RATE_HZ, noise=noise, factor=4.0)
     return diagnose(nominal(), bound(nominal(), [one])).diagnosis
 
 

@@ -9,8 +9,7 @@ from hil.diagnosis.intake.problem import pose
 from hil.diagnosis.verdict.explain import explained
 from hil.identification.preparation.experiment import for_model
 from hil.physics.model import typical_model
-from hil.physics.simulate import Drive, simulate
-from hil.record.recording import recording
+from tests.answers import answer
 
 RATE_HZ = 500.0
 GOOD = {"coil_lag": 0.008, "rotor_frequency": 187.0, "rotor_damping": 3.14}
@@ -23,10 +22,9 @@ def test_a_slow_rotor_is_not_told_as_a_slow_coil():
     good = replace(typical, parameters=values)
     rng = np.random.default_rng(4)
     current = np.repeat(rng.uniform(1.3, 1.75, 24), round(0.25 * RATE_HZ))
-    pressure = simulate(good.definition, good.values | RETURNED, Drive(current[None, :], 0.0, 1.0 / RATE_HZ, 0.0))[0]
-    pressure = pressure + 0.3 * rng.standard_normal(len(current))
-    columns = {"current [A]": current, "pressure [psi]": pressure}
-    problem = pose(good, [for_model(good, recording("returned", np.arange(len(current)) / RATE_HZ, columns))])
+    noise = 0.3 * rng.standard_normal(len(current))
+    returned = answer(good.definition, current, 1.0 / RATE_HZ, noise=noise, **RETURNED)
+    problem = pose(good, [for_model(good, returned)])
     _, choice = explained(problem)
     found = choice.chosen
     assert choice.verdict == "parameter_change"

@@ -5,8 +5,7 @@ import pytest
 
 from hil.diagnosis.diagnose import diagnose
 from hil.physics.model import typical_model
-from hil.physics.simulate import Drive, simulate
-from hil.record.recording import recording
+from tests.answers import answer
 from tests.concealed import bound
 
 EFC = typical_model("cummins-efc")
@@ -20,18 +19,11 @@ EFC = typical_model("cummins-efc")
     ],
 )
 def test_a_parameter_is_told_as_an_effect_unless_others_changed_by_more(changed, verdict, effects):
-    values = {**EFC.values, **{name: times * EFC.values[name] for name, times in changed.items()}}
+    truth = {name: times * EFC.values[name] for name, times in changed.items()}
     time_s = np.arange(0.0, 8.0, 0.004)
     current = 1.6 + 0.4 * np.sin(time_s) + 0.05 * np.sign(np.sin(7.0 * time_s))
-    clean = simulate(EFC.definition, values, Drive(current[None, :], 0.0, 0.004))[0]
-    made = [
-        recording(
-            f"sweep-{seed}",
-            time_s,
-            {"current [A]": current, "pressure [psi]": clean + np.random.default_rng(seed).normal(0.0, 0.5, 2000)},
-        )
-        for seed in (1, 2)
-    ]
+    noises = {f"sweep-{seed}": np.random.default_rng(seed).normal(0.0, 0.5, 2000) for seed in (1, 2)}
+    made = [answer(EFC.definition, current, 0.004, noise=noise, name=name, **truth) for name, noise in noises.items()]
     told = diagnose(EFC, bound(EFC, made)).diagnosis
     assert told.verdict == verdict
     assert [f.name for f in told.effects] == effects

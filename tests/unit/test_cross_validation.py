@@ -24,6 +24,7 @@ from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import recording
+from tests.answers import answer
 
 
 def problem(
@@ -34,10 +35,9 @@ def problem(
     for k, duration_s in enumerate(seconds):
         time_s = np.arange(0.0, duration_s, interval_s)
         command = 0.4 * definition.inputs[0].full_scale * np.sin(2.0 * np.pi * hz * (1.0 + 0.3 * k) * time_s)
-        output = simulate(definition, definition.typical, Drive(command[None, :], math.nan, interval_s), concealed)[0]
-        output = output + 1e-3 * definition.output.full_scale * np.random.default_rng(k).standard_normal(len(output))
-        channels = {definition.inputs[0].heading: command, definition.output.heading: output}
-        made.append(experiment(recording(f"r{k}", time_s, channels), definition))
+        noise = 1e-3 * definition.output.full_scale * np.random.default_rng(k).standard_normal(len(command))
+        read = answer(definition, command, interval_s, *concealed, noise=noise, start=math.nan, name=f"r{k}")
+        made.append(experiment(read, definition))
     return pose(typical_model(name), made)
 
 

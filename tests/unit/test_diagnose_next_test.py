@@ -8,10 +8,9 @@ import pytest
 from hil.diagnosis.answer.next_test import Span, menu
 from hil.diagnosis.diagnose import diagnose
 from hil.identification.preparation.experiment import Experiment, for_model
-from hil.physics.simulate import Drive, simulate
-from hil.record.recording import recording
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings
+from tests.answers import answer
 from tests.concealed import NOISE, RATE_HZ, nominal
 
 BOTH_WAYS, ONE_WAY = Span(0.0, 100.0, -90.0, 90.0), Span(0.0, 2.0, 1.1, 1.9)
@@ -32,10 +31,8 @@ def small_sine() -> Experiment:
     model = nominal()
     time_s = np.arange(0.0, 20.0, 1.0 / RATE_HZ)
     command = (50.0 + 5.0 * np.sin(2.0 * np.pi * 0.5 * time_s)) * (1.0 + 7.6e-6)  # as a converter gives it
-    drive = Drive(command[None, :], 0.0, 1.0 / RATE_HZ, 0.0)
-    flow = simulate(model.definition, model.values, drive, factor=4.0)[0]
-    flow = flow + NOISE * np.random.default_rng(3).standard_normal(len(flow))
-    return for_model(model, recording("small sine", time_s, {"command [%]": command, "flow [l/min]": flow}))
+    noise = NOISE * np.random.default_rng(3).standard_normal(len(command))
+    return for_model(model, answer(model.definition, command, 1.0 / RATE_HZ, noise=noise, factor=4.0, **model.values))
 
 
 def test_a_small_sine_shows_little_and_says_so():

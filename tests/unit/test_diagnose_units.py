@@ -22,6 +22,7 @@ from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.reading import Reading
 from hil.record.recording import Recording, recording
 from hil.record.table.named import with_stated_units
+from tests.answers import answer
 from tests.concealed import (
     DURATION_S,
     NOISE,
@@ -56,13 +57,11 @@ def test_a_channel_in_a_wrong_unit_or_the_other_way_is_refused(channel, factor, 
 
 @pytest.mark.parametrize("factor", [10.0, 0.1, 60.0])
 def test_a_wrong_unit_is_refused_though_a_sticking_part_moves_less(factor):
-    valve, time_s = plant(PLANT), np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
-    command = -50.0 + 10.0 * np.sin(2.0 * np.pi * 0.3 * time_s)
-    flow = simulate(valve, valve.typical, Drive(command[None, :], 0.0, 1.0 / RATE_HZ, 0.0), (STICKING,))[0]
-    flow += NOISE * noise(np.random.default_rng(22), len(flow))
-    made = recording("small sine", time_s, {"command [%]": command, "flow [l/min]": factor * flow})
+    command = -50.0 + 10.0 * np.sin(2.0 * np.pi * 0.3 * np.arange(0.0, DURATION_S, 1.0 / RATE_HZ))
+    off = NOISE * noise(np.random.default_rng(22), len(command))
+    made = answer(plant(PLANT), command, 1.0 / RATE_HZ, STICKING, noise=off)
     with pytest.raises(FileError, match=rf"'flow \[l/min\]'.*factor near {factor:.4g}"):
-        check(nominal(), bound(nominal(), [made]))
+        check(nominal(), bound(nominal(), scaled([made], "flow", factor)))
 
 
 @pytest.mark.parametrize("factor", [60.0, 10.0, 0.1, 1.0 / 60.0])
@@ -76,11 +75,10 @@ def test_a_wrong_unit_is_refused_though_the_supply_gives_way(factor):
 
 @pytest.mark.parametrize("factor", [1000.0, 25.4, 10.0, 0.1])
 def test_a_loop_whose_output_has_a_wrong_unit_is_refused(factor):
-    loop, time_s = typical_model("hydraforce-sp08-47c"), np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
-    request = 125.0 + 40.0 * np.sin(2.0 * np.pi * 0.3 * time_s)
-    drive = Drive(request[None, :], 125.0, 1.0 / RATE_HZ, 0.0)
-    position = simulate(loop.definition, loop.values, drive) + 0.05 * noise(np.random.default_rng(24), len(time_s))
-    made = recording("loop", time_s, {"request [mm]": request, "position [mm]": factor * position[0]})
+    loop = typical_model("hydraforce-sp08-47c")
+    request = 125.0 + 40.0 * np.sin(2.0 * np.pi * 0.3 * np.arange(0.0, DURATION_S, 1.0 / RATE_HZ))
+    off = 0.05 * noise(np.random.default_rng(24), len(request))
+    (made,) = scaled([answer(loop.definition, request, 1.0 / RATE_HZ, noise=off, start=125.0)], "position", factor)
     with pytest.raises(FileError, match=r"'position \[mm\]'.*wrong unit"):
         check(loop, [for_model(loop, made)])
 
@@ -140,9 +138,8 @@ def test_an_axis_that_moves_many_times_as_much_as_it_can_is_refused(factor):
     axis, time_s = plant("linear-axis"), np.arange(0.0, 16.0, 1.0 / RATE_HZ)
     force = 40.0 * np.sin(2.0 * np.pi * 0.3 * time_s) + 20.0 * np.sin(2.0 * np.pi * 1.7 * time_s)
     dry = ActiveEffect("friction", "force", {"coulomb": 20.0, "stiction": 1.2, "stribeck": 0.02, "presliding": 1e-4})
-    position = simulate(axis, axis.typical, Drive(force[None, :], 0.0, 1.0 / RATE_HZ), (dry,), factor=4.0)[0]
-    position += 2e-5 * noise(np.random.default_rng(26), len(position))
-    made = recording("loop", time_s, {"force [N]": force, "position [m]": position})
+    off = 2e-5 * noise(np.random.default_rng(26), len(force))
+    made = answer(axis, force, 1.0 / RATE_HZ, dry, noise=off, factor=4.0)
     start = typical_model("linear-axis")
     model = fit_plant(start, [experiment(made, axis)]).model
     check(model, [for_model(model, made)])

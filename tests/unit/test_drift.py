@@ -6,8 +6,7 @@ import pytest
 from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.intake.problem import pose
 from hil.physics.model import typical_model
-from hil.physics.simulate import Drive, simulate
-from hil.record.recording import recording
+from tests.answers import answer
 from tests.concealed import bound, nominal, records
 
 
@@ -31,9 +30,7 @@ def test_a_place_on_a_steep_curve_may_drift_less_than_its_size_says():
     model = typical_model("cummins-efc")
     time_s = np.arange(0.0, 8.0, 0.004)
     current = 1.6 + 0.4 * np.sin(time_s)
-    drive = Drive(current[None, :], 0.0, 0.004)
-    pressure = simulate(model.definition, model.values, drive)[0] + np.random.default_rng(1).normal(0.0, 0.5, 2000)
-    made = recording("sweep", time_s, {"current [A]": current, "pressure [psi]": pressure})
+    made = answer(model.definition, current, 0.004, noise=np.random.default_rng(1).normal(0.0, 0.5, 2000))
     problem = pose(model, bound(model, [made]))
     allowed = dict(zip([p.name for p in problem.base], problem.prior.std, strict=True))
     assert allowed["curve_centre"] == pytest.approx(0.002)

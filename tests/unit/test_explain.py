@@ -13,8 +13,7 @@ from hil.diagnosis.verdict.explain import Option
 from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
 from hil.physics.model import Noise, typical_model
-from hil.physics.simulate import Drive, simulate
-from hil.record.recording import recording
+from tests.answers import answer
 
 FLAP = plant("throttle-flap")
 
@@ -22,10 +21,8 @@ FLAP = plant("throttle-flap")
 def asked() -> Problem:
     time_s = np.arange(0.0, 10.0, 0.02)
     command = 12.0 * np.sign(np.sin(2.0 * np.pi * 0.4 * time_s))
-    angle = simulate(FLAP, FLAP.typical, Drive(command[None, :], 2.5, 0.02), [])[0]
-    channels = {"motor command [V]": command, "flap angle [V]": angle}
     model = replace(typical_model(FLAP.name), noise=Noise(0.01))
-    return pose(model, [experiment(recording("flap", time_s, channels), FLAP)])
+    return pose(model, [experiment(answer(FLAP, command, 0.02, start=2.5), FLAP)])
 
 
 def with_moved(problem: Problem, term: Term, moved: int) -> Option:

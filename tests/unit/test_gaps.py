@@ -19,8 +19,8 @@ from hil.identification.preparation.gaps import filled
 from hil.identification.uncertainty.noise import channel_floor, white_floor
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
-from hil.physics.simulate import Drive, simulate
-from hil.record.recording import Array, recording
+from hil.record.recording import Array
+from tests.answers import answer
 from tests.concealed import NOISE, PLANT, RATE_HZ, bound, nominal, records, with_rows
 
 SECOND = round(RATE_HZ)
@@ -78,12 +78,11 @@ def test_a_command_that_jumps_in_a_hole_is_unknown_and_one_that_moves_on_is_not(
 def test_what_integrates_keeps_the_longest_stretch():
     axis, time_s = plant("linear-axis"), np.arange(0.0, 8.0, 1.0 / RATE_HZ)
     force = 250.0 * np.sin(2.0 * np.pi * 0.5 * time_s)
-    position = simulate(axis, axis.typical, Drive(force[None, :], 0.0, 1.0 / RATE_HZ))[0]
-    whole = recording("axis", time_s, {"force [N]": force, "position [m]": position})
+    whole = answer(axis, force, 1.0 / RATE_HZ)
     e = experiment(with_rows(whole, np.delete(np.arange(len(whole)), slice(500, 600))), axis)
     kept, said = filled(e, 0.0, forgets=False)
     assert kept.time_s[0] == pytest.approx(time_s[600]) and len(kept.output) == len(time_s) - 600
-    assert kept.drive.first_output == position[600]
+    assert kept.drive.first_output == whole.values("position")[600]
     assert "are used" in said[0]
 
 

@@ -11,9 +11,10 @@ import pytest
 from hil.identification.grey_box.identify import GreyBoxFit, fit_plant, starting_model
 from hil.identification.preparation.experiment import Experiment
 from hil.physics.model import typical_model
-from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Recording, recording
 from hil.signals.recursion import filtered
+from tests.answers import answer
 from tests.concealed import bound
 
 pytestmark = pytest.mark.xdist_group("fits with and without friction")  # on one worker: it is fitted once
@@ -21,16 +22,13 @@ pytestmark = pytest.mark.xdist_group("fits with and without friction")  # on one
 TYPICAL = typical_model("brevini-hpv41")
 FRICTION = ActiveEffect("friction", "force", {"coulomb": 1.5, "stiction": 1.2, "stribeck": 10.0, "presliding": 0.2})
 LEVELS = (0.0, 80.0, -60.0, 40.0, -90.0, 55.0, 0.0)
+COMMAND = np.concatenate((np.repeat(LEVELS, 1000), 70.0 * np.sin(1.3 * (0.001 * np.arange(9000)))))
 
 
 def driven(*effects: ActiveEffect) -> Recording:
     """Steps and a slow wave, read with noise."""
-    time_s = np.arange(16_000) * 0.001
-    slow = 70.0 * np.sin(1.3 * time_s[:9000])
-    command = np.concatenate((np.repeat(LEVELS, 1000), slow))
-    flow = simulate(TYPICAL.definition, TYPICAL.values, Drive(command[None, :], 0.0, 0.001), effects)[0]
-    flow += 0.1 * np.random.default_rng(4).standard_normal(len(flow))
-    return recording("driven", time_s, {"command [%]": command, "flow [l/min]": flow})
+    noise = 0.1 * np.random.default_rng(4).standard_normal(len(COMMAND))
+    return answer(TYPICAL.definition, COMMAND, 0.001, *effects, noise=noise, name="driven")
 
 
 def fitted(made: Recording) -> GreyBoxFit:
@@ -100,11 +98,8 @@ def test_a_stated_calibration_is_kept_apart():
 
 def test_finer_steps_of_the_solver_move_an_effects_parameter_as_they_move_the_plants():
     start = starting_model("hpv41-identified", ("friction.coulomb",))
-    time_s = np.arange(16_000) * 0.001
-    command = np.concatenate((np.repeat(LEVELS, 1000), 70.0 * np.sin(1.3 * time_s[:9000])))
-    flow = simulate(start.definition, start.values, Drive(command[None, :], 0.0, 0.001), start.active_effects)[0]
-    flow += 0.003 * np.random.default_rng(4).standard_normal(len(flow))
-    made = recording("driven", time_s, {"command [%]": command, "flow [l/min]": flow})
+    noise = 0.003 * np.random.default_rng(4).standard_normal(len(COMMAND))
+    made = answer(start.definition, COMMAND, 0.001, *start.active_effects, noise=noise, **start.values)
 
     found = fit_plant(start, bound(start, [made]), ("friction.coulomb",))
 

@@ -15,6 +15,7 @@ from hil.identification.preparation.informative_segments import experiments_of, 
 from hil.physics.model import Model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array, Recording, recording
+from tests.answers import answer
 
 INTERVAL_S = 0.01
 
@@ -35,10 +36,8 @@ def long_command(count: int = 40_000) -> Array:
 
 def made(command: Array) -> Recording:
     plant = starting_model("brevini-hpv41").definition
-    true = plant.typical | {"dead_band": 12.0, "full_flow": 60.0}
-    flow = simulate(plant, true, Drive(command[None, :], 0.0, INTERVAL_S))[0]
-    flow += 0.2 * np.random.default_rng(2).standard_normal(len(flow))
-    return recording("long", INTERVAL_S * np.arange(len(flow)), {"command [%]": command, "flow [l/min]": flow})
+    noise = 0.2 * np.random.default_rng(2).standard_normal(len(command))
+    return answer(plant, command, INTERVAL_S, noise=noise, name="long", dead_band=12.0, full_flow=60.0)
 
 
 def bound(start: Model, one: Recording) -> tuple[list[Experiment], tuple[str, ...]]:

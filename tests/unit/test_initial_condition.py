@@ -14,8 +14,8 @@ from hil.identification.preparation.experiment import Experiment, experiment
 from hil.identification.preparation.initial_condition import start_slope, with_free_start
 from hil.physics.compose import plant
 from hil.physics.model import Model, Noise, typical_model
-from hil.physics.simulate import Drive, simulate
 from hil.record.recording import recording
+from tests.answers import answer
 
 RATE_HZ, NOISE_M = 250.0, 2e-5
 AXIS = plant("linear-axis")
@@ -26,11 +26,11 @@ def axis(seed: int, hum_m: float = 0.0) -> Experiment:
     rng = np.random.default_rng(seed)
     time_s = np.arange(0.0, 12.0, 1.0 / RATE_HZ)
     force = 100.0 * np.sign(np.sin(2.0 * np.pi * 0.5 * time_s)) + 40.0 * np.sin(2.0 * np.pi * 2.0 * time_s)
-    values = {**AXIS.typical, "mass": 100.0, "viscous": 200.0}
-    position = simulate(AXIS, values, Drive(force[None, :], 0.0, 1.0 / RATE_HZ), factor=4.0)[0]
     hum = hum_m * np.sin(2.0 * np.pi * 47.3 * time_s + rng.uniform(0.0, 6.0))
-    measured = position + NOISE_M * rng.standard_normal(len(time_s)) + hum
-    return experiment(recording(f"run-{seed}", time_s, {"force [N]": force, "position [m]": measured}), AXIS)
+    noise = hum + NOISE_M * rng.standard_normal(len(time_s))
+    truth = {"mass": 100.0, "viscous": 200.0}
+    made = answer(AXIS, force, 1.0 / RATE_HZ, noise=noise, name=f"run-{seed}", factor=4.0, **truth)
+    return experiment(made, AXIS)
 
 
 def healthy(hum_m: float = 0.0) -> Model:

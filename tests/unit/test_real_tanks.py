@@ -8,21 +8,20 @@ from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.identification.grey_box.identify import fit_plant, starting_model
 from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
-from hil.physics.simulate import ActiveEffect, Drive, simulate
-from hil.record.recording import Recording, recording
+from hil.physics.simulate import ActiveEffect
+from hil.record.recording import Recording
+from tests.answers import answer
 
 INTERVAL_S = 4.0
 
 
 def recorded(name: str, *effects: ActiveEffect, count: int = 600) -> Recording:
-    generator = np.random.default_rng(11)
     k = np.arange(count)
     voltage = 3.0 + 1.2 * np.sin(k / 21.0) + 0.9 * np.sin(k / 9.0) + 0.6 * np.sin(k / 57.0)
     tanks = plant("cascaded-tanks")
-    values = tanks.typical | {"pump": 0.05, "drain_upper": 0.06, "drain_lower": 0.06}
-    level = simulate(tanks, values, Drive(voltage[None, :], 5.0, INTERVAL_S), effects)[0]
-    level += 0.01 * generator.standard_normal(len(level))
-    return recording(name, INTERVAL_S * k, {"pump voltage [V]": voltage, "lower tank level [V]": level})
+    truth = {"pump": 0.05, "drain_upper": 0.06, "drain_lower": 0.06}
+    noise = 0.01 * np.random.default_rng(11).standard_normal(count)
+    return answer(tanks, voltage, INTERVAL_S, *effects, noise=noise, start=5.0, name=name, **truth)
 
 
 SPILLS = ActiveEffect("overflow", "upper", {"brim": 6.5, "caught": 0.4})

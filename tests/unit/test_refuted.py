@@ -15,20 +15,22 @@ from hil.identification.grey_box.lines import is_commanded
 from hil.identification.preparation.experiment import experiment
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
-from hil.physics.simulate import ActiveEffect, Drive, simulate
-from hil.record.recording import recording
+from hil.physics.simulate import ActiveEffect
+from tests.answers import answer
 
 FLAP = plant("throttle-flap")
 TIME_S = np.arange(0.0, 12.0, 0.01)
 STOP = ActiveEffect("end_stop", "stop", {"upper": 4.0, "lower": -50.0})
 
 
+def posed(command, *concealed, **how) -> Problem:
+    made = answer(FLAP, command, 0.01, *concealed, start=2.5, **how)
+    return pose(typical_model(FLAP.name), [experiment(made, FLAP)])
+
+
 def problem(*concealed: ActiveEffect, hz: float = 0.25) -> Problem:
     command = 30.0 * np.sin(2.0 * np.pi * hz * TIME_S)
-    angle = simulate(FLAP, FLAP.typical, Drive(command[None, :], 2.5, 0.01), concealed)[0]
-    angle = angle + 0.005 * np.random.default_rng(3).standard_normal(len(angle))
-    channels = {"motor command [V]": command, "flap angle [V]": angle}
-    return pose(typical_model(FLAP.name), [experiment(recording("sine", TIME_S, channels), FLAP)])
+    return posed(command, *concealed, noise=0.005 * np.random.default_rng(3).standard_normal(len(command)))
 
 
 def explained_by(asked: Problem, name: str, **values: float) -> Fitted:
@@ -70,8 +72,6 @@ def test_what_is_refuted_is_not_looked_for():
 def test_bounds_follow_what_passes():
     """A flap driven three times as far as its full scale may stick three times as much."""
     command = 150.0 * np.sin(2.0 * np.pi * 0.25 * TIME_S)
-    angle = simulate(FLAP, FLAP.typical, Drive(command[None, :], 2.5, 0.01))[0]
-    channels = {"motor command [V]": command, "flap angle [V]": angle}
-    asked = pose(typical_model(FLAP.name), [experiment(recording("large", TIME_S, channels), FLAP)])
+    asked = posed(command)
     term = next(t for t in all_terms(asked, nothing(asked).residuals) if t.name == "friction")
     assert term.unknowns[0].high == pytest.approx(0.2 * 150.0)

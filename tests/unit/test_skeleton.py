@@ -28,6 +28,7 @@ from hil.physics.model import Model, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import recording
 from hil.signals.recursion import filtered
+from tests.answers import answer
 from tests.flap import FLAP, TIME_S, recorded
 
 pytestmark = pytest.mark.xdist_group("a model that lacks something")  # on one worker: it is fitted once
@@ -40,9 +41,9 @@ def wandering(name: str, seed: int) -> Experiment:
     rng = np.random.default_rng(seed)
     command = np.repeat(rng.uniform(-15.0, 15.0, 40), len(TIME_S) // 40)
     command[:250] = 0.0
-    angle = simulate(FLAP, FLAP.typical, Drive(command[None, :], 2.5, 0.02), [])[0]
-    noise = filtered([0.02], [1.0, -0.95], rng.standard_normal(len(angle))) + 0.003 * rng.standard_normal(len(angle))
-    return experiment(recording(name, TIME_S, {"motor command [V]": command, "flap angle [V]": angle + noise}), FLAP)
+    slow, fast = rng.standard_normal((2, len(command)))
+    noise = filtered([0.02], [1.0, -0.95], slow) + 0.003 * fast
+    return experiment(answer(FLAP, command, 0.02, noise=noise, start=2.5, name=name), FLAP)
 
 
 @cache
