@@ -8,6 +8,9 @@ from functools import cache
 
 import numpy as np
 
+from hil.diagnosis.diagnose import Diagnosed, diagnose
+from hil.diagnosis.intake.check import Checked, check
+from hil.diagnosis.intake.problem import Problem, pose
 from hil.identification.grey_box.identify import fit_plant
 from hil.identification.preparation.experiment import Experiment, for_model
 from hil.physics.compose import plant
@@ -106,3 +109,18 @@ def nominal(memory: float = 0.0) -> Model:
         return fit_plant(start, bound(start, records(seed=100, memory=memory))).model
 
     return once(f"nominal-{memory}", identified)
+
+
+def intake(made: Sequence[Recording]) -> Checked:
+    """What the intake makes of recordings of the healthy unit's model."""
+    return check(nominal(), bound(nominal(), made))
+
+
+def posed(made: Sequence[Recording]) -> Problem:
+    """What the search is asked about them."""
+    return pose(nominal(), bound(nominal(), made))
+
+
+def diagnosed(made: Sequence[Recording]) -> Diagnosed:
+    """What is found in them."""
+    return diagnose(nominal(), bound(nominal(), made))

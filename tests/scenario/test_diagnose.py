@@ -18,7 +18,8 @@ from hil.diagnosis.search.probes import simulated_probes
 from hil.diagnosis.search.terms import all_terms
 from hil.diagnosis.verdict.explain import recognised
 from hil.physics.simulate import ActiveEffect
-from tests.concealed import DURATION_S, RATE_HZ, bound, commands, nominal, records
+from hil.record.recording import Recording
+from tests.concealed import DURATION_S, RATE_HZ, bound, commands, diagnosed, nominal, posed, records
 
 
 def found(*effects: ActiveEffect, memory: float = 0.0, **given: object) -> Diagnosed:
@@ -118,7 +119,7 @@ def held(of: dict[str, np.ndarray], rng: np.random.Generator) -> dict[str, np.nd
 def test_commands_that_do_not_arrive_are_seen_where_the_spool_is_recorded_too():
     recorded = commands(np.random.default_rng(7))
     made = records(seed=7, arriving=held(recorded, np.random.default_rng(0)), with_spool=True)
-    problem = pose(nominal(), bound(nominal(), made))
+    problem = posed(made)
     start = nothing(problem)
     assert len(start.residuals) == 2 * sum(len(each.time_s) for each in made)
     assert is_sparse(problem, start.residuals, all_bursts(problem, start))
@@ -145,11 +146,16 @@ def test_a_law_beside_commands_that_do_not_arrive_is_found_too(law):
     assert of.diagnosis.verdict == "explained"
 
 
+def hum(made: list[Recording], hz: float = 11.3, size: float = 1.5) -> None:
+    """A tone in the flow, with a phase of its own in each recording."""
+    for k, each in enumerate(made):
+        each.channels["flow"].values[:] += size * np.sin(2.0 * np.pi * hz * each.time_s + 2.0 * k)
+
+
 def test_a_tone_with_a_phase_of_its_own_in_each_recording():
     made = records(seed=9)
-    for k, each in enumerate(made):
-        each.channels["flow"].values[:] += 1.5 * np.sin(2.0 * np.pi * 11.3 * each.time_s + 2.0 * k)
-    of = diagnose(nominal(), bound(nominal(), made))
+    hum(made)
+    of = diagnosed(made)
     assert names(of) == ["periodic_disturbance"]
     frequency = of.diagnosis.effects[0].parameters["frequency"]
     assert frequency.value == pytest.approx(11.3, abs=0.01)
@@ -158,11 +164,10 @@ def test_a_tone_with_a_phase_of_its_own_in_each_recording():
 
 def test_a_tone_that_runs_through_the_spool_too_is_one():
     made = records(seed=9, with_spool=True)
+    hum(made)
     for k, each in enumerate(made):
-        wave = np.sin(2.0 * np.pi * 11.3 * each.time_s + 2.0 * k)
-        each.channels["flow"].values[:] += 1.5 * wave
-        each.channels["spool position"].values[:] += 1.0 * wave
-    problem = pose(nominal(), bound(nominal(), made))
+        each.channels["spool position"].values[:] += np.sin(2.0 * np.pi * 11.3 * each.time_s + 2.0 * k)
+    problem = posed(made)
     start = nothing(problem)
     (_, found), *_ = recognised(problem, [start])
     assert found.name == "periodic_disturbance"
@@ -174,9 +179,8 @@ def test_a_tone_that_runs_through_the_spool_too_is_one():
 def test_a_tone_beside_an_effect_hides_neither():
     uneven = ActiveEffect("asymmetry", "flow", {"ratio": 0.85, "gain": 1.0})
     made = records((uneven,), seed=9)
-    for k, each in enumerate(made):
-        each.channels["flow"].values[:] += 1.5 * np.sin(2.0 * np.pi * 11.3 * each.time_s + 2.0 * k)
-    of = diagnose(nominal(), bound(nominal(), made))
+    hum(made)
+    of = diagnosed(made)
     assert sorted(names(of)) == ["asymmetry", "periodic_disturbance"]
     assert of.diagnosis.verdict == "explained"
 
@@ -186,7 +190,7 @@ def test_a_tone_that_a_law_foresees_has_the_frequency_of_its_period():
     for each in made:
         phase = 2.0 * np.pi * 11.3 * each.time_s
         each.channels["flow"].values[:] += 5.0 * np.sin(phase) + 2.5 * np.sin(2.0 * phase) + 0.8 * np.sin(3.0 * phase)
-    of = diagnose(nominal(), bound(nominal(), made))
+    of = diagnosed(made)
     assert names(of) == ["periodic_disturbance"]
     told = of.diagnosis.effects[0].parameters
     assert told["frequency"].value == pytest.approx(11.3, abs=0.001)
@@ -201,12 +205,10 @@ def rounded(of: np.ndarray) -> None:
 def test_a_tone_beside_other_events_hides_neither(spoilt, name):
     arriving = {} if spoilt else {"arriving": held(commands(np.random.default_rng(7)), np.random.default_rng(0))}
     made = records(seed=7, **arriving)
-    for k, each in enumerate(made):
-        flow = each.channels["flow"].values
-        flow[:] += 1.5 * np.sin(2.0 * np.pi * 11.3 * each.time_s + 2.0 * k)
-        if spoilt is not None:
-            spoilt(flow)
-    of = diagnose(nominal(), bound(nominal(), made))
+    hum(made)
+    for each in made if spoilt else ():
+        spoilt(each.channels["flow"].values)
+    of = diagnosed(made)
     assert sorted(names(of)) == sorted([name, "periodic_disturbance"])
     assert of.diagnosis.verdict == "explained"
     assert of.diagnosis.changed_parameters == ()
@@ -214,9 +216,8 @@ def test_a_tone_beside_other_events_hides_neither(spoilt, name):
 
 def test_a_few_slow_waves_are_a_drift_and_no_tone():
     made = records(seed=9)
-    for k, each in enumerate(made):
-        each.channels["flow"].values[:] += 5.0 * np.sin(2.0 * np.pi * 2.8 / DURATION_S * each.time_s + 2.0 * k)
-    problem = pose(nominal(), bound(nominal(), made))
+    hum(made, 2.8 / DURATION_S, 5.0)
+    problem = posed(made)
     assert tone(problem, nothing(problem)) is None
 
 
@@ -224,11 +225,10 @@ def test_a_gain_that_swings_is_no_tone():
     made = records(seed=9)
     for k, each in enumerate(made):
         each.channels["flow"].values[:] *= 1.0 + 0.1 * np.sin(2.0 * np.pi * 1.3 * each.time_s + 2.0 * k)
-    swinging = pose(nominal(), bound(nominal(), made))
+    swinging = posed(made)
     assert tone(swinging, nothing(swinging)) is None
-    for k, each in enumerate(made):
-        each.channels["flow"].values[:] += 5.0 * np.sin(2.0 * np.pi * 1.3 * each.time_s + 2.0 * k)
-    humming = pose(nominal(), bound(nominal(), made))
+    hum(made, 1.3, 5.0)
+    humming = posed(made)
     assert tone(humming, nothing(humming)) is not None
 
 
@@ -252,7 +252,7 @@ def test_a_supply_that_gives_way_at_once_is_a_bent_curve():
 def test_the_screen_corrects_a_start_that_is_too_strong():
     """A twelfth of the signal swings; the library starts with four tenths, which would be worse than nothing."""
     ringing = ActiveEffect("resonance", "sensor", {"share": 0.08, "period": 0.19, "damping": 0.06})
-    problem = pose(nominal(), bound(nominal(), records((ringing,), seed=14)))
+    problem = posed(records((ringing,), seed=14))
     start = nothing(problem)
     jobs = [(term, values) for term in all_terms(problem, start.residuals) for values in term.starts]
     best = simulated_probes(linearized(problem, start), jobs)[0]
@@ -267,7 +267,7 @@ def test_what_no_library_lists_is_unexplained_with_its_place():
         flow = each.channels["flow"].values
         back = round(4.0 * RATE_HZ)
         flow[back:] += 0.15 * np.abs(flow[:-back]) * np.sign(np.sin(2.0 * np.pi * each.time_s[back:] / 1.7))
-    of = diagnose(nominal(), bound(nominal(), made)).diagnosis
+    of = diagnosed(made).diagnosis
     assert of.verdict == "unexplained"
     assert of.effects == ()
     assert of.left.where is not None
@@ -280,7 +280,7 @@ def test_one_shifted_clock_is_not_a_dead_time():
     flow = made[0].channels["flow"].values
     flow[:] = np.roll(flow, 12)
     flow[:12] = flow[12]
-    of = diagnose(nominal(), bound(nominal(), made)).diagnosis
+    of = diagnosed(made).diagnosis
     assert "dead_time" not in [effect.name for effect in of.effects]
     assert any("clock" in warning for warning in of.warnings)
 
@@ -291,7 +291,7 @@ def converted(to_whole: Callable[[np.ndarray], np.ndarray]) -> Diagnosed:
     for each in made:
         flow = each.channels["flow"].values
         flow[:] = 2.0 * to_whole(flow / 2.0)
-    return diagnose(nominal(), bound(nominal(), made))
+    return diagnosed(made)
 
 
 def test_a_coarse_signal_is_quantised_and_has_no_dead_band():
@@ -314,7 +314,7 @@ def test_what_comes_with_every_jump_of_the_command_was_not_lost():
     for at in np.flatnonzero(np.diff(recorded["steps"])):
         late["steps"][at + 1 : at + 20] = recorded["steps"][at]
     for arriving, lost in ((late, False), (held(recorded, np.random.default_rng(0)), True)):
-        problem = pose(nominal(), bound(nominal(), records(seed=7, arriving=arriving)))
+        problem = posed(records(seed=7, arriving=arriving))
         assert bool(recognised(problem, [nothing(problem)])) == lost
 
 
@@ -338,7 +338,7 @@ def test_short_repeats_in_a_coarse_channel_are_dropouts():
     for start_s in np.arange(1.08, DURATION_S, 1.0):  # every other one on the way to another level
         start = round(start_s * RATE_HZ)
         flow[start : start + 9] = flow[start]
-    of = diagnose(nominal(), bound(nominal(), made))
+    of = diagnosed(made)
     assert names(of) == ["dropout"]
     assert of.diagnosis.effects[0].stage == "sensor"
     assert of.diagnosis.left.share < 0.15

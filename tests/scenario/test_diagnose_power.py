@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.diagnosis import Diagnosis
 from hil.physics.compose import plant
 from tests.answers import answer
-from tests.concealed import NOISE, PLANT, RATE_HZ, bound, nominal
+from tests.concealed import NOISE, PLANT, RATE_HZ, diagnosed
 
 
 def of_a_healthy_unit(top: float, duration_s: float = 5.6) -> Diagnosis:
@@ -17,7 +16,7 @@ def of_a_healthy_unit(top: float, duration_s: float = 5.6) -> Diagnosis:
     command = top * ((time_s > 0.464 * duration_s) & (time_s < 0.553 * duration_s))
     noise = NOISE * np.random.default_rng(3).standard_normal(len(command))
     one = answer(plant(PLANT), command, 1.0 / RATE_HZ, noise=noise, factor=4.0)
-    return diagnose(nominal(), bound(nominal(), [one])).diagnosis
+    return diagnosed([one]).diagnosis
 
 
 def test_a_part_kept_back_that_holds_only_a_rest_does_not_undo_what_the_other_shows():

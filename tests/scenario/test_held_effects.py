@@ -12,8 +12,9 @@ from hil.identification.preparation.experiment import for_model
 from hil.passport.difference import difference
 from hil.passport.sources import Dated
 from hil.physics.model import Model, ModelEffect, Value, typical_model
-from hil.physics.simulate import ActiveEffect, Drive, simulate
-from hil.record.recording import Recording, recording
+from hil.physics.simulate import ActiveEffect
+from hil.record.recording import Recording
+from tests.answers import answer
 from tests.concealed import NOISE, PLANT, RATE_HZ, commands
 
 KNOWN_TO = 0.05
@@ -30,10 +31,8 @@ def steps(coulomb: float, *others: ActiveEffect, seed: int = 3) -> Recording:
     """What a unit with so much friction does."""
     rng, unit = np.random.default_rng(seed), model(coulomb)
     command = commands(rng)["steps"]
-    drive = Drive(command[None, :], 0.0, 1.0 / RATE_HZ, 0.0)
-    flow = simulate(unit.definition, unit.values, drive, (*unit.active_effects, *others), factor=4.0)[0]
-    columns = {"command [%]": command, "flow [l/min]": flow + NOISE * rng.standard_normal(len(flow))}
-    return recording("steps", np.arange(len(flow)) / RATE_HZ, columns)
+    noise, effects = NOISE * rng.standard_normal(len(command)), (*unit.active_effects, *others)
+    return answer(unit.definition, command, 1.0 / RATE_HZ, *effects, noise=noise, name="steps", factor=4.0)
 
 
 def told(nominal: Model, made: Recording) -> Diagnosed:

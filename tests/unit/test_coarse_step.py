@@ -11,13 +11,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hil.diagnosis.events.coarse import lattice
-from hil.diagnosis.intake.problem import Problem, pose
+from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.search.effort import EFFORT
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
 from hil.diagnosis.search.terms import all_terms
 from hil.physics.simulate import ActiveEffect
-from tests.concealed import bound, nominal, records
+from tests.concealed import posed, records
 
 FINE = 0.01
 
@@ -50,7 +50,7 @@ def read_in_steps(
     for each in made:
         flow = each.channels["flow"].values
         flow[:] = step * to_whole(flow / step)
-    return pose(nominal(), bound(nominal(), made))
+    return posed(made)
 
 
 def off(problem: Problem, step: float, f: Fitted) -> float:

@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.intake.check import check
 from hil.diagnosis.intake.problem import pose
 from hil.errors import FileError
 from hil.identification.grey_box.identify import fit_plant
 from hil.physics.model import typical_model
 from hil.record.recording import Channel, Recording
-from tests.concealed import PLANT, bound, nominal, records
+from tests.concealed import PLANT, bound, intake, nominal, records
 
 
 def dead(each: Recording) -> Recording:
@@ -25,13 +24,13 @@ def test_an_output_that_never_moves_is_refused():
     with pytest.raises(
         FileError, match=r"steps: channel 'flow \[l/min\]' stands at 3 .* in every recording: a dead sensor"
     ):
-        check(nominal(), bound(nominal(), [dead(each) for each in records(seed=20)]))
+        intake([dead(each) for each in records(seed=20)])
 
 
 def test_a_recording_whose_sensor_was_dead_is_left_out_and_said():
     made = records(seed=20)
     made[1] = dead(made[1])
-    checked = check(nominal(), bound(nominal(), made))
+    checked = intake(made)
     assert [e.name for e in checked.experiments] == ["steps", "sine"]
     assert len(checked.warnings) == 1
     assert "sweep: channel 'flow [l/min]' stands at 3 all the time, where the model moves by" in checked.warnings[0]
@@ -44,7 +43,7 @@ def test_a_coarse_channel_may_stand_still_while_little_moves():
         flow = each.channels["flow"].values
         flow[:] = 40.0 * np.round(flow / 40.0)
     still[:] = 40.0
-    checked = check(nominal(), bound(nominal(), made))
+    checked = intake(made)
     assert len(checked.experiments) == len(made)
     problem = pose(nominal(), checked.experiments)
     assert problem.noises[2] == problem.noises[1]  # it stands still because its converter is as coarse as the others'
@@ -83,4 +82,4 @@ def test_what_is_left_must_still_tell_something():
     with pytest.raises(FileError, match="sweep: the input never changes"):
         fit_plant(start, bound(start, [dead(steps), sweep]))
     with pytest.raises(FileError, match="sweep: the input never changes"):
-        check(nominal(), bound(nominal(), [dead(steps), sweep]))
+        intake([dead(steps), sweep])

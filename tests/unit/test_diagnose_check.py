@@ -12,7 +12,7 @@ from hil.diagnosis.intake.check import check
 from hil.errors import FileError
 from hil.physics.compose import plant
 from hil.physics.model import Model
-from tests.concealed import PLANT, WORN, bound, changed, noise, nominal, poor, records, with_rows
+from tests.concealed import PLANT, WORN, bound, changed, intake, noise, nominal, poor, records, with_rows
 
 
 def test_swapped_columns_are_refused():
@@ -22,7 +22,7 @@ def test_swapped_columns_are_refused():
         command[:], flow[:] = flow, kept
 
     with pytest.raises(FileError, match="look swapped"):
-        check(nominal(), bound(nominal(), changed(swap)))
+        intake(changed(swap))
 
 
 def test_columns_that_look_swapped_are_taken_where_their_units_are_stated():
@@ -48,7 +48,7 @@ def test_swapped_columns_are_refused_where_the_model_never_fitted_well(gain):
 
 def test_a_recording_shorter_than_a_time_constant_is_refused():
     with pytest.raises(FileError, match="at least one time constant"):
-        check(nominal(), bound(nominal(), [with_rows(each, slice(20)) for each in records(seed=21)]))
+        intake([with_rows(each, slice(20)) for each in records(seed=21)])
 
 
 def test_recordings_may_be_as_short_as_those_of_identification():
@@ -65,7 +65,7 @@ def test_a_constant_command_is_refused():
         each.channels["command"].values[:] = 50.0
 
     with pytest.raises(FileError, match="never changes"):
-        check(nominal(), bound(nominal(), changed(stand_still)))
+        intake(changed(stand_still))
 
 
 def test_a_clipped_channel_is_left_out_and_said():
@@ -73,7 +73,7 @@ def test_a_clipped_channel_is_left_out_and_said():
         flow = each.channels["flow"].values
         flow[:] = np.clip(flow, -20.0, 20.0)
 
-    checked = check(nominal(), bound(nominal(), changed(clip)))
+    checked = intake(changed(clip))
     assert any("clipped at" in text for text in checked.warnings)
     assert all(e.invalid["output"].any() for e in checked.experiments)
 
@@ -84,7 +84,7 @@ def test_a_slow_channel_is_clipped_where_noise_lets_it_go_for_a_moment_too():
         flow[:] = np.minimum(flow, np.quantile(flow, 0.9))
 
     made = changed(clip)
-    for e, each in zip(check(nominal(), bound(nominal(), made)).experiments, made, strict=True):
+    for e, each in zip(intake(made).experiments, made, strict=True):
         flow = each.channels["flow"].values
         at_the_end = np.flatnonzero(flow == flow.max())
         ignored = e.invalid["output"][at_the_end]
@@ -92,4 +92,4 @@ def test_a_slow_channel_is_clipped_where_noise_lets_it_go_for_a_moment_too():
 
 
 def test_good_recordings_pass_without_a_word():
-    assert check(nominal(), bound(nominal(), records(seed=23))).warnings == ()
+    assert intake(records(seed=23)).warnings == ()

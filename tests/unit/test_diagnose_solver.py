@@ -13,7 +13,7 @@ from hil.diagnosis.search.fitted import Fitted, nothing, residuals_of
 from hil.diagnosis.search.terms import all_terms
 from hil.physics.model import Value
 from hil.physics.simulate import ActiveEffect
-from tests.concealed import bound, nominal, records
+from tests.concealed import bound, nominal, posed, records
 
 FRICTION = ActiveEffect("friction", "force", {"coulomb": 3.0, "stiction": 1.3, "stribeck": 5.0, "presliding": 0.02})
 DEADBAND = ActiveEffect("deadband", "opening", {"width": 3.0, "ratio": 1.1})
@@ -22,7 +22,7 @@ RATE = ActiveEffect("stage_rate", "pilot_step", {"rate": 700.0, "knee": 0.08})
 
 
 def problem_of(*effects: ActiveEffect, count: int = 3) -> Problem:
-    return pose(nominal(), bound(nominal(), records(effects, seed=5)[:count]))
+    return posed(records(effects, seed=5)[:count])
 
 
 def fitted(problem: Problem, effect: ActiveEffect) -> Fitted:

@@ -31,6 +31,7 @@ from tests.concealed import (
     WORN,
     bound,
     changed,
+    intake,
     noise,
     nominal,
     poor,
@@ -52,7 +53,7 @@ SLUGGISH = ActiveEffect("coil_lag", "command", {"lag": 0.1, "second": 0.0, "dire
 )
 def test_a_channel_in_a_wrong_unit_or_the_other_way_is_refused(channel, factor, says):
     with pytest.raises(FileError, match=says):
-        check(nominal(), bound(nominal(), scaled(records(seed=20), channel, factor)))
+        intake(scaled(records(seed=20), channel, factor))
 
 
 @pytest.mark.parametrize("factor", [10.0, 0.1, 60.0])
@@ -61,7 +62,7 @@ def test_a_wrong_unit_is_refused_though_a_sticking_part_moves_less(factor):
     off = NOISE * noise(np.random.default_rng(22), len(command))
     made = answer(plant(PLANT), command, 1.0 / RATE_HZ, STICKING, noise=off)
     with pytest.raises(FileError, match=rf"'flow \[l/min\]'.*factor near {factor:.4g}"):
-        check(nominal(), bound(nominal(), scaled([made], "flow", factor)))
+        intake(scaled([made], "flow", factor))
 
 
 @pytest.mark.parametrize("factor", [60.0, 10.0, 0.1, 1.0 / 60.0])
@@ -70,7 +71,7 @@ def test_a_wrong_unit_is_refused_though_the_supply_gives_way(factor):
     (made, *_) = records((ActiveEffect("supply_droop", "supply", shape),), seed=23)
     made.channels["flow"].values[:] *= factor
     with pytest.raises(FileError, match=r"'flow \[l/min\]'.*wrong unit"):
-        check(nominal(), bound(nominal(), [made]))
+        intake([made])
 
 
 @pytest.mark.parametrize("factor", [1000.0, 25.4, 10.0, 0.1])
@@ -87,7 +88,7 @@ def test_an_offset_many_times_what_moves_is_no_unit():
     def offset(each):
         each.channels["flow"].values[:] += 130.0
 
-    check(nominal(), bound(nominal(), changed(offset)))
+    intake(changed(offset))
 
 
 def scaled(made: Sequence[Recording], channel: str, factor: float) -> list[Recording]:
@@ -155,7 +156,7 @@ def test_an_axis_that_moves_many_times_as_much_as_it_can_is_refused(factor):
 def test_a_time_in_a_wrong_unit_is_refused(effects, factor):
     made = stretched([with_rows(each, slice(1200)) for each in records(effects, seed=27)], factor)
     with pytest.raises(FileError, match=rf"time divided by {factor:g}; it looks like a wrong unit of time"):
-        check(nominal(), bound(nominal(), made))
+        intake(made)
     stated = [with_stated_units(each, Reading(units={"time": "s"})) for each in made]
     assert wrong_time(nominal(), bound(nominal(), stated)) == []
     assert wrong_time(nominal(), [replace(e, is_timed=True) for e in bound(nominal(), made)]) == []  # by its bench
@@ -164,11 +165,11 @@ def test_a_time_in_a_wrong_unit_is_refused(effects, factor):
 @pytest.mark.parametrize("effects", [(), (STICKING,), (SLUGGISH,)], ids=["healthy", "sticking", "sluggish"])
 def test_a_recording_at_a_tenth_of_the_rate_is_none(effects):
     made = [with_rows(each, slice(None, None, 10)) for each in records(effects, seed=28)]
-    check(nominal(), bound(nominal(), made))
+    intake(made)
 
 
 def test_no_unit_of_time_is_ten_times_another():
-    check(nominal(), bound(nominal(), stretched(records(seed=29), 10.0)))
+    intake(stretched(records(seed=29), 10.0))
 
 
 def test_an_interval_that_the_model_knows_is_no_wrong_unit():

@@ -7,9 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.events.repeats import without_stale
-from hil.diagnosis.intake.check import check
 from hil.diagnosis.intake.problem import pose
 from hil.errors import FileError
 from hil.identification.grey_box.compare import compare
@@ -21,7 +19,7 @@ from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.record.recording import Array
 from tests.answers import answer
-from tests.concealed import NOISE, PLANT, RATE_HZ, bound, nominal, records, with_rows
+from tests.concealed import NOISE, PLANT, RATE_HZ, bound, diagnosed, intake, nominal, records, with_rows
 
 SECOND = round(RATE_HZ)
 
@@ -34,7 +32,7 @@ def residuals(e: Experiment) -> Array:
 
 def test_a_healthy_unit_fits_beside_a_long_gap():
     made = [with_rows(each, np.delete(np.arange(len(each)), slice(800, 1200))) for each in records(seed=41)]
-    checked = check(nominal(), bound(nominal(), made))
+    checked = intake(made)
     for e in checked.experiments:
         assert e.grid_s is None and len(e.output) == 16 * SECOND
         assert e.invalid["output"][800:1250].all() and not e.invalid["output"][:800].any()
@@ -50,7 +48,7 @@ def test_a_healthy_unit_fits_with_a_fifth_of_its_samples_missing_anywhere():
         kept = rng.random(len(each)) > 0.2
         kept[[0, -1]] = True
         made.append(with_rows(each, np.flatnonzero(kept)))
-    for e in check(nominal(), bound(nominal(), made)).experiments:
+    for e in intake(made).experiments:
         assert e.grid_s is None and e.invalid["output"].mean() > 0.19
         assert np.std(residuals(e)) < 1.05 * NOISE
         assert white_floor(e.output) > 0.85 * NOISE  # what is drawn looks nearly as noisy as the rest
@@ -61,7 +59,7 @@ def test_what_is_drawn_through_a_gap_is_not_taken_for_samples_that_repeat():
     for each in made:
         flow = each.channels["flow"].values
         flow[:] = np.rint(flow / 0.02) * 0.02
-    assert without_stale(check(nominal(), bound(nominal(), made)).experiments)[1] == ()
+    assert without_stale(intake(made).experiments)[1] == ()
 
 
 def test_a_command_that_jumps_in_a_hole_is_unknown_and_one_that_moves_on_is_not():
@@ -107,7 +105,7 @@ def test_stamps_on_no_grid_are_left_as_they_are():
 def test_an_inner_signal_says_nothing_in_a_gap_either():
     made = records(seed=47, with_spool=True)
     gapped = [with_rows(each, np.delete(np.arange(len(each)), slice(800, 1200))) for each in made]
-    problem = pose(nominal(), check(nominal(), bound(nominal(), gapped)).experiments)
+    problem = pose(nominal(), intake(gapped).experiments)
     r = problem.nominal_residuals
     assert problem.size == np.count_nonzero(r)
     assert float(r @ r) < 1.1 * problem.size
@@ -160,7 +158,7 @@ def test_a_comparison_is_made_where_the_recording_says_something():
 
 def test_what_is_drawn_through_a_gap_is_not_shown_as_recorded():
     made = [with_rows(each, np.delete(np.arange(len(each)), slice(800, 1200))) for each in records(seed=45)]
-    (strip, *_) = diagnose(nominal(), bound(nominal(), made)).diagnosis.strips
+    (strip, *_) = diagnosed(made).diagnosis.strips
     assert np.isnan(strip.measured[800:1200]).all()
     assert np.isfinite(strip.measured[:800]).all()
     assert (strip.off(strip.nominal)[800:1200] == 0.0).all()

@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from hil.diagnosis.events.least_trimmed_squares import least_trimmed_squares, quiet
-from hil.diagnosis.intake.problem import pose
 from hil.diagnosis.search.fits import fit
 from hil.diagnosis.search.fitted import nothing
 from hil.diagnosis.search.terms import all_terms
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
-from tests.concealed import bound, commands, nominal, records
+from tests.concealed import commands, posed, records
 
 LOOP = ActiveEffect("hysteresis", "pilot", {"width": 4.0, "reach": 8.0, "least": 0.3, "closing": 1.0})
 
@@ -29,7 +28,7 @@ def often_held() -> dict[str, Array]:
 
 
 def test_the_quieter_part_of_the_time_is_the_same_in_every_channel():
-    problem = pose(nominal(), bound(nominal(), records(seed=3, with_spool=True)[:1]))
+    problem = posed(records(seed=3, with_spool=True)[:1])
     ((output, spool),) = problem.channel_slices()
     residuals = np.ones(len(problem.nominal_residuals))
     residuals[spool.start + 1000 : spool.start + 1500] = 9.0
@@ -42,7 +41,7 @@ def test_the_quieter_part_of_the_time_is_the_same_in_every_channel():
 
 
 def test_a_law_does_not_bend_to_what_happens_beside_it():
-    problem = pose(nominal(), bound(nominal(), records((LOOP,), seed=7, arriving=often_held())))
+    problem = posed(records((LOOP,), seed=7, arriving=often_held()))
     start = nothing(problem)
     terms = all_terms(problem, start.residuals)
 

@@ -9,12 +9,12 @@ import pytest
 
 from hil.diagnosis.answer.answer import Answer
 from hil.diagnosis.evidence.cross_validation import by_sign_changes
-from hil.diagnosis.intake.problem import Problem, pose
+from hil.diagnosis.intake.problem import Problem
 from hil.diagnosis.question import Question
 from hil.diagnosis.verdict.choice import Choice
 from hil.diagnosis.verdict.explain import explained
 from hil.physics.simulate import ActiveEffect
-from tests.concealed import bound, nominal, records
+from tests.concealed import posed, records
 
 
 def test_gains_in_every_block_are_no_chance():
@@ -36,7 +36,7 @@ def test_many_blocks_are_drawn():
 @pytest.fixture(scope="module")
 def uneven():
     effect = ActiveEffect("asymmetry", "flow", {"ratio": 0.85, "gain": 1.0})
-    problem = pose(nominal(), bound(nominal(), records((effect,), seed=9)))
+    problem = posed(records((effect,), seed=9))
     return explained(problem)
 
 

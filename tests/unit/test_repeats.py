@@ -13,7 +13,7 @@ from hil.diagnosis.search.fitted import nothing
 from hil.identification.uncertainty.noise import channel_floor, white_floor
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Recording
-from tests.concealed import DURATION_S, NOISE, RATE_HZ, bound, nominal, records
+from tests.concealed import DURATION_S, NOISE, RATE_HZ, bound, nominal, posed, records
 
 SECOND = round(RATE_HZ)
 
@@ -104,7 +104,7 @@ def test_a_coarse_channel_that_catches_up_at_once_was_not_measured_anew():
 def test_samples_that_were_not_measured_anew_take_no_misfit_with_them():
     """A model that is off at a constant output was explained by readings that repeat there."""
     made = records(seed=24)
-    problem = pose(nominal(), bound(nominal(), made))
+    problem = posed(made)
     lost = np.zeros(len(problem.experiments[1].output), dtype=bool)
     lost[500:540] = True
     rest = [e.without(lost) if k == 1 else e for k, e in enumerate(problem.experiments)]
@@ -117,7 +117,7 @@ def test_samples_that_were_not_measured_anew_take_no_misfit_with_them():
 
 def test_a_spool_that_sticks_does_not_catch_up_at_once():
     stuck = ActiveEffect("friction", "force", {"coulomb": 6.0, "stiction": 2.0, "stribeck": 5.0, "presliding": 0.01})
-    problem = pose(nominal(), bound(nominal(), coarse(records((stuck,), seed=25), 4.0 * NOISE)))
+    problem = posed(coarse(records((stuck,), seed=25), 4.0 * NOISE))
     start = nothing(problem)
     assert problem.excess(start.chi2) > 10.0
     assert held_outputs(problem, start) is None
@@ -125,7 +125,7 @@ def test_a_spool_that_sticks_does_not_catch_up_at_once():
 
 def test_a_channel_without_noise_repeats_by_itself_and_may_jump():
     """A pressure that a spool's edge lets rise within a sample after a slow start, read in steps and without noise."""
-    problem = pose(nominal(), bound(nominal(), records(seed=26)))
+    problem = posed(records(seed=26))
     still = problem.experiments[1].output.copy()
     still[:] = still[0]
     still[2000:] = still[0] + 40.0

@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnosis.intake.check import check
 from hil.identification.grey_box.compare import compare
 from hil.identification.grey_box.identify import fit_plant
 from hil.identification.preparation.experiment import experiment
 from hil.physics.model import Model, ModelEffect, Value, typical_model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Recording, recording
-from tests.concealed import NOISE, bound, nominal, records, with_rows
+from tests.concealed import NOISE, bound, intake, nominal, records, with_rows
 
 INTERVAL_S = 0.01
 
@@ -116,7 +115,7 @@ def test_a_tank_that_cools_where_its_recording_begins_is_no_integrator():
 
 def test_a_healthy_unit_that_is_cut_in_a_step_is_checked_without_a_mismatch():
     each = records(seed=52)[0]
-    checked = check(nominal(), bound(nominal(), [with_rows(each, slice(len(each) // 3 + 7, None))]))
+    checked = intake([with_rows(each, slice(len(each) // 3 + 7, None))])
     (e,) = checked.experiments
     model = nominal()
     assert np.std((e.output - e.respond(model.definition, model.values)[0])[e.valid]) < 1.05 * NOISE
