@@ -32,7 +32,7 @@ from hil.record.invalid_samples import measured_rows
 from hil.record.plain import plain
 from hil.record.recording import Array, Recording, split_heading
 from hil.session.analyses import channels_of
-from hil.signals.interval import CERTAIN, rounded, width
+from hil.signals.interval import CERTAIN, UNIFORM, rounded, width
 from hil.signals.rounding import rounding_step
 
 DEGREE = 9
@@ -165,7 +165,7 @@ def _figures(
     if reaches_both_sides(low, high, neutral):
         made += _both_ways(found, estimate, ends, units, neutral, step)
     else:
-        half = over_all(estimate, lambda curve, _: level_at(estimate.command, curve, (ends[1][0] + ends[-1][0]) / 2.0))
+        half = _half(estimate, ends)
         gain, steepest = largest_slope(estimate, [sweep.speed_per_s for sweep in found.sweeps])
         made += [Figure("command_half", *half, unit_in), Figure("gain_largest", *gain, f"{unit_out} per {unit_in}")]
         notes.append(Note("steepest at {at:.4g} {unit}: a good bias for dynamic tests", at=steepest, unit=unit_in))
@@ -178,13 +178,29 @@ def _figures(
 
 
 def _end(found: OwnSweeps, estimate: SweepEstimate, sign: int) -> tuple[float, float]:
-    """(response at an end, its standard uncertainty): where the command waited there, else of the curve."""
+    """(response at an end, its standard uncertainty): where the command waited there, else of the curve.
+
+    Where the command turned at once, a loop of hysteresis has closed by half its width, one of lag has not. Of one
+    speed, which of them it is is not known: the end lies between the two.
+    """
     waits = [one for one in found.standing if one.risen == (sign > 0)]
     if waits:
         end = together(waits)
         return end.response, end.std
     place = -1 if sign > 0 else 0
-    return float(estimate.response[place]), float(np.std(estimate.responses[:, place]))
+    response, std = float(estimate.response[place]), float(np.std(estimate.responses[:, place]))
+    closed = sign * 0.5 * estimate.mean_width_or_all * float(estimate.slope[place])
+    if math.isnan(estimate.mean_width):
+        return response - 0.5 * closed, math.hypot(std, UNIFORM * closed)
+    return response - closed, std
+
+
+def _half(estimate: SweepEstimate, ends: dict[int, tuple[float, float]]) -> tuple[float, float]:
+    """(command of half the way from end to end, its standard uncertainty): of the curve and of the ends."""
+    level, level_std = (ends[1][0] + ends[-1][0]) / 2.0, math.hypot(ends[1][1], ends[-1][1]) / 2.0
+    at, std = over_all(estimate, lambda curve, _: level_at(estimate.command, curve, level))
+    slope = float(np.interp(at, estimate.command, estimate.slope))
+    return at, math.hypot(std, level_std / slope)
 
 
 def _loop(found: OwnSweeps, estimate: SweepEstimate, span: float, unit: str) -> tuple[list[Figure], list[Note]]:

@@ -97,10 +97,12 @@ def curve():
 def test_a_flow_curve_tells_hysteresis_from_lag(curve):
     figures = {one.name: one for one in curve.figures}
     truth = {"hysteresis": 1.0, "lag": 1e3 * LAG_S, "dead_band_positive": 20.0, "dead_band_negative": -20.0,
-             "gain_positive": 0.875, "gain_negative": 0.875, "leakage": 0.0}  # fmt: skip
+             "gain_positive": 0.875, "gain_negative": 0.875, "leakage": 0.0,
+             "response_high": 0.875 * 79.0, "response_low": -0.875 * 79.0}  # fmt: skip
     for name, value in truth.items():
         assert figures[name].value == pytest.approx(value, abs=4.0 * figures[name].std), name
     assert figures["hysteresis"].std < 0.15
+    assert figures["response_high"].value == pytest.approx(0.875 * 79.0, abs=0.4)  # not 70: the loop closes there
     assert curve.polynomial_text.count("u^") == 12
     terms = [term.split("·u^") for term in curve.polynomial_text.split()]
     printed = sum(float(factor) * curve.command ** int(power) for factor, power in terms)
@@ -112,6 +114,9 @@ def test_a_sweep_of_one_speed_does_not_call_lag_hysteresis():
     found = hil.flow_curve(sweep(10.0), input="valve", output="flow")
     assert "hysteresis" not in {one.name for one in found.figures}
     assert any("of one speed" in note for note in found.notes)
+    high = found.figures[0]
+    closed, stands = 0.875 * (79.0 - 40.0 * LAG_S), 0.875 * 80.0  # all hysteresis; all lag, at 40 %/s
+    assert max(abs(high.value - closed), abs(high.value - stands)) < 2.5 * high.std
 
 
 def test_half_a_sweep_says_which_half_is_missing():
