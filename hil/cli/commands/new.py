@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import keyword
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,8 +87,10 @@ def command(
     if kind not in _KINDS:
         raise SettingError(f"'{kind}' cannot be begun here; there are: {', '.join(_KINDS)}")
     plain = name.replace("-", "_") if kind in ("plant", "bench", "package") else name
-    if not plain.isidentifier() or plain != plain.lower() or plain.startswith("_"):
+    if not (plain.isascii() and plain.isidentifier() and plain[0].islower() and plain == plain.lower()):
         raise SettingError(f"'{name}' is no name of a {kind}: lower-case letters, digits and _, a letter first")
+    if keyword.iskeyword(plain):
+        raise SettingError(f"'{name}' is no name of a {kind}: a word of Python, which no module can be called")
     if kind == "package":
         files, after = _package(plain, folder or Path())
     elif kind == "bench" and folder is None and _package_around(Path.cwd()) is None:
