@@ -22,6 +22,7 @@ NAMES = (
     "plant",
     "population",
     "fleet",
+    "screening",
     "links",
     "pacing",
     "recording",
