@@ -81,7 +81,10 @@ def exported(
         raise SettingError(f"to {to}: no such form; there are: {', '.join(FORMS)}")
     if points and to != TABLE:
         raise SettingError(f"points {points}: only of a table (to {TABLE})")
-    if to not in (*TEXTS, TABLE):
+    as_text = to in (*TEXTS, TABLE)
+    if as_text and (how.effects or how.step_s is not None or how.platforms is not None):
+        raise SettingError(f"to {to}: a step, effects and platforms are of C and FMU only")
+    if not as_text:
         if out is None:
             raise SettingError(f"to {to}: name a file (out), as FILE.{to}")
         return _simulated(source, to, out, how)

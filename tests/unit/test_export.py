@@ -16,7 +16,7 @@ from hil.identification.papers.linearise import linearised
 from hil.identification.steady.flow_curve import monotone
 from hil.physics.model import Covariance, Value, typical_model
 from hil.physics.transfer_function import transfer_function
-from hil.session.export import exported
+from hil.session.export import Simulation, exported
 
 NUMERATOR, DENOMINATOR = (-69.8, 6114.5), (1.0, 40.02, 1253.2, 7145.8)
 FITTED = FittedFunction(
@@ -139,3 +139,9 @@ def test_a_compensation_table_is_written_from_a_run_or_a_csv(tmp_path):
         exported(tmp_path / "curve.csv", "json", None, points=3)
     with pytest.raises(InputError, match="does not change"):
         compensation(COMMAND, np.zeros(6), 5)
+
+
+@pytest.mark.parametrize("how", [{"effects": ["friction@force"]}, {"step_s": 1e-3}, {"platforms": ["win64"]}])
+def test_what_is_of_c_and_fmu_alone_is_no_option_of_a_text(model, how):
+    with pytest.raises(SettingError, match="to csv: a step, effects and platforms are of C and FMU only"):
+        exported(model, "csv", None, how=Simulation(**how))
