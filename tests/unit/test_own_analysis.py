@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hil
-from hil.errors import InputError
+from hil.errors import InputError, SettingError
 from hil.identification.frequency.sine_segments import found_segments
 from hil.identification.preparation.clipped import clipped_note, clipped_samples
 from hil.record.recording import recording
@@ -335,3 +335,9 @@ def test_a_figure_has_the_digits_that_its_interval_leaves():
         "0.40",
         "psi",
     ]
+
+
+@pytest.mark.parametrize("band", [0.0, 1.0, -0.02, float("nan")])
+def test_a_band_that_is_none_is_told(band):
+    with pytest.raises(SettingError, match="% of the change; it must be above 0 and below 100"):
+        hil.step_models(rise_s=0.5, settling_s=1.2, band=band)
