@@ -11,7 +11,7 @@ from hil.catalog import entries
 from hil.errors import InputError
 from hil.physics.compose import kernel, plant
 from hil.physics.plant import Plant
-from hil.physics.simulate import Drive, Twin, simulate, sub_steps
+from hil.physics.simulate import Drive, simulate, sub_steps
 from hil.record.recording import Array
 from hil.units import check_unit
 
@@ -112,16 +112,6 @@ def test_it_answers_after_the_command_and_not_before(definition):
     found = run(definition, step(definition))[0]
     assert np.ptp(found[:301]) < 1e-9 * definition.output.full_scale
     assert found[-1] - found[0] > 0.02 * definition.output.full_scale
-
-
-@for_every_plant
-def test_the_same_twice_and_in_blocks(definition):
-    inputs = step(definition)
-    whole = run(definition, inputs)
-    assert np.array_equal(whole, run(definition, inputs))
-    twin = Twin(definition, definition.typical, interval_s(definition))
-    parts = [twin.advance(inputs[:, a:b]) for a, b in ((0, 1), (1, 310), (310, 1500))]
-    assert np.array_equal(np.hstack(parts), whole)
 
 
 @for_every_plant

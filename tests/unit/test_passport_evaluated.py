@@ -17,7 +17,7 @@ from hil.bench.read import read_bench
 from hil.errors import FileError
 from hil.passport.contents import lay_out
 from hil.passport.evaluate import evaluate_passport
-from hil.passport.issue import Wanted, issue
+from hil.passport.issue import Issued, Wanted, issue
 from hil.passport.key import signing_key
 from hil.passport.unit import read_unit_runs
 from hil.record.folder import read
@@ -43,6 +43,11 @@ def edited(path: Path, edit: Callable[[dict], object]) -> None:
 
 def resealed(run: Path, *names: str) -> None:
     edited(run / "seal.json", lambda seal: seal["sha256"].update({name: sha256_of(run / name) for name in names}))
+
+
+def passport_of(folder: Path, run: Path, name: str = "unit.pdf") -> Issued:
+    """A passport of the run, without a model."""
+    return issue([run], folder / name, signing_key(None), WITHOUT_MODEL)
 
 
 def better(run: Path) -> None:
@@ -125,7 +130,7 @@ def test_a_failed_valve_gets_no_pass_by_an_editor(tmp_path, sealed):
         (run / "seal.json").unlink()
         edited(run / "end.json", lambda end: [end["sha256"].pop(name) for name in ("samples.f8", "samples.log")])
     with pytest.raises(FileError, match=r"gain: 50 ± 1 l/min, limits 40 … 60, pass in the results, 70 ± 1 .* fail by"):
-        issue([run], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
+        passport_of(tmp_path, run)
     assert not (tmp_path / "unit.pdf").exists()
 
 
@@ -169,12 +174,12 @@ def test_a_curve_or_a_deviation_that_was_taken_out_is_missed(tmp_path):
 
 def test_samples_sealed_again_with_a_forged_checksum_are_another_run_on_the_trail(tmp_path):
     run = on_a_trail(tmp_path, gain=70.0)
-    assert issue([run], tmp_path / "a.pdf", signing_key(None), WITHOUT_MODEL).unit.verdict == "fail"
+    assert passport_of(tmp_path, run, "a.pdf").unit.verdict == "fail"
     twin = run_of(tmp_path / "elsewhere", gain=50.0)
     for path in run.iterdir():
         path.write_bytes((twin / path.name).read_bytes())
     with pytest.raises(FileError, match="not the one that stands in the audit trail"):
-        issue([run], tmp_path / "b.pdf", signing_key(None), WITHOUT_MODEL)
+        passport_of(tmp_path, run, "b.pdf")
 
 
 @pytest.mark.parametrize("moved", [False, True])
@@ -188,7 +193,7 @@ def test_limits_edited_in_the_seal_are_not_those_on_the_trail(tmp_path, moved):
     resealed(run, "results.json")
     assert read_unit_runs([run]).verdict == "pass"  # in itself it is right
     with pytest.raises(FileError, match=r"seal\.json: not the one that stands in the audit trail"):
-        issue([run], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
+        passport_of(tmp_path, run)
 
 
 def test_a_report_with_limits_stands_on_the_trail_and_on_page_one(tmp_path):
@@ -196,7 +201,7 @@ def test_a_report_with_limits_stands_on_the_trail_and_on_page_one(tmp_path):
     report_again(run, {"gain": Limit(None, 55.0)})
     assert list(chain(Audit().path))[-1].line["details"]["limits"] == {"gain": {"low": None, "high": 55.0}}
     before = head(Audit().path)
-    issue([run], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
+    passport_of(tmp_path, run)
     first, content = page_one(tmp_path / "unit.pdf"), content_of(tmp_path / "unit.pdf")
     assert "Limits given after the run Gain" in first
     assert before is not None and before.sha256[:16] in first
@@ -206,7 +211,7 @@ def test_a_report_with_limits_stands_on_the_trail_and_on_page_one(tmp_path):
 
 
 def test_a_run_that_the_trail_does_not_hold_is_said_on_page_one(tmp_path):
-    issue([run_of(tmp_path)], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
+    passport_of(tmp_path, run_of(tmp_path))
     assert "Audit trail does not hold these runs" in page_one(tmp_path / "unit.pdf")
 
 
@@ -225,7 +230,7 @@ def test_a_run_that_was_stopped_is_closed_on_the_trail(tmp_path):
     for name in ("results.json", "seal.json"):
         (tmp_path / "run" / name).unlink()
     with pytest.raises(FileError, match=r"end\.json: not the one that stands in the audit trail"):
-        issue([tmp_path / "run"], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
+        passport_of(tmp_path, tmp_path / "run")
 
 
 # -- another version of the program -----------------------------------------------------------------------
@@ -256,7 +261,7 @@ def test_another_version_is_named_and_its_values_stand_until_told(tmp_path, comm
 def test_the_same_figures_of_another_version_need_no_word(tmp_path):
     run = run_of(tmp_path)
     edited(run / "seal.json", lambda seal: seal.update(program=OLDER))
-    issue([run], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
+    passport_of(tmp_path, run)
     assert f"evaluated: {OLDER}" in page_one(tmp_path / "unit.pdf")
 
 
@@ -264,7 +269,7 @@ def test_a_folder_of_a_version_that_did_not_seal_is_taken_and_said_to_be_one(tmp
     run = run_of(tmp_path)
     (run / "seal.json").unlink()
     edited(run / "end.json", lambda end: [end["sha256"].pop(name) for name in ("samples.f8", "samples.log")])
-    issue([run], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
+    passport_of(tmp_path, run)
     assert "an earlier version, unsealed" in page_one(tmp_path / "unit.pdf")
     found = evaluate_passport((tmp_path / "unit.pdf").read_bytes())
     assert found.faults == () and "did not seal" in found.notes[0]
@@ -334,7 +339,7 @@ def test_who_holds_the_key_cannot_make_one_part_lie(tmp_path, monkeypatch, stran
 
 def test_samples_that_were_exchanged_inside_do_not_follow(tmp_path):
     out = tmp_path / "unit.pdf"
-    issue([run_of(tmp_path, gain=70.0)], out, signing_key(None), WITHOUT_MODEL)
+    passport_of(tmp_path, run_of(tmp_path, gain=70.0))
     other = run_of(tmp_path / "other", gain=50.0)
     with pikepdf.open(out) as pdf:
         for name in ("samples.f8", "samples.log", "end.json", "seal.json"):
@@ -347,7 +352,7 @@ def test_samples_that_were_exchanged_inside_do_not_follow(tmp_path):
 
 def test_pages_that_cannot_be_read_do_not_follow(tmp_path):
     out = tmp_path / "unit.pdf"
-    issue([run_of(tmp_path)], out, signing_key(None), WITHOUT_MODEL)
+    passport_of(tmp_path, run_of(tmp_path))
     with pikepdf.open(out) as pdf:
         pdf.pages[0].obj.Contents = pdf.make_stream(b"BT ET")
         pdf.save(tmp_path / "blank.pdf")
@@ -377,7 +382,7 @@ def test_a_broken_trail_issues_nothing(tmp_path):
     lines = Audit().path.read_bytes().splitlines(keepends=True)
     Audit().path.write_bytes(b"".join(lines[1:]))
     with pytest.raises(FileError, match="line 1 does not follow"):
-        issue([run], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
+        passport_of(tmp_path, run)
 
 
 def test_a_procedure_that_is_not_here_can_be_evaluated_by_nobody(tmp_path, monkeypatch, stranger, command_line):
@@ -385,7 +390,7 @@ def test_a_procedure_that_is_not_here_can_be_evaluated_by_nobody(tmp_path, monke
 
     out = tmp_path / "unit.pdf"
     run = run_of(tmp_path)
-    issue([run], out, signing_key(None), WITHOUT_MODEL)
+    passport_of(tmp_path, run)
     monkeypatch.setattr("sys.path", [path for path in __import__("sys").path if path != str(stranger)])
     entries.cache_clear()
     assert command_line("verify", out)[0] == 0
