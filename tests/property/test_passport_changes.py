@@ -37,8 +37,7 @@ def not_found(folder: Path, count: int, seed: int) -> list[tuple[int, int]]:
 
 
 @pytest.mark.usefixtures("stranger")
-def test_one_byte_that_was_changed_is_always_found(tmp_path, monkeypatch):
-    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+def test_one_byte_that_was_changed_is_always_found(tmp_path, own_state):
     assert not_found(tmp_path, 300, 1) == []
 
 

@@ -355,8 +355,7 @@ def _dead_pid():
     return gone.pid
 
 
-def test_a_run_that_was_killed_is_found_by_the_next_search(place, monkeypatch, tmp_path):
-    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+def test_a_run_that_was_killed_is_found_by_the_next_search(place, monkeypatch, own_state, tmp_path):
     enter(place, [made_run(tmp_path / "lab" / "before")])
     folder = made_run(tmp_path / "lab" / "killed")
     mark_begun(place, folder)
@@ -372,8 +371,7 @@ def test_a_run_that_was_killed_is_found_by_the_next_search(place, monkeypatch, t
     assert len(names(place)) == 2
 
 
-def test_a_run_that_never_recorded_leaves_no_mark(monkeypatch, tmp_path):
-    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+def test_a_run_that_never_recorded_leaves_no_mark(own_state, tmp_path):
     place = archive_place(str(tmp_path / "lab"))
     mark_begun(place, tmp_path / "lab" / "refused")
     forget_begun(tmp_path / "lab" / "refused")
@@ -389,8 +387,7 @@ def test_killed_and_running_are_told_apart_in_the_list(tmp_path, command_line):
     assert [line.split("(")[1].split(")")[0] for line in said.out.splitlines()[1:]] == ["lost", "running"]
 
 
-def test_a_waiting_run_whose_header_is_torn_keeps_no_other_out(place, monkeypatch, tmp_path):
-    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+def test_a_waiting_run_whose_header_is_torn_keeps_no_other_out(place, own_state, tmp_path):
     enter(place, [made_run(tmp_path / "lab" / "before")])
     lab = tmp_path / "lab"
     torn, sound, last = (made_run(lab / name, day=i) for i, name in enumerate(("torn", "sound", "last")))

@@ -233,8 +233,7 @@ def secret_place(postgresql: str = "postgresql://hil@127.0.0.1:9/none") -> Place
     return archive_place(postgresql.replace("://hil@", f"://hil:{SECRET}@"))
 
 
-def test_a_mark_of_a_run_that_began_holds_no_password_and_is_its_owners(tmp_path, monkeypatch):
-    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+def test_a_mark_of_a_run_that_began_holds_no_password_and_is_its_owners(tmp_path, own_state):
     place = secret_place()
     mark_begun(place, made_run(tmp_path / "a"))
     (found,) = begun_in(place)

@@ -222,8 +222,7 @@ def test_diff(said, through, short, tmp_path):
     assert told == json.loads(to_json(again.as_dict()))
 
 
-def test_passport(said, through, tmp_path, monkeypatch, stranger):
-    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+def test_passport(said, through, tmp_path, own_state, stranger):
     returned, unit = through("issue_passport"), run_of(tmp_path)
     told = json.loads(said("passport", unit, "--no-model", "--no-names", "--out", tmp_path / "one.pdf", "--json"))
     assert len(returned) == 1
